@@ -1,0 +1,30 @@
+"""Why a whole call is refused.
+
+A wrong call raises; a bad pixel never does: it carries a :class:`~impasto.Status`. Where a builtin
+exception says what went wrong, the class here is also that builtin.
+"""
+
+
+class ImpastoError(Exception):
+    """Base of every error that impasto raises on purpose."""
+
+
+class ArgumentError(ImpastoError, ValueError):
+    """An argument has a value that cannot be used; the message names it and what was found."""
+
+
+class GeometryError(ArgumentError):
+    """Lights, views or sizes that contradict each other or cannot determine the surface."""
+
+
+class CorruptInputError(ImpastoError, ValueError):
+    """A file is truncated, damaged or not what its name says."""
+
+    def __init__(self, path: object, problem: str) -> None:
+        super().__init__(f"{path}: {problem}")
+        self.path = path
+        self.problem = problem
+
+
+class InternalError(ImpastoError, RuntimeError):
+    """A defect in impasto itself (a panic of the numerics): please report it."""

@@ -1,0 +1,196 @@
+"""Who lit, who looked: one light and one view for each observation.
+
+World frame: origin in the middle of the painting, x right, y up, z towards the viewer,
+millimetres. Directions have unit length and point away from the surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto.errors import ArgumentError, GeometryError
+
+FRONTAL = (0.0, 0.0, 1.0)
+"""The view of a camera far in front of the painting."""
+
+
+@dataclass(frozen=True, slots=True)
+class DistantLight:
+    """A light so far away that every pixel sees it from the same direction.
+
+    Parameters
+    ----------
+    direction
+        (x, y, z) from the surface to the light; normalised on entry.
+    intensity
+        Irradiance at normal incidence relative to the light under which a white board reads 1.0.
+    """
+
+    direction: tuple[float, float, float]
+    intensity: float = 1.0
+
+    def __post_init__(self) -> None:
+        vector = _vector(self.direction, "direction")
+        length = float(np.linalg.norm(vector))
+        if length < 1e-6:
+            raise GeometryError(
+                f"direction: a light direction needs a length, found {self.direction}"
+            )
+        object.__setattr__(self, "direction", tuple(float(v) for v in vector / length))
+        _check_intensity(self.intensity)
+
+
+@dataclass(frozen=True, slots=True)
+class PointLight:
+    """A light near the painting: its direction differs from pixel to pixel.
+
+    Parameters
+    ----------
+    position
+        (x, y, z) in mm, origin in the middle of the painting.
+    intensity
+        Irradiance at the origin, at normal incidence, relative to a white board reading 1.0.
+    falloff
+        Whether the samples still carry the 1/r^2 fall-off. False after flat-fielding by a white
+        board (eq. 3 of the RGB-camera paper), which cancels it.
+    """
+
+    position: tuple[float, float, float]
+    intensity: float = 1.0
+    falloff: bool = True
+
+    def __post_init__(self) -> None:
+        vector = _vector(self.position, "position")
+        if float(np.linalg.norm(vector)) < 1e-6:
+            raise GeometryError(
+                f"position: a point light cannot stand on the painting, found {self.position}"
+            )
+        object.__setattr__(self, "position", tuple(float(v) for v in vector))
+        _check_intensity(self.intensity)
+
+    @property
+    def direction(self) -> tuple[float, float, float]:
+        """Unit direction from the middle of the painting."""
+        x, y, z = self.position
+        length = float(np.linalg.norm(self.position))
+        return (x / length, y / length, z / length)
+
+
+Light: TypeAlias = DistantLight | PointLight
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Rig:
+    """One light and one view per observation.
+
+    Parameters
+    ----------
+    lights
+        ``(obs, 3)`` directions, or a sequence of :class:`DistantLight` / :class:`PointLight`.
+    views
+        ``(obs, 3)`` or ``(3,)`` directions to the eye; default: frontal.
+    pitch_mm
+        Width of a pixel on the painting in mm; needed by point lights only.
+    """
+
+    lights: tuple[Light, ...]
+    views: NDArray[np.float64]
+    pitch_mm: float | None
+
+    def __init__(
+        self,
+        lights: ArrayLike | Sequence[Light] | Rig,
+        *,
+        views: ArrayLike | None = None,
+        pitch_mm: float | None = None,
+    ) -> None:
+        if isinstance(lights, Rig):
+            views = lights.views if views is None else views
+            pitch_mm = lights.pitch_mm if pitch_mm is None else pitch_mm
+            lights = lights.lights
+        parsed = _lights(lights)
+        set_ = object.__setattr__
+        set_(self, "lights", parsed)
+        set_(self, "views", _views(views, len(parsed)))
+        set_(self, "pitch_mm", pitch_mm)
+        if pitch_mm is not None and not (np.isfinite(pitch_mm) and pitch_mm > 0):
+            raise ArgumentError(f"pitch_mm: expected a positive width in mm, found {pitch_mm}")
+        if pitch_mm is None and any(isinstance(light, PointLight) for light in parsed):
+            raise GeometryError(
+                "pitch_mm: point lights need the width of a pixel on the painting in mm"
+            )
+
+    def __len__(self) -> int:
+        return len(self.lights)
+
+    @property
+    def directions(self) -> NDArray[np.float64]:
+        """``(obs, 3)`` unit directions to the lights, from the middle of the painting."""
+        return np.array([light.direction for light in self.lights], dtype=np.float64)
+
+    @property
+    def intensities(self) -> NDArray[np.float64]:
+        """``(obs,)`` light intensities."""
+        return np.array([light.intensity for light in self.lights], dtype=np.float64)
+
+    def take(self, indices: Iterable[int]) -> Rig:
+        """The rig of some observations, in the order given."""
+        picked = [int(i) for i in indices]
+        return Rig(
+            [self.lights[i] for i in picked], views=self.views[picked], pitch_mm=self.pitch_mm
+        )
+
+
+def _lights(lights: Any) -> tuple[Light, ...]:
+    if isinstance(lights, Sequence) and all(
+        isinstance(light, DistantLight | PointLight) for light in lights
+    ):
+        if not lights:
+            raise GeometryError("lights: expected at least one light, found none")
+        return tuple(lights)
+    try:
+        array = np.asarray(lights, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(
+            "lights: expected (obs, 3) directions or a sequence of DistantLight / PointLight, "
+            f"found {type(lights).__name__}"
+        ) from error
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0:
+        raise ArgumentError(f"lights: expected shape (obs, 3), found {array.shape}")
+    for index, row in enumerate(array):
+        if not np.isfinite(row).all() or float(np.linalg.norm(row)) < 1e-6:
+            raise GeometryError(
+                f"lights: row {index} is {row.tolist()}, not a direction with finite length"
+            )
+    return tuple(DistantLight((x, y, z)) for x, y, z in array.tolist())
+
+
+def _views(views: ArrayLike | None, count: int) -> NDArray[np.float64]:
+    array = np.asarray(FRONTAL if views is None else views, dtype=np.float64)
+    if array.shape not in {(3,), (count, 3)}:
+        raise ArgumentError(f"views: expected shape (3,) or ({count}, 3), found {array.shape}")
+    array = np.broadcast_to(array, (count, 3))
+    lengths = np.linalg.norm(array, axis=1, keepdims=True)
+    if not np.isfinite(array).all() or bool((lengths < 1e-6).any()):
+        raise GeometryError("views: every view needs a finite direction")
+    return np.ascontiguousarray(array / lengths)
+
+
+def _vector(values: Any, name: str) -> NDArray[np.float64]:
+    try:
+        vector = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{name}: expected three numbers, found {values!r}") from error
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ArgumentError(f"{name}: expected three finite numbers, found {values!r}")
+    return vector
+
+
+def _check_intensity(intensity: float) -> None:
+    if not (np.isfinite(intensity) and intensity > 0):
+        raise ArgumentError(f"intensity: expected a positive number, found {intensity}")

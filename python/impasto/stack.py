@@ -1,0 +1,212 @@
+"""All samples of one painting: photographs, who lit them and which bands they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto.encoding import Encoding
+from impasto.errors import ArgumentError
+from impasto.rig import Light, Rig
+
+SAMPLE_DTYPES = (np.uint8, np.uint16, np.float16, np.float32)
+"""Sample types that are read in place and converted block by block."""
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Stack:
+    """Samples ``(obs, band, y, x)`` with their rig.
+
+    A stored sample s means the linear value ``(s - black) * scale``, with a white board at 1.0.
+    NaN is a sample that was never taken; +inf is one known to be clipped.
+
+    Parameters
+    ----------
+    samples
+        ``(obs, band, y, x)``, or ``(obs, y, x)`` for one band; uint8, uint16, float16 or float32
+        are kept as they are (never copied if C-contiguous), anything else becomes float32.
+    lights
+        ``(obs, 3)`` directions, lights, or a :class:`Rig`.
+    views, pitch_mm
+        See :class:`Rig`.
+    bands
+        One name per band; default ``"red", "green", "blue"`` for three, ``"band 0"`` ... else.
+    mask
+        ``(y, x)`` bool, True where the painting is; default: everywhere.
+    saturation
+        Stored value(s) from which a sample counts as clipped, one or one per band; default: the
+        largest integer of an integer type, none for floats.
+    scale, black
+        Stored to linear, one or one per band; default: full scale of an integer type is 1.0.
+    encoding
+        How linear light became the files' coded values; used by :meth:`encode` only.
+    names
+        One name per observation (file names, as a rule).
+    """
+
+    samples: NDArray[Any]
+    rig: Rig
+    bands: tuple[str, ...]
+    mask: NDArray[np.bool_] | None
+    saturation: NDArray[np.float64] | None
+    scale: NDArray[np.float64]
+    black: NDArray[np.float64]
+    encoding: Encoding
+    names: tuple[str, ...]
+
+    def __init__(
+        self,
+        samples: ArrayLike,
+        *,
+        lights: ArrayLike | Sequence[Light] | Rig,
+        views: ArrayLike | None = None,
+        pitch_mm: float | None = None,
+        bands: Sequence[str] | None = None,
+        mask: ArrayLike | None = None,
+        saturation: ArrayLike | None = None,
+        scale: ArrayLike | None = None,
+        black: ArrayLike = 0.0,
+        encoding: Encoding | str = "linear",
+        names: Sequence[str] | None = None,
+    ) -> None:
+        array = _samples(samples)
+        rig = Rig(lights, views=views, pitch_mm=pitch_mm)
+        observations, count, height, width = array.shape
+        if len(rig) != observations:
+            raise ArgumentError(
+                f"lights: {observations} observations need {observations} lights, found {len(rig)}"
+            )
+        full = float(np.iinfo(array.dtype).max) if array.dtype.kind == "u" else None
+        if saturation is None and full is not None:
+            saturation = full
+        if scale is None:
+            scale = 1.0 if full is None else 1.0 / full
+        if isinstance(encoding, str):
+            encoding = Encoding(encoding, 1.0 if full is None else full)
+        set_ = object.__setattr__
+        set_(self, "samples", array)
+        set_(self, "rig", rig)
+        set_(self, "bands", _names(bands, _band_names(count), "bands"))
+        set_(self, "mask", _mask(mask, (height, width)))
+        set_(
+            self,
+            "saturation",
+            None if saturation is None else _per_band(saturation, count, "saturation"),
+        )
+        set_(self, "scale", _per_band(scale, count, "scale"))
+        set_(self, "black", _per_band(black, count, "black"))
+        set_(self, "encoding", encoding)
+        set_(self, "names", _names(names, [f"{i}" for i in range(observations)], "names"))
+        if not (np.isfinite(self.scale) & (self.scale > 0)).all():
+            raise ArgumentError(f"scale: expected positive numbers, found {scale}")
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """``(obs, band, y, x)``."""
+        return self.samples.shape  # type: ignore[return-value]
+
+    def take(self, indices: Iterable[int]) -> Stack:
+        """The stack of some observations, in the order given.
+
+        A run of neighbours (0, 1, 2 ...) shares memory with this stack; other picks copy.
+        """
+        picked = [int(i) for i in indices]
+        if not picked:
+            raise ArgumentError("indices: expected at least one observation, found none")
+        count = len(self.rig)
+        for index in picked:
+            if not -count <= index < count:
+                raise ArgumentError(f"indices: {index} is outside a stack of {count} observations")
+        picked = [index % count for index in picked]
+        run = picked == list(range(picked[0], picked[0] + len(picked)))
+        samples = self.samples[picked[0] : picked[0] + len(picked)] if run else self.samples[picked]
+        return self._replace(
+            samples=samples, rig=self.rig.take(picked), names=[self.names[i] for i in picked]
+        )
+
+    def linear(self, index: int) -> NDArray[np.float32]:
+        """One observation as linear light ``(band, y, x)``; clipped samples are +inf."""
+        stored = self.samples[index].astype(np.float32)
+        value = (stored - self.black[:, None, None].astype(np.float32)) * self.scale[
+            :, None, None
+        ].astype(np.float32)
+        if self.saturation is not None:
+            value[stored >= self.saturation[:, None, None]] = np.inf
+        return np.asarray(value, dtype=np.float32)
+
+    def encode(self, linear: ArrayLike) -> NDArray[np.float32]:
+        """Linear values back to the files' coded values: 0 .. full scale, clipped, not rounded.
+
+        Held-out photographs are compared on these (PSNR on coded values).
+        """
+        return self.encoding.encode(linear)
+
+    def _replace(self, **changes: Any) -> Stack:
+        arguments: dict[str, Any] = {
+            "samples": self.samples,
+            "bands": self.bands,
+            "mask": self.mask,
+            "saturation": self.saturation,
+            "scale": self.scale,
+            "black": self.black,
+            "encoding": self.encoding,
+            "names": self.names,
+        } | changes
+        samples = arguments.pop("samples")
+        rig = arguments.pop("rig", self.rig)
+        return Stack(samples, lights=rig, **arguments)
+
+
+def _samples(samples: ArrayLike) -> NDArray[Any]:
+    array = np.asarray(samples)
+    if array.ndim == 3:
+        array = array[:, None]
+    if array.ndim != 4:
+        raise ArgumentError(
+            f"samples: expected (obs, band, y, x) or (obs, y, x), found shape {array.shape}"
+        )
+    if 0 in array.shape:
+        raise ArgumentError(f"samples: an axis is empty, found shape {array.shape}")
+    if array.dtype not in SAMPLE_DTYPES:
+        if array.dtype.kind not in "fiub":
+            raise ArgumentError(f"samples: expected real numbers, found dtype {array.dtype}")
+        array = array.astype(np.float32)
+    return np.ascontiguousarray(array)
+
+
+def _mask(mask: ArrayLike | None, shape: tuple[int, int]) -> NDArray[np.bool_] | None:
+    if mask is None:
+        return None
+    array = np.asarray(mask)
+    if array.shape != shape:
+        raise ArgumentError(f"mask: expected shape {shape}, found {array.shape}")
+    return np.ascontiguousarray(array.astype(np.bool_))
+
+
+def _per_band(values: ArrayLike, count: int, name: str) -> NDArray[np.float64]:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape not in {(), (1,), (count,)}:
+        raise ArgumentError(
+            f"{name}: expected one number or one per band ({count}), found shape {array.shape}"
+        )
+    if np.isnan(array).any():
+        raise ArgumentError(f"{name}: found NaN")
+    return np.ascontiguousarray(np.broadcast_to(array, (count,)))
+
+
+def _band_names(count: int) -> list[str]:
+    if count == 3:
+        return ["red", "green", "blue"]
+    return ["grey"] if count == 1 else [f"band {i}" for i in range(count)]
+
+
+def _names(names: Sequence[str] | None, default: list[str], what: str) -> tuple[str, ...]:
+    if names is None:
+        return tuple(default)
+    if len(names) != len(default):
+        raise ArgumentError(f"{what}: expected {len(default)} names, found {len(names)}")
+    return tuple(str(name) for name in names)

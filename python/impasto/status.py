@@ -1,0 +1,45 @@
+"""Why a pixel's result is what it is."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Status(IntEnum):
+    """One word per pixel, stored as ``uint8``.
+
+    Below 16 the quantity was estimated; from 16 on it was not, and its maps hold NaN there and
+    nowhere else. The numbers are those of ``impasto::Status`` in Rust (a test compares them).
+    """
+
+    FITTED = 0
+    """Estimated from enough samples."""
+    RELAXED = 1
+    """Estimated, but the selection rule left too few samples and some were re-admitted."""
+    EXACT = 2
+    """Estimated from exactly as many samples as unknowns: no residual, no predicted error."""
+    ILL_CONDITIONED = 3
+    """Estimated, but the usable lights barely determine it; see the condition map."""
+    POOLED = 4
+    """Estimated; the specular parameters are the painting's pooled ones, not the pixel's own."""
+
+    DARK = 16
+    """No signal in any observation: albedo 0, everything else unknown."""
+    SATURATED = 17
+    """Too few samples below the saturation level."""
+    TOO_FEW_SAMPLES = 18
+    """Fewer usable samples than unknowns."""
+    RANK_DEFICIENT = 19
+    """The usable lights lie in one plane or one line."""
+    INVALID_INPUT = 20
+    """No finite sample."""
+    MASKED = 21
+    """Excluded by the mask."""
+
+    NOT_COMPUTED = 255
+    """Not reached (an interrupted or partial job)."""
+
+    @property
+    def estimated(self) -> bool:
+        """Whether the pixel's quantity was estimated (its maps hold numbers)."""
+        return self < 16
