@@ -12,8 +12,8 @@ import pytest
 def data() -> Path:
     """The folder of real photographs and spectra; they are not part of the project.
 
-    ``IMPASTO_DATA`` names it; otherwise it is looked for beside the checkout. ``IMPASTO_EXPECT_DATA=1``
-    (set where the data must be there) turns the skip into a failure.
+    ``IMPASTO_DATA`` names it; otherwise it is looked for beside the checkout. Where the data must
+    be there, ``IMPASTO_EXPECT_DATA=1`` turns the skip into a failure.
     """
     root = Path(__file__).resolve().parents[1]
     folder = Path(os.environ.get("IMPASTO_DATA", root.parent / "shared" / "data"))
