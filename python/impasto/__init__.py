@@ -1,5 +1,8 @@
 """Photographs of a painting in; a relightable, colour-true surface out."""
 
+import warnings as _warnings
+
+from impasto import _core
 from impasto.encoding import Encoding
 from impasto.errors import (
     ArgumentError,
@@ -25,3 +28,12 @@ __all__ = [
     "Stack",
     "Status",
 ]
+
+__version__ = _core.build_info()["version"]
+
+if _core.build_info()["debug"]:
+    _warnings.warn(
+        "impasto was built without optimisation and is slow; build it with `make build`",
+        RuntimeWarning,
+        stacklevel=2,
+    )

@@ -45,7 +45,7 @@ class Encoding:
         """Linear light from coded values, any shape; full scale becomes 1.0."""
         value = np.asarray(coded, dtype=np.float32) / np.float32(self.white)
         if self.curve == "linear":
-            return value
+            return np.asarray(value, dtype=np.float32)
         magnitude = np.abs(value)
         if self.curve == "srgb":
             linear = np.where(
@@ -53,7 +53,7 @@ class Encoding:
             )
         else:
             linear = magnitude ** np.float32(self.curve)
-        return np.copysign(linear, value).astype(np.float32)
+        return np.asarray(np.copysign(linear, value), dtype=np.float32)
 
     def encode(self, linear: ArrayLike) -> NDArray[np.float32]:
         """Coded values from linear light, clipped to 0 .. ``white``, not rounded."""
@@ -62,4 +62,4 @@ class Encoding:
             value = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
         elif self.curve != "linear":
             value = value ** (1.0 / float(self.curve))
-        return (value * np.float32(self.white)).astype(np.float32)
+        return np.asarray(value * np.float32(self.white), dtype=np.float32)

@@ -107,7 +107,8 @@ class Stack:
     @property
     def shape(self) -> tuple[int, int, int, int]:
         """``(obs, band, y, x)``."""
-        return self.samples.shape  # type: ignore[return-value]
+        observations, bands, height, width = self.samples.shape
+        return observations, bands, height, width
 
     def take(self, indices: Iterable[int]) -> Stack:
         """The stack of some observations, in the order given.

@@ -1,0 +1,121 @@
+//! Numpy's memory as the numerics' borrowed types, and maps back as arrays.
+
+use half::f16;
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4};
+use pyo3::prelude::*;
+
+use impasto::geometry::{Grid, Light, Rig};
+use impasto::maps::Status;
+use impasto::math::Vec3;
+use impasto::stack::{Decode, Samples, Shape, Stack};
+use impasto::{Error, Result};
+
+/// What `impasto.fit.border.StackArguments` holds: every array C-contiguous.
+#[derive(FromPyObject)]
+pub(crate) struct StackArguments<'py> {
+    samples: SampleArray<'py>,
+    /// (obs, band): linear light per stored unit.
+    gain: PyReadonlyArray2<'py, f32>,
+    /// (obs, band).
+    offset: PyReadonlyArray2<'py, f32>,
+    /// (obs, band), in stored units, `inf` where nothing clips.
+    saturation: PyReadonlyArray2<'py, f32>,
+    /// (y, x).
+    mask: Option<PyReadonlyArray2<'py, bool>>,
+    pub(crate) rig: RigArguments<'py>,
+}
+
+/// What `impasto.fit.border.RigArguments` holds.
+#[derive(FromPyObject)]
+pub(crate) struct RigArguments<'py> {
+    /// (obs, 3): unit directions, or positions in mm.
+    lights: PyReadonlyArray2<'py, f64>,
+    /// (obs,): whether the row of `lights` is a position.
+    point: PyReadonlyArray1<'py, bool>,
+    /// (obs,): whether a point light's samples carry its fall-off.
+    falloff: PyReadonlyArray1<'py, bool>,
+    /// (obs, 3).
+    views: PyReadonlyArray2<'py, f64>,
+    pitch_mm: f64,
+}
+
+#[derive(FromPyObject)]
+enum SampleArray<'py> {
+    #[pyo3(transparent)]
+    U8(PyReadonlyArray4<'py, u8>),
+    #[pyo3(transparent)]
+    U16(PyReadonlyArray4<'py, u16>),
+    #[pyo3(transparent)]
+    F16(PyReadonlyArray4<'py, f16>),
+    #[pyo3(transparent)]
+    F32(PyReadonlyArray4<'py, f32>),
+}
+
+/// Says which array was not C-contiguous; `impasto.fit.border` makes them so.
+fn contiguous<T>(name: &'static str, slice: std::result::Result<T, impl ToString>) -> Result<T> {
+    slice.map_err(|error| Error::argument(name, error.to_string()))
+}
+
+impl StackArguments<'_> {
+    /// One decoding per (observation, band), which [`Self::stack`] borrows.
+    pub(crate) fn decode(&self) -> Vec<Decode> {
+        let (gain, offset, saturation) =
+            (self.gain.as_array(), self.offset.as_array(), self.saturation.as_array());
+        gain.iter()
+            .zip(&offset)
+            .zip(&saturation)
+            .map(|((&gain, &offset), &saturation)| Decode { gain, offset, saturation })
+            .collect()
+    }
+
+    pub(crate) fn shape(&self) -> Shape {
+        use numpy::PyUntypedArrayMethods;
+        let shape = match &self.samples {
+            SampleArray::U8(a) => a.shape(),
+            SampleArray::U16(a) => a.shape(),
+            SampleArray::F16(a) => a.shape(),
+            SampleArray::F32(a) => a.shape(),
+        };
+        Shape { observations: shape[0], bands: shape[1], height: shape[2], width: shape[3] }
+    }
+
+    /// The numerics' view of the stack.
+    pub(crate) fn stack<'a>(&'a self, decode: &'a [Decode]) -> Result<Stack<'a>> {
+        let samples = match &self.samples {
+            SampleArray::U8(a) => Samples::U8(contiguous("samples", a.as_slice())?),
+            SampleArray::U16(a) => Samples::U16(contiguous("samples", a.as_slice())?),
+            SampleArray::F16(a) => Samples::F16(contiguous("samples", a.as_slice())?),
+            SampleArray::F32(a) => Samples::F32(contiguous("samples", a.as_slice())?),
+        };
+        let mask =
+            self.mask.as_ref().map(|mask| contiguous("mask", mask.as_slice())).transpose()?;
+        Stack::new(samples, self.shape(), decode, mask)
+    }
+}
+
+impl RigArguments<'_> {
+    /// The numerics' rig over a grid of the given size.
+    pub(crate) fn rig(&self, height: usize, width: usize) -> Result<Rig> {
+        let vectors = |array: &PyReadonlyArray2<'_, f64>| -> Vec<Vec3<f64>> {
+            array.as_array().rows().into_iter().map(|v| Vec3::new(v[0], v[1], v[2])).collect()
+        };
+        let (point, falloff) = (self.point.as_array(), self.falloff.as_array());
+        let lights = vectors(&self.lights)
+            .into_iter()
+            .enumerate()
+            .map(|(index, vector)| {
+                if point[index] {
+                    Light::Point { position: vector, falloff: falloff[index] }
+                } else {
+                    Light::Distant(vector)
+                }
+            })
+            .collect();
+        Rig::new(lights, vectors(&self.views), Grid { width, height, pitch: self.pitch_mm })
+    }
+}
+
+/// Numbers and names of the statuses, for the test that holds Python's enum against them.
+pub(crate) fn status_names() -> Vec<(String, u8)> {
+    Status::ALL.iter().map(|status| (format!("{status:?}"), status.code())).collect()
+}

@@ -1,0 +1,38 @@
+//! The one map from Rust's refusals to Python's exceptions.
+
+use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
+use pyo3::prelude::*;
+use pyo3::types::PyType;
+
+use impasto::Error;
+
+/// The Python exception that says what the error says.
+pub(crate) fn to_python(py: Python<'_>, error: &Error) -> PyErr {
+    let class = match error {
+        Error::Cancelled => return PyKeyboardInterrupt::new_err(()),
+        Error::Geometry { .. } => "GeometryError",
+        _ => "ArgumentError",
+    };
+    named(py, class, error.to_string())
+}
+
+/// A panic of the numerics: a defect that is to be reported, with the place it came from.
+pub(crate) fn internal(py: Python<'_>, panic: &(dyn std::any::Any + Send)) -> PyErr {
+    let text = panic
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or("a panic without a message");
+    named(py, "InternalError", format!("a defect in impasto, please report it: {text}"))
+}
+
+fn named(py: Python<'_>, class: &str, message: String) -> PyErr {
+    let class = py
+        .import("impasto.errors")
+        .and_then(|module| module.getattr(class))
+        .and_then(|class| class.cast_into::<PyType>().map_err(PyErr::from));
+    match class {
+        Ok(class) => PyErr::from_type(class, message),
+        Err(_) => PyRuntimeError::new_err(message),
+    }
+}

@@ -1,0 +1,36 @@
+//! The border between Python and the numerics: borrow, detach, call, wrap.
+//!
+//! No formula and no loop over pixels lives here. Arrays are borrowed, never copied; every call
+//! releases the interpreter, answers Ctrl-C and reports progress ([`run`]); every refusal becomes
+//! the Python exception that says it ([`errors`]).
+
+use pyo3::prelude::*;
+
+mod arrays;
+mod errors;
+mod run;
+
+/// How the extension was built and what it runs on.
+#[pyfunction]
+fn build_info() -> BuildInfo {
+    BuildInfo {
+        version: env!("CARGO_PKG_VERSION"),
+        debug: cfg!(debug_assertions),
+        simd: run::level().name(),
+    }
+}
+
+#[derive(IntoPyObject)]
+struct BuildInfo {
+    version: &'static str,
+    debug: bool,
+    simd: &'static str,
+}
+
+/// The numerics of impasto.
+#[pymodule(gil_used = false)]
+fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(build_info, module)?)?;
+    module.add("STATUS", arrays::status_names())?;
+    Ok(())
+}

@@ -1,0 +1,126 @@
+//! One call into the numerics: off the interpreter, interruptible, on threads of our own.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::Duration;
+
+use pyo3::prelude::*;
+
+use impasto::math::Level;
+use impasto::pixels::{Pool, Progress, Run};
+
+use crate::errors;
+
+/// Ctrl-C and the progress callback are looked at this often.
+const HEARTBEAT: Duration = Duration::from_millis(50);
+
+/// The instruction set: the best there is, or a narrower one named by `IMPASTO_SIMD`.
+pub(crate) fn level() -> Level {
+    static LEVEL: OnceLock<Level> = OnceLock::new();
+    *LEVEL.get_or_init(|| {
+        #[allow(clippy::disallowed_methods, reason = "the border is where the environment is read")]
+        let asked = std::env::var("IMPASTO_SIMD").unwrap_or_default();
+        Level::ALL
+            .into_iter()
+            .find(|level| level.name() == asked && level.available())
+            .unwrap_or_else(Level::detect)
+    })
+}
+
+/// Runs `work` on a thread of its own with `threads` workers, and waits for it.
+///
+/// `progress` is called with (tiles done, tiles known) about ten times a second; an exception
+/// that it raises, and Ctrl-C, stop the work at the next tile.
+pub(crate) fn call<A: Send>(
+    py: Python<'_>,
+    threads: usize,
+    progress: Option<Py<PyAny>>,
+    work: impl FnOnce(&Run<'_>) -> impasto::Result<A> + Send,
+) -> PyResult<A> {
+    let pool = pool(threads).map_err(|error| errors::to_python(py, &error))?;
+    let cancel = AtomicBool::new(false);
+    let tally = Progress::default();
+    let mut interruption = None;
+    let outcome = py.detach(|| {
+        std::thread::scope(|scope| {
+            let (finished, wait) = channel();
+            let run =
+                Run { pool: pool.as_deref(), level: level(), cancel: &cancel, progress: &tally };
+            let worker = scope.spawn(move || {
+                let outcome = catch_unwind(AssertUnwindSafe(|| work(&run)));
+                // Nobody listening only means that the caller no longer waits in steps.
+                let _ = finished.send(());
+                outcome
+            });
+            while wait.recv_timeout(HEARTBEAT) == Err(RecvTimeoutError::Timeout) {
+                if interruption.is_none()
+                    && let Err(error) = heartbeat(progress.as_ref(), &tally)
+                {
+                    cancel.store(true, Ordering::Relaxed);
+                    interruption = Some(error);
+                }
+            }
+            worker.join().unwrap_or_else(Err)
+        })
+    });
+    if let Some(error) = interruption {
+        return Err(error);
+    }
+    match outcome {
+        Ok(Ok(answer)) => {
+            report(py, progress.as_ref(), &tally)?;
+            Ok(answer)
+        }
+        Ok(Err(error)) => Err(errors::to_python(py, &error)),
+        Err(panic) => Err(errors::internal(py, panic.as_ref())),
+    }
+}
+
+fn heartbeat(progress: Option<&Py<PyAny>>, tally: &Progress) -> PyResult<()> {
+    Python::attach(|py| {
+        py.check_signals()?;
+        report(py, progress, tally)
+    })
+}
+
+fn report(py: Python<'_>, progress: Option<&Py<PyAny>>, tally: &Progress) -> PyResult<()> {
+    match progress {
+        Some(callback) => callback.call1(py, tally.get()).map(drop),
+        None => Ok(()),
+    }
+}
+
+/// The pool of the last call if it has as many threads and belongs to this process.
+///
+/// A forked child inherits the memory of its parent's pool but none of its threads: using it
+/// would wait for ever, so the pool is keyed by process and the parent's is leaked in the child.
+fn pool(threads: usize) -> impasto::Result<Option<Arc<Pool>>> {
+    struct Kept {
+        process: u32,
+        threads: usize,
+        pool: Arc<Pool>,
+    }
+    static LAST: Mutex<Option<Kept>> = Mutex::new(None);
+
+    if threads <= 1 {
+        return Ok(None);
+    }
+    let process = std::process::id();
+    let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(kept) = last.as_ref()
+        && kept.process == process
+        && kept.threads == threads
+    {
+        return Ok(Some(Arc::clone(&kept.pool)));
+    }
+    let pool = Arc::new(Pool::new(threads)?);
+    let previous = last.replace(Kept { process, threads, pool: Arc::clone(&pool) });
+    if let Some(previous) = previous
+        && previous.process != process
+    {
+        std::mem::forget(previous);
+    }
+    Ok(Some(pool))
+}

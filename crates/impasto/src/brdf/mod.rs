@@ -1,0 +1,1 @@
+//! Reflection models: value and derivatives.

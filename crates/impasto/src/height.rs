@@ -1,0 +1,1 @@
+//! Normals to height.

@@ -1,0 +1,1 @@
+//! Levenberg-Marquardt for small problems; knows nothing of light.

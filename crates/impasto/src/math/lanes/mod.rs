@@ -1,0 +1,199 @@
+//! Vector registers as numbers, and the choice of instruction set at run time.
+//!
+//! [`Level::run`] enters a [`Kernel`] compiled for one instruction set. All levels give the same
+//! bits: operations are exactly rounded and every product-sum is a fused multiply-add (emulated,
+//! slowly, where the processor has none).
+//!
+//! This module and its children are the only place of the crate that may use `unsafe`.
+#![allow(unsafe_code, reason = "vector intrinsics are unsafe to call; each use says why it holds")]
+
+mod array;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+use array::Array;
+
+use super::real::Real;
+
+/// Registers of one instruction set.
+pub trait Isa: Copy + Send + Sync + 'static {
+    /// Single-precision lanes.
+    type F32: Real<Scalar = f32>;
+    /// Double-precision lanes.
+    type F64: Real<Scalar = f64>;
+}
+
+/// A computation that is compiled once per instruction set.
+///
+/// `run`, and every generic function that it calls, must be `#[inline(always)]`: only inlined
+/// code is compiled with the instruction set that [`Level::run`] enables.
+pub trait Kernel {
+    /// What the computation returns.
+    type Output;
+    /// The computation.
+    fn run<I: Isa>(self) -> Self::Output;
+}
+
+/// An instruction set that this build knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// What every processor of the target has (SSE2 on x86-64, NEON on aarch64).
+    Baseline,
+    /// AVX2 with fused multiply-add: 8 single-precision lanes.
+    Avx2,
+    /// AVX-512 F: 16 single-precision lanes.
+    Avx512,
+}
+
+impl Level {
+    /// All levels, narrowest first.
+    pub const ALL: [Self; 3] = [Self::Baseline, Self::Avx2, Self::Avx512];
+
+    /// The widest level that this processor has.
+    #[must_use]
+    pub fn detect() -> Self {
+        Self::ALL.into_iter().rev().find(|level| level.available()).unwrap_or(Self::Baseline)
+    }
+
+    /// Whether this processor has the level.
+    #[must_use]
+    pub fn available(self) -> bool {
+        match self {
+            Self::Baseline => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => {
+                Self::Avx2.available()
+                    && is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512vl")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512bw")
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Avx2 | Self::Avx512 => false,
+        }
+    }
+
+    /// `"baseline"`, `"avx2"` or `"avx512"`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Baseline => "baseline",
+            Self::Avx2 => "avx2",
+            Self::Avx512 => "avx512",
+        }
+    }
+
+    /// Runs a kernel with this level's registers (with the baseline's where the processor does not
+    /// have the level).
+    #[inline]
+    pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        #[cfg(target_arch = "x86_64")]
+        if self != Self::Baseline && self.available() {
+            // SAFETY: `available` has just found every feature that the entry points enable.
+            return unsafe {
+                match self {
+                    Self::Avx512 => x86::run_avx512(kernel),
+                    _ => x86::run_avx2(kernel),
+                }
+            };
+        }
+        kernel.run::<Baseline>()
+    }
+}
+
+/// Arrays of four or two: the compiler turns them into the target's own registers.
+#[derive(Clone, Copy, Debug)]
+pub struct Baseline;
+
+impl Isa for Baseline {
+    type F32 = Array<f32, 4>;
+    type F64 = Array<f64, 2>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::real::Mask;
+
+    /// Every operation over awkward values, as bits, in the order of the input.
+    struct EveryOperation<'a>(&'a [f32]);
+
+    impl Kernel for EveryOperation<'_> {
+        type Output = Vec<u32>;
+
+        #[inline(always)]
+        fn run<I: Isa>(self) -> Vec<u32> {
+            let width = I::F32::WIDTH;
+            let mut bits = Vec::new();
+            for values in self.0.chunks_exact(width) {
+                let a = I::F32::load(values);
+                let b = a.mul_add(I::F32::of(0.7), I::F32::of(-0.3));
+                let integral = (a * I::F32::of(0.01)).round().min(I::F32::of(90.0));
+                let results = [
+                    a + b,
+                    a - b,
+                    a * b,
+                    a / b,
+                    -a,
+                    b.abs(),
+                    a.abs().sqrt(),
+                    a.min(b),
+                    a.max(b),
+                    a.round(),
+                    integral.max(I::F32::of(-90.0)).exp2_integral(),
+                    I::F32::select(a.lt(b) | !a.le(b) & b.is_finite(), a, b),
+                ];
+                // Lane-major, so that the width leaves no trace in the order.
+                let mut out = [[0.0; 16]; 12];
+                for (out, result) in out.iter_mut().zip(results) {
+                    result.store(out);
+                }
+                for lane in 0..width {
+                    bits.extend(out.iter().map(|out| out[lane].to_bits()));
+                }
+            }
+            bits
+        }
+    }
+
+    #[test]
+    fn every_level_gives_the_same_bits() {
+        let values: Vec<f32> = (0..4096)
+            .map(|i| match i % 37 {
+                0 => f32::INFINITY,
+                1 => 0.0,
+                2 => -0.0,
+                3 => f32::MIN_POSITIVE,
+                4 => 2.5,
+                _ => (i as f32 - 2000.0) * 1.234_567,
+            })
+            .collect();
+        let expected = Level::Baseline.run(EveryOperation(&values));
+        for level in Level::ALL.into_iter().filter(|level| level.available()) {
+            assert_eq!(level.run(EveryOperation(&values)), expected, "{level:?}");
+        }
+    }
+
+    struct Masks;
+    impl Kernel for Masks {
+        type Output = ();
+        #[inline(always)]
+        fn run<I: Isa>(self) {
+            let ramp: Vec<f32> = (0..I::F32::WIDTH).map(|i| i as f32).collect();
+            let first = I::F32::load(&ramp).lt(I::F32::one());
+            assert!(first.any() && !first.all() && first.lane(0) && !first.lane(1));
+            assert!((!first | first).all() && !(!first & first).any());
+            let nan = I::F32::of(f64::NAN);
+            assert!(!nan.le(nan).any() && !nan.is_finite().any());
+        }
+    }
+
+    #[test]
+    fn masks_answer_per_lane() {
+        for level in Level::ALL {
+            level.run(Masks);
+        }
+    }
+}

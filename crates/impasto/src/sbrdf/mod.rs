@@ -1,0 +1,1 @@
+//! The fitting passes: from samples and normals to reflection parameters.

@@ -1,0 +1,1 @@
+//! Reflectance from camera bands: estimators built in double precision, applied in single.

@@ -1,0 +1,187 @@
+//! Borrowed samples: the photographs as they lie in the caller's memory.
+
+use half::f16;
+
+use crate::error::{Error, Result};
+
+/// Sizes of a stack.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Photographs.
+    pub observations: usize,
+    /// Camera channels.
+    pub bands: usize,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+}
+
+impl Shape {
+    /// Pixels of one plane.
+    #[must_use]
+    pub fn pixels(&self) -> usize {
+        self.height * self.width
+    }
+
+    /// Samples of the whole stack.
+    #[must_use]
+    pub fn samples(&self) -> usize {
+        self.observations * self.bands * self.pixels()
+    }
+}
+
+/// Stored samples in any of the types that files hold, `(obs, band, y, x)` in C order.
+#[derive(Clone, Copy, Debug)]
+pub enum Samples<'a> {
+    /// 8-bit codes.
+    U8(&'a [u8]),
+    /// 16-bit codes.
+    U16(&'a [u16]),
+    /// Half-precision numbers.
+    F16(&'a [f16]),
+    /// Single-precision numbers.
+    F32(&'a [f32]),
+}
+
+impl Samples<'_> {
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U8(s) => s.len(),
+            Self::U16(s) => s.len(),
+            Self::F16(s) => s.len(),
+            Self::F32(s) => s.len(),
+        }
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// How a stored number becomes a linear sample: `s * gain + offset`, and `+inf` from `saturation`
+/// on.
+#[derive(Clone, Copy, Debug)]
+pub struct Decode {
+    /// Linear light per stored unit, divided by the light's intensity.
+    pub gain: f32,
+    /// Minus the black level, in linear light.
+    pub offset: f32,
+    /// Stored number from which a sample is clipped (`+inf` where nothing clips).
+    pub saturation: f32,
+}
+
+/// All samples of one painting.
+///
+/// Samples are linear, relative to a white board under unit light; `+inf` is a clipped sample,
+/// NaN one that was never taken.
+#[derive(Clone, Copy, Debug)]
+pub struct Stack<'a> {
+    samples: Samples<'a>,
+    shape: Shape,
+    decode: &'a [Decode],
+    mask: Option<&'a [bool]>,
+}
+
+impl<'a> Stack<'a> {
+    /// A stack over borrowed memory.
+    ///
+    /// `decode` holds one entry per (observation, band); `mask` is `(y, x)`, true where the
+    /// painting is.
+    ///
+    /// # Errors
+    /// If the lengths do not agree with the shape.
+    pub fn new(
+        samples: Samples<'a>,
+        shape: Shape,
+        decode: &'a [Decode],
+        mask: Option<&'a [bool]>,
+    ) -> Result<Self> {
+        if samples.len() != shape.samples() || samples.is_empty() {
+            let problem = format!("{} samples do not fill {shape:?}", samples.len());
+            return Err(Error::argument("samples", problem));
+        }
+        if decode.len() != shape.observations * shape.bands {
+            let problem = format!(
+                "expected one entry per observation and band ({}), found {}",
+                shape.observations * shape.bands,
+                decode.len()
+            );
+            return Err(Error::argument("decode", problem));
+        }
+        if mask.is_some_and(|mask| mask.len() != shape.pixels()) {
+            return Err(Error::argument("mask", "its size is not that of the photographs"));
+        }
+        Ok(Self { samples, shape, decode, mask })
+    }
+
+    /// Sizes.
+    #[must_use]
+    pub fn shape(&self) -> Shape {
+        self.shape
+    }
+
+    /// Whether a pixel, counted row by row, belongs to the painting.
+    #[must_use]
+    #[inline]
+    pub fn covers(&self, pixel: usize) -> bool {
+        self.mask.is_none_or(|mask| mask[pixel])
+    }
+
+    /// Reads linear samples of one photograph and band, for the pixels from `start` on, into
+    /// `out`: as many as there are, at most `out.len()`; what is left of `out` becomes NaN.
+    #[inline(always)]
+    pub fn read(&self, observation: usize, band: usize, start: usize, out: &mut [f32]) {
+        let plane = observation * self.shape.bands + band;
+        let pixels = self.shape.pixels();
+        let count = out.len().min(pixels - start);
+        let range = plane * pixels + start..plane * pixels + start + count;
+        let decode = self.decode[plane];
+        let (head, tail) = out.split_at_mut(count);
+        match self.samples {
+            Samples::U8(s) => convert(&s[range], head, decode, f32::from),
+            Samples::U16(s) => convert(&s[range], head, decode, f32::from),
+            Samples::F16(s) => convert(&s[range], head, decode, f16::to_f32),
+            Samples::F32(s) => convert(&s[range], head, decode, |v| v),
+        }
+        tail.fill(f32::NAN);
+    }
+}
+
+#[inline(always)]
+fn convert<T: Copy>(stored: &[T], out: &mut [f32], decode: Decode, number: impl Fn(T) -> f32) {
+    for (out, &stored) in out.iter_mut().zip(stored) {
+        let stored = number(stored);
+        let linear = stored.mul_add(decode.gain, decode.offset);
+        *out = if stored >= decode.saturation { f32::INFINITY } else { linear };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SHAPE: Shape = Shape { observations: 1, bands: 1, height: 1, width: 3 };
+
+    #[test]
+    fn stored_codes_become_linear_and_clipped_ones_infinite() {
+        let decode = [Decode { gain: 0.5, offset: -1.0, saturation: 255.0 }];
+        let stack = Stack::new(Samples::U8(&[2, 4, 255]), SHAPE, &decode, None).unwrap();
+        let mut out = [0.0; 4];
+        stack.read(0, 0, 0, &mut out);
+        assert_eq!(&out[..3], &[0.0, 1.0, f32::INFINITY]);
+        assert!(out[3].is_nan());
+    }
+
+    #[test]
+    fn lengths_that_disagree_are_refused() {
+        let decode = [Decode { gain: 1.0, offset: 0.0, saturation: f32::INFINITY }];
+        assert!(Stack::new(Samples::F32(&[0.0; 4]), SHAPE, &decode, None).is_err());
+        assert!(Stack::new(Samples::F32(&[0.0; 3]), SHAPE, &[], None).is_err());
+        assert!(Stack::new(Samples::F32(&[0.0; 3]), SHAPE, &decode, Some(&[true])).is_err());
+    }
+}

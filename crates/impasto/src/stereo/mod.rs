@@ -1,0 +1,1 @@
+//! Photometric stereo: normals and albedo from samples under known lights.

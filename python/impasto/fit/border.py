@@ -1,0 +1,120 @@
+"""What crosses the border to the numerics, and the circumstances of a call.
+
+Everything here is checked and C-contiguous, so that the border only has to borrow it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.errors import ArgumentError
+from impasto.rig import PointLight, Rig
+from impasto.stack import Stack
+
+ProgressCallback: TypeAlias = Callable[[int, int], object]
+"""Called with (tiles done, tiles in all), at most about twenty times a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class RigArguments:
+    """A :class:`~impasto.Rig` as plain arrays."""
+
+    lights: NDArray[np.float64]
+    point: NDArray[np.bool_]
+    falloff: NDArray[np.bool_]
+    views: NDArray[np.float64]
+    pitch_mm: float
+
+    @classmethod
+    def of(cls, rig: Rig) -> RigArguments:
+        """Directions of distant lights, positions of near ones."""
+        near = [isinstance(light, PointLight) for light in rig.lights]
+        return cls(
+            lights=np.array(
+                [
+                    light.position if isinstance(light, PointLight) else light.direction
+                    for light in rig.lights
+                ],
+                dtype=np.float64,
+            ),
+            point=np.array(near, dtype=np.bool_),
+            falloff=np.array(
+                [isinstance(light, PointLight) and light.falloff for light in rig.lights],
+                dtype=np.bool_,
+            ),
+            views=np.ascontiguousarray(rig.views, dtype=np.float64),
+            pitch_mm=1.0 if rig.pitch_mm is None else float(rig.pitch_mm),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class StackArguments:
+    """A :class:`~impasto.Stack` as plain arrays; samples are divided by their light's intensity."""
+
+    samples: NDArray[Any]
+    gain: NDArray[np.float32]
+    offset: NDArray[np.float32]
+    saturation: NDArray[np.float32]
+    mask: NDArray[np.bool_] | None
+    rig: RigArguments
+
+    @classmethod
+    def of(cls, stack: Stack) -> StackArguments:
+        """The samples stay where they are; the rest is a few numbers per observation."""
+        observations, bands = stack.shape[:2]
+        gain = stack.scale[None, :] / stack.rig.intensities[:, None]
+        saturation = np.full(bands, np.inf) if stack.saturation is None else stack.saturation
+        return cls(
+            samples=stack.samples,
+            gain=gain.astype(np.float32),
+            offset=(-stack.black[None, :] * gain).astype(np.float32),
+            saturation=np.ascontiguousarray(
+                np.broadcast_to(saturation, (observations, bands)), dtype=np.float32
+            ),
+            mask=stack.mask,
+            rig=RigArguments.of(stack.rig),
+        )
+
+
+def thread_count(threads: int | None) -> int:
+    """How many threads a call may use.
+
+    The argument, else ``IMPASTO_NUM_THREADS``, else ``RAYON_NUM_THREADS``, else every core that
+    this process is allowed to run on.
+    """
+    if threads is not None:
+        if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
+            raise ArgumentError(f"threads: expected a positive number or None, found {threads!r}")
+        return int(threads)
+    for variable in ("IMPASTO_NUM_THREADS", "RAYON_NUM_THREADS"):
+        text = os.environ.get(variable, "")
+        if text:
+            if not text.isdigit() or int(text) < 1:
+                raise ArgumentError(f"{variable}: expected a positive number, found {text!r}")
+            return int(text)
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def progress_callback(
+    progress: bool | ProgressCallback, description: str
+) -> ProgressCallback | None:
+    """The callback that ``progress=`` asks for: none, a bar on stderr, or the caller's own."""
+    if progress is False or progress is None:
+        return None
+    if callable(progress):
+        return progress
+    if progress is not True:
+        raise ArgumentError(
+            f"progress: expected True, False or a callable (done, total), found {progress!r}"
+        )
+    from impasto.fit.progress import bar
+
+    return bar(description)
