@@ -43,7 +43,7 @@ class Encoding:
 
     def decode(self, coded: ArrayLike) -> NDArray[np.float32]:
         """Linear light from coded values, any shape; full scale becomes 1.0."""
-        value = np.asarray(coded, dtype=np.float32) / np.float32(self.white)
+        value = np.asarray(coded, dtype=np.float64) / self.white
         if self.curve == "linear":
             return np.asarray(value, dtype=np.float32)
         magnitude = np.abs(value)
@@ -52,14 +52,14 @@ class Encoding:
                 magnitude <= 0.04045, magnitude / 12.92, ((magnitude + 0.055) / 1.055) ** 2.4
             )
         else:
-            linear = magnitude ** np.float32(self.curve)
+            linear = magnitude ** float(self.curve)
         return np.asarray(np.copysign(linear, value), dtype=np.float32)
 
     def encode(self, linear: ArrayLike) -> NDArray[np.float32]:
         """Coded values from linear light, clipped to 0 .. ``white``, not rounded."""
-        value = np.clip(np.asarray(linear, dtype=np.float32), 0.0, 1.0)
+        value = np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0)
         if self.curve == "srgb":
             value = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
         elif self.curve != "linear":
             value = value ** (1.0 / float(self.curve))
-        return np.asarray(value * np.float32(self.white), dtype=np.float32)
+        return np.asarray(value * self.white, dtype=np.float32)
