@@ -1,0 +1,282 @@
+"""A scene's colour as one matrix: coefficients to XYZ to the adapted eye to the display.
+
+Reflected light is diffuse(lambda) E + specular E, and every step from there to linear display light
+is linear. With reflectance as k coefficients on a basis, the whole chain is a 3 x k matrix for the
+diffuse part and a 3-vector for the interface part (which has the colour of the light), followed by
+the display's tone curves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto.colour.adaptation import Adaptation, Mode, adaptation, checked_white
+from impasto.colour.display import CHANNELS, Display, as_display
+from impasto.colour.illuminants import Illuminant
+from impasto.colour.observers import STANDARD_OBSERVER, xyz_from_spectrum
+from impasto.colour.wavelengths import Floats, checked_wavelengths
+from impasto.errors import ArgumentError
+
+
+@dataclass(frozen=True)
+class WhiteScale:
+    """How bright white is shown, and what that costs.
+
+    Attributes
+    ----------
+    scale
+        Factor on all light before the display; white at Y = 1 is shown at Y = ``scale``.
+    channel
+        The channel that reaches its maximum first: it limits the scale.
+    linear
+        ``(3,)`` linear display light of the scaled white.
+    clipped
+        Channels in which the scaled white exceeds full drive: none unless asked for.
+    unreachable
+        Channels in which white lies below the display's black: the white is outside the display's
+        colours, and no scale helps.
+    """
+
+    scale: float
+    channel: str
+    linear: Floats
+    clipped: tuple[str, ...]
+    unreachable: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class XyzFold:
+    """Coefficients to XYZ as seen.
+
+    Attributes
+    ----------
+    diffuse
+        ``(3, k)``: XYZ of the diffuse part is ``diffuse @ coefficients``.
+    interface
+        ``(3,)``: XYZ per unit of interface reflection, the colour of the light.
+    adaptation
+        None: the eye sees the light as it is.
+    """
+
+    diffuse: Floats
+    interface: Floats
+    adaptation: Adaptation | None
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Coefficients to linear display light, and the curves from there to codes.
+
+    Attributes
+    ----------
+    diffuse
+        ``(3, k)``: linear light of the diffuse part is ``diffuse @ coefficients``.
+    interface
+        ``(3,)``: linear light per unit of interface reflection; the white of the scene.
+    display
+        Its curve turns linear light into codes.
+    white
+        The scale that is in ``diffuse`` and ``interface``.
+    adaptation
+        None: the eye sees the light as it is.
+    """
+
+    diffuse: Floats
+    interface: Floats
+    display: Display
+    white: WhiteScale
+    adaptation: Adaptation | None
+
+    def table(self, n: int = 65536) -> NDArray[np.float32]:
+        """``(3, n)`` codes at ``n`` evenly spaced linear values from 0 to 1."""
+        return self.display.table(n)
+
+    def report(self) -> dict[str, Any]:
+        """Plain numbers and names for a report file."""
+        seen = self.adaptation
+        return {
+            "display": self.display.name,
+            "white_scale": self.white.scale,
+            "white_limited_by": self.white.channel,
+            "white_linear": self.white.linear.tolist(),
+            "white_clipped": list(self.white.clipped),
+            "white_unreachable": list(self.white.unreachable),
+            "adaptation": None
+            if seen is None
+            else {
+                "d": seen.d,
+                "mode": seen.mode,
+                "test_kelvin": seen.test_temperature,
+                "adapted_kelvin": seen.adapted_temperature,
+                "reference_kelvin": seen.reference_temperature,
+            },
+        }
+
+
+def white_scale(
+    white: ArrayLike, display: Display | str, rule: Literal["fit", "luminance"] | float = "fit"
+) -> WhiteScale:
+    """How bright a white may be shown without clipping.
+
+    Parameters
+    ----------
+    white
+        XYZ ``(3,)`` of the white to show, Y = 1 meaning the display's peak luminance.
+    display
+        A display or the name of a standard one.
+    rule
+        ``"fit"``: the largest scale that clips no channel (1 / max RGB). Under D65 the paper's
+        white at d = 0.56 has red at 1.37, so Y may be 0.73 of the peak.
+        ``"luminance"``: white has the display's peak luminance, as the paper writes it; channels
+        that clip are named in the result.
+        A number: this scale, with the same report.
+
+    Raises
+    ------
+    ArgumentError
+        A white without light, an unknown rule, a scale that is not positive.
+    """
+    xyz = checked_white(white)
+    screen = as_display(display)
+    linear = screen.linear_from_xyz @ xyz
+    limit = int(np.argmax(linear))
+    if rule == "fit":
+        # The next number below: 1 / m may round up, and then m * (1 / m) exceeds full drive.
+        scale = float(np.nextafter(1.0 / linear[limit], 0.0))
+    elif rule == "luminance":
+        scale = float(1.0 / xyz[1])
+    else:
+        try:
+            scale = float(rule)
+        except ValueError as error:
+            raise ArgumentError(
+                f'white: expected "fit", "luminance" or a scale, found {rule!r}'
+            ) from error
+        if not (np.isfinite(scale) and scale > 0):
+            raise ArgumentError(f"white: expected a positive scale, found {scale:g}")
+    shown = scale * linear
+    return WhiteScale(
+        scale=scale,
+        channel=CHANNELS[limit],
+        linear=shown,
+        clipped=_channels(shown > 1.0),
+        unreachable=_channels(shown < screen.curve.floor),
+    )
+
+
+def xyz_from_coefficients(
+    basis: ArrayLike,
+    wavelengths: ArrayLike,
+    illuminant: Illuminant,
+    *,
+    observer: str = STANDARD_OBSERVER,
+    test: Illuminant | None = None,
+    reference: Illuminant = "D65",
+    d: float | None = None,
+    mode: Mode = "planck",
+) -> XyzFold:
+    """Fold basis, light, observer and adaptation into one matrix to XYZ.
+
+    Parameters
+    ----------
+    basis
+        ``(k, n)``: reflectance is ``coefficients @ basis``.
+    wavelengths
+        ``(n,)`` nm.
+    illuminant
+        The light on the painting, see :data:`Illuminant`; an array ``(n,)`` stands on
+        ``wavelengths``.
+    observer
+        One of :data:`OBSERVERS`.
+    test
+        The light the eye compares with the reference; default: the illuminant.
+    reference, d, mode
+        See :func:`adaptation`. ``d=None``: no adaptation, the light is seen as it is.
+
+    Raises
+    ------
+    ArgumentError
+        A basis that is not finite ``(k, n)``, and whatever :func:`xyz_from_spectrum` and
+        :func:`adaptation` refuse.
+    """
+    grid = checked_wavelengths(wavelengths)
+    rows = np.asarray(basis, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[0] == 0 or rows.shape[1] != grid.size:
+        raise ArgumentError(
+            f"basis: expected shape (k, {grid.size}) for {grid.size} wavelengths, "
+            f"found {rows.shape}"
+        )
+    if not np.isfinite(rows).all():
+        raise ArgumentError("basis: found values that are not finite")
+    operator = xyz_from_spectrum(grid, illuminant, observer)
+    seen = None
+    if d is not None:
+        seen = adaptation(
+            _on_grid(illuminant if test is None else test, grid),
+            _on_grid(reference, grid),
+            d,
+            mode,
+            observer=observer,
+        )
+        operator = seen.matrix @ operator
+    return XyzFold(operator @ rows.T, operator.sum(axis=1), seen)
+
+
+def display_from_coefficients(
+    basis: ArrayLike,
+    wavelengths: ArrayLike,
+    illuminant: Illuminant,
+    *,
+    observer: str = STANDARD_OBSERVER,
+    test: Illuminant | None = None,
+    reference: Illuminant = "D65",
+    d: float | None = None,
+    mode: Mode = "planck",
+    display: Display | str = "srgb",
+    white: Literal["fit", "luminance"] | float = "fit",
+) -> Fold:
+    """Fold basis, light, observer, adaptation, display and white scale into one matrix.
+
+    Parameters
+    ----------
+    basis, wavelengths, illuminant, observer, test, reference, d, mode
+        See :func:`xyz_from_coefficients`.
+    display
+        A display or the name of a standard one.
+    white
+        The rule of :func:`white_scale`.
+
+    Returns
+    -------
+    Fold
+        ``diffuse (3, k)`` and ``interface (3,)``, float64, in linear display light.
+    """
+    screen = as_display(display)
+    seen = xyz_from_coefficients(
+        basis,
+        wavelengths,
+        illuminant,
+        observer=observer,
+        test=test,
+        reference=reference,
+        d=d,
+        mode=mode,
+    )
+    shown = white_scale(seen.interface, screen, white)
+    matrix = shown.scale * screen.linear_from_xyz
+    return Fold(matrix @ seen.diffuse, shown.linear, screen, shown, seen.adaptation)
+
+
+def _on_grid(illuminant: Illuminant, grid: Floats) -> Illuminant:
+    """A bare array of values gets the wavelengths it stands on."""
+    if isinstance(illuminant, str | tuple) or hasattr(illuminant, "wavelengths"):
+        return illuminant
+    return (grid, illuminant) if np.ndim(illuminant) == 1 else illuminant
+
+
+def _channels(which: NDArray[np.bool_]) -> tuple[str, ...]:
+    return tuple(name for name, hit in zip(CHANNELS, which, strict=True) if hit)
