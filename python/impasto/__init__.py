@@ -2,7 +2,7 @@
 
 import warnings as _warnings
 
-from impasto import _core
+from impasto import _core, colour
 from impasto.encoding import Encoding
 from impasto.errors import (
     ArgumentError,
@@ -27,6 +27,7 @@ __all__ = [
     "Rig",
     "Stack",
     "Status",
+    "colour",
 ]
 
 __version__ = _core.build_info()["version"]
