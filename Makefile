@@ -1,0 +1,72 @@
+# Everything a checkout needs. `make help` lists the targets; each sets up what it uses.
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+RUST   := Cargo.toml $(wildcard Cargo.lock) $(shell find crates benches -name '*.rs' -o -name Cargo.toml)
+
+# The interpreter that cargo, maturin and pip see is the one in .venv; versions come from one file.
+export VIRTUAL_ENV    := $(CURDIR)/$(VENV)
+export PYO3_PYTHON    := $(CURDIR)/$(BIN)/python
+export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.DEFAULT_GOAL := help
+.PHONY: help build demo test test-rust test-python lint docs bench pictures clean
+
+help:  ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+build: $(VENV)/built  ## create .venv with a release build of impasto in it
+
+demo: $(VENV)/built  ## measure and relight a simulated painting; pictures in demo/
+	$(BIN)/impasto demo --out demo
+
+test: lint test-rust test-python docs  ## run every check: lint, Rust, Python, documentation
+
+test-rust:  ## run the Rust tests
+	cargo test --quiet
+
+test-python: $(VENV)/built $(VENV)/extras  ## run the Python tests, README and documentation examples
+	$(BIN)/python -m pytest -q
+
+lint: $(VENV)/built $(VENV)/extras  ## check formats, clippy, ruff and mypy; warnings are errors
+	cargo fmt --all --check
+	cargo clippy --quiet --workspace --all-targets -- -D warnings
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+docs: $(VENV)/built $(VENV)/extras  ## build the documentation into docs/_build/html
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	@echo "docs: open docs/_build/html/index.html"
+
+bench: $(VENV)/built $(VENV)/extras  ## time the numerics against peers
+	cargo bench --package impasto-benches
+	$(BIN)/python -m pytest benches/python -q
+
+pictures: $(VENV)/built  ## make the pictures of README and documentation again
+	$(BIN)/python docs/pictures.py
+
+clean:  ## remove .venv and everything built
+	rm -rf $(VENV) target demo docs/_build docs/_generated python/impasto/*.so
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/created:
+	@command -v cargo >/dev/null || { echo "impasto needs Rust: install rustup, then run make again" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "impasto needs Python 3.11 or newer: run make PYTHON=python3.x" >&2; exit 1; }
+	@$(PYTHON) -m venv $(VENV) \
+	  || { echo "no venv here: on Debian, apt-get install python3-venv" >&2; exit 1; }
+	$(BIN)/python -m pip install --quiet --upgrade pip maturin
+	@touch $@
+
+# The editable install: Python edits are live, only Rust edits build again.
+$(VENV)/built: $(VENV)/created pyproject.toml constraints.txt $(RUST)
+	$(BIN)/maturin develop --release --quiet
+	@touch $@
+
+$(VENV)/extras: pyproject.toml constraints.txt | $(VENV)/built
+	$(BIN)/python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; print("\n".join(p["test"] + p["docs"]))' > $(VENV)/extras.txt
+	$(BIN)/python -m pip install --quiet --requirement $(VENV)/extras.txt
+	@touch $@

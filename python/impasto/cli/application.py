@@ -1,0 +1,97 @@
+"""From a command line to an exit code; no traceback for a user's mistake."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App
+from cyclopts.exceptions import CycloptsError
+
+from impasto.cli import console
+from impasto.errors import CorruptInputError, ImpastoError, InternalError
+
+OK, USER_ERROR, USAGE_ERROR, CORRUPT_INPUT, PARTIAL, INTERRUPTED = 0, 1, 2, 3, 4, 130
+
+
+def application() -> App:
+    """The commands; each one's module is imported when it runs."""
+    app = App(
+        name="impasto",
+        help="Photographs of a painting in; a relightable, colour-true surface out.",
+        version=_version,
+        help_format="plaintext",
+        console=console.stdout(),
+        error_console=console.stderr(),
+    )
+    app.command(
+        "impasto.cli.demo:demo",
+        help="Measure and relight a simulated painting, from photographs to pictures.",
+    )
+    app.command(
+        "impasto.cli.fit:fit", help="Estimate normals, diffuse colour and gloss from photographs."
+    )
+    app.command("impasto.cli.render:render", help="Relight a fitted painting.")
+    app.command(
+        "impasto.cli.doctor:doctor", help="Check photographs and light directions before a fit."
+    )
+    app.command("impasto.cli.info:info", help="Say what is installed, or what a result holds.")
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code.
+
+    Parameters
+    ----------
+    arguments
+        Words after the program's name; default: those of the process.
+    """
+    console.make_output_safe()
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        result = application()(
+            words, exit_on_error=False, print_error=False, result_action="return_value"
+        )
+        sys.stdout.flush()
+        return result if isinstance(result, int) else OK
+    except CycloptsError as error:
+        console.complain(_one_line(error))
+        console.hint("impasto --help lists the commands, impasto COMMAND --help their options")
+        return USAGE_ERROR
+    except CorruptInputError as error:
+        console.complain(str(error))
+        return CORRUPT_INPUT
+    except InternalError as error:
+        console.complain(f"a defect in impasto, please report it: {error}")
+        return USER_ERROR
+    except BrokenPipeError:
+        # The reader of stdout has left (impasto info | head): nothing more to say, also not at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OK
+    except (ImpastoError, OSError) as error:
+        console.complain(_os_words(error) if isinstance(error, OSError) else str(error))
+        return USER_ERROR
+    except MemoryError:
+        console.complain("not enough memory: fit a crop, fewer photographs, or on a larger machine")
+        return USER_ERROR
+    except KeyboardInterrupt:
+        console.complain("interrupted")
+        return INTERRUPTED
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("impasto")
+
+
+def _one_line(error: CycloptsError) -> str:
+    return " ".join(str(error).split())
+
+
+def _os_words(error: OSError) -> str:
+    if error.filename is None or error.strerror is None:
+        return str(error)
+    return f"{error.filename}: {error.strerror[0].lower()}{error.strerror[1:]}"

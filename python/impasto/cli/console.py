@@ -1,0 +1,95 @@
+"""Words for people on stderr; stdout is left to data."""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+
+from impasto.report import Timings
+
+NAME_WIDTH = 14
+NOTE_WIDTH = 52
+
+Advance = Callable[[int, int], None]
+"""Tells how far a stage is: (done, total)."""
+
+
+def stdout() -> Console:
+    """The console for data."""
+    return Console(highlight=False, soft_wrap=True)
+
+
+def stderr() -> Console:
+    """The console for progress and complaints."""
+    return Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def make_output_safe() -> None:
+    """Let an ASCII terminal show ``?`` for what it cannot show, instead of failing on it."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+
+
+def complain(message: str) -> None:
+    """Say in one red line what is wrong."""
+    stderr().print(f"[bold red]impasto:[/] [red]{escape(message)}[/]")
+
+
+def hint(message: str) -> None:
+    """Add one faint line on what to do."""
+    stderr().print(f"[dim]{escape(message)}[/]")
+
+
+class Stages:
+    """The stages of a command: a bar while one runs, one line with its time when it ends.
+
+    Parameters
+    ----------
+    quiet
+        Show nothing.
+    """
+
+    def __init__(self, *, quiet: bool = False) -> None:
+        self.timings = Timings()
+        self._console = Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
+
+    def say(self, text: str) -> None:
+        """Print one line of rich markup."""
+        self._console.print(text)
+
+    @contextmanager
+    def stage(self, name: str, note: str = "") -> Iterator[Stage]:
+        """Run the body as one stage; the stage's ``note`` may still be changed inside."""
+        stage = Stage(note)
+        columns = (
+            SpinnerColumn(style="dim"),
+            TextColumn(f"{name:<{NAME_WIDTH}}"),
+            BarColumn(bar_width=40, complete_style="cyan", finished_style="cyan"),
+        )
+        with Progress(*columns, console=self._console, transient=True) as progress:
+            task = progress.add_task(name, total=None)
+
+            def advance(done: int, total: int) -> None:
+                progress.update(task, completed=done, total=total)
+
+            stage.advance = advance
+            with self.timings.stage(name):
+                yield stage
+        seconds = self.timings.seconds[name]
+        words = escape(f"{stage.note:<{NOTE_WIDTH}}")
+        self._console.print(f"  {name:<{NAME_WIDTH}}[dim]{words}{seconds:8.1f} s[/]")
+
+
+class Stage:
+    """What a running stage may tell: how far it is, and a note for its closing line."""
+
+    def __init__(self, note: str) -> None:
+        self.note = note
+        self.advance: Advance = lambda done, total: None

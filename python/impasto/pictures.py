@@ -1,0 +1,355 @@
+"""Pictures of result maps, for looking at: not data.
+
+Every map becomes 8-bit RGB ``(y, x, 3)``: normals as (n + 1) / 2, colours through the sRGB curve,
+quantities on one perceptual ramp, statuses in flat colours. Pixels whose value is unknown (NaN)
+show the dark checkerboard that painting programs use for "nothing here".
+:func:`contact_sheet` sets such pictures side by side, each with its name and its scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from math import ceil
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto.encoding import Encoding
+from impasto.errors import ArgumentError
+from impasto.status import Status
+
+Picture: TypeAlias = NDArray[np.uint8]
+"""8-bit sRGB, ``(y, x, 3)``."""
+
+BACKGROUND = (28, 28, 30)
+INK = (232, 230, 225)
+FAINT = (150, 149, 146)
+
+STATUS_COLOURS: dict[Status, tuple[int, int, int]] = {
+    Status.FITTED: (64, 98, 92),
+    Status.RELAXED: (122, 158, 126),
+    Status.EXACT: (196, 190, 142),
+    Status.ILL_CONDITIONED: (222, 160, 92),
+    Status.POOLED: (92, 128, 164),
+    Status.DARK: (20, 20, 22),
+    Status.SATURATED: (240, 236, 226),
+    Status.TOO_FEW_SAMPLES: (188, 92, 72),
+    Status.RANK_DEFICIENT: (146, 72, 104),
+    Status.INVALID_INPUT: (220, 50, 80),
+    Status.MASKED: (52, 52, 56),
+    Status.NOT_COMPUTED: (110, 110, 114),
+}
+"""Estimated pixels in quiet greens and blues, everything that needs a look in warm colours."""
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One picture of a contact sheet.
+
+    Parameters
+    ----------
+    title
+        What the picture shows, in a few words.
+    picture
+        ``(y, x, 3)`` uint8.
+    note
+        Unit or scale, set in small type opposite the title.
+    bar
+        Labels at the two ends of the colour ramp, or None for pictures without a ramp.
+    classes
+        (name, colour) of each flat colour, or empty.
+    """
+
+    title: str
+    picture: Picture
+    note: str = ""
+    bar: tuple[str, str] | None = None
+    classes: tuple[tuple[str, tuple[int, int, int]], ...] = ()
+
+
+def normal_panel(normal: ArrayLike, title: str = "Surface normal") -> Panel:
+    """Normals ``(3, y, x)`` as colours: red = x (right), green = y (up), blue = z (to you)."""
+    normal = _planes(normal, "normal", (3,))
+    return Panel(title, _painted((normal + 1.0) / 2.0), "red right, green up, blue towards you")
+
+
+def colour_panel(linear: ArrayLike, title: str, *, note: str = "", white: float = 1.0) -> Panel:
+    """Linear bands ``(band, y, x)`` through the sRGB curve; ``white`` is shown as full white.
+
+    Three bands are taken as red, green, blue. Of any other number, the last, the middle and the
+    first stand in for them, because bands are stored in order of wavelength.
+    """
+    linear = _planes(linear, "linear")
+    count = len(linear)
+    if count != 3:
+        linear = linear[[count - 1, count // 2, 0]]
+    return Panel(title, _painted(Encoding("srgb").encode(linear / white), linear), note)
+
+
+def ramp_panel(
+    plane: ArrayLike,
+    title: str,
+    *,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    scale: float = 1.0,
+) -> Panel:
+    """One quantity ``(y, x)`` on the colour ramp.
+
+    Parameters
+    ----------
+    plane
+        ``(y, x)``; NaN where unknown.
+    title, unit
+        Name of the quantity and its unit.
+    low, high
+        Ends of the ramp in the printed unit; default: the 1st and the 99th percentile, so that a
+        few wild pixels do not darken the picture. Both ends are printed under it.
+    scale
+        Factor from the stored to the printed unit (radians to degrees, for example).
+    """
+    values = np.asarray(plane, dtype=np.float32) * np.float32(scale)
+    if values.ndim != 2:
+        raise ArgumentError(f"plane: expected (y, x), found shape {values.shape}")
+    known = values[np.isfinite(values)]
+    if known.size:
+        low = float(np.percentile(known, 1)) if low is None else low
+        high = float(np.percentile(known, 99)) if high is None else high
+    low, high = (0.0 if low is None else low), (1.0 if high is None else high)
+    span = high - low if high > low else 1.0
+    index = np.clip((np.nan_to_num(values, nan=low) - low) / span, 0.0, 1.0) * 255.0
+    picture = colour_ramp()[np.rint(index).astype(np.uint8)]
+    return Panel(
+        title, _checkered(picture, np.isfinite(values)), unit, (_number(low), _number(high))
+    )
+
+
+def status_panel(status: ArrayLike, title: str = "Status") -> Panel:
+    """Statuses ``(y, x)`` in flat colours; the legend gives each one's share of the pixels."""
+    codes = np.asarray(status, dtype=np.uint8)
+    if codes.ndim != 2:
+        raise ArgumentError(f"status: expected (y, x), found shape {codes.shape}")
+    table = np.full((256, 3), (255, 0, 255), dtype=np.uint8)
+    for member, colour in STATUS_COLOURS.items():
+        table[member] = colour
+    counts = np.bincount(codes.ravel(), minlength=256)
+    order = sorted(np.flatnonzero(counts).tolist(), key=lambda code: -int(counts[code]))
+    classes = tuple(
+        (f"{_status_name(code)} {_share(counts[code] / codes.size)}", _rgb(table[code]))
+        for code in order
+    )
+    return Panel(title, table[codes], classes=classes)
+
+
+@cache
+def colour_ramp() -> Picture:
+    """256 colours ``(256, 3)`` from dark violet over teal to pale yellow.
+
+    Even steps of lightness and hue at constant chroma in OKLab (Ottosson 2020): equal differences
+    look equal, and lightness alone tells the order, in grey print and to the colour-blind.
+    """
+    t = np.linspace(0.0, 1.0, 256)
+    lightness = 0.24 + 0.70 * t
+    chroma = 0.092  # the most that sRGB holds over the whole path (teal is its narrowest place)
+    hue = np.radians(300.0 - 195.0 * t)
+    lab = np.stack([lightness, chroma * np.cos(hue), chroma * np.sin(hue)])
+    cone = np.array(
+        [
+            [1.0, 0.3963377774, 0.2158037573],
+            [1.0, -0.1055613458, -0.0638541728],
+            [1.0, -0.0894841775, -1.2914855480],
+        ]
+    )
+    rgb = np.array(
+        [
+            [4.0767416621, -3.3077115913, 0.2309699292],
+            [-1.2684380046, 2.6097574011, -0.3413193965],
+            [-0.0041960863, -0.7034186147, 1.7076147010],
+        ]
+    )
+    linear = rgb @ (cone @ lab) ** 3
+    return np.rint(Encoding("srgb", 255.0).encode(linear)).astype(np.uint8).T.copy()
+
+
+def contact_sheet(
+    panels: Sequence[Panel],
+    *,
+    title: str,
+    subtitle: str = "",
+    columns: int | None = None,
+    width: int = 460,
+) -> Picture:
+    """All panels on one dark-grey sheet, aligned, each with its title and scale.
+
+    Parameters
+    ----------
+    panels
+        At least one; they share one cell size, that of the first panel's shape.
+    title, subtitle
+        Heading of the sheet.
+    columns
+        Pictures per row; default: the number that makes the sheet nearest to 16:10.
+    width
+        Width of a picture on the sheet in pixels.
+    """
+    if not panels:
+        raise ArgumentError("panels: expected at least one picture, found none")
+    height = max(1, round(width * panels[0].picture.shape[0] / panels[0].picture.shape[1]))
+    gap, margin, head, foot = 28, 40, 34, 44
+    cell_w, cell_h = width + gap, head + height + foot
+    if columns is None:
+        shapes = range(1, len(panels) + 1)
+        columns = min(
+            shapes, key=lambda n: abs(n * cell_w / (ceil(len(panels) / n) * cell_h) - 1.6)
+        )
+    rows = ceil(len(panels) / columns)
+    top = 96 if subtitle else 76
+    sheet = np.empty(
+        (top + rows * cell_h + margin - foot // 2, 2 * margin + columns * cell_w - gap, 3),
+        dtype=np.uint8,
+    )
+    sheet[:] = BACKGROUND
+    _text(sheet, title, (margin, 52), 26, weight=500, room=sheet.shape[1] - 2 * margin)
+    if subtitle:
+        _text(sheet, subtitle, (margin, 78), 15, FAINT, room=sheet.shape[1] - 2 * margin)
+    for index, panel in enumerate(panels):
+        row, column = divmod(index, columns)
+        corner = (margin + column * cell_w, top + row * cell_h)
+        _set_panel(sheet, panel, corner, width, height, head)
+    return sheet
+
+
+def _set_panel(
+    sheet: Picture, panel: Panel, corner: tuple[int, int], width: int, height: int, head: int
+) -> None:
+    x, y = corner
+    end = _text(sheet, panel.title, (x, y + 23), 17, weight=450, room=width)
+    _text(sheet, panel.note, (x + width, y + 23), 13, FAINT, right=True, room=x + width - end - 12)
+    sheet[y + head : y + head + height, x : x + width] = fitted(panel.picture, width, height)
+    below = y + head + height
+    if panel.bar is not None:
+        ramp = colour_ramp()[np.linspace(0, 255, width).round().astype(np.uint8)]
+        sheet[below + 8 : below + 13, x : x + width] = ramp
+        _text(sheet, panel.bar[0], (x, below + 30), 13, FAINT)
+        _text(sheet, panel.bar[1], (x + width, below + 30), 13, FAINT, right=True)
+    pen, line = x, below + 21
+    for name, colour in panel.classes:
+        if pen > x and pen + 16 + _width(name, 13, 400) > x + width:
+            pen, line = x, line + 17
+        if line > below + 38:  # the rarest classes of a long list
+            break
+        sheet[line - 10 : line, pen : pen + 10] = colour
+        pen = _text(sheet, name, (pen + 16, line), 13, FAINT, room=width - 16) + 16
+
+
+def fitted(picture: Picture, width: int, height: int) -> Picture:
+    """The picture scaled to fit ``width`` x ``height``, centred on the sheet's background.
+
+    Shrinking averages; enlarging repeats pixels, so that a pixel can be seen for what it is.
+    """
+    import cv2
+
+    rows, columns = picture.shape[:2]
+    factor = min(width / columns, height / rows)
+    size = (max(1, round(columns * factor)), max(1, round(rows * factor)))
+    how = cv2.INTER_AREA if factor < 1.0 else cv2.INTER_NEAREST_EXACT
+    scaled = np.asarray(cv2.resize(np.ascontiguousarray(picture), size, interpolation=how))
+    cell = np.empty((height, width, 3), dtype=np.uint8)
+    cell[:] = BACKGROUND
+    top, left = (height - size[1]) // 2, (width - size[0]) // 2
+    cell[top : top + size[1], left : left + size[0]] = scaled
+    return cell
+
+
+def _text(
+    sheet: Picture,
+    text: str,
+    origin: tuple[int, int],
+    size: int,
+    colour: tuple[int, int, int] = INK,
+    *,
+    weight: int = 400,
+    right: bool = False,
+    room: int | None = None,
+) -> int:
+    """Set one line at its baseline; returns the x where it ends. Too long a line ends in dots."""
+    if not text:
+        return origin[0]
+    import cv2
+
+    face = _face()
+    extent = _width(text, size, weight)
+    if room is not None and extent > room:
+        while text and extent > room:
+            text = text[:-1]
+            extent = _width(text + "…", size, weight)
+        if not text:
+            return origin[0]
+        text = text.rstrip() + "…"
+        extent = _width(text, size, weight)
+    start = origin[0] - extent if right else origin[0]
+    cv2.putText(sheet, text, (start, origin[1]), colour, face, size, weight)
+    return start + extent
+
+
+def _width(text: str, size: int, weight: int) -> int:
+    import cv2
+
+    # The canvas only wraps lines; a wide one measures the line as it is.
+    box = cv2.getTextSize((100_000, 4 * size), text, (0, 0), _face(), size, weight)
+    return int(box[2])
+
+
+@cache
+def _face() -> Any:
+    import cv2
+
+    return cv2.FontFace("sans")
+
+
+def _painted(rgb: NDArray[np.floating[Any]], known: NDArray[Any] | None = None) -> Picture:
+    finite = np.isfinite(rgb if known is None else known).all(axis=0)
+    codes = np.rint(np.clip(np.nan_to_num(rgb, nan=0.0), 0.0, 1.0) * 255.0).astype(np.uint8)
+    return _checkered(np.ascontiguousarray(np.moveaxis(codes, 0, -1)), finite)
+
+
+def _checkered(picture: Picture, known: NDArray[np.bool_]) -> Picture:
+    if known.all():
+        return picture
+    rows, columns = np.indices(known.shape) // 8
+    board = np.where((rows + columns) % 2 == 0, 58, 74).astype(np.uint8)
+    return np.where(known[..., None], picture, board[..., None])
+
+
+def _planes(
+    values: ArrayLike, name: str, count: tuple[int, ...] | None = None
+) -> NDArray[np.float32]:
+    array = np.asarray(values, dtype=np.float32)
+    if array.ndim != 3 or (count is not None and len(array) not in count):
+        raise ArgumentError(f"{name}: expected planes (band, y, x), found shape {array.shape}")
+    return array
+
+
+def _status_name(code: int) -> str:
+    try:
+        return Status(code).name.replace("_", " ").lower()
+    except ValueError:
+        return f"status {code}"
+
+
+def _share(fraction: float) -> str:
+    if fraction >= 0.9995:
+        return "100 %"
+    return f"{100 * fraction:.1f} %" if fraction >= 0.0005 else "< 0.1 %"
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}"
+
+
+def _rgb(row: NDArray[np.uint8]) -> tuple[int, int, int]:
+    return (int(row[0]), int(row[1]), int(row[2]))

@@ -1,0 +1,163 @@
+"""``report.json``: what went in, what was asked for, what did the work, what came out.
+
+Enough to say years later which files, options and versions a map was made from. The keys are
+sorted and there is no date in it, so two runs differ only where the work differed (and in timings).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from impasto.errors import ArgumentError
+from impasto.status import Status
+
+SCHEMA = 1
+"""Version of the file's layout; raised when a key changes its meaning."""
+
+
+class Timings:
+    """Seconds of wall clock per stage, in the order in which the stages ended."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Time the body; a stage entered twice adds up."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            elapsed = time.perf_counter() - start
+            self.seconds[name] = self.seconds.get(name, 0.0) + elapsed
+
+
+def file_entry(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Name, size in bytes and SHA-256 of a file.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    with Path(path).open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256")
+        size = file.tell()
+    return {"file": Path(path).as_posix(), "bytes": size, "sha256": digest.hexdigest()}
+
+
+def status_counts(status: ArrayLike) -> dict[str, int]:
+    """Pixels per status, by name; statuses that do not occur are left out.
+
+    Parameters
+    ----------
+    status
+        ``(y, x)`` uint8 codes of :class:`~impasto.Status`.
+    """
+    counts = np.bincount(np.asarray(status, dtype=np.uint8).ravel(), minlength=256)
+    return {
+        Status(code).name.lower(): int(counts[code]) for code in np.flatnonzero(counts).tolist()
+    }
+
+
+def versions() -> dict[str, Any]:
+    """What does the work here: versions of impasto, Python and numpy, machine and SIMD level."""
+    import impasto
+
+    return {
+        "impasto": impasto.__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "machine": platform.machine(),
+        "system": platform.system(),
+    } | impasto.build_info()
+
+
+def report(
+    command: str,
+    *,
+    inputs: Iterable[str | os.PathLike[str]] = (),
+    options: Mapping[str, Any] | None = None,
+    results: Mapping[str, Any] | None = None,
+    timings: Timings | None = None,
+) -> dict[str, Any]:
+    """Collect a report; :func:`write_report` saves it.
+
+    Parameters
+    ----------
+    command
+        What ran: ``"fit"``, ``"demo"`` ...
+    inputs
+        Files read; each is hashed.
+    options
+        Options in force, defaults included.
+    results
+        Numbers worth keeping beside the maps: status counts, pooled beta and gamma ...
+    timings
+        Seconds per stage.
+    """
+    seconds = {} if timings is None else timings.seconds
+    return {
+        "schema": SCHEMA,
+        "command": command,
+        "inputs": [file_entry(path) for path in inputs],
+        "options": _plain(options or {}),
+        "results": _plain(results or {}),
+        "timings_s": {name: round(value, 4) for name, value in seconds.items()},
+        "versions": versions(),
+    }
+
+
+def write_report(path: str | os.PathLike[str], content: Mapping[str, Any]) -> None:
+    """Save a report as JSON; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    path
+        The file to write; an older one is replaced.
+    content
+        As from :func:`report`.
+    """
+    text = json.dumps(_plain(content), indent=2, sort_keys=True, allow_nan=False) + "\n"
+    target = Path(path)
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).replace(target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _plain(value: Any) -> Any:
+    """The value in JSON's own types; NaN and infinities, which JSON has not, become null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple | set | frozenset):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, bool | int | str) or value is None:
+        return value
+    if isinstance(value, np.bool_ | np.integer):
+        return value.item()
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    if isinstance(value, os.PathLike):
+        return Path(value).as_posix()
+    raise ArgumentError(f"report: a {type(value).__name__} has no place in JSON")
