@@ -7,10 +7,8 @@ sorted and there is no date in it, so two runs differ only where the work differ
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import platform
-import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -74,15 +72,18 @@ def status_counts(status: ArrayLike) -> dict[str, int]:
 
 def versions() -> dict[str, Any]:
     """What does the work here: versions of impasto, Python and numpy, machine and SIMD level."""
-    import impasto
+    from impasto import _core
 
+    build = _core.build_info()
     return {
-        "impasto": impasto.__version__,
+        "impasto": build["version"],
+        "simd": build["simd"],
+        "optimised": not build["debug"],
         "python": platform.python_version(),
         "numpy": np.__version__,
         "machine": platform.machine(),
         "system": platform.system(),
-    } | impasto.build_info()
+    }
 
 
 def report(
@@ -130,18 +131,9 @@ def write_report(path: str | os.PathLike[str], content: Mapping[str, Any]) -> No
     content
         As from :func:`report`.
     """
-    text = json.dumps(_plain(content), indent=2, sort_keys=True, allow_nan=False) + "\n"
-    target = Path(path)
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).replace(target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    from impasto.io.write import write_json
+
+    write_json(path, _plain(content))
 
 
 def _plain(value: Any) -> Any:

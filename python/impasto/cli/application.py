@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         console.complain(f"a defect in impasto, please report it: {error}")
         return USER_ERROR
     except BrokenPipeError:
-        # The reader of stdout has left (impasto info | head): nothing more to say, also not at exit.
+        # The reader of stdout has left (impasto info | head): say no more, also not at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except (ImpastoError, OSError) as error:

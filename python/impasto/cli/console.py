@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -45,6 +47,11 @@ def complain(message: str) -> None:
 def hint(message: str) -> None:
     """Add one faint line on what to do."""
     stderr().print(f"[dim]{escape(message)}[/]")
+
+
+def print_json(content: Any) -> None:
+    """Print JSON with sorted keys on stdout."""
+    sys.stdout.write(json.dumps(content, indent=2, sort_keys=True) + "\n")
 
 
 class Stages:

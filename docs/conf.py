@@ -1,0 +1,57 @@
+"""How the documentation is built: `make docs`, offline, warnings are errors."""
+
+import sys
+from pathlib import Path
+
+import impasto
+
+sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+
+project = "impasto"
+author = "the impasto authors"
+copyright = author
+release = version = impasto.__version__
+
+extensions = ["sphinx.ext.autodoc", "sphinx.ext.napoleon", "myst_parser", "mathml"]
+exclude_patterns = ["_build", "_generated"]
+source_suffix = {".md": "markdown"}
+nitpicky = False
+
+myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+myst_links_external_new_tab = False
+
+html_math_renderer = "mathml"
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+autodoc_default_options = {"members": True, "show-inheritance": True}
+autoclass_content = "class"
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+python_use_unqualified_type_names = True
+maximum_signature_line_length = 88
+add_module_names = False
+
+html_theme = "pydata_sphinx_theme"
+html_title = "impasto"
+html_static_path = ["_static"]
+html_css_files = ["impasto.css"]
+html_show_sourcelink = False
+html_show_copyright = False
+html_show_sphinx = False
+html_copy_source = False
+html_sidebars = {"index": [], "**": ["sidebar-nav-bs"]}
+html_theme_options = {
+    "logo": {"text": "impasto"},
+    "navbar_end": ["theme-switcher"],
+    "navbar_align": "left",
+    "header_links_before_dropdown": 9,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": [],
+    "footer_end": [],
+    "show_prev_next": False,
+    "pygments_light_style": "friendly",
+    "pygments_dark_style": "a11y-dark",
+}

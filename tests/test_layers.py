@@ -1,0 +1,139 @@
+"""The walls of the house (CONTRIBUTING.md, "Layout") stand."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+CORE = ROOT / "crates" / "impasto" / "src"
+BORDER = ROOT / "crates" / "impasto-py" / "src"
+PACKAGE = ROOT / "python" / "impasto"
+
+
+def rust(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*.rs"))
+
+
+def code(path: Path) -> str:
+    """A Rust file without its comments and without its own tests."""
+    text = re.sub(r"//.*", "", path.read_text(encoding="utf-8"))
+    return text.split("#[cfg(test)]")[0]
+
+
+def imports(path: Path) -> set[str]:
+    """The crate's own modules that a Rust file names."""
+    text = code(path)
+    names = set(re.findall(r"\bcrate::(\w+)", text))
+    for group in re.findall(r"\bcrate::\{([^;]*)\};", text):
+        names |= set(re.findall(r"(?:^|,)\s*(\w+)", re.sub(r"\{[^{}]*\}", "", group)))
+    return {name for name in names if name[0].islower()}
+
+
+def tracked() -> list[Path]:
+    listing = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    if listing.returncode:
+        pytest.skip("not a git checkout")
+    return [ROOT / name for name in listing.stdout.split("\0") if name and (ROOT / name).exists()]
+
+
+@pytest.fixture(scope="module")
+def packages() -> dict[str, set[str]]:
+    """Direct dependencies of each crate, without those of its tests."""
+    if shutil.which("cargo") is None:
+        pytest.skip("cargo is not installed")
+    found = subprocess.run(
+        ["cargo", "metadata", "--format-version=1", "--no-deps", "--offline"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return {
+        package["name"]: {d["name"] for d in package["dependencies"] if d["kind"] is None}
+        for package in json.loads(found.stdout)["packages"]
+    }
+
+
+def test_the_numerics_know_neither_python_nor_the_gpu(packages: dict[str, set[str]]) -> None:
+    assert not packages["impasto"] & {"pyo3", "numpy", "wgpu", "impasto-py", "impasto-gpu"}
+
+
+def test_only_the_border_knows_python(packages: dict[str, set[str]]) -> None:
+    assert {name for name, needs in packages.items() if "pyo3" in needs} == {"impasto-py"}
+
+
+@pytest.mark.parametrize(
+    ("room", "allowed"),
+    [("lm", {"lm", "math"}), ("brdf", {"brdf", "math", "geometry"}), ("math", {"math"})],
+)
+def test_a_room_imports_only_what_lies_below_it(room: str, allowed: set[str]) -> None:
+    for path in rust(CORE / room):
+        assert imports(path) <= allowed, path.relative_to(ROOT)
+
+
+def test_errors_name_no_other_module() -> None:
+    assert imports(CORE / "error.rs") == set()
+
+
+def test_only_pixels_names_rayon() -> None:
+    assert [p.name for p in rust(CORE) if re.search(r"\brayon\b", code(p))] == ["pixels.rs"]
+
+
+def test_only_the_lanes_are_unsafe() -> None:
+    unsafe = [p for p in rust(ROOT / "crates") if re.search(r"\bunsafe\b", code(p))]
+    assert [p.relative_to(CORE).as_posix() for p in unsafe] == ["math/lanes.rs"]
+
+
+def test_the_numerics_touch_no_file_environment_or_clock() -> None:
+    banned = re.compile(r"std::(fs|env|time|net|process)\b|\bprintln!|\bsrgb\b|\bcie\b", re.I)
+    assert [p for p in rust(CORE) if banned.search(code(p))] == []
+
+
+def test_the_border_has_no_formula() -> None:
+    formula = re.compile(r"\bmul_add\b|\.(sqrt|exp|ln|powi|powf|sin|cos|atan2)\(")
+    assert [p for p in rust(BORDER) if formula.search(code(p))] == []
+
+
+def test_colour_knows_no_stack_and_no_fit() -> None:
+    reach = re.compile(r"impasto(\.| import .*\b)(stack|Stack|fit|io|render|_core|simulate)\b")
+    for path in sorted((PACKAGE / "colour").rglob("*.py")):
+        assert not reach.search(path.read_text(encoding="utf-8")), path.relative_to(ROOT)
+
+
+def test_files_stay_readable() -> None:
+    long = {
+        path.relative_to(ROOT).as_posix(): lines
+        for path in tracked()
+        if path.suffix in {".py", ".rs", ".pyi"}
+        and (lines := len(path.read_text(encoding="utf-8").splitlines())) > 600
+    }
+    assert long == {}, "above 600 lines something wants a room of its own"
+
+
+def test_no_file_names_a_place_on_one_machine() -> None:
+    place = re.compile(r"(?<![\w./:])/(?:home|root|work|tmp|Users|mnt|opt)/\w")
+    found = {}
+    for path in tracked():
+        if path.suffix in {".png", ".jpg", ".npz", ".exr"} or path == Path(__file__).resolve():
+            continue
+        if hit := place.search(path.read_text(encoding="utf-8")):
+            found[path.relative_to(ROOT).as_posix()] = hit.group()
+    assert found == {}
+
+
+def test_importing_impasto_loads_numpy_and_nothing_else() -> None:
+    heavy = ["colour", "cv2", "OpenEXR", "tifffile", "rich", "cyclopts", "scipy", "matplotlib"]
+    script = f"import sys, impasto; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
