@@ -1,7 +1,11 @@
 """How the documentation is built: `make docs`, offline, warnings are errors."""
 
+import re
 import sys
 from pathlib import Path
+from typing import Any
+
+from sphinx.application import Sphinx
 
 import impasto
 
@@ -25,11 +29,13 @@ html_math_renderer = "mathml"
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
+autodoc_type_aliases = {name: name for name in ("ArrayLike", "NDArray", "Light", "Picture")}
 autodoc_preserve_defaults = True
-autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_default_options = {"members": True}
 autoclass_content = "class"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
+napoleon_attr_annotations = False
 python_use_unqualified_type_names = True
 maximum_signature_line_length = 88
 add_module_names = False
@@ -42,7 +48,7 @@ html_show_sourcelink = False
 html_show_copyright = False
 html_show_sphinx = False
 html_copy_source = False
-html_sidebars = {"index": [], "**": ["sidebar-nav-bs"]}
+html_sidebars = {"**": []}
 html_theme_options = {
     "logo": {"text": "impasto"},
     "navbar_end": ["theme-switcher"],
@@ -55,3 +61,17 @@ html_theme_options = {
     "pygments_light_style": "friendly",
     "pygments_dark_style": "a11y-dark",
 }
+
+
+def plain_names(*event: Any) -> tuple[str | None, str | None]:
+    """Signatures with the names that the code uses for its types, not with what they stand for."""
+    *_, signature, result = event
+
+    def plain(text: str | None) -> str | None:
+        return text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text)
+
+    return plain(signature), plain(result)
+
+
+def setup(app: Sphinx) -> None:
+    app.connect("autodoc-process-signature", plain_names)

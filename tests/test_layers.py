@@ -90,7 +90,8 @@ def test_only_pixels_names_rayon() -> None:
 
 def test_only_the_lanes_are_unsafe() -> None:
     unsafe = [p for p in rust(ROOT / "crates") if re.search(r"\bunsafe\b", code(p))]
-    assert [p.relative_to(CORE).as_posix() for p in unsafe] == ["math/lanes.rs"]
+    lanes = [CORE / "math" / "lanes.rs", *rust(CORE / "math" / "lanes")]
+    assert set(unsafe) <= set(lanes)
 
 
 def test_the_numerics_touch_no_file_environment_or_clock() -> None:

@@ -3,8 +3,9 @@
 Arrays are C-contiguous; shapes and units stand in the public functions that call these.
 """
 
-from typing import TypedDict
+from typing import TypedDict, type_check_only
 
+@type_check_only
 class BuildInfo(TypedDict):
     version: str
     debug: bool

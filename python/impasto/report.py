@@ -7,6 +7,7 @@ sorted and there is no date in it, so two runs differ only where the work differ
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import platform
 import time
@@ -131,9 +132,8 @@ def write_report(path: str | os.PathLike[str], content: Mapping[str, Any]) -> No
     content
         As from :func:`report`.
     """
-    from impasto.io.write import write_json
-
-    write_json(path, _plain(content))
+    text = json.dumps(_plain(content), indent=2, sort_keys=True, allow_nan=False)
+    Path(path).write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
 def _plain(value: Any) -> Any:

@@ -25,17 +25,6 @@ def application() -> App:
         console=console.stdout(),
         error_console=console.stderr(),
     )
-    app.command(
-        "impasto.cli.demo:demo",
-        help="Measure and relight a simulated painting, from photographs to pictures.",
-    )
-    app.command(
-        "impasto.cli.fit:fit", help="Estimate normals, diffuse colour and gloss from photographs."
-    )
-    app.command("impasto.cli.render:render", help="Relight a fitted painting.")
-    app.command(
-        "impasto.cli.doctor:doctor", help="Check photographs and light directions before a fit."
-    )
     app.command("impasto.cli.info:info", help="Say what is installed, or what a result holds.")
     return app
 
