@@ -3,6 +3,7 @@
 import warnings as _warnings
 
 from impasto import _core, colour
+from impasto.bands import Camera
 from impasto.encoding import Encoding
 from impasto.errors import (
     ArgumentError,
@@ -17,6 +18,7 @@ from impasto.status import Status
 
 __all__ = [
     "ArgumentError",
+    "Camera",
     "CorruptInputError",
     "DistantLight",
     "Encoding",

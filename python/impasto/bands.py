@@ -1,0 +1,163 @@
+"""What a camera's bands see of a spectrum: sensitivities, the light they were used with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from impasto.colour import interpolation_matrix, spectrum
+from impasto.colour.wavelengths import Floats, checked_wavelengths
+from impasto.errors import ArgumentError
+
+Integration = Literal["1nm", "sum"]
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Camera:
+    """Band sensitivities and the light that the photographs were taken under.
+
+    A band's response to a reflectance S is the integral of E(λ) S(λ) R(λ) (eq. 1 of both Tominaga
+    papers) divided by its response to a perfect white: the board that is S = 1 everywhere reads
+    1.0 in each band, as the samples of a :class:`~impasto.Stack` do.
+
+    Parameters
+    ----------
+    wavelengths
+        ``(n,)`` nm, strictly increasing: the grid of the sensitivities.
+    sensitivities
+        ``(band, n)``, in any unit that is the same over a row (the white board removes it). Zero
+        outside the grid. Filters in front of the lens are multiplied in.
+    illuminant
+        The light: a name (``"A"``, ``"D65"``, ``"FL2"``), a temperature in kelvin (a blackbody,
+        eq. 8), or ``(n,)`` power per wavelength on the same grid.
+    bands
+        One name per band; default ``"red", "green", "blue"`` for three, ``"band 0"`` ... else.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from impasto import Camera
+    >>> wavelengths = np.arange(400, 701, 10)
+    >>> centres = np.array([450, 550, 620])
+    >>> curves = np.exp(-(((wavelengths - centres[:, None]) / 40.0) ** 2))
+    >>> camera = Camera(wavelengths, curves, "A")
+    >>> camera.response(np.full(31, 0.5), wavelengths)
+    array([0.5, 0.5, 0.5])
+    """
+
+    wavelengths: Floats
+    sensitivities: Floats
+    illuminant: str | float | Floats
+    bands: tuple[str, ...]
+
+    def __init__(
+        self,
+        wavelengths: ArrayLike,
+        sensitivities: ArrayLike,
+        illuminant: str | float | ArrayLike,
+        bands: Sequence[str] | None = None,
+    ) -> None:
+        grid = checked_wavelengths(wavelengths).copy()
+        curves = np.array(sensitivities, dtype=np.float64)
+        if curves.ndim != 2 or curves.shape[1] != grid.size or curves.shape[0] == 0:
+            raise ArgumentError(
+                f"sensitivities: expected shape (band, {grid.size}), found {curves.shape}"
+            )
+        if not np.isfinite(curves).all():
+            band, index = np.argwhere(~np.isfinite(curves))[0]
+            raise ArgumentError(
+                f"sensitivities: expected finite numbers, found {curves[band, index]} in band "
+                f"{band} at {grid[index]:g} nm"
+            )
+        names = _band_names(len(curves)) if bands is None else tuple(str(name) for name in bands)
+        if len(names) != len(curves):
+            raise ArgumentError(f"bands: expected {len(curves)} names, found {len(names)}")
+        light: Any = illuminant
+        if not isinstance(illuminant, str):
+            light = np.array(illuminant, dtype=np.float64)
+            light = float(light) if light.ndim == 0 else light
+        for array in (grid, curves, light):
+            if isinstance(array, np.ndarray):
+                array.setflags(write=False)
+        set_ = object.__setattr__
+        set_(self, "wavelengths", grid)
+        set_(self, "sensitivities", curves)
+        set_(self, "illuminant", light)
+        set_(self, "bands", names)
+        # Refuses, with the band's name, what cannot be normalised by a white board.
+        self._weights(self.wavelengths)
+
+    def operator(self, wavelengths: ArrayLike, *, integration: Integration = "1nm") -> Floats:
+        """The matrix H ``(band, n)`` with rho = H @ S; its rows sum to 1.
+
+        Parameters
+        ----------
+        wavelengths
+            ``(n,)`` nm, strictly increasing: where reflectances are sampled.
+        integration
+            ``"1nm"`` integrates on a 1 nm grid with the reflectance interpolated by cubic pieces
+            and continued by its end values; ``"sum"`` is the plain sum of the papers over the
+            samples of the reflectance, which depends on their spacing.
+        """
+        grid = checked_wavelengths(wavelengths)
+        if integration == "sum":
+            return self._weights(grid)
+        if integration != "1nm":
+            raise ArgumentError(f'integration: expected "1nm" or "sum", found {integration!r}')
+        first, last = self.wavelengths[0], self.wavelengths[-1]
+        fine = np.arange(np.ceil(first), np.floor(last) + 0.5)
+        return np.asarray(self._weights(fine) @ interpolation_matrix(grid, fine))
+
+    def response(
+        self,
+        reflectance: ArrayLike,
+        wavelengths: ArrayLike,
+        *,
+        integration: Integration = "1nm",
+    ) -> Floats:
+        """What the bands read: ``(..., band)``, with a perfect white at 1.0 in each.
+
+        Parameters
+        ----------
+        reflectance
+            ``(..., n)`` relative to the white board.
+        wavelengths
+            ``(n,)`` nm of the reflectances.
+        integration
+            See :meth:`operator`.
+        """
+        spectra = np.asarray(reflectance, dtype=np.float64)
+        operator = self.operator(wavelengths, integration=integration)
+        if spectra.ndim == 0 or spectra.shape[-1] != operator.shape[1]:
+            raise ArgumentError(
+                f"reflectance: expected (..., {operator.shape[1]}), one value per wavelength, "
+                f"found shape {spectra.shape}"
+            )
+        return np.asarray(spectra @ operator.T)
+
+    def _weights(self, at: Floats) -> Floats:
+        """Light times sensitivity ``(band, m)`` at some wavelengths; rows sum to 1."""
+        curves = np.stack(
+            [np.interp(at, self.wavelengths, curve, 0.0, 0.0) for curve in self.sensitivities]
+        )
+        measured = isinstance(self.illuminant, np.ndarray)
+        light = (self.wavelengths, self.illuminant) if measured else self.illuminant
+        weights = curves * spectrum(light, at)
+        white = weights.sum(axis=1, keepdims=True)
+        if not (white > 0).all():
+            band = self.bands[int(np.argmin(white[:, 0]))]
+            raise ArgumentError(
+                f"sensitivities: band {band!r} does not see a white board under this illuminant "
+                f"between {at[0]:g} and {at[-1]:g} nm"
+            )
+        return np.asarray(weights / white)
+
+
+def _band_names(count: int) -> tuple[str, ...]:
+    if count == 3:
+        return ("red", "green", "blue")
+    return tuple(f"band {i}" for i in range(count))
