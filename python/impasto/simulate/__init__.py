@@ -1,0 +1,24 @@
+"""Simulated paintings of known truth, and the rigs that photograph them.
+
+>>> from impasto import simulate
+>>> painting = simulate.painting(seed=1, size=(64, 64))
+>>> len(simulate.rig("tominaga-rgb-camera"))
+9
+"""
+
+from impasto.simulate.cameras import camera
+from impasto.simulate.easel import Painting, painting
+from impasto.simulate.photography import Capture, Noise, Truth, capture, default_capture
+from impasto.simulate.rigs import rig
+
+__all__ = [
+    "Capture",
+    "Noise",
+    "Painting",
+    "Truth",
+    "camera",
+    "capture",
+    "default_capture",
+    "painting",
+    "rig",
+]

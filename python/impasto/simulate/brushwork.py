@@ -1,0 +1,285 @@
+"""From the picture in mind to strokes: large brushes first, lights and accents last."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.simulate import vision as v
+from impasto.simulate.pigments import lab_from_srgb
+from impasto.simulate.strokes import BRISTLE, DAB, KNIFE, LINER, Strokes
+from impasto.simulate.vision import Vision
+
+Where: TypeAlias = NDArray[np.floating[Any]]
+
+
+class Painter:
+    """Plans the strokes of one picture.
+
+    Parameters
+    ----------
+    vision
+        What is to be seen.
+    size
+        Rows and columns of the picture in pixels.
+    pitch_mm
+        Width of a pixel in mm.
+    rng
+        The hand.
+    """
+
+    def __init__(
+        self, vision: Vision, size: tuple[int, int], pitch_mm: float, rng: np.random.Generator
+    ) -> None:
+        self.vision, self.size, self.rng = vision, size, rng
+        self.unit = float(np.sqrt(size[0] * size[1]))
+        """Side of the picture in px, were it square: brushes are chosen by it."""
+        # Thick paint on a large picture is not thicker in proportion.
+        self.body_mm = float(np.clip((self.unit * pitch_mm / 100.0) ** 0.35, 0.4, 1.6))
+        self.lab = lab_from_srgb(vision.colour).astype(np.float32)
+
+    def plan(self) -> Strokes:
+        """All strokes in order."""
+        groups = [
+            self.pass_(0.085, 0.62, 0.00, (0.020, 0.05), 0.0),
+            self.pass_(0.045, 0.60, 0.04, (0.030, 0.12), 0.0),
+            self.pass_(0.026, 0.70, 0.08, (0.030, 0.16), 0.30),
+            self.pass_(0.015, 0.80, 0.10, (0.025, 0.15), 0.52),
+            self.sky_lights(),
+            self.water(),
+            self.foliage(),
+            self.meadow(),
+            self.sun(),
+            self.signature(),
+        ]
+        return Strokes.join([group for group in groups if len(group)])
+
+    def at(self, plane: NDArray[np.floating] | NDArray[np.integer], x: Where, y: Where) -> Where:
+        """A plane of the vision at pixels."""
+        rows, columns = self.vision.angle.shape
+        row = np.clip((y + 0.5) / self.size[0] * rows, 0, rows - 1).astype(np.int32)
+        column = np.clip((x + 0.5) / self.size[1] * columns, 0, columns - 1).astype(np.int32)
+        return np.asarray(plane[row, column])
+
+    def pass_(
+        self, brush: float, step: float, jitter: float, body: tuple[float, float], detail: float
+    ) -> Strokes:
+        """Cover what asks for ``detail`` with a brush of width ``brush`` (share of the side)."""
+        width = max(brush * self.unit, 3.0)
+        spacing = step * width
+        rows, columns = self.size
+        grid_y, grid_x = np.mgrid[
+            -spacing : rows + spacing : spacing, -spacing : columns + spacing : spacing
+        ]
+        count = grid_x.size
+        shake = self.rng.uniform(-0.6, 0.6, (2, count)) * spacing
+        x, y = grid_x.ravel() + shake[0], grid_y.ravel() + shake[1]
+        keep = (self.at(self.vision.detail, x, y) + self.rng.uniform(-0.12, 0.12, count)) >= detail
+        if detail == 0.0:
+            keep[:] = True
+        order = self.rng.permutation(count)
+        order = order[keep[order]]
+        x, y = x[order], y[order]
+        matter = self.at(self.vision.matter, x, y)
+        stretch = np.array([3.4, 2.6, 2.4, 2.8, 3.4, 1.5, 1.7, 2.6])[matter]
+        small = np.array([1.0, 0.9, 0.9, 0.85, 0.75, 0.75, 0.55, 0.6])[matter]
+        wide = width * small * self.rng.uniform(0.75, 1.2, len(x))
+        return self.strokes(
+            x, y,
+            length=wide * stretch * self.rng.uniform(0.7, 1.25, len(x)),
+            width=wide,
+            wander=0.12 + 0.25 * (matter == v.TREE),
+            jitter=jitter,
+            body=body[0] + body[1] * self.at(self.vision.body, x, y),
+            tool=np.where((matter == v.TREE) & (width < 0.05 * self.unit), DAB, BRISTLE),
+        )  # fmt: skip
+
+    def strokes(
+        self,
+        x: Where,
+        y: Where,
+        *,
+        length: Where | float,
+        width: Where | float,
+        body: Where | float,
+        tool: NDArray[np.integer] | int,
+        angle: Where | float | None = None,
+        colour: Where | None = None,
+        second: Where | None = None,
+        wander: Where | float = 0.12,
+        jitter: float = 0.06,
+        bend: float = 0.06,
+    ) -> Strokes:
+        """Strokes at pixels; what is not given follows the vision there."""
+        count = len(x)
+        if angle is None:
+            angle = self.at(self.vision.angle, x, y)
+        if colour is None:
+            colour = self.at(self.lab, x, y)
+        if second is None:
+            # The brush still carries what it picked up a little way off.
+            off = self.rng.normal(0.0, 0.05 * self.unit, (2, count))
+            away = self.at(self.lab, x + off[0], y + 0.3 * off[1])
+            second = colour + 0.35 * np.clip(away - colour, -25, 25)
+        # Broken colour: neighbours differ in hue and warmth more than in lightness.
+        spread = jitter * np.array([42.0, 60.0, 75.0])
+        shake = self.rng.standard_normal((2, count, 3)) * spread
+        full = np.ones(count)
+        turn = self.rng.standard_normal(count) * wander
+        return Strokes(
+            x=_f32(x),
+            y=_f32(y),
+            angle=_f32(angle + turn),
+            length=_f32(length * full),
+            width=_f32(np.maximum(width * full, 1.6)),
+            bend=_f32(self.rng.standard_normal(count) * bend),
+            colour=_f32(colour + shake[0]),
+            second=_f32(second + 1.3 * shake[1]),
+            body=_f32(self.body_mm * (body * full)),
+            tool=np.full(count, 0, np.int32) + np.asarray(tool, np.int32),
+        )
+
+    def scatter(self, weight: NDArray[np.floating], count: int) -> tuple[Where, Where]:
+        """``count`` pixels drawn where ``weight`` (a plane of the vision) is large."""
+        share = weight.ravel().astype(np.float64)
+        if share.sum() <= 0.0:
+            return np.zeros(0, np.float32), np.zeros(0, np.float32)
+        rows, columns = weight.shape
+        picked = self.rng.choice(weight.size, count, p=share / share.sum())
+        row, column = np.divmod(picked, columns)
+        x = (column + self.rng.random(count)) / columns * self.size[1] - 0.5
+        y = (row + self.rng.random(count)) / rows * self.size[0] - 0.5
+        return x, y
+
+    def tinted(self, name: str, count: int) -> Where:
+        """A colour of the mood ``(count, 3)`` L*a*b*."""
+        return np.repeat(lab_from_srgb(np.array([self.vision.mood[name]])), count, axis=0)
+
+    def sky_lights(self) -> Strokes:
+        """Lit rims of clouds, laid on with the knife."""
+        w = self.vision
+        weight = (w.matter == v.CLOUD) * np.clip(w.body - 0.45, 0.0, 1.0) ** 2
+        x, y = self.scatter(weight, 130)
+        count = len(x)
+        width = self.unit * self.rng.uniform(0.014, 0.030, count)
+        colour = self.at(self.lab, x, y)
+        colour = colour + 0.55 * (self.tinted("light", count) - colour)
+        return self.strokes(
+            x, y, length=width * self.rng.uniform(1.8, 3.2, count), width=width,
+            body=self.rng.uniform(0.10, 0.22, count), tool=KNIFE, colour=colour, jitter=0.04,
+        )  # fmt: skip
+
+    def water(self) -> Strokes:
+        """Glitter: short level touches, thickest under the sun."""
+        w = self.vision
+        columns = np.arange(w.angle.shape[1])
+        under = np.exp(-(((columns - w.sun[0]) / (0.10 * w.angle.shape[1])) ** 2))
+        weight = (w.matter == v.WATER) * (0.15 + under)[None, :]
+        x, y = self.scatter(weight, 150)
+        count = len(x)
+        width = self.unit * self.rng.uniform(0.004, 0.010, count)
+        colour = self.at(self.lab, x, y)
+        share = self.rng.uniform(0.2, 1.0, (count, 1)) * (
+            0.35
+            + 0.65
+            * under[None, :].T[
+                np.clip((x / self.size[1] * len(columns)).astype(int), 0, len(columns) - 1)
+            ]
+        )
+        colour = colour + share * (self.tinted("sun", count) - colour)
+        return self.strokes(
+            x, y, length=width * self.rng.uniform(3.0, 6.0, count), width=width, angle=0.0,
+            wander=0.04, body=0.05 + 0.10 * share[:, 0], tool=BRISTLE, colour=colour,
+        )  # fmt: skip
+
+    def foliage(self) -> Strokes:
+        """Leaves against the light."""
+        w = self.vision
+        x, y = self.scatter((w.matter == v.TREE) * (0.15 + w.body), 900)
+        count = len(x)
+        light = self.at(w.body, x, y)[:, None]
+        colour = self.at(self.lab, x, y)
+        lift = np.where(self.rng.random((count, 1)) < 0.35 + 0.5 * light, 1.0, -0.6)
+        colour = colour + lift * np.array([11.0, -3.0, 9.0]) * self.rng.uniform(
+            0.3, 1.2, (count, 1)
+        )
+        width = self.unit * self.rng.uniform(0.006, 0.013, count)
+        return self.strokes(
+            x, y, length=width * self.rng.uniform(1.1, 2.2, count), width=width, wander=0.5,
+            body=0.05 + 0.13 * light[:, 0], tool=DAB, colour=colour, jitter=0.07,
+        )  # fmt: skip
+
+    def meadow(self) -> Strokes:
+        """Blades, then flowers on top of them."""
+        w = self.vision
+        x, y = self.scatter((w.matter == v.GRASS) * 1.0, 700)
+        order = np.argsort(y, kind="stable")
+        x, y = x[order], y[order]
+        count = len(x)
+        colour = self.at(self.lab, x, y)
+        colour = colour + self.rng.normal(0.0, 1.0, (count, 1)) * np.array([11.0, -2.0, 8.0])
+        near = 0.5 + y / self.size[0]
+        blades = self.strokes(
+            x, y, length=self.unit * self.rng.uniform(0.03, 0.085, count) * near,
+            width=self.unit * self.rng.uniform(0.005, 0.010, count), wander=0.22, bend=0.12,
+            body=self.rng.uniform(0.04, 0.11, count), tool=LINER, colour=colour, jitter=0.07,
+        )  # fmt: skip
+        rows = np.arange(w.angle.shape[0])[:, None] / w.angle.shape[0]
+        x, y = self.scatter((w.matter == v.GRASS) * np.exp(-(((rows - 0.84) / 0.07) ** 2)), 110)
+        count = len(x)
+        colour = self.tinted("flower", count)
+        pale = self.rng.random(count) < 0.3
+        colour[pale] = self.tinted("light", int(pale.sum()))
+        width = self.unit * self.rng.uniform(0.008, 0.018, count)
+        flowers = self.strokes(
+            x, y, length=width * self.rng.uniform(0.9, 1.4, count), width=width,
+            angle=self.rng.uniform(0, np.pi, count).astype(np.float32), colour=colour,
+            second=colour + np.array([12.0, -8.0, 6.0]), jitter=0.05,
+            body=self.rng.uniform(0.14, 0.26, count), tool=DAB,
+        )  # fmt: skip
+        return Strokes.join([blades, flowers])
+
+    def sun(self) -> Strokes:
+        """Rings of the thickest paint on the picture."""
+        rows, columns = self.vision.angle.shape
+        x0 = self.vision.sun[0] / columns * self.size[1]
+        y0 = self.vision.sun[1] / rows * self.size[0]
+        radius = self.vision.sun[2] / rows * self.size[0]
+        ring = np.repeat([1.9, 1.45, 1.05, 0.7, 0.35], [22, 17, 13, 9, 5])
+        around = np.concatenate([np.arange(n) / n * 2 * np.pi for n in (22, 17, 13, 9, 5)])
+        around = around + self.rng.uniform(-0.1, 0.1, len(ring))
+        x, y = x0 + ring * radius * np.cos(around), y0 + ring * radius * np.sin(around)
+        colour = self.tinted("sun", len(ring))
+        halo = np.clip((ring - 0.8) / 1.3, 0, 1)[:, None]
+        colour = colour + halo * (
+            0.75 * (self.at(self.lab, x, y) - colour) + np.array([0, 3, 14.0])
+        )
+        return self.strokes(
+            x, y, length=0.85 * radius * (0.6 + 0.5 * ring), width=0.42 * radius,
+            angle=(around + np.pi / 2).astype(np.float32), wander=0.06, bend=-0.02,
+            body=0.26 - 0.07 * ring, tool=BRISTLE, colour=colour, jitter=0.03,
+        )  # fmt: skip
+
+    def signature(self) -> Strokes:
+        """A few quick lines in the lower right corner."""
+        letters = np.array(
+            [  # x, y, angle, length in letter heights
+                (0.0, 0.0, -1.4, 1.0), (0.32, -0.12, 1.0, 0.5), (0.62, -0.12, -1.0, 0.5),
+                (0.95, 0.0, 1.5, 1.0), (1.45, 0.15, -1.3, 1.2), (1.7, -0.22, 0.2, 0.5),
+                (1.75, 0.02, 0.1, 0.45), (2.3, 0.1, 1.2, 0.7), (2.9, 0.28, 0.05, 1.6),
+            ]
+        )  # fmt: skip
+        tall = 0.026 * self.unit
+        x = 0.88 * self.size[1] + (letters[:, 0] - 1.5) * tall
+        y = 0.945 * self.size[0] + letters[:, 1] * tall
+        colour = np.repeat([[30.0, 18.0, 14.0]], len(x), axis=0)
+        return self.strokes(
+            x, y, length=letters[:, 3] * tall, width=0.14 * tall, angle=letters[:, 2], wander=0.03,
+            body=0.03, tool=LINER, colour=colour, second=colour, jitter=0.0,
+        )  # fmt: skip
+
+
+def _f32(values: Where) -> NDArray[np.float32]:
+    return np.asarray(values, dtype=np.float32)

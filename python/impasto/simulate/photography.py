@@ -1,0 +1,298 @@
+"""Photographs of a simulated painting: light, lens-free optics, and a sensor with its faults."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.encoding import Encoding
+from impasto.errors import ArgumentError, GeometryError
+from impasto.rig import Light, PointLight, Rig
+from impasto.simulate.cameras import Camera
+from impasto.simulate.cameras import camera as camera_named
+from impasto.simulate.easel import Painting, painting
+from impasto.simulate.fields import Field
+from impasto.simulate.rigs import rig as rig_named
+from impasto.stack import Stack
+
+Forward: TypeAlias = Callable[[Field, Field, Field, Field, Rig], NDArray[np.floating]]
+"""Radiance ``(obs, band, y, x)`` from normal ``(3, y, x)``, diffuse ``(band, y, x)``, beta and
+gamma ``(y, x)``, and a rig; white board 1.0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Noise of a sensor.
+
+    Parameters
+    ----------
+    full_well
+        Electrons at full scale: shot noise has the variance of the signal in electrons.
+    read
+        Standard deviation of the read noise in electrons.
+    """
+
+    full_well: float = 30000.0
+    read: float = 3.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.full_well) and self.full_well > 0):
+            raise ArgumentError(f"full_well: expected electrons above 0, found {self.full_well!r}")
+        if not (np.isfinite(self.read) and self.read >= 0):
+            raise ArgumentError(f"read: expected electrons from 0 on, found {self.read!r}")
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a fit of a capture should find.
+
+    Attributes
+    ----------
+    painting
+        All of it.
+    rig, camera
+        What photographed it, without exposure.
+    normal
+        ``(3, y, x)`` float32.
+    diffuse
+        ``(band, y, x)`` float32, white 1.
+    beta, gamma
+        ``(coat, y, x)`` float32.
+    exposure
+        Share of full scale that a white board facing a light of intensity 1 reaches.
+    """
+
+    painting: Painting
+    rig: Rig
+    camera: Camera
+    normal: Field
+    diffuse: Field
+    beta: Field
+    gamma: Field
+    exposure: float
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """Photographs and what is true of them."""
+
+    stack: Stack
+    truth: Truth
+
+
+def capture(
+    painting: Painting,
+    rig: Rig | str = "tominaga-six-band-adaptation",
+    camera: Camera | str | None = None,
+    *,
+    noise: bool | Noise = True,
+    bits: int | None = 12,
+    exposure: float = 0.6,
+    clip: bool = True,
+    falloff: bool | None = None,
+    shadows: bool = False,
+    encoding: str = "linear",
+    frames: int = 1,
+    seed: int | None = None,
+    forward: Forward | None = None,
+) -> Capture:
+    """Photograph a painting under every light of a rig.
+
+    Parameters
+    ----------
+    painting
+        From :func:`impasto.simulate.painting`.
+    rig
+        A :class:`~impasto.Rig` or a name that :func:`impasto.simulate.rig` knows.
+    camera
+        A camera or a name; default: the one that goes with the rig's name, else ``"rgb"``.
+    noise
+        Shot and read noise (True: 30,000 electrons full well, 3 electrons read noise).
+    bits
+        Quantisation to integers, 1 to 16 bits; None: float32 samples.
+    exposure
+        Share of full scale that a white board facing a light of intensity 1 reaches.
+    clip
+        Whether light beyond full scale is lost. False exposes for the brightest highlight
+        instead: ``exposure`` is lowered to what keeps it below 95 % of full scale.
+    falloff
+        Whether near lights weaken with 1 / r^2; default: as their own ``falloff`` says.
+    shadows
+        Whether the relief casts shadows.
+    encoding
+        ``"linear"``, ``"srgb"`` or a gamma such as ``"2.2"``. Coded photographs are decoded again,
+        so the samples keep the coarse steps in the lights; full scale is 1.0 and the exposure
+        goes into the intensities of the stack's lights.
+    frames
+        Exposures averaged before quantisation.
+    seed
+        Of the noise; default: the painting's.
+    forward
+        Another forward model (for independent tests); default: the one that impasto renders with.
+
+    Returns
+    -------
+    Capture
+        ``.stack`` and ``.truth``.
+
+    Raises
+    ------
+    ArgumentError, GeometryError
+        An option is out of its range or the rig has another pixel width than the painting.
+    """
+    rig, camera = _resolved(painting, rig, camera, falloff)
+    _check(bits, exposure, frames)
+    model = _default_forward if forward is None else forward
+    sensor = (Noise() if noise else None) if isinstance(noise, bool) else noise
+    diffuse = painting.reflectance_in(camera)
+    scene = _Scene(painting, rig, diffuse, shadows, model)
+    if not clip:
+        brightest = max(float(scene.photograph(i).max()) for i in range(len(rig)))
+        exposure = min(exposure, 0.95 / max(brightest, 1e-6))
+    seed = painting.seed if seed is None else seed
+    full = 1.0 if bits is None else float(2**bits - 1)
+    linear = Encoding(encoding).curve == "linear"
+    # A pedestal keeps the noise of the darks from being cut at 0.
+    black = float(round(full / 64)) if bits is not None and sensor and linear else 0.0
+    dtype = np.float32 if bits is None or not linear else np.uint8 if bits <= 8 else np.uint16
+    samples = np.empty((len(rig), *diffuse.shape), dtype=dtype)
+    curve = Encoding(encoding, full)
+    for i in range(len(rig)):
+        exposed = scene.photograph(i) * np.float32(exposure)
+        if sensor:
+            exposed = _noisy(exposed, sensor, frames, _noise_stream(seed, i))
+        if not linear:
+            coded = curve.encode(exposed)
+            samples[i] = curve.decode(coded if bits is None else np.rint(coded))
+        elif bits is None:
+            samples[i] = np.minimum(exposed, 1.0) / np.float32(exposure)
+        else:
+            samples[i] = np.rint(np.clip(exposed * (full - black) + black, 0.0, full))
+    common: dict[str, Any] = {"bands": camera.bands}
+    if not linear:
+        lit = [replace(light, intensity=light.intensity * exposure) for light in rig.lights]
+        exposed_rig = Rig(lit, views=rig.views, pitch_mm=rig.pitch_mm)
+        stack = Stack(samples, lights=exposed_rig, saturation=1.0, encoding=curve, **common)
+    elif bits is None:
+        stack = Stack(
+            samples, lights=rig, saturation=float(np.float32(1.0) / np.float32(exposure)), **common
+        )
+    else:
+        stack = Stack(
+            samples, lights=rig, saturation=full, black=black,
+            scale=1.0 / (exposure * (full - black)),
+            encoding=Encoding("linear", exposure * (full - black)), **common,
+        )  # fmt: skip
+    truth = Truth(
+        painting, rig, camera, painting.normal, diffuse, painting.beta, painting.gamma, exposure
+    )
+    return Capture(stack, truth)
+
+
+def default_capture(
+    system: str = "tominaga-six-band-adaptation",
+    *,
+    seed: int = 0,
+    size: tuple[int, int] = (512, 512),
+    **options: Any,
+) -> Capture:
+    """The embedded default: a satin-varnished landscape photographed by one of the papers' systems.
+
+    ``options`` go to :func:`capture`.
+    """
+    return capture(painting(seed, size), system, system, **options)
+
+
+@dataclass(frozen=True)
+class _Scene:
+    painting: Painting
+    rig: Rig
+    diffuse: Field
+    shadows: bool
+    forward: Forward
+
+    def photograph(self, index: int) -> Field:
+        """Noiseless radiance ``(band, y, x)`` of one observation, white board 1.0."""
+        p = self.painting
+        one = self.rig.take([index])
+        image = np.asarray(self.forward(p.normal, self.diffuse, p.beta[0], p.gamma[0], one)[0])
+        for beta, gamma in zip(p.beta[1:], p.gamma[1:], strict=True):
+            # Only the first band of the further coats: an interface has the lamp's colour.
+            nothing = np.zeros((1, *p.size), dtype=np.float32)
+            image = image + self.forward(p.normal, nothing, beta, gamma, one)[0]
+        if self.shadows:
+            image = image * self.visibility(one.lights[0])
+        return np.asarray(image, dtype=np.float32)
+
+    def visibility(self, light: Light) -> Field:
+        """``(y, x)``: 1 where the light reaches the surface, 0 in cast shadow."""
+        from impasto import _core
+
+        core: Any = _core
+        near = isinstance(light, PointLight)
+        towards = light.position if isinstance(light, PointLight) else light.direction
+        return np.asarray(
+            core.cast_shadows(self.painting.height, self.painting.pitch_mm, towards, near)
+        )
+
+
+def _default_forward(
+    normal: Field, diffuse: Field, beta: Field, gamma: Field, rig: Rig
+) -> NDArray[np.floating]:
+    from impasto import _core
+
+    core: Any = _core
+    return np.asarray(core.predict(normal, diffuse, beta, gamma, rig))
+
+
+def _noisy(exposed: Field, sensor: Noise, frames: int, rng: np.random.Generator) -> Field:
+    # A Poisson count above some 50 electrons is normal to within a hundredth of its deviation;
+    # below, the read noise rules.
+    electrons = np.maximum(exposed, 0.0) * np.float32(sensor.full_well)
+    deviation = np.sqrt((electrons + np.float32(sensor.read**2)) / np.float32(frames))
+    deviation /= np.float32(sensor.full_well)
+    return np.asarray(exposed + deviation * rng.standard_normal(exposed.shape, dtype=np.float32))
+
+
+def _noise_stream(seed: int, observation: int) -> np.random.Generator:
+    key = (zlib.crc32(b"noise"), observation)
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+
+
+def _resolved(
+    painting: Painting, rig: Rig | str, camera: Camera | str | None, falloff: bool | None
+) -> tuple[Rig, Camera]:
+    if camera is None:
+        camera = "six-band" if rig == "tominaga-six-band-adaptation" else "rgb"
+    if isinstance(camera, str):
+        camera = camera_named(camera)
+    if isinstance(rig, str):
+        rig = rig_named(rig, pitch_mm=painting.pitch_mm)
+    if rig.pitch_mm is None:
+        rig = Rig(rig, pitch_mm=painting.pitch_mm)
+    if abs(rig.pitch_mm / painting.pitch_mm - 1.0) > 1e-9:  # type: ignore[operator]
+        raise GeometryError(
+            f"rig: its pixels are {rig.pitch_mm} mm wide, the painting's {painting.pitch_mm} mm; "
+            "build the rig with the painting's pitch_mm"
+        )
+    if falloff is not None:
+        lights = [
+            replace(light, falloff=falloff) if isinstance(light, PointLight) else light
+            for light in rig.lights
+        ]
+        rig = Rig(lights, views=rig.views, pitch_mm=rig.pitch_mm)
+    return rig, camera
+
+
+def _check(bits: int | None, exposure: float, frames: int) -> None:
+    if bits is not None and bits not in range(1, 17):
+        raise ArgumentError(f"bits: expected 1 to 16 or None, found {bits!r}")
+    if not 0.0 < exposure <= 1.0:
+        raise ArgumentError(f"exposure: expected a share of full scale above 0, found {exposure!r}")
+    if frames < 1:
+        raise ArgumentError(f"frames: expected at least one, found {frames!r}")
