@@ -46,6 +46,9 @@ class Stack:
         How linear light became the files' coded values; used by :meth:`encode` only.
     names
         One name per observation (file names, as a rule).
+    notes
+        What was repaired, dropped or assumed while the files were read; ``str`` of each is a
+        sentence.
     """
 
     samples: NDArray[Any]
@@ -57,6 +60,7 @@ class Stack:
     black: NDArray[np.float64]
     encoding: Encoding
     names: tuple[str, ...]
+    notes: tuple[Any, ...]
 
     def __init__(
         self,
@@ -72,6 +76,7 @@ class Stack:
         black: ArrayLike = 0.0,
         encoding: Encoding | str = "linear",
         names: Sequence[str] | None = None,
+        notes: Sequence[Any] = (),
     ) -> None:
         array = _samples(samples)
         rig = Rig(lights, views=views, pitch_mm=pitch_mm)
@@ -101,6 +106,7 @@ class Stack:
         set_(self, "black", _per_band(black, count, "black"))
         set_(self, "encoding", encoding)
         set_(self, "names", _names(names, [f"{i}" for i in range(observations)], "names"))
+        set_(self, "notes", tuple(notes))
         if not (np.isfinite(self.scale) & (self.scale > 0)).all():
             raise ArgumentError(f"scale: expected positive numbers, found {scale}")
 
@@ -156,6 +162,7 @@ class Stack:
             "black": self.black,
             "encoding": self.encoding,
             "names": self.names,
+            "notes": self.notes,
         } | changes
         samples = arguments.pop("samples")
         rig = arguments.pop("rig", self.rig)
