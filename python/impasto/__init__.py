@@ -12,6 +12,7 @@ from impasto.errors import (
     ImpastoError,
     InternalError,
 )
+from impasto.io import read_stack
 from impasto.rig import DistantLight, PointLight, Rig
 from impasto.stack import Stack
 from impasto.status import Status
@@ -30,6 +31,7 @@ __all__ = [
     "Stack",
     "Status",
     "colour",
+    "read_stack",
 ]
 
 __version__ = _core.build_info()["version"]

@@ -1,0 +1,130 @@
+"""`.lp` light files: a count, then one line ``file x y z`` for each photograph."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.files import atomic_bytes
+from impasto.io.lights import LightFile, comma_numbers, finish, number
+from impasto.io.notes import LOG, Notebook
+from impasto.rig import Rig
+
+RELIGHT_LIMIT = 1000
+"""More lights than this are refused by relight, the most common reader of ``.lp`` files."""
+
+
+def parse_lp(text: str, path: Path, notebook: Notebook) -> LightFile:
+    """Read the text of an ``.lp`` file.
+
+    The last three words of a line are x, y, z and everything before them is the file name, so
+    that names with blanks and absolute paths of other computers survive.
+    """
+    lines = [(i, line.strip()) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
+    lines = [(i, line) for i, line in lines if not line.startswith("#")]
+    if not lines:
+        raise CorruptInputError(path, "is empty: a count and one line per photograph are expected")
+    promised = _count(lines[0][1])
+    if promised is None:
+        notebook.repair("count", path, "the first line is not a count: every line read as a light")
+    else:
+        lines = lines[1:]
+    names: list[str] = []
+    labels: list[str] = []
+    vectors: list[list[float]] = []
+    commas = 0
+    for index, line in lines:
+        name, vector, comma = _entry(line, index, path)
+        commas += comma
+        if name:
+            names.append(name)
+        labels.append(f"line {index}" + (f" ({name})" if name else ""))
+        vectors.append(vector)
+    if commas:
+        notebook.repair(
+            "comma", path, f"{commas} line(s) have decimal commas: read as decimal points"
+        )
+    if names and len(names) != len(vectors):
+        raise CorruptInputError(
+            path, f"only {len(names)} of {len(vectors)} lines name a photograph: name all or none"
+        )
+    if promised is not None and promised != len(vectors):
+        notebook.repair(
+            "count",
+            path,
+            f"the first line promises {promised} lights, {len(vectors)} lines follow: "
+            "all lines used",
+        )
+    table = np.array(vectors, dtype=np.float64).reshape(-1, 3)
+    return finish(path, "lp", table, labels, notebook, names=tuple(names) or None)
+
+
+def _count(line: str) -> int | None:
+    tokens = line.split()
+    return int(tokens[0]) if len(tokens) == 1 and tokens[0].isdigit() else None
+
+
+def _entry(line: str, index: int, path: Path) -> tuple[str, list[float], bool]:
+    tokens = line.rsplit(None, 3)
+    xyz = tokens[-3:]
+    if len(xyz) == 3:
+        values = [number(token) for token in xyz]
+        name = tokens[0] if len(tokens) == 4 else ""
+        if None not in values:
+            return name, [v for v in values if v is not None], False
+        repaired = comma_numbers(xyz)
+        if repaired is not None:
+            return name, repaired, True
+    raise CorruptInputError(
+        path, f"line {index}: expected FILE X Y Z with three numbers, found {line!r}"
+    )
+
+
+def write_lights(
+    path: str | Path,
+    lights: Rig | LightFile | ArrayLike,
+    names: Sequence[str] | None = None,
+) -> None:
+    """Write an ``.lp`` file that reads back to the same directions, bit for bit.
+
+    Parameters
+    ----------
+    path
+        The file to write (replaced atomically).
+    lights
+        ``(n, 3)`` directions, a :class:`~impasto.Rig` or a :class:`LightFile`.
+    names
+        The file name of each photograph; default: those of the :class:`LightFile`.
+
+    Raises
+    ------
+    ArgumentError
+        Names are missing, do not match the lights in number, or contain a line break.
+    """
+    if isinstance(lights, LightFile):
+        names = lights.names if names is None else names
+    directions: NDArray[np.float64] = (
+        lights.directions
+        if isinstance(lights, Rig | LightFile)
+        else np.asarray(lights, dtype=np.float64)
+    )
+    if directions.ndim != 2 or directions.shape[1:] != (3,) or not np.isfinite(directions).all():
+        raise ArgumentError(f"lights: expected finite (n, 3), found shape {directions.shape}")
+    if names is None or len(names) != len(directions):
+        found = "none" if names is None else str(len(names))
+        raise ArgumentError(f"names: expected {len(directions)} file names, found {found}")
+    for name in names:
+        if not name.strip() or name != name.strip() or "\n" in name or "\r" in name:
+            raise ArgumentError(f"names: {name!r} cannot stand in an .lp file")
+    if len(names) > RELIGHT_LIMIT:
+        LOG.warning("%s: %d lights; relight reads at most %d", path, len(names), RELIGHT_LIMIT)
+    lines = [str(len(names))]
+    lines += [
+        f"{name} {x!r} {y!r} {z!r}"
+        for name, (x, y, z) in zip(names, directions.tolist(), strict=True)
+    ]
+    atomic_bytes(path, ("\n".join(lines) + "\n").encode("utf-8"))

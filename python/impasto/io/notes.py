@@ -1,0 +1,80 @@
+"""What was repaired, dropped or assumed while files were read."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from impasto.errors import CorruptInputError
+
+LOG = logging.getLogger("impasto.io")
+LOG.addHandler(logging.NullHandler())
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """One thing the reader did, or saw, that its user should know.
+
+    Parameters
+    ----------
+    kind
+        A short stable word for programs: ``"count"``, ``"length"``, ``"horizon"``, ``"match"``,
+        ``"missing"``, ``"unlisted"`` ...
+    where
+        The file (and line) it is about.
+    message
+        One sentence for people: what was found and what was done.
+    repair
+        True where the reader changed or dropped something; ``strict=True`` raises instead.
+    """
+
+    kind: str
+    where: str
+    message: str
+    repair: bool = True
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.message}"
+
+
+@dataclass(slots=True)
+class Notebook:
+    """Collects notes, logs each one, and refuses repairs when strict."""
+
+    strict: bool = False
+    notes: list[Any] = field(default_factory=list)
+
+    def repair(self, kind: str, where: Path | str, message: str) -> None:
+        """Note a repair, or raise it when strict."""
+        if self.strict:
+            raise CorruptInputError(where, f"{message} (refused because strict=True)")
+        self._add(Note(kind, str(where), message), logging.WARNING)
+
+    def warn(self, kind: str, where: Path | str, message: str) -> None:
+        """Note something odd that was kept as it is."""
+        self._add(Note(kind, str(where), message, repair=False), logging.WARNING)
+
+    def say(self, kind: str, where: Path | str, message: str) -> None:
+        """Note a decision that is no cause for worry."""
+        self._add(Note(kind, str(where), message, repair=False), logging.INFO)
+
+    def take(self, note: Any) -> None:
+        """Keep a note with more to tell than a sentence (a tone estimate), and log it."""
+        self._add(note, logging.INFO if note.decided else logging.WARNING)
+
+    def extend(self, notes: tuple[Note, ...]) -> None:
+        """Take over notes that were already logged."""
+        self.notes.extend(notes)
+
+    def _add(self, note: Any, level: int) -> None:
+        self.notes.append(note)
+        LOG.log(level, "%s", note)
+
+
+def few(items: list[str] | tuple[str, ...], limit: int = 3) -> str:
+    """The first few of a list, in words: ``a, b, c and 9 more``."""
+    shown = ", ".join(items[:limit])
+    rest = len(items) - limit
+    return f"{shown} and {rest} more" if rest > 0 else shown

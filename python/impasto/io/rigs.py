@@ -1,0 +1,197 @@
+"""The rig of a stack: which lights are meant, how strong they are, how wide a pixel is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.frames import Region
+from impasto.io.headers import ImageHeader
+from impasto.io.lights import LightFile, read_lights, read_text
+from impasto.io.notes import Notebook
+from impasto.io.observations import find_lights, is_light_file
+from impasto.rig import DistantLight, Light, PointLight, Rig
+
+_STRENGTHS = "light_intensities.txt"
+
+
+@dataclass(frozen=True, eq=False)
+class ListedLights:
+    """Everything known about the lights before a photograph is opened.
+
+    Parameters
+    ----------
+    source
+        The file (or folder) to name when something does not fit.
+    names
+        The photograph of each light, where known.
+    lights, views
+        One per listed observation; ``views`` is None for a frontal camera.
+    intensities
+        ``(n,)`` or ``(n, band)``, where the light file knows them.
+    pitch_mm, width_mm
+        Width of a pixel / of the picture on the painting, where known.
+    """
+
+    source: Path
+    names: tuple[str, ...] | None
+    lights: tuple[Light, ...]
+    views: NDArray[np.float64] | None = None
+    intensities: NDArray[np.float64] | None = None
+    pitch_mm: float | None = None
+    width_mm: float | None = None
+
+
+def listed_lights(
+    path: Path,
+    lights: str | Path | LightFile | Rig | ArrayLike | None,
+    notebook: Notebook,
+) -> ListedLights:
+    """The lights of ``path`` (a light file or a folder), replaced by ``lights`` if given."""
+    if path.is_file() and not is_light_file(path):
+        raise ArgumentError(
+            f"path: {path} is neither a light file (.lp, .relight, .dome, .txt, .csv, .json), "
+            "an .npz nor a folder of photographs"
+        )
+    if isinstance(lights, LightFile):
+        return _from_file(lights, notebook)
+    if isinstance(lights, str | Path):
+        return _from_file(read_lights(lights, strict=notebook.strict), notebook)
+    if lights is None:
+        if path.is_dir():
+            return _from_file(find_lights(path, notebook), notebook)
+        return _from_file(read_lights(path, strict=notebook.strict), notebook)
+    rig = lights if isinstance(lights, Rig) else Rig(lights)
+    names = None
+    if path.is_file():
+        names = read_lights(path, strict=notebook.strict).names
+        if names is not None and len(names) != len(rig):
+            raise ArgumentError(f"lights: {len(rig)} given, {path} lists {len(names)} photographs")
+    return ListedLights(
+        path, names, rig.lights, views=rig.views, intensities=None, pitch_mm=rig.pitch_mm
+    )
+
+
+def _from_file(file: LightFile, notebook: Notebook) -> ListedLights:
+    notebook.extend(file.notes)
+    return ListedLights(
+        file.path,
+        file.names,
+        file.lights,
+        intensities=file.intensities,
+        pitch_mm=file.pitch_mm,
+        width_mm=file.width_mm,
+    )
+
+
+def build_rig(
+    listed: ListedLights,
+    kept: Sequence[int],
+    band_count: int,
+    header: ImageHeader,
+    area: Region | None,
+    notebook: Notebook,
+    *,
+    intensities: str | Path | ArrayLike | None,
+    pitch_mm: float | None,
+) -> tuple[Rig, NDArray[np.float64] | None]:
+    """The rig of the kept observations, and ``(obs, band)`` gains where bands differ."""
+    picked: list[Light] = [listed.lights[i] for i in kept]
+    gains = None
+    strengths = _strengths(listed, intensities, notebook)
+    if strengths is not None:
+        strengths = _check_strengths(strengths, len(listed.lights), kept, band_count)
+        if strengths.ndim == 2:
+            gains = strengths
+        else:
+            picked = [_with(x, s) for x, s in zip(picked, strengths.tolist(), strict=True)]
+    pitch = pitch_mm or listed.pitch_mm
+    if pitch is None and listed.width_mm:
+        pitch = listed.width_mm / header.width
+    if area is not None and pitch is not None:
+        top, left, height, width = area
+        dx = (left + width / 2 - header.width / 2) * pitch
+        dy = -(top + height / 2 - header.height / 2) * pitch
+        picked = [_moved(light, dx, dy) for light in picked]
+    views = None if listed.views is None else listed.views[list(kept)]
+    return Rig(picked, views=views, pitch_mm=pitch), gains
+
+
+def without_falloff(rig: Rig) -> Rig:
+    """The rig of samples divided by a white board: equal lights and no fall-off."""
+    lights = [
+        PointLight(light.position, 1.0, falloff=False)
+        if isinstance(light, PointLight)
+        else DistantLight(light.direction)
+        for light in rig.lights
+    ]
+    return Rig(lights, views=rig.views, pitch_mm=rig.pitch_mm)
+
+
+def _with(light: Light, strength: float) -> Light:
+    if isinstance(light, PointLight):
+        return PointLight(light.position, strength, light.falloff)
+    return DistantLight(light.direction, strength)
+
+
+def _moved(light: Light, dx: float, dy: float) -> Light:
+    """The same light seen from an origin moved by (dx, dy) mm: the middle of a region."""
+    if not isinstance(light, PointLight):
+        return light
+    x, y, z = light.position
+    return PointLight((x - dx, y - dy, z), light.intensity, light.falloff)
+
+
+def _check_strengths(
+    strengths: NDArray[np.float64], count: int, kept: Sequence[int], band_count: int
+) -> NDArray[np.float64]:
+    """``(obs,)`` or ``(obs, band)`` of the kept observations."""
+    if strengths.ndim == 0:
+        strengths = np.full(count, float(strengths))
+    if strengths.ndim > 2 or len(strengths) not in {count, len(kept)}:
+        raise ArgumentError(
+            f"intensities: expected one row for each of {count} lights, found shape "
+            f"{strengths.shape}"
+        )
+    if not (np.isfinite(strengths) & (strengths > 0)).all():
+        raise ArgumentError("intensities: expected positive numbers only")
+    if len(strengths) == count:
+        strengths = strengths[list(kept)]
+    if strengths.ndim == 2 and bool((strengths == strengths[:, :1]).all()):
+        return np.ascontiguousarray(strengths[:, 0])
+    if strengths.ndim == 2 and strengths.shape[1] != band_count:
+        raise ArgumentError(
+            f"intensities: {strengths.shape[1]} per light, the photographs have {band_count} bands"
+        )
+    return strengths
+
+
+def _strengths(
+    listed: ListedLights, intensities: Any, notebook: Notebook
+) -> NDArray[np.float64] | None:
+    if intensities is None:
+        if listed.intensities is not None:
+            notebook.say("intensities", listed.source, "light strengths taken from this file")
+            return listed.intensities
+        folder = listed.source if listed.source.is_dir() else listed.source.parent
+        if not (folder / _STRENGTHS).is_file():
+            return None
+        intensities = folder / _STRENGTHS
+        notebook.say("intensities", intensities, "taken as the strengths of the lights")
+    if not isinstance(intensities, str | Path):
+        return np.asarray(intensities, dtype=np.float64)
+    path = Path(intensities)
+    rows = [line.replace(",", " ").split() for line in read_text(path).splitlines()]
+    try:
+        table = np.array([row for row in rows if row], dtype=np.float64)
+    except ValueError as error:
+        raise CorruptInputError(
+            path, f"expected one row of numbers for each light ({error})"
+        ) from error
+    return table[:, 0] if table.ndim == 2 and table.shape[1] == 1 else table

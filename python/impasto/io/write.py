@@ -1,0 +1,176 @@
+"""Pictures and maps out: atomic, and the same bytes for the same numbers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto.errors import ArgumentError
+from impasto.io.files import atomic_bytes, atomic_path
+
+_RESERVED = frozenset(
+    {"channels", "compression", "dataWindow", "displayWindow", "lineOrder", "type"}
+)
+
+
+def write_exr(
+    path: str | Path,
+    planes: Mapping[str, ArrayLike],
+    *,
+    attributes: Mapping[str, str | float | int] | None = None,
+) -> None:
+    """Write named planes as 32-bit float OpenEXR (lossless ZIP); NaN is kept.
+
+    Parameters
+    ----------
+    path
+        The file to write (replaced atomically).
+    planes
+        Name -> ``(y, x)``; dots make layers: ``"normal.X"``. All of one size.
+    attributes
+        Strings and numbers to carry along; numbers are stored as float.
+
+    Raises
+    ------
+    ArgumentError
+        No plane, planes of different size, or a name that OpenEXR cannot hold.
+    """
+    import OpenEXR
+
+    channels: dict[str, NDArray[np.float32]] = {}
+    for name, plane in planes.items():
+        array = np.ascontiguousarray(plane, dtype=np.float32)
+        if array.ndim != 2 or 0 in array.shape:
+            raise ArgumentError(f"planes: {name!r} has shape {array.shape}, expected (y, x)")
+        if not 0 < len(name.encode()) < 256 or "\0" in name:
+            raise ArgumentError(f"planes: {name!r} cannot name an OpenEXR channel")
+        channels[name] = array
+    shapes = {name: array.shape for name, array in channels.items()}
+    if len(set(shapes.values())) != 1:
+        raise ArgumentError(f"planes: expected one or more planes of one size, found {shapes}")
+    header: dict[str, Any] = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+    }
+    for key, value in sorted((attributes or {}).items()):
+        if key in _RESERVED or not 0 < len(key) < 256:
+            raise ArgumentError(f"attributes: {key!r} cannot be used as a name")
+        header[key] = value if isinstance(value, str) else float(value)
+    with atomic_path(path) as temporary:
+        OpenEXR.File(header, channels).write(str(temporary))
+
+
+def write_png8(path: str | Path, picture: ArrayLike) -> None:
+    """Write an 8-bit PNG; see :func:`write_png16` for the picture."""
+    _write_png(path, _integers(picture, np.uint8))
+
+
+def write_png16(path: str | Path, picture: ArrayLike) -> None:
+    """Write a 16-bit PNG.
+
+    Parameters
+    ----------
+    path
+        The file to write (replaced atomically).
+    picture
+        ``(y, x)``, ``(1, y, x)``, ``(3, y, x)`` or ``(y, x, 3)``; if both ends are 3 the first axis
+        is the band. Unsigned integers of the file's own type are written as they are; floats are
+        0..1 over the full scale, clipped and rounded, with NaN as 0.
+    """
+    _write_png(path, _integers(picture, np.uint16))
+
+
+def write_tiff16(
+    path: str | Path, picture: ArrayLike, *, attributes: Mapping[str, Any] | None = None
+) -> None:
+    """Write a 16-bit TIFF (deflate); ``attributes`` become JSON in the image description.
+
+    The picture is that of :func:`write_png16`, with any number of bands.
+    """
+    _write_tiff(path, _integers(picture, np.uint16), attributes)
+
+
+def write_tiff32(
+    path: str | Path, picture: ArrayLike, *, attributes: Mapping[str, Any] | None = None
+) -> None:
+    """Write a 32-bit float TIFF (deflate): values as they are, NaN kept."""
+    array = np.asarray(picture)
+    if array.dtype.kind not in "fiub":
+        raise ArgumentError(f"picture: expected real numbers, found dtype {array.dtype}")
+    _write_tiff(path, _planar(array.astype(np.float32)), attributes)
+
+
+def write_json(path: str | Path, content: Any) -> None:
+    """Write JSON with sorted keys, UTF-8, LF; NaN and infinity are refused."""
+    try:
+        text = json.dumps(content, indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"content: cannot be written as JSON ({error})") from error
+    atomic_bytes(path, (text + "\n").encode("utf-8"))
+
+
+def _planar(array: NDArray[Any]) -> NDArray[Any]:
+    """``(band, y, x)`` from any accepted layout."""
+    if array.ndim == 2:
+        array = array[None]
+    elif array.ndim == 3 and array.shape[2] in {3} and array.shape[0] not in {1, 3}:
+        array = np.moveaxis(array, -1, 0)
+    if array.ndim != 3 or 0 in array.shape:
+        raise ArgumentError(
+            f"picture: expected (y, x), (band, y, x) or (y, x, 3), found shape {array.shape}"
+        )
+    return np.ascontiguousarray(array)
+
+
+def _integers(picture: ArrayLike, dtype: type[np.unsignedinteger[Any]]) -> NDArray[Any]:
+    """Full-scale integers from floats in 0..1; integers of the right type pass."""
+    array = np.asarray(picture)
+    if array.dtype == dtype:
+        return _planar(array)
+    if array.dtype == np.bool_:
+        array = array.astype(np.float32)
+    if array.dtype.kind != "f":
+        raise ArgumentError(
+            f"picture: expected {np.dtype(dtype).name} or floats from 0 to 1, found {array.dtype}"
+        )
+    full = float(np.iinfo(dtype).max)
+    value = np.nan_to_num(array.astype(np.float64), nan=0.0, posinf=1.0, neginf=0.0)
+    return _planar(np.rint(np.clip(value, 0.0, 1.0) * full).astype(dtype))
+
+
+def _write_png(path: str | Path, planes: NDArray[Any]) -> None:
+    import cv2
+
+    if len(planes) not in {1, 3}:
+        raise ArgumentError(f"picture: a PNG holds 1 or 3 bands, found {len(planes)}")
+    pixels = planes[0] if len(planes) == 1 else np.moveaxis(planes[::-1], 0, -1)
+    done, data = cv2.imencode(".png", np.ascontiguousarray(pixels))
+    if not done:
+        raise ArgumentError(f"picture: shape {planes.shape} cannot be written as PNG")
+    atomic_bytes(path, data.tobytes())
+
+
+def _write_tiff(
+    path: str | Path, planes: NDArray[Any], attributes: Mapping[str, Any] | None
+) -> None:
+    import tifffile
+
+    # JSON escapes keep the description ASCII, as the TIFF tag demands.
+    text = json.dumps(dict(attributes), sort_keys=True) if attributes else None
+    rgb = len(planes) == 3
+    with atomic_path(path) as temporary:
+        tifffile.imwrite(
+            temporary,
+            planes[0] if len(planes) == 1 else planes,
+            photometric="rgb" if rgb else "minisblack",
+            planarconfig="separate" if len(planes) > 1 else None,
+            compression="zlib",
+            description=text,
+            metadata=None,
+            software=False,
+        )
