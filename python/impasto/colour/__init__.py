@@ -19,11 +19,18 @@ from impasto.colour.fold import (
     WhiteScale,
     XyzFold,
     display_from_coefficients,
+    display_from_xyz,
     white_scale,
     xyz_from_coefficients,
 )
 from impasto.colour.illuminants import Illuminant, illuminant_names, planck, spectrum
-from impasto.colour.observers import OBSERVERS, STANDARD_OBSERVER, white_point, xyz_from_spectrum
+from impasto.colour.observers import (
+    OBSERVERS,
+    STANDARD_OBSERVER,
+    White,
+    white_point,
+    xyz_from_spectrum,
+)
 from impasto.colour.temperature import Correlated, adapted_temperature, correlated_temperature
 from impasto.colour.wavelengths import interpolation_matrix
 
@@ -37,6 +44,7 @@ __all__ = [
     "Display",
     "Fold",
     "Illuminant",
+    "White",
     "WhiteScale",
     "XyzFold",
     "adaptation",
@@ -45,6 +53,7 @@ __all__ = [
     "correlated_temperature",
     "delta_e",
     "display_from_coefficients",
+    "display_from_xyz",
     "illuminant_names",
     "interpolation_matrix",
     "lab_from_xyz",

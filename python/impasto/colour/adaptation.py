@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from impasto.colour.illuminants import Illuminant
-from impasto.colour.observers import STANDARD_OBSERVER, white_point
+from impasto.colour.observers import (
+    STANDARD_OBSERVER,
+    White,
+    checked_white,
+    white_of,
+    white_point,
+)
 from impasto.colour.temperature import (
     adapted_temperature,
     checked_degree,
@@ -60,8 +66,8 @@ class Adaptation:
 
 
 def adaptation(
-    test: Illuminant,
-    reference: Illuminant = "D65",
+    test: Illuminant | White,
+    reference: Illuminant | White = "D65",
     d: float = 0.56,
     mode: Mode = "planck",
     *,
@@ -75,7 +81,7 @@ def adaptation(
         The light the painting hangs in: a name, a temperature or ``(wavelengths, values)``. A
         source that is no blackbody enters eq. 7 with its correlated colour temperature.
     reference
-        The light of complete adaptation.
+        The light of complete adaptation. Both may also be a :class:`White`.
     d
         Degree of adaptation, 0 to 1; 0.56 is the mean of the paper's fourteen observers.
     mode
@@ -107,9 +113,10 @@ def adaptation(
     test_white = white_point(test_kelvin, observer)
     adapted_white = white_point(kelvin, observer)
     if mode == "anchored":
-        true_white = white_point(test, observer)
+        true_white = white_of(test, observer, "test")
         test_shift = true_white - test_white
-        reference_shift = white_point(reference, observer) - white_point(reference_kelvin, observer)
+        reference_white = white_of(reference, observer, "reference")
+        reference_shift = reference_white - white_point(reference_kelvin, observer)
         adapted_white = adapted_white + (1.0 - degree) * test_shift + degree * reference_shift
         test_white = true_white
     return Adaptation(
@@ -125,8 +132,8 @@ def adaptation(
 
 
 def adaptation_matrix(
-    test: Illuminant,
-    reference: Illuminant = "D65",
+    test: Illuminant | White,
+    reference: Illuminant | White = "D65",
     d: float = 0.56,
     mode: Mode = "planck",
     *,
@@ -171,14 +178,3 @@ def matrix_from_whites(source: ArrayLike, target: ArrayLike) -> Floats:
             )
     gains = cones_after / cones_before
     return np.asarray(np.linalg.solve(CONES_FROM_XYZ, gains[:, None] * CONES_FROM_XYZ))
-
-
-def checked_white(white: ArrayLike, name: str = "white") -> Floats:
-    """Three finite tristimulus values with Y > 0, or an :class:`ArgumentError`."""
-    xyz = np.asarray(white, dtype=np.float64)
-    if xyz.shape != (3,) or not np.isfinite(xyz).all() or not xyz[1] > 0:
-        raise ArgumentError(
-            f"{name}: expected finite XYZ (3,) with Y > 0, found "
-            f"{xyz if xyz.size <= 3 else f'shape {xyz.shape}'}"
-        )
-    return xyz

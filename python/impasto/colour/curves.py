@@ -16,11 +16,12 @@ from impasto.errors import ArgumentError
 
 ROOT = 1.0 / 2.4
 """Measured ramps are interpolated as light^(1/2.4), in which real displays are almost straight
-lines: a ramp of 17 steps is then as good as one of 256 interpolated in plain light."""
+lines: 17 steps of a gamma-2.2 ramp are enough for 0.05 L* (a straight toe like sRGB's wants 52)."""
 LARGEST_FALL = 0.05
 """Part of the range by which a measured ramp may fall (noise) before it is refused."""
 SAMPLES = 4097
-"""Points at which a measured curve is inverted: a quarter of a 10-bit code apart."""
+"""Points, besides the readings, at which a measured curve is tabulated: a quarter of a 10-bit code
+apart."""
 
 
 class Curve(Protocol):
@@ -121,7 +122,7 @@ class MeasuredCurve:
         monotone = np.clip(_isotonic(relative), 0.0, 1.0)
         # Pooling may lift the black or pull down the white; those two are exact by definition.
         monotone[0], monotone[-1] = 0.0, 1.0
-        fine = np.linspace(0.0, 1.0, SAMPLES)
+        fine = np.union1d(np.linspace(0.0, 1.0, SAMPLES), code)
         set_ = object.__setattr__
         set_(self, "codes", code)
         set_(self, "light", monotone)

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from impasto.colour._science import science
-from impasto.colour.adaptation import checked_white
-from impasto.colour.observers import white_point
+from impasto.colour.observers import checked_white, white_point
 from impasto.colour.wavelengths import Floats
 from impasto.errors import ArgumentError
 

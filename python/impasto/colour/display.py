@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.colour.adaptation import checked_white
 from impasto.colour.curves import Curve, GammaCurve, MeasuredCurve, SrgbCurve
+from impasto.colour.observers import White, checked_white
 from impasto.colour.wavelengths import Floats
 from impasto.errors import ArgumentError
 
@@ -214,6 +214,12 @@ class Display:
             DisplayCurve(curves, floor),
             Calibration(float(full[1]), dark / full[1], balance, max(falls, default=0.0)),
         )
+
+    @property
+    def white(self) -> White:
+        """The colour at full drive, a reference for :func:`adaptation`."""
+        x, y, z = self.xyz_from_linear.sum(axis=1).tolist()
+        return White((x, y, z))
 
     def encode(self, linear: ArrayLike) -> Floats:
         """Codes in [0, 1] from linear light, ``(3, ...)``: see :meth:`DisplayCurve.encode`."""

@@ -14,10 +14,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.colour.adaptation import Adaptation, Mode, adaptation, checked_white
+from impasto.colour.adaptation import Adaptation, Mode, adaptation
 from impasto.colour.display import CHANNELS, Display, as_display
 from impasto.colour.illuminants import Illuminant
-from impasto.colour.observers import STANDARD_OBSERVER, xyz_from_spectrum
+from impasto.colour.observers import STANDARD_OBSERVER, White, checked_white, xyz_from_spectrum
 from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError
 
@@ -175,7 +175,7 @@ def xyz_from_coefficients(
     *,
     observer: str = STANDARD_OBSERVER,
     test: Illuminant | None = None,
-    reference: Illuminant = "D65",
+    reference: Illuminant | White = "D65",
     d: float | None = None,
     mode: Mode = "planck",
 ) -> XyzFold:
@@ -217,7 +217,7 @@ def xyz_from_coefficients(
     if d is not None:
         seen = adaptation(
             _on_grid(illuminant if test is None else test, grid),
-            _on_grid(reference, grid),
+            reference if isinstance(reference, White) else _on_grid(reference, grid),
             d,
             mode,
             observer=observer,
@@ -233,7 +233,7 @@ def display_from_coefficients(
     *,
     observer: str = STANDARD_OBSERVER,
     test: Illuminant | None = None,
-    reference: Illuminant = "D65",
+    reference: Illuminant | White = "D65",
     d: float | None = None,
     mode: Mode = "planck",
     display: Display | str = "srgb",
@@ -243,8 +243,11 @@ def display_from_coefficients(
 
     Parameters
     ----------
-    basis, wavelengths, illuminant, observer, test, reference, d, mode
+    basis, wavelengths, illuminant, observer, test, d, mode
         See :func:`xyz_from_coefficients`.
+    reference
+        The same; also ``"display"``, the display's own white: an observer at a monitor of 7500 K
+        who is fully adapted (d = 1, ``mode="anchored"``) then sees full drive as white.
     display
         A display or the name of a standard one.
     white
@@ -255,7 +258,8 @@ def display_from_coefficients(
     Fold
         ``diffuse (3, k)`` and ``interface (3,)``, float64, in linear display light.
     """
-    screen = as_display(display)
+    if isinstance(reference, str) and reference == "display":
+        reference = as_display(display).white
     seen = xyz_from_coefficients(
         basis,
         wavelengths,
@@ -266,6 +270,25 @@ def display_from_coefficients(
         d=d,
         mode=mode,
     )
+    return display_from_xyz(seen, display, white)
+
+
+def display_from_xyz(
+    seen: XyzFold,
+    display: Display | str = "srgb",
+    white: Literal["fit", "luminance"] | float = "fit",
+) -> Fold:
+    """Continue a fold from XYZ to a display.
+
+    Parameters
+    ----------
+    seen
+        From :func:`xyz_from_coefficients`, or made by hand: any matrix from k numbers per pixel to
+        XYZ, with the XYZ of white.
+    display, white
+        See :func:`white_scale`; ``seen.interface`` is the white.
+    """
+    screen = as_display(display)
     shown = white_scale(seen.interface, screen, white)
     matrix = shown.scale * screen.linear_from_xyz
     return Fold(matrix @ seen.diffuse, shown.linear, screen, shown, seen.adaptation)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +21,12 @@ OBSERVERS = (
     "CIE 2015 10 Degree Standard Observer",
 )
 """The observers whose colour-matching functions are XYZ on a 1 nm grid."""
+
+
+class White(NamedTuple):
+    """A white of which only the colour is known, such as a display's; any luminance."""
+
+    xyz: tuple[float, float, float]
 
 
 def xyz_from_spectrum(
@@ -75,9 +82,23 @@ def white_point(illuminant: Illuminant, observer: str = STANDARD_OBSERVER) -> Fl
     return white_of(illuminant, observer, "illuminant")
 
 
-def white_of(illuminant: Illuminant, observer: str, name: str) -> Floats:
+def white_of(illuminant: Illuminant | White, observer: str, name: str) -> Floats:
     """:func:`white_point`; errors call the light source ``name``."""
+    if isinstance(illuminant, White):
+        xyz = checked_white(illuminant.xyz, name)
+        return np.asarray(xyz / xyz[1])
     return np.asarray(_weights(illuminant, observer, None, name).sum(axis=1))
+
+
+def checked_white(white: ArrayLike, name: str = "white") -> Floats:
+    """Three finite tristimulus values with Y > 0, or an :class:`ArgumentError`."""
+    xyz = np.asarray(white, dtype=np.float64)
+    if xyz.shape != (3,) or not np.isfinite(xyz).all() or not xyz[1] > 0:
+        raise ArgumentError(
+            f"{name}: expected finite XYZ (3,) with Y > 0, found "
+            f"{xyz if xyz.size <= 3 else f'shape {xyz.shape}'}"
+        )
+    return xyz
 
 
 def _weights(

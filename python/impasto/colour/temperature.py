@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from impasto.colour.illuminants import Illuminant, checked_temperature, temperature_if_given
-from impasto.colour.observers import STANDARD_OBSERVER, white_of, white_point
+from impasto.colour.observers import STANDARD_OBSERVER, White, white_of, white_point
 from impasto.colour.wavelengths import Floats
 from impasto.errors import ArgumentError
 
@@ -71,7 +71,7 @@ def correlated_temperature(illuminant: Illuminant, observer: str = STANDARD_OBSE
     Parameters
     ----------
     illuminant
-        A name, a temperature or a pair ``(wavelengths, values)``.
+        A name, a temperature, a pair ``(wavelengths, values)`` or a :class:`White`.
     observer
         The observer that integrates; CIE defines the quantity for the 1931 one.
 
@@ -94,9 +94,9 @@ def checked_degree(d: float) -> float:
     return degree
 
 
-def correlated(illuminant: Illuminant, observer: str, name: str) -> Correlated:
+def correlated(illuminant: Illuminant | White, observer: str, name: str) -> Correlated:
     """:func:`correlated_temperature`; errors call the light source ``name``."""
-    kelvin = temperature_if_given(illuminant)
+    kelvin = None if isinstance(illuminant, White) else temperature_if_given(illuminant)
     if kelvin is not None:
         return Correlated(checked_temperature(kelvin, name), 0.0)
     low, high = LOCUS_MIRED
