@@ -57,7 +57,8 @@ def write_stack(path: str | Path, stack: Stack) -> None:
 def read_archive(path: Path) -> Stack:
     """The stack of an ``.npz`` with at least ``samples`` and ``lights``."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        # An open file of our own: numpy leaves its handle open when the archive is damaged.
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays = {key: file[key] for key in file.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise CorruptInputError(path, f"cannot be read as .npz ({error})") from error
