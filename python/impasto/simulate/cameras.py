@@ -2,36 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from impasto.bands import Camera
 from impasto.errors import ArgumentError
 from impasto.simulate.pigments import WAVELENGTHS
 
 LAMP_KELVIN = 3000.0
 """The halogen lamp of both rigs (a flood lamp, a slide projector)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Camera:
-    """Sensitivities ``(band, n)`` and a light on a common grid in nm."""
-
-    wavelengths: NDArray[np.float64]
-    sensitivities: NDArray[np.float64]
-    illuminant: NDArray[np.float64]
-    bands: tuple[str, ...]
-
-    def response(self, reflectance: ArrayLike, wavelengths: ArrayLike) -> NDArray[np.float64]:
-        """Responses ``(..., band)`` to ``(..., n)``; a perfect white gives 1 in each band."""
-        weights = self.sensitivities * self.illuminant
-        weights = weights / weights.sum(axis=1, keepdims=True)
-        values = np.asarray(reflectance, dtype=np.float64)
-        flat = values.reshape(-1, values.shape[-1])
-        grid = np.asarray(wavelengths, dtype=np.float64)
-        onto = np.array([np.interp(self.wavelengths, grid, row) for row in flat])
-        return np.asarray((onto @ weights.T).reshape(*values.shape[:-1], len(weights)))
 
 
 def camera(name: str = "rgb") -> Camera:
@@ -59,10 +37,4 @@ def camera(name: str = "rgb") -> Camera:
         bands = tuple(f"{centre:.0f} nm" for centre in centres)
     else:
         raise ArgumentError(f'name: expected "rgb" or "six-band", found {name!r}')
-    return Camera(WAVELENGTHS.copy(), rows, _planck(LAMP_KELVIN), bands)
-
-
-def _planck(kelvin: float) -> NDArray[np.float64]:
-    metres = WAVELENGTHS * 1e-9
-    power = metres**-5 / np.expm1(1.4388e-2 / (metres * kelvin))
-    return np.asarray(power / power.max())
+    return Camera(WAVELENGTHS.copy(), rows, LAMP_KELVIN, bands)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto.colour import Illuminant, xyz_from_spectrum
 from impasto.errors import ArgumentError
 from impasto.simulate import surface
 from impasto.simulate.brushwork import Painter
@@ -17,16 +18,14 @@ from impasto.simulate.pigments import (
     WAVELENGTHS,
     Palette,
     absorption,
-    lab_from_xyz,
     palette,
     reflectance,
-    xyz_weights,
 )
 from impasto.simulate.strokes import Layer, lay, settle
 from impasto.simulate.vision import landscape
 
 if TYPE_CHECKING:
-    from impasto.simulate.cameras import Camera
+    from impasto.bands import Camera
 
 VarnishKind = Literal["matte", "satin", "gloss", "patches"]
 RANK = 12
@@ -94,9 +93,9 @@ class Painting:
         weights = np.asarray(camera.response(self.basis, self.wavelengths), dtype=np.float64)
         return self._project(weights)
 
-    def xyz(self, illuminant: str = "D65") -> Field:
+    def xyz(self, illuminant: Illuminant = "D65") -> Field:
         """Tristimulus values ``(3, y, x)`` of the diffuse colour, Y = 1 for a perfect white."""
-        return self._project(self.basis @ xyz_weights(illuminant))
+        return self._project(self.basis @ xyz_from_spectrum(self.wavelengths, illuminant).T)
 
     def _project(self, weights: NDArray[np.float64]) -> Field:
         k = len(self.basis)
@@ -290,16 +289,3 @@ def _checked(
         if not (np.isfinite(value) and value >= low):
             raise ArgumentError(f"{name}: expected a number from {low:g} on, found {value!r}")
     return rows, columns
-
-
-def srgb_of(xyz: Field) -> NDArray[np.uint8]:
-    """8-bit sRGB ``(y, x, 3)`` of tristimulus values ``(3, y, x)`` (D65), clipped."""
-    matrix = np.array(
-        [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
-    )
-    linear = np.clip(np.tensordot(matrix, xyz, axes=1), 0.0, 1.0)
-    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.asarray(np.moveaxis(coded * 255.0 + 0.5, 0, -1), dtype=np.uint8)
-
-
-__all__ = ["Painting", "lab_from_xyz", "painting", "srgb_of"]

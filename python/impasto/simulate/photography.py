@@ -10,10 +10,10 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.bands import Camera
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import Light, PointLight, Rig
-from impasto.simulate.cameras import Camera
 from impasto.simulate.cameras import camera as camera_named
 from impasto.simulate.easel import Painting, painting
 from impasto.simulate.fields import Field

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto.colour import Display, lab_from_xyz, xyz_from_spectrum
+from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 
 WAVELENGTHS: NDArray[np.float64] = np.arange(380.0, 781.0, 5.0)
@@ -104,37 +106,15 @@ def palette(pigments: tuple[ArrayLike, ArrayLike] | None = None) -> Palette:
 
 def lab_of(spectra: NDArray[np.floating]) -> NDArray[np.float64]:
     """CIE L*a*b* under D65 (2 degree observer) of spectra ``(count, n)`` on :data:`WAVELENGTHS`."""
-    return lab_from_xyz(np.asarray(spectra, dtype=np.float64) @ xyz_weights("D65"))
-
-
-def xyz_weights(illuminant: str) -> NDArray[np.float64]:
-    """``(n, 3)`` weights on :data:`WAVELENGTHS`: XYZ = S @ weights, Y = 1 for S = 1."""
-    import colour
-
-    shape = colour.SpectralShape(380, 780, 5)
-    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape)
-    light = colour.SDS_ILLUMINANTS[illuminant].copy().align(shape)
-    weights = observer.values * light.values[:, None]
-    return np.asarray(weights / weights[:, 1].sum())
-
-
-def lab_from_xyz(xyz: NDArray[np.floating]) -> NDArray[np.float64]:
-    """CIE L*a*b* relative to the D65 white, any shape ``(..., 3)``."""
-    white = np.array([0.95047, 1.0, 1.08883])
-    ratio = np.asarray(xyz, dtype=np.float64) / white
-    f = np.where(ratio > 216 / 24389, np.cbrt(ratio), (24389 / 27 * ratio + 16) / 116)
-    x, y, z = f[..., 0], f[..., 1], f[..., 2]
-    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+    xyz = xyz_from_spectrum(WAVELENGTHS, "D65") @ np.asarray(spectra, dtype=np.float64).T
+    return lab_from_xyz(xyz).T
 
 
 def lab_from_srgb(srgb: NDArray[np.floating]) -> NDArray[np.float64]:
     """CIE L*a*b* of sRGB colours 0 .. 1, any shape ``(..., 3)``."""
-    coded = np.clip(np.asarray(srgb, dtype=np.float64), 0.0, 1.0)
-    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
-    matrix = np.array(
-        [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
-    )
-    return lab_from_xyz(linear @ matrix.T)
+    linear = Encoding("srgb").decode(np.clip(srgb, 0.0, 1.0)).astype(np.float64)
+    xyz = linear @ np.linalg.inv(Display.named("srgb").linear_from_xyz).T
+    return np.moveaxis(lab_from_xyz(np.moveaxis(xyz, -1, 0)), 0, -1)
 
 
 def _recipes(count: int) -> NDArray[np.float64]:
