@@ -12,6 +12,7 @@ from impasto.colour.adaptation import (
     adaptation_matrix,
     matrix_from_whites,
 )
+from impasto.colour.astm import xyz_from_spectrum_astm
 from impasto.colour.difference import delta_e, lab_from_xyz
 from impasto.colour.display import Calibration, Display
 from impasto.colour.fold import (
@@ -64,4 +65,5 @@ __all__ = [
     "white_scale",
     "xyz_from_coefficients",
     "xyz_from_spectrum",
+    "xyz_from_spectrum_astm",
 ]

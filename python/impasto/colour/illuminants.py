@@ -132,9 +132,9 @@ def temperature_if_given(illuminant: Illuminant) -> float | None:
     """Kelvin, where the light source was given as a temperature."""
     if isinstance(illuminant, str):
         return _kelvin(illuminant)
-    if isinstance(illuminant, tuple) or hasattr(illuminant, "wavelengths"):
-        return None
-    return float(np.asarray(illuminant)) if np.ndim(illuminant) == 0 else None
+    if isinstance(illuminant, np.ndarray) and illuminant.ndim == 0:
+        illuminant = illuminant.item()
+    return float(illuminant) if isinstance(illuminant, int | float | np.number) else None
 
 
 def illuminant_names() -> tuple[str, ...]:

@@ -59,13 +59,12 @@ def xyz_from_spectrum(
         (see :func:`spectrum`), an unknown observer.
     """
     grid = checked_wavelengths(wavelengths)
-    fine, _ = _matching_functions(_checked_observer(observer))
+    fine, weights = fine_weights(illuminant, observer, grid)
     if grid[-1] < fine[0] or grid[0] > fine[-1]:
         raise ArgumentError(
             f"wavelengths: {grid[0]:g} to {grid[-1]:g} nm lie outside the observer's "
             f"{fine[0]:g} to {fine[-1]:g} nm"
         )
-    weights = _weights(illuminant, observer, grid)
     return np.asarray(weights @ interpolation_matrix(grid, fine))
 
 
@@ -87,7 +86,7 @@ def white_of(illuminant: Illuminant | White, observer: str, name: str) -> Floats
     if isinstance(illuminant, White):
         xyz = checked_white(illuminant.xyz, name)
         return np.asarray(xyz / xyz[1])
-    return np.asarray(_weights(illuminant, observer, None, name).sum(axis=1))
+    return np.asarray(fine_weights(illuminant, observer, None, name)[1].sum(axis=1))
 
 
 def checked_white(white: ArrayLike, name: str = "white") -> Floats:
@@ -101,10 +100,10 @@ def checked_white(white: ArrayLike, name: str = "white") -> Floats:
     return xyz
 
 
-def _weights(
+def fine_weights(
     illuminant: Illuminant, observer: str, own_grid: Floats | None, name: str = "illuminant"
-) -> Floats:
-    """``(3, m)`` on the observer's 1 nm grid; the Y row sums to 1."""
+) -> tuple[Floats, Floats]:
+    """The observer's 1 nm grid ``(m,)`` and the weights ``(3, m)``; the Y row sums to 1."""
     fine, functions = _matching_functions(_checked_observer(observer))
     power = sampled(illuminant, fine, own_grid, name)
     # The largest value becomes 1 first: tables in W m^-3 or of a cold blackbody would otherwise
@@ -116,7 +115,7 @@ def _weights(
         raise ArgumentError(
             f"{name}: {_describe(illuminant)} emits no light that the {observer} sees"
         )
-    return np.asarray(weights / luminance)
+    return fine, np.asarray(weights / luminance)
 
 
 def _describe(illuminant: Illuminant) -> str:
