@@ -9,7 +9,11 @@ from sybil import Sybil
 from sybil.parsers.markdown import PythonCodeBlockParser
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    page
+    for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    if "```python" in page.read_text(encoding="utf-8")
+]
 
 
 @pytest.fixture(scope="module")
@@ -24,11 +28,9 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_examples_of_a_page_run(
-    page: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+    page: Path, demo: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if "```python" not in page.read_text(encoding="utf-8"):
-        pytest.skip("no Python on this page")
-    monkeypatch.chdir(request.getfixturevalue("demo"))
+    monkeypatch.chdir(demo)
     document = Sybil(parsers=[PythonCodeBlockParser()]).parse(page)
     for example in document.examples():
         example.evaluate()
