@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
+
 import colour
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from impasto.colour import Display, adaptation, white_point, white_scale
+from impasto.colour import Display, adaptation, as_display, read_display, white_point, white_scale
 from impasto.colour.curves import MeasuredCurve
-from impasto.errors import ArgumentError
+from impasto.errors import ArgumentError, CorruptInputError
 from oracles import monitor
 
 CODES = np.arange(256) / 255.0
@@ -216,6 +218,62 @@ def test_clipping_on_request_is_reported():
 
 
 CRT = monitor.session()
+
+
+def session_file(folder, **changes):
+    """The monitor's session as a file."""
+    codes, readings = CRT["ramp"]
+    content = {name: np.asarray(CRT[name]).tolist() for name in ("white", "primaries", "black")}
+    content["ramp"] = {"codes": codes.tolist(), "readings": readings.tolist()}
+    path = folder / "crt.json"
+    path.write_text(json.dumps(content | changes), encoding="utf-8")
+    return path
+
+
+def test_a_display_read_from_its_file_is_the_one_measured(tmp_path):
+    path = session_file(tmp_path)
+    display, direct = read_display(path), Display.calibrated(**CRT)
+    assert display.name == "crt"
+    np.testing.assert_array_equal(display.xyz_from_linear, direct.xyz_from_linear)
+    np.testing.assert_array_equal(display.table(300), direct.table(300))
+    for name in (path, str(path), display):
+        assert as_display(name).name == "crt"
+    assert as_display("sRGB").name == "srgb"
+    assert read_display(session_file(tmp_path, ramp=None, curve=2.2, name="left")).name == "left"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"whyte": 1}, "crt.json: has unknown keys"),
+        ({"ramp": [1, 2]}, "crt.json: ramp: expected"),
+        ({"white": [1.0, None, 1.0]}, "crt.json: white"),
+        ({"white": ["a", "b", "c"]}, "crt.json: "),
+        ({"primaries": [[1.0], [2.0, 3.0]]}, "crt.json: "),
+        (
+            {"ramp": {"codes": [0, 1, 2], "readings": [0, 5, 1]}},
+            "crt.json: ramp: the readings fall",
+        ),
+    ],
+)
+def test_a_bad_file_is_named(tmp_path, changes, words):
+    with pytest.raises(CorruptInputError, match=words):
+        read_display(session_file(tmp_path, **changes))
+
+
+def test_files_that_are_no_measurements(tmp_path):
+    path = tmp_path / "crt.json"
+    for text, words in (("{", "not a JSON file"), ("[]", "expected an object"), ("{}", "lacks")):
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(CorruptInputError, match=words):
+            read_display(path)
+    path.write_bytes(bytes([255, 254, 0]))
+    with pytest.raises(CorruptInputError, match="not a JSON file"):
+        read_display(path)
+    with pytest.raises(FileNotFoundError):
+        read_display(tmp_path / "none.json")
+    with pytest.raises(ArgumentError, match="display: expected"):
+        as_display("crt")
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,7 @@ from impasto.colour.observers import (
     white_point,
     xyz_from_spectrum,
 )
+from impasto.colour.session import as_display, read_display
 from impasto.colour.temperature import Correlated, adapted_temperature, correlated_temperature
 from impasto.colour.wavelengths import interpolation_matrix
 
@@ -51,6 +52,7 @@ __all__ = [
     "adaptation",
     "adaptation_matrix",
     "adapted_temperature",
+    "as_display",
     "correlated_temperature",
     "delta_e",
     "display_from_coefficients",
@@ -60,6 +62,7 @@ __all__ = [
     "lab_from_xyz",
     "matrix_from_whites",
     "planck",
+    "read_display",
     "spectrum",
     "white_point",
     "white_scale",

@@ -242,11 +242,6 @@ class Display:
         return np.tensordot(self.xyz_from_linear, self.decode(code), axes=1)
 
 
-def as_display(display: Display | str) -> Display:
-    """A display, or the standard display of that name."""
-    return display if isinstance(display, Display) else Display.named(display)
-
-
 def _curves(
     curve: Literal["srgb"] | float | Sequence[float], ramp: tuple[ArrayLike, ArrayLike] | None
 ) -> tuple[Curve, Curve, Curve]:

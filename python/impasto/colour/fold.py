@@ -9,15 +9,17 @@ the display's tone curves.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto.colour.adaptation import Adaptation, Mode, adaptation
-from impasto.colour.display import CHANNELS, Display, as_display
+from impasto.colour.display import CHANNELS, Display
 from impasto.colour.illuminants import Illuminant
 from impasto.colour.observers import STANDARD_OBSERVER, White, checked_white, xyz_from_spectrum
+from impasto.colour.session import as_display
 from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError
 
@@ -118,7 +120,9 @@ class Fold:
 
 
 def white_scale(
-    white: ArrayLike, display: Display | str, rule: Literal["fit", "luminance"] | float = "fit"
+    white: ArrayLike,
+    display: Display | str | Path,
+    rule: Literal["fit", "luminance"] | float = "fit",
 ) -> WhiteScale:
     """How bright a white may be shown without clipping.
 
@@ -127,7 +131,7 @@ def white_scale(
     white
         XYZ ``(3,)`` of the white to show, Y = 1 meaning the display's peak luminance.
     display
-        A display or the name of a standard one.
+        A display, the name of a standard one, or its file (:func:`read_display`).
     rule
         ``"fit"``: the largest scale that clips no channel (1 / max RGB). Under D65 the paper's
         white at d = 0.56 has red at 1.37, so Y may be 0.73 of the peak.
@@ -236,7 +240,7 @@ def display_from_coefficients(
     reference: Illuminant | White = "D65",
     d: float | None = None,
     mode: Mode = "planck",
-    display: Display | str = "srgb",
+    display: Display | str | Path = "srgb",
     white: Literal["fit", "luminance"] | float = "fit",
 ) -> Fold:
     """Fold basis, light, observer, adaptation, display and white scale into one matrix.
@@ -249,7 +253,7 @@ def display_from_coefficients(
         The same; also ``"display"``, the display's own white: an observer at a monitor of 7500 K
         who is fully adapted (d = 1, ``mode="anchored"``) then sees full drive as white.
     display
-        A display or the name of a standard one.
+        A display, the name of a standard one, or its file (:func:`read_display`).
     white
         The rule of :func:`white_scale`.
 
@@ -275,7 +279,7 @@ def display_from_coefficients(
 
 def display_from_xyz(
     seen: XyzFold,
-    display: Display | str = "srgb",
+    display: Display | str | Path = "srgb",
     white: Literal["fit", "luminance"] | float = "fit",
 ) -> Fold:
     """Continue a fold from XYZ to a display.
