@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.simulate import vision as v
+from impasto.simulate.fields import blur
 from impasto.simulate.pigments import lab_from_srgb
 from impasto.simulate.strokes import BRISTLE, DAB, KNIFE, LINER, Strokes
 from impasto.simulate.vision import Vision
@@ -37,19 +38,20 @@ class Painter:
         self.unit = float(np.sqrt(size[0] * size[1]))
         """Side of the picture in px, were it square: brushes are chosen by it."""
         # Thick paint on a large picture is not thicker in proportion.
-        self.body_mm = float(np.clip((self.unit * pitch_mm / 100.0) ** 0.35, 0.4, 1.6))
+        self.body_mm = float(1.3 * np.clip((self.unit * pitch_mm / 100.0) ** 0.35, 0.4, 1.6))
         self.lab = lab_from_srgb(vision.colour).astype(np.float32)
 
     def plan(self) -> Strokes:
         """All strokes in order."""
         groups = [
-            self.pass_(0.085, 0.62, 0.00, (0.020, 0.05), 0.0),
-            self.pass_(0.045, 0.60, 0.04, (0.030, 0.12), 0.0),
-            self.pass_(0.026, 0.70, 0.08, (0.030, 0.16), 0.30),
-            self.pass_(0.015, 0.80, 0.10, (0.025, 0.15), 0.52),
-            self.sky_lights(),
+            self.pass_(0.085, 0.66, 0.00, (0.010, 0.02), 0.0),
+            self.pass_(0.045, 0.62, 0.04, (0.008, 0.10), 0.0),
+            self.pass_(0.026, 0.74, 0.08, (0.010, 0.15), 0.28),
+            self.pass_(0.015, 0.80, 0.08, (0.012, 0.13), 0.55),
+            self.clouds(),
             self.water(),
             self.foliage(),
+            self.walls(),
             self.meadow(),
             self.sun(),
             self.signature(),
@@ -83,8 +85,8 @@ class Painter:
         order = order[keep[order]]
         x, y = x[order], y[order]
         matter = self.at(self.vision.matter, x, y)
-        stretch = np.array([3.4, 2.6, 2.4, 2.8, 3.4, 1.5, 1.7, 2.6])[matter]
-        small = np.array([1.0, 0.9, 0.9, 0.85, 0.75, 0.75, 0.55, 0.6])[matter]
+        stretch = np.array([3.4, 2.6, 2.4, 2.8, 3.4, 1.9, 1.5, 2.6])[matter]
+        small = np.array([1.0, 0.9, 0.9, 0.85, 0.75, 0.70, 0.42, 0.6])[matter]
         wide = width * small * self.rng.uniform(0.75, 1.2, len(x))
         return self.strokes(
             x, y,
@@ -93,7 +95,7 @@ class Painter:
             wander=0.12 + 0.25 * (matter == v.TREE),
             jitter=jitter,
             body=body[0] + body[1] * self.at(self.vision.body, x, y),
-            tool=np.where((matter == v.TREE) & (width < 0.05 * self.unit), DAB, BRISTLE),
+            tool=BRISTLE,
         )  # fmt: skip
 
     def strokes(
@@ -157,18 +159,25 @@ class Painter:
         """A colour of the mood ``(count, 3)`` L*a*b*."""
         return np.repeat(lab_from_srgb(np.array([self.vision.mood[name]])), count, axis=0)
 
-    def sky_lights(self) -> Strokes:
-        """Lit rims of clouds, laid on with the knife."""
+    def clouds(self) -> Strokes:
+        """Lit rims of clouds: soft bristle first, the knife on the fullest of them."""
         w = self.vision
-        weight = (w.matter == v.CLOUD) * np.clip(w.body - 0.45, 0.0, 1.0) ** 2
-        x, y = self.scatter(weight, 130)
+        cloud = (w.matter == v.CLOUD).astype(np.float32)
+        full = blur(cloud, 0.02 * float(np.sqrt(cloud.size))) * cloud
+        weight = full**3 * np.clip(w.body - 0.35, 0.0, 1.0) ** 2
+        x, y = self.scatter(weight, 260)
         count = len(x)
-        width = self.unit * self.rng.uniform(0.014, 0.030, count)
+        slabs = np.arange(count) >= 170
+        width = self.unit * np.where(
+            slabs, self.rng.uniform(0.012, 0.024, count), self.rng.uniform(0.012, 0.030, count)
+        )
         colour = self.at(self.lab, x, y)
-        colour = colour + 0.55 * (self.tinted("light", count) - colour)
+        share = self.rng.uniform(0.15, 0.8, (count, 1)) + 0.2 * slabs[:, None]
+        colour = colour + share * (self.tinted("light", count) - colour)
         return self.strokes(
-            x, y, length=width * self.rng.uniform(1.8, 3.2, count), width=width,
-            body=self.rng.uniform(0.10, 0.22, count), tool=KNIFE, colour=colour, jitter=0.04,
+            x, y, length=width * self.rng.uniform(1.6, 3.0, count), width=width, wander=0.2,
+            body=np.where(slabs, self.rng.uniform(0.08, 0.18, count), 0.07),
+            tool=np.where(slabs, KNIFE, BRISTLE), colour=colour, jitter=0.05, bend=0.10,
         )  # fmt: skip
 
     def water(self) -> Strokes:
@@ -195,21 +204,51 @@ class Painter:
         )  # fmt: skip
 
     def foliage(self) -> Strokes:
-        """Leaves against the light."""
+        """Leaves: dark ones first, then those against the light, thicker."""
         w = self.vision
-        x, y = self.scatter((w.matter == v.TREE) * (0.15 + w.body), 900)
-        count = len(x)
-        light = self.at(w.body, x, y)[:, None]
-        colour = self.at(self.lab, x, y)
-        lift = np.where(self.rng.random((count, 1)) < 0.35 + 0.5 * light, 1.0, -0.6)
-        colour = colour + lift * np.array([11.0, -3.0, 9.0]) * self.rng.uniform(
-            0.3, 1.2, (count, 1)
-        )
-        width = self.unit * self.rng.uniform(0.006, 0.013, count)
-        return self.strokes(
-            x, y, length=width * self.rng.uniform(1.1, 2.2, count), width=width, wander=0.5,
-            body=0.05 + 0.13 * light[:, 0], tool=DAB, colour=colour, jitter=0.07,
-        )  # fmt: skip
+        tree = (w.matter == v.TREE).astype(np.float32)
+        groups = []
+        for count, lights in ((500, False), (650, True)):
+            weight = tree * (
+                np.clip(w.body - 0.15, 0, 1) if lights else np.clip(0.5 - w.body, 0, 1)
+            )
+            x, y = self.scatter(weight, count)
+            count = len(x)
+            shift = np.array([13.0, -4.0, 13.0]) if lights else np.array([-5.0, 1.0, -3.0])
+            colour = self.at(self.lab, x, y)
+            colour = colour + shift * self.rng.uniform(0.1, 1.3, (count, 1))
+            width = self.unit * self.rng.uniform(0.005, 0.011, count)
+            body = self.rng.uniform(0.05, 0.15, count) if lights else 0.03
+            groups.append(
+                self.strokes(
+                    x, y, length=width * self.rng.uniform(1.3, 2.8, count), width=width,
+                    wander=0.55, body=body, tool=DAB, colour=colour, jitter=0.08,
+                )
+            )  # fmt: skip
+        return Strokes.join(groups)
+
+    def walls(self) -> Strokes:
+        """Walls and roofs, hatched from edge to edge with a small flat brush."""
+        groups = []
+        for facet in self.vision.facets:
+            corners = facet.corners * (self.size[1], self.size[0])
+            along, across = (1, 0) if facet.down else (0, 1)
+            low, high = corners[:, across].min(), corners[:, across].max()
+            count = max(2, int(np.ceil((high - low) / max(0.008 * self.unit, 2.0))))
+            width = (high - low) / count
+            at = low + (np.arange(count) + 0.5) * width
+            start, end = _chords(corners[:, across], corners[:, along], at)
+            middle = 0.5 * (start + end)
+            x, y = (at, middle) if facet.down else (middle, at)
+            colour = np.repeat(lab_from_srgb(facet.colour[None]), count, axis=0)
+            groups.append(
+                self.strokes(
+                    x, y, length=np.maximum(end - start, 2.0) + 0.5 * width, width=1.5 * width,
+                    angle=np.pi / 2 * facet.down, wander=0.02, bend=0.01, body=0.09, tool=KNIFE,
+                    colour=colour, second=colour, jitter=0.06,
+                )
+            )  # fmt: skip
+        return Strokes.join(groups)
 
     def meadow(self) -> Strokes:
         """Blades, then flowers on top of them."""
@@ -227,17 +266,22 @@ class Painter:
             body=self.rng.uniform(0.04, 0.11, count), tool=LINER, colour=colour, jitter=0.07,
         )  # fmt: skip
         rows = np.arange(w.angle.shape[0])[:, None] / w.angle.shape[0]
-        x, y = self.scatter((w.matter == v.GRASS) * np.exp(-(((rows - 0.84) / 0.07) ** 2)), 110)
-        count = len(x)
-        colour = self.tinted("flower", count)
-        pale = self.rng.random(count) < 0.3
+        x, y = self.scatter((w.matter == v.GRASS) * np.exp(-(((rows - 0.86) / 0.06) ** 2)), 75)
+        petals = self.rng.integers(1, 5, len(x))
+        near = (0.6 + 1.6 * np.clip(y / self.size[0] - 0.75, 0, 1) / 0.25)[:, None]
+        bloom = self.unit * 0.008 * near[:, 0] * self.rng.uniform(0.7, 1.3, len(x))
+        colour = self.tinted("flower", len(x))
+        pale = self.rng.random(len(x)) < 0.3
         colour[pale] = self.tinted("light", int(pale.sum()))
-        width = self.unit * self.rng.uniform(0.008, 0.018, count)
+        plant = np.repeat(np.arange(len(x)), petals)
+        x, y, bloom, colour = x[plant], y[plant], bloom[plant], colour[plant]
+        count = len(x)
         flowers = self.strokes(
-            x, y, length=width * self.rng.uniform(0.9, 1.4, count), width=width,
-            angle=self.rng.uniform(0, np.pi, count).astype(np.float32), colour=colour,
-            second=colour + np.array([12.0, -8.0, 6.0]), jitter=0.05,
-            body=self.rng.uniform(0.14, 0.26, count), tool=DAB,
+            x + self.rng.normal(0, 0.6, count) * bloom, y + self.rng.normal(0, 0.45, count) * bloom,
+            length=bloom * self.rng.uniform(1.0, 1.7, count), width=bloom,
+            angle=self.rng.uniform(0, np.pi, count), colour=colour,
+            second=colour + np.array([12.0, -8.0, 6.0]), jitter=0.06,
+            body=self.rng.uniform(0.08, 0.20, count), tool=DAB,
         )  # fmt: skip
         return Strokes.join([blades, flowers])
 
@@ -247,19 +291,21 @@ class Painter:
         x0 = self.vision.sun[0] / columns * self.size[1]
         y0 = self.vision.sun[1] / rows * self.size[0]
         radius = self.vision.sun[2] / rows * self.size[0]
-        ring = np.repeat([1.9, 1.45, 1.05, 0.7, 0.35], [22, 17, 13, 9, 5])
-        around = np.concatenate([np.arange(n) / n * 2 * np.pi for n in (22, 17, 13, 9, 5)])
-        around = around + self.rng.uniform(-0.1, 0.1, len(ring))
+        counts = (30, 24, 18, 13, 8, 4)
+        ring = np.repeat([2.6, 2.05, 1.5, 1.05, 0.65, 0.25], counts)
+        around = np.concatenate([np.arange(n) / n * 2 * np.pi for n in counts])
+        around = around + self.rng.uniform(-0.15, 0.15, len(ring))
+        ring = ring + self.rng.uniform(-0.12, 0.12, len(ring))
         x, y = x0 + ring * radius * np.cos(around), y0 + ring * radius * np.sin(around)
+        # The halo fades into the air that the strokes lie in.
+        halo = np.clip((ring - 0.8) / 2.0, 0, 1)[:, None]
         colour = self.tinted("sun", len(ring))
-        halo = np.clip((ring - 0.8) / 1.3, 0, 1)[:, None]
-        colour = colour + halo * (
-            0.75 * (self.at(self.lab, x, y) - colour) + np.array([0, 3, 14.0])
-        )
+        air = 0.5 * self.at(self.lab, x, y) + 0.5 * self.tinted("horizon", len(ring))
+        colour = colour + halo**0.6 * (air - colour)
         return self.strokes(
-            x, y, length=0.85 * radius * (0.6 + 0.5 * ring), width=0.42 * radius,
-            angle=(around + np.pi / 2).astype(np.float32), wander=0.06, bend=-0.02,
-            body=0.26 - 0.07 * ring, tool=BRISTLE, colour=colour, jitter=0.03,
+            x, y, length=radius * (0.6 + 0.55 * ring), width=0.55 * radius,
+            angle=around + np.pi / 2, wander=0.08, bend=-0.03,
+            body=np.clip(0.16 - 0.045 * ring, 0.04, None), tool=BRISTLE, colour=colour, jitter=0.04,
         )  # fmt: skip
 
     def signature(self) -> Strokes:
@@ -274,7 +320,8 @@ class Painter:
         tall = 0.026 * self.unit
         x = 0.88 * self.size[1] + (letters[:, 0] - 1.5) * tall
         y = 0.945 * self.size[0] + letters[:, 1] * tall
-        colour = np.repeat([[30.0, 18.0, 14.0]], len(x), axis=0)
+        ground = self.at(self.lab, x, y)[:, :1].mean()
+        colour = np.repeat([[62.0, 22.0, 40.0] if ground < 45 else [28.0, 20.0, 14.0]], len(x), 0)
         return self.strokes(
             x, y, length=letters[:, 3] * tall, width=0.14 * tall, angle=letters[:, 2], wander=0.03,
             body=0.03, tool=LINER, colour=colour, second=colour, jitter=0.0,
@@ -283,3 +330,14 @@ class Painter:
 
 def _f32(values: Where) -> NDArray[np.float32]:
     return np.asarray(values, dtype=np.float32)
+
+
+def _chords(across: Where, along: Where, at: Where) -> tuple[Where, Where]:
+    """First and last ``along`` of a convex outline on the lines ``across == at``."""
+    step = np.linspace(0.0, 1.0, 64)[:, None]
+    edge_across = (across + step * (np.roll(across, -1) - across)).ravel()
+    edge_along = (along + step * (np.roll(along, -1) - along)).ravel()
+    near = np.abs(edge_across - at[:, None]) <= 0.5 * (np.ptp(across) / len(at)) + 1e-9
+    start = np.where(near, edge_along, np.inf).min(axis=1)
+    end = np.where(near, edge_along, -np.inf).max(axis=1)
+    return start, end

@@ -145,7 +145,7 @@ def _press(layer: Layer, window: tuple[slice, slice], stamp: Field, body: float)
     height, paint = layer.height[window], layer.paint[window]
     cover, profile = stamp[..., 0], stamp[..., 1]
     # A loaded brush fills what it passes over; thin paint follows every thread.
-    level = min(0.85, 0.25 + 3.0 * body)
+    level = 0.02 + 0.83 * float(np.clip((body - 0.015) / 0.16, 0.0, 1.0)) ** 0.8
     mean = cv2.blur(height, (7, 7), borderType=cv2.BORDER_REFLECT)
     mean_paint = cv2.blur(paint, (7, 7), borderType=cv2.BORDER_REFLECT)
     relief = body * profile

@@ -21,10 +21,10 @@ MOODS: tuple[dict[str, tuple[float, float, float]], ...] = (
         "dark": (0.10, 0.17, 0.15), "leaf": (0.34, 0.46, 0.14), "flower": (0.84, 0.20, 0.14),
     },
     {  # evening, the sun in the haze
-        "zenith": (0.20, 0.24, 0.52), "sky": (0.62, 0.52, 0.66), "horizon": (1.00, 0.66, 0.34),
-        "light": (1.00, 0.82, 0.58), "shade": (0.46, 0.38, 0.58), "sun": (1.00, 0.90, 0.62),
-        "hill": (0.36, 0.34, 0.56), "field": (0.66, 0.46, 0.20), "meadow": (0.32, 0.38, 0.20),
-        "dark": (0.09, 0.10, 0.16), "leaf": (0.36, 0.36, 0.14), "flower": (0.90, 0.66, 0.22),
+        "zenith": (0.16, 0.24, 0.52), "sky": (0.70, 0.56, 0.66), "horizon": (1.00, 0.72, 0.38),
+        "light": (1.00, 0.86, 0.62), "shade": (0.52, 0.42, 0.62), "sun": (1.00, 0.93, 0.62),
+        "hill": (0.38, 0.36, 0.58), "field": (0.74, 0.52, 0.20), "meadow": (0.36, 0.42, 0.20),
+        "dark": (0.09, 0.11, 0.17), "leaf": (0.38, 0.40, 0.14), "flower": (0.93, 0.68, 0.20),
     },
     {  # a clear morning
         "zenith": (0.24, 0.48, 0.78), "sky": (0.56, 0.77, 0.88), "horizon": (0.96, 0.93, 0.82),
@@ -33,6 +33,25 @@ MOODS: tuple[dict[str, tuple[float, float, float]], ...] = (
         "dark": (0.10, 0.22, 0.18), "leaf": (0.40, 0.56, 0.18), "flower": (0.93, 0.90, 0.90),
     },
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Facet:
+    """A flat thing with straight edges.
+
+    Attributes
+    ----------
+    corners
+        ``(corner, 2)`` of a convex outline, (x, y) as shares of the picture.
+    colour
+        sRGB.
+    down
+        Whether its strokes run downwards rather than across.
+    """
+
+    corners: NDArray[np.float64]
+    colour: NDArray[np.float32]
+    down: bool
 
 
 @dataclass(frozen=True)
@@ -55,6 +74,8 @@ class Vision:
         (x, y) of the sun in cells, and its radius.
     mood
         Named colours.
+    facets
+        Walls and roofs, far to near.
     """
 
     colour: Field
@@ -63,7 +84,8 @@ class Vision:
     body: Field
     matter: NDArray[np.int32]
     sun: tuple[float, float, float]
-    mood: dict[str, tuple[float, float, float]]
+    mood: dict[str, NDArray[np.float32]]
+    facets: list[Facet]
 
 
 def landscape(rng: np.random.Generator, size: tuple[int, int]) -> Vision:
@@ -106,6 +128,7 @@ class _Sketch:
         self.detail = np.zeros(shape, np.float32)
         self.body = np.zeros(shape, np.float32)
         self.matter = np.full(shape, SKY, np.int32)
+        self.facets: list[Facet] = []
 
     def fractal(self, cell: float | tuple[float, float], octaves: int = 4) -> Field:
         """Noise with features of ``cell`` of the picture."""
@@ -137,21 +160,23 @@ class _Sketch:
 
     def sky(self) -> None:
         t = np.clip(self.y / self.horizon, 0.0, 1.0) + 0.05 * self.fractal(0.3)
-        air = self.mix("zenith", "sky", smoothstep(0.0, 0.62, t))
-        air += smoothstep(0.50, 1.05, t)[..., None] * (self.mood["horizon"] - air)
+        air = self.mix("zenith", "sky", smoothstep(0.0, 0.50, t))
+        air += smoothstep(0.38, 0.86, t)[..., None] * (self.mood["horizon"] - air)
         dx, dy = (self.x - self.sun[0]) * self.aspect, self.y - self.sun[1]
         distance = np.sqrt(dx * dx + dy * dy)
-        glow = np.exp(-distance / 0.16)
-        air += (0.85 * glow)[..., None] * (self.mood["sun"] - air)
+        glow = np.exp(-distance / 0.11)
+        air += np.sqrt(0.6 * glow)[..., None] * (self.mood["horizon"] - air)
+        air += glow[..., None] * (self.mood["sun"] - air)
         whirl = self.fractal(0.30, 2)
         gy, gx = np.gradient(whirl * 0.30 * self.unit)
         ring = 1.6 * np.exp(-((distance / 0.22) ** 2))
-        flow_x = 1.0 + 1.1 * gy - ring * dy / (distance + 0.02)
+        calm = 2.5 * smoothstep(0.55, 1.0, t)
+        flow_x = 1.0 + calm + 1.1 * gy - ring * dy / (distance + 0.02)
         flow_y = -1.1 * gx + ring * dx / (distance + 0.02)
         angle = np.arctan2(flow_y, flow_x)
         self.put(np.ones(self.shape, np.float32), air, SKY, angle, 0.12, 0.30 + 0.5 * glow)
         self._clouds(angle)
-        disc = smoothstep(0.050, 0.040, distance)
+        disc = smoothstep(0.036, 0.028, distance)
         around = np.arctan2(dx, -dy)
         self.put(disc, self.mood["sun"], CLOUD, around, 0.8, 1.0)
 
@@ -162,7 +187,7 @@ class _Sketch:
         thickness = blur(puff, 0.018 * self.unit)
         gy, gx = np.gradient(thickness)
         lit = (gy * 1.0 - sunward * gx * 0.6) * self.unit * 0.05
-        tone = smoothstep(-0.45, 0.75, lit + 0.15 * puff)
+        tone = smoothstep(-0.60, 0.60, lit + 0.15 * puff)
         self.put(
             0.92 * cover, self.mix("shade", "light", tone), CLOUD, angle, 0.45, 0.35 + 0.6 * tone
         )
@@ -257,12 +282,12 @@ class _Sketch:
         ragged = 0.30 * self.fractal(0.022, 3) + 0.20 * self.fractal(0.06, 2)
         if tall:
             outline = 0.155 * np.sqrt(np.clip(np.sin(np.pi * np.clip(v, 0, 1) ** 0.62), 0, 1))
-            inside = outline * (1.0 + ragged) - np.abs(u + 0.02 * np.sin(5 * v))
+            inside = outline * (1.0 + ragged) - np.abs(u + 0.02 * np.sin(5 * v)) - 0.006
         else:
             crown = np.sqrt(((v - 0.62) / 0.40) ** 2 + (u / 0.46) ** 2) + 0.28 * ragged
-            trunk = (0.035 - np.abs(u + 0.03 * v)) * ((v > 0) & (v < 0.5))
+            trunk = np.where((v > 0) & (v < 0.5), 0.035 - np.abs(u + 0.03 * v), -1.0)
             inside = np.maximum(0.3 * (1.0 - crown), trunk)
-        where = smoothstep(-0.006, 0.012, inside) * (v > -0.02)
+        where = smoothstep(-0.006, 0.012, inside) * ((v > 0.0) & (v < 1.02))
         facing = np.sign(self.sun[0] - x) or 1.0
         light = smoothstep(
             -0.10, 0.22, facing * u + 0.15 * (v - 0.5) + 0.06 * self.fractal(0.03, 3)
@@ -280,57 +305,37 @@ class _Sketch:
         self.put(where, colour, TREE, angle, 0.75, 0.30 + 0.55 * light)
 
     def house(self) -> None:
+        for _ in range(int(self.rng.integers(1, 3))):
+            left = 0.5 + self.side * self.rng.uniform(0.0, 0.30)
+            base = self.horizon + self.rng.uniform(0.05, 0.11)
+            self._house(float(np.clip(left, 0.06, 0.86)), base, self.rng.uniform(0.07, 0.10))
+
+    def _house(self, left: float, base: float, width: float) -> None:
         import cv2
 
         rows, columns = self.shape
-        for _ in range(int(self.rng.integers(1, 4))):
-            x = (
-                float(np.clip(0.5 + self.side * self.rng.uniform(-0.05, 0.36), 0.06, 0.90))
-                * columns
-            )
-            base = (self.horizon + self.rng.uniform(0.03, 0.10)) * rows
-            w = self.rng.uniform(0.055, 0.085) * self.unit
-            h = 0.62 * w
-            lit = self.side > 0
-            walls = np.array([[x, base], [x + w, base], [x + w, base - h], [x, base - h]])
-            gable = np.array(
-                [
-                    [x + w, base],
-                    [x + 1.5 * w, base - 0.06 * w],
-                    [x + 1.5 * w, base - h],
-                    [x + 1.25 * w, base - 1.55 * h],
-                    [x + w, base - h],
-                ]
-            )
-            roof = np.array(
-                [
-                    [x - 0.05 * w, base - h],
-                    [x + w, base - h],
-                    [x + 1.25 * w, base - 1.6 * h],
-                    [x + 0.2 * w, base - 1.6 * h],
-                ]
-            )
-            white, shade = self.mood["light"], 0.55 * self.mood["shade"] + 0.25 * self.mood["hill"]
-            red = np.array([0.72, 0.30, 0.18], np.float32)
-            door = np.array(
-                [
-                    [x + 0.4 * w, base],
-                    [x + 0.55 * w, base],
-                    [x + 0.55 * w, base - 0.55 * h],
-                    [x + 0.4 * w, base - 0.55 * h],
-                ]
-            )
-            for shape_, colour, angle, body in (
-                (walls, shade if lit else white, np.pi / 2, 0.7),
-                (gable, white if lit else shade, np.pi / 2, 0.8),
-                (roof, red, 0.0, 0.6),
-                (door, self.mood["dark"] * 1.6, np.pi / 2, 0.2),
-            ):
-                cover = np.zeros(self.shape, np.uint8)
-                cv2.fillPoly(
-                    cover, [np.round(shape_ * 16).astype(np.int32)], 255, cv2.LINE_AA, shift=4
-                )
-                self.put(cover.astype(np.float32) / 255, colour, HOUSE, angle, 1.0, body)
+        w, h = width * self.unit, 0.62 * width * self.unit
+        white = self.mood["light"]
+        shade = 0.55 * self.mood["shade"] + 0.25 * self.mood["hill"]
+        front, gable = (shade, white) if self.side > 0 else (white, shade)
+        roof = np.array([0.74, 0.31, 0.18], np.float32)
+        hole = self.mood["dark"] * 1.6
+        parts: list[tuple[NDArray[np.float32], bool, list[tuple[float, float]]]] = [
+            # Corners in widths and heights of the front wall; True: painted downwards.
+            (front, True, [(0, 0), (1, 0), (1, 1), (0, 1)]),
+            (gable, True, [(1, 0), (1.5, 0.09), (1.5, 1), (1.25, 1.58), (1, 1)]),
+            (roof, False, [(-0.06, 0.96), (1, 0.96), (1.27, 1.62), (0.2, 1.62)]),
+            (hole, True, [(0.42, 0), (0.55, 0), (0.55, 0.52), (0.42, 0.52)]),
+            (hole, True, [(0.14, 0.42), (0.26, 0.42), (0.26, 0.68), (0.14, 0.68)]),
+            (hole, True, [(0.72, 0.42), (0.84, 0.42), (0.84, 0.68), (0.72, 0.68)]),
+        ]
+        for colour, down, corners in parts:
+            points = np.array([[left * columns + w * a, base * rows - h * b] for a, b in corners])
+            cover = np.zeros(self.shape, np.uint8)
+            fixed = np.round(points * 16).astype(np.int32)
+            cv2.fillPoly(cover, [fixed], 255, cv2.LINE_AA, shift=4)
+            self.put(cover.astype(np.float32) / 255, colour, HOUSE, np.pi / 2 * down, 0.3, 0.5)
+            self.facets.append(Facet(points / (columns, rows), colour, down))
 
     def grass(self) -> None:
         edge = 0.80 + 0.05 * self.fractal(0.2, 3) + 0.10 * np.abs(self.x - 0.5 + 0.3 * self.side)
@@ -350,6 +355,14 @@ class _Sketch:
         detail = np.maximum(self.detail, 0.85 * blur(edges, 1.2))
         body = np.clip(self.body * (0.45 + 0.75 * grey), 0.0, 1.0)
         rows, columns = self.shape
-        sun = (self.sun[0] * columns, self.sun[1] * rows, 0.045 * rows)
-        mood = {name: tuple(float(v) for v in value) for name, value in self.mood.items()}
-        return Vision(colour, self.angle, np.clip(detail, 0, 1), body, self.matter, sun, mood)  # type: ignore[arg-type]
+        sun = (self.sun[0] * columns, self.sun[1] * rows, 0.030 * rows)
+        return Vision(
+            colour=colour,
+            angle=self.angle,
+            detail=np.clip(detail, 0.0, 1.0),
+            body=body,
+            matter=self.matter,
+            sun=sun,
+            mood=self.mood,
+            facets=self.facets,
+        )
