@@ -24,6 +24,7 @@ from impasto.colour.fold import (
     white_scale,
     xyz_from_coefficients,
 )
+from impasto.colour.icc import icc_profile
 from impasto.colour.illuminants import Illuminant, illuminant_names, planck, spectrum
 from impasto.colour.observers import (
     OBSERVERS,
@@ -57,6 +58,7 @@ __all__ = [
     "delta_e",
     "display_from_coefficients",
     "display_from_xyz",
+    "icc_profile",
     "illuminant_names",
     "interpolation_matrix",
     "lab_from_xyz",
