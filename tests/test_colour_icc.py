@@ -7,8 +7,10 @@ import io
 import colour
 import numpy as np
 import pytest
+import tifffile
 
 from impasto.colour import Display, icc_profile
+from impasto.io import read_image, write_png8, write_png16, write_tiff16
 from oracles import monitor
 
 # Pillow comes with Matplotlib, a test dependency.
@@ -85,3 +87,19 @@ def test_measured_curves_are_tabulated():
 def test_the_same_display_gives_the_same_bytes():
     assert icc_profile(Display.named("srgb")) == icc_profile(Display.named("sRGB"))
     assert len(icc_profile(Display.named("srgb"))) < 1000
+
+
+def test_files_carry_the_profile_and_the_same_pixels(tmp_path, codes):
+    profile = icc_profile(Display.named("display-p3"))
+    for name, write in (("8.png", write_png8), ("16.png", write_png16), ("16.tif", write_tiff16)):
+        picture = codes if name == "8.png" else codes.astype(np.uint16) * 257
+        write(tmp_path / name, picture, icc=profile)
+        np.testing.assert_array_equal(
+            read_image(tmp_path / name), np.moveaxis(picture, -1, 0), err_msg=name
+        )
+    for name in ("8.png", "16.png"):
+        with Image.open(tmp_path / name) as image:
+            image.verify()
+            assert image.info["icc_profile"] == profile
+    with tifffile.TiffFile(tmp_path / "16.tif") as file:
+        assert file.pages[0].iccprofile == profile

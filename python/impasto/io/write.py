@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import struct
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -65,12 +67,12 @@ def write_exr(
         OpenEXR.File(header, channels).write(str(temporary))
 
 
-def write_png8(path: str | Path, picture: ArrayLike) -> None:
+def write_png8(path: str | Path, picture: ArrayLike, *, icc: bytes | None = None) -> None:
     """Write an 8-bit PNG; see :func:`write_png16` for the picture."""
-    _write_png(path, _integers(picture, np.uint8))
+    _write_png(path, _integers(picture, np.uint8), icc)
 
 
-def write_png16(path: str | Path, picture: ArrayLike) -> None:
+def write_png16(path: str | Path, picture: ArrayLike, *, icc: bytes | None = None) -> None:
     """Write a 16-bit PNG.
 
     Parameters
@@ -81,18 +83,25 @@ def write_png16(path: str | Path, picture: ArrayLike) -> None:
         ``(y, x)``, ``(1, y, x)``, ``(3, y, x)`` or ``(y, x, 3)``; if both ends are 3 the first axis
         is the band. Unsigned integers of the file's own type are written as they are; floats are
         0..1 over the full scale, clipped and rounded, with NaN as 0.
+    icc
+        The profile of the display whose codes these are (:func:`impasto.colour.icc_profile`);
+        without one, programs take the codes for sRGB.
     """
-    _write_png(path, _integers(picture, np.uint16))
+    _write_png(path, _integers(picture, np.uint16), icc)
 
 
 def write_tiff16(
-    path: str | Path, picture: ArrayLike, *, attributes: Mapping[str, Any] | None = None
+    path: str | Path,
+    picture: ArrayLike,
+    *,
+    attributes: Mapping[str, Any] | None = None,
+    icc: bytes | None = None,
 ) -> None:
     """Write a 16-bit TIFF (deflate); ``attributes`` become JSON in the image description.
 
-    The picture is that of :func:`write_png16`, with any number of bands.
+    The picture and ``icc`` are those of :func:`write_png16`, with any number of bands.
     """
-    _write_tiff(path, _integers(picture, np.uint16), attributes)
+    _write_tiff(path, _integers(picture, np.uint16), attributes, icc)
 
 
 def write_tiff32(
@@ -143,7 +152,7 @@ def _integers(picture: ArrayLike, dtype: type[np.unsignedinteger[Any]]) -> NDArr
     return _planar(np.rint(np.clip(value, 0.0, 1.0) * full).astype(dtype))
 
 
-def _write_png(path: str | Path, planes: NDArray[Any]) -> None:
+def _write_png(path: str | Path, planes: NDArray[Any], icc: bytes | None) -> None:
     import cv2
 
     if len(planes) not in {1, 3}:
@@ -152,11 +161,23 @@ def _write_png(path: str | Path, planes: NDArray[Any]) -> None:
     done, data = cv2.imencode(".png", np.ascontiguousarray(pixels))
     if not done:
         raise ArgumentError(f"picture: shape {planes.shape} cannot be written as PNG")
-    atomic_bytes(path, data.tobytes())
+    content = data.tobytes()
+    atomic_bytes(path, content if icc is None else _with_profile(content, icc))
+
+
+def _with_profile(png: bytes, icc: bytes) -> bytes:
+    """The PNG with an iCCP chunk behind its header, where the format wants it."""
+    body = b"iCCP" + b"ICC profile\0\0" + zlib.compress(icc, 9)
+    chunk = struct.pack(">I", len(body) - 4) + body + struct.pack(">I", zlib.crc32(body))
+    header = 8 + 4 + 4 + 13 + 4
+    return png[:header] + chunk + png[header:]
 
 
 def _write_tiff(
-    path: str | Path, planes: NDArray[Any], attributes: Mapping[str, Any] | None
+    path: str | Path,
+    planes: NDArray[Any],
+    attributes: Mapping[str, Any] | None,
+    icc: bytes | None = None,
 ) -> None:
     import tifffile
 
@@ -173,4 +194,5 @@ def _write_tiff(
             description=text,
             metadata=None,
             software=False,
+            iccprofile=icc,
         )
