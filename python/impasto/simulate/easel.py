@@ -234,7 +234,7 @@ def _reflect(
         mixed += share[at] * (table[second[at]] - mixed)
         body = reflectance(mixed)
         body *= np.exp(-2.0 * (depths[at] @ filters))
-        body *= 1.0 - np.float32(0.82) * dirt[at]
+        body *= 1.0 - np.float32(0.75) * dirt[at]
         return np.asarray(body, dtype=np.float32)
 
     count = first.size

@@ -137,7 +137,7 @@ def cracks(
 
     depth = np.zeros(shape, dtype=np.float32)
     darkness = np.zeros(shape, dtype=np.float32)
-    for island_mm, width_mm, fall_mm, share in ((11.0, 0.16, 0.10, 0.92), (4.2, 0.09, 0.05, 0.42)):
+    for island_mm, width_mm, fall_mm, share in ((15.0, 0.13, 0.09, 0.80), (6.0, 0.08, 0.04, 0.28)):
         cell = max(island_mm / pitch_mm, 4.0)
         rows, columns = int(shape[0] / cell) + 3, int(shape[1] / cell) + 3
         shift = rng.random((2, rows, columns))
@@ -171,6 +171,6 @@ def cracks(
         strength = smoothstep(-0.9, 0.2, fractal(rng, shape, 2.2 * cell, 2) + (share - 0.5) * 2.0)
         gap = np.exp(-((away / (0.5 * width_mm)) ** 2)) * strength
         rim = np.exp(-((away / (0.09 * island_mm)) ** 2)) * strength
-        depth += (0.035 * island_mm / 11.0 * rim - fall_mm * gap).astype(np.float32)
+        depth += (0.035 * island_mm / 15.0 * rim - fall_mm * gap).astype(np.float32)
         darkness = np.maximum(darkness, gap.astype(np.float32))
     return depth, darkness
