@@ -22,7 +22,7 @@ from impasto.stack import Stack
 
 Forward: TypeAlias = Callable[[Field, Field, Field, Field, Rig], NDArray[np.floating]]
 """Radiance ``(obs, band, y, x)`` from normal ``(3, y, x)``, diffuse ``(band, y, x)``, beta and
-gamma ``(y, x)``, and a rig; white board 1.0."""
+gamma ``(coat, y, x)``, and a rig; white board 1.0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +83,10 @@ class Capture:
 
     stack: Stack
     truth: Truth
+
+    def __repr__(self) -> str:
+        observations, bands = self.stack.shape[:2]
+        return f"<Capture of {self.truth.painting!r}: {observations} lights, {bands} bands>"
 
 
 def capture(
@@ -220,11 +224,7 @@ class _Scene:
         """Noiseless radiance ``(band, y, x)`` of one observation, white board 1.0."""
         p = self.painting
         one = self.rig.take([index])
-        image = np.asarray(self.forward(p.normal, self.diffuse, p.beta[0], p.gamma[0], one)[0])
-        for beta, gamma in zip(p.beta[1:], p.gamma[1:], strict=True):
-            # Only the first band of the further coats: an interface has the lamp's colour.
-            nothing = np.zeros((1, *p.size), dtype=np.float32)
-            image = image + self.forward(p.normal, nothing, beta, gamma, one)[0]
+        image = self.forward(p.normal, self.diffuse, p.beta, p.gamma, one)[0]
         if self.shadows:
             image = image * self.visibility(one.lights[0])
         return np.asarray(image, dtype=np.float32)
