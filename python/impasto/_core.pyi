@@ -5,6 +5,11 @@ Arrays are C-contiguous; shapes and units stand in the public functions that cal
 
 from typing import TypedDict, type_check_only
 
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.fit.border import ProgressCallback, RigArguments
+
 @type_check_only
 class BuildInfo(TypedDict):
     version: str
@@ -14,3 +19,17 @@ class BuildInfo(TypedDict):
 STATUS: list[tuple[str, int]]
 
 def build_info() -> BuildInfo: ...
+
+# Reflection models (crates/impasto-py/src/sbrdf.rs)
+
+def predict(
+    normal: NDArray[np.float32],
+    diffuse: NDArray[np.float32],
+    beta: NDArray[np.float32],
+    gamma: NDArray[np.float32],
+    index: float,
+    rig: RigArguments,
+    intensities: NDArray[np.float64],
+    threads: int,
+    progress: ProgressCallback | None,
+) -> NDArray[np.float32]: ...

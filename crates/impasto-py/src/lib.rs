@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 mod arrays;
 mod errors;
 mod run;
+mod sbrdf;
 
 /// How the extension was built and what it runs on.
 #[pyfunction]
@@ -31,6 +32,7 @@ struct BuildInfo {
 #[pymodule(gil_used = false)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(build_info, module)?)?;
+    module.add_function(wrap_pyfunction!(sbrdf::predict, module)?)?;
     module.add("STATUS", arrays::status_names())?;
     Ok(())
 }

@@ -147,9 +147,8 @@ impl<R: Real> Facet<R> {
         let along_half = R::select(open_wins, R::zero(), n_h.recip());
         let along_light = R::keep(shadow_wins, n_l.recip());
         let along_view = R::keep(open_wins | shadow_wins, -open);
-        let slope = -(sharpness * phi_squared_slope(
-            (normal - self.half).length_squared() * R::of(0.5),
-        ));
+        let slope =
+            -(sharpness * phi_squared_slope((normal - self.half).length_squared() * R::of(0.5)));
         // d phi^2 / dN = slope(e) (N - H), up to a multiple of N that the tangent plane drops.
         let direction = (normal - self.half).scale(slope);
         let direction = self.half.mul_add(along_half, direction);
@@ -230,7 +229,8 @@ mod tests {
         for i in 0..200 {
             let t = f64::from(i);
             let normal = unit(0.4 * (t * 0.7).sin(), 0.4 * (t * 1.3).cos(), 1.0);
-            let light = unit((t * 0.37).cos(), (t * 0.53).sin(), 0.15 + 0.8 * (t * 0.11).sin().abs());
+            let light =
+                unit((t * 0.37).cos(), (t * 0.53).sin(), 0.15 + 0.8 * (t * 0.11).sin().abs());
             let view = unit(0.8 * (t * 0.21).sin(), 0.3, 0.4 + 0.6 * (t * 0.17).cos().abs());
             let facet = Facet::between(light, view, 1.45);
             let at = |normal: Vec3<f64>, beta: f64, k: f64| facet.on(normal).value(beta, k);
