@@ -244,10 +244,9 @@ class _Scene:
 def _default_forward(
     normal: Field, diffuse: Field, beta: Field, gamma: Field, rig: Rig
 ) -> NDArray[np.floating]:
-    from impasto import _core
+    from impasto.fit.forward import predict
 
-    core: Any = _core
-    return np.asarray(core.predict(normal, diffuse, beta, gamma, rig))
+    return predict(normal, diffuse, beta, gamma, rig)
 
 
 def _noisy(exposed: Field, sensor: Noise, frames: int, rng: np.random.Generator) -> Field:
