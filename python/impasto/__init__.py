@@ -12,10 +12,12 @@ from impasto.errors import (
     ImpastoError,
     InternalError,
 )
+from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
 from impasto.io import read_stack
 from impasto.rig import DistantLight, PointLight, Rig
 from impasto.stack import Stack
 from impasto.status import Status
+from impasto.training import Training
 
 __all__ = [
     "ArgumentError",
@@ -27,11 +29,15 @@ __all__ = [
     "ImpastoError",
     "InternalError",
     "PointLight",
+    "Reflectance",
     "Rig",
     "Stack",
     "Status",
+    "Training",
     "colour",
+    "fit_reflectance",
     "read_stack",
+    "white_corrected",
 ]
 
 __version__ = _core.build_info()["version"]

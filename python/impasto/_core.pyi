@@ -3,7 +3,7 @@
 Arrays are C-contiguous; shapes and units stand in the public functions that call these.
 """
 
-from typing import TypedDict, type_check_only
+from typing import TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,3 +33,39 @@ def predict(
     threads: int,
     progress: ProgressCallback | None,
 ) -> NDArray[np.float32]: ...
+
+# Spectral reflectance
+
+@type_check_only
+class SpectralDiagnostics(TypedDict):
+    condition: float
+    effective_rank: float
+    noise_gain: float
+    training_rmse: float
+    truncation: float
+    ridge: float
+    gamma: float
+
+@final
+class SpectralEstimator:
+    @property
+    def basis(self) -> NDArray[np.float64]: ...
+    @property
+    def diagnostics(self) -> SpectralDiagnostics: ...
+    def evaluate(self, responses: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def apply(
+        self,
+        responses: NDArray[np.float32],
+        status: NDArray[np.uint8] | None,
+        threads: int,
+        progress: ProgressCallback | None,
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]: ...
+
+def spectral_estimator(
+    kind: str,
+    response: NDArray[np.float64],
+    training: NDArray[np.float64],
+    noise: float,
+    rank: int | None,
+    seed: int,
+) -> SpectralEstimator: ...

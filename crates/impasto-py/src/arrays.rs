@@ -52,7 +52,10 @@ enum SampleArray<'py> {
 }
 
 /// Says which array was not C-contiguous; `impasto.fit.border` makes them so.
-fn contiguous<T>(name: &'static str, slice: std::result::Result<T, impl ToString>) -> Result<T> {
+pub(crate) fn contiguous<T>(
+    name: &'static str,
+    slice: std::result::Result<T, impl ToString>,
+) -> Result<T> {
     slice.map_err(|error| Error::argument(name, error.to_string()))
 }
 

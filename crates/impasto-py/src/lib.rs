@@ -10,6 +10,7 @@ mod arrays;
 mod errors;
 mod run;
 mod sbrdf;
+mod spectral;
 
 /// How the extension was built and what it runs on.
 #[pyfunction]
@@ -33,6 +34,8 @@ struct BuildInfo {
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(build_info, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::predict, module)?)?;
+    module.add_function(wrap_pyfunction!(spectral::spectral_estimator, module)?)?;
+    module.add_class::<spectral::SpectralEstimator>()?;
     module.add("STATUS", arrays::status_names())?;
     Ok(())
 }

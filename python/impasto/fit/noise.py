@@ -1,0 +1,67 @@
+"""How noisy the diffuse responses are: the scatter of the photographs around them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.rig import PointLight
+from impasto.stack import Stack
+
+SAMPLE = 4096
+"""Pixels that are looked at, spread evenly over the picture."""
+
+LIT = 0.2
+"""Cosine of incidence below which shadow and interreflection rule."""
+
+
+def noise_of_diffuse(stack: Stack, source: Any, diffuse: NDArray[np.float32]) -> float | None:
+    """Standard deviation of a diffuse response, relative to white, or None if unknown.
+
+    Residuals of the photographs against ``(n . l) rho`` over light directions give the noise of a
+    sample: by their median, which neither highlights nor shadows move. The noise of the response
+    fitted to m samples is smaller by ``sqrt(n^T (L^T L)^-1 n)``, the formal error of eq. 2's
+    least-squares solution along the normal.
+
+    Parameters
+    ----------
+    stack
+        Photographs under distant lights.
+    source
+        What holds the ``normal (3, y, x)`` (a ``Normals`` or an ``Sbrdf``).
+    diffuse
+        ``(band, y, x)``.
+    """
+    normal = getattr(source, "normal", getattr(getattr(source, "normals", None), "normal", None))
+    lights = stack.rig.lights
+    if normal is None or len(lights) < 4 or any(isinstance(light, PointLight) for light in lights):
+        return None
+    usable = np.isfinite(normal).all(axis=0) & np.isfinite(diffuse).all(axis=0)
+    rows, columns = np.nonzero(usable)
+    if rows.size == 0:
+        return None
+    picked = np.linspace(0, rows.size - 1, min(SAMPLE, rows.size)).astype(np.intp)
+    rows, columns = rows[picked], columns[picked]
+    directions = np.array([light.direction for light in lights], dtype=np.float64)
+    normals = np.asarray(normal, dtype=np.float64)[:, rows, columns]
+    rho = diffuse[:, rows, columns].astype(np.float64)
+    cosine = directions @ normals
+    gain = stack.scale[:, None] / stack.rig.intensities[:, None, None]
+    stored = stack.samples[:, :, rows, columns].astype(np.float64)
+    value = (stored - stack.black[:, None]) * gain
+    valid = np.isfinite(value) & (cosine > LIT)[:, None]
+    if stack.saturation is not None:
+        valid &= stored < stack.saturation[:, None]
+    residual = np.abs(value - cosine[:, None] * rho)[valid]
+    if residual.size < 16:
+        return None
+    # 1.4826 makes the median of a Gaussian's absolute values its standard deviation; three
+    # unknowns per pixel were fitted to m samples.
+    count = len(lights)
+    sample = 1.4826 * float(np.median(residual)) * np.sqrt(count / (count - 3))
+    lit = (cosine > LIT).astype(np.float64)
+    information = np.einsum("op,oi,oj->pij", lit, directions, directions)
+    leverage = np.einsum("ip,pij,jp->p", normals, np.linalg.pinv(information), normals)
+    return float(sample * np.sqrt(np.median(leverage)))

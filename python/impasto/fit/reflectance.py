@@ -1,0 +1,304 @@
+"""Spectral reflectance of every pixel, from the diffuse responses of a few camera bands."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol, TypeAlias, get_args, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto import _core
+from impasto.bands import Camera, Integration
+from impasto.colour.wavelengths import Floats, checked_wavelengths
+from impasto.errors import ArgumentError, CorruptInputError
+from impasto.fit.border import ProgressCallback, progress_callback, thread_count
+from impasto.fit.noise import noise_of_diffuse
+from impasto.stack import Stack
+from impasto.training import TrainingSpectra, checked_training
+
+Estimator = Literal["root-polynomial", "wiener", "linear-model", "radial-basis"]
+
+DEFAULT_NOISE = 1e-3
+"""Noise of a diffuse response, relative to white, where there is no stack to measure it on."""
+
+NOISE_FLOOR = 1e-4
+"""Measured noise below this is a simulation's or a short stack's luck, not a camera's."""
+
+SEED = 1
+"""Fixes the noise replicas, folds and centres: the same call gives the same estimate."""
+
+
+@runtime_checkable
+class _Sbrdf(Protocol):
+    @property
+    def diffuse(self) -> NDArray[np.float32]: ...
+
+
+@runtime_checkable
+class _Normals(Protocol):
+    @property
+    def albedo(self) -> NDArray[np.float32]: ...
+
+
+DiffuseSource: TypeAlias = _Sbrdf | _Normals | ArrayLike
+"""An ``Sbrdf``, a ``Normals`` or an array ``(band, y, x)``."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reflectance:
+    """Spectral reflectance of every pixel as coefficients of a few basis spectra.
+
+    Attributes
+    ----------
+    coefficients
+        ``(k, y, x)`` float32, unclipped. NaN where the status says that nothing was estimated;
+        zero where it is ``DARK``.
+    basis
+        ``(k, n)`` float64, orthonormal rows, strongest first.
+    wavelengths
+        ``(n,)`` nm.
+    status
+        ``(y, x)`` uint8, :class:`~impasto.Status`: that of the diffuse source, and
+        ``ILL_CONDITIONED`` where some bands were missing and the others stood in.
+    info
+        How it was estimated: estimator, training set, noise and where it is known from, and the
+        diagnostics ``condition`` (of H R H^T), ``effective_rank``, ``noise_gain`` (rms over
+        wavelengths per unit of noise), ``training_rmse``, ``truncation``, ``ridge``, ``gamma``.
+    """
+
+    coefficients: NDArray[np.float32]
+    basis: Floats
+    wavelengths: Floats
+    status: NDArray[np.uint8]
+    info: dict[str, Any]
+
+    def spectrum(self, y: int, x: int) -> Floats:
+        """Reflectance ``(n,)`` of one pixel, unclipped."""
+        return np.asarray(self.coefficients[:, y, x].astype(np.float64) @ self.basis)
+
+    def cube(self, clip: tuple[float, float] | None = None) -> NDArray[np.float32]:
+        """Reflectance ``(n, y, x)`` of all pixels: n / k times the memory of the coefficients.
+
+        Parameters
+        ----------
+        clip
+            Limits, ``(0, 1)`` as a rule; default: none (fluorescent paints exceed 1).
+        """
+        basis = self.basis.astype(np.float32)
+        cube = np.tensordot(basis, self.coefficients, axes=(0, 0))
+        return np.asarray(cube if clip is None else np.clip(cube, *clip, out=cube))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes an ``.npz``; the file appears whole or not at all."""
+        target = Path(path)
+        partial = target.with_name(target.name + ".part")
+        try:
+            with partial.open("wb") as file:
+                np.savez(
+                    file,
+                    coefficients=self.coefficients,
+                    basis=self.basis,
+                    wavelengths=self.wavelengths,
+                    status=self.status,
+                    info=np.array(json.dumps(self.info)),
+                )
+                file.flush()
+                os.fsync(file.fileno())
+            partial.replace(target)
+        finally:
+            partial.unlink(missing_ok=True)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Reflectance:
+        """Reads what :meth:`save` wrote.
+
+        Raises
+        ------
+        CorruptInputError
+            A file that is truncated or holds something else.
+        """
+        try:
+            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+                return cls(
+                    coefficients=file["coefficients"],
+                    basis=file["basis"],
+                    wavelengths=file["wavelengths"],
+                    status=file["status"],
+                    info=json.loads(str(file["info"])),
+                )
+        except FileNotFoundError:
+            raise
+        except Exception as error:
+            raise CorruptInputError(path, f"is not a saved reflectance ({error})") from error
+
+
+def fit_reflectance(
+    stack: Stack | None,
+    diffuse: DiffuseSource,
+    camera: Camera,
+    *,
+    estimator: Estimator = "root-polynomial",
+    training: TrainingSpectra | None = None,
+    noise: float | None = None,
+    wavelengths: ArrayLike | None = None,
+    rank: int | None = None,
+    integration: Integration = "1nm",
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> Reflectance:
+    """Estimate the spectral reflectance of every pixel.
+
+    All estimators are homogeneous of degree one: twice the diffuse response, twice the
+    reflectance. They are built in double precision and applied in single precision.
+
+    Parameters
+    ----------
+    stack
+        The photographs, from which the noise is measured; None where ``noise`` is given or a
+        guess of 0.1 % of white will do.
+    diffuse
+        What the bands read from the diffuse part under frontal unit light, a white board at 1:
+        ``Sbrdf.diffuse``, ``Normals.albedo`` or an array ``(band, y, x)``. Both maps are already
+        divided by the cosine of incidence and by the white board (eq. 8 of the RGB paper);
+        responses that are not go through :func:`white_corrected` first.
+    camera
+        Sensitivities and the light of the photographs.
+    estimator
+        * ``"root-polynomial"`` (default): ridge regression on the responses and the roots of
+          their products; best with the shipped training set.
+        * ``"wiener"``: eq. 5 of Tominaga and Tanaka's six-band paper; linear.
+        * ``"linear-model"``: eq. 4-7 of their RGB paper: principal components that reproduce the
+          responses, not regularised.
+        * ``"radial-basis"``: Gaussians around training responses; best where 700 or more spectra
+          of the very materials are given.
+    training
+        Spectra to learn from: :class:`~impasto.Training`, a pair ``(wavelengths, spectra)`` or an
+        array ``(N, n)`` on ``wavelengths``. Default: CES 99 and AMPAS 190.
+    noise
+        Standard deviation of a diffuse response, relative to white. Default: measured on the
+        stack (at least 1e-4), else 1e-3.
+    wavelengths
+        ``(n,)`` nm of the result; default 400 to 700 in steps of 5.
+    rank
+        Coefficients per pixel; for ``"linear-model"`` the number of principal components (default:
+        one per band, three for an RGB camera as in the paper). Default else: all that a linear
+        estimator has, and as many as raise the training error of the others by less than 2e-5.
+    integration
+        How responses are predicted from spectra, see :meth:`Camera.operator`.
+    threads, progress
+        Threads (default: all allowed) and a progress bar or callable.
+
+    Returns
+    -------
+    Reflectance
+        Coefficients and basis; never a cube.
+
+    Raises
+    ------
+    ArgumentError
+        Sizes that do not agree with the camera's bands, an unknown estimator, a training set that
+        is too small or not finite, negative noise.
+    """
+    if estimator not in get_args(Estimator):
+        names = ", ".join(map(repr, get_args(Estimator)))
+        raise ArgumentError(f"estimator: expected one of {names}, found {estimator!r}")
+    responses, status = _responses(diffuse, camera)
+    default_grid = np.arange(400.0, 701.0, 5.0)
+    grid = default_grid if wavelengths is None else checked_wavelengths(wavelengths)
+    spectra = checked_training(training, grid)
+    if rank is not None and (isinstance(rank, bool) or int(rank) != rank or rank < 1):
+        raise ArgumentError(f"rank: expected a positive integer or None, found {rank!r}")
+    noise_from = "given"
+    if noise is None:
+        measured = None if stack is None else noise_of_diffuse(stack, diffuse, responses)
+        noise = DEFAULT_NOISE if measured is None else max(measured, NOISE_FLOOR)
+        noise_from = "default" if measured is None else "stack"
+    built = _core.spectral_estimator(
+        estimator,
+        np.ascontiguousarray(camera.operator(grid, integration=integration)),
+        np.ascontiguousarray(spectra.at(grid)),
+        float(noise),
+        None if rank is None else int(rank),
+        SEED,
+    )
+    coefficients, codes = built.apply(
+        responses, status, thread_count(threads), progress_callback(progress, "reflectance")
+    )
+    info = {
+        "estimator": estimator,
+        "training": spectra.name,
+        "training_count": len(spectra),
+        "noise": float(noise),
+        "noise_from": noise_from,
+        "integration": integration,
+        "bands": list(camera.bands),
+    }
+    return Reflectance(
+        coefficients=coefficients,
+        basis=np.ascontiguousarray(built.basis.T),
+        wavelengths=np.array(grid),
+        status=codes,
+        info=info | dict(built.diagnostics),
+    )
+
+
+def white_corrected(
+    responses: ArrayLike, cos_incidence: ArrayLike, white: ArrayLike, cos_white: ArrayLike = 1.0
+) -> NDArray[np.float32]:
+    """Eq. 8 of Tominaga and Tanaka's RGB paper, on the responses instead of the spectrum.
+
+    ``(rho / cos(theta_i)) / (W / cos(theta_w))``: light falls obliquely on the surface and on the
+    white board. The estimators are homogeneous of degree one, so dividing their input divides the
+    spectrum, as the paper does. Maps fitted by impasto are already divided.
+
+    Parameters
+    ----------
+    responses
+        ``(band, y, x)`` of one photograph.
+    cos_incidence
+        ``(y, x)`` cosine of the angle between normal and light.
+    white
+        ``(band, y, x)``, ``(y, x)`` or a number: the photograph of the white board.
+    cos_white
+        The same cosine on the board.
+
+    Returns
+    -------
+    ndarray
+        ``(band, y, x)`` float32; NaN where the light does not reach the surface or the board.
+    """
+    rho, cosine, board, cos_board = (
+        np.asarray(a, dtype=np.float64) for a in (responses, cos_incidence, white, cos_white)
+    )
+    lit = (cosine > 0) & (cos_board > 0) & (board > 0)
+    scale = np.divide(cos_board, board * cosine, out=np.full(lit.shape, np.nan), where=lit)
+    return np.asarray(rho * scale, dtype=np.float32)
+
+
+def _responses(
+    source: DiffuseSource, camera: Camera
+) -> tuple[NDArray[np.float32], NDArray[np.uint8] | None]:
+    status = getattr(source, "status", None)
+    if isinstance(source, _Sbrdf):
+        array: Any = source.diffuse
+    elif isinstance(source, _Normals):
+        array = source.albedo
+    else:
+        array, status = source, None
+    responses = np.ascontiguousarray(array, dtype=np.float32)
+    if responses.ndim != 3 or len(responses) != len(camera.bands) or responses.size == 0:
+        raise ArgumentError(
+            f"diffuse: expected ({len(camera.bands)}, y, x) for the camera's bands "
+            f"{', '.join(camera.bands)}, found shape {responses.shape}"
+        )
+    if status is not None:
+        status = np.ascontiguousarray(status, dtype=np.uint8)
+        if status.shape != responses.shape[1:]:
+            raise ArgumentError(
+                f"status: expected shape {responses.shape[1:]}, found {status.shape}"
+            )
+    return responses, status

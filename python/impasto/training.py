@@ -1,0 +1,109 @@
+"""Reflectance spectra that an estimator learns from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from impasto.colour import interpolation_matrix
+from impasto.colour._science import science
+from impasto.colour.wavelengths import Floats, checked_wavelengths
+from impasto.errors import ArgumentError
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Training:
+    """Measured reflectances of surfaces like those to be estimated.
+
+    Parameters
+    ----------
+    wavelengths
+        ``(n,)`` nm, strictly increasing.
+    reflectance
+        ``(N, n)`` relative to a perfect white.
+    name
+        Where they come from; it is kept in the ``info`` of what is estimated with them.
+    """
+
+    wavelengths: Floats
+    reflectance: Floats
+    name: str
+
+    def __init__(self, wavelengths: ArrayLike, reflectance: ArrayLike, name: str = "user") -> None:
+        grid = checked_wavelengths(wavelengths, "training wavelengths")
+        spectra = np.array(reflectance, dtype=np.float64)
+        if spectra.ndim != 2 or spectra.shape[1] != grid.size or len(spectra) == 0:
+            raise ArgumentError(
+                f"training: expected spectra (N, {grid.size}), found shape {spectra.shape}"
+            )
+        if not np.isfinite(spectra).all():
+            row, column = np.argwhere(~np.isfinite(spectra))[0]
+            raise ArgumentError(
+                f"training: expected finite numbers, found {spectra[row, column]} in spectrum "
+                f"{row} at {grid[column]:g} nm"
+            )
+        spectra.setflags(write=False)
+        set_ = object.__setattr__
+        set_(self, "wavelengths", grid)
+        set_(self, "reflectance", spectra)
+        set_(self, "name", name)
+
+    def __len__(self) -> int:
+        return len(self.reflectance)
+
+    def __add__(self, other: Training) -> Training:
+        """Both sets, on the wavelengths of the first."""
+        spectra = np.vstack([self.reflectance, other.at(self.wavelengths)])
+        return Training(self.wavelengths, spectra, f"{self.name} + {other.name}")
+
+    def at(self, wavelengths: ArrayLike) -> Floats:
+        """Spectra ``(N, m)`` on another grid: cubic pieces, end values continued."""
+        grid = checked_wavelengths(wavelengths)
+        if np.array_equal(grid, self.wavelengths):
+            return np.array(self.reflectance)
+        return np.asarray(self.reflectance @ interpolation_matrix(self.wavelengths, grid).T)
+
+
+TrainingSpectra: TypeAlias = Training | tuple[ArrayLike, ArrayLike] | ArrayLike
+"""A :class:`Training`, a pair ``(wavelengths, spectra)``, or spectra ``(N, n)`` on the wavelengths
+that the estimate is asked for."""
+
+
+@lru_cache(maxsize=1)
+def ces99() -> Training:
+    """The 99 colour evaluation samples of CIE 224:2017, 380-780 nm in steps of 5 nm."""
+    colour: Any = science()
+    spectra = colour.quality.cfi2017.load_TCS_CIE2017(colour.SpectralShape(380, 780, 5))
+    return Training(spectra.wavelengths, spectra.values.T, "CES 99")
+
+
+@lru_cache(maxsize=1)
+def ampas190() -> Training:
+    """The 190 training spectra of the Academy's raw-to-ACES tool, 380-780 nm in steps of 5 nm.
+
+    A few fluorescent ones exceed 1 above 700 nm.
+    """
+    colour: Any = science()
+    spectra = colour.characterisation.read_training_data_rawtoaces_v1()
+    return Training(spectra.wavelengths, spectra.values.T, "AMPAS 190")
+
+
+@lru_cache(maxsize=1)
+def default_training() -> Training:
+    """What is used when nothing is given: :func:`ces99` and :func:`ampas190`, 289 spectra."""
+    return ces99() + ampas190()
+
+
+def checked_training(training: TrainingSpectra | None, wavelengths: Floats) -> Training:
+    """The training set that an argument means."""
+    if training is None:
+        return default_training()
+    if isinstance(training, Training):
+        return training
+    if isinstance(training, tuple) and len(training) == 2 and np.ndim(training[0]) == 1:
+        return Training(*training)
+    return Training(wavelengths, np.asarray(training))
