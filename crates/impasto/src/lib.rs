@@ -18,6 +18,7 @@
 #![deny(unsafe_code)]
 
 pub mod brdf;
+pub mod effects;
 pub mod error;
 pub mod geometry;
 pub mod height;

@@ -1,1 +1,123 @@
-//! What to light.
+//! What to light: lamps, the colour of their light as a matrix, and the eye.
+
+use crate::error::{Error, Result};
+use crate::geometry::Light;
+use crate::math::Vec3;
+
+/// A light with its strength and colour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lamp {
+    /// Where it stands.
+    pub light: Light,
+    /// Irradiance at the middle of the painting at normal incidence; 1 shows a white board as
+    /// white.
+    pub intensity: f64,
+    /// Which of the scene's [`Colour`]s its light has.
+    pub colour: usize,
+}
+
+/// What one illuminant makes of the surface: everything between reflectance and three output
+/// numbers is linear, so it is a matrix (diffuse) and a vector (interface).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Colour {
+    /// One column per reflectance coefficient: the output of one unit of it.
+    pub diffuse: Vec<[f64; 3]>,
+    /// The output of one unit of interface reflection: the colour of the light itself.
+    pub interface: [f64; 3],
+}
+
+/// Lamps, their colours and the direction to the eye (parallel rays).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    lamps: Vec<Lamp>,
+    colours: Vec<Colour>,
+    view: Vec3<f64>,
+}
+
+impl Scene {
+    /// A scene; `view` is made a unit vector.
+    ///
+    /// # Errors
+    /// If there is no lamp, one stands behind the painting or has no finite strength, the eye looks
+    /// from behind, a lamp names a colour that is not there, or the colours disagree about the
+    /// number of coefficients.
+    pub fn new(lamps: Vec<Lamp>, colours: Vec<Colour>, view: Vec3<f64>) -> Result<Self> {
+        if lamps.is_empty() {
+            return Err(Error::geometry("lights", "expected at least one light, found none"));
+        }
+        for (index, lamp) in lamps.iter().enumerate() {
+            let direction = lamp.light.direction();
+            if !(direction.length_squared().is_finite() && direction.z > 0.0) {
+                let problem = format!(
+                    "light {index} does not stand in front of the painting (z is {})",
+                    direction.z
+                );
+                return Err(Error::geometry("lights", problem));
+            }
+            if !(lamp.intensity.is_finite() && lamp.intensity >= 0.0) {
+                let problem = format!("light {index} has intensity {}", lamp.intensity);
+                return Err(Error::argument("lights", problem));
+            }
+            if lamp.colour >= colours.len() {
+                let problem =
+                    format!("light {index} names colour {} of {}", lamp.colour, colours.len());
+                return Err(Error::argument("lights", problem));
+            }
+        }
+        let coefficients = colours[0].diffuse.len();
+        if colours.iter().any(|colour| colour.diffuse.len() != coefficients) {
+            return Err(Error::argument("colours", "their matrices have different sizes"));
+        }
+        let length = view.length();
+        if !(length.is_finite() && view.z > 0.0) {
+            let problem = format!("the eye must be in front of the painting (z is {})", view.z);
+            return Err(Error::geometry("view", problem));
+        }
+        Ok(Self { lamps, colours, view: view.scale(length.recip()) })
+    }
+
+    /// All lamps.
+    #[must_use]
+    pub fn lamps(&self) -> &[Lamp] {
+        &self.lamps
+    }
+
+    /// One colour per distinct illuminant.
+    #[must_use]
+    pub fn colours(&self) -> &[Colour] {
+        &self.colours
+    }
+
+    /// Reflectance coefficients per pixel.
+    #[must_use]
+    pub fn coefficients(&self) -> usize {
+        self.colours[0].diffuse.len()
+    }
+
+    /// Unit direction to the eye.
+    #[must_use]
+    pub fn view(&self) -> Vec3<f64> {
+        self.view
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(z: f64, colour: usize, view: Vec3<f64>) -> Result<Scene> {
+        let lamp = Lamp { light: Light::Distant(Vec3::new(0.6, 0.0, z)), intensity: 1.0, colour };
+        let colours = vec![Colour { diffuse: vec![[1.0; 3]], interface: [1.0; 3] }];
+        Scene::new(vec![lamp], colours, view)
+    }
+
+    #[test]
+    fn what_cannot_be_seen_is_refused() {
+        let front = Vec3::new(0.0, 0.0, 2.0);
+        assert_eq!(scene(0.8, 0, front).unwrap().view(), Vec3::new(0.0, 0.0, 1.0));
+        assert!(scene(-0.8, 0, front).is_err());
+        assert!(scene(0.8, 1, front).is_err());
+        assert!(scene(0.8, 0, Vec3::new(0.0, 1.0, 0.0)).is_err());
+        assert!(scene(0.8, 0, Vec3::new(0.0, f64::NAN, 1.0)).is_err());
+    }
+}

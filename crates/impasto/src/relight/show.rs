@@ -1,0 +1,418 @@
+//! Planes to display codes in one pass: a 3 x k matrix, then the tone curve.
+
+use super::curve::{CELLS, Curve};
+use crate::error::{Error, Result};
+use crate::math::{Isa, Kernel, Level, Real};
+use crate::pixels::Run;
+
+/// Pixels that go through all steps together: the arrays of a block stay in the first-level cache.
+const BLOCK: usize = 256;
+
+/// Adding it puts the nearest integer (ties to even) into the low bits of a single-precision
+/// number below 2^22.
+const INTEGER_BITS: f32 = 8_388_608.0;
+
+/// A 3 x k matrix: one column per input plane.
+pub type Matrix = [[f64; 3]];
+
+/// Where the codes go, three per pixel, interleaved as files want them.
+#[derive(Debug)]
+pub enum Codes<'a> {
+    /// Code 1.0 is 255.
+    Eight(&'a mut [u8]),
+    /// Code 1.0 is 65535.
+    Sixteen(&'a mut [u16]),
+    /// Code 1.0 is 1.0.
+    Float(&'a mut [f32]),
+}
+
+impl<'a> Codes<'a> {
+    fn len(&self) -> usize {
+        match self {
+            Self::Eight(codes) => codes.len(),
+            Self::Sixteen(codes) => codes.len(),
+            Self::Float(codes) => codes.len(),
+        }
+    }
+
+    /// Disjoint runs of `pixels` pixels each.
+    fn pieces(self, pixels: usize) -> Vec<Codes<'a>> {
+        match self {
+            Self::Eight(codes) => codes.chunks_mut(3 * pixels).map(Codes::Eight).collect(),
+            Self::Sixteen(codes) => codes.chunks_mut(3 * pixels).map(Codes::Sixteen).collect(),
+            Self::Float(codes) => codes.chunks_mut(3 * pixels).map(Codes::Float).collect(),
+        }
+    }
+}
+
+/// How many pixels of a channel lay outside what the display can show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Clipped {
+    /// Per channel, below zero: the colour is outside the display's gamut.
+    pub below: [u64; 3],
+    /// Per channel, above one: too bright.
+    pub above: [u64; 3],
+}
+
+impl Clipped {
+    /// The counts of both.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
+        let sum = |a: [u64; 3], b: [u64; 3]| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+        Self { below: sum(self.below, other.below), above: sum(self.above, other.above) }
+    }
+}
+
+/// Codes from planes `(k, pixels)`: `code = curve(clip(matrix @ planes, 0, 1))`; NaN shows as 0.
+///
+/// # Errors
+/// If the sizes disagree, or the caller cancels.
+pub fn codes_from_planes(
+    planes: &[f32],
+    matrix: &Matrix,
+    curve: &Curve,
+    codes: Codes<'_>,
+    run: &Run<'_>,
+) -> Result<Clipped> {
+    let pixels = codes.len() / 3;
+    if matrix.is_empty() || planes.len() != matrix.len() * pixels || codes.len() != 3 * pixels {
+        let problem = format!(
+            "{} values do not fill {} planes of {pixels} pixels",
+            planes.len(),
+            matrix.len()
+        );
+        return Err(Error::argument("planes", problem));
+    }
+    let tile = crate::pixels::TILE;
+    let pieces = codes.pieces(tile).into_iter().enumerate().collect();
+    let counts = run.map(pieces, Scratch::default, |scratch, (index, codes)| {
+        let show = Show { planes, pixels, start: index * tile, matrix, curve, linear: None, codes };
+        show.on(scratch, run.level)
+    })?;
+    Ok(counts.into_iter().fold(Clipped::default(), Clipped::plus))
+}
+
+/// Linear light from planes `(k, pixels)`: `(3, pixels)`, not clipped, in `out`.
+///
+/// # Errors
+/// If the sizes disagree, or the caller cancels.
+pub fn linear_from_planes(
+    planes: &[f32],
+    matrix: &Matrix,
+    out: &mut [f32],
+    run: &Run<'_>,
+) -> Result<()> {
+    let pixels = out.len() / 3;
+    if matrix.is_empty() || planes.len() != matrix.len() * pixels || out.len() != 3 * pixels {
+        return Err(Error::argument("planes", "their size is not that of the output"));
+    }
+    let tile = crate::pixels::TILE;
+    let channels = out.chunks_exact_mut(pixels).enumerate();
+    let pieces = channels
+        .flat_map(|(c, plane)| plane.chunks_mut(tile).enumerate().map(move |(i, out)| (c, i, out)))
+        .collect();
+    run.for_each(
+        pieces,
+        || (),
+        |(), (channel, index, out)| {
+            run.level.run(Weigh { planes, pixels, start: index * tile, matrix, channel, out });
+        },
+    )
+}
+
+struct Weigh<'a> {
+    planes: &'a [f32],
+    pixels: usize,
+    start: usize,
+    matrix: &'a Matrix,
+    channel: usize,
+    out: &'a mut [f32],
+}
+
+impl Kernel for Weigh<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let mut padded = [0.0; BLOCK];
+        for (index, out) in self.out.chunks_mut(BLOCK).enumerate() {
+            let start = self.start + index * BLOCK;
+            weigh::<I>(
+                self.planes,
+                self.pixels,
+                start,
+                out.len(),
+                self.matrix,
+                self.channel,
+                &mut padded,
+            );
+            out.copy_from_slice(&padded[..out.len()]);
+        }
+    }
+}
+
+/// One channel of the matrix product for `count` pixels from `start` on, in `out`.
+#[inline(always)]
+fn weigh<I: Isa>(
+    planes: &[f32],
+    pixels: usize,
+    start: usize,
+    count: usize,
+    matrix: &Matrix,
+    channel: usize,
+    out: &mut [f32; BLOCK],
+) {
+    let weight = |k: usize| I::F32::of(matrix[k][channel]);
+    let width = I::F32::WIDTH;
+    let whole = count - count % width;
+    for lane in (0..whole).step_by(width) {
+        let at = start + lane;
+        let mut sum = I::F32::load(&planes[at..]) * weight(0);
+        for k in 1..matrix.len() {
+            sum = I::F32::load(&planes[k * pixels + at..]).mul_add(weight(k), sum);
+        }
+        sum.store(&mut out[lane..]);
+    }
+    for lane in whole..count {
+        let at = start + lane;
+        let mut sum = planes[at] * f32::of(matrix[0][channel]);
+        for (k, column) in matrix.iter().enumerate().skip(1) {
+            sum = Real::mul_add(planes[k * pixels + at], f32::of(column[channel]), sum);
+        }
+        out[lane] = sum;
+    }
+}
+
+/// Memory of one worker.
+#[derive(Debug)]
+pub(crate) struct Scratch {
+    linear: [f32; BLOCK],
+    /// Cell numbers as low bits, then the codes.
+    cell: [f32; BLOCK],
+    fraction: [f32; BLOCK],
+    value: [f32; BLOCK],
+    rise: [f32; BLOCK],
+    codes: [[f32; BLOCK]; 3],
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self {
+            linear: [0.0; BLOCK],
+            cell: [0.0; BLOCK],
+            fraction: [0.0; BLOCK],
+            value: [0.0; BLOCK],
+            rise: [0.0; BLOCK],
+            codes: [[0.0; BLOCK]; 3],
+        }
+    }
+}
+
+/// One run of pixels on its way to the display.
+pub(crate) struct Show<'a> {
+    /// `(k, pixels)`.
+    pub(crate) planes: &'a [f32],
+    /// Pixels of one plane.
+    pub(crate) pixels: usize,
+    /// First pixel of the run.
+    pub(crate) start: usize,
+    pub(crate) matrix: &'a Matrix,
+    pub(crate) curve: &'a Curve,
+    /// Linear light of the run, not clipped, where it is asked for.
+    pub(crate) linear: Option<[&'a mut [f32]; 3]>,
+    /// Codes of the run.
+    pub(crate) codes: Codes<'a>,
+}
+
+impl Show<'_> {
+    pub(crate) fn on(self, scratch: &mut Scratch, level: Level) -> Clipped {
+        level.run(ShowKernel { show: self, scratch })
+    }
+}
+
+struct ShowKernel<'a, 's> {
+    show: Show<'a>,
+    scratch: &'s mut Scratch,
+}
+
+impl Kernel for ShowKernel<'_, '_> {
+    type Output = Clipped;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Clipped {
+        let Self {
+            show: Show { planes, pixels, start, matrix, curve, mut linear, mut codes },
+            scratch,
+        } = self;
+        let total = codes.len() / 3;
+        let full = match codes {
+            Codes::Eight(_) => 255.0,
+            Codes::Sixteen(_) => 65535.0,
+            Codes::Float(_) => 1.0,
+        };
+        let integral = !matches!(codes, Codes::Float(_));
+        let mut clipped = Clipped::default();
+        for block in (0..total).step_by(BLOCK) {
+            let count = BLOCK.min(total - block);
+            for channel in 0..3 {
+                weigh::<I>(
+                    planes,
+                    pixels,
+                    start + block,
+                    count,
+                    matrix,
+                    channel,
+                    &mut scratch.linear,
+                );
+                if let Some(linear) = &mut linear {
+                    linear[channel][block..block + count].copy_from_slice(&scratch.linear[..count]);
+                }
+                let outside = |light: &&f32| **light < 0.0;
+                clipped.below[channel] +=
+                    scratch.linear[..count].iter().filter(outside).count() as u64;
+                clipped.above[channel] +=
+                    scratch.linear[..count].iter().filter(|&&light| light > 1.0).count() as u64;
+                encode::<I>(scratch, curve.channel(channel), channel, full, integral);
+            }
+            let [red, green, blue] = &scratch.codes;
+            let planar = red.iter().zip(green).zip(blue);
+            match &mut codes {
+                Codes::Eight(out) => {
+                    let out = out[3 * block..3 * (block + count)].chunks_exact_mut(3);
+                    for (out, ((r, g), b)) in out.zip(planar) {
+                        out[0] = r.to_bits() as u8;
+                        out[1] = g.to_bits() as u8;
+                        out[2] = b.to_bits() as u8;
+                    }
+                }
+                Codes::Sixteen(out) => {
+                    let out = out[3 * block..3 * (block + count)].chunks_exact_mut(3);
+                    for (out, ((r, g), b)) in out.zip(planar) {
+                        out[0] = r.to_bits() as u16;
+                        out[1] = g.to_bits() as u16;
+                        out[2] = b.to_bits() as u16;
+                    }
+                }
+                Codes::Float(out) => {
+                    let out = out[3 * block..3 * (block + count)].chunks_exact_mut(3);
+                    for (out, ((r, g), b)) in out.zip(planar) {
+                        out.copy_from_slice(&[*r, *g, *b]);
+                    }
+                }
+            }
+        }
+        clipped
+    }
+}
+
+/// The tone curve on the block's linear light; integral codes stand in the low bits.
+#[inline(always)]
+fn encode<I: Isa>(
+    scratch: &mut Scratch,
+    table: &[[f32; 2]; CELLS],
+    channel: usize,
+    full: f64,
+    integral: bool,
+) {
+    let width = I::F32::WIDTH;
+    let (zero, one) = (I::F32::zero(), I::F32::one());
+    let (cells, last) = (I::F32::of(CELLS as f64), I::F32::of((CELLS - 1) as f64));
+    let magic = I::F32::splat(INTEGER_BITS);
+    for lane in (0..BLOCK).step_by(width) {
+        // NaN becomes 0 at `max`: it must not choose a cell.
+        let light = I::F32::load(&scratch.linear[lane..]).max(zero).min(one);
+        let place = light.sqrt() * cells;
+        let nearest = place.round();
+        let below = I::F32::select(place.lt(nearest), nearest - one, nearest).min(last);
+        (place - below).store(&mut scratch.fraction[lane..]);
+        (below + magic).store(&mut scratch.cell[lane..]);
+    }
+    for lane in 0..BLOCK {
+        let [value, rise] = table[scratch.cell[lane].to_bits() as usize % CELLS];
+        scratch.value[lane] = value;
+        scratch.rise[lane] = rise;
+    }
+    let full = I::F32::of(full);
+    for lane in (0..BLOCK).step_by(width) {
+        let value = I::F32::load(&scratch.value[lane..]);
+        let rise = I::F32::load(&scratch.rise[lane..]);
+        let code = rise.mul_add(I::F32::load(&scratch.fraction[lane..]), value).min(one);
+        let code = if integral { code.mul_add(full, magic) } else { code };
+        code.store(&mut scratch.codes[channel][lane..]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pixels::serially;
+
+    fn srgb(light: f64) -> f64 {
+        if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
+    }
+
+    fn curve() -> Curve {
+        let table: Vec<f32> =
+            (0..=CELLS).map(|i| srgb((i as f64 / CELLS as f64).powi(2)) as f32).collect();
+        Curve::new(&table).unwrap()
+    }
+
+    const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+    #[test]
+    fn codes_are_within_half_a_code_of_the_curve() {
+        let pixels = 100_003;
+        let ramp: Vec<f32> = (0..3 * pixels).map(|i| i as f32 / (3 * pixels - 1) as f32).collect();
+        let (mut eight, mut sixteen) = (vec![0; 3 * pixels], vec![0; 3 * pixels]);
+        let (mut float, curve) = (vec![0.0; 3 * pixels], curve());
+        serially(|run| {
+            for codes in
+                [Codes::Eight(&mut eight), Codes::Sixteen(&mut sixteen), Codes::Float(&mut float)]
+            {
+                codes_from_planes(&ramp, &IDENTITY, &curve, codes, run).unwrap();
+            }
+        });
+        for pixel in 0..pixels {
+            for channel in 0..3 {
+                let at = 3 * pixel + channel;
+                let exact = srgb(f64::from(ramp[channel * pixels + pixel]));
+                // Half a code of rounding plus the table's 7e-4 and 0.17 (see `Curve`).
+                assert!((f64::from(eight[at]) - 255.0 * exact).abs() < 0.5007);
+                assert!((f64::from(sixteen[at]) - 65535.0 * exact).abs() < 0.67);
+                assert!((f64::from(float[at]) - exact).abs() < 2.6e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn every_level_gives_the_same_codes_and_awkward_light_is_clipped() {
+        let pixels = 1037;
+        let mut planes: Vec<f32> =
+            (0..6 * pixels).map(|i| ((i * 7919) % 1009) as f32 / 700.0 - 0.2).collect();
+        planes[..5].copy_from_slice(&[f32::NAN, f32::INFINITY, -f32::INFINITY, 1e30, -0.0]);
+        let matrix: Vec<[f64; 3]> = (0..6).map(|k| [0.2, 0.1 * f64::from(k), 0.5]).collect();
+        let curve = curve();
+        let mut answers = Vec::new();
+        for level in Level::ALL.into_iter().filter(|level| level.available()) {
+            let mut codes = vec![0; 3 * pixels];
+            let clipped = serially(|run| {
+                let run = Run { level, ..*run };
+                codes_from_planes(&planes, &matrix, &curve, Codes::Eight(&mut codes), &run)
+            });
+            answers.push((codes, clipped.unwrap()));
+        }
+        assert!(answers.windows(2).all(|pair| pair[0] == pair[1]));
+        let (codes, clipped) = &answers[0];
+        assert_eq!(&codes[..3], &[0, 0, 0]);
+        assert_eq!((codes[3], codes[6], codes[9]), (255, 0, 255));
+        assert!(clipped.above[0] > 0 && clipped.below[0] > 0);
+    }
+
+    #[test]
+    fn linear_light_is_the_matrix_product() {
+        let planes = [1.0_f32, 2.0, 3.0, 10.0, 20.0, 30.0];
+        let matrix = [[1.0, 0.5, 0.0], [0.1, 0.0, -1.0]];
+        let mut out = [0.0; 9];
+        serially(|run| linear_from_planes(&planes, &matrix, &mut out, run)).unwrap();
+        assert_eq!(out, [2.0, 4.0, 6.0, 0.5, 1.0, 1.5, -10.0, -20.0, -30.0]);
+    }
+}
