@@ -1,0 +1,40 @@
+//! The second term of eq. 1 and 9: interface reflection, without its colour.
+
+use super::block::{BLOCK, Block, Plane, copied};
+use super::diffuse::normal;
+use super::{Coat, Parameter};
+use crate::brdf::torrance_sparrow::{Facet, sharpness};
+use crate::math::{Isa, Real, Vec3};
+use crate::scene::Lamp;
+
+/// Adds the lamp's `beta D F G / (N.V) E` of one coat.
+#[inline(always)]
+pub(crate) fn specular<I: Isa>(
+    block: &mut Block,
+    lamp: &Lamp,
+    coat: &Coat<'_>,
+    view: Vec3<f64>,
+    (start, count): (usize, usize),
+) {
+    let (mut beta, mut gamma) = ([0.0; BLOCK], [0.0; BLOCK]);
+    parameter(coat.beta, start, count, &mut beta);
+    parameter(coat.gamma, start, count, &mut gamma);
+    let (view, index) = (view.splat::<I::F32>(), I::F32::of(coat.index));
+    for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
+        let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
+        let (direction, _) = lamp.light.at(x, y);
+        let glint = Facet::between(direction, view, index).on(normal::<I>(block, lane));
+        let sharpness = sharpness(I::F32::load(&gamma[lane..]));
+        let value = glint.value(I::F32::load(&beta[lane..]), sharpness);
+        let sum = I::F32::load(&block.specular[lane..]);
+        value.mul_add(I::F32::load(&block.reach[lane..]), sum).store(&mut block.specular[lane..]);
+    }
+}
+
+#[inline(always)]
+fn parameter(parameter: Parameter<'_>, start: usize, count: usize, out: &mut Plane) {
+    match parameter {
+        Parameter::Everywhere(value) => out.fill(value),
+        Parameter::Map(map) => copied(map, start, count, out),
+    }
+}
