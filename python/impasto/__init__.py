@@ -13,8 +13,11 @@ from impasto.errors import (
     InternalError,
 )
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
+from impasto.height import cast_shadows, integrate_normals
 from impasto.io import read_stack
+from impasto.render import Image, display_from_bands, render
 from impasto.rig import DistantLight, PointLight, Rig
+from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status
 from impasto.training import Training
@@ -26,17 +29,23 @@ __all__ = [
     "DistantLight",
     "Encoding",
     "GeometryError",
+    "Image",
     "ImpastoError",
     "InternalError",
     "PointLight",
     "Reflectance",
     "Rig",
+    "Scene",
     "Stack",
     "Status",
     "Training",
+    "cast_shadows",
     "colour",
+    "display_from_bands",
     "fit_reflectance",
+    "integrate_normals",
     "read_stack",
+    "render",
     "white_corrected",
 ]
 

@@ -3,12 +3,13 @@
 Arrays are C-contiguous; shapes and units stand in the public functions that call these.
 """
 
-from typing import TypedDict, final, type_check_only
+from typing import Any, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto.fit.border import ProgressCallback, RigArguments
+from impasto.render import SceneArguments, SurfaceArguments
 
 @type_check_only
 class BuildInfo(TypedDict):
@@ -69,3 +70,35 @@ def spectral_estimator(
     rank: int | None,
     seed: int,
 ) -> SpectralEstimator: ...
+
+# From maps to light (crates/impasto-py/src/relight.rs)
+
+def cast_shadows(
+    height: NDArray[np.float32],
+    pitch_mm: float,
+    light: tuple[float, float, float],
+    point: bool = False,
+    threads: int = 1,
+) -> NDArray[np.float32]: ...
+def display_from_bands(
+    planes: NDArray[np.float32],
+    matrix: NDArray[np.float64],
+    curve: NDArray[np.float32],
+    bits: int,
+    threads: int,
+) -> tuple[Any, list[int], list[int]]: ...
+def integrate_normals(
+    normal: NDArray[np.float32],
+    pitch_mm: float,
+    threads: int,
+    progress: ProgressCallback | None,
+) -> NDArray[np.float32]: ...
+def linear_from_bands(
+    planes: NDArray[np.float32], matrix: NDArray[np.float64], threads: int
+) -> NDArray[np.float32]: ...
+def render(
+    surface: SurfaceArguments,
+    scene: SceneArguments,
+    threads: int,
+    progress: ProgressCallback | None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...

@@ -36,7 +36,7 @@ pub(crate) struct RigArguments<'py> {
     falloff: PyReadonlyArray1<'py, bool>,
     /// (obs, 3).
     views: PyReadonlyArray2<'py, f64>,
-    pitch_mm: f64,
+    pub(crate) pitch_mm: f64,
 }
 
 #[derive(FromPyObject)]

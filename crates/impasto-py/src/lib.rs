@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 
 mod arrays;
 mod errors;
+mod relight;
 mod run;
 mod sbrdf;
 mod spectral;
@@ -33,6 +34,11 @@ struct BuildInfo {
 #[pymodule(gil_used = false)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(build_info, module)?)?;
+    module.add_function(wrap_pyfunction!(relight::cast_shadows, module)?)?;
+    module.add_function(wrap_pyfunction!(relight::display_from_bands, module)?)?;
+    module.add_function(wrap_pyfunction!(relight::integrate_normals, module)?)?;
+    module.add_function(wrap_pyfunction!(relight::linear_from_bands, module)?)?;
+    module.add_function(wrap_pyfunction!(relight::render, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::predict, module)?)?;
     module.add_function(wrap_pyfunction!(spectral::spectral_estimator, module)?)?;
     module.add_class::<spectral::SpectralEstimator>()?;

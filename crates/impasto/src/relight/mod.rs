@@ -193,7 +193,7 @@ impl Kernel for Shade<'_, '_> {
     fn run<I: Isa>(self) {
         let Self { surface, stages, view, background, block, coefficients, start, .. } = self;
         let pixels = surface.grid.width * surface.grid.height;
-        let mut light = self.light;
+        let light = self.light;
         let near = |stage: &Stage<'_>| matches!(stage, Stage::Reach(lamp) if matches!(lamp.light, Light::Point { .. }));
         let needs_place = stages.iter().any(near);
         let total = self.coverage.len();

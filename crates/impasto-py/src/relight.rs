@@ -1,0 +1,234 @@
+//! From maps to light.
+
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadonlyArray3, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+
+use impasto::Error;
+use impasto::geometry::{Grid, Light};
+use impasto::math::Vec3;
+use impasto::relight::curve::Curve;
+use impasto::relight::show::{Codes, codes_from_planes, linear_from_planes};
+use impasto::relight::{self, Coat, Parameter, Surface};
+use impasto::scene::{Colour, Lamp, Scene};
+
+use crate::arrays::RigArguments;
+use crate::errors::to_python;
+use crate::run;
+
+/// What `impasto.render.SurfaceArguments` holds: every array C-contiguous.
+#[derive(FromPyObject)]
+pub(crate) struct SurfaceArguments<'py> {
+    /// (3, y, x).
+    normal: PyReadonlyArray3<'py, f32>,
+    /// (k, y, x).
+    coefficients: PyReadonlyArray3<'py, f32>,
+    /// (coat, y, x) or (coat, 1, 1).
+    beta: PyReadonlyArray3<'py, f32>,
+    gamma: PyReadonlyArray3<'py, f32>,
+    index: f64,
+    /// (y, x), mm: given, shadows are cast.
+    height: Option<PyReadonlyArray2<'py, f32>>,
+}
+
+/// What `impasto.render.SceneArguments` holds.
+#[derive(FromPyObject)]
+pub(crate) struct SceneArguments<'py> {
+    rig: RigArguments<'py>,
+    /// (light,).
+    intensity: PyReadonlyArray1<'py, f64>,
+    /// (light,): which illuminant.
+    colour: PyReadonlyArray1<'py, u32>,
+    /// (illuminant, k, 3): columns of the matrices.
+    diffuse: PyReadonlyArray3<'py, f64>,
+    /// (illuminant, 3).
+    interface: PyReadonlyArray2<'py, f64>,
+    /// (3,).
+    background: [f32; 3],
+}
+
+impl SceneArguments<'_> {
+    fn scene(&self, grid: Grid) -> impasto::Result<Scene> {
+        let rig = self.rig.rig(grid.height, grid.width)?;
+        let (intensity, colour) = (self.intensity.as_array(), self.colour.as_array());
+        let lamps = rig.lights().iter().enumerate().map(|(index, &light)| Lamp {
+            light,
+            intensity: intensity[index],
+            colour: colour[index] as usize,
+        });
+        let (diffuse, interface) = (self.diffuse.as_array(), self.interface.as_array());
+        let colours = diffuse.outer_iter().zip(interface.rows()).map(|(matrix, vector)| Colour {
+            diffuse: matrix.rows().into_iter().map(|c| [c[0], c[1], c[2]]).collect(),
+            interface: [vector[0], vector[1], vector[2]],
+        });
+        Scene::new(lamps.collect(), colours.collect(), rig.views()[0])
+    }
+}
+
+fn slice<'a, T: numpy::Element, D: numpy::ndarray::Dimension>(
+    name: &'static str,
+    array: &'a numpy::PyReadonlyArray<'_, T, D>,
+) -> impasto::Result<&'a [T]> {
+    array.as_slice().map_err(|error| Error::argument(name, error.to_string()))
+}
+
+fn parameters<'a>(
+    name: &'static str,
+    array: &'a PyReadonlyArray3<'_, f32>,
+) -> impasto::Result<Vec<Parameter<'a>>> {
+    let pixels = array.shape()[1] * array.shape()[2];
+    let parameter = |map: &'a [f32]| match map {
+        [value] => Parameter::Everywhere(*value),
+        map => Parameter::Map(map),
+    };
+    Ok(slice(name, array)?.chunks_exact(pixels.max(1)).map(parameter).collect())
+}
+
+impl SurfaceArguments<'_> {
+    fn grid(&self, pitch: f64) -> Grid {
+        let shape = self.normal.shape();
+        Grid { height: shape[1], width: shape[2], pitch }
+    }
+
+    fn surface(&self, pitch: f64) -> impasto::Result<Surface<'_>> {
+        let beta = parameters("beta", &self.beta)?;
+        let gamma = parameters("gamma", &self.gamma)?;
+        let coats = beta.into_iter().zip(gamma).map(|(beta, gamma)| Coat {
+            beta,
+            gamma,
+            index: self.index,
+        });
+        Ok(Surface {
+            grid: self.grid(pitch),
+            normal: slice("normal", &self.normal)?,
+            coefficients: slice("coefficients", &self.coefficients)?,
+            coats: coats.collect(),
+            height: self.height.as_ref().map(|height| slice("height", height)).transpose()?,
+        })
+    }
+}
+
+/// Light of a scene: (3, y, x) and coverage (y, x).
+#[pyfunction]
+pub(crate) fn render<'py>(
+    py: Python<'py>,
+    surface: SurfaceArguments<'py>,
+    scene: SceneArguments<'py>,
+    threads: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>)> {
+    let pitch = scene.rig.pitch_mm;
+    let background = scene.background;
+    let lit = scene.scene(surface.grid(pitch)).map_err(|error| to_python(py, &error))?;
+    let maps = surface.surface(pitch).map_err(|error| to_python(py, &error))?;
+    let picture =
+        run::call(py, threads, progress, |run| relight::render(&maps, &lit, background, run))?;
+    let (height, width) = (picture.grid.height, picture.grid.width);
+    Ok((
+        picture.light.into_pyarray(py).reshape([3, height, width])?,
+        picture.coverage.into_pyarray(py).reshape([height, width])?,
+    ))
+}
+
+/// `(3, y, x)` linear light from `(k, y, x)` planes and `(k, 3)` matrix columns.
+#[pyfunction]
+pub(crate) fn linear_from_bands<'py>(
+    py: Python<'py>,
+    planes: PyReadonlyArray3<'py, f32>,
+    matrix: PyReadonlyArray2<'py, f64>,
+    threads: usize,
+) -> PyResult<Bound<'py, PyArray3<f32>>> {
+    let columns = columns(&matrix);
+    let values = slice("planes", &planes).map_err(|error| to_python(py, &error))?;
+    let [height, width] = [planes.shape()[1], planes.shape()[2]];
+    let out = run::call(py, threads, None, |run| {
+        let mut out = vec![0.0; 3 * height * width];
+        linear_from_planes(values, &columns, &mut out, run)?;
+        Ok(out)
+    })?;
+    out.into_pyarray(py).reshape([3, height, width])
+}
+
+type Shown<'py> = (Bound<'py, PyAny>, Vec<u64>, Vec<u64>);
+
+/// Codes `(y, x, 3)` of 8, 16 or 32 bits, and how many lay below 0 and above 1 per channel.
+#[pyfunction]
+pub(crate) fn display_from_bands<'py>(
+    py: Python<'py>,
+    planes: PyReadonlyArray3<'py, f32>,
+    matrix: PyReadonlyArray2<'py, f64>,
+    curve: PyReadonlyArray2<'py, f32>,
+    bits: u32,
+    threads: usize,
+) -> PyResult<Shown<'py>> {
+    let columns = columns(&matrix);
+    let refused = |error: Error| to_python(py, &error);
+    let values = slice("planes", &planes).map_err(refused)?;
+    let curve = slice("curve", &curve).and_then(Curve::new).map_err(refused)?;
+    let [height, width] = [planes.shape()[1], planes.shape()[2]];
+    let count = 3 * height * width;
+    macro_rules! shown {
+        ($type:ty, $variant:ident) => {{
+            let (codes, clipped) = run::call(py, threads, None, |run| {
+                let mut codes: Vec<$type> = vec![Default::default(); count];
+                let clipped =
+                    codes_from_planes(values, &columns, &curve, Codes::$variant(&mut codes), run)?;
+                Ok((codes, clipped))
+            })?;
+            let codes: Bound<'py, PyArray1<$type>> = codes.into_pyarray(py);
+            (codes.reshape([height, width, 3])?.into_any(), clipped)
+        }};
+    }
+    let (codes, clipped) = match bits {
+        8 => shown!(u8, Eight),
+        16 => shown!(u16, Sixteen),
+        _ => shown!(f32, Float),
+    };
+    Ok((codes, clipped.below.to_vec(), clipped.above.to_vec()))
+}
+
+fn columns(matrix: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 3]> {
+    matrix.as_array().rows().into_iter().map(|c| [c[0], c[1], c[2]]).collect()
+}
+
+/// Height `(y, x)` in mm from normals `(3, y, x)`.
+#[pyfunction]
+pub(crate) fn integrate_normals<'py>(
+    py: Python<'py>,
+    normal: PyReadonlyArray3<'py, f32>,
+    pitch_mm: f64,
+    threads: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let values = slice("normal", &normal).map_err(|error| to_python(py, &error))?;
+    let [height, width] = [normal.shape()[1], normal.shape()[2]];
+    let out = run::call(py, threads, progress, |run| {
+        impasto::height::integrate(values, width, height, pitch_mm, run)
+    })?;
+    out.into_pyarray(py).reshape([height, width])
+}
+
+/// Visibility `(y, x)`, 1 or 0, of a light over heights in mm.
+#[pyfunction]
+#[pyo3(signature = (height, pitch_mm, light, point=false, threads=1))]
+pub(crate) fn cast_shadows<'py>(
+    py: Python<'py>,
+    height: PyReadonlyArray2<'py, f32>,
+    pitch_mm: f64,
+    light: [f64; 3],
+    point: bool,
+    threads: usize,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let values = slice("height", &height).map_err(|error| to_python(py, &error))?;
+    let grid = Grid { height: height.shape()[0], width: height.shape()[1], pitch: pitch_mm };
+    let [x, y, z] = light;
+    let position = Vec3::new(x, y, z);
+    let light =
+        if point { Light::Point { position, falloff: true } } else { Light::Distant(position) };
+    let out = run::call(py, threads, None, |run| {
+        relight::shadow::cast_shadows(values, grid, &light, run)
+    })?;
+    out.into_pyarray(py).reshape([grid.height, grid.width])
+}

@@ -1,0 +1,101 @@
+"""Normals to height, and the shadows that heights cast."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto import _core
+from impasto.errors import ArgumentError
+from impasto.fit.border import ProgressCallback, progress_callback, thread_count
+
+
+def integrate_normals(
+    normal: ArrayLike,
+    pitch_mm: float = 1.0,
+    *,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> NDArray[np.float32]:
+    """Height of the surface whose slopes are closest to those of the normals.
+
+    Least squares over all pixel edges with free borders, solved exactly by the cosine transform
+    (Simchony, Chellappa and Shao 1990) in double precision.
+
+    Parameters
+    ----------
+    normal
+        ``(3, y, x)``; only the direction counts. Where it is not finite or does not point to the
+        viewer, an edge takes the slope of its other pixel, or 0 between two such pixels. Slopes
+        beyond 80 degrees count as 80.
+    pitch_mm
+        Width of a pixel in mm.
+    threads, progress
+        As everywhere: None means every allowed core; a bool or a callable ``(done, total)``.
+
+    Returns
+    -------
+    ndarray
+        ``(y, x)`` float32, mm, towards the viewer; mean 0, a number everywhere.
+
+    Raises
+    ------
+    ArgumentError
+        A wrong shape or pitch.
+
+    Notes
+    -----
+    Lights that are off by a little bend the whole plane: only the fine relief is measured.
+    """
+    array = np.ascontiguousarray(normal, dtype=np.float32)
+    if array.ndim != 3 or array.shape[0] != 3 or 0 in array.shape:
+        raise ArgumentError(f"normal: expected shape (3, y, x), found {array.shape}")
+    callback = progress_callback(progress, "integrating normals")
+    return _core.integrate_normals(array, float(pitch_mm), thread_count(threads), callback)
+
+
+def cast_shadows(
+    height: ArrayLike,
+    pitch_mm: float,
+    light: ArrayLike,
+    *,
+    point: bool = False,
+    threads: int | None = None,
+) -> NDArray[np.float32]:
+    """Which pixels see a light over the relief.
+
+    Parameters
+    ----------
+    height
+        ``(y, x)`` mm, towards the viewer. NaN throws no shadow and receives none.
+    pitch_mm
+        Width of a pixel in mm.
+    light
+        Direction ``(3,)`` to a distant light, or with ``point`` a position in mm.
+    point
+        Whether the light is near.
+    threads
+        None means every allowed core.
+
+    Returns
+    -------
+    ndarray
+        ``(y, x)`` float32: 1 lit, 0 in shadow.
+
+    Raises
+    ------
+    ArgumentError, GeometryError
+        A wrong shape, pitch or light; a light that is not in front of the painting.
+    """
+    relief = np.ascontiguousarray(height, dtype=np.float32)
+    if relief.ndim != 2 or 0 in relief.shape:
+        raise ArgumentError(f"height: expected shape (y, x), found {relief.shape}")
+    if not (np.isfinite(pitch_mm) and pitch_mm > 0):
+        raise ArgumentError(f"pitch_mm: expected a positive width in mm, found {pitch_mm}")
+    vector = np.asarray(light, dtype=np.float64)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ArgumentError(f"light: expected three finite numbers, found {light!r}")
+    x, y, z = vector.tolist()
+    return _core.cast_shadows(
+        relief, float(pitch_mm), (x, y, z), bool(point), thread_count(threads)
+    )

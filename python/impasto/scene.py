@@ -1,0 +1,124 @@
+"""What to light: lamps, their light, the eye and the display."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from impasto.colour import Display
+from impasto.errors import ArgumentError, GeometryError
+from impasto.rig import FRONTAL, Light, Rig
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Scene:
+    """A painting's surroundings: who lights it, in which light, who looks, and on what.
+
+    Parameters
+    ----------
+    lights
+        :class:`~impasto.DistantLight` and :class:`~impasto.PointLight`, or ``(light, 3)``
+        directions. All stand in front of the painting (z > 0).
+    illuminant
+        The lamps' light: a name (``"A"``, ``"D65"``), kelvin, or ``(wavelengths, values)``; a list
+        holds one per light.
+    view
+        Direction to the eye, parallel rays. Off the normal, the picture is the painting
+        foreshortened along its tilt, the painting's up staying up.
+    adaptation
+        Degree d of chromatic adaptation from the illuminant to ``reference`` (eq. 7 to 12 of the
+        six-band paper): 0 to 1; None shows the light as it is.
+    adaptation_mode
+        ``"planck"`` as in the paper, or ``"anchored"``; see :func:`impasto.colour.adaptation`.
+    reference
+        The light of complete adaptation.
+    display
+        ``"srgb"``, ``"display-p3"`` or a :class:`impasto.colour.Display`.
+    exposure
+        Factor on all light before the display: a white board in full light has Y = ``exposure``.
+        None: the largest at which a white board facing all lights together clips no channel; the
+        picture reports it.
+    shadows
+        Cast the shadows of the relief.
+    background
+        Linear display light (three numbers from 0 to 1) where nothing of the painting is known or
+        seen.
+
+    Raises
+    ------
+    GeometryError
+        A light or an eye behind the painting, no light at all.
+    ArgumentError
+        Any other value that cannot be used.
+
+    Examples
+    --------
+    The pictures of the papers:
+
+    >>> from impasto import DistantLight
+    >>> scene = Scene([DistantLight((0, 0.71, 0.71))])
+    >>> lamp = Scene([DistantLight((0, 0.71, 0.71))], illuminant="A", adaptation=0.56)
+    """
+
+    lights: tuple[Light, ...]
+    illuminants: tuple[Any, ...]
+    view: tuple[float, float, float]
+    adaptation: float | None
+    adaptation_mode: Literal["planck", "anchored"]
+    reference: Any
+    display: Display
+    exposure: float | None
+    shadows: bool
+    background: tuple[float, float, float]
+
+    def __init__(
+        self,
+        lights: ArrayLike | Sequence[Light],
+        *,
+        illuminant: Any = "D65",
+        view: ArrayLike = FRONTAL,
+        adaptation: float | None = None,
+        adaptation_mode: Literal["planck", "anchored"] = "planck",
+        reference: Any = "D65",
+        display: Display | str = "srgb",
+        exposure: float | None = None,
+        shadows: bool = False,
+        background: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        rig = Rig(lights, views=view, pitch_mm=1.0)
+        for index, light in enumerate(rig.lights):
+            if not light.direction[2] > 0.0:
+                raise GeometryError(
+                    f"lights: light {index} does not stand in front of the painting "
+                    f"(z is {light.direction[2]:g})"
+                )
+        x, y, z = rig.views[0].tolist()
+        if not z > 0.0:
+            raise GeometryError(f"view: the eye must be in front of the painting, found z = {z:g}")
+        spectra = list(illuminant) if isinstance(illuminant, list) else [illuminant] * len(rig)
+        if len(spectra) != len(rig):
+            raise ArgumentError(
+                f"illuminant: a list holds one per light ({len(rig)}), found {len(spectra)}"
+            )
+        if adaptation is not None and not 0.0 <= adaptation <= 1.0:
+            raise ArgumentError(f"adaptation: expected d from 0 to 1, or None, found {adaptation}")
+        if exposure is not None and not (np.isfinite(exposure) and exposure > 0):
+            raise ArgumentError(f"exposure: expected a positive factor or None, found {exposure}")
+        fill = np.asarray(background, dtype=np.float64)
+        if fill.shape != (3,) or not ((fill >= 0) & (fill <= 1)).all():
+            raise ArgumentError(f"background: expected three numbers, 0 to 1, found {background}")
+        set_ = object.__setattr__
+        set_(self, "lights", rig.lights)
+        set_(self, "illuminants", tuple(spectra))
+        set_(self, "view", (x, y, z))
+        set_(self, "adaptation", adaptation)
+        set_(self, "adaptation_mode", adaptation_mode)
+        set_(self, "reference", reference)
+        set_(self, "display", display if isinstance(display, Display) else Display.named(display))
+        set_(self, "exposure", exposure)
+        set_(self, "shadows", bool(shadows))
+        set_(self, "background", tuple(fill.tolist()))

@@ -1,0 +1,162 @@
+"""Cast shadows: steps and wedges of known shadow, and a march along the same lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import impasto
+from impasto import ArgumentError, GeometryError
+
+PITCH = 0.2
+
+
+def marched(height: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """Depth below the shadow's surface in float64, from its definition (brute force).
+
+    Lines run away from the light, one row per step (the picture is transposed where the light
+    crosses columns faster); on each, height is interpolated linearly between two pixels of the row;
+    a sample's depth is max over all samples towards the light of (their height - distance * fall)
+    minus its own height; a pixel's depth is interpolated between the two lines beside it.
+    """
+    x, down, z = light[0], -light[1], light[2]
+    if abs(x) > abs(down):
+        return marched(height.T, np.array([down, -x, z])).T
+    if down > 0:
+        return marched(height[::-1], np.array([x, -light[1], z]))[::-1]
+    rows, columns = height.shape
+    shear = -x / abs(down)
+    fall = z * PITCH * np.hypot(1.0, shear) / np.hypot(x, down)
+    padded = np.pad(height.astype(np.float64), ((0, 0), (1, 1)), mode="edge")
+
+    def sample(row: int, at: np.ndarray) -> np.ndarray:
+        inside = (at >= -1) & (at <= columns)
+        place = np.clip(at + 1, 0, columns + 1)
+        left = np.minimum(place.astype(int), columns)
+        part = place - left
+        value = (1 - part) * padded[row, left] + part * padded[row, left + 1]
+        return np.where(inside, value, -np.inf)
+
+    depth = np.full((rows, columns), -np.inf)
+    for row in range(rows):
+        shift = np.float64(np.floor(shear * row))
+        part = shear * row - shift
+        sides = []
+        for offset in (-1, 0):
+            line = np.arange(columns) + offset - shift
+            own = sample(row, line + shear * row)
+            above = [sample(r, line + shear * r) - (row - r) * fall for r in range(row)] or [
+                np.full(columns, -np.inf)
+            ]
+            with np.errstate(invalid="ignore"):
+                sides.append(np.maximum(np.max(above, axis=0) - own, -1e9))
+        depth[row] = part * sides[0] + (1 - part) * sides[1]
+    return depth
+
+
+@pytest.mark.parametrize(
+    "light",
+    [(0.9, 0.0, 0.2), (0.0, -0.9, 0.2), (0.5, 0.7, 0.3), (-0.8, 0.3, 0.15), (0.6, -0.6, 0.3)],
+)
+def test_the_sweep_is_a_march_along_the_same_lines(light: tuple) -> None:
+    rng = np.random.default_rng(11)
+    height = rng.uniform(0.0, 0.4, (40, 33)).astype(np.float32)
+    depth = marched(height, np.array(light))
+    visible = impasto.cast_shadows(height, PITCH, light)
+    # Single precision: 40 roundings of numbers below 8 (heights and falls), 2e-5 in all; closer
+    # decisions may go either way.
+    sure = np.abs(depth) > 2e-5
+    assert sure.mean() > 0.99
+    np.testing.assert_array_equal(visible[sure] == 0.0, depth[sure] > 0.0)
+    assert 0.05 < visible.mean() < 0.95
+
+
+def test_a_step_throws_a_shadow_of_height_over_tangent() -> None:
+    height = np.zeros((30, 60), np.float32)
+    height[:, 40:] = 1.0
+    visible = impasto.cast_shadows(height, PITCH, (0.8, 0.0, 0.6))
+    # 1 mm / 0.75 = 1.333 mm = 6.67 pixels left of column 40.
+    np.testing.assert_array_equal(visible[:, 34:40], 0.0)
+    assert visible[:, :33].all()
+    assert visible[:, 40:].all()
+
+
+@pytest.mark.parametrize("azimuth", np.deg2rad([0, 30, 45, 77, 130, 215, 300]))
+def test_a_wedge_is_dark_below_its_own_slope_and_lit_above(azimuth: float) -> None:
+    # A ridge of slope 0.5 across the light's azimuth.
+    y, x = np.mgrid[:81, :81]
+    along = (x - 40) * np.cos(azimuth) + (40 - y) * np.sin(azimuth)
+    height = (-0.5 * PITCH * np.abs(along)).astype(np.float32)
+    inner = (slice(15, -15), slice(15, -15))
+    for elevation, lit in ((0.6, True), (0.4, False)):
+        light = (np.cos(azimuth), np.sin(azimuth), elevation)
+        visible = impasto.cast_shadows(height, PITCH, light)[inner]
+        away = along[inner] < -2
+        assert (visible[away] == float(lit)).all()
+        assert visible[along[inner] > 2].all()
+
+
+def test_a_point_light_throws_longer_shadows_further_away() -> None:
+    height = np.zeros((21, 201), np.float32)
+    height[:, 60] = height[:, 140] = 1.0
+    # Above the left end at 10 mm height: column 0 lies at x = -20 mm.
+    visible = impasto.cast_shadows(height, PITCH, (-20.0, 0.0, 10.0), point=True)[10]
+    # Similar triangles from (0 px, 10 mm) over (c px, 1 mm): the shadow ends at c * 10 / 9.
+    for wall in (60, 140):
+        end = wall * 10.0 / 9.0
+        columns = np.arange(wall + 1, 201 if wall == 140 else 140)
+        dark = columns[visible[columns] == 0.0]
+        assert dark.min() == wall + 1
+        assert abs(dark.max() - end) < 1.0
+
+
+def test_a_far_point_light_is_a_distant_one_along_rows() -> None:
+    rng = np.random.default_rng(2)
+    height = rng.uniform(0.0, 0.3, (20, 50)).astype(np.float32)
+    near = impasto.cast_shadows(height, PITCH, (9e6, 0.0, 3e6), point=True)
+    far = impasto.cast_shadows(height, PITCH, (0.9, 0.0, 0.3))
+    # Ties apart, which random heights do not make.
+    np.testing.assert_array_equal(near, far)
+
+
+def test_threads_change_no_bit() -> None:
+    rng = np.random.default_rng(5)
+    height = rng.uniform(0.0, 0.3, (90, 1200)).astype(np.float32)
+    for light, point in (((0.3, 0.8, 0.3), False), ((40.0, 9.0, 30.0), True)):
+        one, three = (
+            impasto.cast_shadows(height, PITCH, light, point=point, threads=n) for n in (1, 3)
+        )
+        np.testing.assert_array_equal(one, three)
+
+
+def test_a_scene_with_shadows_darkens_only_the_shaded() -> None:
+    from types import SimpleNamespace
+
+    height = np.zeros((20, 60), np.float32)
+    height[:, 30] = 1.0
+    painting = SimpleNamespace(
+        normal=np.broadcast_to(np.array([0, 0, 1], np.float32)[:, None, None], (3, 20, 60)),
+        diffuse=np.full((3, 20, 60), 0.5, np.float32),
+        beta=0.0,
+        gamma=0.1,
+        pitch_mm=PITCH,
+    )
+    lights = [(0.8, 0.0, 0.6)]
+    plain = impasto.render(painting, impasto.Scene(lights))
+    shaded = impasto.render(painting, impasto.Scene(lights, shadows=True), height=height)
+    visible = impasto.cast_shadows(height, PITCH, lights[0])
+    np.testing.assert_array_equal(shaded.xyz, plain.xyz * visible)
+    assert (visible == 0).any()
+
+
+@pytest.mark.parametrize(
+    ("height", "light", "error", "words"),
+    [
+        (np.zeros((4, 4)), (1, 0, 0), GeometryError, "light: it stands behind"),
+        (np.zeros((4, 4)), (1, 0), ArgumentError, "light: expected"),
+        (np.zeros(4), (0, 0, 1), ArgumentError, "height: expected"),
+    ],
+)
+def test_wrong_arguments_are_named(height, light, error, words) -> None:
+    with pytest.raises(error, match=words):
+        impasto.cast_shadows(height, PITCH, light)
