@@ -138,8 +138,8 @@ def test_adaptation_moves_white_and_the_exposure_keeps_it_in_gamut() -> None:
     scene = Scene([DistantLight((0, 0, 1))], illuminant="A", adaptation=0.56)
     image = impasto.render(painting, scene, reflectance=white)
     seen = impasto.colour.adaptation("A", "D65", 0.56).adapted_white
-    # Five roundings of single precision.
-    np.testing.assert_allclose(image.xyz[:, 5, 5], seen, rtol=1e-6)
+    # A white known from 400 to 700 nm on 10 nm is interpolated and continued: 7e-5 in Z.
+    np.testing.assert_allclose(image.xyz[:, 5, 5], seen, rtol=2e-4)
     assert image.display.max() == 255
     assert image.clipped == {"red": 0.0, "green": 0.0, "blue": 0.0}
     # references: 1 / 1.374 for the paper's white on sRGB.

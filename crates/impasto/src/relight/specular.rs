@@ -24,8 +24,11 @@ pub(crate) fn specular<I: Isa>(
         let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
         let (direction, _) = lamp.light.at(x, y);
         let glint = Facet::between(direction, view, index).on(normal::<I>(block, lane));
-        let sharpness = sharpness(I::F32::load(&gamma[lane..]));
-        let value = glint.value(I::F32::load(&beta[lane..]), sharpness);
+        let (beta, gamma) = (I::F32::load(&beta[lane..]), I::F32::load(&gamma[lane..]));
+        let value = glint.value(beta, sharpness(gamma));
+        // An unknown gamma of a coat that is there must stay unknown; `sharpness` bounds it.
+        let known = gamma.le(gamma) | beta.le(I::F32::zero());
+        let value = I::F32::select(known, value, gamma);
         let sum = I::F32::load(&block.specular[lane..]);
         value.mul_add(I::F32::load(&block.reach[lane..]), sum).store(&mut block.specular[lane..]);
     }
