@@ -216,7 +216,9 @@ mod tests {
             }
         }
         let mean = truth.iter().sum::<f64>() / pixels as f64;
-        truth.iter_mut().for_each(|h| *h -= mean);
+        for h in &mut truth {
+            *h -= mean;
+        }
         (normal, truth)
     }
 

@@ -96,7 +96,7 @@ impl Ray {
 fn sweep(relief: &[f32], width: usize, height: usize, ray: Ray, run: &Run<'_>) -> Result<Vec<f32>> {
     // Lines that meet the picture anywhere, one more on each side for interpolation back.
     let (last, _) = ray.displacement(height - 1);
-    let (first_line, last_line) = ((-last).min(0) - 2, width as isize - last.min(0) + 1);
+    let (first_line, last_line) = ((-last).min(0) - 2, width.cast_signed() - last.min(0) + 1);
     let lines = (last_line - first_line) as usize;
     let row_at = |step: usize| if ray.upwards { height - 1 - step } else { step };
 
@@ -110,7 +110,7 @@ fn sweep(relief: &[f32], width: usize, height: usize, ray: Ray, run: &Run<'_>) -
             for (step, depth) in depth.chunks_exact_mut(STRIP).enumerate() {
                 let (whole, fraction) = ray.displacement(step);
                 let row = &relief[row_at(step) * width..][..width];
-                let left = first_line + start as isize + whole;
+                let left = first_line + start.cast_signed() + whole;
                 extended(row, left, padded);
                 run.level.run(Advance {
                     padded,
@@ -150,9 +150,9 @@ fn sweep(relief: &[f32], width: usize, height: usize, ray: Ray, run: &Run<'_>) -
 /// after that.
 #[inline]
 fn extended(row: &[f32], left: isize, out: &mut [f32]) {
-    let width = row.len() as isize;
+    let width = row.len().cast_signed();
     for (index, out) in out.iter_mut().enumerate() {
-        let column = left + index as isize;
+        let column = left + index.cast_signed();
         *out = if column < -1 || column > width {
             ABYSS
         } else {

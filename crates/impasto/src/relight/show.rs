@@ -172,13 +172,13 @@ fn weigh<I: Isa>(
         }
         sum.store(&mut out[lane..]);
     }
-    for lane in whole..count {
+    for (lane, out) in out[..count].iter_mut().enumerate().skip(whole) {
         let at = start + lane;
         let mut sum = planes[at] * f32::of(matrix[0][channel]);
         for (k, column) in matrix.iter().enumerate().skip(1) {
             sum = Real::mul_add(planes[k * pixels + at], f32::of(column[channel]), sum);
         }
-        out[lane] = sum;
+        *out = sum;
     }
 }
 
