@@ -1,5 +1,7 @@
 //! From maps to light.
 
+#![allow(clippy::needless_pass_by_value, reason = "pyo3 hands arguments over by value")]
+
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3, PyUntypedArrayMethods,
@@ -110,6 +112,8 @@ impl SurfaceArguments<'_> {
     }
 }
 
+type Seen<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
+
 /// Light of a scene: (3, y, x) and coverage (y, x).
 #[pyfunction]
 pub(crate) fn render<'py>(
@@ -118,7 +122,7 @@ pub(crate) fn render<'py>(
     scene: SceneArguments<'py>,
     threads: usize,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>)> {
+) -> PyResult<Seen<'py>> {
     let pitch = scene.rig.pitch_mm;
     let background = scene.background;
     let lit = scene.scene(surface.grid(pitch)).map_err(|error| to_python(py, &error))?;
