@@ -321,3 +321,20 @@ def test_bands_to_display_is_the_fold(bits: int) -> None:
     # where the curve is thirteen times as steep as light).
     bound = (0.5 if bits < 32 else 0.0) + 6e-6 * full
     assert np.abs(np.moveaxis(codes, 2, 0) - exact).max() < bound
+
+
+def test_a_camera_makes_colours_of_bands() -> None:
+    wavelengths = np.arange(400.0, 701.0, 10.0)
+    sensitivities = np.exp(
+        -0.5 * ((wavelengths - np.array([[600.0], [540.0], [450.0]])) / 30.0) ** 2
+    )
+    camera = impasto.Camera(wavelengths, sensitivities, "D65")
+    painting = surface(beta=0.0, gamma=0.1)
+    painting.normal[:] = np.array([0, 0, 1], np.float32)[:, None, None]
+    painting.diffuse[:] = 0.5
+    painting.status = np.zeros(SIZE, np.uint8)
+    scene = Scene([DistantLight((0, 0, 1))], illuminant="A")
+    image = impasto.render(painting, scene, camera=camera)
+    grey = 0.5 * impasto.colour.white_point("A")
+    # Three bands see a flat grey as grey up to what the training set makes of it.
+    np.testing.assert_allclose(image.xyz[:, 3, 3], grey, rtol=0.05)
