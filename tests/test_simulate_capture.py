@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from impasto import PointLight, Rig, _core, simulate
+from impasto import PointLight, Rig, simulate
 from impasto.errors import ArgumentError, GeometryError
 from oracles import forward as oracle
 
@@ -184,7 +184,6 @@ def test_the_numerics_agree_with_the_equation(name: str, distance: float | None)
     assert error.mean() < 1e-6
 
 
-@pytest.mark.skipif(not hasattr(_core, "cast_shadows"), reason="this build casts no shadows")
 def test_a_wall_casts_its_shadow(painting: simulate.Painting) -> None:
     height = np.zeros(painting.size, np.float32)
     height[:, 60:] = 2.0

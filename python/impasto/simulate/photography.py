@@ -233,12 +233,9 @@ class _Scene:
         """``(y, x)``: 1 where the light reaches the surface, 0 in cast shadow."""
         from impasto import _core
 
-        core: Any = _core
         near = isinstance(light, PointLight)
         towards = light.position if isinstance(light, PointLight) else light.direction
-        return np.asarray(
-            core.cast_shadows(self.painting.height, self.painting.pitch_mm, towards, near)
-        )
+        return _core.cast_shadows(self.painting.height, self.painting.pitch_mm, towards, near)
 
 
 def _default_forward(
