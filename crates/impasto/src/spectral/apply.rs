@@ -71,27 +71,23 @@ impl Operator {
         Ok(responses.chunks_exact(self.bands()).flat_map(|rho| self.evaluate(rho)).collect())
     }
 
-    /// Coefficients of a lane-full of pixels, handed to `out(index, value)`.
+    /// Coefficients of a lane-full of pixels, padded to whole blocks.
+    ///
+    /// Slices in and out, no closures: a closure need not be inlined, and what is not inlined is
+    /// not compiled for the instruction set.
     #[inline(always)]
-    fn lanes<R: Real<Scalar = f32>>(
-        &self,
-        rho: &[R],
-        features: &mut [R],
-        mut out: impl FnMut(usize, R),
-    ) {
+    fn lanes<R: Real<Scalar = f32>>(&self, rho: &[R], features: &mut [R], out: &mut [R]) {
         self.features.evaluate(rho, features);
-        for (block, rows) in self.blocks.chunks_exact(features.len()).enumerate() {
-            let mut sums = [R::zero(); ROWS];
+        let blocks = self.blocks.chunks_exact(features.len());
+        for (out, rows) in out.chunks_exact_mut(ROWS).zip(blocks) {
+            let [mut a, mut b, mut c, mut d] = [R::zero(); ROWS];
             for (&feature, row) in features.iter().zip(rows) {
-                for (sum, &coefficient) in sums.iter_mut().zip(row) {
-                    *sum = feature.mul_add(R::splat(coefficient), *sum);
-                }
+                a = feature.mul_add(R::splat(row[0]), a);
+                b = feature.mul_add(R::splat(row[1]), b);
+                c = feature.mul_add(R::splat(row[2]), c);
+                d = feature.mul_add(R::splat(row[3]), d);
             }
-            for (offset, &sum) in sums.iter().enumerate() {
-                if block * ROWS + offset < self.rank {
-                    out(block * ROWS + offset, sum);
-                }
-            }
+            out.copy_from_slice(&[a, b, c, d]);
         }
     }
 }
@@ -179,6 +175,7 @@ impl Kernel for TileKernel<'_, '_> {
         let (bands, operator) = (estimator.bands(), &estimator.complete);
         let mut rho = vec![I::F32::zero(); bands];
         let mut features = vec![I::F32::zero(); operator.features.count()];
+        let mut values = vec![I::F32::zero(); operator.rank.next_multiple_of(ROWS)];
         let count = tile.status.len();
         let mut first = 0;
         while first < count {
@@ -190,10 +187,11 @@ impl Kernel for TileKernel<'_, '_> {
                 sound = sound & rho.is_finite();
             }
             let mut size = I::F32::zero();
-            operator.lanes(&rho, &mut features, |index, value| {
+            operator.lanes(&rho, &mut features, &mut values);
+            for (&value, plane) in values.iter().zip(&mut tile.planes) {
                 size = size + value.abs();
-                store(value, &mut tile.planes[index][first..][..lanes]);
-            });
+                store(value, &mut plane[first..][..lanes]);
+            }
             // Responses near the end of the range overflow on the way: that is no estimate.
             let sound = sound & size.is_finite();
             let before = status.map(|status| &status[here..][..lanes]);

@@ -97,19 +97,20 @@ impl Features {
 
 #[inline(always)]
 fn root_polynomial<R: Real>(rho: &[R], out: &mut [R]) {
-    let bands = rho.len();
-    let mut next = bands;
-    for (feature, &rho) in out.iter_mut().zip(rho) {
-        *feature = rho.max(R::zero());
+    let (values, products) = out.split_at_mut(rho.len());
+    // The product of the roots neither overflows nor underflows where that of the responses does.
+    for (root, &rho) in values.iter_mut().zip(rho) {
+        *root = rho.max(R::zero()).sqrt();
     }
-    for i in 0..bands {
-        // The product of the roots neither overflows nor underflows where that of the responses
-        // does.
-        let root = out[i].sqrt();
-        for j in i + 1..bands {
-            out[next] = root * out[j].sqrt();
+    let mut next = 0;
+    for i in 0..values.len() {
+        for j in i + 1..values.len() {
+            products[next] = values[i] * values[j];
             next += 1;
         }
+    }
+    for (value, &rho) in values.iter_mut().zip(rho) {
+        *value = rho.max(R::zero());
     }
 }
 

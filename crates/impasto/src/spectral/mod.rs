@@ -89,7 +89,8 @@ impl Problem {
                 return Err(Error::argument(name, problem));
             }
             // Also keeps every product below finite.
-            if let Some(value) = values.iter().find(|value| !(value.abs() <= LARGEST)) {
+            if let Some(value) = values.iter().find(|value| value.is_nan() || value.abs() > LARGEST)
+            {
                 let problem =
                     format!("expected numbers around 1, relative to white, found {value}");
                 return Err(Error::argument(name, problem));
