@@ -155,7 +155,7 @@ def test_the_basis_is_orthonormal_and_the_strongest_comes_first(name, spectra):
     )
     power = np.square(built.evaluate(spectra @ CAMERAS["six"].operator(GRID).T)).sum(axis=0)
     assert power[0] == power.max()
-    assert built.diagnostics["truncation"] <= 2e-5
+    assert built.diagnostics["truncation"] <= 1e-4
 
 
 HARD = {

@@ -186,7 +186,7 @@ def fit_reflectance(
     rank
         Coefficients per pixel; for ``"linear-model"`` the number of principal components (default:
         one per band, three for an RGB camera as in the paper). Default else: all that a linear
-        estimator has, and as many as raise the training error of the others by less than 2e-5.
+        estimator has, and as many as raise the training error of the others by less than 1e-4.
     integration
         How responses are predicted from spectra, see :meth:`Camera.operator`.
     threads, progress

@@ -6,9 +6,9 @@ use super::Fit;
 use super::linear::decomposed;
 
 /// Coefficients of a nonlinear estimator are dropped, weakest first, as long as the root mean
-/// square error over the training spectra rises by less than this: a tenth of the noise of one
+/// square error over the training spectra rises by less than this: a fortieth of an
 /// 8-bit code, and far below the estimators' own errors (0.01 to 0.03).
-const RISE: f64 = 2e-5;
+const RISE: f64 = 1e-4;
 
 /// Directions whose singular value is below this fraction of the largest are rounding.
 const NEGLIGIBLE: f64 = 1e-13;
