@@ -8,7 +8,7 @@ from typing import Any, TypedDict, final, type_check_only
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.fit.border import ProgressCallback, RigArguments
+from impasto.fit.border import ProgressCallback, RigArguments, StackArguments
 from impasto.render import SceneArguments, SurfaceArguments
 
 @type_check_only
@@ -34,6 +34,29 @@ def predict(
     threads: int,
     progress: ProgressCallback | None,
 ) -> NDArray[np.float32]: ...
+
+@type_check_only
+class Pooled(TypedDict):
+    beta: float
+    gamma: float
+    covariance: list[list[float]]
+    verdict: str
+    curve: list[list[float]]
+    path: list[list[float]]
+
+def fit_pooled(
+    stack: StackArguments,
+    normal: NDArray[np.float32],
+    diffuse: NDArray[np.float32],
+    residual: NDArray[np.float32],
+    status: NDArray[np.uint8],
+    extraction: str,
+    rounds: int,
+    steps: int,
+    index: float,
+    threads: int,
+    progress: ProgressCallback | None,
+) -> Pooled: ...
 
 # Spectral reflectance
 

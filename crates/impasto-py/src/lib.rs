@@ -39,6 +39,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(relight::integrate_normals, module)?)?;
     module.add_function(wrap_pyfunction!(relight::linear_from_bands, module)?)?;
     module.add_function(wrap_pyfunction!(relight::render, module)?)?;
+    module.add_function(wrap_pyfunction!(sbrdf::fit_pooled, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::predict, module)?)?;
     module.add_function(wrap_pyfunction!(spectral::spectral_estimator, module)?)?;
     module.add_class::<spectral::SpectralEstimator>()?;

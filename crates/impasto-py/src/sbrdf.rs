@@ -1,11 +1,15 @@
 //! Reflection models: samples that a surface shows, and the pooled fit.
 
-use numpy::{PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{
+    PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyReadwriteArray2, PyReadwriteArray3, PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 
-use impasto::sbrdf::{Coats, Surface};
+use impasto::Error;
+use impasto::sbrdf::{Coats, Extraction, Maps, PooledOptions, Surface, Verdict};
 
-use crate::arrays::RigArguments;
+use crate::arrays::{RigArguments, StackArguments};
 use crate::{errors, run};
 
 /// One number per coat, or one map per coat.
@@ -62,4 +66,76 @@ pub(crate) fn predict<'py>(
         })?;
     }
     Ok(samples)
+}
+
+/// Points of the measured lobe that go to Python.
+const CURVE_POINTS: usize = 200;
+
+/// The painting's lobe; meanings stand in `impasto.Sbrdf`.
+#[derive(IntoPyObject)]
+pub(crate) struct Pooled {
+    beta: f64,
+    gamma: f64,
+    covariance: [[f64; 2]; 2],
+    verdict: &'static str,
+    curve: Vec<[f64; 3]>,
+    path: Vec<[f64; 2]>,
+}
+
+/// One lobe for the whole painting; refines `normal`, `diffuse` in place and fills `residual`.
+#[pyfunction]
+#[pyo3(signature = (
+    stack, normal, diffuse, residual, status, extraction, rounds, steps, index, threads, progress
+))]
+#[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.sbrdf")]
+#[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
+pub(crate) fn fit_pooled<'py>(
+    py: Python<'py>,
+    stack: StackArguments<'py>,
+    mut normal: PyReadwriteArray3<'py, f32>,
+    mut diffuse: PyReadwriteArray3<'py, f32>,
+    mut residual: PyReadwriteArray2<'py, f32>,
+    status: PyReadonlyArray2<'py, u8>,
+    extraction: &str,
+    rounds: usize,
+    steps: usize,
+    index: f64,
+    threads: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Pooled> {
+    let refuse = |error| errors::to_python(py, &error);
+    let extraction = match extraction {
+        "residual" => Extraction::Residual,
+        "maximum" => Extraction::Maximum,
+        _ => {
+            let problem = format!("there is none called {extraction:?}");
+            return Err(refuse(Error::argument("extraction", problem)));
+        }
+    };
+    let options = PooledOptions { extraction, rounds, steps, index };
+    let decode = stack.decode();
+    let samples = stack.stack(&decode).map_err(refuse)?;
+    let shape = samples.shape();
+    let rig = stack.rig.rig(shape.height, shape.width).map_err(refuse)?;
+    let mut maps = Maps {
+        normal: normal.as_slice_mut()?,
+        diffuse: diffuse.as_slice_mut()?,
+        residual: residual.as_slice_mut()?,
+        status: status.as_slice()?,
+    };
+    let pooled = run::call(py, threads, progress, |run| {
+        impasto::sbrdf::fit_pooled(&samples, &rig, &mut maps, &options, run)
+    })?;
+    Ok(Pooled {
+        beta: pooled.beta,
+        gamma: pooled.gamma,
+        covariance: pooled.covariance,
+        verdict: match pooled.verdict {
+            Verdict::NoHighlight => "no-highlight",
+            Verdict::AtBound => "at-bound",
+            _ => "fitted",
+        },
+        curve: pooled.histogram.curve(CURVE_POINTS),
+        path: pooled.path,
+    })
 }

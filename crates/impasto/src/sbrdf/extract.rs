@@ -1,0 +1,97 @@
+//! The specular part of every sample: what the diffuse part does not explain.
+
+use crate::brdf::lambert;
+use crate::brdf::torrance_sparrow::Facet;
+use crate::math::lanes::Isa;
+use crate::math::{Kernel, Real};
+
+use super::histogram::Histogram;
+use super::lanes::{MAX_LANES, load};
+use super::tile::{Scene, Tile};
+
+/// Which samples count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extraction {
+    /// Every usable sample, by its residual against the diffuse fit. Samples darker than
+    /// [`SHADOW`] of their diffuse part are shadows.
+    Residual,
+    /// The papers' "maximum minus diffuse": each pixel's brightest observation only.
+    Maximum,
+}
+
+/// Share of its diffuse part below which a sample is a shadow (hard case 24).
+const SHADOW: f64 = 0.5;
+
+pub(super) struct Extract<'a, 'b, 'c> {
+    pub(super) scene: &'a Scene<'a>,
+    pub(super) tile: &'c Tile<'b>,
+    pub(super) samples: &'a [f32],
+    pub(super) stride: usize,
+    pub(super) x: &'a [f32],
+    pub(super) y: &'a [f32],
+    pub(super) extraction: Extraction,
+}
+
+impl Kernel for Extract<'_, '_, '_> {
+    type Output = Histogram;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Histogram {
+        let Self { scene, tile, samples, stride, x, y, extraction } = self;
+        let zero = I::F32::zero();
+        let index = I::F32::of(scene.index);
+        let (bands, observations) = (scene.bands, scene.rig.observations());
+        let share = I::F32::of(1.0 / bands as f64);
+        let mut histogram = Histogram::default();
+        let mut found = vec![[[0.0_f32; MAX_LANES]; 4]; observations];
+        let mut at = 0;
+        while at < tile.count {
+            let normal = tile.normal_at::<I::F32>(at);
+            let mut diffuse = zero;
+            for plane in &tile.diffuse {
+                diffuse = diffuse + load::<I::F32>(plane, at);
+            }
+            let diffuse = diffuse * share;
+            for (i, found) in found.iter_mut().enumerate() {
+                let (towards, irradiance) = scene.rig.lights()[i].at(load(x, at), load(y, at));
+                let view = scene.rig.views()[i].splat::<I::F32>();
+                let glint = Facet::between(towards, view, index).on(normal);
+                let mut sample = zero;
+                for band in 0..bands {
+                    sample = sample + load::<I::F32>(&samples[(i * bands + band) * stride..], at);
+                }
+                let sample = sample * share;
+                let lambert = diffuse * lambert::cosine(normal, towards) * irradiance;
+                let lit = sample.is_finite() & sample.ge(lambert * I::F32::of(SHADOW));
+                (sample - lambert).store(&mut found[0]);
+                I::F32::keep(lit, glint.weight * irradiance).store(&mut found[1]);
+                glint.phi_squared.store(&mut found[2]);
+                sample.store(&mut found[3]);
+            }
+            for lane in (0..I::F32::WIDTH.min(tile.count - at)).filter(|&l| tile.estimated(at + l))
+            {
+                let add = |h: &mut Histogram, f: &[[f32; MAX_LANES]; 4]| {
+                    h.add(f[0][lane], f[1][lane], f[2][lane]);
+                };
+                match extraction {
+                    Extraction::Residual => {
+                        for found in &found {
+                            add(&mut histogram, found);
+                        }
+                    }
+                    Extraction::Maximum => {
+                        let brightest = found
+                            .iter()
+                            .filter(|found| found[1][lane] > 0.0)
+                            .max_by(|a, b| a[3][lane].total_cmp(&b[3][lane]));
+                        if let Some(brightest) = brightest {
+                            add(&mut histogram, brightest);
+                        }
+                    }
+                }
+            }
+            at += I::F32::WIDTH;
+        }
+        histogram
+    }
+}

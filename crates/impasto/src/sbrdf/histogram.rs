@@ -1,0 +1,180 @@
+//! The specular part of all pixels against the angle phi: eq. 6 (six-band paper) and eq. 10
+//! (RGB-camera paper), in one pass over the pixels.
+//!
+//! Samples of one bin of `phi^2` share its lobe `D`, so that the sum of squares of
+//! `y - beta w D(phi^2)`, `w = F G / (N.V)`, needs only the bin's sums of `w^2`, `w y` and `y^2`.
+//! `phi^2` is taken at the bin's centroid (weighted by `w^2`): the error is of second order,
+//! `(k width)^2 / 24` of the lobe; with [`BINS`] bins up to [`PHI_SQUARED_MAX`] that is 1e-5 at
+//! gamma = 0.03 rad and less for wider lobes.
+
+use crate::brdf::torrance_sparrow::{GAMMA_MAX, GAMMA_MIN, sharpness};
+use crate::lm::{self, Bounds, Normal, Options, Outcome, Problem};
+
+/// Bins of `phi^2`.
+pub const BINS: usize = 4096;
+
+/// Angles beyond 1 rad carry no highlight.
+pub const PHI_SQUARED_MAX: f64 = 1.0;
+
+/// Sums over the samples of each bin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Histogram {
+    bins: Vec<Bin>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Bin {
+    count: f64,
+    ww: f64,
+    wy: f64,
+    yy: f64,
+    /// Sum of `w^2 phi^2`.
+    ww_phi_squared: f64,
+}
+
+impl Default for Histogram {
+    fn default() -> Self {
+        Self { bins: vec![Bin::default(); BINS] }
+    }
+}
+
+impl Histogram {
+    /// Adds one sample: what is specular in it, the model's weight, its angle.
+    #[inline]
+    pub fn add(&mut self, specular: f32, weight: f32, phi_squared: f32) {
+        let (y, w, p) = (f64::from(specular), f64::from(weight), f64::from(phi_squared));
+        let place = p * (BINS as f64 / PHI_SQUARED_MAX);
+        // False for NaN too (hard case 26).
+        if w > 0.0 && place < BINS as f64 && y.is_finite() {
+            let bin = &mut self.bins[place as usize];
+            bin.count += 1.0;
+            bin.ww = w.mul_add(w, bin.ww);
+            bin.wy = w.mul_add(y, bin.wy);
+            bin.yy = y.mul_add(y, bin.yy);
+            bin.ww_phi_squared = (w * w).mul_add(p, bin.ww_phi_squared);
+        }
+    }
+
+    /// Adds another's sums (tile by tile, in tile order).
+    pub fn merge(&mut self, other: &Self) {
+        for (bin, other) in self.bins.iter_mut().zip(&other.bins) {
+            bin.count += other.count;
+            bin.ww += other.ww;
+            bin.wy += other.wy;
+            bin.yy += other.yy;
+            bin.ww_phi_squared += other.ww_phi_squared;
+        }
+    }
+
+    /// Samples in all bins.
+    #[must_use]
+    pub fn count(&self) -> f64 {
+        self.bins.iter().map(|bin| bin.count).sum()
+    }
+
+    /// The measured lobe, coarsened to `parts` points: phi (rad), mean of `y / w` weighted by
+    /// `w^2`, samples.
+    #[must_use]
+    pub fn curve(&self, parts: usize) -> Vec<[f64; 3]> {
+        let last = PHI_SQUARED_MAX.sqrt();
+        let mut sums = vec![Bin::default(); parts];
+        for (index, bin) in self.bins.iter().enumerate() {
+            let phi = ((index as f64 + 0.5) / BINS as f64 * PHI_SQUARED_MAX).sqrt();
+            let sum = &mut sums[((phi / last * parts as f64) as usize).min(parts - 1)];
+            sum.count += bin.count;
+            sum.ww += bin.ww;
+            sum.wy += bin.wy;
+            sum.ww_phi_squared += bin.ww_phi_squared;
+        }
+        sums.iter()
+            .filter(|sum| sum.ww > 0.0)
+            .map(|sum| [(sum.ww_phi_squared / sum.ww).sqrt(), sum.wy / sum.ww, sum.count])
+            .collect()
+    }
+
+    /// The best (beta, log k) by Levenberg-Marquardt, from several starting widths.
+    #[must_use]
+    pub fn fit(&self) -> Outcome<f64, 2> {
+        // A lobe of each width, with the strength that fits it best: a linear problem.
+        let linear = |gamma: f64| {
+            let k = sharpness(gamma);
+            let (mut top, mut bottom) = (0.0, 0.0);
+            for bin in &self.bins {
+                let lobe = (-k * bin.phi_squared()).exp();
+                top = lobe.mul_add(bin.wy, top);
+                bottom = (lobe * lobe).mul_add(bin.ww, bottom);
+            }
+            let beta = if top > 0.0 && bottom > 0.0 { top / bottom } else { 0.0 };
+            (-top * beta, beta, k.ln())
+        };
+        let starts = [0.02, 0.05, 0.1, 0.2, 0.4].map(linear);
+        let best = starts.into_iter().fold(starts[0], |a, b| if b.0 < a.0 { b } else { a });
+        let bounds = Bounds {
+            lower: [0.0, sharpness(GAMMA_MAX).ln()],
+            upper: [f64::MAX, sharpness(GAMMA_MIN).ln()],
+        };
+        lm::minimise(self, [best.1, best.2], &bounds, &Options::default())
+    }
+}
+
+impl Bin {
+    fn phi_squared(&self) -> f64 {
+        if self.ww > 0.0 { self.ww_phi_squared / self.ww } else { 0.0 }
+    }
+}
+
+impl Problem<f64, 2> for Histogram {
+    fn normal(&self, [beta, log_k]: [f64; 2]) -> Normal<f64, 2> {
+        let k = log_k.exp();
+        let mut normal = Normal::zero();
+        for bin in self.bins.iter().filter(|bin| bin.ww > 0.0) {
+            let exponent = k * bin.phi_squared();
+            let lobe = (-exponent).exp();
+            let slope = [lobe, -exponent * beta * lobe];
+            let value = beta * lobe;
+            let left = (-value).mul_add(bin.ww, bin.wy);
+            normal.cost += value.mul_add(-(bin.wy + left), bin.yy);
+            for i in 0..2 {
+                normal.descent[i] = slope[i].mul_add(left, normal.descent[i]);
+                for j in 0..=i {
+                    normal.matrix[i][j] =
+                        (slope[i] * slope[j]).mul_add(bin.ww, normal.matrix[i][j]);
+                }
+            }
+        }
+        normal
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lobe_is_found_again() {
+        let mut histogram = Histogram::default();
+        for i in 0..200_000 {
+            let phi = (f64::from(i) * 0.618_034).fract() * 0.8;
+            let w = 0.03 + 0.01 * (f64::from(i) * 0.414_214).fract();
+            let y = 12.0 * w * (-core::f64::consts::LN_2 * phi * phi / 0.0144).exp();
+            histogram.add(y as f32, w as f32, (phi * phi) as f32);
+        }
+        let outcome = histogram.fit();
+        assert!(outcome.reason.converged());
+        let gamma = (core::f64::consts::LN_2 / outcome.parameters[1].exp()).sqrt();
+        // Quantisation: (k width)^2 / 24 with k = 48, width 1/4096 is 6e-6.
+        assert!((outcome.parameters[0] / 12.0 - 1.0).abs() < 1e-5);
+        assert!((gamma / 0.12 - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn no_highlight_gives_no_strength() {
+        let mut histogram = Histogram::default();
+        for i in 0..1000 {
+            histogram.add(-1e-3, 0.03, i as f32 * 1e-3);
+        }
+        assert_eq!(histogram.fit().parameters[0], 0.0);
+        let empty = Histogram::default().fit();
+        assert!(empty.parameters.iter().all(|p| p.is_finite()) && empty.parameters[0] == 0.0);
+    }
+}
