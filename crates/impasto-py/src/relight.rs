@@ -127,8 +127,9 @@ pub(crate) fn render<'py>(
     let background = scene.background;
     let lit = scene.scene(surface.grid(pitch)).map_err(|error| to_python(py, &error))?;
     let maps = surface.surface(pitch).map_err(|error| to_python(py, &error))?;
-    let picture =
-        run::call(py, threads, progress, |run| relight::render(&maps, &lit, background, run))?;
+    let picture = run::call(py, threads, progress.as_ref(), |run| {
+        relight::render(&maps, &lit, background, run)
+    })?;
     let (height, width) = (picture.grid.height, picture.grid.width);
     Ok((
         picture.light.into_pyarray(py).reshape([3, height, width])?,
@@ -208,7 +209,7 @@ pub(crate) fn integrate_normals<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let values = slice("normal", &normal).map_err(|error| to_python(py, &error))?;
     let [height, width] = [normal.shape()[1], normal.shape()[2]];
-    let out = run::call(py, threads, progress, |run| {
+    let out = run::call(py, threads, progress.as_ref(), |run| {
         impasto::height::integrate(values, width, height, pitch_mm, run)
     })?;
     out.into_pyarray(py).reshape([height, width])

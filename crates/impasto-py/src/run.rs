@@ -36,7 +36,7 @@ pub(crate) fn level() -> Level {
 pub(crate) fn call<A: Send>(
     py: Python<'_>,
     threads: usize,
-    progress: Option<Py<PyAny>>,
+    progress: Option<&Py<PyAny>>,
     work: impl FnOnce(&Run<'_>) -> impasto::Result<A> + Send,
 ) -> PyResult<A> {
     let pool = pool(threads).map_err(|error| errors::to_python(py, &error))?;
@@ -56,7 +56,7 @@ pub(crate) fn call<A: Send>(
             });
             while wait.recv_timeout(HEARTBEAT) == Err(RecvTimeoutError::Timeout) {
                 if interruption.is_none()
-                    && let Err(error) = heartbeat(progress.as_ref(), &tally)
+                    && let Err(error) = heartbeat(progress, &tally)
                 {
                     cancel.store(true, Ordering::Relaxed);
                     interruption = Some(error);
@@ -70,7 +70,7 @@ pub(crate) fn call<A: Send>(
     }
     match outcome {
         Ok(Ok(answer)) => {
-            report(py, progress.as_ref(), &tally)?;
+            report(py, progress, &tally)?;
             Ok(answer)
         }
         Ok(Err(error)) => Err(errors::to_python(py, &error)),

@@ -61,7 +61,7 @@ pub(crate) fn predict<'py>(
         let intensities = intensities.as_slice()?;
         let mut out = samples.readwrite();
         let out = out.as_slice_mut()?;
-        run::call(py, threads, progress, |run| {
+        run::call(py, threads, progress.as_ref(), |run| {
             impasto::sbrdf::predict(&surface, &rig, intensities, out, run)
         })?;
     }
@@ -123,7 +123,7 @@ pub(crate) fn fit_pooled<'py>(
         residual: residual.as_slice_mut()?,
         status: status.as_slice()?,
     };
-    let pooled = run::call(py, threads, progress, |run| {
+    let pooled = run::call(py, threads, progress.as_ref(), |run| {
         impasto::sbrdf::fit_pooled(&samples, &rig, &mut maps, &options, run)
     })?;
     Ok(Pooled {

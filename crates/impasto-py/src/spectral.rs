@@ -122,7 +122,9 @@ impl SpectralEstimator {
         let mut coefficients = vec![0.0; self.0.rank() * height * width];
         let mut statuses = vec![0; height * width];
         let output = Output { coefficients: &mut coefficients, status: &mut statuses };
-        run::call(py, threads, progress, |run| apply(&self.0, values, before, output, run))?;
+        run::call(py, threads, progress.as_ref(), |run| {
+            apply(&self.0, values, before, output, run)
+        })?;
         Ok((
             coefficients.into_pyarray(py).reshape([self.0.rank(), height, width])?,
             statuses.into_pyarray(py).reshape([height, width])?,
