@@ -1,0 +1,91 @@
+"""Every call that spreads over pixels, on one small capture: what test_calls.py varies."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+import impasto
+from impasto import simulate
+from impasto.fit.forward import predict
+
+SIZE = (97, 131)
+"""Three tiles and a bit; rows end in the middle of every register."""
+
+SCENE = impasto.Scene(
+    [impasto.DistantLight((0.7, 0.4, 0.3)), impasto.PointLight((30.0, 10.0, 40.0), 0.4)],
+    view=(0.3, -0.2, 1.0),
+    shadows=True,
+)
+
+Arrays = tuple[Any, ...]
+
+
+def capture(size: tuple[int, int] = SIZE) -> Any:
+    """A satin-varnished landscape under sixteen lights, six bands, 12 bits, with noise."""
+    return simulate.default_capture(seed=4, size=size)
+
+
+def _predict(capture: Any, **options: Any) -> Arrays:
+    truth = capture.truth
+    return (predict(truth.normal, truth.diffuse, truth.beta, truth.gamma, truth.rig, **options),)
+
+
+def _render(capture: Any, **options: Any) -> Arrays:
+    truth = capture.truth
+    surface = SimpleNamespace(
+        normal=truth.normal,
+        diffuse=truth.diffuse[[4, 2, 0]],
+        beta=truth.beta[0],
+        gamma=truth.gamma[0],
+        pitch_mm=truth.painting.pitch_mm,
+    )
+    image = impasto.render(surface, SCENE, height=truth.painting.height, **options)
+    return image.xyz, image.display, image.coverage
+
+
+def _reflectance(capture: Any, **options: Any) -> Arrays:
+    truth = capture.truth
+    fit = impasto.fit_reflectance(capture.stack, truth.diffuse, truth.camera, **options)
+    return fit.coefficients, fit.status
+
+
+def _height(capture: Any, **options: Any) -> Arrays:
+    return (impasto.integrate_normals(capture.truth.normal, 0.2, **options),)
+
+
+CALLS: dict[str, Callable[..., Arrays]] = {
+    "predict": _predict,
+    "render": _render,
+    "fit_reflectance": _reflectance,
+    "integrate_normals": _height,
+}
+"""``call(capture, threads=..., progress=...)`` to the arrays that it returns."""
+
+
+def _long_predict(capture: Any, **options: Any) -> Arrays:
+    truth = capture.truth
+    normal, diffuse = (np.tile(m, (1, 5, 4)) for m in (truth.normal, truth.diffuse[:1]))
+    rig = impasto.Rig(8 * truth.rig.lights)
+    return (predict(normal, diffuse, 8.0, 0.2, rig, **options),)
+
+
+LONG: dict[str, Callable[..., Arrays]] = {"predict": _long_predict}
+"""Calls that take a second or more on one thread with the baseline's instructions."""
+
+
+def digest(arrays: Arrays) -> str:
+    """Of every bit of some arrays."""
+    hashed = hashlib.sha256()
+    for array in arrays:
+        hashed.update(np.ascontiguousarray(array).tobytes())
+    return hashed.hexdigest()
+
+
+def digests(capture: Any, threads: int) -> dict[str, str]:
+    """One per call."""
+    return {name: digest(call(capture, threads=threads)) for name, call in CALLS.items()}

@@ -1,0 +1,197 @@
+"""The circumstances of a call change no bit: threads, company, instruction sets, memory layout.
+
+And a call can be watched, stopped, interrupted and made after a fork.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import impasto
+from circumstances import CALLS, LONG, capture, digests
+
+HERE = Path(__file__).parent
+CALL = pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
+
+
+@pytest.fixture(scope="module")
+def photographed() -> Any:
+    return capture()
+
+
+@pytest.fixture(scope="module")
+def expected(photographed: Any) -> dict[str, str]:
+    """The digest of every call on one thread."""
+    return digests(photographed, threads=1)
+
+
+def surroundings(**variables: str) -> dict[str, str]:
+    """The environment of a process that imports this impasto and circumstances.py."""
+    package = Path(impasto.__file__).parents[1]
+    return os.environ | {"PYTHONPATH": f"{HERE}{os.pathsep}{package}"} | variables
+
+
+def run(program: str, **variables: str) -> str:
+    """What a Python program prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env=surroundings(**variables),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("threads", [2, 3, 5, 8])
+def test_any_number_of_threads_gives_the_same_bits(
+    photographed: Any, expected: dict[str, str], threads: int
+) -> None:
+    assert digests(photographed, threads) == expected
+
+
+def test_calls_at_the_same_time_give_the_same_bits(
+    photographed: Any, expected: dict[str, str]
+) -> None:
+    with ThreadPoolExecutor(4) as pool:
+        # Pools of different sizes replace each other under the calls that use them.
+        found = list(pool.map(lambda n: digests(photographed, n), (2, 3, 1, 2)))
+    assert found == [expected] * 4
+
+
+@pytest.mark.parametrize("level", ["baseline", "avx2", "avx512"])
+def test_every_instruction_set_gives_the_same_bits(level: str, expected: dict[str, str]) -> None:
+    # A level that this processor lacks falls back to the best there is.
+    program = "import circumstances as c; print(c.digests(c.capture(), threads=2))"
+    assert ast.literal_eval(run(program, IMPASTO_SIMD=level)) == expected
+
+
+@CALL
+def test_progress_rises_to_its_total(photographed: Any, call: Any) -> None:
+    seen: list[tuple[int, int]] = []
+    call(photographed, threads=2, progress=lambda done, total: seen.append((done, total)))
+    assert seen == sorted(seen)
+    assert all(done <= total for done, total in seen)
+    done, total = seen[-1]
+    assert done == total > 0
+
+
+class EnoughError(Exception):
+    """What a caller's own progress function may raise."""
+
+
+@CALL
+def test_an_exception_in_progress_reaches_the_caller(photographed: Any, call: Any) -> None:
+    seen = []
+
+    def stop(done: int, total: int) -> None:
+        seen.append((done, total))
+        raise EnoughError
+
+    with pytest.raises(EnoughError):
+        call(photographed, threads=2, progress=stop)
+    assert len(seen) == 1, "nobody is asked again after saying stop"
+    # The next call is none the worse.
+    call(photographed, threads=2)
+
+
+FORK = """
+import os, sys
+from circumstances import capture, digests
+
+photographed = capture()
+before = digests(photographed, threads=2)
+child = os.fork()
+if child == 0:
+    same = all(digests(photographed, threads=n) == before for n in (2, 3))
+    os._exit(0 if same else 1)
+_, status = os.waitpid(child, 0)
+assert digests(photographed, threads=2) == before
+sys.exit(os.waitstatus_to_exitcode(status))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_a_forked_child_may_call_with_threads_after_its_parent_did() -> None:
+    # A child that waits for threads of its parent waits for ever: `run` would time out.
+    run(FORK)
+
+
+POOL = """
+import multiprocessing
+from circumstances import capture, digests
+
+photographed = capture()
+before = digests(photographed, threads=2)
+
+def again(threads):
+    return digests(photographed, threads) == before
+
+with multiprocessing.get_context("fork").Pool(2) as pool:
+    assert all(pool.map(again, [1, 2, 3, 2]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_multiprocessing_may_fork_after_a_call_with_threads() -> None:
+    run(POOL)
+
+
+INTERRUPTED = """
+import sys
+from circumstances import CALLS, LONG, capture
+
+photographed = capture()
+reports = []
+
+def watch(done, total):
+    reports.append((done, total))
+    if len(reports) == 1:
+        print("started", flush=True)
+
+try:
+    LONG[sys.argv[1]](photographed, threads=1, progress=watch)
+except KeyboardInterrupt:
+    print("interrupted", *reports[-1], flush=True)
+    CALLS[sys.argv[1]](photographed, threads=2)
+    print("well", flush=True)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="SIGINT is sent as on POSIX")
+@pytest.mark.parametrize("name", LONG)
+def test_ctrl_c_stops_a_call_in_the_middle(name: str) -> None:
+    # The slowest instruction set makes the longest call.
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED, name],
+        env=surroundings(IMPASTO_SIMD="baseline"),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "started\n"
+        process.send_signal(signal.SIGINT)
+        begin = time.monotonic()
+        word, done, total = process.stdout.readline().split()
+        waited = time.monotonic() - begin
+        assert process.communicate(timeout=60)[0] == "well\n"
+    finally:
+        process.kill()
+        process.wait()
+    assert word == "interrupted"
+    assert int(done) < int(total), "the call had ended before the signal"
+    # A heartbeat of 50 ms and one tile; the rest of the second is for a busy machine.
+    assert waited < 1.0
