@@ -91,6 +91,19 @@ class Camera:
         # Refuses, with the band's name, what cannot be normalised by a white board.
         self._weights(self.wavelengths)
 
+    @classmethod
+    def srgb(cls) -> Camera:
+        """The camera whose bands are linear sRGB: the CIE 1931 observer, D65, and sRGB's matrix.
+
+        For photographs that were developed to sRGB colours, as a camera's JPEGs are: what they say
+        about spectra is what an eye in daylight could say. Some sensitivities are negative.
+        """
+        from impasto.colour import Display, xyz_from_spectrum
+
+        grid = np.arange(380.0, 781.0)
+        observer = xyz_from_spectrum(grid, "E")
+        return cls(grid, Display.named("srgb").linear_from_xyz @ observer, "D65")
+
     def operator(self, wavelengths: ArrayLike, *, integration: Integration = "1nm") -> Floats:
         """The matrix H ``(band, n)`` with rho = H @ S; its rows sum to 1.
 

@@ -43,8 +43,10 @@ class Timings:
             self.seconds[name] = self.seconds.get(name, 0.0) + elapsed
 
 
-def file_entry(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Name, size in bytes and SHA-256 of a file.
+def file_entry(
+    path: str | os.PathLike[str], folder: str | os.PathLike[str] | None = None
+) -> dict[str, Any]:
+    """Name (within ``folder``, if given), size in bytes and SHA-256 of a file.
 
     Raises
     ------
@@ -54,7 +56,8 @@ def file_entry(path: str | os.PathLike[str]) -> dict[str, Any]:
     with Path(path).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256")
         size = file.tell()
-    return {"file": Path(path).as_posix(), "bytes": size, "sha256": digest.hexdigest()}
+    name = Path(path) if folder is None else Path(path).relative_to(folder)
+    return {"file": name.as_posix(), "bytes": size, "sha256": digest.hexdigest()}
 
 
 def status_counts(status: ArrayLike) -> dict[str, int]:
@@ -94,6 +97,8 @@ def report(
     options: Mapping[str, Any] | None = None,
     results: Mapping[str, Any] | None = None,
     timings: Timings | None = None,
+    notes: Iterable[Any] = (),
+    folder: str | os.PathLike[str] | None = None,
 ) -> dict[str, Any]:
     """Collect a report; :func:`write_report` saves it.
 
@@ -109,12 +114,20 @@ def report(
         Numbers worth keeping beside the maps: status counts, pooled beta and gamma ...
     timings
         Seconds per stage.
+    notes
+        What was repaired, dropped or assumed while the input was read; ``str`` of each is a
+        sentence.
+    folder
+        Where the results lie; every file in it is hashed.
     """
+    made = [] if folder is None else sorted(p for p in Path(folder).rglob("*") if p.is_file())
     seconds = {} if timings is None else timings.seconds
     return {
         "schema": SCHEMA,
         "command": command,
         "inputs": [file_entry(path) for path in inputs],
+        "outputs": [file_entry(path, folder) for path in made],
+        "notes": [str(note) for note in notes],
         "options": _plain(options or {}),
         "results": _plain(results or {}),
         "timings_s": {name: round(value, 4) for name, value in seconds.items()},
@@ -132,8 +145,10 @@ def write_report(path: str | os.PathLike[str], content: Mapping[str, Any]) -> No
     content
         As from :func:`report`.
     """
+    from impasto.io import atomic_bytes
+
     text = json.dumps(_plain(content), indent=2, sort_keys=True, allow_nan=False)
-    Path(path).write_text(text + "\n", encoding="utf-8", newline="\n")
+    atomic_bytes(Path(path), (text + "\n").encode("utf-8"))
 
 
 def _plain(value: Any) -> Any:

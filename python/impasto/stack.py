@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,8 @@ class Stack:
     notes
         What was repaired, dropped or assumed while the files were read; ``str`` of each is a
         sentence.
+    sources
+        Every file that was read: photographs, light file, mask, board and dark frames.
     """
 
     samples: NDArray[Any]
@@ -61,6 +64,7 @@ class Stack:
     encoding: Encoding
     names: tuple[str, ...]
     notes: tuple[Any, ...]
+    sources: tuple[Path, ...]
 
     def __init__(
         self,
@@ -77,6 +81,7 @@ class Stack:
         encoding: Encoding | str = "linear",
         names: Sequence[str] | None = None,
         notes: Sequence[Any] = (),
+        sources: Sequence[str | Path] = (),
     ) -> None:
         array = _samples(samples)
         rig = Rig(lights, views=views, pitch_mm=pitch_mm)
@@ -107,6 +112,7 @@ class Stack:
         set_(self, "encoding", encoding)
         set_(self, "names", _names(names, [f"{i}" for i in range(observations)], "names"))
         set_(self, "notes", tuple(notes))
+        set_(self, "sources", tuple(Path(path) for path in sources))
         if not (np.isfinite(self.scale) & (self.scale > 0)).all():
             raise ArgumentError(f"scale: expected positive numbers, found {scale}")
 
@@ -163,6 +169,7 @@ class Stack:
             "encoding": self.encoding,
             "names": self.names,
             "notes": self.notes,
+            "sources": self.sources,
         } | changes
         samples = arguments.pop("samples")
         rig = arguments.pop("rig", self.rig)

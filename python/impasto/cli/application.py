@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Sequence
 
@@ -11,6 +12,13 @@ from cyclopts.exceptions import CycloptsError
 
 from impasto.cli import console
 from impasto.errors import CorruptInputError, ImpastoError, InternalError
+
+ARGUMENTS = (
+    "adaptation|bands|camera|dark|display|encoding|estimator|exposure|illuminant|images|index|"
+    "intensities|lights|mask|method|pattern|pitch_mm|region|saturation|size|strict|threads|view|"
+    "white"
+)
+"""Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``."""
 
 OK, USER_ERROR, USAGE_ERROR, CORRUPT_INPUT, PARTIAL, INTERRUPTED = 0, 1, 2, 3, 4, 130
 
@@ -24,7 +32,11 @@ def application() -> App:
         help_format="plaintext",
         console=console.stdout(),
         error_console=console.stderr(),
+        suppress_keyboard_interrupt=False,
     )
+    app.command("impasto.cli.demo:demo", help="Measure and relight a simulated painting.")
+    app.command("impasto.cli.fit:fit", help="Measure a painting from its photographs.")
+    app.command("impasto.cli.render:render", help="Light a fitted painting and save the picture.")
     app.command("impasto.cli.info:info", help="Say what is installed, or what a result holds.")
     return app
 
@@ -59,8 +71,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader of stdout has left (impasto info | head): say no more, also not at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
-    except (ImpastoError, OSError) as error:
-        console.complain(_os_words(error) if isinstance(error, OSError) else str(error))
+    except ImpastoError as error:
+        console.complain(_in_options(str(error)))
+        return USER_ERROR
+    except OSError as error:
+        console.complain(_os_words(error))
         return USER_ERROR
     except MemoryError:
         console.complain("not enough memory: fit a crop, fewer photographs, or on a larger machine")
@@ -78,6 +93,12 @@ def _version() -> str:
 
 def _one_line(error: CycloptsError) -> str:
     return " ".join(str(error).split())
+
+
+def _in_options(message: str) -> str:
+    """A message of the Python API in the words of the command line: ``images=`` is ``--images``."""
+    message = re.sub(rf"^({ARGUMENTS}):", r"--\1:", message.removeprefix("path: "))
+    return re.sub(rf"\b({ARGUMENTS})=(?!\w)", r"--\1", message).replace("--pitch_mm", "--pitch")
 
 
 def _os_words(error: OSError) -> str:

@@ -80,18 +80,20 @@ class Stages:
             TextColumn(f"{name:<{NAME_WIDTH}}"),
             BarColumn(bar_width=40, complete_style="cyan", finished_style="cyan"),
         )
-        with Progress(*columns, console=self._console, transient=True) as progress:
+        # A log file gets the closing lines only.
+        hidden = not self._console.is_terminal
+        bars = Progress(*columns, console=self._console, transient=True, disable=hidden)
+        with bars as progress, self.timings.stage(name):
             task = progress.add_task(name, total=None)
 
             def advance(done: int, total: int) -> None:
                 progress.update(task, completed=done, total=total)
 
             stage.advance = advance
-            with self.timings.stage(name):
-                yield stage
+            yield stage
         seconds = self.timings.seconds[name]
         words = escape(f"{stage.note:<{NOTE_WIDTH}}")
-        self._console.print(f"  {name:<{NAME_WIDTH}}[dim]{words}{seconds:8.1f} s[/]")
+        self._console.print(f"  {name:<{NAME_WIDTH}}[dim]{words}{seconds:7.1f} s[/]")
 
 
 class Stage:

@@ -1,8 +1,7 @@
-"""``impasto info``."""
+"""``impasto info``: what is installed, or what a result holds."""
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,29 +9,34 @@ from cyclopts import Parameter
 
 from impasto.cli import console
 
+LABEL_WIDTH = 26
+
 
 def info(
     result: Annotated[Path | None, Parameter(name=["RESULT"])] = None,
     /,
     *,
-    json: bool = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Say what is installed, or what a result holds.
 
     Parameters
     ----------
     result
-        A saved result; without it, the installation is described.
+        The --out folder of impasto fit or demo, its report.json, or an sbrdf.npz; without it, the
+        installation is described.
     json
         Print JSON for programs.
     """
     facts = _installation() if result is None else _result(result)
-    out = console.stdout()
     if json:
-        out.out(json_module.dumps(facts, indent=2, sort_keys=True))
+        console.print_json(facts)
         return
+    page = console.stdout()
     for name, value in facts.items():
-        out.out(f"{name:<16}{value}")
+        for index, line in enumerate(_lines(value)):
+            label = name.replace("_", " ") if index == 0 else ""
+            page.out(f"{label:<{LABEL_WIDTH}}{line}")
 
 
 def _installation() -> dict[str, Any]:
@@ -42,4 +46,93 @@ def _installation() -> dict[str, Any]:
 
 
 def _result(path: Path) -> dict[str, Any]:
-    raise NotImplementedError
+    if path.suffix.lower() == ".npz":
+        return _archive(path)
+    from impasto.cli.folder import REPORT, read_report
+
+    folder = path.parent if path.name == REPORT else path
+    report = read_report(folder)
+    results, versions = report.get("results", {}), report["versions"]
+    lost, changed = _compared(folder, report.get("outputs", []))
+    facts: dict[str, Any] = {
+        "made_by": f"impasto {report['command']}, version {versions.get('impasto', 'unknown')}"
+    }
+    if "shape" in results:
+        observations, bands, rows, columns = results["shape"]
+        facts["stack"] = f"{observations} of {columns} x {rows} pixels, {bands} bands"
+    if report.get("inputs"):
+        facts["inputs"] = _few([entry["file"] for entry in report["inputs"]])
+    facts["status"] = _counts(results.get("status", {}))
+    for name in ("verdict", "beta", "gamma_degrees", "sigma_degrees_median", "residual_median"):
+        if name in results:
+            facts[name] = results[name]
+    facts |= {f"truth_{key}": value for key, value in results.get("truth", {}).items()}
+    facts["notes"] = report.get("notes", [])
+    facts["seconds"] = round(sum(report.get("timings_s", {}).values()), 1)
+    facts["files"] = f"{len(report.get('outputs', []))}, all as written"
+    if lost or changed:
+        facts["files"] = [f"{name} is missing" for name in lost]
+        facts["files"] += [f"{name} has changed since" for name in changed]
+    return {name: value for name, value in facts.items() if value not in ([], {}, None)}
+
+
+def _archive(path: Path) -> dict[str, Any]:
+    import numpy as np
+
+    import impasto
+
+    api: Any = impasto
+    from impasto.report import status_counts
+
+    sbrdf = api.load_sbrdf(path)
+    bands, rows, columns = sbrdf.diffuse.shape
+    return {
+        "size": f"{columns} x {rows} pixels, {bands} bands",
+        "bands": ", ".join(sbrdf.bands),
+        "lights": len(sbrdf.rig),
+        "normals": sbrdf.normals.method,
+        "status": _counts(status_counts(sbrdf.status)),
+        "verdict": sbrdf.verdict,
+        "beta": sbrdf.beta,
+        "gamma_degrees": float(np.degrees(sbrdf.gamma)),
+        "index": sbrdf.index,
+    }
+
+
+def _compared(folder: Path, outputs: list[dict[str, Any]]) -> tuple[list[str], list[str]]:
+    """Files that are gone, and files that are not what the report hashed."""
+    from impasto.report import file_entry
+
+    lost = [entry["file"] for entry in outputs if not (folder / entry["file"]).is_file()]
+    changed = [
+        entry["file"]
+        for entry in outputs
+        if entry["file"] not in lost
+        and file_entry(folder / entry["file"])["sha256"] != entry["sha256"]
+    ]
+    return lost, changed
+
+
+def _counts(counts: dict[str, int]) -> list[str]:
+    total = sum(counts.values())
+    order = sorted(counts.items(), key=lambda item: -item[1])
+    return [f"{name.replace('_', ' ')} {100 * n / total:.2f} % ({n})" for name, n in order]
+
+
+def _few(names: list[str]) -> str:
+    shown = ", ".join(names[:3])
+    return shown if len(names) <= 3 else f"{shown} and {len(names) - 3} more"
+
+
+def _lines(value: Any) -> list[str]:
+    if isinstance(value, list):
+        return [str(entry) for entry in value] or ["none"]
+    if isinstance(value, dict):
+        return [f"{name} {_number(entry)}" for name, entry in value.items()]
+    return [_number(value)]
+
+
+def _number(value: Any) -> str:
+    if value is None:
+        return "unknown"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,6 +1,7 @@
 """Files in, files out: photographs, light files, maps."""
 
 from impasto.io.archive import write_stack
+from impasto.io.cameras import read_camera, write_camera
 from impasto.io.files import atomic_bytes, atomic_path
 from impasto.io.headers import ImageHeader, read_header
 from impasto.io.images import read_image
@@ -11,6 +12,7 @@ from impasto.io.reader import read_stack
 from impasto.io.tone import ToneEstimate, estimate_tone
 from impasto.io.write import (
     write_exr,
+    write_jpeg,
     write_json,
     write_png8,
     write_png16,
@@ -26,11 +28,14 @@ __all__ = [
     "atomic_bytes",
     "atomic_path",
     "estimate_tone",
+    "read_camera",
     "read_header",
     "read_image",
     "read_lights",
     "read_stack",
+    "write_camera",
     "write_exr",
+    "write_jpeg",
     "write_json",
     "write_lights",
     "write_png8",

@@ -80,6 +80,7 @@ def read_archive(path: Path) -> Stack:
         names=[str(name) for name in arrays["names"]] if "names" in arrays else None,
         saturation=levels,
         encoding=encoding,
+        sources=[path],
         **optional,
     )
 

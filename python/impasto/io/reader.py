@@ -45,7 +45,7 @@ def read_stack(
     *,
     lights: str | Path | LightFile | Rig | ArrayLike | None = None,
     images: str | Path | None = None,
-    encoding: Encoding | str = "linear",
+    encoding: Encoding | str | None = "linear",
     mask: str | Path | ArrayLike | None = None,
     saturation: ArrayLike | None = None,
     white: FrameSource | None = None,
@@ -78,7 +78,8 @@ def read_stack(
     encoding
         How linear light became the files' codes: ``"linear"``, ``"srgb"``, a gamma such as
         ``"2.2"``, or ``"auto"`` to estimate it from the photographs themselves (the estimate is
-        in the notes, see :func:`impasto.io.estimate_tone`).
+        in the notes, see :func:`impasto.io.estimate_tone`), or None for what such files hold as a
+        rule: sRGB in 8 bits, linear light in more.
     mask
         A picture or ``(y, x)`` array: the painting is where it is not 0.
     saturation
@@ -196,7 +197,16 @@ def read_stack(
         encoding=curve,
         names=observations.names,
         notes=tuple(notebook.notes),
+        sources=_sources(listed.source, observations, (mask, white, dark, intensities)),
     )
+
+
+def _sources(
+    lights: Path, observations: Observations, options: tuple[Any, ...]
+) -> tuple[Path, ...]:
+    named = [p for option in options if option is not None for p in frame_paths(option) or ()]
+    every = [lights, *(path for files in observations.files for path in files), *named]
+    return tuple(dict.fromkeys(path for path in every if path.is_file()))
 
 
 def _codes(
@@ -328,7 +338,7 @@ def _mask(
 
 
 def _curve(
-    encoding: Encoding | str,
+    encoding: Encoding | str | None,
     codes: NDArray[Any],
     full: float,
     rig: Rig,
@@ -340,6 +350,12 @@ def _curve(
 ) -> Encoding:
     if isinstance(encoding, Encoding):
         return encoding
+    if encoding is None:
+        curve = "srgb" if full == 255.0 else "linear"
+        bits = "8-bit files" if full == 255.0 else "files with more than 8 bits"
+        folder = observations.files[0][0].parent
+        notebook.say("encoding", folder, f"{bits}, taken to hold {curve} values")
+        return Encoding(curve, full)
     if str(encoding).lower() != "auto":
         return Encoding(encoding, full)
     from impasto.io.tone import estimate_tone

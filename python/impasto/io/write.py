@@ -90,6 +90,32 @@ def write_png16(path: str | Path, picture: ArrayLike, *, icc: bytes | None = Non
     _write_png(path, _integers(picture, np.uint16), icc)
 
 
+def write_jpeg(path: str | Path, picture: ArrayLike, *, quality: int = 92) -> None:
+    """Write an 8-bit JPEG with full colour resolution, for looking at.
+
+    Parameters
+    ----------
+    path
+        The file to write (replaced atomically).
+    picture
+        As for :func:`write_png16`.
+    quality
+        1 to 100.
+    """
+    import cv2
+
+    planes = _integers(picture, np.uint8)
+    if len(planes) not in {1, 3}:
+        raise ArgumentError(f"picture: a JPEG holds 1 or 3 bands, found {len(planes)}")
+    pixels = planes[0] if len(planes) == 1 else np.moveaxis(planes[::-1], 0, -1)
+    settings = [cv2.IMWRITE_JPEG_QUALITY, int(quality)]
+    settings += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
+    done, data = cv2.imencode(".jpg", np.ascontiguousarray(pixels), settings)
+    if not done:
+        raise ArgumentError(f"picture: shape {planes.shape} cannot be written as JPEG")
+    atomic_bytes(path, data.tobytes())
+
+
 def write_tiff16(
     path: str | Path,
     picture: ArrayLike,

@@ -10,15 +10,18 @@ from impasto.simulate.cameras import camera
 from impasto.simulate.easel import Painting, painting
 from impasto.simulate.photography import Capture, Noise, Truth, capture, default_capture
 from impasto.simulate.rigs import rig
+from impasto.simulate.score import Score, score
 
 __all__ = [
     "Capture",
     "Noise",
     "Painting",
+    "Score",
     "Truth",
     "camera",
     "capture",
     "default_capture",
     "painting",
     "rig",
+    "score",
 ]

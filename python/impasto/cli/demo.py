@@ -1,0 +1,208 @@
+"""``impasto demo``: paint, photograph, measure, relight, and compare with the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+from rich.table import Table
+
+from impasto.cli import console
+from impasto.cli.console import Stages
+from impasto.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from impasto.simulate import Capture, Score
+
+System = Literal["tominaga-six-band-adaptation", "tominaga-rgb-camera"]
+Varnish = Literal["matte", "satin", "gloss"]
+Flag = Parameter(negative="")
+
+
+@dataclass(frozen=True)
+class View:
+    """One picture of the demonstration."""
+
+    file: str
+    title: str
+    note: str
+    scene: dict[str, Any]
+
+
+VIEWS = (
+    View("above", "Light from above", "45 degrees, D65", {"light": (0.0, 0.71, 0.71)}),
+    View(
+        "raking",
+        "Raking light",
+        "from the left, 15 degrees",
+        {"light": (-0.93, 0.25, 0.26), "shadows": True, "exposure": 2.0},
+    ),
+    View(
+        "lamp",
+        "Incandescent lamp",
+        "illuminant A, adaptation 0.56",
+        {"light": (0.0, 0.71, 0.71), "illuminant": "A", "adaptation": 0.56},
+    ),
+    View(
+        "slanted",
+        "Seen from the right",
+        "40 degrees, lamp from the left",
+        {"light": (-0.55, 0.25, 0.80), "view": (0.64, 0.0, 0.77)},
+    ),
+)
+"""The pictures of the papers: relit, under a lamp with incomplete adaptation, from the side."""
+
+
+def demo(
+    *,
+    out: Path = Path("demo"),
+    size: int = 512,
+    seed: int = 0,
+    system: System = "tominaga-six-band-adaptation",
+    varnish: Varnish = "satin",
+    threads: int | None = None,
+    force: Annotated[bool, Flag] = False,
+    quiet: Annotated[bool, Flag] = False,
+) -> None:
+    """Simulate a painting, photograph it, measure it, relight it, and compare with the truth.
+
+    Parameters
+    ----------
+    out
+        Folder for photographs, maps, pictures and report.
+    size
+        Height and width in pixels.
+    seed
+        Another number paints another painting.
+    system
+        Camera and lights of one of the two papers: six bands and 16 lights, or RGB and 9.
+    varnish
+        How glossy the painting is.
+    threads
+        Default: every core.
+    force
+        Write into a folder that holds files of other origin.
+    quiet
+        No progress, only errors.
+    """
+    import impasto
+
+    api: Any = impasto
+    from impasto import simulate
+    from impasto.cli.fit import numbers
+    from impasto.cli.folder import REPORT, result_folder
+    from impasto.cli.maps import write_maps
+    from impasto.cli.photographs import write_photographs
+    from impasto.io import write_jpeg
+    from impasto.overview import gloss_words
+    from impasto.report import report, write_report
+
+    if size < 16:
+        raise ArgumentError(f"--size: expected at least 16 pixels, found {size}")
+    stages = Stages(quiet=quiet)
+    with result_folder(out, force=force) as folder:
+        with stages.stage("painting", f"{size} x {size} pixels, {varnish} varnish, seed {seed}"):
+            painting = simulate.painting(seed, (size, size), varnish=varnish)
+        with stages.stage("photographs") as stage:
+            capture = simulate.capture(painting, system, system)
+            stack = write_photographs(folder / "photographs", capture)
+            observations, bands = stack.shape[:2]
+            stage.note = f"{observations} lights, {bands} bands, 12 bits, sensor noise"
+        with stages.stage("normals", "robust") as stage:
+            normals = api.fit_normals(stack, threads=threads, progress=stage.advance)
+        with stages.stage("gloss") as stage:
+            sbrdf = api.fit_sbrdf(stack, normals=normals, threads=threads, progress=stage.advance)
+            stage.note = gloss_words(sbrdf).removeprefix("gloss: ")
+        with stages.stage("reflectance") as stage:
+            reflectance = impasto.fit_reflectance(
+                stack, sbrdf, capture.truth.camera, threads=threads, progress=stage.advance
+            )
+            stage.note = f"{len(reflectance.basis)} basis spectra"
+        with stages.stage("pictures", "relit, under a lamp, from the side"):
+            images = _images(sbrdf, reflectance, threads)
+        with stages.stage("truth", "compared with the painting's own"):
+            score = simulate.score(capture.truth, sbrdf, reflectance)
+        with stages.stage("files", str(out)):
+            write_maps(folder, sbrdf, reflectance)
+            for view, image in zip(VIEWS, images, strict=True):
+                image.save(folder / f"{view.file}.png")
+            write_jpeg(folder / "overview.jpg", _sheet(capture, sbrdf, images, score))
+        content = report(
+            "demo",
+            options={
+                "size": size,
+                "seed": seed,
+                "system": system,
+                "varnish": varnish,
+                "threads": threads,
+            },
+            results=numbers(stack, sbrdf, reflectance) | {"truth": score.numbers()},
+            timings=stages.timings,
+            folder=folder,
+        )
+        write_report(folder / REPORT, content)
+    if not quiet:
+        _print(score, out)
+
+
+def _images(sbrdf: Any, reflectance: Any, threads: int | None) -> list[Any]:
+    import impasto
+
+    images = []
+    for view in VIEWS:
+        options = dict(view.scene)
+        light = impasto.DistantLight(options.pop("light"))
+        scene = impasto.Scene([light], background=(0.02, 0.02, 0.02), **options)
+        images.append(impasto.render(sbrdf, scene, reflectance=reflectance, threads=threads))
+    return images
+
+
+def _sheet(capture: Capture, sbrdf: Any, images: list[Any], score: Score) -> Any:
+    from impasto.overview import subtitle, trust_panels
+    from impasto.pictures import Panel, contact_sheet, normal_panel, ramp_panel
+
+    sigma, residual, _, status = trust_panels(sbrdf)
+    relit = [
+        Panel(view.title, image.display, view.note)
+        for view, image in zip(VIEWS, images, strict=True)
+    ]
+    assert score.colour_error is not None  # the camera is known
+    panels = (
+        *relit,
+        normal_panel(sbrdf.normal),
+        ramp_panel(score.normal_error, "Error of the normal", unit="degrees", low=0.0),
+        ramp_panel(score.colour_error, "Error of the colour", unit="CIEDE2000, D65", low=0.0),
+        residual,
+        sigma,
+        status,
+    )
+    truth = capture.truth.painting
+    return contact_sheet(panels, title=f"Simulated painting {truth.seed}", subtitle=subtitle(sbrdf))
+
+
+def _print(score: Score, out: Path) -> None:
+    """The comparison, on stdout."""
+    table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 3, 0, 0))
+    for name, value, note in _rows(score):
+        table.add_row(name, value, f"[dim]{note}[/]")
+    page = console.stdout()
+    page.print("\nMeasured against the truth of the simulation:\n")
+    page.print(table)
+    page.print(f"\nLook at {out / 'overview.jpg'} first; report.json has the rest.")
+
+
+def _rows(score: Score) -> list[tuple[str, str, str]]:
+    rows = [
+        ("normals", f"{score.normal_mean:.2f} deg", f"95 % below {score.normal_p95:.2f} deg"),
+        ("spectra", f"{score.reflectance_rmse:.4f}", "RMSE of the reflectance, white is 1"),
+    ]
+    for name, mean in score.colour_mean.items():
+        tail = f"CIEDE2000, 95 % below {score.colour_p95[name]:.2f}"
+        rows.append((f"colour, {name}", f"{mean:.2f}", tail))
+    rows.append(("gamma", f"{100 * score.gamma:+.1f} %", "width of the gloss"))
+    rows.append(("beta", f"{100 * score.beta:+.1f} %", "strength of the gloss"))
+    if score.estimated < 1.0:
+        rows.append(("estimated", f"{100 * score.estimated:.2f} %", "of the pixels"))
+    return rows

@@ -1,0 +1,218 @@
+"""``impasto fit``: from photographs to maps."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+from rich.markup import escape
+
+from impasto.cli.console import Stages
+from impasto.cli.photographs import Reading
+
+if TYPE_CHECKING:
+    from impasto.stack import Stack
+
+Method = Literal["robust", "least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey"]
+Estimator = Literal["root-polynomial", "wiener", "linear-model", "radial-basis"]
+Flag = Parameter(negative="")
+PARTIAL = 4
+
+
+def fit(
+    stack: Annotated[Path, Parameter(name=["STACK"])],
+    /,
+    *,
+    out: Path,
+    reading: Reading | None = None,
+    method: Method = "robust",
+    index: float = 1.45,
+    camera: str | None = None,
+    illuminant: str | None = None,
+    estimator: Estimator = "root-polynomial",
+    threads: int | None = None,
+    force: Annotated[bool, Flag] = False,
+    quiet: Annotated[bool, Flag] = False,
+) -> int:
+    """Measure a painting: normals, diffuse reflectance and gloss from its photographs.
+
+    Exit code 4 says that some listed photographs are missing, or that some pixels were not
+    reached: the result is there, but partial.
+
+    Parameters
+    ----------
+    stack
+        Light file (.lp) beside its photographs, a folder of both, or an .npz.
+    out
+        Folder for maps, overview and report.
+    method
+        How normals are kept from highlights and shadows.
+    index
+        Index of refraction of the varnish.
+    camera
+        CSV file of band sensitivities, or "srgb" where the photographs are developed to sRGB
+        colours; reflectance spectra are estimated then, and any illuminant can be rendered.
+    illuminant
+        Light of the photographs (A, D65, 3000K), where the camera's file does not tell.
+    estimator
+        How spectra are estimated from bands.
+    threads
+        Default: every core.
+    force
+        Write into a folder that holds files of other origin.
+    quiet
+        No progress, only errors.
+    """
+    import impasto
+
+    api: Any = impasto
+    from impasto.cli.folder import REPORT, result_folder
+    from impasto.cli.maps import write_maps
+    from impasto.io import write_jpeg
+    from impasto.overview import gloss_words, overview
+    from impasto.report import report, status_counts, write_report
+
+    reading = Reading() if reading is None else reading
+    stages = Stages(quiet=quiet)
+    with result_folder(out, force=force) as folder:
+        lens = None if camera is None else camera_of(camera, illuminant)
+        with stages.stage("photographs") as stage:
+            photographs = reading.read(stack)
+            stage.note = stack_words(photographs)
+        tell(stages, photographs)
+        with stages.stage("normals") as stage:
+            normals = api.fit_normals(
+                photographs, method=method, threads=threads, progress=stage.advance
+            )
+            stage.note = f"{method}; {share_estimated(normals.status)} of the pixels"
+        with stages.stage("gloss") as stage:
+            sbrdf = api.fit_sbrdf(
+                photographs,
+                normals=normals,
+                index=index,
+                threads=threads,
+                progress=stage.advance,
+            )
+            stage.note = gloss_words(sbrdf).removeprefix("gloss: ")
+        reflectance = None
+        if lens is not None:
+            with stages.stage("reflectance") as stage:
+                reflectance = impasto.fit_reflectance(
+                    photographs,
+                    sbrdf,
+                    lens,
+                    estimator=estimator,
+                    threads=threads,
+                    progress=stage.advance,
+                )
+                stage.note = f"{estimator}, {len(reflectance.basis)} basis spectra"
+        with stages.stage("files") as stage:
+            write_maps(folder, sbrdf, reflectance)
+            sheet = overview(
+                sbrdf, reflectance=reflectance, title=painting_name(stack), threads=threads
+            )
+            write_jpeg(folder / "overview.jpg", sheet)
+            stage.note = str(out)
+        content = report(
+            "fit",
+            inputs=photographs.sources,
+            options={
+                "stack": stack,
+                **asdict(reading),
+                "method": method,
+                "model": "torrance-sparrow",
+                "pooling": "painting",
+                "extraction": "residual",
+                "index": index,
+                "camera": camera,
+                "illuminant": illuminant,
+                "estimator": estimator,
+                "threads": threads,
+            },
+            results=numbers(photographs, sbrdf, reflectance),
+            timings=stages.timings,
+            notes=photographs.notes,
+            folder=folder,
+        )
+        write_report(folder / REPORT, content)
+    unfinished = status_counts(sbrdf.status).get("not_computed", 0)
+    missing = any(note.kind == "missing" for note in photographs.notes)
+    if unfinished:
+        stages.say(f"[yellow]partial:[/] {unfinished} pixels were not reached")
+    if missing:
+        stages.say("[yellow]partial:[/] listed photographs are missing, the others were used")
+    return PARTIAL if missing or unfinished else 0
+
+
+def camera_of(text: str, illuminant: str | None) -> Any:
+    """The camera of ``--camera`` and the light of ``--illuminant``."""
+    from impasto.bands import Camera
+    from impasto.io import read_camera
+
+    if text.casefold() == "srgb":
+        return Camera.srgb()
+    return read_camera(text, illuminant=illuminant)
+
+
+def tell(stages: Stages, stack: Stack) -> None:
+    """Say what was repaired, dropped or assumed: what matters in yellow, the rest faintly."""
+    for note in stack.notes:
+        odd = note.repair or not getattr(note, "decided", True)
+        style = "yellow" if odd or note.kind in {"horizon", "duplicate", "unlisted"} else "dim"
+        stages.say(f"  {'':14}[{style}]{escape(str(note))}[/]")
+
+
+def stack_words(stack: Stack) -> str:
+    """``72 x 402 x 395 pixels, 3 bands``."""
+    observations, bands, rows, columns = stack.shape
+    return f"{observations} of {columns} x {rows} pixels, {bands} bands"
+
+
+def share_estimated(status: Any) -> str:
+    """``99.8 %``, of the pixels that no mask excludes."""
+    import numpy as np
+
+    from impasto.status import Status
+
+    inside = status != Status.MASKED
+    share = float((status[inside] < Status.DARK).mean()) if inside.any() else float("nan")
+    return "100 %" if np.isclose(share, 1.0, rtol=0, atol=5e-5) else f"{100 * share:.2f} %"
+
+
+def painting_name(stack: Path) -> str:
+    """A title: the folder of a light file, or the name of the folder or archive itself."""
+    path = stack.resolve()
+    return (
+        path.name if path.is_dir() else (path.stem if path.suffix == ".npz" else path.parent.name)
+    )
+
+
+def numbers(stack: Stack, sbrdf: Any, reflectance: Any) -> dict[str, Any]:
+    """What a report keeps beside the maps."""
+    import numpy as np
+
+    from impasto.report import status_counts
+
+    return {
+        "shape": stack.shape,
+        "bands": stack.bands,
+        "encoding": {"curve": stack.encoding.curve, "white": stack.encoding.white},
+        "status": status_counts(sbrdf.status),
+        "normals_status": status_counts(sbrdf.normals.status),
+        "beta": sbrdf.beta,
+        "gamma_degrees": float(np.degrees(sbrdf.gamma)),
+        "verdict": sbrdf.verdict,
+        "covariance_log_beta_log_gamma": sbrdf.covariance,
+        "sigma_degrees_median": _median(np.degrees(sbrdf.normals.sigma)),
+        "residual_median": _median(sbrdf.residual),
+        "reflectance": None if reflectance is None else reflectance.info,
+    }
+
+
+def _median(plane: Any) -> float:
+    import numpy as np
+
+    known = plane[np.isfinite(plane)]
+    return float(np.median(known)) if known.size else float("nan")

@@ -1,0 +1,116 @@
+"""A result folder: it appears whole, and nobody else's files are touched."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from impasto.errors import ArgumentError, CorruptInputError
+
+REPORT = "report.json"
+"""The file by which a folder is known to be ours; it is written last."""
+
+
+@contextmanager
+def result_folder(out: Path, *, force: bool = False) -> Iterator[Path]:
+    """A hidden folder beside ``out`` whose files become those of ``out`` if the block succeeds.
+
+    After an error or Ctrl-C nothing has changed. In a folder that exists, files of an earlier
+    result are replaced or, where the new result has no such file, removed; all others stay.
+
+    Parameters
+    ----------
+    out
+        The folder to make.
+    force
+        Whether to write into a folder that holds something else.
+
+    Raises
+    ------
+    ArgumentError
+        ``out`` is a file, or a folder with files but without a report of impasto.
+    """
+    earlier = _earlier(out, force)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    staging = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}-"))
+    try:
+        yield staging
+        made = sorted(p.relative_to(staging) for p in staging.rglob("*") if p.is_file())
+        if out.exists():
+            _move(staging, out, made)
+            for name in earlier - set(made):
+                (out / name).unlink(missing_ok=True)
+        else:
+            staging.chmod(_folder_mode())
+            staging.rename(out)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def read_report(folder: Path) -> dict[str, Any]:
+    """The report of a result folder.
+
+    Raises
+    ------
+    ArgumentError
+        There is none.
+    CorruptInputError
+        It is no report of impasto.
+    """
+    path = folder / REPORT
+    if not folder.exists():
+        raise ArgumentError(f"{folder} does not exist")
+    if not path.is_file():
+        raise ArgumentError(f"{folder} holds no {REPORT}: not the result of impasto fit or demo")
+    content = _report(path)
+    if content is None:
+        raise CorruptInputError(path, "is not a report written by impasto")
+    return content
+
+
+def _earlier(out: Path, force: bool) -> set[Path]:
+    """The files of an earlier result in ``out``."""
+    if not out.exists():
+        return set()
+    if not out.is_dir():
+        raise ArgumentError(f"--out: {out} is a file; name a folder")
+    content = _report(out / REPORT)
+    if content is not None:
+        names = (Path(str(entry["file"])) for entry in content.get("outputs", []))
+        return {name for name in names if not name.is_absolute() and ".." not in name.parts}
+    if any(out.iterdir()) and not force:
+        raise ArgumentError(
+            f"--out: {out} holds files that impasto did not make; name another folder, or say "
+            "--force to write among them"
+        )
+    return set()
+
+
+def _report(path: Path) -> dict[str, Any] | None:
+    try:
+        content = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return None
+    ours = isinstance(content, dict) and {"schema", "command", "versions"} <= content.keys()
+    return content if ours else None
+
+
+def _move(staging: Path, out: Path, made: list[Path]) -> None:
+    # The report last: until then the folder is still that of the earlier result.
+    for name in sorted(made, key=lambda name: name == Path(REPORT)):
+        target = out / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        (staging / name).replace(target)
+
+
+def _folder_mode() -> int:
+    """What ``mkdir`` would give the folder; ``mkdtemp`` makes private ones."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o777 & ~mask

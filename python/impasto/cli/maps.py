@@ -1,0 +1,98 @@
+"""The files of a result: maps for programs, maps for people, and back again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.encoding import Encoding
+from impasto.errors import ArgumentError
+from impasto.io import write_exr, write_png8, write_png16, write_tiff16
+
+RESULT = "sbrdf.npz"
+SPECTRA = "reflectance.npz"
+
+
+def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
+    """Every map as 32-bit OpenEXR, and what a picture can hold as 16-bit PNG or TIFF.
+
+    ============================  =============================================================
+    ``normal.exr``                X, Y, Z; NaN where unknown, as in all ``.exr``
+    ``normal.png``                16 bits, (n + 1) / 2; black where unknown
+    ``diffuse.exr``               linear, white board 1.0; R, G, B or the names of the bands
+    ``diffuse.png``, ``.tif``     16 bits: sRGB for one or three bands, else linear TIFF
+    ``trust.exr``                 status, residual, sigma (degrees), condition, samples used
+                                  and rejected, by reason
+    ``status.png``                8 bits: the codes of :class:`impasto.Status`
+    ``sbrdf.npz``                 all of it, for ``impasto render`` and :func:`impasto.load_sbrdf`
+    ``reflectance.npz``           spectra, where the camera is known
+    ``colour.png``                16 bits, sRGB: the diffuse colour under D65, from the spectra
+    ============================  =============================================================
+    """
+    write_exr(folder / "normal.exr", dict(zip("XYZ", sbrdf.normal, strict=True)))
+    write_png16(folder / "normal.png", (sbrdf.normal.astype(np.float32) + 1.0) / 2.0)
+    write_exr(folder / "diffuse.exr", _channels(sbrdf))
+    if len(sbrdf.diffuse) in {1, 3}:
+        write_png16(folder / "diffuse.png", _coded(sbrdf.diffuse))
+    else:
+        write_tiff16(folder / "diffuse.tif", sbrdf.diffuse, attributes={"bands": sbrdf.bands})
+    write_exr(folder / "trust.exr", _trust(sbrdf))
+    write_png8(folder / "status.png", np.asarray(sbrdf.status, dtype=np.uint8))
+    sbrdf.save(folder / RESULT)
+    if reflectance is not None:
+        from impasto.colour import display_from_coefficients
+        from impasto.render import display_from_bands
+
+        reflectance.save(folder / SPECTRA)
+        fold = display_from_coefficients(reflectance.basis, reflectance.wavelengths, "D65")
+        colour = display_from_bands(reflectance.coefficients, fold, bits=16)
+        write_png16(folder / "colour.png", np.moveaxis(colour, -1, 0))
+
+
+def load_result(folder: Path) -> tuple[Any, Any]:
+    """The fit in a result folder and its reflectance, or None where the camera was unknown.
+
+    Raises
+    ------
+    ArgumentError
+        No result there.
+    CorruptInputError
+        A damaged one.
+    """
+    import impasto
+
+    api: Any = impasto
+
+    path = folder / RESULT if folder.is_dir() else folder
+    if not path.is_file():
+        what = "does not exist" if not folder.exists() else f"holds no {RESULT}"
+        raise ArgumentError(f"{folder} {what}: expected the --out folder of impasto fit or demo")
+    spectra = path.with_name(SPECTRA)
+    reflectance = impasto.Reflectance.load(spectra) if spectra.is_file() else None
+    return api.load_sbrdf(path), reflectance
+
+
+def _channels(sbrdf: Any) -> dict[str, NDArray[np.float32]]:
+    names = {1: ("Y",), 3: ("R", "G", "B")}.get(len(sbrdf.diffuse), sbrdf.bands)
+    return dict(zip(names, sbrdf.diffuse, strict=True))
+
+
+def _coded(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    coded = Encoding("srgb").encode(np.nan_to_num(linear, nan=0.0))
+    return np.asarray(coded, dtype=np.float32)
+
+
+def _trust(sbrdf: Any) -> dict[str, NDArray[Any]]:
+    stereo = sbrdf.normals
+    reasons = ("saturated", "invalid", "shadow", "highlight")
+    return {
+        "status": sbrdf.status,
+        "residual": sbrdf.residual,
+        "sigma": np.degrees(stereo.sigma),
+        "condition": stereo.condition,
+        "used": stereo.used,
+        **{f"rejected.{name}": p for name, p in zip(reasons, stereo.rejected, strict=True)},
+    }

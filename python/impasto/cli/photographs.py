@@ -1,0 +1,136 @@
+"""How photographs are read: the options that `fit` and its kin share."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Group, Parameter
+
+from impasto.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from impasto.simulate import Capture
+    from impasto.stack import Stack
+
+GROUP = Group("Photographs", sort_key=1)
+TO_16_BITS = 4
+"""Shift that brings the 12 bits of the simulated sensor to the top of 16."""
+
+
+@Parameter(name="*", group=GROUP)
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """Options of :func:`impasto.read_stack`, as words of a command line."""
+
+    encoding: Annotated[str | None, Parameter(show_default=False)] = None
+    """Tone curve of the files: srgb, linear, a gamma such as 2.2, or auto to estimate it from the
+    photographs. Without it: srgb for 8-bit files, linear for all others."""
+
+    lights: Path | None = None
+    """File of light directions, where STACK is a folder; default: the folder's only one."""
+
+    images: Path | None = None
+    """Folder of the photographs; default: where the light file is."""
+
+    mask: Path | None = None
+    """Picture that is not black where the painting is."""
+
+    saturation: Annotated[
+        tuple[float, ...] | None, Parameter(consume_multiple=True, negative="")
+    ] = None
+    """Code from which a sample is clipped, one or one per band; default: the largest code."""
+
+    white: Path | None = None
+    """Photograph of a white board, or a folder with one per light."""
+
+    dark: str | None = None
+    """Dark frame, a folder of dark frames, or the black level in codes."""
+
+    intensities: Path | None = None
+    """Text file with the strength of each light."""
+
+    pattern: str | None = None
+    """Several files per observation: "{name}_{band}.tif"."""
+
+    bands: Annotated[tuple[str, ...] | None, Parameter(consume_multiple=True, negative="")] = None
+    """Names of the bands, in the order of the files."""
+
+    pitch: float | None = None
+    """Width of a pixel on the painting in mm; near lamps need it."""
+
+    region: tuple[int, int, int, int] | None = None
+    """Only this part: top left height width, in pixels."""
+
+    strict: Annotated[bool, Parameter(negative="")] = False
+    """Refuse a stack in which anything would have to be repaired."""
+
+    def read(self, path: Path) -> Stack:
+        """The stack at ``path``."""
+        from impasto.io import read_stack
+
+        arguments: dict[str, Any] = asdict(self)
+        arguments["pitch_mm"] = arguments.pop("pitch")
+        arguments["dark"] = _dark(self.dark)
+        return read_stack(path, **arguments)
+
+    def files(self, path: Path) -> list[Path]:
+        """Every file that these options and ``path`` name, for hashing."""
+        named = [path, self.lights, self.mask, self.white, self.intensities]
+        if self.dark is not None and not _is_number(self.dark):
+            named.append(Path(self.dark))
+        found: list[Path] = []
+        for entry in named:
+            if entry is not None and entry.is_dir():
+                found += sorted(p for p in entry.iterdir() if p.is_file())
+            elif entry is not None:
+                found.append(entry)
+        return list(dict.fromkeys(found))
+
+
+def _dark(text: str | None) -> str | float | None:
+    if text is None:
+        return None
+    if _is_number(text):
+        return float(text)
+    if not Path(text).exists():
+        raise ArgumentError(f"--dark: {text} is neither a number nor a file")
+    return text
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def write_photographs(folder: Path, capture: Capture) -> Stack:
+    """A simulated session as files, and the stack that :func:`impasto.read_stack` makes of them.
+
+    ``lights.lp``, ``light_intensities.txt``, one 16-bit TIFF per light and ``camera.csv``. The 12
+    bits of the sensor stand at the top of the 16, as raw converters leave them.
+    """
+    from impasto.io import read_stack, write_camera, write_lights, write_tiff16
+
+    stack, camera = capture.stack, capture.truth.camera
+    folder.mkdir()
+    names = [f"light{i + 1:02d}.tif" for i in range(len(stack.rig))]
+    for name, codes in zip(names, stack.samples, strict=True):
+        write_tiff16(folder / name, codes << TO_16_BITS, attributes={"bands": stack.bands})
+    write_lights(folder / "lights.lp", stack.rig.directions, names)
+    write_camera(folder / "camera.csv", camera)
+    strength = stack.rig.intensities / (65535.0 * stack.scale[0] / (1 << TO_16_BITS))
+    text = "".join(f"{value!r}\n" for value in strength.tolist())
+    (folder / "light_intensities.txt").write_text(text, encoding="utf-8")
+    assert stack.saturation is not None  # it came from a sensor of 12 bits
+    return read_stack(
+        folder / "lights.lp",
+        encoding="linear",
+        dark=float(stack.black[0]) * (1 << TO_16_BITS),
+        saturation=float(stack.saturation[0]) * (1 << TO_16_BITS),
+        bands=stack.bands,
+        pitch_mm=stack.rig.pitch_mm,
+    )

@@ -1,0 +1,155 @@
+"""``impasto render``: a fitted painting under any light."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter, Token
+
+from impasto.cli.angles import OneDirection, SeveralDirections
+from impasto.cli.console import Stages
+from impasto.errors import ArgumentError
+
+
+def _positions(_type: Any, tokens: Sequence[Token]) -> tuple[tuple[float, float, float], ...]:
+    found = []
+    for token in tokens:
+        try:
+            x, y, z = (float(word) for word in token.value.split(","))
+        except ValueError:
+            raise ValueError(
+                f"expected x,y,z in mm such as 0,300,800; found {token.value!r}"
+            ) from None
+        found.append((x, y, z))
+    return tuple(found)
+
+
+Positions = Annotated[
+    tuple[tuple[float, float, float], ...] | None,
+    Parameter(
+        converter=_positions,
+        n_tokens=1,
+        accepts_keys=False,
+        allow_leading_hyphen=True,
+        negative="",
+    ),
+]
+Flag = Parameter(negative="")
+
+
+def render(
+    result: Annotated[Path, Parameter(name=["RESULT"])],
+    /,
+    *,
+    out: Path,
+    light: SeveralDirections = None,
+    point: Positions = None,
+    illuminant: str = "D65",
+    adaptation: float | None = None,
+    adaptation_mode: str = "planck",
+    display: str = "srgb",
+    view: OneDirection = None,
+    exposure: float | None = None,
+    shadows: Annotated[bool, Flag] = False,
+    pitch: float | None = None,
+    threads: int | None = None,
+    quiet: Annotated[bool, Flag] = False,
+) -> None:
+    """Light a fitted painting and save the picture.
+
+    Parameters
+    ----------
+    result
+        The --out folder of impasto fit or demo, or an sbrdf.npz.
+    out
+        The picture: .png (codes of the display) or .exr (linear light).
+    light
+        Azimuth,elevation of a distant light in degrees: 90,45 is above, 180,20 rakes from the
+        left. Give it again for more lights. Default: 90,45.
+    point
+        x,y,z in mm of a near lamp, from the middle of the painting; may be given again.
+    illuminant
+        The lamps' light: A, D65, FL2 or kelvin, as in 2856K. Any but D65 needs spectra.
+    adaptation
+        Degree to which the eye has adapted from the illuminant to D65: 0 to 1. The papers'
+        observers settled at 0.56. Without it, the light is shown as it is.
+    adaptation_mode
+        "planck" as in the paper, or "anchored" to the true whites.
+    display
+        srgb, "Display P3", or a JSON file of measurements.
+    view
+        Azimuth,elevation of the eye in degrees; default: in front.
+    exposure
+        Factor on all light; default: a white board in full light just does not clip.
+    shadows
+        Cast the shadows of the relief.
+    pitch
+        Width of a pixel in mm, where the result does not tell; near lamps need it.
+    threads
+        Default: every core.
+    quiet
+        No progress, only errors.
+    """
+    import impasto
+    from impasto.cli.maps import load_result
+    from impasto.overview import visible
+
+    if out.suffix.lower() not in {".png", ".exr"}:
+        raise ArgumentError(f"--out: expected a name ending in .png or .exr, found {out}")
+    if adaptation_mode not in {"planck", "anchored"}:
+        raise ArgumentError(
+            f"--adaptation-mode: expected planck or anchored, found {adaptation_mode!r}"
+        )
+    stages = Stages(quiet=quiet)
+    sbrdf, reflectance = load_result(result)
+    directions = light or (() if point else _default_light())
+    lights: list[Any] = [impasto.DistantLight(angles.direction) for angles in directions]
+    lights += [impasto.PointLight(position) for position in point or ()]
+    scene = impasto.Scene(
+        lights,
+        illuminant=illuminant,
+        view=(0.0, 0.0, 1.0) if view is None else view.direction,
+        adaptation=adaptation,
+        adaptation_mode="anchored" if adaptation_mode == "anchored" else "planck",
+        display=impasto.colour.as_display(display),
+        exposure=exposure,
+        shadows=shadows,
+    )
+    if reflectance is None and (adaptation is not None or scene.illuminants[0] != "D65"):
+        raise ArgumentError(
+            f"--illuminant: {result} holds no spectra, so only its colours as photographed are "
+            "known; fit again with --camera to render another light"
+        )
+    with stages.stage("picture") as stage:
+        image = impasto.render(
+            visible(sbrdf, reflectance),
+            scene,
+            reflectance=reflectance,
+            pitch_mm=sbrdf.rig.pitch_mm if pitch is None else pitch,
+            index=sbrdf.index,
+            threads=threads,
+            progress=stage.advance,
+        )
+        out.parent.mkdir(parents=True, exist_ok=True)
+        image.save(out)
+        stage.note = str(out)
+    _tell(stages, image)
+
+
+def _default_light() -> tuple[Any, ...]:
+    from impasto.cli.angles import Angles
+
+    return (Angles(90.0, 45.0),)
+
+
+def _tell(stages: Stages, image: Any) -> None:
+    """Clipping is said, not hidden."""
+    worst = max(image.clipped, key=lambda name: image.clipped[name])
+    share = image.clipped[worst]
+    if share > 0.0005:
+        stages.say(
+            f"  {'':14}[dim]{100 * share:.1f} % of the pixels are brighter than the display can "
+            f"show ({worst} first); --exposure {0.7 * image.exposure:.2g} shows more of them[/]"
+        )

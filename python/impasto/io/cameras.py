@@ -1,0 +1,92 @@
+"""Cameras in files: a CSV table of sensitivities."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from impasto.bands import Camera
+from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.files import atomic_bytes
+
+LIGHT = "illuminant"
+"""The column that holds the light of the photographs."""
+
+
+def read_camera(path: str | os.PathLike[str], *, illuminant: Any = None) -> Camera:
+    """A camera from a CSV file: wavelengths, one column per band, and the light.
+
+    The first line names the columns: ``wavelength`` (nm), the bands in the order of the stack, and
+    optionally ``illuminant``, the power of the light under which the photographs were taken.
+
+    Parameters
+    ----------
+    path
+        The file.
+    illuminant
+        The light, where the file has no such column (or to overrule it): a name such as ``"A"``, or
+        a temperature in kelvin.
+
+    Raises
+    ------
+    CorruptInputError
+        No header, a cell that is no number, wavelengths out of order.
+    ArgumentError
+        No light, neither in the file nor as an argument.
+    """
+    source = Path(path)
+    try:
+        text = source.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise CorruptInputError(source, "is no text file") from error
+    rows = [row for row in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in row)]
+    names = [cell.strip() for cell in rows[0]] if rows else []
+    if len(names) < 2 or not names[0].casefold().startswith("wavelength"):
+        raise CorruptInputError(source, "expected a first line such as wavelength,red,green,blue")
+    table = _table(source, rows[1:], len(names))
+    columns = dict(zip(names[1:], table[1:], strict=True))
+    light = columns.pop(LIGHT, None)
+    if illuminant is None and light is None:
+        raise ArgumentError(
+            f"illuminant: {source} has no column {LIGHT!r}; say under which light the photographs "
+            "were taken"
+        )
+    try:
+        chosen = light if illuminant is None else illuminant
+        return Camera(table[0], np.array(list(columns.values())), chosen, list(columns))
+    except ArgumentError as error:
+        raise CorruptInputError(source, str(error)) from error
+
+
+def write_camera(path: str | os.PathLike[str], camera: Camera) -> None:
+    """Write what :func:`read_camera` reads; the light is sampled at the camera's wavelengths."""
+    from impasto.colour import spectrum
+
+    light = camera.illuminant
+    power = light if isinstance(light, np.ndarray) else spectrum(light, camera.wavelengths)
+    out = io.StringIO()
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow(["wavelength", *camera.bands, LIGHT])
+    for row in zip(camera.wavelengths, *camera.sensitivities, power, strict=True):
+        table.writerow([f"{value:.10g}" for value in row])
+    atomic_bytes(Path(path), out.getvalue().encode("utf-8"))
+
+
+def _table(source: Path, rows: list[list[str]], width: int) -> Any:
+    """``(column, row)`` float64."""
+    values = []
+    for line, row in enumerate(rows, start=2):
+        try:
+            values.append([float(cell) for cell in row])
+        except ValueError:
+            raise CorruptInputError(source, f"line {line}: expected numbers, found {row}") from None
+        if len(row) != width:
+            raise CorruptInputError(source, f"line {line}: expected {width} cells, found {row}")
+    if len(values) < 2:
+        raise CorruptInputError(source, "expected at least two wavelengths")
+    return np.array(values, dtype=np.float64).T.copy()

@@ -1,0 +1,419 @@
+"""The command line: what people type, what they get, and what they are told."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import OpenEXR
+import pytest
+
+import impasto
+from impasto import simulate
+from impasto.cli import main
+from impasto.io import write_stack
+
+pytestmark = pytest.mark.skipif(
+    not hasattr(impasto, "fit_sbrdf"), reason="this build has no fit_sbrdf"
+)
+SIZE = 48
+PROGRAM = """\
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+from impasto.cli import main
+sys.exit(main())
+"""
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("cli") / "demo"
+    assert main(["demo", "--out", str(out), "--size", str(SIZE), "--quiet"]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def stack(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Nine RGB photographs in one file."""
+    path = tmp_path_factory.mktemp("stack") / "painting.npz"
+    capture = simulate.default_capture("tominaga-rgb-camera", size=(32, 40))
+    write_stack(path, capture.stack)
+    return path
+
+
+@pytest.fixture(scope="module")
+def fitted(stack: Path) -> Path:
+    out = stack.parent / "fitted"
+    assert main(["fit", str(stack), "--out", str(out), "--quiet"]) == 0
+    return out
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> str:
+    return " ".join(capsys.readouterr().err.split())
+
+
+# --- what a result is
+
+
+def test_a_fit_leaves_maps_an_overview_and_a_report(fitted: Path) -> None:
+    assert {path.name for path in fitted.iterdir()} == {
+        "diffuse.exr",
+        "diffuse.png",
+        "normal.exr",
+        "normal.png",
+        "overview.jpg",
+        "report.json",
+        "sbrdf.npz",
+        "status.png",
+        "trust.exr",
+    }
+    assert [path.name for path in fitted.parent.iterdir() if path.name.startswith(".")] == []
+
+
+def test_maps_for_programs_are_the_fit_bit_for_bit(fitted: Path) -> None:
+    sbrdf = impasto.load_sbrdf(fitted / "sbrdf.npz")
+    with OpenEXR.File(str(fitted / "normal.exr"), separate_channels=True) as file:
+        planes = {name: channel.pixels for name, channel in file.channels().items()}
+    for name, plane in zip("XYZ", sbrdf.normal, strict=True):
+        np.testing.assert_array_equal(planes[name], plane)
+    with OpenEXR.File(str(fitted / "trust.exr"), separate_channels=True) as file:
+        np.testing.assert_array_equal(file.channels()["status"].pixels, sbrdf.status)
+
+
+def test_maps_for_people_have_sixteen_bits(fitted: Path) -> None:
+    sbrdf = impasto.load_sbrdf(fitted / "sbrdf.npz")
+    picture = cv2.imread(str(fitted / "normal.png"), cv2.IMREAD_UNCHANGED)
+    assert picture is not None
+    assert picture.dtype == np.uint16
+    x = picture[..., 2] / 65535.0 * 2.0 - 1.0
+    # Half a code of 65535 over a range of 2.
+    np.testing.assert_allclose(x, sbrdf.normal[0], atol=1.0 / 65535 + 1e-6)
+
+
+def test_a_report_names_inputs_options_versions_and_counts(fitted: Path, stack: Path) -> None:
+    report = json.loads((fitted / "report.json").read_text(encoding="utf-8"))
+    assert [entry["file"] for entry in report["inputs"]] == [stack.as_posix()]
+    assert report["options"]["method"] == "robust"
+    assert report["options"]["index"] == 1.45
+    assert sum(report["results"]["status"].values()) == 32 * 40
+    assert {"photographs", "normals", "gloss", "files"} <= report["timings_s"].keys()
+    assert {entry["file"] for entry in report["outputs"]} >= {"normal.exr", "sbrdf.npz"}
+    assert "impasto" in report["versions"]
+
+
+def test_the_overview_is_one_picture_of_everything(fitted: Path) -> None:
+    sheet = cv2.imread(str(fitted / "overview.jpg"))
+    assert sheet is not None
+    assert sheet.shape[1] > 3 * 400
+    assert sheet.std() > 10
+
+
+def test_the_demonstration_compares_with_the_truth(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "demo"
+    assert main(["demo", "--out", str(out), "--size", "32"]) == 0
+    printed = capsys.readouterr()
+    for word in ("normals", "colour, D65", "colour, A", "gamma", "beta", "overview.jpg"):
+        assert word in printed.out
+    assert "photographs" in printed.err
+    truth = json.loads((out / "report.json").read_text(encoding="utf-8"))["results"]["truth"]
+    assert truth["normal_mean"] > 0
+    for name in ("above", "raking", "lamp", "slanted"):
+        assert cv2.imread(str(out / f"{name}.png")) is not None
+
+
+def test_the_demonstration_can_be_fitted_from_its_files(demo: Path, tmp_path: Path) -> None:
+    folder, out = demo / "photographs", tmp_path / "again"
+    code = main(
+        f"fit {folder} --out {out} --quiet --dark 1024 --saturation 65520 --pitch 0.2 "
+        f"--camera {folder / 'camera.csv'}".split()
+    )
+    assert code == 0
+    first, again = (impasto.load_sbrdf(path / "sbrdf.npz") for path in (demo, out))
+    np.testing.assert_array_equal(again.normal, first.normal)
+    assert again.beta == first.beta
+    assert (out / "reflectance.npz").is_file()
+    assert (out / "colour.png").is_file()
+
+
+def test_the_same_command_gives_the_same_bytes(stack: Path, fitted: Path, tmp_path: Path) -> None:
+    out = tmp_path / "again"
+    assert main(["fit", str(stack), "--out", str(out), "--quiet", "--threads", "1"]) == 0
+    for name in ("normal.exr", "diffuse.exr", "trust.exr", "normal.png", "overview.jpg"):
+        assert (out / name).read_bytes() == (fitted / name).read_bytes(), name
+
+
+# --- render
+
+
+def test_a_result_is_rendered_under_any_light(demo: Path, tmp_path: Path) -> None:
+    day, lamp = tmp_path / "day.png", tmp_path / "lamp.png"
+    assert main(f"render {demo} --light 90,45 --out {day} --quiet".split()) == 0
+    words = f"render {demo} --light 90,45 --light=-90,60 --illuminant 2856K --adaptation 0.56"
+    assert main(f"{words} --shadows --view 0,60 --out {lamp} --quiet".split()) == 0
+    pictures = [cv2.imread(str(path)) for path in (day, lamp)]
+    assert pictures[0] is not None
+    assert pictures[1] is not None
+    assert pictures[0].shape == (SIZE, SIZE, 3)
+    # Seen from 60 degrees of elevation, the width shrinks to sin(60 degrees).
+    assert pictures[1].shape[1] == pytest.approx(SIZE * np.sin(np.radians(60)), abs=2)
+
+
+def test_a_lamp_is_yellower_than_daylight(demo: Path, tmp_path: Path) -> None:
+    ratio = {}
+    for name in ("D65", "A"):
+        path = tmp_path / f"{name}.exr"
+        assert main(f"render {demo} --illuminant {name} --out {path} --quiet".split()) == 0
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            planes = {key: channel.pixels for key, channel in file.channels().items()}
+        ratio[name] = float(planes["B"].mean() / planes["R"].mean())
+    assert ratio["A"] < ratio["D65"]
+
+
+def test_a_display_is_named_or_measured(demo: Path, tmp_path: Path) -> None:
+    out = tmp_path / "p3.png"
+    assert main(["render", str(demo), "--display", "Display P3", "--out", str(out)]) == 0
+    assert b"iCCP" in out.read_bytes()[:200]
+
+
+def test_a_near_lamp_needs_the_width_of_a_pixel(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "near.png"
+    assert main(f"render {demo} --point -40,0,60 --out {out} --quiet".split()) == 0
+    assert out.is_file()
+
+
+# --- info
+
+
+def test_info_describes_the_installation(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["impasto"] == impasto.__version__
+
+
+@pytest.mark.parametrize("name", ["", "report.json", "sbrdf.npz"])
+def test_info_describes_a_result(
+    fitted: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["info", str(fitted / name)]) == 0
+    printed = capsys.readouterr().out
+    assert "40 x 32 pixels, 3 bands" in printed
+    assert "gamma degrees" in printed
+
+
+def test_info_sees_a_file_that_was_changed(
+    stack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "fit"
+    assert main(["fit", str(stack), "--out", str(out), "--quiet"]) == 0
+    (out / "normal.png").write_bytes(b"x")
+    (out / "status.png").unlink()
+    assert main(["info", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "normal.png has changed" in printed
+    assert "status.png is missing" in printed
+
+
+# --- somebody else's files
+
+
+def test_a_folder_of_other_files_is_refused(
+    stack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "thesis.txt").write_text("years of work")
+    assert main(["fit", str(stack), "--out", str(tmp_path), "--quiet"]) == 1
+    assert "--force" in said(capsys)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+    assert main(["fit", str(stack), "--out", str(tmp_path), "--quiet", "--force"]) == 0
+    assert (tmp_path / "thesis.txt").read_text() == "years of work"
+    assert (tmp_path / "report.json").is_file()
+
+
+def test_an_earlier_result_is_replaced_and_other_files_stay(demo: Path, tmp_path: Path) -> None:
+    out = tmp_path / "result"
+    photographs = demo / "photographs"
+    words = f"fit {photographs} --out {out} --quiet --dark 1024 --saturation 65520"
+    camera = photographs / "camera.csv"
+    assert main(f"{words} --camera {camera}".split()) == 0
+    (out / "mine.png").write_bytes(b"a render of my own")
+    assert main(words.split()) == 0
+    assert (out / "mine.png").is_file()
+    assert not (out / "reflectance.npz").exists(), "spectra of the earlier result"
+
+
+# --- mistakes
+
+
+@pytest.fixture
+def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
+    """Names that the command lines below may use."""
+    photographs = tmp_path / "photographs"
+    photographs.mkdir()
+    for path in (demo / "photographs").iterdir():
+        (photographs / path.name).write_bytes(path.read_bytes())
+    truncated = photographs / "light05.tif"
+    truncated.write_bytes(truncated.read_bytes()[:2000])
+    two = tmp_path / "two.lp"
+    lines = (demo / "photographs" / "lights.lp").read_text().splitlines()
+    two.write_text("\n".join(["2", *lines[1:3]]))
+    garbage = tmp_path / "garbage.npz"
+    garbage.write_bytes(b"no archive")
+    csv = tmp_path / "camera.csv"
+    csv.write_text("wavelength,red\n400,zero\n")
+    return {
+        "stack": str(stack),
+        "demo": str(demo),
+        "broken": str(photographs),
+        "two": str(two),
+        "images": str(demo / "photographs"),
+        "garbage": str(garbage),
+        "csv": str(csv),
+        "out": str(tmp_path / "out"),
+        "tmp": str(tmp_path),
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        ("fitt", 2, "fitt"),
+        ("fit {stack}", 2, "--out"),
+        ("fit {stack} --out {out} --method magic", 2, "--method"),
+        ("fit {stack} --out {out} --sharpness 3", 2, "--sharpness"),
+        ("fit {stack} --out {out} --threads zero", 2, "--threads"),
+        ("render {demo} --light 45 --out {out}.png", 2, "azimuth,elevation"),
+        ("render {demo} --light 45,-5 --out {out}.png", 2, "elevation above 0"),
+        ("render {demo} --point 1,2 --out {out}.png", 2, "x,y,z"),
+        ("fit {tmp}/nowhere.lp --out {out}", 1, "nowhere.lp does not exist"),
+        ("fit {stack} --out {stack}", 1, "is a file"),
+        ("fit {stack} --out {out} --threads 0", 1, "threads"),
+        ("fit {stack} --out {out} --index 0.5", 1, "index"),
+        ("fit {stack} --out {out} --camera {tmp}/none.csv", 1, "none.csv"),
+        ("fit {images} --out {out} --encoding foo", 1, "encoding"),
+        ("fit {images} --out {out} --dark nowhere", 1, "--dark"),
+        ("fit {images} --out {out} --region 0 0 9999 9999", 1, "region"),
+        ("fit {two} --images {images} --out {out}", 1, "2"),
+        ("demo --out {out} --size 3", 1, "--size"),
+        ("render {tmp} --out {out}.png", 1, "sbrdf.npz"),
+        ("render {demo} --out {out}.gif", 1, ".gif"),
+        ("render {demo} --illuminant Z9 --out {out}.png", 1, "Z9"),
+        ("render {demo} --adaptation 3 --out {out}.png", 1, "adaptation"),
+        ("render {demo} --display oscilloscope --out {out}.png", 1, "oscilloscope"),
+        ("info {tmp}/nowhere", 1, "nowhere"),
+        ("info {tmp}", 1, "report.json"),
+        ("fit {broken} --out {out}", 3, "light05.tif"),
+        ("fit {garbage} --out {out}", 3, "garbage.npz"),
+        ("fit {stack} --out {out} --camera {csv} --illuminant D65", 3, "line 2"),
+        ("render {garbage} --out {out}.png", 3, "garbage.npz"),
+        ("info {garbage}", 3, "garbage.npz"),
+    ],
+)
+def test_a_mistake_is_one_line_with_its_name(
+    words: str,
+    code: int,
+    told: str,
+    mistakes: dict[str, str],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main([word.format(**mistakes) for word in words.split()]) == code
+    captured = capsys.readouterr()
+    complaint = next(line for line in captured.err.splitlines() if line.startswith("impasto:"))
+    assert told in complaint
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
+    assert not Path(mistakes["out"]).exists()
+    assert [p.name for p in Path(mistakes["tmp"]).iterdir() if p.name.startswith(".")] == []
+
+
+def test_colours_without_spectra_cannot_change_their_light(
+    fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "lamp.png"
+    assert main(f"render {fitted} --illuminant A --out {out}".split()) == 1
+    assert "--camera" in said(capsys)
+
+
+def test_a_missing_photograph_makes_a_partial_result(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, out = tmp_path / "photographs", tmp_path / "out"
+    folder.mkdir()
+    for path in (demo / "photographs").iterdir():
+        if path.name != "light03.tif":
+            (folder / path.name).write_bytes(path.read_bytes())
+    words = f"fit {folder / 'lights.lp'} --out {out} --dark 1024 --saturation 65520"
+    assert main(words.split()) == 4
+    told = said(capsys)
+    assert "light03.tif" in told
+    assert "partial" in told
+    report = json.loads((out / "report.json").read_text(encoding="utf-8"))
+    assert report["results"]["shape"][0] == 15
+    assert any("light03.tif" in note for note in report["notes"])
+    assert main([*words.split(), "--strict"]) == 3
+
+
+# --- as a process
+
+
+def run(*words: str, **options: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(  # type: ignore[call-overload, no-any-return]
+        [sys.executable, "-c", PROGRAM, *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        **options,
+    )
+
+
+def test_progress_and_complaints_leave_stdout_alone(stack: Path, tmp_path: Path) -> None:
+    done = run("fit", str(stack), "--out", str(tmp_path / "out"))
+    assert (done.returncode, done.stdout) == (0, "")
+    assert "normals" in done.stderr
+    assert "\x1b" not in done.stderr, "no escape sequences in a log file"
+    failed = run("fit", "nowhere.lp", "--out", str(tmp_path / "out2"))
+    assert (failed.returncode, failed.stdout) == (1, "")
+    assert failed.stderr.startswith("impasto: nowhere.lp")
+
+
+def test_quiet_says_nothing(stack: Path, tmp_path: Path) -> None:
+    done = run("fit", str(stack), "--out", str(tmp_path / "out"), "--quiet")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_an_ascii_terminal_gets_its_table(tmp_path: Path) -> None:
+    ascii_only = os.environ | {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
+    done = run("demo", "--size", "16", "--out", str(tmp_path / "demo"), env=ascii_only)
+    assert done.returncode == 0
+    assert "normals" in done.stdout
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals as on POSIX")
+def test_ctrl_c_stops_within_a_second_and_leaves_nothing(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, "demo", "--size", "3000", "--out", str(tmp_path / "demo")],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    # The hidden folder is made first, so when it is there the work has begun.
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.iterdir()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    sent = time.monotonic()
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted" in err
+    # A second, and as much again for a machine that is busy with other tests.
+    assert time.monotonic() - sent < 2.0
+    assert list(tmp_path.iterdir()) == []
