@@ -1,19 +1,25 @@
-"""Every Python block of README and documentation runs, in the order of its page."""
+"""Every Python block of README and documentation runs; the pages are complete."""
 
 from __future__ import annotations
 
+import importlib
+import inspect
+import re
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from sybil import Sybil
 from sybil.parsers.markdown import PythonCodeBlockParser
 
+import impasto
+
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [
-    page
-    for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-    if "```python" in page.read_text(encoding="utf-8")
-]
+DOCS = ROOT / "docs"
+MARKDOWN = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+PAGES = [page for page in MARKDOWN if "```python" in page.read_text(encoding="utf-8")]
+REFERENCE = "\n".join(page.read_text(encoding="utf-8") for page in sorted(DOCS.glob("api*.md")))
+MODULES = re.findall(r"automodule:: ([\w.]+)", REFERENCE)
 
 
 @pytest.fixture(scope="module")
@@ -21,6 +27,8 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What `make demo` leaves behind, on a small painting."""
     from impasto.cli import main
 
+    if not hasattr(impasto, "fit_sbrdf"):
+        pytest.skip("this build has no fit_sbrdf")
     folder = tmp_path_factory.mktemp("pages")
     assert main(["demo", "--out", str(folder / "demo"), "--size", "96", "--quiet"]) == 0
     return folder
@@ -35,3 +43,42 @@ def test_the_examples_of_a_page_run(
     document = Sybil(parsers=[PythonCodeBlockParser()]).parse(page)
     for example in document.examples():
         example.evaluate()
+
+
+@pytest.mark.parametrize("page", MARKDOWN, ids=lambda page: page.stem)
+def test_what_a_page_shows_or_links_is_there(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r"\{figure\} (\S+)", text)
+    files = {name.split("#")[0] for name in named if "://" not in name} - {""}
+    assert [name for name in sorted(files) if not (page.parent / name).is_file()] == []
+
+
+def test_pictures_are_small() -> None:
+    pictures = [p for p in DOCS.rglob("_static/*") if p.suffix in {".jpg", ".png"}]
+    assert [p.name for p in pictures if p.stat().st_size > 300_000] == []
+
+
+def test_every_public_name_is_on_the_api_page() -> None:
+    listed = set(re.findall(r"auto(?:class|function):: (\w+)", REFERENCE))
+    for name in MODULES:  # Sphinx lists what a module exports
+        listed |= {name.removeprefix("impasto."), *vars(importlib.import_module(name))}
+    assert sorted(set(impasto.__all__) - listed) == []
+
+
+@pytest.mark.parametrize(
+    "module", [impasto, *map(importlib.import_module, MODULES)], ids=lambda m: m.__name__
+)
+def test_sections_of_docstrings_are_numpy_s(module: ModuleType) -> None:
+    """``Returns`` names a type, then indents; prose there becomes a bullet for each line."""
+    names = getattr(module, "__all__", [n for n in vars(module) if not n.startswith("_")])
+    odd = []
+    for name in names:
+        thing = getattr(module, name)
+        inner = vars(thing).values() if inspect.isclass(thing) else ()
+        for each in (thing, *inner):
+            doc = inspect.getdoc(each) if callable(each) else None
+            for body in re.findall(r"^(?:Returns|Yields)\n-+\n((?:.+\n?)+)", doc or "", re.M):
+                first, *rest = body.splitlines()
+                if " " in first.strip(" :") or not rest or not rest[0].startswith("    "):
+                    odd.append(f"{name}: {first}")
+    assert odd == []

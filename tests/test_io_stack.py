@@ -471,3 +471,23 @@ def test_icon_reads_completely(data: Path) -> None:
     assert stack.notes == ()
     shown = stack.encode(stack.linear(0))
     assert float(shown.max()) <= 255.0
+
+
+def test_every_file_that_was_read_is_listed(tmp_path: Path) -> None:
+    lights = session(tmp_path)
+    save(tmp_path / "aside" / "mask.png", CODES8[0])
+    mask = tmp_path / "aside" / "mask.png"
+    photographs = [tmp_path / f"{name}.png" for name in NAMES]
+    stack = read_stack(lights, mask=mask)
+    assert stack.sources == (lights, *photographs, mask)
+    assert stack.take([1, 2]).sources == stack.sources
+    write_stack(tmp_path / "a.npz", stack)
+    assert read_stack(tmp_path / "a.npz").sources == (tmp_path / "a.npz",)
+
+
+@pytest.mark.parametrize(("codes", "curve"), [(CODES8, "srgb"), (CODES16, "linear")])
+def test_the_usual_encoding_is_said(tmp_path: Path, codes: np.ndarray, curve: str) -> None:
+    stack = read_stack(session(tmp_path, codes), encoding=None)
+    assert stack.encoding.curve == curve
+    assert kinds(stack) == ["encoding"]
+    assert curve in str(stack.notes[0])

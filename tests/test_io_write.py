@@ -16,6 +16,7 @@ from impasto.io import (
     atomic_path,
     read_image,
     write_exr,
+    write_jpeg,
     write_json,
     write_png8,
     write_png16,
@@ -122,3 +123,14 @@ def test_wrong_calls_say_what_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(impasto.ArgumentError, match="JSON"):
         write_json(path, {"x": float("nan")})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_jpeg_is_close_to_its_picture(tmp_path: Path) -> None:
+    ramp = np.linspace(0.0, 1.0, 64, dtype=np.float32)
+    picture = np.stack([np.tile(ramp, (32, 1)), np.full((32, 64), 0.5), np.tile(1 - ramp, (32, 1))])
+    write_jpeg(tmp_path / "a.jpg", picture)
+    again = read_image(tmp_path / "a.jpg")
+    # Quality 92 quantises low frequencies in steps of about 3 codes; 6 is twice that.
+    assert np.abs(again - 255.0 * picture).max() < 6
+    with pytest.raises(impasto.ArgumentError, match="bands"):
+        write_jpeg(tmp_path / "b.jpg", np.zeros((2, 8, 8), np.float32))

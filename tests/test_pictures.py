@@ -118,3 +118,26 @@ def test_shapes_are_refused_by_name() -> None:
         pictures.ramp_panel(np.zeros((2, 4, 4)), "x")
     with pytest.raises(ArgumentError, match="panels"):
         pictures.contact_sheet([], title="x")
+
+
+def test_a_diagram_shows_points_on_their_curve() -> None:
+    x = np.linspace(0.0, 1.0, 50)
+    line = np.stack([x, 1.0 - x], axis=1)
+    panel = pictures.curve_panel(line[::7], line, "falling", size=(100, 200), axis=("0", "1"))
+    assert panel.picture.shape == (100, 200, 3)
+    bright = panel.picture.max(axis=2) > 120
+    # The line begins high on the left and ends low on the right.
+    assert bright[:40, :40].any()
+    assert bright[60:, 160:].any()
+    assert not bright[:40, 160:].any()
+
+
+def test_a_diagram_of_nothing_is_empty() -> None:
+    unknown = np.full((3, 2), np.nan)
+    panel = pictures.curve_panel(unknown, unknown, "nothing")
+    assert len(np.unique(panel.picture.reshape(-1, 3), axis=0)) == 2
+
+
+def test_a_sheet_without_title_has_no_heading() -> None:
+    panel = pictures.normal_panel(np.ones((3, 8, 8), np.float32))
+    assert len(pictures.contact_sheet([panel])) < len(pictures.contact_sheet([panel], title="x"))

@@ -63,3 +63,12 @@ def test_sha256sum_agrees(tmp_path: Path) -> None:
     except FileNotFoundError:
         pytest.skip("no sha256sum here")
     assert report.file_entry(file)["sha256"] == tool.stdout.split()[0]
+
+
+def test_what_was_made_is_hashed_by_its_name_in_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "a.exr").write_bytes(b"abc")
+    content = report.report("fit", folder=tmp_path, notes=[ValueError("a line was repaired")])
+    assert content["outputs"] == [report.file_entry(tmp_path / "maps" / "a.exr", tmp_path)]
+    assert content["outputs"][0]["file"] == "maps/a.exr"
+    assert content["notes"] == ["a line was repaired"]

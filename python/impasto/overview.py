@@ -8,16 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.fit.forward import predict
 from impasto.pictures import (
     Panel,
     Picture,
     contact_sheet,
+    curve_panel,
     normal_panel,
     ramp_panel,
     status_panel,
 )
 from impasto.render import render
-from impasto.rig import DistantLight
+from impasto.rig import DistantLight, Rig
 from impasto.scene import Scene
 from impasto.status import Status
 
@@ -25,6 +27,10 @@ PAPER_LIGHT = (0.0, 0.71, 0.71)
 """The light of the papers' pictures: from above, at 45 degrees."""
 RAKING_LIGHT = (-0.90, 0.30, 0.31)
 """From the left, 18 degrees above the painting."""
+UNKNOWN = (0.04, 0.04, 0.04)
+"""Linear light of pixels that were not estimated."""
+STEEPEST = 0.7
+"""Largest tilt (rad) in the diagram of the gloss: its light still stands 10 degrees high."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +62,6 @@ def overview(
     reflectance: Any = None,
     title: str = "impasto",
     threads: int | None = None,
-    extra: tuple[Panel, ...] = (),
 ) -> Picture:
     """Colour, relief and trust of a fitted painting on one sheet.
 
@@ -70,8 +75,6 @@ def overview(
         Heading, as a rule the name of the painting.
     threads
         As everywhere.
-    extra
-        More pictures, set behind the relit ones.
 
     Returns
     -------
@@ -79,41 +82,88 @@ def overview(
         8-bit sRGB ``(y, x, 3)``.
     """
     shown = visible(sbrdf, reflectance)
-    colours = _colour_note(len(sbrdf.diffuse), reflectance)
-    body = Visible(shown.normal, shown.diffuse, 0.0, 0.1)
-    flat = Visible(_facing(shown.normal), body.diffuse, 0.0, 0.1)
 
-    def picture(
-        of: Any, direction: tuple[float, float, float], exposure: float | None = None
-    ) -> Picture:
-        lamp = [DistantLight(direction)]
-        scene = Scene(lamp, exposure=exposure, background=(0.04, 0.04, 0.04))
-        return render(of, scene, reflectance=reflectance, threads=threads).display
+    def lit(direction: tuple[float, float, float], exposure: float | None = None) -> Picture:
+        scene = Scene([DistantLight(direction)], exposure=exposure, background=UNKNOWN)
+        return render(shown, scene, reflectance=reflectance, threads=threads).display
 
     panels = (
-        Panel("Diffuse colour", picture(flat, (0.0, 0.0, 1.0)), colours),
+        diffuse_panel(sbrdf, reflectance, threads=threads),
         normal_panel(sbrdf.normal),
-        Panel("Light from above", picture(shown, PAPER_LIGHT), "45 degrees"),
-        Panel("Raking light", picture(shown, RAKING_LIGHT, 2.0), "from the left, 18 degrees"),
-        *extra,
+        Panel("Light from above", lit(PAPER_LIGHT), "45 degrees"),
+        Panel("Raking light", lit(RAKING_LIGHT, 2.0), "from the left, 18 degrees"),
+        gloss_panel(sbrdf),
         *trust_panels(sbrdf),
     )
-    return contact_sheet(panels, title=title, subtitle=subtitle(sbrdf))
+    return contact_sheet(panels, title=title, subtitle=subtitle(sbrdf), columns=5)
+
+
+def diffuse_panel(sbrdf: Any, reflectance: Any = None, *, threads: int | None = None) -> Panel:
+    """The colours of the paint without relief and gloss, in light from the front."""
+    shown = visible(sbrdf, reflectance)
+    flat = np.zeros_like(shown.normal)
+    flat[2] = 1.0
+    flat[:, np.isnan(shown.normal[2])] = np.nan
+    matte = Visible(flat, shown.diffuse, 0.0, 0.1)
+    scene = Scene([DistantLight((0.0, 0.0, 1.0))], background=UNKNOWN)
+    picture = render(matte, scene, reflectance=reflectance, threads=threads).display
+    return Panel("Diffuse colour", picture, _colour_note(len(sbrdf.diffuse), reflectance))
 
 
 def trust_panels(sbrdf: Any) -> tuple[Panel, ...]:
-    """How far each pixel can be trusted: predicted angle, residual, samples used, status."""
+    """How far each pixel can be trusted: errors, samples used and left out, status."""
     stereo = sbrdf.normals
     total = int(stereo.used.max()) + int(stereo.rejected.sum(axis=0).max())
-    used = np.where(stereo.status == Status.MASKED, np.nan, stereo.used.astype(np.float32))
+    outside = stereo.status == Status.MASKED
+    used, bright = (
+        np.where(outside, np.nan, counts.astype(np.float32))
+        for counts in (stereo.used, stereo.rejected[3])
+    )
     return (
         ramp_panel(
             stereo.sigma, "Predicted error of the normal", unit="degrees", scale=180 / np.pi
         ),
         ramp_panel(sbrdf.residual, "Residual", unit="% of white", scale=100.0),
         ramp_panel(used, "Samples used", unit=f"of up to {total} lights", low=0.0),
+        ramp_panel(bright, "Highlights left out", unit="samples", low=0.0),
         status_panel(sbrdf.status),
     )
+
+
+def gloss_panel(sbrdf: Any) -> Panel:
+    """The measured highlight and the lobe fitted to it, over the tilt of the facets."""
+    measured = np.asarray(sbrdf.curve, dtype=np.float64)
+    size = sbrdf.status.shape
+    if sbrdf.verdict == "no-highlight" or not np.isfinite(sbrdf.gamma):
+        end = float(measured[:, 0].max()) if len(measured) else 1.0
+        line = np.array([[0.0, 0.0], [end, 0.0]])
+    else:
+        end = min(3.0 * float(sbrdf.gamma), STEEPEST)
+        phi = np.linspace(0.0, end, 200)
+        line = np.stack([phi, _lobe(sbrdf, phi)], axis=1)
+    return curve_panel(
+        measured[:, :2],
+        line,
+        "Gloss",
+        note="dots: measured, line: fitted",
+        axis=("0", f"{np.degrees(end):.0f} degrees of facet tilt"),
+        size=(size[0] * 460 // size[1], 460),
+    )
+
+
+def _lobe(sbrdf: Any, tilt: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The fitted lobe without its geometry, as ``sbrdf.curve`` is measured.
+
+    A flat pixel seen from the front, a light at twice the tilt: the facets between the two lean by
+    the tilt. What this lobe shows there is divided by what one of strength 1 without end does.
+    """
+    lights = np.stack([np.sin(2 * tilt), np.zeros_like(tilt), np.cos(2 * tilt)], axis=1)
+    normal = np.array([0.0, 0.0, 1.0]).reshape(3, 1, 1)
+    shown, even = (
+        predict(normal, np.zeros((1, 1, 1)), beta, gamma, Rig(lights), index=sbrdf.index)
+        for beta, gamma in ((sbrdf.beta, sbrdf.gamma), (1.0, 1e4))
+    )
+    return np.asarray(shown[:, 0, 0, 0] / even[:, 0, 0, 0], dtype=np.float64)
 
 
 def subtitle(sbrdf: Any) -> str:
@@ -131,14 +181,6 @@ def gloss_words(sbrdf: Any) -> str:
         return "gloss: no highlight found"
     words = f"gloss: beta {sbrdf.beta:.3g}, gamma {np.degrees(sbrdf.gamma):.3g} degrees"
     return words if sbrdf.verdict == "fitted" else f"{words} (at the bound of its range)"
-
-
-def _facing(normal: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The painting without its relief; unknown pixels stay unknown."""
-    flat = np.zeros_like(normal)
-    flat[2] = 1.0
-    flat[:, np.isnan(normal[2])] = np.nan
-    return flat
 
 
 def _colour_note(count: int, reflectance: Any) -> str:

@@ -61,6 +61,8 @@ class Panel:
         Labels at the two ends of the colour ramp, or None for pictures without a ramp.
     classes
         (name, colour) of each flat colour, or empty.
+    axis
+        Labels at the two ends of a diagram's horizontal axis, or None.
     """
 
     title: str
@@ -68,6 +70,7 @@ class Panel:
     note: str = ""
     bar: tuple[str, str] | None = None
     classes: tuple[tuple[str, tuple[int, int, int]], ...] = ()
+    axis: tuple[str, str] | None = None
 
 
 def normal_panel(normal: ArrayLike, title: str = "Surface normal") -> Panel:
@@ -145,6 +148,53 @@ def status_panel(status: ArrayLike, title: str = "Status") -> Panel:
     return Panel(title, table[codes], classes=classes)
 
 
+def curve_panel(
+    points: ArrayLike,
+    line: ArrayLike,
+    title: str,
+    *,
+    note: str = "",
+    axis: tuple[str, str] | None = None,
+    size: tuple[int, int] = (460, 460),
+) -> Panel:
+    """Measured points and the fitted curve through them.
+
+    Parameters
+    ----------
+    points, line
+        ``(n, 2)``: x and y of each point, and of the curve in order of x. Both axes begin at 0;
+        the larger end of each, in ``line``, is the diagram's.
+    title, note, axis
+        See :class:`Panel`.
+    size
+        ``(y, x)`` of the picture.
+    """
+    import cv2
+
+    measured, fitted_line = (np.asarray(a, dtype=np.float64).reshape(-1, 2) for a in (points, line))
+    rows, columns = size
+    picture = np.empty((rows, columns, 3), dtype=np.uint8)
+    picture[:] = (38, 38, 41)
+    known = fitted_line[np.isfinite(fitted_line).all(axis=1)]
+    right, high = (known.max(axis=0) if len(known) else np.ones(2)).tolist()
+    # A margin above the curve for points that lie over it; 4 fractional bits for smooth lines.
+    scale = 16.0 * np.array([columns / max(right, 1e-12), -0.8 * rows / max(high, 1e-12)])
+    origin = 16.0 * np.array([0.0, rows - 12.0])
+
+    def pixels(values: NDArray[np.float64]) -> NDArray[np.int32]:
+        inside = values[np.isfinite(values).all(axis=1) & (values[:, 0] <= right)]
+        reach = 16.0 * 4.0 * max(size)
+        return np.rint(np.clip(inside * scale + origin, -reach, reach)).astype(np.int32)
+
+    base = round(origin[1] / 16.0)
+    picture[base : base + 1] = (86, 86, 90)
+    for x, y in pixels(measured).tolist():
+        cv2.circle(picture, (x, y), 16 * 4, _rgb(colour_ramp()[176]), -1, cv2.LINE_AA, 4)
+    if len(known) > 1:
+        cv2.polylines(picture, [pixels(known)], False, INK, 2, cv2.LINE_AA, 4)
+    return Panel(title, picture, note, axis=axis)
+
+
 @cache
 def colour_ramp() -> Picture:
     """256 colours ``(256, 3)`` from dark violet over teal to pale yellow.
@@ -178,7 +228,7 @@ def colour_ramp() -> Picture:
 def contact_sheet(
     panels: Sequence[Panel],
     *,
-    title: str,
+    title: str = "",
     subtitle: str = "",
     columns: int | None = None,
     width: int = 460,
@@ -199,7 +249,8 @@ def contact_sheet(
     if not panels:
         raise ArgumentError("panels: expected at least one picture, found none")
     height = max(1, round(width * panels[0].picture.shape[0] / panels[0].picture.shape[1]))
-    gap, margin, head, foot = 28, 40, 34, 44
+    gap, margin, head = 28, 40, 34
+    foot = 44 if any(panel.bar or panel.classes or panel.axis for panel in panels) else 16
     cell_w, cell_h = width + gap, head + height + foot
     if columns is None:
         shapes = range(1, len(panels) + 1)
@@ -207,7 +258,7 @@ def contact_sheet(
             shapes, key=lambda n: abs(n * cell_w / (ceil(len(panels) / n) * cell_h) - 1.6)
         )
     rows = ceil(len(panels) / columns)
-    top = 96 if subtitle else 76
+    top = (96 if subtitle else 76) if title else margin - 8
     sheet = np.empty(
         (top + rows * cell_h + margin - foot // 2, 2 * margin + columns * cell_w - gap, 3),
         dtype=np.uint8,
@@ -236,6 +287,9 @@ def _set_panel(
         sheet[below + 8 : below + 13, x : x + width] = ramp
         _text(sheet, panel.bar[0], (x, below + 30), 13, FAINT)
         _text(sheet, panel.bar[1], (x + width, below + 30), 13, FAINT, right=True)
+    if panel.axis is not None:
+        _text(sheet, panel.axis[0], (x, below + 18), 13, FAINT)
+        _text(sheet, panel.axis[1], (x + width, below + 18), 13, FAINT, right=True)
     pen, line = x, below + 21
     for name, colour in panel.classes:
         if pen > x and pen + 16 + _width(name, 13, 400) > x + width:

@@ -128,7 +128,7 @@ def demo(
             write_maps(folder, sbrdf, reflectance)
             for view, image in zip(VIEWS, images, strict=True):
                 image.save(folder / f"{view.file}.png")
-            write_jpeg(folder / "overview.jpg", _sheet(capture, sbrdf, images, score))
+            write_jpeg(folder / "overview.jpg", _sheet(capture, sbrdf, reflectance, images, score))
         content = report(
             "demo",
             options={
@@ -159,11 +159,12 @@ def _images(sbrdf: Any, reflectance: Any, threads: int | None) -> list[Any]:
     return images
 
 
-def _sheet(capture: Capture, sbrdf: Any, images: list[Any], score: Score) -> Any:
-    from impasto.overview import subtitle, trust_panels
+def _sheet(capture: Capture, sbrdf: Any, reflectance: Any, images: list[Any], score: Score) -> Any:
+    from impasto.overview import diffuse_panel, gloss_panel, subtitle, trust_panels
     from impasto.pictures import Panel, contact_sheet, normal_panel, ramp_panel
 
-    sigma, residual, _, status = trust_panels(sbrdf)
+    sigma, residual, *_, status = trust_panels(sbrdf)
+    truth = capture.truth.painting
     relit = [
         Panel(view.title, image.display, view.note)
         for view, image in zip(VIEWS, images, strict=True)
@@ -171,15 +172,17 @@ def _sheet(capture: Capture, sbrdf: Any, images: list[Any], score: Score) -> Any
     assert score.colour_error is not None  # the camera is known
     panels = (
         *relit,
+        diffuse_panel(sbrdf, reflectance),
         normal_panel(sbrdf.normal),
+        gloss_panel(sbrdf),
+        status,
         ramp_panel(score.normal_error, "Error of the normal", unit="degrees", low=0.0),
+        sigma,
         ramp_panel(score.colour_error, "Error of the colour", unit="CIEDE2000, D65", low=0.0),
         residual,
-        sigma,
-        status,
     )
-    truth = capture.truth.painting
-    return contact_sheet(panels, title=f"Simulated painting {truth.seed}", subtitle=subtitle(sbrdf))
+    title = f"Simulated painting {truth.seed}"
+    return contact_sheet(panels, title=title, subtitle=subtitle(sbrdf), columns=4)
 
 
 def _print(score: Score, out: Path) -> None:

@@ -35,7 +35,8 @@ def read_image(
 
     Returns
     -------
-    ``(band, y, x)``: uint8, uint16, float16 or float32; bands in the order red, green, blue.
+    ndarray
+        ``(band, y, x)``: uint8, uint16, float16 or float32; bands in the order red, green, blue.
 
     Raises
     ------

@@ -115,8 +115,9 @@ def read_stack(
 
     Returns
     -------
-    Linear 8 and 16-bit files stay integers; everything else becomes float32. After white-board or
-    dark frames, clipped samples are +inf.
+    Stack
+        Linear 8 and 16-bit files stay integers; everything else becomes float32. After white-board
+        or dark frames, clipped samples are +inf.
 
     Raises
     ------

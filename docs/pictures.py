@@ -1,0 +1,67 @@
+"""Makes the pictures of README and documentation: `make pictures`.
+
+Everything is computed anew from the simulated painting of `impasto demo`; nothing is drawn by hand.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from impasto.cli import main
+from impasto.io import write_jpeg
+from impasto.pictures import Panel, Picture, contact_sheet, fitted
+
+HERE = Path(__file__).parent / "_static"
+LARGEST = 300_000
+"""Bytes: a picture of a page should not be larger."""
+
+
+def picture(path: Path) -> Picture:
+    """8-bit RGB of a file of 8 or 16 bits."""
+    codes = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert codes is not None
+    if codes.dtype == np.uint16:
+        codes = np.rint(codes / 257.0).astype(np.uint8)
+    return np.ascontiguousarray(codes[..., ::-1])
+
+
+def save(name: str, sheet: Picture) -> None:
+    """As JPEG, in the best quality that is small enough."""
+    path = HERE / f"{name}.jpg"
+    for quality in (92, 88, 84, 80, 75, 70):
+        write_jpeg(path, sheet, quality=quality)
+        if path.stat().st_size < LARGEST:
+            return
+    raise SystemExit(f"{path} is larger than {LARGEST} bytes")
+
+
+def relit(demo: Path) -> Picture:
+    """Four pictures in a row: what is measured, and what was never photographed."""
+    shown = (
+        ("normal", "Surface normals", "measured"),
+        ("above", "Light from above", "D65"),
+        ("raking", "Raking light", "shadows cast"),
+        ("lamp", "Incandescent lamp", "eye adapted to 0.56"),
+    )
+    panels = [Panel(title, picture(demo / f"{name}.png"), note) for name, title, note in shown]
+    return contact_sheet(panels, columns=4, width=360)
+
+
+def pictures(demo: Path) -> None:
+    """Both pictures, from what `impasto demo` left in a folder."""
+    save("relit", relit(demo))
+    sheet = picture(demo / "overview.jpg")
+    width = 1400
+    save("overview", fitted(sheet, width, round(width * sheet.shape[0] / sheet.shape[1])))
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "demo"
+        if main(["demo", "--out", str(out)]) != 0:
+            raise SystemExit("impasto demo failed")
+        pictures(out)
