@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from sphinx.application import Sphinx
+from sphinx.ext.napoleon.docstring import GoogleDocstring
 
 import impasto
 
@@ -19,7 +20,10 @@ release = version = impasto.__version__
 extensions = ["sphinx.ext.autodoc", "sphinx.ext.napoleon", "myst_parser", "mathml"]
 exclude_patterns = ["_build", "_generated"]
 source_suffix = {".md": "markdown"}
-nitpicky = False
+nitpicky = True
+# Types are read, not followed: pages build offline and link to no other project's manual.
+nitpick_ignore_regex = [("py:class", ".*"), ("py:data", ".*")]
+nitpick_ignore_regex += [("py:func", r"impasto\.(fit_normals|fit_sbrdf|load_sbrdf)")]
 
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
@@ -71,6 +75,14 @@ def plain_names(*event: Any) -> tuple[str | None, str | None]:
         return text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text)
 
     return plain(signature), plain(result)
+
+
+def whole_sentence(docstring: GoogleDocstring) -> list[str]:
+    """What stands under an attribute is a sentence; napoleon would split it at its colon."""
+    return docstring._dedent(docstring._consume_to_end())
+
+
+GoogleDocstring._parse_attribute_docstring = whole_sentence
 
 
 def setup(app: Sphinx) -> None:

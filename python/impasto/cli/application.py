@@ -29,7 +29,7 @@ def application() -> App:
         name="impasto",
         help="Photographs of a painting in; a relightable, colour-true surface out.",
         version=_version,
-        help_format="plaintext",
+        help_format="markdown",
         console=console.stdout(),
         error_console=console.stderr(),
         suppress_keyboard_interrupt=False,
@@ -86,9 +86,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _version() -> str:
-    from importlib.metadata import version
+    import impasto
 
-    return version("impasto")
+    return impasto.__version__
 
 
 def _one_line(error: CycloptsError) -> str:

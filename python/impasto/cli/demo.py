@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from cyclopts import Parameter
 from rich.table import Table
 
 from impasto.cli import console
 from impasto.cli.console import Stages
+from impasto.cli.options import Flag
 from impasto.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 System = Literal["tominaga-six-band-adaptation", "tominaga-rgb-camera"]
 Varnish = Literal["matte", "satin", "gloss"]
-Flag = Parameter(negative="")
 
 
 @dataclass(frozen=True)
@@ -63,8 +62,8 @@ def demo(
     system: System = "tominaga-six-band-adaptation",
     varnish: Varnish = "satin",
     threads: int | None = None,
-    force: Annotated[bool, Flag] = False,
-    quiet: Annotated[bool, Flag] = False,
+    force: Flag = False,
+    quiet: Flag = False,
 ) -> None:
     """Simulate a painting, photograph it, measure it, relight it, and compare with the truth.
 

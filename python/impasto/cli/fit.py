@@ -10,14 +10,15 @@ from cyclopts import Parameter
 from rich.markup import escape
 
 from impasto.cli.console import Stages
+from impasto.cli.options import Flag
 from impasto.cli.photographs import Reading
+from impasto.errors import ArgumentError
 
 if TYPE_CHECKING:
     from impasto.stack import Stack
 
 Method = Literal["robust", "least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey"]
 Estimator = Literal["root-polynomial", "wiener", "linear-model", "radial-basis"]
-Flag = Parameter(negative="")
 PARTIAL = 4
 
 
@@ -29,12 +30,12 @@ def fit(
     reading: Reading | None = None,
     method: Method = "robust",
     index: float = 1.45,
-    camera: str | None = None,
+    camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
     illuminant: str | None = None,
     estimator: Estimator = "root-polynomial",
     threads: int | None = None,
-    force: Annotated[bool, Flag] = False,
-    quiet: Annotated[bool, Flag] = False,
+    force: Flag = False,
+    quiet: Flag = False,
 ) -> int:
     """Measure a painting: normals, diffuse reflectance and gloss from its photographs.
 
@@ -152,6 +153,8 @@ def camera_of(text: str, illuminant: str | None) -> Any:
     from impasto.io import read_camera
 
     if text.casefold() == "srgb":
+        if illuminant is not None:
+            raise ArgumentError("--illuminant: colours developed to sRGB are those under D65")
         return Camera.srgb()
     return read_camera(text, illuminant=illuminant)
 

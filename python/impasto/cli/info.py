@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from impasto.cli import console
+from impasto.cli.options import Flag
 
 LABEL_WIDTH = 26
 
@@ -16,7 +17,7 @@ def info(
     result: Annotated[Path | None, Parameter(name=["RESULT"])] = None,
     /,
     *,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Flag = False,
 ) -> None:
     """Say what is installed, or what a result holds.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from impasto.cli.options import Flag
 from impasto.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ TO_16_BITS = 4
 class Reading:
     """Options of :func:`impasto.read_stack`, as words of a command line."""
 
-    encoding: Annotated[str | None, Parameter(show_default=False)] = None
+    encoding: Annotated[str | None, Parameter(metavar="CURVE")] = None
     """Tone curve of the files: srgb, linear, a gamma such as 2.2, or auto to estimate it from the
     photographs. Without it: srgb for 8-bit files, linear for all others."""
 
@@ -38,14 +39,14 @@ class Reading:
     """Picture that is not black where the painting is."""
 
     saturation: Annotated[
-        tuple[float, ...] | None, Parameter(consume_multiple=True, negative="")
+        tuple[float, ...] | None, Parameter(metavar="CODE", consume_multiple=True, negative="")
     ] = None
     """Code from which a sample is clipped, one or one per band; default: the largest code."""
 
     white: Path | None = None
     """Photograph of a white board, or a folder with one per light."""
 
-    dark: str | None = None
+    dark: Annotated[str | None, Parameter(metavar="PATH|CODE")] = None
     """Dark frame, a folder of dark frames, or the black level in codes."""
 
     intensities: Path | None = None
@@ -54,16 +55,20 @@ class Reading:
     pattern: str | None = None
     """Several files per observation: "{name}_{band}.tif"."""
 
-    bands: Annotated[tuple[str, ...] | None, Parameter(consume_multiple=True, negative="")] = None
+    bands: Annotated[
+        tuple[str, ...] | None, Parameter(metavar="NAME", consume_multiple=True, negative="")
+    ] = None
     """Names of the bands, in the order of the files."""
 
     pitch: float | None = None
     """Width of a pixel on the painting in mm; near lamps need it."""
 
-    region: tuple[int, int, int, int] | None = None
-    """Only this part: top left height width, in pixels."""
+    region: Annotated[
+        tuple[int, int, int, int] | None, Parameter(metavar="TOP LEFT HEIGHT WIDTH", negative="")
+    ] = None
+    """Only this part, in pixels."""
 
-    strict: Annotated[bool, Parameter(negative="")] = False
+    strict: Flag = False
     """Refuse a stack in which anything would have to be repaired."""
 
     def read(self, path: Path) -> Stack:

@@ -2,41 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from cyclopts import Parameter, Token
+from cyclopts import Parameter
 
-from impasto.cli.angles import OneDirection, SeveralDirections
 from impasto.cli.console import Stages
+from impasto.cli.options import Angles, Flag, OneDirection, SeveralDirections, SeveralPositions
 from impasto.errors import ArgumentError
-
-
-def _positions(_type: Any, tokens: Sequence[Token]) -> tuple[tuple[float, float, float], ...]:
-    found = []
-    for token in tokens:
-        try:
-            x, y, z = (float(word) for word in token.value.split(","))
-        except ValueError:
-            raise ValueError(
-                f"expected x,y,z in mm such as 0,300,800; found {token.value!r}"
-            ) from None
-        found.append((x, y, z))
-    return tuple(found)
-
-
-Positions = Annotated[
-    tuple[tuple[float, float, float], ...] | None,
-    Parameter(
-        converter=_positions,
-        n_tokens=1,
-        accepts_keys=False,
-        allow_leading_hyphen=True,
-        negative="",
-    ),
-]
-Flag = Parameter(negative="")
 
 
 def render(
@@ -45,17 +18,17 @@ def render(
     *,
     out: Path,
     light: SeveralDirections = None,
-    point: Positions = None,
+    point: SeveralPositions = None,
     illuminant: str = "D65",
     adaptation: float | None = None,
-    adaptation_mode: str = "planck",
+    adaptation_mode: Literal["planck", "anchored"] = "planck",
     display: str = "srgb",
     view: OneDirection = None,
     exposure: float | None = None,
-    shadows: Annotated[bool, Flag] = False,
+    shadows: Flag = False,
     pitch: float | None = None,
     threads: int | None = None,
-    quiet: Annotated[bool, Flag] = False,
+    quiet: Flag = False,
 ) -> None:
     """Light a fitted painting and save the picture.
 
@@ -76,7 +49,7 @@ def render(
         Degree to which the eye has adapted from the illuminant to D65: 0 to 1. The papers'
         observers settled at 0.56. Without it, the light is shown as it is.
     adaptation_mode
-        "planck" as in the paper, or "anchored" to the true whites.
+        As in the paper, between blackbodies, or anchored to the true whites.
     display
         srgb, "Display P3", or a JSON file of measurements.
     view
@@ -98,13 +71,9 @@ def render(
 
     if out.suffix.lower() not in {".png", ".exr"}:
         raise ArgumentError(f"--out: expected a name ending in .png or .exr, found {out}")
-    if adaptation_mode not in {"planck", "anchored"}:
-        raise ArgumentError(
-            f"--adaptation-mode: expected planck or anchored, found {adaptation_mode!r}"
-        )
     stages = Stages(quiet=quiet)
     sbrdf, reflectance = load_result(result)
-    directions = light or (() if point else _default_light())
+    directions = light or (() if point else (Angles(90.0, 45.0),))
     lights: list[Any] = [impasto.DistantLight(angles.direction) for angles in directions]
     lights += [impasto.PointLight(position) for position in point or ()]
     scene = impasto.Scene(
@@ -112,7 +81,7 @@ def render(
         illuminant=illuminant,
         view=(0.0, 0.0, 1.0) if view is None else view.direction,
         adaptation=adaptation,
-        adaptation_mode="anchored" if adaptation_mode == "anchored" else "planck",
+        adaptation_mode=adaptation_mode,
         display=impasto.colour.as_display(display),
         exposure=exposure,
         shadows=shadows,
@@ -136,12 +105,6 @@ def render(
         image.save(out)
         stage.note = str(out)
     _tell(stages, image)
-
-
-def _default_light() -> tuple[Any, ...]:
-    from impasto.cli.angles import Angles
-
-    return (Angles(90.0, 45.0),)
 
 
 def _tell(stages: Stages, image: Any) -> None:

@@ -222,7 +222,7 @@ class Display:
         return White((x, y, z))
 
     def encode(self, linear: ArrayLike) -> Floats:
-        """Codes in [0, 1] from linear light, ``(3, ...)``: see :meth:`DisplayCurve.encode`."""
+        """Codes in [0, 1] from linear light, ``(3, ...)``, by each channel's curve."""
         return self.curve.encode(linear)
 
     def decode(self, code: ArrayLike) -> Floats:
@@ -230,7 +230,7 @@ class Display:
         return self.curve.decode(code)
 
     def table(self, n: int = 65536) -> NDArray[np.float32]:
-        """``(3, n)`` codes at evenly spaced linear values: see :meth:`DisplayCurve.table`."""
+        """``(3, n)`` codes at evenly spaced linear values, by each channel's curve."""
         return self.curve.table(n)
 
     def linear_of(self, xyz: ArrayLike) -> Floats:

@@ -69,7 +69,7 @@ def read_stack(
     ----------
     path
         A light file (``.lp``, ``.relight``, ``.dome``, text, CSV, JSON) beside its photographs,
-        a folder of photographs, or an ``.npz`` written by :func:`write_stack`.
+        a folder of photographs, or an ``.npz`` written by :func:`impasto.io.write_stack`.
     lights
         The lights, where ``path`` is a folder: a light file, ``(obs, 3)`` directions or a
         :class:`~impasto.Rig`; default: the folder's only light file.

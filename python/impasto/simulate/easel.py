@@ -42,7 +42,7 @@ class Painting:
         ``(y, x)`` float32, mm, towards the viewer.
     normal
         ``(3, y, x)`` float32 unit normals: central differences of ``height``
-        (:func:`impasto.simulate.surface.normals` states them).
+        (``impasto.simulate.surface.normals`` states them).
     coefficients, basis, wavelengths
         Diffuse reflectance S = coefficients . basis: ``(k, y, x)`` float32, ``(k, n)`` float64,
         ``(n,)`` nm. This product is the truth, not an approximation of one.
@@ -144,7 +144,7 @@ def painting(
         Distance of the canvas threads in mm.
     pigments
         ``(reflectance (count, n), wavelengths (n,) nm)`` to choose the paints from; default: two
-        charts of colour-science (:func:`impasto.simulate.pigments.palette`).
+        charts of colour-science (``impasto.simulate.pigments.palette``).
 
     Raises
     ------

@@ -1,13 +1,15 @@
-"""Directions as people say them: azimuth and elevation in degrees."""
+"""Options as people say them: flags, directions in degrees, places in mm."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 from cyclopts import Parameter, Token
+
+Position: TypeAlias = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +58,23 @@ def parsed(text: str) -> Angles:
     return Angles(azimuth, elevation)
 
 
+def position(text: str) -> Position:
+    """Millimetres from ``"x,y,z"``.
+
+    Raises
+    ------
+    ValueError
+        If these are not three finite numbers.
+    """
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+    except ValueError:
+        raise ValueError(f"expected x,y,z in mm such as 0,300,800; found {text!r}") from None
+    if not all(map(math.isfinite, (x, y, z))):
+        raise ValueError(f"expected three finite numbers, found {text!r}")
+    return (x, y, z)
+
+
 def _one(_type: Any, tokens: Sequence[Token]) -> Angles:
     return parsed(tokens[-1].value)
 
@@ -64,13 +83,23 @@ def _several(_type: Any, tokens: Sequence[Token]) -> tuple[Angles, ...]:
     return tuple(parsed(token.value) for token in tokens)
 
 
-OneDirection = Annotated[
-    Angles | None,
-    Parameter(converter=_one, n_tokens=1, accepts_keys=False, allow_leading_hyphen=True),
-]
-SeveralDirections = Annotated[
-    tuple[Angles, ...] | None,
-    Parameter(
-        converter=_several, n_tokens=1, accepts_keys=False, allow_leading_hyphen=True, negative=""
-    ),
-]
+def _positions(_type: Any, tokens: Sequence[Token]) -> tuple[Position, ...]:
+    return tuple(position(token.value) for token in tokens)
+
+
+def _word(converter: Any, metavar: str) -> Parameter:
+    """One word, which may begin with a minus sign."""
+    return Parameter(
+        converter=converter,
+        metavar=metavar,
+        n_tokens=1,
+        accepts_keys=False,
+        allow_leading_hyphen=True,
+        negative="",
+    )
+
+
+Flag = Annotated[bool, Parameter(negative="", show_default=False)]
+OneDirection = Annotated[Angles | None, _word(_one, "AZ,EL")]
+SeveralDirections = Annotated[tuple[Angles, ...] | None, _word(_several, "AZ,EL")]
+SeveralPositions = Annotated[tuple[Position, ...] | None, _word(_positions, "X,Y,Z")]
