@@ -1,0 +1,165 @@
+"""What an examination found: findings, from fine to fatal."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias, get_args
+
+Severity: TypeAlias = Literal["ok", "note", "warning", "error"]
+SEVERITIES: tuple[Severity, ...] = get_args(Severity)
+"""From fine to fatal."""
+
+_WIDTH = 92
+_INDENT = " " * 10
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was checked, and what came out.
+
+    Parameters
+    ----------
+    code
+        A short stable word for programs; ``docs/doctor.md`` lists them all.
+    severity
+        ``"ok"``: checked and fine, or nothing can be told; ``"note"``: worth knowing;
+        ``"warning"``: results will be worse than they could be; ``"error"``: results would be
+        wrong or there would be none.
+    message
+        What was found, with numbers; angles in degrees.
+    advice
+        What to do about it; empty where there is nothing to do.
+    observations
+        Indices of the photographs concerned; empty where it concerns all of them.
+    numbers
+        The measurements behind the message.
+    """
+
+    code: str
+    severity: Severity
+    message: str
+    advice: str = ""
+    observations: tuple[int, ...] = ()
+    numbers: dict[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        first = textwrap.fill(
+            f"{self.code}: {self.message}",
+            _WIDTH,
+            initial_indent=f"{self.severity:<{len(_INDENT)}}",
+            subsequent_indent=_INDENT,
+            break_on_hyphens=False,
+        )
+        if not self.advice:
+            return first
+        second = textwrap.fill(
+            self.advice,
+            _WIDTH,
+            initial_indent=f"{_INDENT}-> ",
+            subsequent_indent=f"{_INDENT}   ",
+            break_on_hyphens=False,
+        )
+        return f"{first}\n{second}"
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Everything an examination found; ``print`` shows it, the worst first.
+
+    Parameters
+    ----------
+    findings
+        In the order of the checks.
+    names
+        One name per photograph.
+    shape
+        ``(obs, band, y, x)`` of the stack.
+    """
+
+    findings: tuple[Finding, ...]
+    names: tuple[str, ...]
+    shape: tuple[int, int, int, int]
+
+    @property
+    def worst(self) -> Severity:
+        """The gravest severity that occurs."""
+        return max((f.severity for f in self.findings), key=SEVERITIES.index, default="ok")
+
+    @property
+    def usable(self) -> bool:
+        """Whether there is no error: results may still be worse than they could be."""
+        return self.worst != "error"
+
+    def of(self, *severities: Severity) -> tuple[Finding, ...]:
+        """The findings of some severities, gravest first, else in the order of the checks."""
+        picked = [f for f in self.findings if f.severity in severities]
+        return tuple(sorted(picked, key=lambda f: -SEVERITIES.index(f.severity)))
+
+    def __getitem__(self, code: str) -> Finding:
+        """The gravest finding with a code."""
+        found = [f for f in self.findings if f.code == code]
+        if not found:
+            raise KeyError(f"no finding {code!r}, only {sorted({f.code for f in self.findings})}")
+        return max(found, key=lambda f: SEVERITIES.index(f.severity))
+
+    @property
+    def title(self) -> str:
+        """What was examined, in one line."""
+        observations, bands, height, width = self.shape
+        return (
+            f"{counted(observations, 'photograph')}, {counted(bands, 'band')}, "
+            f"{width} x {height} pixels"
+        )
+
+    @property
+    def verdict(self) -> str:
+        """One sentence to close with."""
+        counts = {s: len(self.of(s)) for s in SEVERITIES}
+        if counts["error"]:
+            return f"{counted(counts['error'], 'error')}: repair before this stack is used"
+        if counts["warning"]:
+            return f"usable, with {counted(counts['warning'], 'warning')}"
+        return "nothing wrong was found"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "verdict": self.verdict,
+            "worst": self.worst,
+            "usable": self.usable,
+            "shape": list(self.shape),
+            "photographs": list(self.names),
+            "findings": [
+                {
+                    "code": f.code,
+                    "severity": f.severity,
+                    "message": f.message,
+                    "advice": f.advice,
+                    "observations": list(f.observations),
+                    "numbers": f.numbers,
+                }
+                for f in self.findings
+            ],
+        }
+
+    def __str__(self) -> str:
+        lines = [self.title, ""]
+        lines += [str(finding) for finding in self.of(*SEVERITIES)]
+        return "\n".join([*lines, "", self.verdict])
+
+    def __repr__(self) -> str:
+        return f"<Diagnosis of {self.title}: {self.verdict}>"
+
+
+def counted(count: int, noun: str) -> str:
+    """``1 photograph``, ``2 photographs``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def named(names: Sequence[str], indices: Sequence[int], limit: int = 4) -> str:
+    """The first few photographs by name: ``a.jpg, b.jpg and 7 more``."""
+    shown = ", ".join(names[i] for i in indices[:limit])
+    rest = len(indices) - limit
+    return f"{shown} and {rest} more" if rest > 0 else shown

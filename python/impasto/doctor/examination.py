@@ -1,0 +1,61 @@
+"""All checks, in the order in which a person would make them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from impasto.doctor.diagnosis import Diagnosis, Finding
+from impasto.doctor.directions import directions
+from impasto.doctor.exposure import Exposure, exposure
+from impasto.doctor.lights import lights
+from impasto.doctor.pairing import measure_likeness, pairing
+from impasto.doctor.photographs import duplicates, reading
+from impasto.doctor.specimen import Specimen
+from impasto.doctor.strength import strengths
+from impasto.doctor.surface import fit_surface
+from impasto.doctor.tone import tone
+from impasto.stack import Stack
+
+
+def examine(stack: Stack) -> Diagnosis:
+    """Check a stack before it is used; every finding says what to do.
+
+    Looks at tiles of at most 40,000 pixels and an even grid of at most 200,000 pixels of each
+    photograph, so that a stack of any size takes seconds. The same stack always gives the same
+    diagnosis. Never raises for what is wrong with the samples.
+
+    Parameters
+    ----------
+    stack
+        As from :func:`impasto.read_stack`; its notes are reported too.
+
+    Returns
+    -------
+    Diagnosis
+        ``print`` it, or go through ``.findings``. Its ``.worst`` is ``"error"`` where results
+        would be wrong.
+    """
+    measured = Exposure.of(stack)
+    found: list[Finding] = [
+        *reading(stack),
+        *exposure(stack, measured),
+        *lights(stack),
+    ]
+    specimen = Specimen.of(stack)
+    surface = _surface(stack, specimen)
+    likeness = measure_likeness(specimen)
+    found += duplicates(stack, likeness)
+    if surface is not None:
+        found += directions(specimen, surface, stack.rig.directions)
+        found += pairing(stack, likeness)
+        found += strengths(stack, specimen)
+        found += tone(stack)
+    return Diagnosis(tuple(found), stack.names, stack.shape)
+
+
+def _surface(stack: Stack, specimen: Specimen) -> np.ndarray | None:
+    """A surface to judge by, or None where the stack is too poor for one."""
+    if len(stack.rig) < 3 or np.linalg.matrix_rank(stack.rig.directions, tol=1e-3) < 3:
+        return None
+    surface = fit_surface(specimen.grey, specimen.lights)
+    return surface if np.isfinite(surface).all(axis=0).sum() >= 30 else None

@@ -1,0 +1,202 @@
+"""Whether the lights can determine a surface: number, spread, repetition, horizon."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.doctor.diagnosis import Finding, counted, named
+from impasto.stack import Stack
+
+Floats = NDArray[np.float64]
+
+_GOOD, _SINGULAR, _WEAK = 6, 100.0, 10.0
+_SAME_DEG = 0.5
+_GRAZING_DEG = 5.0
+
+
+def lights(stack: Stack) -> list[Finding]:
+    """Everything that the directions alone tell."""
+    directions = stack.rig.directions
+    return [
+        _number(stack),
+        *_conditioning(directions),
+        *_coverage(directions),
+        *_repeated(stack),
+        *_horizon(stack),
+    ]
+
+
+def elevation(directions: Floats) -> Floats:
+    """Degrees above the painting: 90 stands straight in front of it."""
+    return np.degrees(np.arctan2(directions[:, 2], np.hypot(directions[:, 0], directions[:, 1])))
+
+
+def azimuth(directions: Floats) -> Floats:
+    """Degrees counter-clockwise from the right, 0 to 360."""
+    return np.degrees(np.arctan2(directions[:, 1], directions[:, 0])) % 360.0
+
+
+def angles_between(one: Floats, other: Floats) -> Floats:
+    """Degrees between each of ``(n, 3)`` and each of ``(m, 3)`` unit vectors."""
+    # By the chord: exact for small angles, where the arc cosine is not.
+    chord = np.linalg.norm(one[:, None] - other[None], axis=2)
+    return np.asarray(2.0 * np.degrees(np.arcsin(np.clip(chord / 2.0, 0.0, 1.0))))
+
+
+def _number(stack: Stack) -> Finding:
+    count = len(stack.rig)
+    height = elevation(stack.rig.directions)
+    numbers = {
+        "count": count,
+        "lowest_deg": round(float(height.min()), 2),
+        "highest_deg": round(float(height.max()), 2),
+    }
+    span = f"at {height.min():.0f} to {height.max():.0f} degrees above the painting"
+    if count < 3:
+        return Finding(
+            "lights",
+            "error",
+            f"{counted(count, 'light')}: a normal and an albedo need three at least",
+            "photograph under more lights, best 16 or more all around the painting",
+            numbers=numbers,
+        )
+    if count < _GOOD:
+        exact = "exactly three lights leave no sample to check with: neither highlight nor shadow"
+        few = f"{count} lights leave too few samples to recognise highlights and shadows reliably"
+        return Finding(
+            "lights",
+            "warning" if count == 3 else "note",
+            f"{exact if count == 3 else few} ({span})",
+            "photograph under more lights, best 16 or more all around the painting",
+            numbers=numbers,
+        )
+    return Finding("lights", "ok", f"{count} lights {span}", numbers=numbers)
+
+
+def _conditioning(directions: Floats) -> list[Finding]:
+    if len(directions) < 3:
+        return []
+    singular = np.linalg.svd(directions, compute_uv=False)
+    condition = float(singular[0] / max(singular[2], 1e-12 * singular[0]))
+    numbers = {"condition": round(condition, 3)}
+    # Measured: half a percent of noise becomes about 0.1 degrees times the condition number.
+    cost = f"half a percent of noise turns a normal by about {0.1 * condition:.1f} degrees"
+    if condition > _SINGULAR:
+        return [
+            Finding(
+                "conditioning",
+                "error",
+                f"the lights lie in one plane with the painting's middle (condition number "
+                f"{min(condition, 1e6):.0f}): the normals are not determined",
+                "add a light outside this plane; for a ring, one straight in front of the painting",
+                numbers=numbers,
+            )
+        ]
+    if condition > _WEAK:
+        return [
+            Finding(
+                "conditioning",
+                "warning",
+                f"the lights are bunched or nearly in one plane (condition number "
+                f"{condition:.1f}): {cost}",
+                "spread the lights: 30 to 60 degrees above the painting, all around it",
+                numbers=numbers,
+            )
+        ]
+    return [
+        Finding("conditioning", "ok", f"condition number {condition:.2f}: {cost}", numbers=numbers)
+    ]
+
+
+def _coverage(directions: Floats) -> list[Finding]:
+    height = elevation(directions)
+    aside = np.sort(azimuth(directions[height < 80.0]))
+    if len(directions) < 3 or len(aside) < 2:
+        return []
+    gaps = np.diff(aside, append=aside[0] + 360.0)
+    worst = int(gaps.argmax())
+    gap, start = float(gaps[worst]), float(aside[worst])
+    numbers = {"largest_gap_deg": round(gap, 1), "gap_starts_at_deg": round(start, 1)}
+    found = []
+    if gap > 130.0:
+        found.append(
+            Finding(
+                "coverage",
+                "warning" if gap > 180.0 else "note",
+                f"no light from {start:.0f} to {(start + gap) % 360.0:.0f} degrees (0 is right, "
+                f"90 up): {gap:.0f} degrees of the circle are empty, and slopes that face them are "
+                "seen in shadow or raking light only",
+                "add lights on that side",
+                numbers=numbers,
+            )
+        )
+    if height.max() < 25.0:
+        found.append(
+            Finding(
+                "coverage",
+                "warning",
+                f"all lights rake: the highest stands {height.max():.0f} degrees above the "
+                "painting, and cast shadows hide what lies behind every ridge",
+                "add lights at 30 to 60 degrees",
+                numbers={"highest_deg": round(float(height.max()), 2)},
+            )
+        )
+    if not found:
+        message = f"lights all around the painting, the largest gap is {gap:.0f} degrees"
+        found.append(Finding("coverage", "ok", message, numbers=numbers))
+    return found
+
+
+def _repeated(stack: Stack) -> list[Finding]:
+    between = angles_between(stack.rig.directions, stack.rig.directions)
+    pairs = np.argwhere(np.triu(between < _SAME_DEG, 1))
+    if len(pairs) == 0:
+        return []
+    first, second = (int(i) for i in pairs[0])
+    concerned = tuple(int(i) for i in np.unique(pairs))
+    return [
+        Finding(
+            "repeated-lights",
+            "note",
+            f"{counted(len(pairs), 'pair')} of photographs with the same light direction (within "
+            f"{_SAME_DEG} degrees), first {stack.names[first]} and {stack.names[second]}: the "
+            "second adds no direction",
+            "no harm if the lamp stood still on purpose; else a line of the light file was copied "
+            "and one of the two directions is wrong",
+            concerned,
+            numbers={"pairs": pairs.tolist()},
+        )
+    ]
+
+
+def _horizon(stack: Stack) -> list[Finding]:
+    height = elevation(stack.rig.directions)
+    found = []
+    below = np.flatnonzero(height < 0.0).tolist()
+    if below:
+        found.append(
+            Finding(
+                "horizon",
+                "warning",
+                f"{counted(len(below), 'light')} below the painting's horizon "
+                f"({named(stack.names, below)}, lowest {height.min():.1f} degrees): no light can "
+                "reach the front from there",
+                "check the sign of z in the light file, or leave these photographs out",
+                tuple(below),
+                numbers={"lowest_deg": round(float(height.min()), 2)},
+            )
+        )
+    grazing = np.flatnonzero((height >= 0.0) & (height < _GRAZING_DEG)).tolist()
+    if grazing:
+        found.append(
+            Finding(
+                "horizon",
+                "note",
+                f"{counted(len(grazing), 'light')} less than {_GRAZING_DEG:.0f} degrees above the "
+                f"painting ({named(stack.names, grazing)}): mostly cast shadow",
+                "robust fitting rejects these samples; leave the photographs out to save time",
+                tuple(grazing),
+            )
+        )
+    return found

@@ -1,0 +1,182 @@
+"""Does every photograph belong to its light? Neighbouring lights give similar photographs.
+
+No model of the paint is needed: take from each photograph what all have in common, and compare the
+rest. Whichever way the paint shines, photographs under lights that are close are more alike than
+others, so two photographs whose names were exchanged stand out: each resembles the neighbours of
+the other's light.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.doctor.diagnosis import Finding, counted
+from impasto.doctor.lights import angles_between
+from impasto.doctor.specimen import Specimen
+from impasto.stack import Stack
+
+Floats = NDArray[np.float64]
+
+_FEWEST = 7
+_ORDERED = 0.3
+"""Correlation of likeness with nearness from which the photographs say anything."""
+_WIDEST_DEG, _NARROWEST_DEG = 40.0, 10.0
+_FAR = 1.6
+"""In units of the distance between neighbouring lights: closer exchanges do little harm."""
+_REVERSED = -0.5
+_SLOPE = -0.35
+_MOST = 8
+_SIGMAS = 5.0
+
+
+def pairing(stack: Stack, likeness: Floats | None) -> list[Finding]:
+    """Photographs whose lights were exchanged.
+
+    Parameters
+    ----------
+    stack
+        What is examined.
+    likeness
+        As from :func:`measure_likeness`.
+    """
+    directions = stack.rig.directions
+    if likeness is None or len(directions) < _FEWEST:
+        return []
+    swaps = find_swaps(likeness, directions)
+    agreement = order_agreement(likeness, _swapped(directions, swaps))
+    numbers: dict[str, Any] = {"agreement": round(agreement, 3)}
+    if agreement < _ORDERED:
+        return [
+            Finding(
+                "pairing",
+                "ok",
+                "cannot tell whether photographs and lights belong together: photographs under "
+                "neighbouring lights are not more alike than others",
+                numbers=numbers,
+            )
+        ]
+    if not swaps:
+        return [
+            Finding(
+                "pairing",
+                "ok",
+                "every photograph is like those under neighbouring lights",
+                numbers=numbers,
+            )
+        ]
+    between = angles_between(directions, directions)
+    told = "; ".join(
+        f"{stack.names[a]} and {stack.names[b]} (lights {between[a, b]:.0f} degrees apart)"
+        for a, b in swaps
+    )
+    concerned = tuple(sorted(i for pair in swaps for i in pair))
+    return [
+        Finding(
+            "pairing",
+            "error" if len(concerned) > 0.1 * len(directions) else "warning",
+            f"{counted(len(swaps), 'pair')} of photographs seems to be exchanged: {told}",
+            "exchange the two directions in the light file (or the two file names)",
+            concerned,
+            numbers | {"pairs": [list(pair) for pair in swaps]},
+        )
+    ]
+
+
+def measure_likeness(specimen: Specimen) -> Floats | None:
+    """``(obs, obs)`` correlation of the photographs after what all share is taken out."""
+    known = np.isfinite(specimen.grey).sum(axis=0) >= 0.7 * len(specimen.grey)
+    known &= specimen.inside
+    if known.sum() < 100:
+        return None
+    rows = specimen.grey[:, known].astype(np.float64)
+    # A clipped sample is as bright as the brightest that is not.
+    rows = np.where(np.isfinite(rows), rows, np.nanmax(rows, axis=0))
+    middle = np.median(rows, axis=0)
+    scale = np.maximum(middle, 1e-3 * float(np.median(middle)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rows = np.log(np.clip(rows / scale, 0.05, 8.0))
+    if not np.isfinite(rows).all():
+        return None
+    rows -= rows.mean(axis=0)
+    rows -= rows.mean(axis=1, keepdims=True)
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    if not (length > 0).all():
+        return None
+    rows /= length
+    likeness = rows @ rows.T
+    off = likeness[~np.eye(len(rows), dtype=bool)]
+    # Photographs of noise are alike by chance, to 1 / sqrt(pixels).
+    return np.asarray(likeness) if off.std() > _SIGMAS / np.sqrt(rows.shape[1]) else None
+
+
+def find_swaps(likeness: Floats, directions: Floats) -> list[tuple[int, int]]:
+    """Exchanges that put every photograph beside those it resembles, surest first.
+
+    For photographs a and b the differences in likeness to every third photograph, S_am - S_bm,
+    follow the differences in nearness, K_am - K_bm. Exchanged, they follow them backwards.
+    """
+    swaps: list[tuple[int, int]] = []
+    current = directions.copy()
+    taken: set[int] = set()
+    while len(swaps) < _MOST:
+        slope, correlation, far = _slopes(likeness, current)
+        if not far.any():
+            break
+        usual = float(np.median(slope[far]))
+        if usual <= 0:
+            break
+        suspect = far & (correlation < _REVERSED) & (slope < _SLOPE * usual)
+        for index in taken:
+            suspect[index] = suspect[:, index] = False
+        if not suspect.any():
+            break
+        score = np.where(suspect, slope, np.inf)
+        a, b = (int(i) for i in np.unravel_index(int(score.argmin()), score.shape))
+        swaps.append((min(a, b), max(a, b)))
+        taken |= {a, b}
+        current[[a, b]] = current[[b, a]]
+    return swaps
+
+
+def order_agreement(likeness: Floats, directions: Floats) -> float:
+    """Correlation of likeness and nearness over all pairs."""
+    nearness = _nearness(directions)[0]
+    upper = np.triu_indices(len(directions), 1)
+    return float(np.corrcoef(likeness[upper], nearness[upper])[0, 1])
+
+
+def _nearness(directions: Floats) -> tuple[Floats, Floats, float]:
+    between = angles_between(directions, directions)
+    neighbour = float(np.median(np.sort(between, axis=1)[:, 1]))
+    width = float(np.clip(neighbour, _NARROWEST_DEG, _WIDEST_DEG))
+    return np.exp(-0.5 * (between / width) ** 2), between, neighbour
+
+
+def _slopes(likeness: Floats, directions: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Slope and correlation ``(obs, obs)`` of likeness on nearness for each exchange."""
+    nearness, between, neighbour = _nearness(directions)
+    count = len(directions)
+    slope, correlation = np.zeros((count, count)), np.zeros((count, count))
+    for a in range(count):
+        like = likeness[a] - likeness
+        near = nearness[a] - nearness
+        third = np.ones((count, count), dtype=bool)
+        third[:, a] = False
+        third[np.arange(count), np.arange(count)] = False
+        like, near = np.where(third, like, 0.0), np.where(third, near, 0.0)
+        product = (like * near).sum(axis=1)
+        size_like, size_near = (like**2).sum(axis=1), (near**2).sum(axis=1)
+        slope[a] = product / np.maximum(size_near, 1e-30)
+        correlation[a] = product / np.sqrt(np.maximum(size_like * size_near, 1e-60))
+    far = (between > _FAR * neighbour) & ~np.eye(count, dtype=bool)
+    return slope, correlation, far
+
+
+def _swapped(directions: Floats, swaps: list[tuple[int, int]]) -> Floats:
+    result = directions.copy()
+    for a, b in swaps:
+        result[[a, b]] = result[[b, a]]
+    return result

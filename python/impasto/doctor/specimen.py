@@ -1,0 +1,133 @@
+"""The few pixels that are looked at: bounded memory for a stack of any size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.rig import PointLight
+from impasto.stack import Stack
+
+Floats = NDArray[np.float64]
+
+_TILES = 3
+"""Tiles along each side of a large picture."""
+_SAMPLES = 12_000_000
+"""Samples kept in memory (48 MB as float32) ..."""
+_MOST, _FEWEST = 40_000, 2_500
+"""... and the number of pixels that this is turned into, at most and at least."""
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """Tiles of a stack at full resolution, evenly spread over the painting.
+
+    Tiles, because the curl of a surface needs neighbours, at full resolution, because the relief
+    of paint has no low frequencies.
+
+    Attributes
+    ----------
+    grey
+        ``(obs, n)`` float32: mean of the bands in linear light, divided by the intensity of the
+        light; NaN where a band is clipped, not finite or outside the mask.
+    lights
+        ``(obs, 3)`` directions, or ``(obs, n, 3)`` for point lights: direction at each pixel times
+        fall-off, so that a Lambert surface shows ``lights . albedo normal``.
+    tiles
+        ``(tile, y, x)``: the shape of the n pixels.
+    x, y
+        ``(n,)`` position on the painting, x right, y up, the longer side from -0.5 to 0.5.
+    inside
+        ``(n,)``: whether the mask holds the pixel.
+    """
+
+    grey: NDArray[np.float32]
+    lights: Floats
+    tiles: tuple[int, int, int]
+    x: Floats
+    y: Floats
+    inside: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, stack: Stack) -> Specimen:
+        """Cut the tiles out of a stack."""
+        observations, bands, height, width = stack.shape
+        budget = int(np.clip(_SAMPLES // (observations * bands), _FEWEST, _MOST))
+        rows, columns, tile = _places(height, width, budget, stack.mask)
+        at_y = (rows[:, None, None] + np.arange(tile[0])[None, :, None]).repeat(tile[1], 2)
+        at_x = (columns[:, None, None] + np.arange(tile[1])[None, None, :]).repeat(tile[0], 1)
+        at_y, at_x = at_y.ravel(), at_x.ravel()
+        inside = np.ones(len(at_y), bool) if stack.mask is None else stack.mask[at_y, at_x]
+        grey = np.empty((observations, len(at_y)), dtype=np.float32)
+        for index, strength in enumerate(stack.rig.intensities):
+            values = linear(stack, stack.samples[index][:, at_y, at_x])
+            with np.errstate(invalid="ignore"):
+                mean = values.mean(axis=0) / np.float32(strength)
+            mean[~(np.isfinite(mean) & inside)] = np.nan
+            grey[index] = mean
+        side = max(height, width)
+        return cls(
+            grey=grey,
+            lights=_lights(stack, at_y, at_x),
+            tiles=(len(rows), *tile),
+            x=(at_x - (width - 1) / 2) / side,
+            y=((height - 1) / 2 - at_y) / side,
+            inside=inside,
+        )
+
+
+def linear(stack: Stack, stored: NDArray[np.generic]) -> NDArray[np.float32]:
+    """Stored samples ``(band, ...)`` of one observation as linear light, clipped ones +inf."""
+    shape = (-1, *[1] * (stored.ndim - 1))
+    values = stored.astype(np.float32)
+    result = (values - stack.black.reshape(shape).astype(np.float32)) * stack.scale.reshape(
+        shape
+    ).astype(np.float32)
+    if stack.saturation is not None:
+        result[values >= stack.saturation.reshape(shape)] = np.inf
+    return np.asarray(result, dtype=np.float32)
+
+
+def _places(
+    height: int, width: int, budget: int, mask: NDArray[np.bool_] | None
+) -> tuple[NDArray[np.int64], NDArray[np.int64], tuple[int, int]]:
+    """Top rows and left columns of the tiles, and their common size."""
+    top, left, bottom, right = 0, 0, height, width
+    if mask is not None and mask.any():
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        top, bottom = int(rows[0]), int(rows[-1]) + 1
+        left, right = int(columns[0]), int(columns[-1]) + 1
+    if (bottom - top) * (right - left) <= budget:
+        return np.array([top]), np.array([left]), (bottom - top, right - left)
+    side = int(np.sqrt(budget / _TILES**2))
+    tile = (min(side, bottom - top), min(side, right - left))
+    # A narrow strip holds fewer rows of tiles, which then must not overlap.
+    down = min(_TILES, (bottom - top) // tile[0])
+    across = min(_TILES, (right - left) // tile[1])
+    starts_y = np.linspace(top, bottom - tile[0], down).astype(np.int64)
+    starts_x = np.linspace(left, right - tile[1], across).astype(np.int64)
+    grid_y, grid_x = np.meshgrid(starts_y, starts_x, indexing="ij")
+    return grid_y.ravel(), grid_x.ravel(), tile
+
+
+def _lights(stack: Stack, at_y: NDArray[np.int64], at_x: NDArray[np.int64]) -> Floats:
+    if not any(isinstance(light, PointLight) for light in stack.rig.lights):
+        return stack.rig.directions
+    height, width = stack.shape[2:]
+    pitch = float(stack.rig.pitch_mm or 1.0)
+    points = np.stack(
+        [(at_x - (width - 1) / 2) * pitch, ((height - 1) / 2 - at_y) * pitch, 0.0 * at_x], axis=1
+    )
+    lights = np.empty((len(stack.rig), len(points), 3))
+    for index, light in enumerate(stack.rig.lights):
+        if isinstance(light, PointLight):
+            towards = np.array(light.position) - points
+            distance = np.linalg.norm(towards, axis=1, keepdims=True)
+            lights[index] = towards / distance
+            if light.falloff:
+                lights[index] *= (np.linalg.norm(light.position) / distance) ** 2
+        else:
+            lights[index] = light.direction
+    return lights

@@ -1,0 +1,118 @@
+"""A lamp that is brighter or weaker than the rest, or was exposed differently."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.doctor.diagnosis import Finding, counted
+from impasto.doctor.lights import elevation
+from impasto.doctor.specimen import Specimen
+from impasto.doctor.surface import fit_surface, shading
+from impasto.stack import Stack
+
+Floats = NDArray[np.float64]
+
+_OFF = 0.2
+"""Beyond this share light strengths cost degrees."""
+_FEWEST = 5
+_ROUNDS = 3
+_SIGMAS = 5.0
+
+
+def strengths(stack: Stack, specimen: Specimen) -> list[Finding]:
+    """The strength of each light that the photographs show, against the others."""
+    if len(stack.rig) < _FEWEST:
+        return []
+    found = measure_strengths(specimen, stack.rig.views)
+    if found is None:
+        return []
+    gain, expected = found
+    log = np.log(gain / expected)
+    spread = 1.4826 * float(np.nanmedian(np.abs(log)))
+    limit = max(np.log1p(_OFF), _SIGMAS * spread)
+    # Gloss brightens whole photographs from lights near the camera; it never darkens one.
+    height = elevation(stack.rig.directions)
+    gloss = np.where(height > 75.0, np.inf, np.where(height > 60.0, np.log(3.0), 0.0))
+    off = np.flatnonzero((log < -limit) | (log > np.maximum(limit, gloss)))
+    numbers = {"gain": np.round(gain / expected, 4).tolist(), "spread": round(spread, 4)}
+    if len(off) == 0:
+        return [
+            Finding(
+                "strengths",
+                "ok",
+                f"no light stands out: their strengths scatter by {100 * np.expm1(spread):.0f} %",
+                numbers=numbers,
+            )
+        ]
+    off = off[np.argsort(-np.abs(log[off]))]
+    told = ", ".join(f"{stack.names[i]} {np.exp(log[i]):.2f}" for i in off[:4].tolist())
+    more = f" and {len(off) - 4} more" if len(off) > 4 else ""
+    return [
+        Finding(
+            "strengths",
+            "warning",
+            f"{counted(len(off), 'photograph')} of odd brightness, relative to the others: "
+            f"{told}{more}",
+            "if the lamp or the exposure differed, say so with intensities= (one number per light) "
+            "or photograph a white board under each light (white=); if not, the direction of that "
+            "light is wrong",
+            tuple(sorted(off.tolist())),
+            numbers=numbers,
+        )
+    ]
+
+
+def measure_strengths(specimen: Specimen, views: Floats) -> tuple[Floats, Floats] | None:
+    """Strength of each light ``(obs,)`` relative to the given ones, and what is usual.
+
+    A robust semi-calibrated estimate: the surface is fitted with the lights' strengths, these with
+    the surface, in turn. Only pixels well away from shadow and from the mirror direction count.
+    """
+    gain = np.ones(len(specimen.grey))
+    lights = specimen.lights
+    for _ in range(_ROUNDS):
+        surface = fit_surface(specimen.grey / gain[:, None], lights)
+        known = np.isfinite(surface).all(axis=0)
+        if known.sum() < 30:
+            return None
+        shown = shading(surface, lights)
+        albedo = np.linalg.norm(surface, axis=0)
+        half = _half_cosine(surface / np.maximum(albedo, 1e-30), lights, views)
+        ratio = np.full(len(gain), np.nan)
+        for index, row in enumerate(specimen.grey):
+            lit = known & np.isfinite(row) & (shown[index] > 0.2 * albedo)
+            if lit.sum() < 30:
+                continue
+            far = lit & (half[index] <= np.quantile(half[index, lit], 0.4))
+            ratio[index] = np.median(row[far] / shown[index, far])
+        if np.isfinite(ratio).sum() < _FEWEST:
+            return None
+        gain = np.where(np.isfinite(ratio) & (ratio > 1e-3), ratio, 1e-3)
+        gain = gain / np.median(gain)
+    return gain, _usual(gain, lights)
+
+
+def _half_cosine(normal: Floats, lights: Floats, views: Floats) -> Floats:
+    """Cosine between normal and half vector ``(obs, n)``."""
+    if lights.ndim == 2:
+        half = lights + views
+        half = half / np.linalg.norm(half, axis=1, keepdims=True)
+        return np.asarray(half @ normal)
+    half = lights / np.linalg.norm(lights, axis=2, keepdims=True) + views[:, None]
+    half = half / np.linalg.norm(half, axis=2, keepdims=True)
+    return np.asarray(np.einsum("kni,in->kn", half, normal))
+
+
+def _usual(gain: Floats, lights: Floats) -> Floats:
+    """What a light of that elevation usually shows: sheen and a wrong tone curve bend the rule."""
+    if len(gain) < 12:
+        return np.full(len(gain), np.median(gain))
+    height = lights[:, 2] if lights.ndim == 2 else np.median(lights[..., 2], axis=1)
+    order = np.argsort(height)
+    reach = max(3, len(gain) // 8)
+    usual = np.empty(len(gain))
+    for place, index in enumerate(order):
+        near = order[max(0, place - reach) : place + reach + 1]
+        usual[index] = np.median(gain[near])
+    return usual

@@ -1,0 +1,367 @@
+"""`impasto.doctor`: each fault is found when it is there, and not when it is not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from impasto import PointLight, Rig, Stack, doctor, read_stack, simulate
+from impasto.cli import main
+from impasto.io import write_stack
+
+RIGS = ("tominaga-rgb-camera", "tominaga-six-band-adaptation")
+SIZE = (72, 72)
+
+
+@cache
+def painted(
+    seed: int, size: tuple[int, int], varnish: str | None, relief: float
+) -> simulate.Painting:
+    return simulate.painting(seed, size, varnish=varnish, relief=relief)
+
+
+def captured(seed: int = 0, rig: str = RIGS[1], varnish: str | None = "satin", **options) -> Stack:
+    size = options.pop("size", SIZE)
+    relief = options.pop("relief", 1.0)
+    return simulate.capture(painted(seed, size, varnish, relief), rig, **options).stack
+
+
+def altered(stack: Stack, **changes) -> Stack:
+    """The same stack with other samples, lights ..."""
+    arguments = {
+        name: getattr(stack, name)
+        for name in ("samples", "bands", "mask", "saturation", "scale", "black", "names", "notes")
+    } | {"encoding": stack.encoding, "lights": stack.rig}
+    arguments |= changes
+    return Stack(arguments.pop("samples"), **arguments)
+
+
+def turned(stack: Stack, matrix: list[list[float]]) -> Stack:
+    return altered(stack, lights=stack.rig.directions @ np.array(matrix, dtype=float).T)
+
+
+def found(diagnosis: doctor.Diagnosis) -> set[str]:
+    """Codes of everything that is not fine."""
+    return {f.code for f in diagnosis.of("warning", "error")}
+
+
+@pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.parametrize("varnish", [None, "matte", "satin", "gloss", "patches"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_healthy_stack_raises_no_alarm(rig: str, varnish: str | None, seed: int) -> None:
+    diagnosis = doctor.examine(captured(seed, rig, varnish))
+    assert found(diagnosis) == set(), diagnosis
+    assert diagnosis["directions"].numbers["verdict"] == "as given"
+    assert diagnosis["pairing"].numbers["agreement"] > 0.3
+    assert diagnosis.usable
+
+
+@pytest.mark.parametrize("varnish", [None, "matte", "gloss"])
+@pytest.mark.parametrize("rig", RIGS)
+def test_a_flat_painting_raises_no_alarm(rig: str, varnish: str | None) -> None:
+    for relief in (0.0, 0.1):
+        diagnosis = doctor.examine(captured(2, rig, varnish, relief=relief))
+        assert found(diagnosis) == set(), diagnosis
+
+
+@pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.parametrize("varnish", ["matte", "gloss"])
+@pytest.mark.parametrize(
+    ("matrix", "repairs"),
+    [
+        ([[1, 0, 0], [0, -1, 0], [0, 0, 1]], {"(x, -y, z)", "(-x, y, z)"}),
+        ([[-1, 0, 0], [0, 1, 0], [0, 0, 1]], {"(x, -y, z)", "(-x, y, z)"}),
+        ([[0, 1, 0], [1, 0, 0], [0, 0, 1]], {"(y, x, z)", "(-y, -x, z)"}),
+        ([[0, -1, 0], [1, 0, 0], [0, 0, 1]], {"(y, -x, z)", "(-y, x, z)"}),
+        ([[0, 1, 0], [-1, 0, 0], [0, 0, 1]], {"(y, -x, z)", "(-y, x, z)"}),
+    ],
+    ids=["mirrored y", "mirrored x", "swapped", "quarter left", "quarter right"],
+)
+def test_wrong_directions_are_found(
+    rig: str, varnish: str, matrix: list[list[float]], repairs: set[str]
+) -> None:
+    """A distant lamp leaves the choice between two repairs that differ by half a turn."""
+    finding = doctor.examine(turned(captured(3, rig, varnish), matrix))["directions"]
+    assert finding.severity == "error"
+    assert {finding.numbers["repair"], finding.numbers["or_else_repair"]} == repairs
+
+
+@pytest.mark.parametrize(
+    ("matrix", "severity", "repair"),
+    [
+        ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], "ok", None),
+        ([[-1, 0, 0], [0, -1, 0], [0, 0, 1]], "warning", None),
+        ([[1, 0, 0], [0, -1, 0], [0, 0, 1]], "error", "(x, -y, z)"),
+        ([[-1, 0, 0], [0, 1, 0], [0, 0, 1]], "error", "(-x, y, z)"),
+        ([[0, 1, 0], [1, 0, 0], [0, 0, 1]], "error", "(y, x, z)"),
+        ([[0, -1, 0], [-1, 0, 0], [0, 0, 1]], "error", "(-y, -x, z)"),
+        ([[0, -1, 0], [1, 0, 0], [0, 0, 1]], "error", "(y, -x, z)"),
+        ([[0, 1, 0], [-1, 0, 0], [0, 0, 1]], "error", "(-y, x, z)"),
+    ],
+)
+def test_falloff_tells_one_side_from_the_other(
+    matrix: list[list[float]], severity: str, repair: str | None
+) -> None:
+    near = simulate.rig(RIGS[1], distance_mm=30.0)
+    stack = captured(1, varnish="matte", rig=near)
+    distant = altered(stack, lights=near.directions)
+    finding = doctor.examine(turned(distant, matrix))["directions"]
+    assert finding.severity == severity, finding
+    assert finding.numbers.get("repair") == repair
+    assert "or_else" not in finding.numbers
+
+
+@pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.parametrize("varnish", [None, "satin", "gloss"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_an_exchanged_pair_is_found(rig: str, varnish: str | None, seed: int) -> None:
+    stack = captured(seed, rig, varnish)
+    order = list(range(len(stack.rig)))
+    order[2], order[6] = order[6], order[2]
+    finding = doctor.examine(altered(stack, samples=stack.samples[order]))["pairing"]
+    assert finding.severity in {"warning", "error"}
+    assert finding.observations == (2, 6)
+
+
+def test_a_copied_photograph_is_found() -> None:
+    stack = captured()
+    samples = stack.samples.copy()
+    samples[5] = samples[1]
+    finding = doctor.examine(altered(stack, samples=samples))["duplicates"]
+    assert (finding.severity, finding.observations) == ("warning", (1, 5))
+    same_light = stack.take([*range(16), 3])
+    finding = doctor.examine(same_light)["duplicates"]
+    assert finding.observations == (3, 16)
+    assert "under the same light" in finding.message
+    assert doctor.examine(same_light)["repeated-lights"].observations == (3, 16)
+
+
+@pytest.mark.parametrize("varnish", ["matte", "satin"])
+def test_a_photograph_saved_twice_is_found(varnish: str) -> None:
+    stack = captured(varnish=varnish)
+    samples = stack.samples.copy()
+    # Saved again with 9 of 12 bits, which is about what a JPEG of good quality keeps.
+    samples[12] = samples[3] // 8 * 8 + 4
+    finding = doctor.examine(altered(stack, samples=samples))["duplicates"]
+    assert finding.observations == (3, 12)
+    assert finding.severity == "warning"
+
+
+def test_clipping_is_counted() -> None:
+    stack = captured(varnish="gloss", exposure=1.0)
+    bright = np.minimum(stack.samples.astype(np.int64) * 3, 4095).astype(np.uint16)
+    bright = altered(stack, samples=bright)
+    finding = doctor.examine(bright)["saturation"]
+    assert finding.severity == "warning"
+    assert finding.numbers["share"] == pytest.approx((bright.samples >= 4095).mean(), abs=1e-6)
+    everything = altered(stack, samples=np.full_like(stack.samples, 4095))
+    assert doctor.examine(everything)["saturation"].severity == "error"
+    unmarked = altered(bright, saturation=65535.0)
+    finding = doctor.examine(unmarked)["plateau"]
+    assert finding.severity == "warning"
+    assert "saturation=4095" in finding.advice
+
+
+def test_darkness() -> None:
+    stack = captured()
+    black = altered(stack, samples=np.full_like(stack.samples, int(stack.black[0])))
+    diagnosis = doctor.examine(black)
+    assert diagnosis["darkness"].severity == "error"
+    assert not diagnosis.usable
+    samples = stack.samples.copy()
+    samples[4] = int(stack.black[0])
+    diagnosis = doctor.examine(altered(stack, samples=samples))
+    assert diagnosis["unlit"].observations == (4,)
+    low = (stack.samples - 64) // 20 + 64
+    assert doctor.examine(altered(stack, samples=low))["darkness"].severity == "warning"
+
+
+def test_missing_samples() -> None:
+    stack = captured(bits=None)
+    samples = stack.samples.copy()
+    samples[:, :, :4] = np.nan
+    assert doctor.examine(altered(stack, samples=samples))["missing-samples"].severity == "warning"
+    samples[3] = np.nan
+    finding = doctor.examine(altered(stack, samples=samples))["missing-samples"]
+    assert finding.observations == (3,)
+    nothing = altered(stack, samples=np.full_like(samples, np.nan))
+    assert doctor.examine(nothing)["missing-samples"].severity == "error"
+    empty = altered(stack, mask=np.zeros(SIZE, bool))
+    assert doctor.examine(empty)["mask"].severity == "error"
+
+
+@pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.parametrize("factor", [0.6, 1.6])
+def test_an_odd_lamp_is_found(rig: str, factor: float) -> None:
+    stack = captured(1, rig, "matte", bits=None, exposure=0.4)
+    samples = stack.samples.copy()
+    samples[3] *= factor
+    finding = doctor.examine(altered(stack, samples=samples))["strengths"]
+    assert finding.severity == "warning"
+    assert finding.observations == (3,)
+    assert finding.numbers["gain"][3] == pytest.approx(factor, rel=0.1)
+    strong = [replace(light, intensity=factor if i == 3 else 1.0) for i, light in
+              enumerate(stack.rig.lights)]  # fmt: skip
+    told = altered(stack, samples=samples, lights=Rig(strong, pitch_mm=stack.rig.pitch_mm))
+    assert doctor.examine(told)["strengths"].severity == "ok"
+
+
+def test_a_curve_left_in_is_found() -> None:
+    for rig in RIGS:
+        for varnish in (None, "matte"):
+            stack = captured(1, rig, varnish, encoding="srgb", bits=8)
+            left_in = altered(
+                stack, samples=stack.encode(stack.samples) / 255.0, encoding="linear",
+                lights=stack.rig.directions,
+            )  # fmt: skip
+            assert doctor.examine(left_in)["encoding"].severity == "warning"
+            assert doctor.examine(stack)["encoding"].severity == "ok"
+
+
+LIGHTS = simulate.rig(RIGS[1]).directions
+
+
+@pytest.mark.parametrize(
+    ("lights", "code", "severity"),
+    [
+        (LIGHTS[:1], "lights", "error"),
+        (LIGHTS[:2], "lights", "error"),
+        (LIGHTS[[0, 3, 6]], "lights", "warning"),
+        (LIGHTS[[0, 2, 4, 6]], "lights", "note"),
+        (np.stack([np.linspace(-0.8, 0.8, 9), 0 * np.linspace(0, 1, 9), np.ones(9)], 1),
+         "conditioning", "error"),
+        (np.stack([np.linspace(-0.8, 0.8, 9), 0.05 * np.cos(np.arange(9)), np.ones(9)], 1),
+         "conditioning", "warning"),
+        (LIGHTS[[0, 1, 2, 3, 8, 9, 10]], "coverage", "warning"),
+        (LIGHTS * (1, 1, 0.15), "coverage", "warning"),
+        (np.concatenate([LIGHTS, [[0.9, 0.1, -0.2]]]), "horizon", "warning"),
+        (np.concatenate([LIGHTS, [[0.9, 0.1, 0.02]]]), "horizon", "note"),
+        (np.concatenate([LIGHTS, LIGHTS[:1]]), "repeated-lights", "note"),
+    ],
+)  # fmt: skip
+def test_lights(lights: np.ndarray, code: str, severity: str) -> None:
+    rng = np.random.default_rng(5)
+    samples = rng.uniform(0.2, 0.6, (len(lights), 3, 16, 16)).astype(np.float32)
+    diagnosis = doctor.examine(Stack(samples, lights=lights))
+    assert diagnosis[code].severity == severity, diagnosis
+
+
+def test_point_lights_are_taken_as_such() -> None:
+    near = simulate.rig(RIGS[1], distance_mm=30.0)
+    stack = captured(1, varnish="matte", rig=near)
+    assert all(isinstance(light, PointLight) for light in stack.rig.lights)
+    diagnosis = doctor.examine(stack)
+    assert found(diagnosis) == set(), diagnosis
+
+
+def test_the_same_stack_gets_the_same_diagnosis() -> None:
+    stack = captured(4, RIGS[0])
+    assert doctor.examine(stack).to_dict() == doctor.examine(stack).to_dict()
+
+
+def test_the_report_reads_well() -> None:
+    diagnosis = doctor.examine(turned(captured(), [[1, 0, 0], [0, -1, 0], [0, 0, 1]]))
+    text = str(diagnosis)
+    assert text.startswith("16 photographs, 6 bands, 72 x 72 pixels\n\nerror     directions: ")
+    assert "-> use (x, -y, z)" in text
+    assert text.endswith("1 error: repair before this stack is used")
+    assert max(len(line) for line in text.splitlines()) <= 92
+    assert repr(diagnosis).startswith("<Diagnosis of 16 photographs")
+    with pytest.raises(KeyError, match="no finding"):
+        diagnosis["nonsense"]
+
+
+@pytest.fixture(scope="module")
+def icon(data: Path) -> Stack:
+    return read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb")
+
+
+def test_icon_is_usable(icon: Stack) -> None:
+    """72 photographs of a gilded icon; 2.2 % of the samples have the code 255."""
+    diagnosis = doctor.examine(icon)
+    assert found(diagnosis) <= {"saturation"}
+    assert diagnosis["directions"].severity == "ok"
+    assert diagnosis["directions"].numbers["verdict"] == "as given"
+    assert diagnosis["directions"].numbers["falloff_decided"]
+    share = np.mean([np.isposinf(icon.linear(k)).mean() for k in range(72)])
+    assert diagnosis["saturation"].numbers["share"] == pytest.approx(share, abs=1e-4)
+    assert share == pytest.approx(0.022, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("flip", "repair"), [((1, -1, 1), "(x, -y, z)"), ((-1, 1, 1), "(-x, y, z)")]
+)
+def test_icon_mirrored(icon: Stack, flip: tuple[int, int, int], repair: str) -> None:
+    finding = doctor.examine(altered(icon, lights=icon.rig.directions * flip))["directions"]
+    assert finding.severity == "error"
+    assert finding.numbers["repair"] == repair
+    assert "or_else" not in finding.numbers
+
+
+def test_icon_turned_by_half(icon: Stack) -> None:
+    finding = doctor.examine(altered(icon, lights=icon.rig.directions * (-1, -1, 1)))["directions"]
+    assert finding.severity == "warning"
+    assert "half a turn" in finding.message
+
+
+def test_icon_exchanged_pair(icon: Stack) -> None:
+    for a, b in ((10, 40), (3, 50)):
+        lights = icon.rig.directions.copy()
+        lights[[a, b]] = lights[[b, a]]
+        finding = doctor.examine(altered(icon, lights=lights))["pairing"]
+        assert finding.severity == "warning"
+        assert finding.observations == (a, b)
+
+
+def test_icon_read_as_linear(icon: Stack, data: Path) -> None:
+    linear = read_stack(data / "icon_rti" / "dirs.lp", encoding="linear")
+    finding = doctor.examine(linear)["encoding"]
+    assert finding.severity == "warning"
+    assert 'encoding="srgb"' in finding.advice
+
+
+def test_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    stack = captured()
+    write_stack("good.npz", stack)
+    write_stack("bad.npz", turned(stack, [[1, 0, 0], [0, -1, 0], [0, 0, 1]]))
+    Path("torn.npz").write_bytes(Path("good.npz").read_bytes()[:-500])
+    assert main(["doctor", "good.npz"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("16 photographs, 6 bands, 72 x 72 pixels")
+    assert out.rstrip().endswith("nothing wrong was found")
+    assert main(["doctor", "bad.npz"]) == 1
+    assert "error" in capsys.readouterr().out
+    assert main(["doctor", "bad.npz", "--json"]) == 1
+    content = json.loads(capsys.readouterr().out)
+    assert content["worst"] == "error"
+    assert [f["code"] for f in content["findings"] if f["severity"] == "error"] == ["directions"]
+    assert main(["doctor", "torn.npz"]) == 3
+    assert "torn.npz" in capsys.readouterr().err
+    assert main(["doctor", "nowhere.npz"]) == 1
+    assert main(["doctor"]) == 2
+    capsys.readouterr()
+
+
+def test_repairs_of_reading_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from impasto.io import write_png16
+
+    stack = captured(1, RIGS[0])
+    for index, samples in enumerate(stack.samples[:8]):
+        write_png16(tmp_path / f"{index}.png", samples << 4)
+    lines = [f"{i}.png {x} {y} {z}" for i, (x, y, z) in enumerate(stack.rig.directions * 1.5)]
+    (tmp_path / "dirs.lp").write_text("\n".join(["12", *lines]))
+    diagnosis = doctor.examine(read_stack(tmp_path / "dirs.lp"))
+    told = {f.numbers["kind"]: f for f in diagnosis.findings if f.code == "reading"}
+    assert told["missing"].severity == "warning"
+    assert "8.png" in told["missing"].message
+    assert told["length"].severity == told["count"].severity == "note"
+    assert main(["doctor", str(tmp_path)]) == 0
+    assert "8.png" in capsys.readouterr().out
