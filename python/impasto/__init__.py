@@ -12,6 +12,7 @@ from impasto.errors import (
     ImpastoError,
     InternalError,
 )
+from impasto.fit.normals import Normals, fit_normals
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
 from impasto.height import cast_shadows, integrate_normals
 from impasto.io import read_stack
@@ -32,6 +33,7 @@ __all__ = [
     "Image",
     "ImpastoError",
     "InternalError",
+    "Normals",
     "PointLight",
     "Reflectance",
     "Rig",
@@ -42,6 +44,7 @@ __all__ = [
     "cast_shadows",
     "colour",
     "display_from_bands",
+    "fit_normals",
     "fit_reflectance",
     "integrate_normals",
     "read_stack",

@@ -58,6 +58,32 @@ def fit_pooled(
     progress: ProgressCallback | None,
 ) -> Pooled: ...
 
+# Photometric stereo (crates/impasto-py/src/stereo.rs)
+
+@type_check_only
+class Normals(TypedDict):
+    normal: NDArray[np.float32]
+    albedo: NDArray[np.float32]
+    used: NDArray[np.uint16]
+    rejected: NDArray[np.uint16]
+    residual: NDArray[np.float32]
+    condition: NDArray[np.float32]
+    sigma: NDArray[np.float32]
+    status: NDArray[np.uint8]
+
+def fit_normals(
+    stack: StackArguments,
+    method: str,
+    low: float,
+    high: float,
+    w1: float,
+    w2: float,
+    steps: int | None,
+    selection: int | None,
+    threads: int,
+    progress: ProgressCallback | None,
+) -> Normals: ...
+
 # Spectral reflectance
 
 @type_check_only

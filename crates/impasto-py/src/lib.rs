@@ -12,6 +12,7 @@ mod relight;
 mod run;
 mod sbrdf;
 mod spectral;
+mod stereo;
 
 /// How the extension was built and what it runs on.
 #[pyfunction]
@@ -41,6 +42,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(relight::render, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::fit_pooled, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::predict, module)?)?;
+    module.add_function(wrap_pyfunction!(stereo::fit_normals, module)?)?;
     module.add_function(wrap_pyfunction!(spectral::spectral_estimator, module)?)?;
     module.add_class::<spectral::SpectralEstimator>()?;
     module.add("STATUS", arrays::status_names())?;

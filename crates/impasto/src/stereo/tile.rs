@@ -1,0 +1,129 @@
+//! The result maps, cut into tiles, and registers in and out of them.
+
+use crate::error::{Error, Result};
+use crate::maps::Rejection;
+use crate::math::Real;
+use crate::pixels;
+
+/// Maps in the caller's memory. Every value is written, whatever stood there.
+#[derive(Debug)]
+pub struct Maps<'a> {
+    /// `(3, y, x)` unit vectors.
+    pub normal: &'a mut [f32],
+    /// `(band, y, x)` relative to the white board.
+    pub albedo: &'a mut [f32],
+    /// `(y, x)` samples that a rule kept.
+    pub used: &'a mut [u16],
+    /// `(4, y, x)` samples that were not used, by [`Rejection`].
+    pub rejected: &'a mut [u16],
+    /// `(y, x)` root mean square of the used samples' residuals, linear light.
+    pub residual: &'a mut [f32],
+    /// `(y, x)` condition number of the matrix whose rows are the used lights.
+    pub condition: &'a mut [f32],
+    /// `(y, x)` predicted standard deviation of the normal along its worst axis, rad.
+    pub sigma: &'a mut [f32],
+    /// `(y, x)` [`Status`](crate::maps::Status) codes.
+    pub status: &'a mut [u8],
+}
+
+/// The part of the maps that one tile holds.
+pub(super) struct Tile<'a> {
+    pub(super) start: usize,
+    pub(super) count: usize,
+    pub(super) normal: Vec<&'a mut [f32]>,
+    pub(super) albedo: Vec<&'a mut [f32]>,
+    pub(super) used: &'a mut [u16],
+    pub(super) rejected: Vec<&'a mut [u16]>,
+    pub(super) residual: &'a mut [f32],
+    pub(super) condition: &'a mut [f32],
+    pub(super) sigma: &'a mut [f32],
+    pub(super) status: &'a mut [u8],
+}
+
+impl Maps<'_> {
+    pub(super) fn tiles(&mut self, pixels: usize, bands: usize) -> Result<Vec<Tile<'_>>> {
+        let sizes = [
+            ("normal", self.normal.len(), 3 * pixels),
+            ("albedo", self.albedo.len(), bands * pixels),
+            ("used", self.used.len(), pixels),
+            ("rejected", self.rejected.len(), Rejection::COUNT * pixels),
+            ("residual", self.residual.len(), pixels),
+            ("condition", self.condition.len(), pixels),
+            ("sigma", self.sigma.len(), pixels),
+            ("status", self.status.len(), pixels),
+        ];
+        if let Some((name, found, expected)) = sizes.iter().find(|(_, a, b)| a != b) {
+            return Err(Error::argument(name, format!("{found} values, expected {expected}")));
+        }
+        let mut normal = planes(self.normal, pixels);
+        let mut albedo = planes(self.albedo, pixels);
+        let mut rejected = planes(self.rejected, pixels);
+        Ok(pixels::tiles(pixels)
+            .into_iter()
+            .zip(self.used.chunks_mut(pixels::TILE))
+            .zip(self.residual.chunks_mut(pixels::TILE))
+            .zip(self.condition.chunks_mut(pixels::TILE))
+            .zip(self.sigma.chunks_mut(pixels::TILE))
+            .zip(self.status.chunks_mut(pixels::TILE))
+            .map(|((((((start, count), used), residual), condition), sigma), status)| Tile {
+                start,
+                count,
+                normal: normal.iter_mut().filter_map(Iterator::next).collect(),
+                albedo: albedo.iter_mut().filter_map(Iterator::next).collect(),
+                used,
+                rejected: rejected.iter_mut().filter_map(Iterator::next).collect(),
+                residual,
+                condition,
+                sigma,
+                status,
+            })
+            .collect())
+    }
+}
+
+/// Each plane, cut into tiles.
+fn planes<T>(map: &mut [T], pixels: usize) -> Vec<core::slice::ChunksMut<'_, T>> {
+    map.chunks_mut(pixels).map(|plane| plane.chunks_mut(pixels::TILE)).collect()
+}
+
+/// Lanes of the widest register.
+pub(super) const MAX_LANES: usize = 16;
+
+/// The lanes as an array, zeros behind them.
+#[inline(always)]
+pub(super) fn lanes<R: Real<Scalar = f32>>(value: R) -> [f32; MAX_LANES] {
+    let mut lanes = [0.0; MAX_LANES];
+    value.store(&mut lanes);
+    lanes
+}
+
+/// Writes lanes from `at` on, as many as there is room for.
+#[inline(always)]
+pub(super) fn store<R: Real<Scalar = f32>>(value: R, map: &mut [f32], at: usize) {
+    let map = &mut map[at..];
+    if map.len() >= R::WIDTH {
+        return value.store(map);
+    }
+    let count = map.len();
+    map.copy_from_slice(&lanes(value)[..count]);
+}
+
+/// Writes counts: lanes that hold small whole numbers.
+#[inline(always)]
+pub(super) fn store_counts<R: Real<Scalar = f32>>(value: R, map: &mut [u16], at: usize) {
+    let count = R::WIDTH.min(map.len() - at);
+    let lanes = lanes(value);
+    for (out, &lane) in map[at..at + count].iter_mut().zip(&lanes) {
+        *out = lane as u16;
+    }
+}
+
+/// Writes codes: lanes that hold whole numbers below 256.
+#[inline(always)]
+pub(super) fn store_codes<R: Real<Scalar = f32>>(value: R, map: &mut [u8], at: usize) {
+    let count = R::WIDTH.min(map.len() - at);
+    let lanes = lanes(value);
+    for (out, &lane) in map[at..at + count].iter_mut().zip(&lanes) {
+        *out = lane as u8;
+    }
+}

@@ -1,0 +1,194 @@
+"""Photometric stereo: every pixel's normal and albedo from photographs under known lights."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto import _core
+from impasto.errors import ArgumentError
+from impasto.fit.border import (
+    ProgressCallback,
+    StackArguments,
+    progress_callback,
+    thread_count,
+)
+from impasto.stack import Stack
+
+METHODS = (
+    "robust",
+    "least-squares",
+    "threshold",
+    "rank",
+    "l1",
+    "huber",
+    "cauchy",
+    "tukey",
+)
+"""What ``fit_normals(method=)`` knows."""
+
+MOST_STEPS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Normals:
+    """Normals and albedo, and how far each can be trusted.
+
+    NaN stands where ``status`` says that a quantity could not be estimated: everywhere from 16 on,
+    and in ``residual`` and ``sigma`` where it is ``EXACT``. The albedo of a ``DARK`` pixel is 0.
+
+    Parameters
+    ----------
+    normal
+        ``(3, y, x)`` float32 unit vectors: x right, y up, z towards the viewer.
+    albedo
+        ``(band, y, x)`` float32, diffuse reflectance relative to the white board.
+    used
+        ``(y, x)`` uint16, how many samples carry the result.
+    rejected
+        ``(4, y, x)`` uint16, how many do not, by reason: saturated, invalid, shadow, highlight.
+        With ``used`` they add up to the number of observations (all 0 outside the mask).
+    residual
+        ``(y, x)`` float32, root mean square of the used samples' residuals, linear light.
+    condition
+        ``(y, x)`` float32, condition number of the matrix whose rows are the directions of the
+        used lights (times the irradiance of near ones): half a percent of noise tilts the normal
+        by about 0.1 degree times this.
+    sigma
+        ``(y, x)`` float32, predicted standard deviation of the normal along its worst axis, rad:
+        68 % of errors along that axis are smaller where the noise is normal.
+    status
+        ``(y, x)`` uint8, see :class:`~impasto.Status`.
+    method
+        Which samples were left out, as in :func:`fit_normals`.
+    """
+
+    normal: NDArray[np.float32]
+    albedo: NDArray[np.float32]
+    used: NDArray[np.uint16]
+    rejected: NDArray[np.uint16]
+    residual: NDArray[np.float32]
+    condition: NDArray[np.float32]
+    sigma: NDArray[np.float32]
+    status: NDArray[np.uint8]
+    method: str
+
+
+def fit_normals(
+    stack: Stack,
+    *,
+    method: str = "robust",
+    low: float = 0.2,
+    high: float = 0.8,
+    w1: float = 1.2,
+    w2: float = 0.1,
+    steps: int | None = None,
+    selection: int | str | None = None,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> Normals:
+    """Fit every pixel's normal and albedo.
+
+    A matte surface under light i sends ``I_i = albedo (N . l_i)`` (RGB-camera paper, eq. 2),
+    solved by least squares over the samples that are neither highlight nor shadow. Samples that
+    are clipped or missing in any band are left out first, whatever the method. Near lights have
+    their own direction, and their fall-off, at every pixel.
+
+    Parameters
+    ----------
+    stack
+        At least three photographs whose lights do not lie in one plane.
+    method
+        Which other samples are left out, or weigh less:
+
+        - ``"robust"``: ``"rank"``, then five steps of ``"l1"`` among the samples that it kept;
+        - ``"least-squares"``: none;
+        - ``"threshold"``: the papers' rule (RGB-camera paper, section 3.2): a sample whose mean
+          over the bands exceeds ``w1`` times the pixel's mean over the lights is highlight, one
+          below ``w2`` times is shadow;
+        - ``"rank"``: of n samples keep those of rank ``int(low * n) <= rank < round(high * n)``
+          in order of brightness, ties by the order of the lights;
+        - ``"l1"``, ``"huber"``, ``"cauchy"``, ``"tukey"``: weights from the residuals R,
+          iterated: ``1 / |R|``, ``min(1, 1.345 s / |R|)``, ``1 / (1 + (R / 2.385 s)^2)``,
+          ``(1 - (R / 4.685 s)^2)^2`` within ``4.685 s``; s is 1.4826 times the median of ``|R|``.
+
+        Where a method leaves fewer than four samples, those of middle rank are taken back
+        (status ``RELAXED``).
+    low, high
+        Shares of the darkest and up to the brightest samples; a glossy painting wants ``low``
+        higher.
+    w1, w2
+        Thresholds relative to the pixel's mean.
+    steps
+        Steps of reweighting; default: 5 for ``"robust"``, 30 for ``"l1"``, 20 for the others.
+    selection
+        The band (its name or number) that normals are solved from, ``"green"`` in the papers;
+        default: the mean of the bands. What is left out is always decided on the mean.
+    threads, progress
+        As everywhere: None means every allowed core; a bool or a callable ``(done, total)``.
+
+    Returns
+    -------
+    Normals
+        Maps of the photographs' height and width.
+
+    Raises
+    ------
+    GeometryError
+        If there are fewer than three lights, or all of them lie in one plane.
+    ArgumentError
+        If an option makes no sense; the message names it.
+    """
+    if method not in METHODS:
+        known = ", ".join(f'"{name}"' for name in METHODS)
+        near = difflib.get_close_matches(str(method), METHODS, n=1)
+        hint = f'; did you mean "{near[0]}"?' if near else ""
+        raise ArgumentError(f"method: expected one of {known}, found {method!r}{hint}")
+    if steps is not None and not (
+        isinstance(steps, int | np.integer)
+        and not isinstance(steps, bool)
+        and 0 <= steps <= MOST_STEPS
+    ):
+        raise ArgumentError(f"steps: expected a number from 0 to {MOST_STEPS}, found {steps!r}")
+    maps = _core.fit_normals(
+        StackArguments.of(stack),
+        method,
+        _number(low, "low"),
+        _number(high, "high"),
+        _number(w1, "w1"),
+        _number(w2, "w2"),
+        None if steps is None else int(steps),
+        _band(stack, selection),
+        thread_count(threads),
+        progress_callback(progress, "normals"),
+    )
+    return Normals(**maps, method=method)
+
+
+def _number(value: float, name: str) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{name}: expected a number, found {value!r}") from error
+
+
+def _band(stack: Stack, selection: int | str | None) -> int | None:
+    """The number of a band given by number or name."""
+    if selection is None:
+        return None
+    if isinstance(selection, str):
+        if selection in stack.bands:
+            return stack.bands.index(selection)
+    elif (
+        isinstance(selection, int | np.integer)
+        and not isinstance(selection, bool)
+        and -len(stack.bands) <= selection < len(stack.bands)
+    ):
+        return int(selection) % len(stack.bands)
+    bands = ", ".join(f'"{band}"' for band in stack.bands)
+    raise ArgumentError(
+        f"selection: expected a band ({bands}), its number or None, found {selection!r}"
+    )

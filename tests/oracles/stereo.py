@@ -1,0 +1,181 @@
+"""Photometric stereo, one pixel at a time, in plain float64 numpy written from the papers.
+
+RGB-camera paper: I_i = alpha N . l_i (eq. 2), N = I' L+ / alpha (section 3.3), rule of w1 and w2
+(section 3.2). Rank trimming and reweighting by their definitions:
+
+    rank     keep int(low n) <= rank < round(high n), ties by the order of the lights
+    l1       w = 1 / max(|R|, 1e-3 s)
+    huber    w = min(1, 1.345 s / |R|)
+    cauchy   w = 1 / (1 + (R / 2.385 s)^2)
+    tukey    w = (1 - (R / 4.685 s)^2)^2 inside, 0 outside
+    s        1.4826 median |R|; for l1, where it only guards a division, 1.2533 mean |R|
+
+This file is to be right, not fast.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+ENOUGH = 4
+
+
+@dataclass
+class Pixel:
+    """What one pixel's samples say; NaN where they do not."""
+
+    status: str
+    kept: np.ndarray
+    b: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
+    weights: np.ndarray | None = None
+    residual: float = np.nan
+    condition: float = np.nan
+    axis: np.ndarray | None = None
+    covariance: np.ndarray | None = None
+    margin: float = np.inf
+
+    @property
+    def albedo(self) -> float:
+        return float(np.linalg.norm(self.b))
+
+    @property
+    def normal(self) -> np.ndarray:
+        return self.b / np.linalg.norm(self.b)
+
+
+def ranks(values: np.ndarray) -> np.ndarray:
+    """Rank of each value, ties by position."""
+    rank = np.empty(len(values), int)
+    rank[np.argsort(values, kind="stable")] = np.arange(len(values))
+    return rank
+
+
+def widened(keep: np.ndarray, rank: np.ndarray) -> np.ndarray:
+    """At least four kept, or all: the ranks nearest to the middle come back first."""
+    keep = keep.copy()
+    middle = (len(rank) - 1) / 2
+    for index in sorted(range(len(rank)), key=lambda i: (abs(rank[i] - middle), rank[i])):
+        if keep.sum() >= min(ENOUGH, len(rank)):
+            break
+        keep[index] = True
+    return keep
+
+
+def by_threshold(values: np.ndarray, w1: float, w2: float) -> tuple[np.ndarray, float]:
+    mean = values.mean()
+    keep = (values <= w1 * mean) & (values >= w2 * mean)
+    margin = min(np.abs(values - w1 * mean).min(), np.abs(values - w2 * mean).min()) / mean
+    return keep, margin
+
+
+def by_rank(values: np.ndarray, low: float, high: float) -> tuple[np.ndarray, float]:
+    n, rank = len(values), ranks(values)
+    first, end = int(low * n), round(high * n)
+    keep = (first <= rank) & (rank < end)
+    gaps = np.diff(np.sort(values))
+    edges = [gaps[i - 1] for i in (first, end) if 0 < i < n]
+    return keep, min(edges, default=np.inf) / np.abs(values).mean()
+
+
+def loss_weights(loss: str, residual: np.ndarray, signal: float) -> np.ndarray:
+    size = np.abs(residual)
+    if loss == "l1":
+        floor = 1e-3 * 1.2533141373155003 * size.mean() + 2.0**-22 * signal
+        return floor / np.maximum(size, floor)
+    s = 1.482602218505602 * np.median(size) + 2.0**-22 * signal
+    if loss == "huber":
+        return np.minimum(1.0, 1.345 * s / np.maximum(size, 1e-300))
+    if loss == "cauchy":
+        return 1.0 / (1.0 + (size / (2.385 * s)) ** 2)
+    inside = np.maximum(0.0, 1.0 - (size / (4.685 * s)) ** 2)
+    return inside**2
+
+
+def weighted(lights: np.ndarray, signal: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    root = np.sqrt(weights)
+    return np.linalg.lstsq(lights * root[:, None], signal * root, rcond=None)[0]
+
+
+def fit_pixel(
+    samples: np.ndarray,
+    lights: np.ndarray,
+    method: str,
+    *,
+    low: float = 0.2,
+    high: float = 0.8,
+    w1: float = 1.2,
+    w2: float = 0.1,
+    steps: int | None = None,
+    selection: int | None = None,
+) -> Pixel:
+    """One pixel.
+
+    ``samples`` (obs, band), inf = clipped, NaN = missing; ``lights`` (obs, 3), directions times
+    irradiance.
+    """
+    finite = np.isfinite(samples).all(axis=1)
+    clipped = ~np.isnan(samples).any(axis=1) & ~finite
+    kept = np.zeros(len(lights), bool)
+    if finite.sum() < 3:
+        if finite.sum() + clipped.sum() == 0:
+            return Pixel("INVALID_INPUT", kept)
+        few = not clipped.any() or finite.sum() + clipped.sum() < 3
+        return Pixel("TOO_FEW_SAMPLES" if few else "SATURATED", kept)
+    mean = samples[finite].mean(axis=1)
+    signal = mean if selection is None else samples[finite, selection]
+    l = lights[finite]  # noqa: E741
+    relative = mean / np.linalg.norm(l, axis=1)
+    keep, margin = np.ones(len(l), bool), np.inf
+    if method == "threshold":
+        keep, margin = by_threshold(relative, w1, w2)
+    elif method in {"rank", "robust"}:
+        keep, margin = by_rank(relative, low, high)
+    before = keep.sum()
+    keep = widened(keep, ranks(relative))
+    relaxed = keep.sum() > before
+    kept[np.flatnonzero(finite)[keep]] = True
+    l, signal = l[keep], signal[keep]  # noqa: E741
+    condition = np.linalg.cond(l)
+    if signal.max() <= 0 or mean.sum() <= 0:
+        return Pixel("DARK", kept)
+    if condition > 256:
+        return Pixel("RANK_DEFICIENT", kept)
+    weights = np.ones(len(l))
+    b = weighted(l, signal, weights)
+    loss = {"robust": "l1"}.get(method, method)
+    if loss in {"l1", "huber", "cauchy", "tukey"}:
+        usual = {"robust": 5, "l1": 30}.get(method, 20)
+        for _ in range(usual if steps is None else steps):
+            candidate = loss_weights(loss, signal - l @ b, np.linalg.norm(b))
+            if (candidate > 0).sum() < min(ENOUGH, len(l)):
+                relaxed = True
+                break
+            weights = candidate
+            b = weighted(l, signal, weights)
+    residual = signal - l @ b
+    status = "RELAXED" if relaxed else "FITTED"
+    status = "ILL_CONDITIONED" if condition > 30 else status
+    status = "EXACT" if len(l) == 3 else status
+    full = np.zeros(len(lights))
+    full[kept] = weights
+    pixel = Pixel(status, kept, b, full, condition=condition, margin=margin)
+    if len(l) > 3:
+        pixel.residual = np.sqrt((residual**2).mean())
+        n = pixel.normal
+        tangent = np.eye(3) - np.outer(n, n)
+        s2 = (residual**2).sum() / (len(l) - 3)
+        covariance = tangent @ np.linalg.inv(l.T @ l) @ tangent * s2 / pixel.albedo**2
+        pixel.covariance = covariance
+        pixel.axis = np.linalg.eigh(covariance)[1][:, 2]
+    return pixel
+
+
+def band_albedo(samples: np.ndarray, lights: np.ndarray, pixel: Pixel) -> np.ndarray:
+    """Every band's albedo by weighted least squares along the normal."""
+    cosine = lights @ pixel.normal
+    used = pixel.weights > 0
+    weight = pixel.weights[used]
+    cosine = cosine[used]
+    return (weight * cosine) @ samples[used] / ((weight * cosine) @ cosine)
