@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from impasto import PointLight, Rig, Stack, doctor, read_stack, simulate
+from impasto import Encoding, PointLight, Rig, Stack, doctor, read_stack, simulate
 from impasto.cli import main
 from impasto.io import write_stack
 
@@ -211,16 +211,23 @@ def test_an_odd_lamp_is_found(rig: str, factor: float) -> None:
     assert doctor.examine(told)["strengths"].severity == "ok"
 
 
-def test_a_curve_left_in_is_found() -> None:
-    for rig in RIGS:
-        for varnish in (None, "matte"):
-            stack = captured(1, rig, varnish, encoding="srgb", bits=8)
-            left_in = altered(
-                stack, samples=stack.encode(stack.samples) / 255.0, encoding="linear",
-                lights=stack.rig.directions,
-            )  # fmt: skip
-            assert doctor.examine(left_in)["encoding"].severity == "warning"
-            assert doctor.examine(stack)["encoding"].severity == "ok"
+@pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.parametrize("varnish", [None, "matte", "satin", "gloss"])
+def test_a_wrong_tone_curve_is_found(rig: str, varnish: str | None) -> None:
+    coded = captured(1, rig, varnish, encoding="srgb", bits=8)
+    assert doctor.examine(coded)["encoding"].severity == "ok"
+    codes = coded.encode(coded.samples)
+    left_in = Stack(codes.astype(np.uint8), lights=coded.rig.directions)
+    finding = doctor.examine(left_in)["encoding"]
+    assert finding.severity == "warning"
+    assert finding.advice.startswith('say encoding="srgb"')
+    linear = captured(1, rig, varnish)
+    share = (linear.samples - linear.black[0]) / (4095.0 - linear.black[0])
+    light = Encoding("srgb").decode(share)
+    bent = Stack(light, lights=linear.rig, saturation=1.0, encoding="srgb")
+    finding = doctor.examine(bent)["encoding"]
+    assert finding.severity == "warning"
+    assert finding.numbers["best"] == "linear"
 
 
 LIGHTS = simulate.rig(RIGS[1]).directions
@@ -322,7 +329,7 @@ def test_icon_read_as_linear(icon: Stack, data: Path) -> None:
     linear = read_stack(data / "icon_rti" / "dirs.lp", encoding="linear")
     finding = doctor.examine(linear)["encoding"]
     assert finding.severity == "warning"
-    assert 'encoding="srgb"' in finding.advice
+    assert "linear" not in finding.numbers["plausible"]
 
 
 def test_command_line(

@@ -5,106 +5,110 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impasto.doctor.diagnosis import Finding
 from impasto.doctor.specimen import linear
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.io.tone import ToneEstimate, estimate_tone
+from impasto.io.tone import CANDIDATES, ToneEstimate, estimate_tone
 from impasto.stack import Stack
 
-_CODED = (".jpg", ".jpeg", ".jpe")
+_PIXELS = 8000
 _WORSE = 1.1
-_PIXELS = 1000
+"""A curve is called wrong if the best one predicts this much better, beyond doubt."""
 
 
 def tone(stack: Stack) -> list[Finding]:
     """Compare the stack's tone curve with what its photographs say."""
     curve = stack.encoding.curve
-    photographs = [name for name in stack.names if name.lower().endswith(_CODED)]
     estimate = _estimate(stack)
     numbers: dict[str, Any] = {"curve": curve}
-    if estimate is not None:
-        numbers |= {
-            "best": estimate.best,
-            "decided": estimate.decided,
-            "errors": {name: round(error, 6) for name, error in estimate.errors},
-        }
-    return [_judged(curve, estimate, bool(photographs), numbers)]
-
-
-def _judged(
-    curve: str, estimate: ToneEstimate | None, coded: bool, numbers: dict[str, Any]
-) -> Finding:
-    errors = dict(estimate.errors) if estimate is not None else {}
-    ratio = errors.get("linear", 0.0) / max(min(errors.values(), default=0.0), 1e-12)
-    bent = ratio > _WORSE
-    say = 'say encoding="srgb" (command line: --encoding srgb), or --encoding auto'
-    if curve == "linear" and bent and estimate is not None:
-        return Finding(
-            "encoding",
-            "warning",
-            f"read as linear, but light does not add up: the curve {estimate.best!r} predicts "
-            f"held-out photographs {ratio:.2f} times better",
-            say,
-            numbers=numbers,
-        )
-    if curve == "linear" and coded:
-        return Finding(
-            "encoding",
-            "warning",
-            "JPEG photographs read as linear: cameras apply a tone curve to them",
-            say,
-            numbers=numbers,
-        )
     if estimate is None:
-        return Finding(
-            "encoding",
-            "ok",
-            f"cannot tell whether the tone curve {curve!r} is right: six photographs with usable "
-            "samples are needed",
-            numbers=numbers,
+        return [
+            Finding(
+                "encoding",
+                "ok",
+                f"cannot tell whether the tone curve {curve!r} is right: six photographs with "
+                "usable samples are needed",
+                numbers=numbers,
+            )
+        ]
+    errors = dict(estimate.errors)
+    times = errors[curve] / max(errors[estimate.best], 1e-12)
+    numbers |= {
+        "best": estimate.best,
+        "plausible": list(estimate.plausible),
+        "coloured": estimate.coloured,
+        "errors": {name: round(error, 6) for name, error in estimate.errors},
+    }
+    if curve not in estimate.plausible and times > _WORSE:
+        better = estimate.curve
+        others = [repr(name) for name in estimate.plausible if name != estimate.best]
+        also = f" ({', '.join(others)} nearly so)" if others else ""
+        return [
+            Finding(
+                "encoding",
+                "warning",
+                f"read with the tone curve {curve!r}, but light does not add up: "
+                f"{estimate.best!r} predicts held-out photographs {times:.1f} times better{also}",
+                f'say encoding="{better}" (command line: --encoding {better})',
+                numbers=numbers,
+            )
+        ]
+    if len(estimate.plausible) == len(errors):
+        message = f"cannot tell whether the tone curve {curve!r} is right: no other fits worse"
+    elif curve not in estimate.plausible:
+        message = f"the tone curve {curve!r} fits nearly as well as {estimate.best!r}"
+    else:
+        next_best = next(name for name, _ in estimate.errors if name not in estimate.plausible)
+        ratio = errors[next_best] / max(errors[curve], 1e-12)
+        others = [repr(name) for name in estimate.plausible if name != curve]
+        also = f", as would {', '.join(others)}" if others else ""
+        message = (
+            f"the tone curve {curve!r} fits{also}; {next_best!r} would predict held-out "
+            f"photographs {ratio:.2f} times worse"
         )
-    return Finding("encoding", "ok", f"the tone curve {curve!r} is plausible", numbers=numbers)
+    return [Finding("encoding", "ok", message, numbers=numbers)]
 
 
 def _estimate(stack: Stack) -> ToneEstimate | None:
     """The curve estimated from the codes, which are made again where the files were decoded."""
-    codes, white = _codes(stack)
-    if white is None:
+    codes = _codes(stack)
+    if codes is None:
         return None
+    curve = stack.encoding.curve
     try:
         return estimate_tone(
             codes,
             stack.rig.directions,
-            white=white,
-            mask=None,
+            white=stack.encoding.white,
             intensities=stack.rig.intensities,
+            candidates=CANDIDATES if curve in CANDIDATES else (*CANDIDATES, curve),
         )
     except ArgumentError:
         return None
 
 
-def _codes(stack: Stack) -> tuple[Any, float | None]:
-    """``(obs, 1, 1, n)`` coded values of some pixels in the brightest band, full scale at 1."""
+def _codes(stack: Stack) -> NDArray[np.float32] | None:
+    """``(obs, band, 1, n)`` coded values of some pixels, full scale at the encoding's white."""
     height, width = stack.shape[2:]
     inside = np.arange(height * width) if stack.mask is None else np.flatnonzero(stack.mask.ravel())
     if len(inside) == 0:
-        return None, None
-    # A fixed-seed draw: an even step would walk down single columns where it divides the width.
-    count = min(_PIXELS, len(inside))
-    picked = np.sort(np.random.default_rng(0).choice(inside, count, replace=False))
-    light = np.stack([linear(stack, row[:, *np.divmod(picked, width)]) for row in stack.samples])
-    clipped, usable = np.isposinf(light), np.isfinite(light)
+        return None
+    picked = np.random.default_rng(0).choice(inside, min(_PIXELS, len(inside)), replace=False)
+    rows, columns = np.divmod(np.sort(picked), width)
+    light = np.stack([linear(stack, samples[:, rows, columns]) for samples in stack.samples])
+    usable = np.isfinite(light)
     if not usable.any():
-        return None, None
-    top = np.full(len(stack.bands), np.nan)
+        return None
+    full = np.full(len(stack.bands), np.nan)
     if stack.saturation is not None:
-        top = (stack.saturation - stack.black) * stack.scale
-    full = np.where(np.isfinite(top), top, float(light[usable].max()))
-    share = np.where(usable, light / full[:, None], np.where(clipped, 1.0, np.nan))
-    band = int(np.argmax(np.nan_to_num(np.where(usable, share, 0.0)).mean(axis=(0, 2))))
-    if not full[band] > 0:
-        return None, None
-    coded = Encoding(stack.encoding.curve, 1.0).encode(np.nan_to_num(share[:, band], nan=1.0))
-    return coded[:, None, None], 1.0
+        full = (stack.saturation - stack.black) * stack.scale
+    full = np.where(np.isfinite(full), full, float(light[usable].max()))
+    if not (full > 0).all():
+        return None
+    # What is clipped or missing counts as clipped: it says nothing about the curve.
+    share = np.where(usable, light / full[:, None], 1.0)
+    codes = Encoding(stack.encoding.curve, stack.encoding.white).encode(share)
+    return np.asarray(codes[:, :, None], dtype=np.float32)

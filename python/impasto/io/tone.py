@@ -4,6 +4,10 @@ Under a moving light a pixel's linear value is a linear function of the light di
 it is neither shadow nor highlight. A curve left in bends that relation. Each candidate curve is
 judged on photographs that were held out: decode with it, fit the others robustly, predict, encode
 with it again and compare codes with codes.
+
+Gloss bends the relation too, and the other way: it makes coded photographs look linear. But an
+interface reflects all bands alike, so that the difference of two bands knows no gloss (the
+dichromatic model): where the paint is coloured enough, differences of bands are predicted.
 """
 
 from __future__ import annotations
@@ -18,17 +22,28 @@ from impasto.errors import ArgumentError
 
 CANDIDATES = ("linear", "srgb", "1.8", "2", "2.2", "2.4", "2.6")
 """Curves met in practice."""
+_USUAL = ("srgb", "2.2", "linear")
+"""Which to believe, where the photographs leave a choice: 8 bits are coded as a rule ..."""
+_USUAL_DEEP = ("linear", "srgb", "2.2")
+"""... and more bits linear."""
 
 _FEWEST = 6
 """Five lights to fit three numbers robustly, and one to hold out."""
 _FOLDS = 6
-_PIXELS = 3000
+_PIXELS = 2400
+"""Pixels (times bands) that are predicted; those with most colour out of so many that are seen."""
+_SEEN = 20_000
+_ENOUGH = 200
+_COLOURED = 0.03
+"""Difference of two bands, as a share of full scale, from which they differ by more than noise."""
 _KEPT = 0.6
 """Share of the held-out samples that is compared: the rest may be highlight or cast shadow."""
 _DECIDES = 0.01
 """Relative margin below which nothing can be told ..."""
 _SIGMAS = 3.0
 """... and the number of standard errors, over photographs, that the margin must exceed."""
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +53,7 @@ class ToneEstimate:
     Parameters
     ----------
     curve
-        The curve to use: the best one, or the more usual one where nothing can be told.
+        The curve to use: the best one, or the most usual of the plausible ones.
     decided
         Whether the runner-up is worse beyond doubt.
     margin
@@ -48,6 +63,11 @@ class ToneEstimate:
     errors
         ``(curve, error)`` of each candidate, best first: mean absolute difference between
         predicted and photographed codes, as a share of full scale.
+    plausible
+        Every curve that is not worse than the best beyond doubt, best first; of grey photographs
+        also every curve that is bent more, for gloss makes them look linear.
+    coloured
+        Whether differences of bands were predicted, which gloss does not disturb.
     where
         The folder of the photographs.
     """
@@ -57,6 +77,8 @@ class ToneEstimate:
     margin: float
     runner_up: str
     errors: tuple[tuple[str, float], ...]
+    plausible: tuple[str, ...]
+    coloured: bool
     where: str = ""
     kind: str = "encoding"
     repair: bool = False
@@ -77,8 +99,8 @@ class ToneEstimate:
             )
         else:
             verdict = (
-                f"cannot tell the curve from the photographs ({self.best!r} and "
-                f"{self.runner_up!r} differ by {100 * self.margin:.1f} % only); {self.curve!r} "
+                f"cannot tell the curve from the photographs among "
+                f"{', '.join(repr(curve) for curve in self.plausible)}; {self.curve!r} "
                 "is used, say encoding= if you know better"
             )
         return f"{verdict} (held-out error: {table})"
@@ -127,77 +149,167 @@ def estimate_tone(
             f'encoding: "auto" needs at least {_FEWEST} photographs, found {len(lights)}; '
             'say "srgb" for JPEG or "linear" for developed RAW'
         )
-    values, clipped = _columns(codes, saturation, white, mask)
-    strengths = np.ones((len(lights), 1)) if intensities is None else np.asarray(intensities)
-    strengths = np.asarray(strengths, dtype=np.float64).reshape(len(lights), -1)
-    # One column per (band, pixel): the band of a column gives its light's strength.
-    strength = np.repeat(
-        np.broadcast_to(strengths, (len(lights), codes.shape[1])),
-        values.shape[1] // codes.shape[1],
-        axis=1,
-    )
+    values, clipped = _seen(codes, saturation, white, mask)
+    strength = np.ones((len(lights), 1)) if intensities is None else np.asarray(intensities)
+    strength = np.asarray(strength, dtype=np.float64).reshape(len(lights), -1)
+    strength = np.broadcast_to(strength, values.shape[:2])
+    columns, coloured = _coloured(values, clipped, strength, white), True
+    if columns is None:
+        columns, coloured = _single(values, clipped, strength), False
     per_photograph = {
-        name: _held_out(values, clipped, lights, strength, Encoding(name, white), white)
-        for name in candidates
+        name: _held_out(columns, lights, Encoding(name, white), white) for name in candidates
     }
     errors = sorted(((n, float(e.mean())) for n, e in per_photograph.items()), key=lambda p: p[1])
-    best, second = errors[0][0], errors[1][0]
-    # Ratios, because a photograph with a low light has errors of another size than one from above.
-    ratio = np.log((per_photograph[second] + 1e-9) / (per_photograph[best] + 1e-9))
-    margin = errors[1][1] / max(errors[0][1], 1e-12) - 1.0
-    doubt = ratio.std(ddof=1) / np.sqrt(len(ratio))
-    decided = bool(margin > _DECIDES and ratio.mean() > _SIGMAS * doubt)
-    curve = best
-    if not decided and {best, second} == {"srgb", "2.2"}:
-        # Both are in use; files say sRGB far more often, and the two differ in the shadows only.
-        curve = "srgb"
-    return ToneEstimate(curve, decided, margin, second, tuple(errors))
+    best = errors[0][0]
+    plausible = tuple(
+        name
+        for name, error in errors
+        if not _worse(per_photograph[name], per_photograph[best], error / max(errors[0][1], 1e-12))
+        # Grey photographs of something glossy look more linear than they are.
+        or (not coloured and _bend(name) > _bend(best))
+    )
+    usual = _USUAL if white == 255.0 else _USUAL_DEEP
+    curve = next((name for name in usual if name in plausible), best)
+    margin = errors[1][1] / max(errors[0][1], 1e-12) - 1.0 if len(errors) > 1 else np.inf
+    return ToneEstimate(
+        best if len(plausible) == 1 else curve,
+        len(plausible) == 1,
+        float(margin),
+        errors[min(1, len(errors) - 1)][0],
+        tuple(errors),
+        plausible,
+        coloured,
+    )
 
 
-def _columns(
+def _worse(error: Floats, least: Floats, ratio: float) -> bool:
+    """Whether a curve predicts worse than the best one beyond doubt."""
+    # Ratios, because a photograph with a low light has errors of another size than one from above;
+    # held, because the one light on top of a ring is far off under any wrong curve.
+    logs = np.log((error + 1e-9) / (least + 1e-9))
+    reach = 3.0 * np.median(np.abs(logs))
+    logs = np.clip(logs, -reach, reach)
+    doubt = logs.std(ddof=1) / np.sqrt(len(logs))
+    return bool(ratio - 1.0 > _DECIDES and logs.mean() > _SIGMAS * doubt)
+
+
+def _bend(curve: str) -> float:
+    """How strongly a curve is bent, as a gamma."""
+    return {"linear": 1.0, "srgb": 2.2}.get(curve) or float(curve)
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """What is predicted: codes ``(obs, n)``, less a companion's light where there is one.
+
+    Attributes
+    ----------
+    codes, strength
+        Of the samples and of their lights.
+    usable
+        Neither they nor their companions are clipped.
+    companion, companion_strength
+        The other band's, or None.
+    """
+
+    codes: NDArray[np.float32]
+    strength: Floats
+    usable: NDArray[np.bool_]
+    companion: NDArray[np.float32] | None = None
+    companion_strength: Floats | None = None
+
+
+def _seen(
     codes: NDArray[np.generic],
     saturation: ArrayLike | None,
     white: float,
     mask: NDArray[np.bool_] | None,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Evenly spread pixels of every band as columns ``(obs, band * n)``, and which are clipped."""
+    """Some pixels ``(obs, band, n)`` of all the picture, and which samples are clipped."""
     observations, bands, height, width = codes.shape
     inside = np.arange(height * width) if mask is None else np.flatnonzero(mask)
-    step = max(1, len(inside) // max(1, _PIXELS // bands))
+    if len(inside) == 0:
+        raise ArgumentError("mask: is empty, no pixel belongs to the painting")
     # A fixed-seed draw: an even step would walk down single columns where it divides the width.
-    draw = np.random.default_rng(0).choice(len(inside), len(range(0, len(inside), step)), False)
-    picked = inside[np.sort(draw)]
-    flat = codes.reshape(observations, bands, -1)[:, :, picked].astype(np.float32)
+    count = min(len(inside), _SEEN)
+    picked = np.sort(np.random.default_rng(0).choice(inside, count, replace=False))
+    rows, columns = np.divmod(picked, width)
+    values = np.empty((observations, bands, count), dtype=np.float32)
+    for index in range(observations):
+        values[index] = codes[index][:, rows, columns]
     level = np.broadcast_to(
         np.asarray(white if saturation is None else saturation, dtype=np.float32), (bands,)
     )
-    clipped = ~(flat < level[:, None])
-    flat = np.where(np.isfinite(flat), flat, np.float32(white))
-    return flat.reshape(observations, -1), clipped.reshape(observations, -1)
+    clipped = ~(values < level[:, None])
+    return np.where(np.isfinite(values), values, np.float32(white)), clipped
 
 
-def _held_out(
-    codes: NDArray[np.float32],
-    clipped: NDArray[np.bool_],
-    lights: NDArray[np.float64],
-    strength: NDArray[np.float64],
-    encoding: Encoding,
-    white: float,
-) -> NDArray[np.float64]:
+def _coloured(
+    values: NDArray[np.float32], clipped: NDArray[np.bool_], strength: Floats, white: float
+) -> _Columns | None:
+    """The strongest and the weakest band of the most coloured pixels; None if all are grey."""
+    middle = np.median(values, axis=0)
+    colour = (middle.max(axis=0) - middle.min(axis=0)) / white
+    strong, weak = middle.argmax(axis=0), middle.argmin(axis=0)
+    pixels = np.arange(values.shape[2])
+    usable = ~(clipped[:, strong, pixels] | clipped[:, weak, pixels])
+    # Where nothing ever clips there is paint, not gilding, whose gloss is coloured.
+    whole = usable.mean(axis=0) == 1.0
+    if (whole & (colour > _COLOURED)).sum() < _ENOUGH:
+        whole = usable.mean(axis=0) > 0.7
+    colour = np.where(whole, colour, 0.0)
+    count = max(min(_PIXELS // 2, len(colour) // 4), min(50, len(colour)))
+    picked = np.sort(np.argsort(-colour, kind="stable")[:count])
+    picked = picked[colour[picked] > _COLOURED]
+    if len(picked) < 30:
+        return None
+    strong, weak = strong[picked], weak[picked]
+    return _Columns(
+        values[:, strong, picked],
+        strength[:, strong],
+        usable[:, picked],
+        values[:, weak, picked],
+        strength[:, weak],
+    )
+
+
+def _single(values: NDArray[np.float32], clipped: NDArray[np.bool_], strength: Floats) -> _Columns:
+    """Every band for itself, of the first pixels of a second draw."""
+    observations, bands, count = values.shape
+    few = min(count, max(1, _PIXELS // bands))
+    picked = np.sort(np.random.default_rng(1).choice(count, few, replace=False))
+    return _Columns(
+        values[:, :, picked].reshape(observations, -1),
+        np.repeat(strength, few, axis=1),
+        ~clipped[:, :, picked].reshape(observations, -1),
+    )
+
+
+def _held_out(columns: _Columns, lights: Floats, encoding: Encoding, white: float) -> Floats:
     """``(obs,)`` error of each photograph when it is predicted from the others."""
-    linear = encoding.decode(codes).astype(np.float64) / strength
+    linear = encoding.decode(columns.codes).astype(np.float64) / columns.strength
+    other: Floats | float = 0.0
+    if columns.companion is not None:
+        other = encoding.decode(columns.companion).astype(np.float64)
+        other = other / np.asarray(columns.companion_strength)
+    difference = linear - other
     count = len(lights)
     folds = min(_FOLDS, count)
     result = np.zeros(count)
     for fold in range(folds):
         out = np.arange(fold, count, folds)
         train = np.setdiff1d(np.arange(count), out)
-        surface = robust_surface(linear[train], ~clipped[train], lights[train])
-        predicted = encoding.encode(np.maximum(lights[out] @ surface, 0.0) * strength[out])
+        surface = robust_surface(difference[train], columns.usable[train], lights[train])
+        predicted = lights[out] @ surface
+        if isinstance(other, float):
+            predicted = np.maximum(predicted, 0.0)
+        else:
+            predicted = np.maximum(predicted + other[out], 0.0)
+        coded = encoding.encode(predicted * columns.strength[out])
         for row, index in enumerate(out):
             # Codes near black are shadow, which no curve explains; clipped ones say nothing.
-            usable = ~clipped[index] & (codes[index] > 0.02 * white)
-            miss = np.abs(predicted[row] - codes[index])[usable]
+            usable = columns.usable[index] & (columns.codes[index] > 0.02 * white)
+            miss = np.abs(coded[row] - columns.codes[index])[usable]
             kept = np.sort(miss)[: max(1, int(_KEPT * len(miss)))]
             result[index] = kept.mean() / white if len(kept) else 0.0
     return result
