@@ -78,7 +78,7 @@ class Stages:
         columns = (
             SpinnerColumn(style="dim"),
             TextColumn(f"{name:<{NAME_WIDTH}}"),
-            BarColumn(bar_width=40, complete_style="cyan", finished_style="cyan"),
+            BarColumn(40, complete_style="cyan", finished_style="cyan", pulse_style="cyan"),
         )
         # A log file gets the closing lines only.
         hidden = not self._console.is_terminal
