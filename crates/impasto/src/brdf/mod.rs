@@ -3,5 +3,7 @@
 //! A model knows directions and parameters; it knows no image, no solver and no thread. All values
 //! are radiance relative to a white board under unit irradiance (`docs/models`).
 
+pub mod cosine_lobe;
+pub mod lafortune;
 pub mod lambert;
 pub mod torrance_sparrow;

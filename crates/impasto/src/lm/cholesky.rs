@@ -1,89 +1,121 @@
 //! Cholesky's factor of a small matrix scaled to unit diagonal, with a floor under its pivots.
 
-use crate::math::Scalar;
+use crate::math::{Mask, Real, Scalar};
 
-/// Pivots below this share of the (unit) diagonal are lifted to it: hard cases 5 and 14, parameters
-/// that the data do not tell apart.
-const PIVOT_FLOOR: f64 = 1e-12;
+/// Pivots below this share of the (unit) diagonal name a parameter that the data do not tell apart
+/// from those before it: hard cases 5 and 14. In single precision 8 units of rounding are the
+/// floor.
+const DEFICIENT: f64 = 1e-12;
 
-/// `A = S L L' S`, S the square roots of the diagonal.
+/// `A = L L'` scaled by the roots of the diagonal.
 #[derive(Clone, Copy, Debug)]
-pub struct Factor<S, const N: usize> {
-    lower: [[S; N]; N],
-    scale: [S; N],
-    /// Parameters whose pivot had to be lifted, or whose column is zero.
-    pub deficient: [bool; N],
+pub struct Factor<R: Real, const N: usize> {
+    lower: [[R; N]; N],
+    /// Reciprocals of the pivots' roots.
+    inverse: [R; N],
+    /// Reciprocals of the roots of the diagonal; 0 for parameters left out.
+    scale: [R; N],
+    /// Parameters whose pivot is lost in rounding, or whose column is zero.
+    pub deficient: [R::Mask; N],
 }
 
 /// Factors the matrix with `damping` times its diagonal added, leaving out the `frozen` rows.
 #[must_use]
+#[inline(always)]
+pub fn factor<R: Real, const N: usize>(
+    matrix: &[[R; N]; N],
+    damping: R,
+    frozen: &[R::Mask; N],
+) -> Factor<R, N> {
+    let mut diagonal = [R::zero(); N];
+    for (i, diagonal) in diagonal.iter_mut().enumerate() {
+        *diagonal = matrix[i][i];
+    }
+    factor_scaled(matrix, &diagonal, damping, frozen)
+}
+
+/// The same with `damping` times some other positive diagonal added.
+///
+/// A pivot that rounding has eaten is lifted to 4 units of rounding: the step along it stays
+/// finite, and damping shortens it.
+#[inline(always)]
 #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
-pub fn factor<S: Scalar, const N: usize>(
-    matrix: &[[S; N]; N],
-    damping: S,
-    frozen: &[bool; N],
-) -> Factor<S, N> {
-    let (zero, one) = (S::zero(), S::one());
-    let scale: [S; N] = core::array::from_fn(|i| {
-        let diagonal = matrix[i][i];
-        if diagonal > zero && !frozen[i] { diagonal.sqrt() } else { zero }
-    });
-    let mut lower = [[zero; N]; N];
-    let mut deficient = [false; N];
+pub(super) fn factor_scaled<R: Real, const N: usize>(
+    matrix: &[[R; N]; N],
+    diagonal: &[R; N],
+    damping: R,
+    frozen: &[R::Mask; N],
+) -> Factor<R, N> {
+    let (zero, one) = (R::zero(), R::one());
+    let floor = R::splat(R::Scalar::EPSILON) * R::of(4.0);
+    let lost = R::of(DEFICIENT).max(R::splat(R::Scalar::EPSILON) * R::of(8.0));
+    let mut scale = [zero; N];
     for i in 0..N {
-        for j in 0..=i {
-            let active = scale[i] > zero && scale[j] > zero;
-            let mut sum = match (i == j, active) {
-                (true, _) => one + damping,
-                (false, true) => matrix[i][j] / scale[i] / scale[j],
-                (false, false) => zero,
-            };
+        let used = diagonal[i].gt(zero) & !frozen[i];
+        scale[i] = R::keep(used, diagonal[i].sqrt().recip());
+    }
+    let mut lower = [[zero; N]; N];
+    let mut inverse = [one; N];
+    let mut deficient = [R::Mask::splat(false); N];
+    for i in 0..N {
+        for j in 0..i {
+            let mut sum = matrix[i][j] * scale[i] * scale[j];
             for k in 0..j {
                 sum = (-lower[i][k]).mul_add(lower[j][k], sum);
             }
-            if i == j {
-                let floor = S::of(PIVOT_FLOOR).max(S::EPSILON * S::of(8.0));
-                let sound = sum > floor;
-                deficient[i] = scale[i] <= zero || !sound;
-                lower[i][i] = (if sound { sum } else { floor }).sqrt();
-            } else {
-                lower[i][j] = sum / lower[j][j];
-            }
+            // What is left out must not bring its infinities along (0 times Inf).
+            let active = scale[i].gt(zero) & scale[j].gt(zero);
+            lower[i][j] = R::keep(active, sum * inverse[j]);
         }
+        // What is left out has a unit pivot.
+        let own = R::select(scale[i].gt(zero), matrix[i][i] * scale[i] * scale[i], one);
+        let mut pivot = own + damping;
+        for k in 0..i {
+            pivot = (-lower[i][k]).mul_add(lower[i][k], pivot);
+        }
+        deficient[i] = !(scale[i].gt(zero) & pivot.gt(lost));
+        inverse[i] = pivot.max(floor).sqrt().recip();
     }
-    Factor { lower, scale, deficient }
+    Factor { lower, inverse, scale, deficient }
 }
 
-impl<S: Scalar, const N: usize> Factor<S, N> {
+impl<R: Real, const N: usize> Factor<R, N> {
     /// Solves `A x = b`; 0 for parameters that are frozen or that nothing depends on.
     #[must_use]
-    pub fn solve(&self, right: &[S; N]) -> [S; N] {
-        let zero = S::zero();
-        let mut x: [S; N] = core::array::from_fn(|i| {
-            if self.scale[i] > zero { right[i] / self.scale[i] } else { zero }
-        });
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
+    pub fn solve(&self, right: &[R; N]) -> [R; N] {
+        let mut x = [R::zero(); N];
         for i in 0..N {
+            let mut sum = R::keep(self.scale[i].gt(R::zero()), right[i] * self.scale[i]);
             for k in 0..i {
-                x[i] = (-self.lower[i][k]).mul_add(x[k], x[i]);
+                sum = (-self.lower[i][k]).mul_add(x[k], sum);
             }
-            x[i] = x[i] / self.lower[i][i];
+            x[i] = sum * self.inverse[i];
         }
         for i in (0..N).rev() {
+            let mut sum = x[i];
             for k in i + 1..N {
-                x[i] = (-self.lower[k][i]).mul_add(x[k], x[i]);
+                sum = (-self.lower[k][i]).mul_add(x[k], sum);
             }
-            x[i] = x[i] / self.lower[i][i];
+            x[i] = sum * self.inverse[i];
         }
-        core::array::from_fn(|i| if self.scale[i] > zero { x[i] / self.scale[i] } else { zero })
+        for i in 0..N {
+            x[i] = x[i] * self.scale[i];
+        }
+        x
     }
 
     /// The inverse, column by column.
     #[must_use]
-    pub fn inverse(&self) -> [[S; N]; N] {
-        core::array::from_fn(|i| {
-            let mut unit = [S::zero(); N];
-            unit[i] = S::one();
-            self.solve(&unit)
-        })
+    #[inline(always)]
+    pub fn inverse(&self) -> [[R; N]; N] {
+        let mut columns = [[R::zero(); N]; N];
+        for (i, column) in columns.iter_mut().enumerate() {
+            let mut unit = [R::zero(); N];
+            unit[i] = R::one();
+            *column = self.solve(&unit);
+        }
+        columns
     }
 }

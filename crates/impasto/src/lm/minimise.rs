@@ -1,7 +1,14 @@
-//! Nielsen's damping, bounds by projection, relative stopping tests.
+//! What a search is told, what it answers, and the search on plain numbers.
 
-use super::{Normal, Problem, factor};
-use crate::math::Scalar;
+use super::search::Search;
+use super::{Normal, factor};
+use crate::math::{Mask, Real, Scalar};
+
+/// A sum of squares to be minimised over N parameters.
+pub trait Problem<S: Scalar, const N: usize> {
+    /// Cost and its first derivatives at some parameters.
+    fn normal(&self, parameters: [S; N]) -> Normal<S, N>;
+}
 
 /// Box within which parameters stay.
 #[derive(Clone, Copy, Debug)]
@@ -19,53 +26,105 @@ impl<S: Scalar, const N: usize> Bounds<S, N> {
         Self { lower: [-S::MAX; N], upper: [S::MAX; N] }
     }
 
-    fn project(&self, p: [S; N]) -> [S; N] {
-        core::array::from_fn(|i| p[i].max(self.lower[i]).min(self.upper[i]))
+    #[inline(always)]
+    pub(super) fn project<R: Real<Scalar = S>>(&self, mut p: [R; N]) -> [R; N] {
+        for ((p, &lower), &upper) in p.iter_mut().zip(&self.lower).zip(&self.upper) {
+            *p = p.max(R::splat(lower)).min(R::splat(upper));
+        }
+        p
     }
 }
 
-/// When to stop.
+/// When to stop. Tolerances finer than the numbers' own rounding mean that rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Steps tried at most.
     pub max_iterations: usize,
-    /// Relative decrease of the cost below which nothing is left to gain.
+    /// Relative decrease of the cost, found and foretold, below which nothing is left to gain.
     pub cost: f64,
     /// Step relative to the parameters, both in the matrix's diagonal norm.
     pub step: f64,
     /// Largest cosine between residuals and any column of derivatives.
     pub gradient: f64,
+    /// Damping of the first step, relative to the matrix's diagonal.
+    pub damping: f64,
+    /// How much of the largest diagonal so far the damping still holds on to: 0 is Marquardt's
+    /// scaling, quick where starts are good; 1 is MINPACK's, which does not run away along a
+    /// parameter that has ceased to matter.
+    pub memory: f64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { max_iterations: 100, cost: 1e-12, step: 1e-10, gradient: 1e-12 }
+        Self {
+            max_iterations: 100,
+            cost: 1e-12,
+            step: 1e-10,
+            gradient: 1e-12,
+            damping: 1e-2,
+            memory: 0.0,
+        }
+    }
+}
+
+impl Options {
+    /// For starts that may be far from anywhere: small first steps, a long memory, patience.
+    #[must_use]
+    pub fn cautious() -> Self {
+        Self { max_iterations: 2000, damping: 100.0, memory: 0.1, ..Self::default() }
+    }
+
+    /// What single precision can tell: cost to 1e-6, a tenth of what its sums are good for.
+    #[must_use]
+    pub fn single() -> Self {
+        Self { cost: 1e-6, step: 1e-5, gradient: 1e-5, ..Self::default() }
     }
 }
 
 /// Why the search ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 #[non_exhaustive]
 pub enum Reason {
     /// The cost no longer falls.
-    Cost,
+    Cost = 1,
     /// The steps have become too small.
-    Step,
+    Step = 2,
     /// The residuals are orthogonal to every column.
-    Gradient,
+    Gradient = 3,
     /// All iterations are used up.
-    MaxIterations,
+    MaxIterations = 4,
     /// No damping finds a smaller cost: the last place is as good as the numbers allow.
-    NoProgress,
+    NoProgress = 5,
     /// The cost at the start is not finite.
-    NotFinite,
+    NotFinite = 6,
 }
 
 impl Reason {
+    /// Every reason, in the order of its number.
+    pub const ALL: [Self; 6] = [
+        Self::Cost,
+        Self::Step,
+        Self::Gradient,
+        Self::MaxIterations,
+        Self::NoProgress,
+        Self::NotFinite,
+    ];
+
     /// Whether the parameters are a minimum, as far as the numbers can tell.
     #[must_use]
     pub fn converged(self) -> bool {
         !matches!(self, Self::MaxIterations | Self::NotFinite)
+    }
+
+    /// The number that stands for the reason in a lane.
+    #[inline(always)]
+    pub(super) fn code<R: Real>(self) -> R {
+        R::of(f64::from(self as u8))
+    }
+
+    pub(super) fn of_code(code: f64) -> Self {
+        Self::ALL[(code as usize).clamp(1, Self::ALL.len()) - 1]
     }
 }
 
@@ -80,11 +139,15 @@ pub struct Outcome<S, const N: usize> {
     pub reason: Reason,
     /// Steps tried.
     pub iterations: usize,
-    /// Parameters that the data do not determine.
-    pub deficient: [bool; N],
 }
 
 impl<S: Scalar, const N: usize> Outcome<S, N> {
+    /// Parameters that the data do not determine, given those before them.
+    #[must_use]
+    pub fn deficient(&self) -> [bool; N] {
+        factor(&self.normal.matrix, S::zero(), &[false; N]).deficient
+    }
+
     /// Covariance of the parameters for residuals of the given variance: `variance (J'J)^-1`.
     #[must_use]
     pub fn covariance(&self, variance: S) -> [[S; N]; N] {
@@ -100,75 +163,12 @@ pub fn minimise<S: Scalar, const N: usize>(
     bounds: &Bounds<S, N>,
     options: &Options,
 ) -> Outcome<S, N> {
-    let (zero, one, two) = (S::zero(), S::one(), S::of(2.0));
-    let mut place = bounds.project(start);
-    let mut normal = problem.normal(place);
-    let (mut damping, mut growth) = (S::of(1e-2), two);
-    let mut iterations = 0;
-    let end = |place, normal: Normal<S, N>, reason, iterations| Outcome {
-        parameters: place,
-        deficient: factor(&normal.matrix, zero, &[false; N]).deficient,
-        normal,
-        reason,
-        iterations,
-    };
-    if !normal.cost.is_finite() {
-        return end(place, normal, Reason::NotFinite, 0);
+    let mut search = Search::<S, N>::idle(options);
+    search.begin(Mask::splat(true), start, bounds, options);
+    while search.running() {
+        let next = problem.normal(search.trial);
+        search.judge(&next, options);
+        search.step(bounds, options);
     }
-    loop {
-        // A parameter at a bound whose descent leads outside stays where it is.
-        let held: [bool; N] = core::array::from_fn(|i| {
-            (place[i] <= bounds.lower[i] && normal.descent[i] < zero)
-                || (place[i] >= bounds.upper[i] && normal.descent[i] > zero)
-        });
-        let level = (0..N).all(|i| {
-            let reach = (normal.matrix[i][i] * normal.cost).sqrt();
-            held[i] || normal.descent[i].abs() <= S::of(options.gradient) * reach
-        });
-        if level {
-            return end(place, normal, Reason::Gradient, iterations);
-        }
-        if iterations == options.max_iterations {
-            return end(place, normal, Reason::MaxIterations, iterations);
-        }
-        iterations += 1;
-        let wish = factor(&normal.matrix, damping, &held).solve(&normal.descent);
-        let trial = bounds.project(core::array::from_fn(|i| place[i] + wish[i]));
-        let step: [S; N] = core::array::from_fn(|i| trial[i] - place[i]);
-        let (mut moved, mut size, mut gain) = (zero, zero, zero);
-        for i in 0..N {
-            let d = normal.matrix[i][i];
-            moved = (d * step[i]).mul_add(step[i], moved);
-            size = (d * place[i]).mul_add(place[i], size);
-            gain = (two * step[i]).mul_add(normal.descent[i], gain);
-            for j in 0..N {
-                let h = if i >= j { normal.matrix[i][j] } else { normal.matrix[j][i] };
-                gain = (-(h * step[i])).mul_add(step[j], gain);
-            }
-        }
-        if moved.sqrt() <= S::of(options.step) * size.sqrt() {
-            return end(place, normal, Reason::Step, iterations);
-        }
-        let next = problem.normal(trial);
-        let fall = normal.cost - next.cost;
-        if next.cost.is_finite() && fall > zero {
-            let done = fall <= S::of(options.cost) * normal.cost;
-            (place, normal) = (trial, next);
-            if done {
-                return end(place, normal, Reason::Cost, iterations);
-            }
-            // Nielsen: damping follows how well the quadratic model foretold the gain.
-            let surprise = two * fall / gain - one;
-            let factor = (one - surprise * surprise * surprise).max(S::of(1.0 / 3.0));
-            damping = (damping * factor).max(S::of(1e-7));
-            growth = two;
-        } else {
-            // Hard case 32: the clamp keeps the damping finite; the old matrix is still clean.
-            if damping >= S::of(1e10) {
-                return end(place, normal, Reason::NoProgress, iterations);
-            }
-            damping = (damping * growth).min(S::of(1e10));
-            growth = growth * two;
-        }
-    }
+    search.outcomes().lane(0)
 }

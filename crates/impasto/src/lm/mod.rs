@@ -1,8 +1,14 @@
-//! Levenberg-Marquardt for small problems; knows nothing of light.
+//! Levenberg-Marquardt for many small problems; knows nothing of light.
 //!
-//! A problem hands over its cost, gradient and Gauss-Newton matrix in one go ([`Problem`]);
-//! [`minimise`] steps with Nielsen's damping, scaled by the matrix's diagonal, within bounds. Every
-//! test is relative: scaling data or a parameter by a power of two changes no bit of the path.
+//! One search ([`Reason`] lists its endings) is written once for every kind of number. On plain
+//! numbers it is [`minimise`]; on vector registers it is [`fit`], which takes one problem per lane
+//! and gives a lane the next problem as soon as it has finished the last. A lane is a closed
+//! computation: what becomes of a problem depends neither on its neighbours nor on the width of
+//! the registers, by not one bit.
+//!
+//! A step is `(H + damping diag H) s = J' r` with Nielsen's damping, solved by Cholesky's method
+//! scaled to unit diagonal, with a relative floor under its pivots, within bounds. Every test is
+//! relative: scaling data or a parameter by a power of two changes no bit of the path.
 //!
 //! An exponential decay `a exp(-b t)` through four points:
 //!
@@ -26,51 +32,66 @@
 //! assert!(outcome.reason.converged());
 //! assert!((outcome.parameters[0] - 5.0).abs() < 1e-6 && (outcome.parameters[1] - 0.7).abs() < 1e-6);
 //! ```
+//!
+//! Many such decays, side by side in registers:
+//!
+//! ```
+//! use impasto::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Rows, fit};
+//! use impasto::math::{Level, Real, elementary::exp};
+//!
+//! const TIMES: [f64; 8] = [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5];
+//!
+//! struct Decays {
+//!     samples: Vec<[f32; 8]>,
+//!     rates: Vec<f32>,
+//! }
+//!
+//! impl Batch<f32, 2> for Decays {
+//!     fn rows(&self) -> usize {
+//!         TIMES.len()
+//!     }
+//!     // A lane takes a problem: its numbers go to a column, the start is returned.
+//!     fn load(&mut self, problem: usize, column: &mut Column<'_, f32>) -> [f32; 2] {
+//!         column.fill(self.samples[problem]);
+//!         [self.samples[problem][0], 1.0]
+//!     }
+//!     // Residuals, derivatives and their products in one pass, all lanes at once.
+//!     #[inline(always)]
+//!     fn normal<R: Real<Scalar = f32>>(&self, rows: Rows<'_, R>, [a, b]: [R; 2]) -> Normal<R, 2> {
+//!         let mut normal = Normal::zero();
+//!         for (i, &t) in TIMES.iter().enumerate() {
+//!             let decay = exp(-(b * R::of(t)));
+//!             normal.add([decay, -(R::of(t) * a * decay)], rows.get(i) - a * decay);
+//!         }
+//!         normal
+//!     }
+//!     fn store(&mut self, problem: usize, outcome: &Outcome<f32, 2>) {
+//!         self.rates[problem] = outcome.parameters[1];
+//!     }
+//! }
+//!
+//! let truth: Vec<f32> = (0..1000).map(|i| 0.2 + 0.001 * i as f32).collect();
+//! let samples = truth.iter().map(|b| TIMES.map(|t| 5.0 * (-b * t as f32).exp())).collect();
+//! let mut decays = Decays { samples, rates: vec![0.0; 1000] };
+//! let bounds = Bounds { lower: [0.0, 0.0], upper: [1e6, 50.0] };
+//! fit(Level::detect(), &mut decays, 0..1000, &bounds, &Options::single());
+//! for (rate, truth) in decays.rates.iter().zip(&truth) {
+//!     assert!((rate / truth - 1.0).abs() < 1e-4);
+//! }
+//! ```
 
+mod batch;
 mod cholesky;
 mod minimise;
+mod normal;
+mod polish;
+mod search;
 
+pub use batch::{Batch, Column, Effort, Rows, fit};
 pub use cholesky::{Factor, factor};
-pub use minimise::{Bounds, Options, Outcome, Reason, minimise};
+pub use minimise::{Bounds, Options, Outcome, Problem, Reason, minimise};
+pub use normal::{Normal, ROWS};
+pub use polish::fit_polished;
 
 #[cfg(test)]
 mod tests;
-
-use crate::math::Scalar;
-
-/// A sum of squares to be minimised over N parameters.
-pub trait Problem<S: Scalar, const N: usize> {
-    /// Cost and its first derivatives at some parameters.
-    fn normal(&self, parameters: [S; N]) -> Normal<S, N>;
-}
-
-/// Cost, gradient and Gauss-Newton matrix at one place.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Normal<S, const N: usize> {
-    /// Sum of squared residuals `r = y - f`.
-    pub cost: S,
-    /// `J' r`: downhill.
-    pub descent: [S; N],
-    /// `J' J`; the lower triangle is read.
-    pub matrix: [[S; N]; N],
-}
-
-impl<S: Scalar, const N: usize> Normal<S, N> {
-    /// No residuals yet.
-    #[must_use]
-    pub fn zero() -> Self {
-        let o = S::zero();
-        Self { cost: o, descent: [o; N], matrix: [[o; N]; N] }
-    }
-
-    /// Adds one residual with the model's derivatives there.
-    pub fn add(&mut self, slope: [S; N], residual: S) {
-        self.cost = residual.mul_add(residual, self.cost);
-        for i in 0..N {
-            self.descent[i] = slope[i].mul_add(residual, self.descent[i]);
-            for j in 0..=i {
-                self.matrix[i][j] = slope[i].mul_add(slope[j], self.matrix[i][j]);
-            }
-        }
-    }
-}

@@ -77,7 +77,7 @@ impl Problem<f64, 2> for Twins {
 fn parameters_that_nothing_tells_apart_are_named() {
     let outcome = minimise(&Twins(4.0), [0.0, 0.0], &Bounds::none(), &Options::default());
     assert!((outcome.parameters[0] + outcome.parameters[1] - 4.0).abs() < 1e-6);
-    assert_eq!(outcome.deficient, [false, true]);
+    assert_eq!(outcome.deficient(), [false, true]);
     assert!(outcome.parameters.iter().all(|p| p.is_finite()));
 }
 

@@ -3,8 +3,10 @@
 pub mod elementary;
 pub mod lanes;
 pub mod real;
+pub mod two;
 pub mod vec3;
 
-pub use lanes::{Isa, Kernel, Level};
+pub use lanes::{Element, Isa, Kernel, Level};
 pub use real::{Mask, Real, Scalar};
+pub use two::Two;
 pub use vec3::Vec3;

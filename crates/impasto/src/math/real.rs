@@ -62,6 +62,10 @@ pub trait Real:
     /// `2^self` for an integral `self` within the normal exponents.
     #[must_use]
     fn exp2_integral(self) -> Self;
+    /// `(m, e)` with `self = m 2^e`, e integral and m between the roots of 1/2 and 2, for a
+    /// positive normal number; some finite pair for any other.
+    #[must_use]
+    fn split(self) -> (Self, Self);
     /// `self < other`; false for NaN.
     fn lt(self, other: Self) -> Self::Mask;
     /// `self <= other`; false for NaN.
@@ -143,6 +147,11 @@ pub trait Scalar: Real<Mask = bool, Scalar = Self> + PartialOrd + Default {
     /// Polynomial of [`exp`](crate::math::elementary::exp) on `|r| <= ln 2 / 2`, from the highest
     /// power down to `r^2 / 2`.
     const EXP_TAIL: &'static [f64];
+    /// Smallest positive normal value.
+    const MIN_POSITIVE: Self;
+    /// Polynomial in `s^2` of [`ln`](crate::math::elementary::ln), from the highest power down to
+    /// `2 / 3`.
+    const LN_TAIL: &'static [f64];
 
     /// Nearest representable value.
     fn from_f64(value: f64) -> Self;
@@ -169,8 +178,13 @@ impl Mask for bool {
     }
 }
 
+/// Bits of the root of 1/2.
+pub(super) const SQRT_HALF_32: u32 = core::f32::consts::FRAC_1_SQRT_2.to_bits();
+/// Bits of the root of 1/2.
+pub(super) const SQRT_HALF_64: u64 = core::f64::consts::FRAC_1_SQRT_2.to_bits();
+
 macro_rules! scalar_real {
-    ($type:ty, $bits:ty, $mantissa:expr, $bias:expr) => {
+    ($type:ty, $bits:ty, $mantissa:expr, $bias:expr, $root:expr) => {
         impl Real for $type {
             type Mask = bool;
             type Scalar = $type;
@@ -217,6 +231,18 @@ macro_rules! scalar_real {
                 <$type>::from_bits(((self as i64 + $bias) as $bits) << $mantissa)
             }
             #[inline(always)]
+            fn split(self) -> (Self, Self) {
+                // Exponent counted from the root of 1/2, so that it changes there.
+                let bits = self.to_bits();
+                let shifted = bits.wrapping_sub($root).wrapping_add($bias << $mantissa);
+                let exponent = shifted >> $mantissa;
+                let unbiased = exponent.wrapping_sub($bias) << $mantissa;
+                (
+                    <$type>::from_bits(bits.wrapping_sub(unbiased)),
+                    exponent as $type - $bias as $type,
+                )
+            }
+            #[inline(always)]
             fn lt(self, other: Self) -> bool {
                 self < other
             }
@@ -232,14 +258,17 @@ macro_rules! scalar_real {
     };
 }
 
-scalar_real!(f32, u32, 23, 127);
-scalar_real!(f64, u64, 52, 1023);
+scalar_real!(f32, u32, 23, 127, SQRT_HALF_32);
+scalar_real!(f64, u64, 52, 1023, SQRT_HALF_64);
 
 impl Scalar for f32 {
     const MAX: f32 = f32::MAX;
     const NAN: f32 = f32::NAN;
     const EPSILON: f32 = f32::EPSILON;
     const EXP_UNDERFLOW: f32 = -87.0;
+    const MIN_POSITIVE: f32 = f32::MIN_POSITIVE;
+    // The series of atanh: the first term left out is 2/11 s^10, 4e-9 at s = 0.1716.
+    const LN_TAIL: &'static [f64] = &[2.0 / 9.0, 2.0 / 7.0, 2.0 / 5.0, 2.0 / 3.0];
     // Minimax coefficients of the Cephes single-precision exponential (public domain numbers).
     const EXP_TAIL: &'static [f64] = &[
         1.987_569_15e-4,
@@ -265,6 +294,20 @@ impl Scalar for f64 {
     const NAN: f64 = f64::NAN;
     const EPSILON: f64 = f64::EPSILON;
     const EXP_UNDERFLOW: f64 = -708.0;
+    const MIN_POSITIVE: f64 = f64::MIN_POSITIVE;
+    // The series of atanh: the first term left out is 2/23 s^22, 1e-18 at s = 0.1716.
+    const LN_TAIL: &'static [f64] = &[
+        2.0 / 21.0,
+        2.0 / 19.0,
+        2.0 / 17.0,
+        2.0 / 15.0,
+        2.0 / 13.0,
+        2.0 / 11.0,
+        2.0 / 9.0,
+        2.0 / 7.0,
+        2.0 / 5.0,
+        2.0 / 3.0,
+    ];
     // Taylor series to r^13 / 13!: the first term left out is below 5e-18 at |r| = ln 2 / 2.
     const EXP_TAIL: &'static [f64] = &[
         1.0 / 6_227_020_800.0,

@@ -83,6 +83,11 @@ impl<T: Scalar, const N: usize> Real for Array<T, N> {
         Self(self.0.map(Real::exp2_integral))
     }
     #[inline(always)]
+    fn split(self) -> (Self, Self) {
+        let parts = self.0.map(Real::split);
+        (Self(parts.map(|(m, _)| m)), Self(parts.map(|(_, e)| e)))
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> ArrayMask<N> {
         ArrayMask(core::array::from_fn(|i| self.0[i] < other.0[i]))
     }

@@ -13,7 +13,7 @@ mod x86;
 
 use array::Array;
 
-use super::real::Real;
+use super::real::{Real, Scalar};
 
 /// Registers of one instruction set.
 pub trait Isa: Copy + Send + Sync + 'static {
@@ -22,6 +22,23 @@ pub trait Isa: Copy + Send + Sync + 'static {
     /// Double-precision lanes.
     type F64: Real<Scalar = f64>;
 }
+
+/// A scalar that comes in registers of every instruction set.
+pub trait Element: Scalar {
+    /// The registers of one instruction set.
+    type Lanes<I: Isa>: Real<Scalar = Self>;
+}
+
+impl Element for f32 {
+    type Lanes<I: Isa> = I::F32;
+}
+
+impl Element for f64 {
+    type Lanes<I: Isa> = I::F64;
+}
+
+/// Lanes of the widest register (single precision, AVX-512).
+pub const MAX_LANES: usize = 16;
 
 /// A computation that is compiled once per instruction set.
 ///
@@ -143,10 +160,12 @@ mod tests {
                     a.max(b),
                     a.round(),
                     integral.max(I::F32::of(-90.0)).exp2_integral(),
+                    (b.abs() + I::F32::of(1e-30)).split().0,
+                    (b.abs() + I::F32::of(1e-30)).split().1,
                     I::F32::select(a.lt(b) | !a.le(b) & b.is_finite(), a, b),
                 ];
                 // Lane-major, so that the width leaves no trace in the order.
-                let mut out = [[0.0; 16]; 12];
+                let mut out = [[0.0; MAX_LANES]; 14];
                 for (out, result) in out.iter_mut().zip(results) {
                     result.store(out);
                 }
@@ -173,6 +192,37 @@ mod tests {
         let expected = Level::Baseline.run(EveryOperation(&values));
         for level in Level::ALL.into_iter().filter(|level| level.available()) {
             assert_eq!(level.run(EveryOperation(&values)), expected, "{level:?}");
+        }
+    }
+
+    /// Double precision has its own registers; its splitting has its own arithmetic.
+    struct SplitDoubles;
+    impl Kernel for SplitDoubles {
+        type Output = ();
+        #[inline(always)]
+        fn run<I: Isa>(self) {
+            let mut out = [[0.0; 8]; 3];
+            for i in 0..600 {
+                let value = 2.0_f64.powf(f64::from(i) - 300.3);
+                for (lane, out) in out[0].iter_mut().enumerate() {
+                    *out = value * (1.0 + 0.1 * lane as f64);
+                }
+                let (m, e) = I::F64::load(&out[0]).split();
+                m.store(&mut out[1]);
+                e.store(&mut out[2]);
+                let [values, m, e] = out;
+                for ((value, m), e) in values.iter().zip(m).zip(e).take(I::F64::WIDTH) {
+                    assert!((0.5..2.0).contains(&(m * m)));
+                    assert_eq!(m * e.exp2(), *value);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn doubles_split_exactly_at_every_level() {
+        for level in Level::ALL {
+            level.run(SplitDoubles);
         }
     }
 

@@ -9,7 +9,7 @@ use core::arch::x86_64::*;
 use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use super::{Isa, Kernel};
-use crate::math::real::{Mask, Real};
+use crate::math::real::{Mask, Real, SQRT_HALF_32, SQRT_HALF_64};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Avx2;
@@ -154,6 +154,19 @@ common!(
             })
         }
         #[inline(always)]
+        fn split(self) -> (Self, Self) {
+            // SAFETY: see the head of this module.
+            unsafe {
+                let bits = _mm256_castps_si256(self.0);
+                let base = _mm256_set1_epi32((SQRT_HALF_32.wrapping_sub(127 << 23)).cast_signed());
+                let shifted = _mm256_sub_epi32(bits, base);
+                let biased = _mm256_srli_epi32::<23>(shifted);
+                let exponent = _mm256_sub_epi32(biased, _mm256_set1_epi32(127));
+                let m = _mm256_sub_epi32(bits, _mm256_slli_epi32::<23>(exponent));
+                (Self(_mm256_castsi256_ps(m)), Self(_mm256_cvtepi32_ps(exponent)))
+            }
+        }
+        #[inline(always)]
         fn lt(self, other: Self) -> Mask32x8 {
             // SAFETY: see the head of this module.
             Mask32x8(unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0) })
@@ -205,6 +218,23 @@ common!(
                 let exponent = _mm256_add_epi64(integer, _mm256_set1_epi64x(1023));
                 _mm256_castsi256_pd(_mm256_slli_epi64::<52>(exponent))
             })
+        }
+        #[inline(always)]
+        fn split(self) -> (Self, Self) {
+            // SAFETY: see the head of this module.
+            unsafe {
+                let bits = _mm256_castpd_si256(self.0);
+                let base = (SQRT_HALF_64.wrapping_sub(1023 << 52)).cast_signed();
+                let shifted = _mm256_sub_epi64(bits, _mm256_set1_epi64x(base));
+                let biased = _mm256_srli_epi64::<52>(shifted);
+                let exponent = _mm256_sub_epi64(biased, _mm256_set1_epi64x(1023));
+                let m = _mm256_sub_epi64(bits, _mm256_slli_epi64::<52>(exponent));
+                // An integer below 2^52 under the exponent of 2^52 is that integer plus 2^52.
+                let magic = _mm256_set1_pd(4_503_599_627_370_496.0);
+                let sum = _mm256_castsi256_pd(_mm256_or_si256(biased, _mm256_castpd_si256(magic)));
+                let e = _mm256_sub_pd(_mm256_sub_pd(sum, magic), _mm256_set1_pd(1023.0));
+                (Self(_mm256_castsi256_pd(m)), Self(e))
+            }
         }
         #[inline(always)]
         fn lt(self, other: Self) -> Mask64x4 {
@@ -259,6 +289,19 @@ common!(
             })
         }
         #[inline(always)]
+        fn split(self) -> (Self, Self) {
+            // SAFETY: see the head of this module.
+            unsafe {
+                let bits = _mm512_castps_si512(self.0);
+                let base = _mm512_set1_epi32((SQRT_HALF_32.wrapping_sub(127 << 23)).cast_signed());
+                let shifted = _mm512_sub_epi32(bits, base);
+                let biased = _mm512_srli_epi32::<23>(shifted);
+                let exponent = _mm512_sub_epi32(biased, _mm512_set1_epi32(127));
+                let m = _mm512_sub_epi32(bits, _mm512_slli_epi32::<23>(exponent));
+                (Self(_mm512_castsi512_ps(m)), Self(_mm512_cvtepi32_ps(exponent)))
+            }
+        }
+        #[inline(always)]
         fn lt(self, other: Self) -> Mask16 {
             // SAFETY: see the head of this module.
             Mask16(unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, other.0) })
@@ -310,6 +353,23 @@ common!(
                     _mm512_add_epi64(_mm512_cvtpd_epi64(self.0), _mm512_set1_epi64(1023));
                 _mm512_castsi512_pd(_mm512_slli_epi64::<52>(exponent))
             })
+        }
+        #[inline(always)]
+        fn split(self) -> (Self, Self) {
+            // SAFETY: see the head of this module.
+            unsafe {
+                let bits = _mm512_castpd_si512(self.0);
+                let base = (SQRT_HALF_64.wrapping_sub(1023 << 52)).cast_signed();
+                let shifted = _mm512_sub_epi64(bits, _mm512_set1_epi64(base));
+                let biased = _mm512_srli_epi64::<52>(shifted);
+                let exponent = _mm512_sub_epi64(biased, _mm512_set1_epi64(1023));
+                let m = _mm512_sub_epi64(bits, _mm512_slli_epi64::<52>(exponent));
+                // An integer below 2^52 under the exponent of 2^52 is that integer plus 2^52.
+                let magic = _mm512_set1_pd(4_503_599_627_370_496.0);
+                let sum = _mm512_castsi512_pd(_mm512_or_si512(biased, _mm512_castpd_si512(magic)));
+                let e = _mm512_sub_pd(_mm512_sub_pd(sum, magic), _mm512_set1_pd(1023.0));
+                (Self(_mm512_castsi512_pd(m)), Self(e))
+            }
         }
         #[inline(always)]
         fn lt(self, other: Self) -> Mask8 {

@@ -1,0 +1,187 @@
+//! Many problems, one per lane; a lane that has finished takes the next.
+
+use core::marker::PhantomData;
+
+use super::search::Search;
+use super::{Bounds, Normal, Options, Outcome};
+use crate::math::lanes::{Element, Isa, MAX_LANES};
+use crate::math::{Kernel, Level, Real, Scalar};
+
+/// Many problems of one kind.
+///
+/// Each is a column of [`rows`](Self::rows) numbers (samples, weights, whatever differs from
+/// problem to problem); what all of them share stays in the implementing type.
+pub trait Batch<S: Scalar, const N: usize> {
+    /// How many numbers a problem has.
+    fn rows(&self) -> usize;
+
+    /// Writes one problem's numbers to its column and returns the parameters to start from.
+    fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N];
+
+    /// Cost, gradient and matrix of all lanes at their parameters, in one pass over the rows.
+    ///
+    /// It must be `#[inline(always)]`, as all that it calls, and treat every lane by itself. Lanes
+    /// that have nothing to do hold zeros or the numbers of a finished problem.
+    fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, parameters: [R; N]) -> Normal<R, N>;
+
+    /// Takes one problem's result.
+    fn store(&mut self, problem: usize, outcome: &Outcome<S, N>);
+}
+
+/// One problem's place among the lanes.
+#[derive(Debug)]
+pub struct Column<'a, S> {
+    block: &'a mut [S],
+    lane: usize,
+    width: usize,
+}
+
+impl<S: Scalar> Column<'_, S> {
+    /// Sets one number.
+    ///
+    /// # Panics
+    /// If the problem has no such row.
+    #[inline(always)]
+    pub fn set(&mut self, row: usize, value: S) {
+        self.block[row * self.width + self.lane] = value;
+    }
+
+    /// Sets the numbers from the first row on.
+    #[inline(always)]
+    pub fn fill(&mut self, values: impl IntoIterator<Item = S>) {
+        for (place, value) in self.block[self.lane..].iter_mut().step_by(self.width).zip(values) {
+            *place = value;
+        }
+    }
+}
+
+/// The numbers of the problems that are in the lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct Rows<'a, R: Real> {
+    block: &'a [R::Scalar],
+}
+
+impl<R: Real> Rows<'_, R> {
+    /// One row, all lanes.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    #[must_use]
+    #[inline(always)]
+    pub fn get(&self, row: usize) -> R {
+        R::load(&self.block[row * R::WIDTH..])
+    }
+}
+
+/// How busy the lanes were.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Effort {
+    /// Passes over all lanes, times the lanes.
+    pub lanes: u64,
+    /// Passes that a lane needed for its problem.
+    pub useful: u64,
+}
+
+impl Effort {
+    /// Share of the lanes that did something useful.
+    #[must_use]
+    pub fn efficiency(&self) -> f64 {
+        if self.lanes == 0 { 1.0 } else { self.useful as f64 / self.lanes as f64 }
+    }
+}
+
+/// Fits the named problems of a batch and hands each result to [`Batch::store`].
+///
+/// The only memory taken is one block of `rows * lanes` numbers per call.
+pub fn fit<S: Element, const N: usize>(
+    level: Level,
+    batch: &mut impl Batch<S, N>,
+    problems: impl IntoIterator<Item = usize>,
+    bounds: &Bounds<S, N>,
+    options: &Options,
+) -> Effort {
+    let problems = problems.into_iter();
+    level.run(Fit { batch, problems, bounds, options, scalar: PhantomData::<S> })
+}
+
+struct Fit<'a, B, P, S, const N: usize> {
+    batch: &'a mut B,
+    problems: P,
+    bounds: &'a Bounds<S, N>,
+    options: &'a Options,
+    scalar: PhantomData<S>,
+}
+
+impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kernel
+    for Fit<'_, B, P, S, N>
+{
+    type Output = Effort;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Effort {
+        let Self { batch, mut problems, bounds, options, .. } = self;
+        let width = S::Lanes::<I>::WIDTH;
+        let mut block = vec![S::default(); batch.rows() * width];
+        let mut held: [Option<usize>; MAX_LANES] = [None; MAX_LANES];
+        let mut search = Search::<S::Lanes<I>, N>::idle(options);
+        let mut effort = Effort::default();
+        loop {
+            refill::<S, B, P, I, N>(
+                batch,
+                &mut problems,
+                &mut search,
+                &mut block,
+                &mut held,
+                (bounds, options),
+            );
+            if !search.running() {
+                return effort;
+            }
+            let next = batch.normal(Rows { block: &block }, search.trial);
+            search.judge(&next, options);
+            search.step(bounds, options);
+            effort.lanes += width as u64;
+            effort.useful += held.iter().flatten().count() as u64;
+        }
+    }
+}
+
+/// Takes finished problems out of their lanes and puts the next ones in.
+#[inline(always)]
+fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N: usize>(
+    batch: &mut B,
+    problems: &mut P,
+    search: &mut Search<S::Lanes<I>, N>,
+    block: &mut [S],
+    held: &mut [Option<usize>; MAX_LANES],
+    (bounds, options): (&Bounds<S, N>, &Options),
+) {
+    let width = S::Lanes::<I>::WIDTH;
+    let reasons = search.reasons();
+    let ended = |lane: usize| reasons[lane] > S::zero();
+    if !(0..width).any(ended) {
+        return;
+    }
+    let outcomes = search.outcomes();
+    let mut starts = [[S::zero(); MAX_LANES]; N];
+    let mut fresh = [S::zero(); MAX_LANES];
+    for lane in (0..width).filter(|&lane| ended(lane)) {
+        if let Some(problem) = held[lane].take() {
+            batch.store(problem, &outcomes.lane(lane));
+        }
+        if let Some(problem) = problems.next() {
+            held[lane] = Some(problem);
+            fresh[lane] = S::one();
+            let start = batch.load(problem, &mut Column { block, lane, width });
+            for (starts, start) in starts.iter_mut().zip(start) {
+                starts[lane] = start;
+            }
+        }
+    }
+    let mut start = [S::Lanes::<I>::zero(); N];
+    for (start, starts) in start.iter_mut().zip(&starts) {
+        *start = S::Lanes::<I>::load(starts);
+    }
+    let fresh = S::Lanes::<I>::load(&fresh).gt(S::Lanes::<I>::zero());
+    search.begin(fresh, start, bounds, options);
+}

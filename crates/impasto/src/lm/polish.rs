@@ -1,0 +1,83 @@
+//! Single precision first, double precision where it is asked for.
+
+use super::{Batch, Bounds, Column, Effort, Normal, Options, Outcome, Rows, fit};
+use crate::math::{Level, Real};
+
+/// Fits in single precision, then goes on in double precision from there wherever `doubtful` says
+/// so of a single-precision outcome.
+///
+/// The batch's double-precision [`load`](Batch::load) is asked for the numbers only: the start is
+/// where single precision ended. [`store`](Batch::store) is called once per problem and precision,
+/// the double-precision call last. Returns the effort of either.
+pub fn fit_polished<B, const N: usize>(
+    level: Level,
+    batch: &mut B,
+    problems: impl IntoIterator<Item = usize>,
+    bounds: &Bounds<f64, N>,
+    (single, double): (&Options, &Options),
+    doubtful: impl Fn(&Outcome<f32, N>) -> bool,
+) -> [Effort; 2]
+where
+    B: Batch<f32, N> + Batch<f64, N>,
+{
+    let narrow = |values: [f64; N]| values.map(|v| v as f32);
+    let limits = Bounds { lower: narrow(bounds.lower), upper: narrow(bounds.upper) };
+    let mut first = First { batch, doubtful, flagged: Vec::new() };
+    let coarse = fit(level, &mut first, problems, &limits, single);
+    let First { batch, flagged, .. } = first;
+    let count = flagged.len();
+    let fine = fit(level, &mut Second { batch, flagged }, 0..count, bounds, double);
+    [coarse, fine]
+}
+
+/// Remembers whose single-precision outcome is in doubt.
+struct First<'a, B, D, const N: usize> {
+    batch: &'a mut B,
+    doubtful: D,
+    flagged: Vec<(usize, [f32; N])>,
+}
+
+impl<B: Batch<f32, N>, D: Fn(&Outcome<f32, N>) -> bool, const N: usize> Batch<f32, N>
+    for First<'_, B, D, N>
+{
+    fn rows(&self) -> usize {
+        self.batch.rows()
+    }
+    fn load(&mut self, problem: usize, column: &mut Column<'_, f32>) -> [f32; N] {
+        self.batch.load(problem, column)
+    }
+    #[inline(always)]
+    fn normal<R: Real<Scalar = f32>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
+        self.batch.normal(rows, at)
+    }
+    fn store(&mut self, problem: usize, outcome: &Outcome<f32, N>) {
+        if (self.doubtful)(outcome) {
+            self.flagged.push((problem, outcome.parameters));
+        }
+        self.batch.store(problem, outcome);
+    }
+}
+
+/// The doubtful ones, from where they were left.
+struct Second<'a, B, const N: usize> {
+    batch: &'a mut B,
+    flagged: Vec<(usize, [f32; N])>,
+}
+
+impl<B: Batch<f64, N>, const N: usize> Batch<f64, N> for Second<'_, B, N> {
+    fn rows(&self) -> usize {
+        self.batch.rows()
+    }
+    fn load(&mut self, problem: usize, column: &mut Column<'_, f64>) -> [f64; N] {
+        let (number, place) = self.flagged[problem];
+        self.batch.load(number, column);
+        place.map(f64::from)
+    }
+    #[inline(always)]
+    fn normal<R: Real<Scalar = f64>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
+        self.batch.normal(rows, at)
+    }
+    fn store(&mut self, problem: usize, outcome: &Outcome<f64, N>) {
+        self.batch.store(self.flagged[problem].0, outcome);
+    }
+}

@@ -1,0 +1,243 @@
+//! The search itself, on any kind of number: a state, a judgement and a step.
+
+use super::cholesky::factor_scaled;
+use super::{Bounds, Normal, Outcome, Reason};
+use crate::math::lanes::MAX_LANES;
+use crate::math::{Mask, Real, Scalar};
+
+/// Damping beyond which no step is left to try (hard case 32).
+const DAMPING_MAX: f64 = 1e10;
+
+/// One search per lane.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Search<R: Real, const N: usize> {
+    /// Where the next pass is to be taken.
+    pub(super) trial: [R; N],
+    place: [R; N],
+    normal: Normal<R, N>,
+    /// What the damping multiplies: the matrix's diagonal, and what is remembered of earlier ones.
+    diagonal: [R; N],
+    damping: R,
+    growth: R,
+    /// Fall of the cost that the quadratic model foretells for the trial.
+    gain: R,
+    /// Passes judged so far; the first is that of the start.
+    passes: R,
+    /// Code of the reason, 0 while the lane is searching.
+    reason: R,
+}
+
+/// A tolerance, no finer than the numbers' rounding.
+#[inline(always)]
+fn tolerance<R: Real>(value: f64) -> R {
+    R::of(value).max(R::splat(R::Scalar::EPSILON))
+}
+
+impl<R: Real, const N: usize> Search<R, N> {
+    /// No lane has anything to search.
+    #[inline(always)]
+    pub(super) fn idle(options: &super::Options) -> Self {
+        let zero = R::zero();
+        Self {
+            trial: [zero; N],
+            place: [zero; N],
+            normal: Normal::zero(),
+            diagonal: [zero; N],
+            damping: R::of(options.damping),
+            growth: R::of(2.0),
+            gain: zero,
+            passes: zero,
+            reason: Reason::Step.code(),
+        }
+    }
+
+    /// Gives the lanes of the mask a new start.
+    #[inline(always)]
+    pub(super) fn begin(
+        &mut self,
+        fresh: R::Mask,
+        start: [R; N],
+        bounds: &Bounds<R::Scalar, N>,
+        options: &super::Options,
+    ) {
+        let start = bounds.project(start);
+        for (i, &start) in start.iter().enumerate() {
+            self.trial[i] = R::select(fresh, start, self.trial[i]);
+            self.place[i] = R::select(fresh, start, self.place[i]);
+            self.diagonal[i] = R::select(fresh, R::zero(), self.diagonal[i]);
+        }
+        self.damping = R::select(fresh, R::of(options.damping), self.damping);
+        self.growth = R::select(fresh, R::of(2.0), self.growth);
+        self.passes = R::select(fresh, R::zero(), self.passes);
+        self.reason = R::select(fresh, R::zero(), self.reason);
+    }
+
+    /// Whether any lane is still searching.
+    #[inline(always)]
+    pub(super) fn running(&self) -> bool {
+        self.reason.le(R::zero()).any()
+    }
+
+    /// Takes or leaves the trial places, and sees which lanes are done with it.
+    #[inline(always)]
+    pub(super) fn judge(&mut self, next: &Normal<R, N>, options: &super::Options) {
+        let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
+        let open = self.reason.le(zero);
+        let first = self.passes.le(zero);
+        // A place counts only with usable derivatives: no later step may start from Inf or NaN.
+        let mut sum = next.cost;
+        for i in 0..N {
+            sum = sum + next.matrix[i][i] + next.descent[i].abs();
+        }
+        let finite = sum.is_finite();
+        let fall = self.normal.cost - next.cost;
+        let better = finite & fall.gt(zero);
+        let taken = open & finite & (first | better);
+        let tolerance = tolerance::<R>(options.cost) * self.normal.cost;
+        // MINPACK's test: neither what was found nor what was foretold is worth another step.
+        let settled = finite & fall.abs().le(tolerance) & self.gain.le(tolerance);
+        self.normal.replace(taken, next);
+        for (place, trial) in self.place.iter_mut().zip(self.trial) {
+            *place = R::select(taken, trial, *place);
+        }
+        // Nielsen: damping follows how well the quadratic model foretold the fall.
+        let surprise = two * fall / self.gain - one;
+        let factor = (one - surprise * surprise * surprise).max(R::of(1.0 / 3.0));
+        let eased = (self.damping * factor).max(R::splat(R::Scalar::EPSILON));
+        // Hard case 32: the clamp keeps the damping finite; the old matrix is still clean.
+        let stuck = self.damping.ge(R::of(DAMPING_MAX));
+        let raised = (self.damping * self.growth).min(R::of(DAMPING_MAX));
+        let damping = R::select(better, eased, raised);
+        self.damping = R::select(first, self.damping, damping);
+        let growth = R::select(better, two, self.growth * two);
+        self.growth = R::select(first, two, growth);
+        self.passes = self.passes + one;
+
+        self.end(first & !finite, Reason::NotFinite);
+        self.end(!first & settled, Reason::Cost);
+        self.end(!first & !better & stuck, Reason::NoProgress);
+    }
+
+    /// Solves for the next trial places, and sees which lanes need none.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
+    pub(super) fn step(&mut self, bounds: &Bounds<R::Scalar, N>, options: &super::Options) {
+        let zero = R::zero();
+        let Normal { cost, descent, matrix } = &self.normal;
+        // A parameter at a bound whose descent leads outside stays where it is.
+        let mut held = [R::Mask::splat(false); N];
+        let mut level = R::Mask::splat(true);
+        for i in 0..N {
+            let (lower, upper) = (R::splat(bounds.lower[i]), R::splat(bounds.upper[i]));
+            held[i] = (self.place[i].le(lower) & descent[i].lt(zero))
+                | (self.place[i].ge(upper) & descent[i].gt(zero));
+            let reach = (matrix[i][i] * *cost).sqrt();
+            level =
+                level & (held[i] | descent[i].abs().le(tolerance::<R>(options.gradient) * reach));
+        }
+        for i in 0..N {
+            self.diagonal[i] = matrix[i][i].max(self.diagonal[i] * R::of(options.memory));
+        }
+        let wish = factor_scaled(matrix, &self.diagonal, self.damping, &held).solve(descent);
+        let mut trial = self.place;
+        for i in 0..N {
+            trial[i] = self.place[i] + wish[i];
+        }
+        let trial = bounds.project(trial);
+        let (mut moved, mut size, mut gain) = (zero, zero, zero);
+        for i in 0..N {
+            let step = trial[i] - self.place[i];
+            moved = (matrix[i][i] * step).mul_add(step, moved);
+            size = (matrix[i][i] * self.place[i]).mul_add(self.place[i], size);
+            // 2 s.g - s'Hs, row by row.
+            let mut row = descent[i] + descent[i];
+            for j in 0..N {
+                let other = trial[j] - self.place[j];
+                row = (-self.normal.entry(i, j)).mul_add(other, row);
+            }
+            gain = row.mul_add(step, gain);
+        }
+        let short = moved.sqrt().le(tolerance::<R>(options.step) * size.sqrt());
+        self.trial = trial;
+        self.gain = gain;
+        self.end(level, Reason::Gradient);
+        self.end(self.passes.gt(R::of(options.max_iterations as f64)), Reason::MaxIterations);
+        self.end(short, Reason::Step);
+    }
+
+    /// Ends the searches of the mask that have not ended before.
+    #[inline(always)]
+    fn end(&mut self, mask: R::Mask, reason: Reason) {
+        self.reason = R::select(mask & self.reason.le(R::zero()), reason.code(), self.reason);
+    }
+
+    /// Which lanes have ended, as plain numbers (0: still searching).
+    #[inline(always)]
+    pub(super) fn reasons(&self) -> [R::Scalar; MAX_LANES] {
+        let mut reasons = [R::Scalar::default(); MAX_LANES];
+        self.reason.store(&mut reasons);
+        reasons
+    }
+
+    /// The state as plain numbers, for whoever takes lanes out.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
+    pub(super) fn outcomes(&self) -> Outcomes<R::Scalar, N> {
+        let mut out = Outcomes::new();
+        for i in 0..N {
+            self.place[i].store(&mut out.place[i]);
+            self.normal.descent[i].store(&mut out.descent[i]);
+            for j in 0..=i {
+                self.normal.matrix[i][j].store(&mut out.matrix[i][j]);
+            }
+        }
+        self.normal.cost.store(&mut out.cost);
+        self.passes.store(&mut out.passes);
+        self.reason.store(&mut out.reason);
+        out
+    }
+}
+
+/// All lanes' states as plain numbers.
+pub(super) struct Outcomes<S, const N: usize> {
+    place: [[S; MAX_LANES]; N],
+    descent: [[S; MAX_LANES]; N],
+    matrix: [[[S; MAX_LANES]; N]; N],
+    cost: [S; MAX_LANES],
+    passes: [S; MAX_LANES],
+    reason: [S; MAX_LANES],
+}
+
+impl<S: Scalar, const N: usize> Outcomes<S, N> {
+    #[inline(always)]
+    fn new() -> Self {
+        let o = [S::default(); MAX_LANES];
+        Self { place: [o; N], descent: [o; N], matrix: [[o; N]; N], cost: o, passes: o, reason: o }
+    }
+
+    /// One lane's outcome.
+    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
+    pub(super) fn lane(&self, lane: usize) -> Outcome<S, N> {
+        let mut normal = Normal::zero();
+        let mut parameters = [S::zero(); N];
+        let reason = Reason::of_code(self.reason[lane].to_f64());
+        normal.cost = self.cost[lane];
+        for i in 0..N {
+            parameters[i] = self.place[i][lane];
+            normal.descent[i] = self.descent[i][lane];
+            for j in 0..=i {
+                normal.matrix[i][j] = self.matrix[i][j][lane];
+            }
+        }
+        if reason == Reason::NotFinite {
+            // Nothing was taken: what the lane holds is another problem's.
+            normal = Normal { cost: S::NAN, ..Normal::zero() };
+        }
+        Outcome {
+            parameters,
+            normal,
+            reason,
+            iterations: (self.passes[lane].to_f64() as usize).saturating_sub(1),
+        }
+    }
+}

@@ -1,0 +1,300 @@
+//! Lanes are closed computations: no width, order, neighbour or batch size changes a bit.
+
+use impasto::lm::{
+    Batch, Bounds, Column, Normal, Options, Outcome, Problem, ROWS, Reason, Rows, fit,
+    fit_polished, minimise,
+};
+use impasto::math::elementary::exp;
+use impasto::math::{Element, Level, Real, Scalar};
+use proptest::prelude::*;
+
+const SAMPLES: usize = 24;
+
+/// `a exp(-b t) + c exp(-d t)`: easy to start, slow to end where the rates are alike.
+fn pass<R: Real>(y: impl Fn(usize) -> R, at: [R; 4], blocked: bool) -> Normal<R, 4> {
+    let mut normal = Normal::zero();
+    let mut slopes = [[R::zero(); 4]; ROWS];
+    let mut residuals = [R::zero(); ROWS];
+    for i in 0..SAMPLES {
+        let t = R::of(0.2 * i as f64);
+        let (fast, slow) = (exp(-(at[1] * t)), exp(-(at[3] * t)));
+        let slope = [fast, -(t * at[0] * fast), slow, -(t * at[2] * slow)];
+        let residual = y(i) - at[0].mul_add(fast, at[2] * slow);
+        if blocked {
+            (slopes[i % ROWS], residuals[i % ROWS]) = (slope, residual);
+            if i % ROWS == ROWS - 1 {
+                normal.add_rows(&slopes, &residuals);
+            }
+        } else {
+            normal.add(slope, residual);
+        }
+    }
+    normal
+}
+
+const BOUNDS: ([f64; 4], [f64; 4]) = ([0.0, 0.01, 0.0, 0.01], [1e6, 20.0, 1e6, 20.0]);
+
+fn bounds<S: Scalar>() -> Bounds<S, 4> {
+    Bounds { lower: BOUNDS.0.map(S::from_f64), upper: BOUNDS.1.map(S::from_f64) }
+}
+
+/// Decays in either precision.
+struct Decays<'a> {
+    samples: &'a [[f64; SAMPLES]],
+    single: Vec<Option<Outcome<f32, 4>>>,
+    double: Vec<Option<Outcome<f64, 4>>>,
+    blocked: bool,
+}
+
+impl<'a> Decays<'a> {
+    fn new(samples: &'a [[f64; SAMPLES]]) -> Self {
+        let count = samples.len();
+        Self { samples, single: vec![None; count], double: vec![None; count], blocked: false }
+    }
+}
+
+fn start<S: Scalar>(samples: &[f64; SAMPLES]) -> [S; 4] {
+    [0.6 * samples[0], 3.0, 0.3 * samples[0], 0.3].map(S::from_f64)
+}
+
+macro_rules! decays {
+    ($scalar:ty, $out:ident) => {
+        impl Batch<$scalar, 4> for Decays<'_> {
+            fn rows(&self) -> usize {
+                SAMPLES
+            }
+            fn load(&mut self, problem: usize, column: &mut Column<'_, $scalar>) -> [$scalar; 4] {
+                column.fill(self.samples[problem].map(<$scalar>::from_f64));
+                start(&self.samples[problem])
+            }
+            #[inline(always)]
+            fn normal<R: Real<Scalar = $scalar>>(
+                &self,
+                rows: Rows<'_, R>,
+                at: [R; 4],
+            ) -> Normal<R, 4> {
+                pass(|i| rows.get(i), at, self.blocked)
+            }
+            fn store(&mut self, problem: usize, outcome: &Outcome<$scalar, 4>) {
+                self.$out[problem] = Some(*outcome);
+            }
+        }
+    };
+}
+decays!(f32, single);
+decays!(f64, double);
+
+/// The same on plain numbers.
+struct Decay<'a>(&'a [f64; SAMPLES]);
+
+impl<S: Scalar> Problem<S, 4> for Decay<'_> {
+    fn normal(&self, at: [S; 4]) -> Normal<S, 4> {
+        pass(|i| S::from_f64(self.0[i]), at, false)
+    }
+}
+
+/// Noisy decays, a few of them hopeless.
+fn samples(count: usize) -> Vec<[f64; SAMPLES]> {
+    let mut state = 7_u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    (0..count)
+        .map(|n| {
+            let truth = [1.0 + random(), 1.0 + 4.0 * random(), random(), 0.1 + random()];
+            let mut y = [0.0; SAMPLES];
+            for (i, y) in y.iter_mut().enumerate() {
+                let t = 0.2 * i as f64;
+                *y = truth[0] * (-truth[1] * t).exp() + truth[2] * (-truth[3] * t).exp();
+                *y += 0.01 * (random() - 0.5);
+                match n % 41 {
+                    7 => *y = 0.0,
+                    13 if i == 5 => *y = f64::NAN,
+                    19 if i == 3 => *y = f64::INFINITY,
+                    23 => *y = -1.0,
+                    _ => {}
+                }
+            }
+            y
+        })
+        .collect()
+}
+
+type Bits = Vec<(Vec<u64>, Reason, usize)>;
+
+fn bits<S: Scalar>(outcomes: &[Option<Outcome<S, 4>>]) -> Bits {
+    let of = |outcome: &Outcome<S, 4>| {
+        let normal = &outcome.normal;
+        let numbers = outcome.parameters.iter().chain([&normal.cost]).chain(&normal.descent);
+        let numbers = numbers.chain(normal.matrix.iter().flatten());
+        numbers.map(|v| v.to_f64().to_bits()).collect()
+    };
+    outcomes.iter().flatten().map(|o| (of(o), o.reason, o.iterations)).collect()
+}
+
+/// Compares without printing thousands of numbers.
+fn same(found: &Bits, expected: &Bits, what: &str) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    for (n, (found, expected)) in found.iter().zip(expected).enumerate() {
+        assert_eq!(found, expected, "{what}, problem {n}");
+    }
+}
+
+fn run<S: Element>(level: Level, samples: &[[f64; SAMPLES]], order: &[usize]) -> Bits
+where
+    for<'a> Decays<'a>: Batch<S, 4> + Outcomes<S>,
+{
+    let mut decays = Decays::new(samples);
+    fit(level, &mut decays, order.iter().copied(), &bounds::<S>(), &Options::single());
+    bits(decays.outcomes())
+}
+
+trait Outcomes<S> {
+    fn outcomes(&self) -> &[Option<Outcome<S, 4>>];
+}
+impl Outcomes<f32> for Decays<'_> {
+    fn outcomes(&self) -> &[Option<Outcome<f32, 4>>] {
+        &self.single
+    }
+}
+impl Outcomes<f64> for Decays<'_> {
+    fn outcomes(&self) -> &[Option<Outcome<f64, 4>>] {
+        &self.double
+    }
+}
+
+fn every_level<S: Element>()
+where
+    for<'a> Decays<'a>: Batch<S, 4> + Outcomes<S>,
+{
+    let samples = samples(203);
+    let forward: Vec<usize> = (0..samples.len()).collect();
+    let shuffled: Vec<usize> = (0..samples.len()).map(|i| i * 89 % samples.len()).collect();
+    let alone: Vec<_> = samples
+        .iter()
+        .map(|y| Some(minimise(&Decay(y), start(y), &bounds::<S>(), &Options::single())))
+        .collect();
+    let expected = bits(&alone);
+    assert_eq!(expected.len(), samples.len());
+    for level in Level::ALL.into_iter().filter(|level| level.available()) {
+        same(&run::<S>(level, &samples, &forward), &expected, level.name());
+        same(&run::<S>(level, &samples, &shuffled), &expected, "shuffled");
+        for size in [1, 3, 16, 17, 64] {
+            let tiles = samples.chunks(size);
+            let tiled: Bits = tiles.flat_map(|t| run::<S>(level, t, &forward[..t.len()])).collect();
+            same(&tiled, &expected, "tiles");
+        }
+    }
+}
+
+#[test]
+fn single_precision_is_the_same_at_every_level_order_and_tile_and_alone() {
+    every_level::<f32>();
+}
+
+#[test]
+fn double_precision_is_the_same_at_every_level_order_and_tile_and_alone() {
+    every_level::<f64>();
+}
+
+#[test]
+fn hard_case_26_what_is_not_finite_is_named_and_stays_in_its_lane() {
+    let samples = samples(203);
+    let mut decays = Decays::new(&samples);
+    fit(Level::detect(), &mut decays, 0..203, &bounds::<f32>(), &Options::single());
+    for (n, outcome) in decays.single.iter().enumerate() {
+        let outcome = outcome.expect("every problem is stored");
+        assert_eq!(outcome.reason == Reason::NotFinite, matches!(n % 41, 13 | 19), "{n}");
+        assert!(outcome.parameters.iter().all(|p| p.is_finite()), "{n}");
+    }
+}
+
+#[test]
+fn rows_added_together_have_the_bits_of_rows_added_one_by_one() {
+    let samples = samples(50);
+    let order: Vec<usize> = (0..50).collect();
+    let mut decays = Decays::new(&samples);
+    decays.blocked = true;
+    fit(Level::detect(), &mut decays, 0..50, &bounds::<f32>(), &Options::single());
+    assert_eq!(bits(&decays.single), run::<f32>(Level::detect(), &samples, &order));
+}
+
+#[test]
+fn lanes_are_busy() {
+    let samples = samples(2000);
+    let mut decays = Decays::new(&samples);
+    let effort = fit(Level::detect(), &mut decays, 0..2000, &bounds::<f32>(), &Options::single());
+    // What is lost is the end, when fewer problems than lanes are left.
+    assert!(effort.efficiency() > 0.95, "{effort:?}");
+    let passes: usize = decays.single.iter().flatten().map(|o| o.iterations + 1).sum();
+    // A search may end without a last pass (its next step is too short), but not take one more.
+    assert!(effort.useful >= passes as u64 && effort.useful <= effort.lanes);
+}
+
+#[test]
+fn what_single_precision_doubts_is_polished_in_double() {
+    let samples = samples(100);
+    let mut decays = Decays::new(&samples);
+    let bounds = bounds::<f64>();
+    let options = (&Options::single(), &Options::default());
+    let doubtful = |outcome: &Outcome<f32, 4>| {
+        outcome.deficient().contains(&true) || !outcome.reason.converged()
+    };
+    fit_polished(Level::detect(), &mut decays, 0..100, &bounds, options, doubtful);
+    for (single, double) in decays.single.iter().zip(&decays.double) {
+        let single = single.expect("every problem is stored");
+        assert_eq!(double.is_some(), doubtful(&single));
+        if let Some(double) = double.filter(|double| double.reason.converged()) {
+            // The polish starts where single precision ended: it can only go down, up to the
+            // rounding of a cost summed in single precision.
+            assert!(double.normal.cost <= f64::from(single.normal.cost) * (1.0 + 1e-5));
+        }
+    }
+    assert!(decays.double.iter().flatten().count() > 0);
+}
+
+#[test]
+fn an_empty_batch_is_no_trouble() {
+    let mut decays = Decays::new(&[]);
+    let effort = fit(Level::detect(), &mut decays, [], &bounds::<f32>(), &Options::single());
+    assert_eq!(effort.lanes, 0);
+    assert_eq!(effort.efficiency(), 1.0);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    /// Hard case 28: a power of two in the samples changes amplitudes by it and nothing else.
+    #[test]
+    fn a_power_of_two_changes_no_bit_of_a_shape(seed in 0_usize..150, power in -30_i32..30) {
+        let plain = samples(150)[seed];
+        prop_assume!(plain.iter().all(|y| y.is_finite()));
+        let factor = 2.0_f64.powi(power);
+        let scaled = plain.map(|y| y * factor);
+        let fit = |y: &[f64; SAMPLES]| {
+            minimise::<f32, 4>(&Decay(y), start(y), &Bounds {
+                upper: [f32::MAX, 20.0, f32::MAX, 20.0], ..bounds()
+            }, &Options::single())
+        };
+        let (one, other) = (fit(&plain), fit(&scaled));
+        prop_assert_eq!((one.reason, one.iterations), (other.reason, other.iterations));
+        prop_assert_eq!(one.parameters[0] * factor as f32, other.parameters[0]);
+        prop_assert_eq!(one.parameters[1].to_bits(), other.parameters[1].to_bits());
+        prop_assert_eq!(one.parameters[3].to_bits(), other.parameters[3].to_bits());
+    }
+
+    /// Whatever the samples are, what comes out is finite and within bounds.
+    #[test]
+    fn nothing_but_finite_parameters_within_bounds(
+        values in proptest::array::uniform24(proptest::num::f64::ANY)
+    ) {
+        let outcome = minimise::<f64, 4>(
+            &Decay(&values), [1.0, 3.0, 0.5, 0.3], &bounds(), &Options::default(),
+        );
+        for (i, p) in outcome.parameters.iter().enumerate() {
+            prop_assert!((BOUNDS.0[i]..=BOUNDS.1[i]).contains(p));
+        }
+        prop_assert!(outcome.reason == Reason::NotFinite || outcome.normal.cost.is_finite());
+    }
+}

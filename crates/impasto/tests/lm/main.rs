@@ -1,0 +1,7 @@
+//! The search of `impasto::lm`, as its users see it: the same bits in any lane, certified
+//! problems, and the ways in which problems go wrong.
+
+mod batch;
+mod dual;
+mod mgh;
+mod nist;
