@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import fields
 from types import SimpleNamespace
 from typing import Any
 
@@ -54,6 +55,10 @@ def _reflectance(capture: Any, **options: Any) -> Arrays:
     return fit.coefficients, fit.status
 
 
+def _normals(capture: Any, **options: Any) -> Arrays:
+    return arrays(impasto.fit_normals(capture.stack, **options))
+
+
 def _height(capture: Any, **options: Any) -> Arrays:
     return (impasto.integrate_normals(capture.truth.normal, 0.2, **options),)
 
@@ -61,10 +66,17 @@ def _height(capture: Any, **options: Any) -> Arrays:
 CALLS: dict[str, Callable[..., Arrays]] = {
     "predict": _predict,
     "render": _render,
+    "fit_normals": _normals,
     "fit_reflectance": _reflectance,
     "integrate_normals": _height,
 }
 """``call(capture, threads=..., progress=...)`` to the arrays that it returns."""
+
+
+def arrays(result: Any) -> Arrays:
+    """The maps of a result."""
+    values = (getattr(result, field.name) for field in fields(result))
+    return tuple(value for value in values if isinstance(value, np.ndarray))
 
 
 def _long_predict(capture: Any, **options: Any) -> Arrays:
@@ -74,7 +86,13 @@ def _long_predict(capture: Any, **options: Any) -> Arrays:
     return (predict(normal, diffuse, 8.0, 0.2, rig, **options),)
 
 
-LONG: dict[str, Callable[..., Arrays]] = {"predict": _long_predict}
+def _long_normals(capture: Any, **options: Any) -> Arrays:
+    stack = capture.stack
+    wide = impasto.Stack(np.tile(stack.samples, (1, 1, 9, 7)), lights=stack.rig)
+    return arrays(impasto.fit_normals(wide, **options))
+
+
+LONG: dict[str, Callable[..., Arrays]] = {"predict": _long_predict, "fit_normals": _long_normals}
 """Calls that take a second or more on one thread with the baseline's instructions."""
 
 

@@ -8,6 +8,7 @@ mod height;
 mod lm;
 mod painting;
 mod predict;
+mod stereo;
 
 fn main() {
     divan::main();
