@@ -14,6 +14,7 @@ from impasto.errors import (
 )
 from impasto.fit.normals import Normals, fit_normals
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
+from impasto.fit.sbrdf import Sbrdf, fit_sbrdf, load_sbrdf
 from impasto.height import cast_shadows, integrate_normals
 from impasto.io import read_stack
 from impasto.render import Image, display_from_bands, render
@@ -37,6 +38,7 @@ __all__ = [
     "PointLight",
     "Reflectance",
     "Rig",
+    "Sbrdf",
     "Scene",
     "Stack",
     "Status",
@@ -46,7 +48,9 @@ __all__ = [
     "display_from_bands",
     "fit_normals",
     "fit_reflectance",
+    "fit_sbrdf",
     "integrate_normals",
+    "load_sbrdf",
     "read_stack",
     "render",
     "white_corrected",

@@ -1,0 +1,350 @@
+"""One call from photographs to normals, diffuse colours and one lobe for the painting."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto import _core
+from impasto.errors import ArgumentError
+from impasto.fit.border import (
+    ProgressCallback,
+    StackArguments,
+    progress_callback,
+    thread_count,
+)
+from impasto.fit.forward import predict
+from impasto.fit.normals import Normals, fit_normals
+from impasto.io.results import read_maps, rig_arrays, rig_from_arrays, write_maps
+from impasto.rig import Rig
+from impasto.stack import Stack
+from impasto.status import Status
+
+Model = Literal["torrance-sparrow"]
+Pooling = Literal["painting"]
+Extraction = Literal["residual", "maximum"]
+
+ROUNDS = 8
+"""Rounds of the joint fit."""
+
+STEPS = 2
+"""Steps of each pixel's normal and colours per round."""
+
+KIND = "impasto.Sbrdf"
+"""Says in a saved file what it holds."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sbrdf:
+    """A painting's surface: what :meth:`predict` needs to light it anew.
+
+    In every map NaN stands exactly where ``status`` is 16 or more, with one exception: a
+    :attr:`~impasto.Status.DARK` pixel has no normal but a known ``diffuse`` of 0.
+
+    Attributes
+    ----------
+    normal
+        ``(3, y, x)`` float32 unit vectors.
+    diffuse
+        ``(band, y, x)`` float32, relative to the white board.
+    beta, gamma
+        The painting's lobe (six-band paper eq. 1, RGB paper eq. 9): strength relative to the white
+        board, half-width of the facets in radians. ``beta`` is 0 where no highlight was found.
+    index
+        Index of refraction of the interface.
+    covariance
+        ``(2, 2)`` of (log beta, log gamma); infinite where there is no highlight.
+    verdict
+        ``"fitted"``; ``"no-highlight"``: nothing stands out of the noise; ``"at-bound"``: a lobe
+        as sharp as a mirror or as flat as paper.
+    curve
+        ``(n, 3)`` the measured lobe: phi (rad), specular part over its geometry factor, samples.
+    path
+        ``(rounds, 2)`` beta and gamma, the separate fit of the papers first.
+    residual
+        ``(y, x)`` float32 root mean square of the weighted residuals, linear light.
+    status
+        ``(y, x)`` uint8, :class:`~impasto.Status`.
+    normals
+        The photometric stereo that the fit began with.
+    rig
+        Who lit and who looked.
+    bands
+        One name per band.
+    """
+
+    normal: NDArray[np.float32]
+    diffuse: NDArray[np.float32]
+    beta: float
+    gamma: float
+    index: float
+    covariance: NDArray[np.float64]
+    verdict: str
+    curve: NDArray[np.float64]
+    path: NDArray[np.float64]
+    residual: NDArray[np.float32]
+    status: NDArray[np.uint8]
+    normals: Normals
+    rig: Rig
+    bands: tuple[str, ...]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """``(y, x)``."""
+        height, width = self.status.shape
+        return height, width
+
+    @property
+    def pitch_mm(self) -> float | None:
+        """Width of a pixel on the painting in mm, if known."""
+        return self.rig.pitch_mm
+
+    def predict(
+        self,
+        lights: Any = None,
+        views: ArrayLike | None = None,
+        *,
+        threads: int | None = None,
+    ) -> NDArray[np.float32]:
+        """Samples that the surface shows, white board 1.0.
+
+        Parameters
+        ----------
+        lights
+            ``(obs, 3)`` directions, a sequence of :class:`~impasto.DistantLight` and
+            :class:`~impasto.PointLight`, or a :class:`~impasto.Rig`; default: the rig's own.
+        views
+            ``(obs, 3)`` or ``(3,)`` directions to the eye; default: those of the rig, frontal for
+            lights without one.
+        threads
+            None means every allowed core.
+
+        Returns
+        -------
+        ndarray
+            ``(obs, band, y, x)`` float32; NaN where the normal is.
+        """
+        rig = Rig(
+            self.rig if lights is None else lights,
+            views=views,
+            pitch_mm=lights.pitch_mm if isinstance(lights, Rig) else self.rig.pitch_mm,
+        )
+        return predict(
+            self.normal, self.diffuse, self.beta, self.gamma, rig, index=self.index, threads=threads
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an ``.npz``; the file appears whole or not at all.
+
+        Raises
+        ------
+        ArgumentError
+            Another suffix.
+        """
+        plain = {
+            field.name: np.asarray(getattr(self, field.name))
+            for field in fields(self)
+            if field.name not in {"normals", "rig"}
+        }
+        stereo = {
+            f"normals.{field.name}": np.asarray(getattr(self.normals, field.name))
+            for field in fields(self.normals)
+        }
+        write_maps(path, KIND, plain | stereo | rig_arrays(self.rig))
+
+    def __repr__(self) -> str:
+        height, width = self.shape
+        share = float((self.status < Status.DARK).mean())
+        size = f"{height} x {width} pixels, {len(self.bands)} bands"
+        if self.verdict == "no-highlight":
+            lobe = "no highlight"
+        else:
+            spread = [math.sqrt(self.covariance[i, i]) for i in range(2)]
+            lobe = (
+                f"beta {self.beta:.4g} ± {100 * spread[0]:.1f} %, "
+                f"gamma {self.gamma:.4g} rad ± {100 * spread[1]:.1f} %"
+            )
+            if self.verdict != "fitted":
+                lobe += f" ({self.verdict})"
+        return f"<Sbrdf {size}, {100 * share:.1f} % estimated: {lobe}>"
+
+
+def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf:
+    """Read what :meth:`Sbrdf.save` wrote.
+
+    Raises
+    ------
+    CorruptInputError
+        A file that is truncated, damaged or holds something else.
+    FileNotFoundError
+        There is none.
+    """
+    with read_maps(path, KIND) as maps:
+        stereo = {
+            field.name: maps.take(f"normals.{field.name}")
+            for field in fields(Normals)
+            if field.name != "method"
+        }
+        shape = maps.take("status").shape
+        sbrdf = Sbrdf(
+            normal=maps.take("normal"),
+            diffuse=maps.take("diffuse"),
+            beta=float(maps.take("beta")),
+            gamma=float(maps.take("gamma")),
+            index=float(maps.take("index")),
+            covariance=maps.take("covariance"),
+            verdict=str(maps.take("verdict")),
+            curve=maps.take("curve"),
+            path=maps.take("path"),
+            residual=maps.take("residual"),
+            status=maps.take("status"),
+            normals=Normals(method=str(maps.take("normals.method")), **stereo),
+            rig=rig_from_arrays(maps),
+            bands=tuple(str(band) for band in maps.take("bands")),
+        )
+        expected = {
+            "normal": (3, *shape),
+            "diffuse": (len(sbrdf.bands), *shape),
+            "residual": shape,
+        }
+        for name, size in expected.items():
+            maps.check(name, getattr(sbrdf, name).shape == size)
+    return sbrdf
+
+
+def fit_sbrdf(
+    stack: Stack,
+    *,
+    model: Model = "torrance-sparrow",
+    pooling: Pooling = "painting",
+    extraction: Extraction = "residual",
+    index: float = 1.45,
+    normals: Normals | str | None = None,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> Sbrdf:
+    """Estimate normals, diffuse colours and the gloss of a painting.
+
+    Photometric stereo first; then the specular part of all samples gives one (beta, gamma) for
+    the painting by Levenberg-Marquardt (six-band paper eq. 6, RGB paper eq. 10); then rounds in
+    which normals, colours and the lobe settle together, so that what a highlight did to a normal
+    is taken back.
+
+    Parameters
+    ----------
+    stack
+        Photographs with their lights.
+    model
+        ``"torrance-sparrow"``, the papers'.
+    pooling
+        ``"painting"``: one lobe for all pixels.
+    extraction
+        Which samples carry the first estimate of the lobe: ``"residual"`` (default): all that are
+        not in shadow, by what the diffuse part leaves; ``"maximum"``: each pixel's brightest
+        photograph, as in the papers.
+    index
+        Index of refraction of the interface; 1.45 in the papers.
+    normals
+        What :func:`impasto.fit_normals` returned, or the name of one of its methods; default:
+        its own default.
+    threads
+        None means every allowed core.
+    progress
+        True: a bar on stderr; or a callable ``(done, total)`` in tiles, which starts anew for
+        each of the two stages.
+
+    Returns
+    -------
+    Sbrdf
+        Maps and the lobe.
+
+    Raises
+    ------
+    ArgumentError
+        An unknown name, an index below 1, normals of another size.
+    GeometryError
+        Lights that cannot determine normals.
+
+    References
+    ----------
+    S. Tominaga and N. Tanaka, papers on measuring and rendering art paintings by an RGB camera
+    (eq. 9, 10) and by a six-band camera (eq. 1, 6).
+    """
+    _one_of(model, Model, "model")
+    _one_of(pooling, Pooling, "pooling")
+    _one_of(extraction, Extraction, "extraction")
+    if not (isinstance(index, int | float) and math.isfinite(index) and index >= 1.0):
+        raise ArgumentError(f"index: expected a refractive index from 1 on, found {index!r}")
+    workers = thread_count(threads)
+    stereo = _stereo(stack, normals, threads, progress)
+    status = stereo.status.copy()
+    # The fit refines its maps in place; the stereo stage stays what it was.
+    normal = np.array(stereo.normal, dtype=np.float32, order="C")
+    diffuse = np.array(stereo.albedo, dtype=np.float32, order="C")
+    residual = np.full(status.shape, np.nan, dtype=np.float32)
+    pooled = _core.fit_pooled(
+        StackArguments.of(stack),
+        normal,
+        diffuse,
+        residual,
+        status,
+        extraction,
+        ROUNDS,
+        STEPS,
+        float(index),
+        workers,
+        progress_callback(progress, "gloss"),
+    )
+    return Sbrdf(
+        normal=normal,
+        diffuse=diffuse,
+        beta=pooled["beta"],
+        gamma=pooled["gamma"],
+        index=float(index),
+        covariance=np.array(pooled["covariance"], dtype=np.float64),
+        verdict=pooled["verdict"],
+        curve=np.array(pooled["curve"], dtype=np.float64).reshape(-1, 3),
+        path=np.array(pooled["path"], dtype=np.float64).reshape(-1, 2),
+        residual=residual,
+        status=status,
+        normals=stereo,
+        rig=stack.rig,
+        bands=stack.bands,
+    )
+
+
+def _stereo(
+    stack: Stack,
+    normals: Normals | str | None,
+    threads: int | None,
+    progress: bool | ProgressCallback,
+) -> Normals:
+    if normals is None:
+        return fit_normals(stack, threads=threads, progress=progress)
+    if isinstance(normals, str):
+        method: Any = normals
+        return fit_normals(stack, method=method, threads=threads, progress=progress)
+    if not isinstance(normals, Normals):
+        raise ArgumentError(
+            "normals: expected what impasto.fit_normals returns, the name of one of its methods "
+            f"or None, found {type(normals).__name__}"
+        )
+    _, bands, height, width = stack.shape
+    if normals.albedo.shape != (bands, height, width):
+        raise ArgumentError(
+            f"normals: their albedo has the shape {normals.albedo.shape}, the stack needs "
+            f"{(bands, height, width)}; fit them to this stack"
+        )
+    return normals
+
+
+def _one_of(value: Any, names: Any, argument: str) -> None:
+    if value not in get_args(names):
+        expected = " or ".join(map(repr, get_args(names)))
+        raise ArgumentError(f"{argument}: expected {expected}, found {value!r}")
