@@ -41,18 +41,23 @@ class Pooled(TypedDict):
     gamma: float
     covariance: list[list[float]]
     verdict: str
+    describes: float
     curve: list[list[float]]
     path: list[list[float]]
+    normal: NDArray[np.float32]
+    diffuse: NDArray[np.float32]
+    residual: NDArray[np.float32]
+    sigma: NDArray[np.float32]
+    misfit: NDArray[np.float32]
+    status: NDArray[np.uint8]
 
 def fit_pooled(
     stack: StackArguments,
     normal: NDArray[np.float32],
     diffuse: NDArray[np.float32],
-    residual: NDArray[np.float32],
     status: NDArray[np.uint8],
     extraction: str,
-    rounds: int,
-    steps: int,
+    joint: bool,
     index: float,
     threads: int,
     progress: ProgressCallback | None,

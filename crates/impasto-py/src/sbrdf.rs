@@ -1,13 +1,13 @@
 //! Reflection models: samples that a surface shows, and the pooled fit.
 
 use numpy::{
-    PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyReadwriteArray2, PyReadwriteArray3, PyUntypedArrayMethods,
+    IntoPyArray, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadonlyArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
 use impasto::Error;
-use impasto::sbrdf::{Coats, Extraction, Maps, PooledOptions, Surface, Verdict};
+use impasto::sbrdf::{Coats, Extraction, PooledOptions, Start, Surface, Verdict};
 
 use crate::arrays::{RigArguments, StackArguments};
 use crate::{errors, run};
@@ -71,61 +71,69 @@ pub(crate) fn predict<'py>(
 /// Points of the measured lobe that go to Python.
 const CURVE_POINTS: usize = 200;
 
-/// The painting's lobe; meanings stand in `impasto.Sbrdf`.
+/// The painting's lobe and its maps; meanings stand in `impasto.Sbrdf`.
 #[derive(IntoPyObject)]
-pub(crate) struct Pooled {
+pub(crate) struct Pooled<'py> {
     beta: f64,
     gamma: f64,
     covariance: [[f64; 2]; 2],
     verdict: &'static str,
+    describes: f64,
     curve: Vec<[f64; 3]>,
     path: Vec<[f64; 2]>,
+    normal: Bound<'py, PyArray3<f32>>,
+    diffuse: Bound<'py, PyArray3<f32>>,
+    residual: Bound<'py, PyArray2<f32>>,
+    sigma: Bound<'py, PyArray2<f32>>,
+    misfit: Bound<'py, PyArray2<f32>>,
+    status: Bound<'py, PyArray2<u8>>,
 }
 
-/// One lobe for the whole painting; refines `normal`, `diffuse` in place and fills `residual`.
+/// One lobe for the whole painting, from the maps of photometric stereo.
 #[pyfunction]
 #[pyo3(signature = (
-    stack, normal, diffuse, residual, status, extraction, rounds, steps, index, threads, progress
+    stack, normal, diffuse, status, extraction, joint, index, threads, progress
 ))]
 #[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.sbrdf")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
 pub(crate) fn fit_pooled<'py>(
     py: Python<'py>,
     stack: StackArguments<'py>,
-    mut normal: PyReadwriteArray3<'py, f32>,
-    mut diffuse: PyReadwriteArray3<'py, f32>,
-    mut residual: PyReadwriteArray2<'py, f32>,
+    normal: PyReadonlyArray3<'py, f32>,
+    diffuse: PyReadonlyArray3<'py, f32>,
     status: PyReadonlyArray2<'py, u8>,
     extraction: &str,
-    rounds: usize,
-    steps: usize,
+    joint: bool,
     index: f64,
     threads: usize,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Pooled> {
+) -> PyResult<Pooled<'py>> {
     let refuse = |error| errors::to_python(py, &error);
     let extraction = match extraction {
         "residual" => Extraction::Residual,
         "maximum" => Extraction::Maximum,
+        "papers" => Extraction::Papers,
         _ => {
             let problem = format!("there is none called {extraction:?}");
             return Err(refuse(Error::argument("extraction", problem)));
         }
     };
-    let options = PooledOptions { extraction, rounds, steps, index };
+    let options = PooledOptions { extraction, joint, index };
     let decode = stack.decode();
     let samples = stack.stack(&decode).map_err(refuse)?;
     let shape = samples.shape();
-    let rig = stack.rig.rig(shape.height, shape.width).map_err(refuse)?;
-    let mut maps = Maps {
-        normal: normal.as_slice_mut()?,
-        diffuse: diffuse.as_slice_mut()?,
-        residual: residual.as_slice_mut()?,
+    let (height, width, bands) = (shape.height, shape.width, shape.bands);
+    let rig = stack.rig.rig(height, width).map_err(refuse)?;
+    let start = Start {
+        normal: normal.as_slice()?,
+        diffuse: diffuse.as_slice()?,
         status: status.as_slice()?,
     };
     let pooled = run::call(py, threads, progress.as_ref(), |run| {
-        impasto::sbrdf::fit_pooled(&samples, &rig, &mut maps, &options, run)
+        impasto::sbrdf::fit_pooled(&samples, &rig, &start, &options, run)
     })?;
+    let map = |values: Vec<f32>| values.into_pyarray(py).reshape([height, width]);
+    let planes = |values: Vec<f32>, n| values.into_pyarray(py).reshape([n, height, width]);
     Ok(Pooled {
         beta: pooled.beta,
         gamma: pooled.gamma,
@@ -133,9 +141,17 @@ pub(crate) fn fit_pooled<'py>(
         verdict: match pooled.verdict {
             Verdict::NoHighlight => "no-highlight",
             Verdict::AtBound => "at-bound",
+            Verdict::Mixed => "mixed",
             _ => "fitted",
         },
+        describes: pooled.describes,
         curve: pooled.histogram.curve(CURVE_POINTS),
         path: pooled.path,
+        normal: planes(pooled.normal, 3)?,
+        diffuse: planes(pooled.diffuse, bands)?,
+        residual: map(pooled.residual)?,
+        sigma: map(pooled.sigma)?,
+        misfit: map(pooled.misfit)?,
+        status: pooled.status.into_pyarray(py).reshape([height, width])?,
     })
 }

@@ -28,13 +28,7 @@ from impasto.status import Status
 
 Model = Literal["torrance-sparrow"]
 Pooling = Literal["painting"]
-Extraction = Literal["residual", "maximum"]
-
-ROUNDS = 8
-"""Rounds of the joint fit."""
-
-STEPS = 2
-"""Steps of each pixel's normal and colours per round."""
+Extraction = Literal["residual", "maximum", "papers"]
 
 KIND = "impasto.Sbrdf"
 """Says in a saved file what it holds."""
@@ -59,18 +53,32 @@ class Sbrdf:
     index
         Index of refraction of the interface.
     covariance
-        ``(2, 2)`` of (log beta, log gamma); infinite where there is no highlight.
+        ``(2, 2)`` of (log beta, log gamma); infinite where there is no highlight. From the scatter
+        of the pixels' own votes: it says how well the photographs determine the one lobe that fits
+        all of them best, not how far a pixel's own lobe may be from it (``misfit``).
     verdict
-        ``"fitted"``; ``"no-highlight"``: nothing stands out of the noise; ``"at-bound"``: a lobe
-        as sharp as a mirror or as flat as paper.
+        ``"fitted"``; ``"mixed"``: a lobe stands out, but ``describes`` is below 0.8: several
+        varnishes, or gilding; ``"no-highlight"``: nothing stands out of the noise, ``beta`` is 0;
+        ``"at-bound"``: a lobe as sharp as a mirror or as flat as paper.
     curve
         ``(n, 3)`` the measured lobe: phi (rad), specular part over its geometry factor, samples.
     path
-        ``(rounds, 2)`` beta and gamma, the separate fit of the papers first.
+        ``(n, 2)`` beta and gamma as they got better, the separate fit of the papers first.
+    describes
+        Share of the pixels which know their own strength (to 20 %, normal and colours following)
+        that agree with the painting's (to 25 % or three standard deviations); NaN if none does.
+    misfit
+        ``(y, x)`` float32, 0 to 1: by how much of ``beta`` the pixel's own strength differs from
+        it beyond three standard deviations; 0 where the photographs cannot tell.
     residual
         ``(y, x)`` float32 root mean square of the weighted residuals, linear light.
+    sigma
+        ``(y, x)`` float32 standard deviation of the normal along its worst axis, radians, with the
+        lobe known and colours following; noise from the pixel's own residuals.
     status
-        ``(y, x)`` uint8, :class:`~impasto.Status`.
+        ``(y, x)`` uint8, :class:`~impasto.Status`: that of the normals, and ``POOLED`` where the
+        pixel's samples do not support the lobe: there ``normal`` and ``diffuse`` are those of
+        ``normals``, and the lobe is the painting's only.
     normals
         The photometric stereo that the fit began with.
     rig
@@ -88,7 +96,10 @@ class Sbrdf:
     verdict: str
     curve: NDArray[np.float64]
     path: NDArray[np.float64]
+    describes: float
+    misfit: NDArray[np.float32]
     residual: NDArray[np.float32]
+    sigma: NDArray[np.float32]
     status: NDArray[np.uint8]
     normals: Normals
     rig: Rig
@@ -170,7 +181,9 @@ class Sbrdf:
                 f"beta {self.beta:.4g} ± {100 * spread[0]:.1f} %, "
                 f"gamma {self.gamma:.4g} rad ± {100 * spread[1]:.1f} %"
             )
-            if self.verdict != "fitted":
+            if self.verdict == "mixed":
+                lobe += f", but only {100 * self.describes:.0f} % of the pixels agree with it"
+            elif self.verdict != "fitted":
                 lobe += f" ({self.verdict})"
         return f"<Sbrdf {size}, {100 * share:.1f} % estimated: {lobe}>"
 
@@ -202,7 +215,10 @@ def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf:
             verdict=str(maps.take("verdict")),
             curve=maps.take("curve"),
             path=maps.take("path"),
+            describes=float(maps.take("describes")),
             residual=maps.take("residual"),
+            sigma=maps.take("sigma"),
+            misfit=maps.take("misfit"),
             status=maps.take("status"),
             normals=Normals(method=str(maps.take("normals.method")), **stereo),
             rig=rig_from_arrays(maps),
@@ -212,6 +228,8 @@ def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf:
             "normal": (3, *shape),
             "diffuse": (len(sbrdf.bands), *shape),
             "residual": shape,
+            "sigma": shape,
+            "misfit": shape,
         }
         for name, size in expected.items():
             maps.check(name, getattr(sbrdf, name).shape == size)
@@ -224,6 +242,7 @@ def fit_sbrdf(
     model: Model = "torrance-sparrow",
     pooling: Pooling = "painting",
     extraction: Extraction = "residual",
+    joint: bool = True,
     index: float = 1.45,
     normals: Normals | str | None = None,
     threads: int | None = None,
@@ -231,10 +250,12 @@ def fit_sbrdf(
 ) -> Sbrdf:
     """Estimate normals, diffuse colours and the gloss of a painting.
 
-    Photometric stereo first; then the specular part of all samples gives one (beta, gamma) for
-    the painting by Levenberg-Marquardt (six-band paper eq. 6, RGB paper eq. 10); then rounds in
-    which normals, colours and the lobe settle together, so that what a highlight did to a normal
-    is taken back.
+    Photometric stereo first. Then the specular part of the samples gives one (beta, gamma) for
+    the painting by Levenberg-Marquardt (six-band paper eq. 6, RGB paper eq. 10). The papers stop
+    here; ``joint`` goes on: the lobe, every normal and all colours are fitted to all samples
+    together, so that what a highlight did to a normal is taken back, and normals that scatter
+    do not widen the lobe. Robust residual scales keep shadows, and pixels that the model does not
+    describe, from ruling the others.
 
     Parameters
     ----------
@@ -247,7 +268,11 @@ def fit_sbrdf(
     extraction
         Which samples carry the first estimate of the lobe: ``"residual"`` (default): all that are
         not in shadow, by what the diffuse part leaves; ``"maximum"``: each pixel's brightest
-        photograph, as in the papers.
+        photograph; ``"papers"``: the same divided by its geometry factor ``F G / (N.V)``, as eq. 6
+        and 10 are written.
+    joint
+        False stops at that estimate, with the normals and colours of photometric stereo: the
+        papers' procedure.
     index
         Index of refraction of the interface; 1.45 in the papers.
     normals
@@ -281,29 +306,21 @@ def fit_sbrdf(
     _one_of(extraction, Extraction, "extraction")
     if not (isinstance(index, int | float) and math.isfinite(index) and index >= 1.0):
         raise ArgumentError(f"index: expected a refractive index from 1 on, found {index!r}")
-    workers = thread_count(threads)
     stereo = _stereo(stack, normals, threads, progress)
-    status = stereo.status.copy()
-    # The fit refines its maps in place; the stereo stage stays what it was.
-    normal = np.array(stereo.normal, dtype=np.float32, order="C")
-    diffuse = np.array(stereo.albedo, dtype=np.float32, order="C")
-    residual = np.full(status.shape, np.nan, dtype=np.float32)
     pooled = _core.fit_pooled(
         StackArguments.of(stack),
-        normal,
-        diffuse,
-        residual,
-        status,
+        np.ascontiguousarray(stereo.normal, dtype=np.float32),
+        np.ascontiguousarray(stereo.albedo, dtype=np.float32),
+        np.ascontiguousarray(stereo.status, dtype=np.uint8),
         extraction,
-        ROUNDS,
-        STEPS,
+        bool(joint),
         float(index),
-        workers,
+        thread_count(threads),
         progress_callback(progress, "gloss"),
     )
     return Sbrdf(
-        normal=normal,
-        diffuse=diffuse,
+        normal=pooled["normal"],
+        diffuse=pooled["diffuse"],
         beta=pooled["beta"],
         gamma=pooled["gamma"],
         index=float(index),
@@ -311,8 +328,11 @@ def fit_sbrdf(
         verdict=pooled["verdict"],
         curve=np.array(pooled["curve"], dtype=np.float64).reshape(-1, 3),
         path=np.array(pooled["path"], dtype=np.float64).reshape(-1, 2),
-        residual=residual,
-        status=status,
+        describes=pooled["describes"],
+        residual=pooled["residual"],
+        sigma=pooled["sigma"],
+        misfit=pooled["misfit"],
+        status=pooled["status"],
         normals=stereo,
         rig=stack.rig,
         bands=stack.bands,

@@ -134,7 +134,20 @@ impl<R: Real> Facet<R> {
     #[inline(always)]
     pub fn gradient(&self, normal: Vec3<R>, beta: R, sharpness: R) -> Gradient<R> {
         let glint = self.on(normal);
-        let lobe = glint.lobe(sharpness);
+        self.slope(normal, glint, glint.lobe(sharpness), beta, sharpness)
+    }
+
+    /// [`Self::gradient`] where the glint and its lobe are known.
+    #[must_use]
+    #[inline(always)]
+    pub fn slope(
+        &self,
+        normal: Vec3<R>,
+        glint: Glint<R>,
+        lobe: R,
+        beta: R,
+        sharpness: R,
+    ) -> Gradient<R> {
         let value = beta * glint.weight * lobe;
         let (n_l, n_v) = (normal.dot(self.light), normal.dot(self.view));
         let n_h = normal.dot(self.half);

@@ -17,6 +17,10 @@ pub enum Extraction {
     Residual,
     /// The papers' "maximum minus diffuse": each pixel's brightest observation only.
     Maximum,
+    /// The same, each divided by its geometry factor before the fit, as eq. 6 and 10 are written:
+    /// pixels whose highlight is weak by their geometry count as much as the others, with noise
+    /// that is larger by as much.
+    Papers,
 }
 
 /// Share of its diffuse part below which a sample is a shadow (hard case 24).
@@ -71,7 +75,12 @@ impl Kernel for Extract<'_, '_, '_> {
             for lane in (0..I::F32::WIDTH.min(tile.count - at)).filter(|&l| tile.estimated(at + l))
             {
                 let add = |h: &mut Histogram, f: &[[f32; MAX_LANES]; 4]| {
-                    h.add(f[0][lane], f[1][lane], f[2][lane]);
+                    let (specular, weight) = (f[0][lane], f[1][lane]);
+                    if extraction == Extraction::Papers && weight > 0.0 {
+                        h.add(specular / weight, 1.0, f[2][lane]);
+                    } else {
+                        h.add(specular, weight, f[2][lane]);
+                    }
                 };
                 match extraction {
                     Extraction::Residual => {
@@ -79,7 +88,7 @@ impl Kernel for Extract<'_, '_, '_> {
                             add(&mut histogram, found);
                         }
                     }
-                    Extraction::Maximum => {
+                    Extraction::Maximum | Extraction::Papers => {
                         let brightest = found
                             .iter()
                             .filter(|found| found[1][lane] > 0.0)

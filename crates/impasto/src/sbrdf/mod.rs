@@ -6,13 +6,19 @@
 
 mod extract;
 pub mod histogram;
+mod joint;
 mod lanes;
+mod measure;
+mod pixel;
 mod pooled;
 mod predict;
-mod refine;
+mod scale;
+mod settle;
 mod tile;
+mod verdict;
 
 pub use extract::Extraction;
-pub use pooled::{Pooled, PooledOptions, Verdict, fit_pooled};
+pub use pooled::{Pooled, PooledOptions, fit_pooled};
 pub use predict::{Coats, Surface, predict};
-pub use tile::Maps;
+pub use tile::Start;
+pub use verdict::Verdict;

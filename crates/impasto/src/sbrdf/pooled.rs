@@ -3,41 +3,33 @@
 use crate::brdf::torrance_sparrow::{GAMMA_MAX, GAMMA_MIN, sharpness};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
-use crate::lm;
-use crate::pixels::{Run, TILE};
+use crate::lm::{self, Bounds, Outcome};
+use crate::maps::Status;
+use crate::pixels::{Run, TILE, tiles};
 use crate::stack::Stack;
 
 use super::extract::{Extract, Extraction};
 use super::histogram::Histogram;
-use super::refine::{Refine, Share};
-use super::tile::{Maps, Reader, Scene};
+use super::joint::{Found, settle_together};
+use super::measure::{Measure, Plates};
+use super::pixel::Lobe;
+use super::scale::Gaussian;
+use super::settle::{Settle, Share};
+use super::tile::{Reader, Scene, Start, State};
+use super::verdict::{Agreement, DESCRIBES, Verdict, agreement};
 
 /// How the pooled fit goes about it.
 #[derive(Clone, Copy, Debug)]
 pub struct PooledOptions {
     /// Which samples carry the first estimate.
     pub extraction: Extraction,
-    /// Rounds of the joint fit; 0 stops at the papers' separate one.
-    pub rounds: usize,
-    /// Steps of each pixel's normal and colours per round.
-    pub steps: usize,
+    /// Whether normals, colours and the lobe settle together; else the papers' separate fit.
+    pub joint: bool,
     /// Index of refraction.
     pub index: f64,
 }
 
-/// What the samples say about the lobe.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Verdict {
-    /// A lobe stands out of the noise.
-    Fitted,
-    /// No sample shows a highlight: beta is 0, gamma where the search began (hard case 4).
-    NoHighlight,
-    /// A parameter ended at its bound, mirror-sharp or flat (hard cases 6 and 7).
-    AtBound,
-}
-
-/// The painting's lobe.
+/// The painting's lobe and the maps that go with it.
 #[derive(Clone, Debug)]
 pub struct Pooled {
     /// Strength.
@@ -48,20 +40,36 @@ pub struct Pooled {
     pub covariance: [[f64; 2]; 2],
     /// Why it is what it is.
     pub verdict: Verdict,
+    /// Share of the pixels which know their own strength that agree with the painting's; NaN if
+    /// there are none.
+    pub describes: f64,
     /// What remains of the samples beside the final diffuse part, against phi.
     pub histogram: Histogram,
-    /// (beta, gamma) after each round, the separate fit first.
+    /// (beta, gamma) as they got better, the separate fit first.
     pub path: Vec<[f64; 2]>,
+    /// `(3, y, x)`.
+    pub normal: Vec<f32>,
+    /// `(band, y, x)`.
+    pub diffuse: Vec<f32>,
+    /// `(y, x)` root mean square of the weighted residuals, linear light.
+    pub residual: Vec<f32>,
+    /// `(y, x)` standard deviation of the normal along its worst axis, rad.
+    pub sigma: Vec<f32>,
+    /// `(y, x)` by how much of the painting's strength the pixel's own differs, beyond its error.
+    pub misfit: Vec<f32>,
+    /// `(y, x)` [`Status`] codes: [`Status::Pooled`] where the lobe does not improve on the
+    /// diffuse part alone, so that normal and colours are those of the start.
+    pub status: Vec<u8>,
 }
 
-/// Fits the painting's (beta, gamma), refining normals and diffuse colours in place.
+/// Fits the painting's (beta, gamma), with the normals and diffuse colours that go with it.
 ///
 /// # Errors
 /// If sizes disagree or the run is cancelled.
 pub fn fit_pooled(
     stack: &Stack<'_>,
     rig: &Rig,
-    maps: &mut Maps<'_>,
+    start: &Start<'_>,
     options: &PooledOptions,
     run: &Run<'_>,
 ) -> Result<Pooled> {
@@ -71,128 +79,270 @@ pub fn fit_pooled(
             format!("{} lights for {} photographs", rig.observations(), shape.observations);
         return Err(Error::geometry("lights", problem));
     }
-    let scene = Scene { stack, rig, index: options.index, bands: shape.bands };
-    let first = extract(&scene, maps, options.extraction, run)?;
-    let outcome = first.fit();
-    let [mut beta, mut log_k] = outcome.parameters;
-    let gamma_of = |log_k: f64| (core::f64::consts::LN_2 / log_k.exp()).sqrt();
-    let mut path = vec![[beta, gamma_of(log_k)]];
-    let freedom = (first.count() - 2.0).max(1.0);
-    let mut normal = outcome.normal;
-    let mut variance = normal.cost.max(0.0) / freedom;
-    let bounds = (sharpness(GAMMA_MAX).ln(), sharpness(GAMMA_MIN).ln());
-    for round in 0..=options.rounds {
-        // The last pass only measures: normals and colours that go with the final lobe.
-        // From the second round on, when the lobe is roughly known, lost normals are found again.
-        let restart = options.rounds > 0 && round > 0;
-        let share = refine(&scene, maps, (beta, log_k), restart, options, run)?;
-        if options.rounds == 0 {
-            break;
-        }
-        normal = share.normal;
-        variance = normal.cost / share.freedom.max(1.0);
-        if round == options.rounds {
-            break;
-        }
-        let step = lm::factor(&normal.matrix, 1e-3, &[false; 2]).solve(&normal.descent);
-        // A lobe is not linear in its width for more than this; beta may at most double or halve.
-        log_k = (log_k + step[1].clamp(-0.7, 0.7)).clamp(bounds.0, bounds.1);
-        beta = if beta > 0.0 { (beta + step[0]).clamp(0.3 * beta, 3.0 * beta) } else { 0.0 };
-        path.push([beta, gamma_of(log_k)]);
+    start.check(shape.pixels(), shape.bands)?;
+    let scene =
+        Scene { stack, rig, index: options.index, bands: shape.bands, status: start.status };
+    let fit = Fit { scene: &scene, run, reference: brightest(start) };
+    let state = State::new(start);
+    let first = fit.extract(&state, options.extraction)?.fit();
+    let lobe = Lobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
+    if options.joint && lobe.beta > 0.0 {
+        let found = settle_together(&fit, state, lobe)?;
+        return fit.judge_joint(found, start);
     }
-    let histogram = extract(&scene, maps, Extraction::Residual, run)?;
-    Ok(judge(beta, log_k, &normal, variance, bounds, histogram, path))
+    fit.judge_separate(state, &first)
 }
 
-fn judge(
-    beta: f64,
-    log_k: f64,
-    normal: &lm::Normal<f64, 2>,
-    variance: f64,
-    bounds: (f64, f64),
-    histogram: Histogram,
+/// The brightest colour: scaling the samples by a power of two scales it exactly.
+fn brightest(start: &Start<'_>) -> f64 {
+    let peak = start.diffuse.iter().fold(0.0_f32, |peak, &v| if v > peak { v } else { peak });
+    if peak > 0.0 && peak.is_finite() { f64::from(peak) } else { 1.0 }
+}
+
+pub(super) fn gamma_of(log_sharpness: f64) -> f64 {
+    (core::f64::consts::LN_2 / log_sharpness.exp()).sqrt()
+}
+
+pub(super) fn bounds() -> Bounds<f64, 2> {
+    Bounds { lower: [0.0, sharpness(GAMMA_MAX).ln()], upper: [f64::MAX, sharpness(GAMMA_MIN).ln()] }
+}
+
+/// A fit under way.
+pub(super) struct Fit<'a> {
+    scene: &'a Scene<'a>,
+    run: &'a Run<'a>,
+    /// Brightness that scales are measured in.
+    pub(super) reference: f64,
+}
+
+/// The lobe as the search left it, before anything is said about it.
+struct Estimate {
+    lobe: Lobe,
+    /// Of (log beta, log gamma); none where the samples do not determine it.
+    covariance: Option<[[f64; 2]; 2]>,
+    /// Whether the width is left open.
+    open: bool,
     path: Vec<[f64; 2]>,
-) -> Pooled {
-    let gamma = (core::f64::consts::LN_2 / log_k.exp()).sqrt();
-    let factor = lm::factor(&normal.matrix, 0.0, &[false; 2]);
-    let inverse = factor.inverse();
-    // d log beta = d beta / beta, d log gamma = -1/2 d log k.
-    let scale = [1.0 / beta, -0.5];
-    let covariance: [[f64; 2]; 2] = core::array::from_fn(|i| {
-        core::array::from_fn(|j| inverse[i][j] * variance * scale[i] * scale[j])
-    });
-    // Three standard deviations tell a highlight from noise.
-    let seen = beta > 0.0 && !factor.deficient[0] && covariance[0][0].sqrt() < 1.0 / 3.0;
-    if !seen {
+}
+
+impl Fit<'_> {
+    fn judge_separate(&self, state: State, first: &Outcome<f64, 2>) -> Result<Pooled> {
+        let lobe = Lobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
+        let histogram = self.extract(&state, Extraction::Residual)?;
+        let variance = first.normal.cost.max(0.0) / (histogram.count() - 2.0).max(1.0);
+        let covariance = (lobe.beta > 0.0 && !first.deficient[0])
+            .then(|| relative(lobe, first.covariance(variance)));
+        let path = vec![[lobe.beta, gamma_of(lobe.log_sharpness)]];
+        let estimate = Estimate { lobe, covariance, open: first.deficient[1], path };
+        self.report(state, estimate, self.scene.status.to_vec(), Some(histogram))
+    }
+
+    /// Pixels whose samples the lobe does not help to explain go back to where they started.
+    fn judge_joint(&self, found: Found, start: &Start<'_>) -> Result<Pooled> {
+        let Found { lobe, mut state, share, path, plain, plain_cost } = found;
+        let better = share.normal(self.reference).cost < plain_cost;
+        let gaussian = Gaussian::of(self.scene.bands);
+        let factor = lm::factor(&share.matrix, 0.0, &[false; 2]);
+        let covariance = (better && lobe.beta > 0.0 && !factor.deficient[0])
+            .then(|| relative(lobe, sandwich(&factor, &share.scatter, gaussian.curvature)));
+        let estimate = Estimate { lobe, covariance, open: factor.deficient[1], path };
+        if !estimate.seen() {
+            return self.report(State::new(start), estimate, start.status.to_vec(), None);
+        }
+        let mut status = start.status.to_vec();
+        let pixels = status.len();
+        for pixel in 0..pixels {
+            // A thousandth is what a search that stopped early may have left.
+            let helps = state.scale[pixel] <= plain[pixel] * 1.001;
+            if status[pixel] >= Status::Dark.code() || helps {
+                continue;
+            }
+            for plane in 0..3 {
+                state.normal[plane * pixels + pixel] = start.normal[plane * pixels + pixel];
+            }
+            for plane in 0..self.scene.bands {
+                state.diffuse[plane * pixels + pixel] = start.diffuse[plane * pixels + pixel];
+            }
+            if status[pixel] == Status::Fitted.code() {
+                status[pixel] = Status::Pooled.code();
+            }
+        }
+        self.report(state, estimate, status, None)
+    }
+
+    fn report(
+        &self,
+        state: State,
+        estimate: Estimate,
+        status: Vec<u8>,
+        histogram: Option<Histogram>,
+    ) -> Result<Pooled> {
+        let seen = estimate.seen();
+        let beta = if seen { estimate.lobe.beta } else { 0.0 };
+        let lobe = Lobe { beta, ..estimate.lobe };
+        let [residual, sigma, noise, apart, doubt] = self.measure(&state, lobe)?;
+        let brightness = self.brightness(&state);
+        let Agreement { misfit, describes } =
+            agreement(beta as f32, &brightness, &noise, &apart, &doubt);
+        let histogram = match histogram {
+            Some(histogram) => histogram,
+            None => self.extract(&state, Extraction::Residual)?,
+        };
+        let k = lobe.log_sharpness;
+        let at_bound = estimate.open || k <= bounds().lower[1] || k >= bounds().upper[1];
+        let verdict = match (seen, at_bound) {
+            (false, _) => Verdict::NoHighlight,
+            (true, true) => Verdict::AtBound,
+            (true, false) if describes < DESCRIBES => Verdict::Mixed,
+            (true, false) => Verdict::Fitted,
+        };
         let unknown = [[f64::INFINITY, 0.0], [0.0, f64::INFINITY]];
-        let verdict = Verdict::NoHighlight;
-        return Pooled { beta: 0.0, gamma, covariance: unknown, verdict, histogram, path };
+        Ok(Pooled {
+            beta,
+            gamma: gamma_of(k),
+            covariance: estimate.covariance.filter(|_| seen).unwrap_or(unknown),
+            verdict,
+            describes,
+            histogram,
+            path: estimate.path,
+            normal: state.normal,
+            diffuse: state.diffuse,
+            residual,
+            sigma,
+            misfit,
+            status,
+        })
     }
-    let at_bound = log_k <= bounds.0 || log_k >= bounds.1 || factor.deficient[1];
-    let verdict = if at_bound { Verdict::AtBound } else { Verdict::Fitted };
-    Pooled { beta, gamma, covariance, verdict, histogram, path }
-}
 
-fn extract(
-    scene: &Scene<'_>,
-    maps: &mut Maps<'_>,
-    extraction: Extraction,
-    run: &Run<'_>,
-) -> Result<Histogram> {
-    let pixels = scene.stack.shape().pixels();
-    let level = run.level;
-    let parts = run.map(
-        maps.tiles(pixels, scene.bands)?,
-        || Reader::new(scene),
-        |reader, tile| {
-            reader.read(scene, tile.start);
-            let Reader { samples, x, y } = reader;
-            level.run(Extract { scene, tile: &tile, samples, stride: TILE, x, y, extraction })
-        },
-    )?;
-    let mut sum = Histogram::default();
-    for part in &parts {
-        sum.merge(part);
+    fn extract(&self, state: &State, extraction: Extraction) -> Result<Histogram> {
+        let scene = self.scene;
+        let level = self.run.level;
+        let parts = self.run.map(
+            tiles(scene.pixels()),
+            || Reader::new(scene),
+            |reader, (start, _)| {
+                reader.read(scene, start);
+                let Reader { samples, x, y } = reader;
+                let tile = &state.tile(scene.status, start);
+                level.run(Extract { scene, tile, samples, stride: TILE, x, y, extraction })
+            },
+        )?;
+        let mut sum = Histogram::default();
+        for part in &parts {
+            sum.merge(part);
+        }
+        Ok(sum)
     }
-    Ok(sum)
-}
 
-fn refine(
-    scene: &Scene<'_>,
-    maps: &mut Maps<'_>,
-    (beta, log_sharpness): (f64, f64),
-    restart: bool,
-    options: &PooledOptions,
-    run: &Run<'_>,
-) -> Result<Share> {
-    let pixels = scene.stack.shape().pixels();
-    let level = run.level;
-    let steps = if options.rounds == 0 { 0 } else { options.steps };
-    let parts = run.map(
-        maps.tiles(pixels, scene.bands)?,
-        || Reader::new(scene),
-        |reader, mut tile| {
-            reader.read(scene, tile.start);
-            let Reader { samples, x, y } = reader;
-            let tile = &mut tile;
-            let stride = TILE;
-            level.run(Refine {
-                scene,
-                tile,
-                samples,
-                stride,
-                x,
-                y,
-                beta,
-                log_sharpness,
-                steps,
-                restart,
+    /// Settles all pixels under a lobe.
+    pub(super) fn settle(
+        &self,
+        from: &State,
+        to: &mut State,
+        lobe: Lobe,
+        steps: usize,
+        restart: bool,
+    ) -> Result<Share> {
+        let (scene, reference) = (self.scene, self.reference);
+        let level = self.run.level;
+        let jobs = tiles(scene.pixels()).into_iter().zip(to.tiles_mut()).collect();
+        let parts = self.run.map(
+            jobs,
+            || Reader::new(scene),
+            |reader, ((start, _), out)| {
+                reader.read(scene, start);
+                let Reader { samples, x, y } = reader;
+                let tile = &from.tile(scene.status, start);
+                let stride = TILE;
+                level.run(Settle {
+                    scene,
+                    tile,
+                    out,
+                    samples,
+                    stride,
+                    x,
+                    y,
+                    lobe,
+                    steps,
+                    restart,
+                    reference,
+                })
+            },
+        )?;
+        let mut sum = Share::zero();
+        for part in &parts {
+            sum.merge(part);
+        }
+        Ok(sum)
+    }
+
+    /// Mean over the bands of the diffuse colours.
+    fn brightness(&self, state: &State) -> Vec<f32> {
+        let pixels = self.scene.pixels();
+        (0..pixels)
+            .map(|pixel| state.diffuse[pixel..].iter().step_by(pixels).sum::<f32>())
+            .collect()
+    }
+
+    /// Residual, sigma, noise, what is apart, and the doubt about it.
+    fn measure(&self, state: &State, lobe: Lobe) -> Result<[Vec<f32>; 5]> {
+        let scene = self.scene;
+        let level = self.run.level;
+        let gaussian = Gaussian::of(scene.bands);
+        let mut maps = [(); 5].map(|()| vec![0.0; scene.pixels()]);
+        let mut plates = maps.each_mut().map(|map| map.chunks_mut(TILE));
+        let jobs = tiles(scene.pixels())
+            .into_iter()
+            .filter_map(|(start, _)| {
+                let [residual, sigma, noise, apart, doubt] = plates.each_mut().map(Iterator::next);
+                Some((
+                    start,
+                    Plates {
+                        residual: residual?,
+                        sigma: sigma?,
+                        noise: noise?,
+                        apart: apart?,
+                        doubt: doubt?,
+                    },
+                ))
             })
-        },
-    )?;
-    let mut sum = Share::zero();
-    for part in &parts {
-        sum.merge(part);
+            .collect();
+        self.run.for_each(
+            jobs,
+            || Reader::new(scene),
+            |reader, (start, out)| {
+                reader.read(scene, start);
+                let Reader { samples, x, y } = reader;
+                let tile = &state.tile(scene.status, start);
+                let stride = TILE;
+                level.run(Measure { scene, tile, out, samples, stride, x, y, lobe, gaussian });
+            },
+        )?;
+        Ok(maps)
     }
-    Ok(sum)
+}
+
+impl Estimate {
+    /// Three standard deviations tell a highlight from noise.
+    fn seen(&self) -> bool {
+        self.covariance.is_some_and(|covariance| covariance[0][0].sqrt() < 1.0 / 3.0)
+    }
+}
+
+/// From (beta, log k) to (log beta, log gamma): d log gamma = -1/2 d log k.
+fn relative(lobe: Lobe, covariance: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
+    let scale = [1.0 / lobe.beta, -0.5];
+    core::array::from_fn(|i| core::array::from_fn(|j| covariance[i][j] * scale[i] * scale[j]))
+}
+
+/// Covariance of parameters that minimise a sum over pixels, from the scatter of the pixels' own
+/// descents: noise that differs from pixel to pixel, and pixels that the model does not describe,
+/// count for what they are.
+fn sandwich(factor: &lm::Factor<f64, 2>, scatter: &[[f64; 2]; 2], curvature: f64) -> [[f64; 2]; 2] {
+    let half: [[f64; 2]; 2] = core::array::from_fn(|j| {
+        factor.solve(&core::array::from_fn(|i| scatter[i.max(j)][i.min(j)]))
+    });
+    let full: [[f64; 2]; 2] = core::array::from_fn(|i| factor.solve(&[half[0][i], half[1][i]]));
+    let shrink = 1.0 / (curvature * curvature);
+    full.map(|row| row.map(|v| v * shrink))
 }

@@ -1,4 +1,4 @@
-//! The maps of a fit, cut into tiles, and the samples of a tile.
+//! The state of all pixels, cut into tiles, and the samples of a tile.
 
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
@@ -15,60 +15,104 @@ pub(super) struct Scene<'a> {
     pub(super) rig: &'a Rig,
     pub(super) index: f64,
     pub(super) bands: usize,
-}
-
-/// Maps in the caller's memory: normals and colours are refined in place.
-#[derive(Debug)]
-pub struct Maps<'a> {
-    /// `(3, y, x)`.
-    pub normal: &'a mut [f32],
-    /// `(band, y, x)`.
-    pub diffuse: &'a mut [f32],
-    /// `(y, x)` root mean square of the weighted residuals, linear light.
-    pub residual: &'a mut [f32],
-    /// `(y, x)` [`Status`] codes of the normals.
-    pub status: &'a [u8],
-}
-
-/// The part of the maps that one tile holds.
-pub(super) struct Tile<'a> {
-    pub(super) start: usize,
-    pub(super) count: usize,
-    pub(super) normal: Vec<&'a mut [f32]>,
-    pub(super) diffuse: Vec<&'a mut [f32]>,
-    pub(super) residual: &'a mut [f32],
+    /// `(y, x)` [`Status`] codes of the normals that the fit begins with.
     pub(super) status: &'a [u8],
 }
 
-impl Maps<'_> {
-    /// The maps cut into tiles, borrowed for one pass.
-    pub(super) fn tiles(&mut self, pixels: usize, bands: usize) -> Result<Vec<Tile<'_>>> {
+impl Scene<'_> {
+    pub(super) fn pixels(&self) -> usize {
+        self.stack.shape().pixels()
+    }
+}
+
+/// Maps to start from: what photometric stereo gave.
+#[derive(Clone, Copy, Debug)]
+pub struct Start<'a> {
+    /// `(3, y, x)`.
+    pub normal: &'a [f32],
+    /// `(band, y, x)`.
+    pub diffuse: &'a [f32],
+    /// `(y, x)` [`Status`] codes.
+    pub status: &'a [u8],
+}
+
+impl Start<'_> {
+    pub(super) fn check(&self, pixels: usize, bands: usize) -> Result<()> {
         let sizes = [
             ("normal", self.normal.len(), 3 * pixels),
             ("diffuse", self.diffuse.len(), bands * pixels),
-            ("residual", self.residual.len(), pixels),
             ("status", self.status.len(), pixels),
         ];
-        if let Some((name, found, expected)) = sizes.iter().find(|(_, a, b)| a != b) {
-            return Err(Error::argument(name, format!("{found} values, expected {expected}")));
+        match sizes.iter().find(|(_, found, expected)| found != expected) {
+            Some((name, found, expected)) => {
+                Err(Error::argument(name, format!("{found} values, expected {expected}")))
+            }
+            None => Ok(()),
         }
-        let cut = |map| <[f32]>::chunks_mut(map, pixels);
-        let mut normal: Vec<_> = cut(self.normal).map(|p| p.chunks_mut(pixels::TILE)).collect();
-        let mut diffuse: Vec<_> = cut(self.diffuse).map(|p| p.chunks_mut(pixels::TILE)).collect();
-        Ok(pixels::tiles(pixels)
-            .into_iter()
-            .zip(self.residual.chunks_mut(pixels::TILE))
-            .zip(self.status.chunks(pixels::TILE))
-            .map(|(((start, count), residual), status)| Tile {
-                start,
-                count,
-                normal: normal.iter_mut().filter_map(Iterator::next).collect(),
-                diffuse: diffuse.iter_mut().filter_map(Iterator::next).collect(),
-                residual,
-                status,
-            })
-            .collect())
     }
+}
+
+/// Where every pixel stands: its normal, its colours, and the squared scale of its residuals.
+#[derive(Clone, Debug)]
+pub(super) struct State {
+    pub(super) normal: Vec<f32>,
+    pub(super) diffuse: Vec<f32>,
+    pub(super) scale: Vec<f32>,
+}
+
+impl State {
+    pub(super) fn new(start: &Start<'_>) -> Self {
+        Self {
+            normal: start.normal.to_vec(),
+            diffuse: start.diffuse.to_vec(),
+            scale: vec![f32::NAN; start.status.len()],
+        }
+    }
+
+    /// The part that one tile reads.
+    pub(super) fn tile<'a>(&'a self, status: &'a [u8], start: usize) -> Tile<'a> {
+        let pixels = status.len();
+        let end = (start + pixels::TILE).min(pixels);
+        let cut = |map: &'a [f32]| -> Vec<&'a [f32]> {
+            map.chunks(pixels).map(|plane| &plane[start..end]).collect()
+        };
+        Tile {
+            count: end - start,
+            normal: cut(&self.normal),
+            diffuse: cut(&self.diffuse),
+            status: &status[start..end],
+        }
+    }
+
+    /// The parts that all tiles write.
+    pub(super) fn tiles_mut(&mut self) -> Vec<TileMut<'_>> {
+        let pixels = self.scale.len();
+        let normal = planes(&mut self.normal, pixels);
+        let diffuse = planes(&mut self.diffuse, pixels);
+        let scale = self.scale.chunks_mut(pixels::TILE);
+        normal
+            .into_iter()
+            .zip(diffuse)
+            .zip(scale)
+            .map(|((normal, diffuse), scale)| TileMut { normal, diffuse, scale })
+            .collect()
+    }
+}
+
+/// The planes of a map, tile by tile.
+pub(super) fn planes(map: &mut [f32], pixels: usize) -> Vec<Vec<&mut [f32]>> {
+    let mut planes: Vec<_> = map.chunks_mut(pixels).map(|p| p.chunks_mut(pixels::TILE)).collect();
+    (0..pixels::tiles(pixels).len())
+        .map(|_| planes.iter_mut().filter_map(Iterator::next).collect())
+        .collect()
+}
+
+/// A tile to read.
+pub(super) struct Tile<'a> {
+    pub(super) count: usize,
+    pub(super) normal: Vec<&'a [f32]>,
+    pub(super) diffuse: Vec<&'a [f32]>,
+    pub(super) status: &'a [u8],
 }
 
 impl Tile<'_> {
@@ -81,36 +125,40 @@ impl Tile<'_> {
     pub(super) fn normal_at<R: Real<Scalar = f32>>(&self, at: usize) -> Vec3<R> {
         Vec3::new(load(self.normal[0], at), load(self.normal[1], at), load(self.normal[2], at))
     }
+}
 
-    /// Writes lanes that hold finite results; the others keep what they had.
+/// A tile to write.
+pub(super) struct TileMut<'a> {
+    pub(super) normal: Vec<&'a mut [f32]>,
+    pub(super) diffuse: Vec<&'a mut [f32]>,
+    pub(super) scale: &'a mut [f32],
+}
+
+impl TileMut<'_> {
+    /// Writes the lanes of `fine`; the others keep what they had.
     #[inline(always)]
-    pub(super) fn write_pixels<R: Real<Scalar = f32>>(
+    pub(super) fn write<R: Real<Scalar = f32>>(
         &mut self,
         at: usize,
         normal: Vec3<R>,
         colours: &[R],
+        scale: R,
         fine: R::Mask,
     ) {
         if !fine.any() {
             return;
         }
-        for (plane, value) in self.normal.iter_mut().zip([normal.x, normal.y, normal.z]) {
+        let put = |plane: &mut [f32], value: R| {
             let old: R = load(plane, at);
             store(R::select(fine, value, old), plane, at);
+        };
+        for (plane, value) in self.normal.iter_mut().zip([normal.x, normal.y, normal.z]) {
+            put(plane, value);
         }
         for (plane, &value) in self.diffuse.iter_mut().zip(colours) {
-            let old: R = load(plane, at);
-            store(R::select(fine, value, old), plane, at);
+            put(plane, value);
         }
-    }
-
-    /// NaN where the status says that nothing was estimated.
-    pub(super) fn blank(&mut self) {
-        for pixel in 0..self.count {
-            if !self.estimated(pixel) {
-                self.residual[pixel] = f32::NAN;
-            }
-        }
+        put(self.scale, scale);
     }
 }
 

@@ -1,0 +1,159 @@
+//! The search for the lobe while normals and colours follow.
+
+use core::cell::{Cell, RefCell};
+
+use crate::error::{Error, Result};
+use crate::lm::{self, Normal, Options, Problem};
+
+use super::pixel::Lobe;
+use super::pooled::{Fit, bounds, gamma_of};
+use super::settle::Share;
+use super::tile::State;
+
+/// Steps of a pixel from the normals of photometric stereo, and between two places of the lobe.
+const FIRST_STEPS: usize = 10;
+const STEPS: usize = 3;
+
+/// Places tried before lost normals are looked for: the lobe is roughly known by then.
+const ROUGH: usize = 3;
+
+/// A cost that falls by a millionth has stopped falling. A lobe one standard deviation from the best
+/// costs one part in the number of samples more: with a million samples the search ends within one
+/// deviation, with ten thousand (where deviations are larger) within a tenth.
+const SEARCH: Options = Options { max_iterations: 20, cost: 1e-6, step: 1e-4, gradient: 1e-8 };
+
+/// Smallest share of the model's curvature that the cost is taken to have.
+const SOFTEST: f64 = 0.1;
+
+/// What the search found.
+pub(super) struct Found {
+    pub(super) lobe: Lobe,
+    pub(super) state: State,
+    pub(super) share: Share,
+    /// (beta, gamma) as they got better.
+    pub(super) path: Vec<[f64; 2]>,
+    /// `(y, x)` squared scales of the diffuse part alone, and their cost.
+    pub(super) plain: Vec<f32>,
+    pub(super) plain_cost: f64,
+}
+
+/// Costs of lobes, with the state of all pixels that goes with the best.
+struct Search<'a> {
+    fit: &'a Fit<'a>,
+    best: RefCell<State>,
+    trial: RefCell<State>,
+    share: Cell<Share>,
+    least: Cell<f64>,
+    /// The best place, and its equations.
+    last: Cell<([f64; 2], Normal<f64, 2>)>,
+    stiffness: Cell<f64>,
+    steps: Cell<usize>,
+    path: RefCell<Vec<[f64; 2]>>,
+    failure: RefCell<Option<Error>>,
+}
+
+impl Search<'_> {
+    fn visit(&self, lobe: Lobe, restart: bool) -> Result<Normal<f64, 2>> {
+        let (mut best, mut trial) = (self.best.borrow_mut(), self.trial.borrow_mut());
+        let place = [lobe.beta, lobe.log_sharpness];
+        let share = self.fit.settle(&best, &mut trial, lobe, self.steps.get(), restart)?;
+        self.steps.set(STEPS);
+        let mut normal = share.normal(self.fit.reference);
+        self.soften(place, &normal);
+        // The rule by which `minimise` accepts a place.
+        if normal.cost < self.least.get() {
+            core::mem::swap(&mut *best, &mut *trial);
+            self.share.set(share);
+            self.least.set(normal.cost);
+            self.last.set((place, normal));
+            let mut path = self.path.borrow_mut();
+            let here = [lobe.beta, gamma_of(lobe.log_sharpness)];
+            // The same lobe with better settled pixels is no step of its own.
+            if path.last() != Some(&here) {
+                path.push(here);
+            }
+        }
+        normal.matrix = normal.matrix.map(|row| row.map(|v| v * self.stiffness.get()));
+        Ok(normal)
+    }
+
+    /// Learns how stiff the cost is along the last step.
+    ///
+    /// `w J'J` bounds the curvature of a robust scale from above (that is what makes its steps
+    /// safe); where many samples are outliers the cost is up to ten times softer, and steps would
+    /// be as much too short.
+    fn soften(&self, place: [f64; 2], normal: &Normal<f64, 2>) {
+        let (from, before) = self.last.get();
+        let (mut fall, mut expected) = (0.0, 0.0);
+        for i in 0..2 {
+            let step = place[i] - from[i];
+            fall = (before.descent[i] - normal.descent[i]).mul_add(step, fall);
+            for j in 0..2 {
+                let other = place[j] - from[j];
+                expected = (step * before.matrix[i.max(j)][i.min(j)]).mul_add(other, expected);
+            }
+        }
+        if expected > 0.0 {
+            self.stiffness.set((fall / expected).clamp(SOFTEST, 1.0));
+        }
+    }
+
+    fn minimise(&self, start: [f64; 2], options: Options) -> Result<[f64; 2]> {
+        let outcome = lm::minimise(self, start, &bounds(), &options);
+        match self.failure.take() {
+            Some(error) => Err(error),
+            None => Ok(outcome.parameters),
+        }
+    }
+}
+
+impl Problem<f64, 2> for Search<'_> {
+    fn normal(&self, [beta, log_sharpness]: [f64; 2]) -> Normal<f64, 2> {
+        let lost = Normal { cost: f64::INFINITY, ..Normal::zero() };
+        if self.failure.borrow().is_some() {
+            return lost;
+        }
+        self.visit(Lobe { beta, log_sharpness }, false).unwrap_or_else(|error| {
+            self.failure.replace(Some(error));
+            lost
+        })
+    }
+}
+
+/// Lets normals, colours and the lobe settle together.
+///
+/// Two searches by Levenberg-Marquardt, each place of the lobe judged with all pixels settled;
+/// between them every pixel tries a normal that faces the viewer.
+pub(super) fn settle_together(fit: &Fit<'_>, state: State, lobe: Lobe) -> Result<Found> {
+    let mut trial = state.clone();
+    let flat = Lobe { beta: 0.0, ..lobe };
+    let plain = fit.settle(&state, &mut trial, flat, FIRST_STEPS, false)?;
+    let plain_cost = plain.normal(fit.reference).cost;
+    let plain = trial.scale.clone();
+    let search = Search {
+        fit,
+        best: RefCell::new(state),
+        trial: RefCell::new(trial),
+        share: Cell::new(Share::zero()),
+        least: Cell::new(f64::INFINITY),
+        last: Cell::new(([lobe.beta, lobe.log_sharpness], Normal::zero())),
+        stiffness: Cell::new(1.0),
+        steps: Cell::new(FIRST_STEPS),
+        path: RefCell::new(vec![[lobe.beta, gamma_of(lobe.log_sharpness)]]),
+        failure: RefCell::new(None),
+    };
+    let rough = Options { max_iterations: ROUGH, ..SEARCH };
+    let [beta, log_sharpness] = search.minimise([lobe.beta, lobe.log_sharpness], rough)?;
+    search.steps.set(FIRST_STEPS);
+    search.visit(Lobe { beta, log_sharpness }, true)?;
+    let [beta, log_sharpness] = search.minimise([beta, log_sharpness], SEARCH)?;
+    let Search { best, share, path, .. } = search;
+    Ok(Found {
+        lobe: Lobe { beta, log_sharpness },
+        state: best.into_inner(),
+        share: share.get(),
+        path: path.into_inner(),
+        plain,
+        plain_cost,
+    })
+}

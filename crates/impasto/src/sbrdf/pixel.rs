@@ -1,0 +1,312 @@
+//! A register full of pixels under one lobe: residuals, their scale, and the equations of a step.
+//!
+//! The model is `y = E (rho_b (N.L) + beta D F G / (N.V))` in photograph i and band b. Every band
+//! of a photograph has the same weight and the same specular part, so that sums over bands fold
+//! into sums over photographs: with `t` the slopes of `N.L` and `g` those of the specular part, the
+//! slope of a sample is `rho_b t + g`, and `sum_b (rho_b t + g)(rho_b t + g)'` needs only
+//! `sum rho_b^2`, `sum rho_b` and the number of bands.
+
+use crate::brdf::lambert;
+use crate::brdf::torrance_sparrow::{Facet, Glint};
+use crate::math::{Real, Vec3};
+
+use super::lanes::load;
+use super::scale::{count, squared_scale, weight};
+use super::tile::Scene;
+
+/// A painting's lobe as the solver sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Lobe {
+    pub(super) beta: f64,
+    pub(super) log_sharpness: f64,
+}
+
+/// Squared scale below which residuals are rounding, relative to the brightest sample squared:
+/// f32 keeps 24 bits, and a predicted sample is a sum of some ten rounded terms.
+const ROUNDING: f64 = 1.0 / (1_u64 << 40) as f64;
+
+/// Samples of the pixels in one register, and what the last place predicted of them.
+pub(super) struct Pixels<'a, R: Real> {
+    scene: &'a Scene<'a>,
+    beta: R,
+    sharpness: R,
+    /// Light, irradiance and facet per photograph.
+    geometry: Vec<(Vec3<R>, R, Facet<R>)>,
+    /// `(obs, band)`; 0 where not usable.
+    samples: Vec<R>,
+    usable: Vec<R::Mask>,
+    /// `(obs, band)` at the last place.
+    residuals: Vec<R>,
+    /// Mean over the bands of the squared residuals, per photograph.
+    squares: Vec<R>,
+    seen: Vec<(R, Glint<R>, R)>,
+    /// Usable photographs.
+    pub(super) used: R,
+    floor: R,
+}
+
+impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
+    pub(super) fn new(scene: &'a Scene<'a>, lobe: Lobe) -> Self {
+        let (zero, index) = (R::zero(), R::of(scene.index));
+        let geometry: Vec<_> = (0..scene.rig.observations())
+            .map(|i| {
+                let (towards, irradiance) = scene.rig.lights()[i].at(zero, zero);
+                let view = scene.rig.views()[i].splat();
+                (towards, irradiance, Facet::between(towards, view, index))
+            })
+            .collect();
+        let observations = geometry.len();
+        let glint = Glint { weight: zero, phi_squared: zero };
+        Self {
+            scene,
+            beta: R::of(lobe.beta),
+            sharpness: R::of(lobe.log_sharpness.exp()),
+            geometry,
+            samples: vec![zero; observations * scene.bands],
+            usable: vec![zero.lt(zero); observations],
+            residuals: vec![zero; observations * scene.bands],
+            squares: vec![zero; observations],
+            seen: vec![(zero, glint, zero); observations],
+            used: zero,
+            floor: zero,
+        }
+    }
+
+    /// Takes up the pixels from `at` on.
+    #[inline(always)]
+    pub(super) fn look(&mut self, samples: &[f32], stride: usize, x: &[f32], y: &[f32], at: usize) {
+        let bands = self.scene.bands;
+        let zero = R::zero();
+        let mut peak = zero;
+        for (i, usable) in self.usable.iter_mut().enumerate() {
+            let light = self.scene.rig.lights()[i];
+            if !light.is_distant() {
+                let (towards, irradiance) = light.at(load(x, at), load(y, at));
+                let view = self.scene.rig.views()[i].splat();
+                let facet = Facet::between(towards, view, R::of(self.scene.index));
+                self.geometry[i] = (towards, irradiance, facet);
+            }
+            // Clipped in any band, or never taken: weight 0, by selection (hard case 26).
+            *usable = zero.le(zero);
+            let row = i * bands..(i + 1) * bands;
+            for (sample, plane) in self.samples[row.clone()].iter_mut().zip(row.clone()) {
+                *sample = load(&samples[plane * stride..], at);
+                *usable = *usable & sample.is_finite();
+            }
+            for sample in &mut self.samples[row] {
+                *sample = R::keep(*usable, *sample);
+                peak = peak.max(sample.abs());
+            }
+        }
+        self.used = count(&self.usable);
+        self.floor = peak * peak * R::of(ROUNDING);
+    }
+
+    /// Residuals at a place; returns the squared scale.
+    #[inline(always)]
+    pub(super) fn visit(&mut self, normal: Vec3<R>, colours: &[R], last: Option<R>) -> R {
+        let bands = self.scene.bands;
+        let share = R::of(1.0 / bands as f64);
+        for (i, (towards, irradiance, facet)) in self.geometry.iter().enumerate() {
+            let cosine = lambert::cosine(normal, *towards) * *irradiance;
+            let glint = facet.on(normal);
+            let lobe = glint.lobe(self.sharpness);
+            let specular = self.beta * glint.weight * lobe * *irradiance;
+            let usable = self.usable[i];
+            let mut square = R::zero();
+            let row = i * bands..(i + 1) * bands;
+            let samples = &self.samples[row.clone()];
+            for ((residual, &sample), &colour) in
+                self.residuals[row].iter_mut().zip(samples).zip(colours)
+            {
+                *residual = R::keep(usable, sample - colour.mul_add(cosine, specular));
+                square = residual.mul_add(*residual, square);
+            }
+            self.squares[i] = square * share;
+            self.seen[i] = (cosine, glint, lobe);
+        }
+        squared_scale(&self.squares, self.used, self.floor, last)
+    }
+
+    /// The equations of a step from the place of the last [`Self::visit`].
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "several arrays share an index")]
+    pub(super) fn equations(
+        &self,
+        normal: Vec3<R>,
+        colours: &[R],
+        scale: R,
+        pulls: &mut [R],
+    ) -> Equations<R> {
+        let zero = R::zero();
+        let bands = self.scene.bands;
+        let tilt = tangents(normal);
+        let mut sums = Equations::zero();
+        pulls.fill(zero);
+        for (i, (towards, irradiance, facet)) in self.geometry.iter().enumerate() {
+            let (cosine, glint, lobe) = self.seen[i];
+            let weight = weight(self.squares[i], scale, self.usable[i]);
+            let slope = facet.slope(normal, glint, lobe, self.beta, self.sharpness);
+            let lit = R::keep(cosine.gt(zero), *irradiance);
+            let t = tilt.map(|tilt| tilt.dot(*towards) * lit);
+            let g = [
+                tilt[0].dot(slope.normal) * *irradiance,
+                tilt[1].dot(slope.normal) * *irradiance,
+                slope.beta * *irradiance,
+                slope.log_sharpness * *irradiance,
+            ];
+            let heavy = weight * cosine;
+            let (mut plain, mut coloured) = (zero, zero);
+            for ((&residual, &colour), pull) in
+                self.residuals[i * bands..].iter().zip(colours).zip(pulls.iter_mut())
+            {
+                plain = plain + residual;
+                coloured = colour.mul_add(residual, coloured);
+                *pull = heavy.mul_add(residual, *pull);
+            }
+            sums.own = heavy.mul_add(cosine, sums.own);
+            sums.square = weight.mul_add(self.squares[i], sums.square);
+            sums.weight = sums.weight + weight;
+            let plain = weight * plain;
+            let coloured = weight * coloured;
+            let mut place = 0;
+            for row in 0..4 {
+                sums.g[row] = heavy.mul_add(g[row], sums.g[row]);
+                sums.descent[row] = g[row].mul_add(plain, sums.descent[row]);
+                let left = weight * g[row];
+                for column in 0..=row {
+                    sums.gg[place] = left.mul_add(g[column], sums.gg[place]);
+                    place += 1;
+                }
+            }
+            let mut place = 0;
+            for row in 0..2 {
+                sums.t[row] = heavy.mul_add(t[row], sums.t[row]);
+                sums.descent[row] = t[row].mul_add(coloured, sums.descent[row]);
+                let left = weight * t[row];
+                for column in 0..4 {
+                    sums.tg[row][column] = left.mul_add(g[column], sums.tg[row][column]);
+                }
+                for column in 0..=row {
+                    sums.tt[place] = left.mul_add(t[column], sums.tt[place]);
+                    place += 1;
+                }
+            }
+        }
+        sums
+    }
+}
+
+/// Two directions of the tangent plane, orthonormal, without a branch for any normal with z > -1.
+#[inline(always)]
+pub(super) fn tangents<R: Real>(n: Vec3<R>) -> [Vec3<R>; 2] {
+    let one = R::one();
+    let across = one / (one + n.z);
+    let bend = -(n.x * n.y * across);
+    [
+        Vec3::new((-(n.x * n.x)).mul_add(across, one), bend, -n.x),
+        Vec3::new(bend, (-(n.y * n.y)).mul_add(across, one), -n.y),
+    ]
+}
+
+/// Sums over the photographs of a pixel; index 0 and 1 are tilts, 2 is beta, 3 is log k. Triangles
+/// are stored row by row.
+#[derive(Clone, Copy)]
+pub(super) struct Equations<R> {
+    /// `w c c`: the diagonal of every colour.
+    own: R,
+    /// `w c t`, `w c g`.
+    t: [R; 2],
+    g: [R; 4],
+    tt: [R; 3],
+    tg: [[R; 4]; 2],
+    gg: [R; 10],
+    /// `w (rho_b t + g) r_b`.
+    descent: [R; 4],
+    /// `w` times the mean squared residual of the bands, and `w`.
+    pub(super) square: R,
+    pub(super) weight: R,
+}
+
+/// The equations of two tilts, beta and log k, the colours following.
+#[derive(Clone, Copy)]
+pub(super) struct Reduced<R> {
+    pub(super) matrix: [R; 10],
+    pub(super) descent: [R; 4],
+}
+
+impl<R: Real> Equations<R> {
+    fn zero() -> Self {
+        let o = R::zero();
+        Self {
+            own: o,
+            t: [o; 2],
+            g: [o; 4],
+            tt: [o; 3],
+            tg: [[o; 4]; 2],
+            gg: [o; 10],
+            descent: [o; 4],
+            square: o,
+            weight: o,
+        }
+    }
+
+    /// `1 / own`, 0 for a pixel that no light reaches.
+    #[inline(always)]
+    fn inverse(&self) -> R {
+        R::keep(self.own.gt(R::zero()), self.own.recip())
+    }
+
+    /// Eliminates the colours (a Schur complement).
+    #[inline(always)]
+    pub(super) fn reduced(&self, colours: &[R], pulls: &[R]) -> Reduced<R> {
+        let zero = R::zero();
+        let bands = R::of(colours.len() as f64);
+        let inverse = self.inverse();
+        let (mut sum, mut squares, mut pull, mut coloured) = (zero, zero, zero, zero);
+        for (&colour, &b) in colours.iter().zip(pulls) {
+            sum = sum + colour;
+            squares = colour.mul_add(colour, squares);
+            pull = pull + b;
+            coloured = colour.mul_add(b, coloured);
+        }
+        let t = [self.t[0], self.t[1], zero, zero];
+        let mut matrix = [zero; 10];
+        let mut place = 0;
+        for row in 0..4 {
+            for column in 0..=row {
+                // What couples two unknowns directly, less what goes through the colours.
+                let through = |a: R, b: R| -(a * b * inverse);
+                let mut gg = self.gg[place];
+                gg = gg + through(self.g[row], self.g[column]);
+                let mut value = bands * gg;
+                if column < 2 {
+                    let mut mixed = self.tg[column][row] + through(t[column], self.g[row]);
+                    if row < 2 {
+                        mixed = mixed + self.tg[row][column] + through(t[row], self.g[column]);
+                        value = squares.mul_add(self.tt[place] + through(t[row], t[column]), value);
+                    }
+                    value = sum.mul_add(mixed, value);
+                }
+                matrix[place] = value;
+                place += 1;
+            }
+        }
+        let descent = core::array::from_fn(|row| {
+            let through = self.g[row].mul_add(pull, t[row] * coloured);
+            (-through).mul_add(inverse, self.descent[row])
+        });
+        Reduced { matrix, descent }
+    }
+
+    /// How far each colour follows a tilt.
+    #[inline(always)]
+    pub(super) fn follow(&self, tilt: [R; 2], colours: &[R], pulls: &[R], changes: &mut [R]) {
+        let inverse = self.inverse();
+        let along_t = self.t[0].mul_add(tilt[0], self.t[1] * tilt[1]);
+        let along_g = self.g[0].mul_add(tilt[0], self.g[1] * tilt[1]);
+        for ((change, &colour), &pull) in changes.iter_mut().zip(colours).zip(pulls) {
+            *change = (pull - colour.mul_add(along_t, along_g)) * inverse;
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! How large a pixel's residuals are, whatever a few of them do.
+//!
+//! The scale `s` of residuals `r_i` (each the root mean square over the bands of one photograph)
+//! solves `mean rho(r_i^2 / s^2) = 1/4` with `rho(v) = v / (1 + v)`: an M-scale. Up to a quarter of
+//! the photographs may be anything (shadows, highlights that the model does not know) before it
+//! grows without bound, and a photograph's weight `rho'` = `1 / (1 + v)^2` falls to nothing. An
+//! estimate that minimises this scale is an S-estimate (Rousseeuw and Yohai 1984): it needs no
+//! scale from elsewhere, and weighted least squares with these weights lowers it step by step.
+
+use crate::math::{Mask, Real};
+
+/// Mean of `rho`: the share of photographs that may be lost.
+const SHARE: f64 = 0.25;
+
+/// Newton steps from no idea and from the last scale; the error of the last step is squared with
+/// each, and the first is at most a factor of 4.
+const COLD: usize = 8;
+const WARM: usize = 4;
+
+/// The squared scale of `squares` (0 where not `usable`), of which there are `count`; at least
+/// `floor`.
+#[inline(always)]
+pub(super) fn squared_scale<R: Real>(squares: &[R], count: R, floor: R, last: Option<R>) -> R {
+    let target = count * R::of(SHARE);
+    let (mut scale, steps) = if let Some(last) = last {
+        (last, WARM)
+    } else {
+        let sum = squares.iter().fold(R::zero(), |sum, &square| sum + square);
+        // Above the solution, by the concavity of rho.
+        (sum / count * R::of(1.0 / SHARE - 1.0), COLD)
+    };
+    let quarter = R::of(0.25);
+    for _ in 0..steps {
+        scale = scale.max(floor);
+        let (mut level, mut slope) = (-target, R::zero());
+        for &square in squares {
+            let inverse = (square + scale).recip();
+            let share = square * inverse;
+            level = level + share;
+            slope = share.mul_add(inverse, slope);
+        }
+        let step = R::keep(slope.gt(R::zero()), level / slope);
+        scale = (scale + step).max(scale * quarter).min(scale * R::of(4.0));
+    }
+    scale.max(floor)
+}
+
+/// Weight of a photograph with squared residual `square`; 0 where not `usable`, by selection.
+#[inline(always)]
+pub(super) fn weight<R: Real>(square: R, scale: R, usable: R::Mask) -> R {
+    let fit = scale / (square + scale);
+    R::keep(usable, fit * fit)
+}
+
+/// What normal noise of unit variance in every one of `bands` bands gives.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gaussian {
+    /// Squared scale over the variance of one sample.
+    pub(super) scale: f64,
+    /// Curvature of the scale over that of the weighted least squares beside it.
+    pub(super) curvature: f64,
+    /// Variance of an estimate over that of `(sum of w J J')^-1`.
+    pub(super) spread: f64,
+}
+
+impl Gaussian {
+    /// By quadrature over the length of the residual vector, chi-distributed.
+    pub(super) fn of(bands: usize) -> Self {
+        let dimensions = bands as f64;
+        let mean = |f: &dyn Fn(f64) -> f64| {
+            let (mut top, mut bottom) = (0.0, 0.0);
+            let reach = dimensions.sqrt() + 9.0;
+            for i in 0..4000 {
+                let length = reach * (f64::from(i) + 0.5) / 4000.0;
+                let density = ((dimensions - 1.0) * length.ln() - 0.5 * length * length).exp();
+                top += density * f(length * length / dimensions);
+                bottom += density;
+            }
+            top / bottom
+        };
+        // Bisection: the mean of rho falls with the scale.
+        let (mut low, mut high) = (1e-3, 1e3);
+        for _ in 0..60 {
+            let middle = f64::sqrt(low * high);
+            if mean(&|square| square / (square + middle)) > SHARE {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        let scale = f64::sqrt(low * high);
+        let weight = |square: f64| (scale / (square + scale)).powi(2);
+        let average = mean(&weight);
+        // d(w r)/dr per dimension: w + 2 w' |r|^2 / B, w' = -2 w / (square + scale).
+        let steepness =
+            mean(&|square| weight(square) * (1.0 - 4.0 * square / (square + scale) / dimensions));
+        let power = mean(&|square| weight(square).powi(2) * square);
+        Self {
+            scale,
+            curvature: steepness / average,
+            spread: power * average / (steepness * steepness),
+        }
+    }
+}
+
+/// How many lanes say yes, as a number per lane.
+#[inline(always)]
+pub(super) fn count<R: Real>(masks: &[R::Mask]) -> R {
+    debug_assert!(masks.len() < 1 << 24 && R::WIDTH > 0 && R::Mask::splat(true).all());
+    masks.iter().fold(R::zero(), |sum, &mask| sum + R::keep(mask, R::one()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scale_solves_its_equation_and_ignores_a_fifth() {
+        let mut squares: Vec<f64> = (0..40).map(|i| (f64::from(i) * 0.618_034).fract()).collect();
+        for spoiled in [0, 8] {
+            for square in &mut squares[..spoiled] {
+                *square = 1e12;
+            }
+            let scale = squared_scale(&squares, 40.0, 0.0, None);
+            let mean: f64 = squares.iter().map(|s| s / (s + scale)).sum::<f64>() / 40.0;
+            assert!((mean - SHARE).abs() < 1e-9, "{spoiled}: {mean}");
+        }
+        assert!(squared_scale(&squares, 40.0, 0.0, None) < 1e3);
+    }
+
+    #[test]
+    fn no_residual_gives_the_floor() {
+        assert_eq!(squared_scale(&[0.0_f32; 5], 5.0, 1e-12, None), 1e-12);
+    }
+
+    #[test]
+    fn noise_of_unit_variance_is_recognised() {
+        // chi-squared of one dimension: E[u / (u + c)] = 1 - sqrt(pi c / 2) e^(c/2) erfc(sqrt(c/2))
+        // is 1/4 at c = 2.045..., by hand from tables of erfc.
+        let one = Gaussian::of(1);
+        assert!((one.scale - 2.04).abs() < 0.02, "{one:?}");
+        // The more bands, the less a vector's length scatters, the more efficient the estimate.
+        let six = Gaussian::of(6);
+        assert!(six.spread * 0.9 < one.spread && (2.0..3.0).contains(&six.scale), "{six:?}");
+    }
+}

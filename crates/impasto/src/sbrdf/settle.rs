@@ -1,0 +1,307 @@
+//! Every pixel's normal and colours given the painting's lobe, and what all pixels together say
+//! about the lobe.
+//!
+//! A pixel's place is the one of smallest robust scale ([`scale`](super::scale)). Gauss-Newton
+//! steps on the weighted sum of squares lead there; a step that does not lower the scale is
+//! shortened. A pixel's colours are eliminated first, then its normal; what is left is its 2 x 2
+//! share of the equations of (beta, log k): the pooled step knows that normals and colours will
+//! follow (a Schur complement), which a subtraction of one part from the other does not.
+
+use crate::lm::Normal;
+use crate::math::lanes::Isa;
+use crate::math::{Kernel, Mask, Real, Vec3};
+
+use super::lanes::{MAX_LANES, load};
+use super::pixel::{Equations, Lobe, Pixels, Reduced, tangents};
+use super::tile::{Scene, Tile, TileMut};
+
+/// Longest step of a normal, rad: a lobe is not linear for longer.
+const LONGEST_STEP: f64 = 0.1;
+
+/// Added to diagonals, relative: enough to keep an undetermined direction (coplanar lights, hard
+/// case 19) from moving, too little to slow the others down.
+const RIDGE: f64 = 1e-3;
+
+/// A pixel is settled when a step lowers its squared scale by less than this share.
+const SETTLED: f64 = 1e-4;
+
+/// What pixels say about (beta, log k), each in units of its own scale.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Share {
+    /// Samples.
+    pub(super) count: f64,
+    /// Samples times log of the squared scale over that of the reference brightness.
+    pub(super) log_scale: f64,
+    pub(super) descent: [f64; 2],
+    pub(super) matrix: [[f64; 2]; 2],
+    /// Sum of the outer products of the pixels' descents.
+    pub(super) scatter: [[f64; 2]; 2],
+}
+
+impl Share {
+    pub(super) fn zero() -> Self {
+        let zero = [[0.0; 2]; 2];
+        Self { count: 0.0, log_scale: 0.0, descent: [0.0; 2], matrix: zero, scatter: zero }
+    }
+
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.log_scale += other.log_scale;
+        for i in 0..2 {
+            self.descent[i] += other.descent[i];
+            for j in 0..=i {
+                self.matrix[i][j] += other.matrix[i][j];
+                self.scatter[i][j] += other.scatter[i][j];
+            }
+        }
+    }
+
+    /// As a sum of squares: the number of samples times the geometric mean over the pixels of the
+    /// squared scale. Where all pixels are equally noisy it is the weighted sum of squares; a pixel
+    /// that the model does not describe cannot outweigh the others.
+    pub(super) fn normal(&self, reference: f64) -> Normal<f64, 2> {
+        let mean = if self.count > 0.0 { (self.log_scale / self.count).exp() } else { 0.0 };
+        let mean = mean * reference * reference;
+        Normal {
+            cost: mean * self.count,
+            descent: self.descent.map(|v| v * mean),
+            matrix: self.matrix.map(|row| row.map(|v| v * mean)),
+        }
+    }
+}
+
+pub(super) struct Settle<'a, 'b> {
+    pub(super) scene: &'a Scene<'a>,
+    pub(super) tile: &'b Tile<'a>,
+    pub(super) out: TileMut<'b>,
+    /// `(obs, band, pixel of the tile)`, padded to whole registers.
+    pub(super) samples: &'a [f32],
+    pub(super) stride: usize,
+    pub(super) x: &'a [f32],
+    pub(super) y: &'a [f32],
+    pub(super) lobe: Lobe,
+    /// Steps at most.
+    pub(super) steps: usize,
+    /// Whether to try a normal that faces the viewer, too: a highlight that photometric stereo
+    /// took for the diffuse part turns a normal far away, where no small step leads back.
+    pub(super) restart: bool,
+    /// Brightness that scales are measured in.
+    pub(super) reference: f64,
+}
+
+/// Scratch memory for the colours of one register of pixels.
+struct Colours<R> {
+    best: Vec<R>,
+    trial: Vec<R>,
+    changes: Vec<R>,
+    fresh: Vec<R>,
+    pulls: Vec<R>,
+    kept: Vec<R>,
+}
+
+impl Kernel for Settle<'_, '_> {
+    type Output = Share;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Share {
+        let Self { scene, tile, mut out, samples, stride, x, y, steps, restart, .. } = self;
+        let (zero, one) = (I::F32::zero(), I::F32::one());
+        let mut pixels = Pixels::<I::F32>::new(scene, self.lobe);
+        let none = || vec![zero; scene.bands];
+        let mut colours = Colours {
+            best: none(),
+            trial: none(),
+            changes: none(),
+            fresh: none(),
+            pulls: none(),
+            kept: none(),
+        };
+        let mut share = Share::zero();
+        let mut at = 0;
+        while at < tile.count {
+            pixels.look(samples, stride, x, y, at);
+            for (band, colour) in colours.best.iter_mut().enumerate() {
+                *colour = load(tile.diffuse[band], at);
+            }
+            let start = tile.normal_at::<I::F32>(at);
+            colours.kept.copy_from_slice(&colours.best);
+            let (mut normal, mut scale) = descend(&mut pixels, &mut colours, start, steps);
+            if restart {
+                core::mem::swap(&mut colours.best, &mut colours.kept);
+                let up = Vec3::new(zero, zero, one);
+                let (other, other_scale) = descend(&mut pixels, &mut colours, up, steps);
+                let better = other_scale.lt(scale);
+                normal = choose(better, other, normal);
+                scale = I::F32::select(better, other_scale, scale);
+                for (best, &kept) in colours.best.iter_mut().zip(&colours.kept) {
+                    *best = I::F32::select(better, *best, kept);
+                }
+            }
+            let fine = scale.is_finite() & (normal.x + normal.y + normal.z).is_finite();
+            out.write(at, normal, &colours.best, scale, fine);
+
+            let scale = pixels.visit(normal, &colours.best, Some(scale));
+            let sums = pixels.equations(normal, &colours.best, scale, &mut colours.pulls);
+            let reduced = sums.reduced(&colours.best, &colours.pulls);
+            let lobe = eliminate_tilts(&reduced);
+            let heard = [
+                scale,
+                pixels.used,
+                sums.square,
+                lobe.descent[0],
+                lobe.descent[1],
+                lobe.matrix[0],
+                lobe.matrix[1],
+                lobe.matrix[2],
+            ];
+            let mut lanes = [[0.0_f32; MAX_LANES]; 8];
+            for (lanes, value) in lanes.iter_mut().zip(heard) {
+                value.store(lanes);
+            }
+            let pixels = 0..I::F32::WIDTH.min(tile.count - at);
+            for lane in pixels.filter(|&lane| tile.estimated(at + lane)) {
+                let values = lanes.map(|values| f64::from(values[lane]));
+                share.merge(&heard_of(values, scene.bands, self.reference));
+            }
+            at += I::F32::WIDTH;
+        }
+        share
+    }
+}
+
+/// One pixel's share.
+fn heard_of(values: [f64; 8], bands: usize, reference: f64) -> Share {
+    let [scale, used, square, db, dk, bb, kb, kk] = values;
+    let count = used * bands as f64;
+    // As many samples as unknowns say nothing (hard case 30); NaN fails the tests (hard case 26).
+    let heard = count > (bands + 2) as f64
+        && scale > 0.0
+        && square > 0.0
+        && values.iter().all(|value| value.is_finite());
+    if !heard {
+        return Share::zero();
+    }
+    // d log s^2 = -2 sum(w r dr) / sum(w r^2), and the pixel counts with its samples.
+    let rate = count / (square * bands as f64);
+    let descent = [db * rate, dk * rate];
+    Share {
+        count,
+        log_scale: count * (scale / (reference * reference)).ln(),
+        descent,
+        matrix: [[bb * rate, 0.0], [kb * rate, kk * rate]],
+        scatter: [
+            [descent[0] * descent[0], 0.0],
+            [descent[1] * descent[0], descent[1] * descent[1]],
+        ],
+    }
+}
+
+#[inline(always)]
+fn choose<R: Real>(better: R::Mask, yes: Vec3<R>, no: Vec3<R>) -> Vec3<R> {
+    Vec3::new(
+        R::select(better, yes.x, no.x),
+        R::select(better, yes.y, no.y),
+        R::select(better, yes.z, no.z),
+    )
+}
+
+/// Steps down from `start` and `colours.best`; returns the best normal and its squared scale, with
+/// its colours in `colours.best`.
+#[inline(always)]
+fn descend<R: Real<Scalar = f32>>(
+    pixels: &mut Pixels<'_, R>,
+    colours: &mut Colours<R>,
+    start: Vec3<R>,
+    steps: usize,
+) -> (Vec3<R>, R) {
+    let (zero, quarter) = (R::zero(), R::of(0.25));
+    let mut best = start;
+    let mut trial = start;
+    colours.trial.copy_from_slice(&colours.best);
+    let mut least = pixels.visit(trial, &colours.trial, None);
+    let mut better = least.is_finite();
+    let mut active = better;
+    let mut step = [zero; 2];
+    for pass in 0..steps {
+        let sums = pixels.equations(trial, &colours.trial, least, &mut colours.pulls);
+        let fresh = step_of(&sums, &colours.trial, &colours.pulls);
+        sums.follow(fresh, &colours.trial, &colours.pulls, &mut colours.fresh);
+        // Lanes that did not get better go a quarter of their last step from where they were best.
+        let half = |fresh: R, last: R| R::select(better, fresh, last * quarter);
+        step = [half(fresh[0], step[0]), half(fresh[1], step[1])];
+        for (change, &fresh) in colours.changes.iter_mut().zip(&colours.fresh) {
+            *change = R::select(better, fresh, *change * quarter);
+        }
+        let tilt = tangents(best);
+        trial = tilt[1].mul_add(step[1], tilt[0].mul_add(step[0], best)).normalised();
+        trial = choose::<R>(active, trial, best);
+        for ((trial, &best), &change) in
+            colours.trial.iter_mut().zip(&colours.best).zip(&colours.changes)
+        {
+            *trial = R::select(active, (best + change).max(zero), best);
+        }
+        let scale = pixels.visit(trial, &colours.trial, Some(least));
+        better = active & scale.lt(least);
+        // A lane stops on its own account: how many lanes share a register changes no result.
+        let settled = better & scale.gt(least * R::of(1.0 - SETTLED));
+        active = active & !settled;
+        best = choose::<R>(better, trial, best);
+        least = R::select(better, scale, least);
+        for (best, &trial) in colours.best.iter_mut().zip(&colours.trial) {
+            *best = R::select(better, trial, *best);
+        }
+        if pass + 1 == steps || !active.any() {
+            break;
+        }
+    }
+    (best, least)
+}
+
+/// The tilt that the equations ask for, not too long; none for too few samples (hard case 30).
+#[inline(always)]
+fn step_of<R: Real>(sums: &Equations<R>, colours: &[R], pulls: &[R]) -> [R; 2] {
+    let reduced = sums.reduced(colours, pulls);
+    let [xx, xy, yy, ..] = reduced.matrix;
+    let ridge = R::of(1.0 + RIDGE);
+    let [dx, dy] = solve(xx * ridge, xy, yy * ridge, reduced.descent[0], reduced.descent[1]);
+    let length = dx.mul_add(dx, dy * dy).sqrt();
+    let longest = R::of(LONGEST_STEP);
+    let short = R::select(length.gt(longest), longest / length, R::one());
+    [dx * short, dy * short]
+}
+
+/// Solves a symmetric 2 x 2 system; 0 where it has no inverse.
+#[inline(always)]
+fn solve<R: Real>(xx: R, xy: R, yy: R, a: R, b: R) -> [R; 2] {
+    let determinant = xx.mul_add(yy, -(xy * xy));
+    let inverse = R::keep(determinant.gt(R::zero()), determinant.recip());
+    [yy.mul_add(a, -(xy * b)) * inverse, xx.mul_add(b, -(xy * a)) * inverse]
+}
+
+/// A pixel's equations of (beta, log k), colours and normal following.
+pub(super) struct LobeShare<R> {
+    pub(super) descent: [R; 2],
+    /// beta beta, log k beta, log k log k.
+    pub(super) matrix: [R; 3],
+}
+
+#[inline(always)]
+pub(super) fn eliminate_tilts<R: Real>(reduced: &Reduced<R>) -> LobeShare<R> {
+    let [xx, xy, yy, bx, by, bb, kx, ky, kb, kk] = reduced.matrix;
+    let [gx, gy, gb, gk] = reduced.descent;
+    let ridge = R::of(1.0 + RIDGE);
+    let (rx, ry) = (xx * ridge, yy * ridge);
+    let [b0, b1] = solve(rx, xy, ry, bx, by);
+    let [k0, k1] = solve(rx, xy, ry, kx, ky);
+    LobeShare {
+        descent: [
+            (-b0).mul_add(gx, (-b1).mul_add(gy, gb)),
+            (-k0).mul_add(gx, (-k1).mul_add(gy, gk)),
+        ],
+        matrix: [
+            (-b0).mul_add(bx, (-b1).mul_add(by, bb)),
+            (-b0).mul_add(kx, (-b1).mul_add(ky, kb)),
+            (-k0).mul_add(kx, (-k1).mul_add(ky, kk)),
+        ],
+    }
+}
