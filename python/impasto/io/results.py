@@ -38,9 +38,7 @@ class SavedMaps:
             raise CorruptInputError(self.path, f"array {name!r} has the wrong shape {found}")
 
 
-def write_maps(
-    path: str | os.PathLike[str], kind: str, arrays: Mapping[str, NDArray[Any]]
-) -> None:
+def write_maps(path: str | os.PathLike[str], kind: str, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write a result so that it appears whole or not at all."""
     target = Path(path)
     if target.suffix.lower() != ".npz":
