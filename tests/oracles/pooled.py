@@ -34,7 +34,7 @@ EXPECTED: dict[str, tuple[float, float]] = {
 """Estimate to (beta, gamma)."""
 
 DEVIATIONS = (0.0009964, 0.000811)
-"""Standard deviations of log beta and log gamma in ``joint_least_squares``: its J'J, all unknowns."""
+"""Standard deviations of log beta and log gamma of ``joint_least_squares``, from its J'J."""
 
 
 def lights():
@@ -136,6 +136,11 @@ def joint_least_squares():
     return fit.x, np.sqrt(variance * np.diag(matrix)[:2]) / fit.x[:2]
 
 
+def _level(scale, squares):
+    """What the squared scale makes vanish."""
+    return np.mean(squares / (squares + scale)) - 0.25
+
+
 def joint_robust(start):
     """All unknowns, smallest M-scales."""
     from scipy.optimize import brentq
@@ -150,8 +155,7 @@ def joint_robust(start):
         squares = (residuals**2).mean(axis=1)
         weights = np.empty_like(squares)
         for pixel, square in enumerate(squares.T):
-            level = lambda s2, q=square: np.mean(q / (q + s2)) - 0.25
-            scale = brentq(level, 1e-9, 1.0, xtol=1e-18, rtol=1e-14)
+            scale = brentq(_level, 1e-9, 1.0, args=(square,), xtol=1e-18, rtol=1e-14)
             weight = (scale / (square + scale)) ** 2
             # d log s^2 = 2 sum(w r dr) / sum(w r^2): each pixel in units of its own residuals.
             weights[:, pixel] = np.sqrt(weight / (weight * square).sum())

@@ -12,10 +12,11 @@ use crate::math::{Mask, Real};
 /// Mean of `rho`: the share of photographs that may be lost.
 const SHARE: f64 = 0.25;
 
-/// Newton steps from no idea and from the last scale; the error of the last step is squared with
-/// each, and the first is at most a factor of 4.
-const COLD: usize = 8;
+/// Newton steps from no idea and from the last scale. One step changes the scale by at most
+/// [`REACH`]: sixteen get past outliers of any size, from a mean that they may have ruined.
+const COLD: usize = 16;
 const WARM: usize = 4;
+const REACH: f64 = 16.0;
 
 /// The squared scale of `squares` (0 where not `usable`), of which there are `count`; at least
 /// `floor`.
@@ -29,7 +30,6 @@ pub(super) fn squared_scale<R: Real>(squares: &[R], count: R, floor: R, last: Op
         // Above the solution, by the concavity of rho.
         (sum / count * R::of(1.0 / SHARE - 1.0), COLD)
     };
-    let quarter = R::of(0.25);
     for _ in 0..steps {
         scale = scale.max(floor);
         let (mut level, mut slope) = (-target, R::zero());
@@ -40,7 +40,7 @@ pub(super) fn squared_scale<R: Real>(squares: &[R], count: R, floor: R, last: Op
             slope = share.mul_add(inverse, slope);
         }
         let step = R::keep(slope.gt(R::zero()), level / slope);
-        scale = (scale + step).max(scale * quarter).min(scale * R::of(4.0));
+        scale = (scale + step).max(scale * R::of(1.0 / REACH)).min(scale * R::of(REACH));
     }
     scale.max(floor)
 }
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn the_scale_solves_its_equation_and_ignores_a_fifth() {
-        let mut squares: Vec<f64> = (0..40).map(|i| (f64::from(i) * 0.618_034).fract()).collect();
+        let mut squares: Vec<f64> = (1..41).map(|i| (f64::from(i) * 0.618_034).fract()).collect();
         for spoiled in [0, 8] {
             for square in &mut squares[..spoiled] {
                 *square = 1e12;
@@ -135,12 +135,18 @@ mod tests {
 
     #[test]
     fn noise_of_unit_variance_is_recognised() {
-        // chi-squared of one dimension: E[u / (u + c)] = 1 - sqrt(pi c / 2) e^(c/2) erfc(sqrt(c/2))
-        // is 1/4 at c = 2.045..., by hand from tables of erfc.
-        let one = Gaussian::of(1);
-        assert!((one.scale - 2.04).abs() < 0.02, "{one:?}");
-        // The more bands, the less a vector's length scatters, the more efficient the estimate.
-        let six = Gaussian::of(6);
-        assert!(six.spread * 0.9 < one.spread && (2.0..3.0).contains(&six.scale), "{six:?}");
+        // By adaptive quadrature with SciPy (`quad` over `chi2.pdf`, `brentq` for the scale).
+        let tables = [
+            (1, [1.888_985_943_5, 0.429_268_964_98, 1.004_249_921_1]),
+            (3, [2.553_887_903_2, 0.733_206_227_45, 0.686_186_985_87]),
+            (6, [2.764_445_055_4, 0.851_831_923_53, 0.622_305_529_18]),
+        ];
+        for (bands, expected) in tables {
+            let found = Gaussian::of(bands);
+            let found = [found.scale, found.curvature, found.spread];
+            for (found, expected) in found.into_iter().zip(expected) {
+                assert!((found / expected - 1.0).abs() < 1e-5, "{bands}: {found} {expected}");
+            }
+        }
     }
 }
