@@ -20,7 +20,14 @@ const ROUGH: usize = 3;
 /// A cost that falls by a millionth has stopped falling. A lobe one standard deviation from the best
 /// costs one part in the number of samples more: with a million samples the search ends within one
 /// deviation, with ten thousand (where deviations are larger) within a tenth.
-const SEARCH: Options = Options { max_iterations: 20, cost: 1e-6, step: 1e-4, gradient: 1e-8 };
+const SEARCH: Options = Options {
+    max_iterations: 20,
+    cost: 1e-6,
+    step: 1e-4,
+    gradient: 1e-8,
+    damping: 1e-2,
+    memory: 0.0,
+};
 
 /// Smallest share of the model's curvature that the cost is taken to have.
 const SOFTEST: f64 = 0.1;

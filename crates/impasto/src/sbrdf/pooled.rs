@@ -130,10 +130,10 @@ impl Fit<'_> {
         let lobe = Lobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
         let histogram = self.extract(&state, Extraction::Residual)?;
         let variance = first.normal.cost.max(0.0) / (histogram.count() - 2.0).max(1.0);
-        let covariance = (lobe.beta > 0.0 && !first.deficient[0])
+        let covariance = (lobe.beta > 0.0 && !first.deficient()[0])
             .then(|| relative(lobe, first.covariance(variance)));
         let path = vec![[lobe.beta, gamma_of(lobe.log_sharpness)]];
-        let estimate = Estimate { lobe, covariance, open: first.deficient[1], path };
+        let estimate = Estimate { lobe, covariance, open: first.deficient()[1], path };
         self.report(state, estimate, self.scene.status.to_vec(), Some(histogram))
     }
 
