@@ -7,12 +7,13 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from impasto import Encoding, PointLight, Rig, Stack, doctor, read_stack, simulate
 from impasto.cli import main
-from impasto.io import write_stack
+from impasto.io import read_lights, write_lights, write_png16, write_stack
 
 RIGS = ("tominaga-rgb-camera", "tominaga-six-band-adaptation")
 SIZE = (72, 72)
@@ -179,6 +180,21 @@ def test_darkness() -> None:
     assert diagnosis["unlit"].observations == (4,)
     low = (stack.samples - 64) // 20 + 64
     assert doctor.examine(altered(stack, samples=low))["darkness"].severity == "warning"
+
+
+@pytest.mark.parametrize("kept", [0.4, 0.8])
+def test_the_grey_rest_of_a_damaged_jpeg_is_found(tmp_path: Path, kept: float) -> None:
+    """A JPEG whose data end early, but with an end marker, decodes without an error."""
+    stack = captured(1, RIGS[0])
+    for index, samples in enumerate(stack.samples):
+        eight = np.moveaxis((samples >> 4).astype(np.uint8)[::-1], 0, -1)
+        cv2.imwrite(str(tmp_path / f"{index}.jpg"), np.ascontiguousarray(eight))
+    whole = (tmp_path / "4.jpg").read_bytes()
+    (tmp_path / "4.jpg").write_bytes(whole[: int(kept * len(whole))] + b"\xff\xd9")
+    read = read_stack(tmp_path, lights=stack.rig.directions)
+    diagnosis = doctor.examine(read)
+    assert diagnosis["blank"].observations == (4,)
+    assert diagnosis["blank"].severity == "warning"
 
 
 def test_missing_samples() -> None:
@@ -357,9 +373,44 @@ def test_command_line(
     capsys.readouterr()
 
 
-def test_repairs_of_reading_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from impasto.io import write_png16
+def test_repaired_lights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Mirrored in y, and photographs 2 and 6 exchanged: the written file puts both right."""
+    near = simulate.rig(RIGS[1], distance_mm=30.0)
+    stack = captured(1, varnish="matte", rig=near)
+    right = near.directions
+    wrong = right * (1, -1, 1)
+    wrong[[2, 6]] = wrong[[6, 2]]
+    bad = altered(stack, lights=wrong, names=[f"{i}.tif" for i in range(16)])
+    diagnosis = doctor.examine(bad)
+    repaired = doctor.repaired_directions(bad, diagnosis)
+    np.testing.assert_allclose(repaired, right, atol=1e-15)
+    path = tmp_path / "bad.npz"
+    write_stack(path, bad)
+    assert main(["doctor", str(path), "--write", str(tmp_path / "good.lp")]) == 1
+    written = read_lights(tmp_path / "good.lp")
+    np.testing.assert_allclose(written.directions, right, atol=1e-12)
+    assert written.names == bad.names
+    assert doctor.examine(altered(bad, lights=written.directions)).usable
+    capsys.readouterr()
+    assert main(["doctor", str(path), "--write", str(tmp_path / "good.lp")]) == 1
+    assert "exists already" in capsys.readouterr().err
 
+
+def test_every_damaged_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("a.png", "b.png", "c.png"):
+        write_png16(tmp_path / name, np.zeros((3, 8, 8), np.uint16))
+    write_lights(tmp_path / "dirs.lp", LIGHTS[:3], ["a.png", "b.png", "c.png"])
+    for name in ("a.png", "c.png"):
+        (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:-7])
+    assert main(["doctor", str(tmp_path)]) == 3
+    told = capsys.readouterr().err
+    assert "a.png" in told
+    assert "b.png" not in told
+    assert told.count("c.png") == 1
+    assert [Path(str(e.path)).name for e in doctor.damaged_files(tmp_path)] == ["a.png", "c.png"]
+
+
+def test_repairs_of_reading_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stack = captured(1, RIGS[0])
     for index, samples in enumerate(stack.samples[:8]):
         write_png16(tmp_path / f"{index}.png", samples << 4)

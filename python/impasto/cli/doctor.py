@@ -11,6 +11,7 @@ from rich.text import Text
 
 from impasto.cli import console
 from impasto.cli.photographs import Reading
+from impasto.errors import ArgumentError, CorruptInputError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 _MARKS = {"error": "bold red", "warning": "yellow", "note": "cyan", "ok": "green"}
 _WIDEST = 100
+CORRUPT_INPUT = 3
 
 
 def doctor(
@@ -26,6 +28,7 @@ def doctor(
     /,
     *,
     reading: Reading | None = None,
+    write: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Check a stack before it is used, and say what to do about each fault.
@@ -41,19 +44,41 @@ def doctor(
     ----------
     stack
         Light file (.lp) beside its photographs, a folder of both, or an .npz.
+    write
+        Write a light file (.lp) in which wrong directions are mirrored, turned or exchanged back.
     json
         Print JSON for programs.
     """
-    from impasto.doctor import examine
+    from impasto.doctor import examine, repaired_directions
+    from impasto.io import write_lights
 
+    if write is not None and write.exists():
+        raise ArgumentError(f"--write: {write} exists already, choose another name")
     reading = Reading() if reading is None else reading
     with console.stderr().status("looking at the photographs"):
-        diagnosis = examine(reading.read(stack))
+        try:
+            photographs = reading.read(stack)
+        except CorruptInputError as error:
+            return _complain_of_all(error)
+        diagnosis = examine(photographs)
     if json:
         console.print_json(diagnosis.to_dict())
     else:
         show(diagnosis, console.stdout())
+    if write is not None:
+        write_lights(write, repaired_directions(photographs, diagnosis), photographs.names)
     return 0 if diagnosis.usable else 1
+
+
+def _complain_of_all(first: CorruptInputError) -> int:
+    """Name the file at which reading stopped, and every other damaged photograph beside it."""
+    from impasto.doctor import damaged_files
+
+    console.complain(str(first))
+    for other in damaged_files(Path(str(first.path)).parent):
+        if Path(str(other.path)) != Path(str(first.path)):
+            console.complain(str(other))
+    return CORRUPT_INPUT
 
 
 def show(diagnosis: Diagnosis, out: Console) -> None:

@@ -8,5 +8,15 @@
 
 from impasto.doctor.diagnosis import SEVERITIES, Diagnosis, Finding, Severity
 from impasto.doctor.examination import examine
+from impasto.doctor.files import damaged_files
+from impasto.doctor.repair import repaired_directions
 
-__all__ = ["SEVERITIES", "Diagnosis", "Finding", "Severity", "examine"]
+__all__ = [
+    "SEVERITIES",
+    "Diagnosis",
+    "Finding",
+    "Severity",
+    "damaged_files",
+    "examine",
+    "repaired_directions",
+]

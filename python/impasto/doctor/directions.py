@@ -109,12 +109,15 @@ def _wrong(best: tuple[float, bool], falloff: FallOff, numbers: dict[str, Any]) 
         twin, twin_repair = _REPAIRS[other, mirrored]
         numbers |= {"or_else": twin, "or_else_repair": twin_repair}
         message += f", or {twin}"
-        advice += f"; if then hollows look like bumps, {twin_repair}"
+        advice += f"; if hollows then look like bumps, it is {twin_repair}"
     return Finding("directions", "error", f"{message}. {_ratios(numbers)}", advice, (), numbers)
 
 
 def _use(repair: str) -> str:
-    return f"use {repair} in place of each direction (x, y, z) of the light file"
+    return (
+        f"use {repair} in place of each direction (x, y, z) of the light file; "
+        "impasto doctor --write FILE.lp does so"
+    )
 
 
 def _cannot(why: str, numbers: dict[str, Any]) -> Finding:

@@ -1,4 +1,4 @@
-"""Clipped, black and missing samples."""
+"""Clipped, black, missing and blank samples."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from impasto.stack import Stack
 
 Floats = NDArray[np.float64]
 
+_TORN = 0.04
+"""Share of rows of one value, beyond what is usual in the stack, that means damage."""
 _PIXELS = 200_000
 """Pixels looked at in each photograph; a larger one is read on an even grid."""
 
@@ -32,6 +34,8 @@ class Exposure:
         and
     peak
         that largest stored value.
+    blank
+        ``(obs,)`` share of rows that hold one value throughout.
     """
 
     clipped: Floats
@@ -41,6 +45,7 @@ class Exposure:
     high: Floats
     piled: Floats
     peak: Floats
+    blank: Floats
 
     @classmethod
     def of(cls, stack: Stack) -> Exposure:
@@ -53,15 +58,18 @@ class Exposure:
             inside = None
         full, floor = _full_scale(stack), _black_level(stack)
         table = np.full((7, observations, bands), np.nan)
+        blank = np.zeros(observations)
         for index in range(observations):
             stored = stack.samples[index][grid]
+            blank[index] = (stored == stored[:, :, :1]).all(axis=(0, 2)).mean()
             stored = stored.reshape(bands, -1) if inside is None else stored[:, inside]
             value = linear(stack, stored)
             for band in range(bands):
                 table[:, index, band] = _measure(
                     stored[band], value[band], float(full[band]), float(floor[band])
                 )
-        return cls(*table)
+        clipped, dark, missing, median, high, piled, peak = table
+        return cls(clipped, dark, missing, median, high, piled, peak, blank)
 
 
 def _full_scale(stack: Stack) -> Floats:
@@ -105,12 +113,13 @@ def _measure(
 
 
 def exposure(stack: Stack, measured: Exposure) -> list[Finding]:
-    """Saturation, an unmarked clipping level, darkness, missing samples."""
+    """Saturation, an unmarked clipping level, darkness, missing samples, blank rows."""
     return [
         *_missing(stack, measured),
         _saturation(stack, measured),
         *_plateau(stack, measured),
         *_darkness(stack, measured),
+        *_blank(stack, measured),
     ]
 
 
@@ -272,5 +281,26 @@ def _missing(stack: Stack, measured: Exposure) -> list[Finding]:
             "shaded there",
             tuple(empty),
             numbers={"share": round(share, 6)},
+        )
+    ]
+
+
+def _blank(stack: Stack, measured: Exposure) -> list[Finding]:
+    """Decoders fill the rest of a damaged picture with one value; JPEG ones do so silently."""
+    usual = float(np.median(measured.blank))
+    whole = measured.dark.min(axis=1) > 0.98
+    torn = np.flatnonzero((measured.blank > usual + _TORN) & ~whole & (stack.shape[3] > 1)).tolist()
+    if not torn:
+        return []
+    share = float(measured.blank[torn].max())
+    return [
+        Finding(
+            "blank",
+            "warning",
+            f"{counted(len(torn), 'photograph')} with up to {100 * share:.0f} % of the rows of one "
+            f"value ({named(stack.names, torn)}): damaged files, filled up by the decoder",
+            "copy them again from the camera, or take these lines out of the light file",
+            tuple(torn),
+            numbers={"share": round(share, 4)},
         )
     ]

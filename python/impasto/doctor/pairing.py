@@ -78,7 +78,8 @@ def pairing(stack: Stack, likeness: Floats | None) -> list[Finding]:
             "pairing",
             "error" if len(concerned) > 0.1 * len(directions) else "warning",
             f"{counted(len(swaps), 'pair')} of photographs seems to be exchanged: {told}",
-            "exchange the two directions in the light file (or the two file names)",
+            "exchange the two directions in the light file (impasto doctor --write FILE.lp does "
+            "so), or the two file names",
             concerned,
             numbers | {"pairs": [list(pair) for pair in swaps]},
         )

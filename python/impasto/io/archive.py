@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.encoding import Encoding
-from impasto.errors import ArgumentError, CorruptInputError
+from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.io.files import atomic_path
 from impasto.rig import DistantLight, Light, PointLight, Rig
 from impasto.stack import Stack
@@ -67,11 +67,20 @@ def read_archive(path: Path) -> Stack:
         raise CorruptInputError(
             path, f"has no array {lost[0]!r}, only {sorted(arrays)}: see impasto.io.write_stack"
         )
+    try:
+        return _stack(arrays, path)
+    except (ImpastoError, TypeError, ValueError) as error:
+        raise CorruptInputError(path, f"holds arrays that make no stack: {error}") from error
+
+
+def _stack(arrays: dict[str, NDArray[Any]], path: Path) -> Stack:
     levels = arrays.get("saturation")
     encoding: Encoding | str = "linear"
     if "curve" in arrays:
         encoding = Encoding(str(arrays["curve"]), float(arrays.get("white", np.array(1.0))))
-    optional = {key: arrays[key] for key in ("mask", "scale", "black") if key in arrays}
+    optional: dict[str, Any] = {
+        key: arrays[key] for key in ("mask", "scale", "black") if key in arrays
+    }
     samples = arrays["samples"]
     return Stack(
         samples,
@@ -91,8 +100,11 @@ def _rig(arrays: dict[str, NDArray[Any]]) -> Rig:
     near = arrays.get("near", np.zeros(count, bool))
     falloff = arrays.get("falloff", np.ones(count, bool))
     strength = arrays.get("intensities", np.ones(count)).tolist()
-    if vectors.ndim != 2 or vectors.shape[1] != 3 or not len(near) == len(strength) == count:
+    if vectors.ndim != 2 or vectors.shape[1] != 3:
         raise ArgumentError(f"lights: expected (obs, 3), found shape {vectors.shape}")
+    for name, array in (("near", near), ("falloff", falloff), ("intensities", strength)):
+        if np.shape(array) != (count,):
+            raise ArgumentError(f"{name}: expected shape ({count},), found {np.shape(array)}")
     lights: list[Light] = [
         PointLight((x, y, z), strength[i], bool(falloff[i]))
         if near[i]

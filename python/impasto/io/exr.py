@@ -67,12 +67,18 @@ class _Part:
 def exr_header(path: Path, data: bytes) -> ImageHeader:
     """Sizes of the first part, and whether every chunk lies inside the file."""
     try:
-        parts, at, multipart = _parts(path, data)
-        part = parts[0]
-        x0, y0, x1, y1 = part.window
-        channels = part.channels
+        return _checked_header(path, data)
     except (KeyError, ValueError) as error:
+        if isinstance(error, CorruptInputError):
+            raise
         raise CorruptInputError(path, f"has a damaged OpenEXR header ({error})") from error
+
+
+def _checked_header(path: Path, data: bytes) -> ImageHeader:
+    parts, at, multipart = _parts(path, data)
+    part = parts[0]
+    x0, y0, x1, y1 = part.window
+    channels = part.channels
     kinds = {kind for kind, _, _ in channels.values()}
     if not channels or not kinds <= set(_PIXEL_BYTES):
         raise CorruptInputError(path, "has a damaged OpenEXR channel list")

@@ -26,7 +26,9 @@ def parse_dome(
     configuration = str(content.get("lightConfiguration", "")).lower()
     width = _positive(content.get("imageWidth"))
     diameter = _positive(content.get("domeDiameter", content.get("diameter")))
-    offset = float(content.get("verticalOffset") or 0.0)
+    offset = content.get("verticalOffset") or 0.0
+    if not isinstance(offset, int | float):
+        raise CorruptInputError(path, f"verticalOffset: expected a number in mm, found {offset!r}")
     positions = _vectors(content, ("positions3d", "positions"), path)
     directions = _vectors(content, ("directions", "positionsSphere"), path)
     if configuration == "lights3d" and positions is None:
@@ -34,7 +36,7 @@ def parse_dome(
     use_positions = positions is not None and configuration in {"", "lights3d"}
     if not use_positions and configuration == "spherical" and directions is not None and diameter:
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
-        positions = directions / np.maximum(lengths, 1e-12) * diameter / 2 + (0.0, 0.0, offset)
+        positions = directions / np.maximum(lengths, 1e-12) * diameter / 2 + (0, 0, float(offset))
         use_positions = True
     vectors = positions if use_positions else directions
     if vectors is None:
@@ -49,12 +51,12 @@ def parse_dome(
             "and change of direction over the painting are not known",
         )
         use_positions = False
-        vectors = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+        lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+        # A position without length stays as it is, and is refused by name.
+        vectors = vectors / np.where(lengths > 0, lengths, 1.0)
     adjust = content.get("ledAdjust")
     if isinstance(adjust, list) and len(adjust) == len(vectors):
-        extra["intensities"] = np.array(
-            [[float(led.get(c, 1.0)) for c in ("r", "g", "b")] for led in adjust]
-        )
+        extra["intensities"] = _adjustments(adjust, path)
     return finish(
         path,
         format_,
@@ -66,6 +68,15 @@ def parse_dome(
         width_mm=width,
         **extra,
     )
+
+
+def _adjustments(adjust: list[Any], path: Path) -> NDArray[np.float64]:
+    """``ledAdjust``: red, green and blue strength of each light, 1 where it does not say."""
+    try:
+        rows = [[float(led.get(c, 1.0)) for c in ("r", "g", "b")] for led in adjust]
+    except (AttributeError, TypeError, ValueError) as error:
+        raise CorruptInputError(path, "ledAdjust: expected {r, g, b} for each light") from error
+    return np.array(rows)
 
 
 def parse_relight(content: dict[str, Any], path: Path, notebook: Notebook) -> LightFile:

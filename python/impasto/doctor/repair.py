@@ -1,0 +1,45 @@
+"""The light directions a diagnosis recommends."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.doctor.diagnosis import Diagnosis
+from impasto.stack import Stack
+
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def repaired_directions(stack: Stack, diagnosis: Diagnosis) -> NDArray[np.float64]:
+    """The stack's light directions with the repairs that a diagnosis names.
+
+    Exchanged directions are exchanged back, then all are mirrored or turned. Where the photographs
+    leave two repairs that differ by half a turn, the first one is made: compare by eye.
+
+    Parameters
+    ----------
+    stack, diagnosis
+        As given to :func:`examine`, and as it came back.
+
+    Returns
+    -------
+    ndarray
+        ``(obs, 3)`` unit vectors, for :func:`impasto.io.write_lights` or ``read_stack(lights=)``.
+    """
+    directions = stack.rig.directions
+    for finding in diagnosis.findings:
+        for first, second in finding.numbers.get("pairs", []) if finding.code == "pairing" else []:
+            directions[[first, second]] = directions[[second, first]]
+    for finding in diagnosis.findings:
+        repair = finding.numbers.get("repair") if finding.code == "directions" else None
+        if repair:
+            directions = directions @ repair_matrix(repair).T
+    return directions
+
+
+def repair_matrix(text: str) -> NDArray[np.float64]:
+    """``(3, 3)`` of a repair such as ``"(x, -y, z)"``."""
+    words = text.strip("()").split(", ")
+    rows = [np.multiply(_AXES[word[-1]], -1.0 if word.startswith("-") else 1.0) for word in words]
+    return np.array(rows)
