@@ -43,7 +43,7 @@ docs: $(VENV)/built $(VENV)/extras  ## build the documentation into docs/_build/
 
 bench: $(VENV)/built $(VENV)/extras  ## time the numerics against peers
 	cargo bench --package impasto-benches
-	$(BIN)/python -m pytest benches/python -q
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest benches/python -q
 
 pictures: $(VENV)/built  ## make the pictures of README and documentation again
 	$(BIN)/python docs/pictures.py
