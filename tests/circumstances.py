@@ -59,6 +59,11 @@ def _normals(capture: Any, **options: Any) -> Arrays:
     return arrays(impasto.fit_normals(capture.stack, **options))
 
 
+def _sbrdf(capture: Any, **options: Any) -> Arrays:
+    fit = impasto.fit_sbrdf(capture.stack, **options)
+    return (*arrays(fit), *arrays(fit.normals), np.array([fit.beta, fit.gamma]))
+
+
 def _height(capture: Any, **options: Any) -> Arrays:
     return (impasto.integrate_normals(capture.truth.normal, 0.2, **options),)
 
@@ -67,6 +72,7 @@ CALLS: dict[str, Callable[..., Arrays]] = {
     "predict": _predict,
     "render": _render,
     "fit_normals": _normals,
+    "fit_sbrdf": _sbrdf,
     "fit_reflectance": _reflectance,
     "integrate_normals": _height,
 }
@@ -92,7 +98,18 @@ def _long_normals(capture: Any, **options: Any) -> Arrays:
     return arrays(impasto.fit_normals(wide, **options))
 
 
-LONG: dict[str, Callable[..., Arrays]] = {"predict": _long_predict, "fit_normals": _long_normals}
+def _long_sbrdf(capture: Any, **options: Any) -> Arrays:
+    stack = capture.stack
+    wide = impasto.Stack(np.tile(stack.samples, (1, 1, 4, 3)), lights=stack.rig)
+    normals = impasto.fit_normals(wide, method="least-squares")
+    return arrays(impasto.fit_sbrdf(wide, normals=normals, **options))
+
+
+LONG: dict[str, Callable[..., Arrays]] = {
+    "predict": _long_predict,
+    "fit_normals": _long_normals,
+    "fit_sbrdf": _long_sbrdf,
+}
 """Calls that take a second or more on one thread with the baseline's instructions."""
 
 

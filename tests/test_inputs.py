@@ -14,6 +14,7 @@ from impasto import simulate
 
 FITS = {
     "fit_normals": lambda stack: impasto.fit_normals(stack),
+    "fit_sbrdf": lambda stack: impasto.fit_sbrdf(stack),
 }
 FIT = pytest.mark.parametrize("fit", FITS.values(), ids=FITS)
 
@@ -25,7 +26,7 @@ PROPORTIONAL = {"albedo", "diffuse", "beta", "residual"}
 def stack() -> impasto.Stack:
     """8-bit codes with a pedestal, noise and a few clipped highlights."""
     painting = simulate.painting(seed=6, size=SIZE, varnish="gloss")
-    system = "tominaga-rgb-camera"
+    system = "tominaga-six-band-adaptation"
     return simulate.capture(painting, system, bits=8, exposure=0.8).stack
 
 
@@ -98,6 +99,7 @@ def test_memory_layout_does_not_matter(stack: impasto.Stack, fit: Any) -> None:
 def test_a_power_of_two_in_the_light_changes_no_other_bit(
     stack: impasto.Stack, fit: Any, power: int, where: str
 ) -> None:
+    # Products of four samples stay within single precision's range of 2^-126 to 2^127.
     codes, factor = stack.samples.astype(np.float32), 2.0**power
     if where == "scale":
         brighter = rebuilt(stack, codes, scale=stack.scale * factor)

@@ -1,0 +1,56 @@
+"""Sets the tables of documentation pages from benches/results.
+
+    python benches/python/pages.py
+
+A table stands between ``<!-- table: FILE KEY; column = Heading; ... -->`` and ``<!-- end -->``:
+rows of benches/results/FILE.json under KEY, the named columns, numbers to three digits.
+``tests/test_pages.py`` holds the pages to the files.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+TABLE = re.compile(r"(<!-- table: (\S+) (\S+?);(.*?) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def set_tables(page: Path) -> None:
+    """Write a page's tables anew."""
+    page.write_text(with_tables(page.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def with_tables(text: str) -> str:
+    """The page with its tables as benches/results has them."""
+    return TABLE.sub(lambda found: found[1] + _table(*found.group(2, 3, 4)) + found[5], text)
+
+
+def _table(file: str, key: str, columns: str) -> str:
+    content = json.loads((ROOT / "benches" / "results" / f"{file}.json").read_text("utf-8"))
+    pairs = [column.strip().rpartition("=")[::2] for column in columns.split(";")]
+    heads = {name.strip(): heading.strip() for name, heading in pairs}
+    lines = [" | ".join(heads.values())]
+    # Words to the left, numbers to the right.
+    lines.append(" | ".join([":--", *["--:"] * (len(heads) - 1)]))
+    lines += [" | ".join(_cell(row[name]) for name in heads) for row in content[key]]
+    return "\n" + "".join(f"| {line} |\n" for line in lines) + "\n"
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "–"
+    return _number(value) if isinstance(value, float) else str(value)
+
+
+def _number(value: float) -> str:
+    """Three digits, but no more than three decimals."""
+    size = abs(value)
+    return f"{value:.1f}" if size >= 10 else f"{value:.2f}" if size >= 0.1 else f"{value:.3f}"
+
+
+if __name__ == "__main__":
+    for page in sorted((ROOT / "docs").glob("*.md")):
+        set_tables(page)
