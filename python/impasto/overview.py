@@ -113,7 +113,6 @@ def diffuse_panel(sbrdf: Any, reflectance: Any = None, *, threads: int | None = 
 def trust_panels(sbrdf: Any) -> tuple[Panel, ...]:
     """How far each pixel can be trusted: errors, samples used and left out, status."""
     stereo = sbrdf.normals
-    total = int(stereo.used.max()) + int(stereo.rejected.sum(axis=0).max())
     outside = stereo.status == Status.MASKED
     used, bright = (
         np.where(outside, np.nan, counts.astype(np.float32))
@@ -124,7 +123,7 @@ def trust_panels(sbrdf: Any) -> tuple[Panel, ...]:
             stereo.sigma, "Predicted error of the normal", unit="degrees", scale=180 / np.pi
         ),
         ramp_panel(sbrdf.residual, "Residual", unit="% of white", scale=100.0),
-        ramp_panel(used, "Samples used", unit=f"of up to {total} lights", low=0.0),
+        ramp_panel(used, "Samples used", unit=f"of {len(sbrdf.rig)} lights"),
         ramp_panel(bright, "Highlights left out", unit="samples", low=0.0),
         status_panel(sbrdf.status),
     )

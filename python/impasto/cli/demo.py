@@ -110,7 +110,7 @@ def demo(
             observations, bands = stack.shape[:2]
             stage.note = f"{observations} lights, {bands} bands, 12 bits, sensor noise"
         with stages.stage("normals", "robust") as stage:
-            normals = api.fit_normals(stack, threads=threads, progress=stage.advance)
+            normals = impasto.fit_normals(stack, threads=threads, progress=stage.advance)
         with stages.stage("gloss") as stage:
             sbrdf = api.fit_sbrdf(stack, normals=normals, threads=threads, progress=stage.advance)
             stage.note = gloss_words(sbrdf).removeprefix("gloss: ")

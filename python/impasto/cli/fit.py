@@ -84,7 +84,7 @@ def fit(
             stage.note = stack_words(photographs)
         tell(stages, photographs)
         with stages.stage("normals") as stage:
-            normals = api.fit_normals(
+            normals = impasto.fit_normals(
                 photographs, method=method, threads=threads, progress=stage.advance
             )
             stage.note = f"{method}; {share_estimated(normals.status)} of the pixels"
