@@ -29,6 +29,13 @@ RAKING_LIGHT = (-0.90, 0.30, 0.31)
 """From the left, 18 degrees above the painting."""
 UNKNOWN = (0.04, 0.04, 0.04)
 """Linear light of pixels that were not estimated."""
+VERDICTS = {
+    "fitted": "",
+    "mixed": ", one for several kinds",
+    "at-bound": ", at the bound of its range",
+}
+"""What is added to beta and gamma."""
+DEGREES = 180.0 / np.pi
 STEEPEST = 0.7
 """Largest tilt (rad) in the diagram of the gloss: its light still stands 10 degrees high."""
 
@@ -111,20 +118,14 @@ def diffuse_panel(sbrdf: Any, reflectance: Any = None, *, threads: int | None = 
 
 
 def trust_panels(sbrdf: Any) -> tuple[Panel, ...]:
-    """How far each pixel can be trusted: errors, samples used and left out, status."""
+    """How far each pixel can be trusted: error, residual, samples, gloss of its own, status."""
     stereo = sbrdf.normals
-    outside = stereo.status == Status.MASKED
-    used, bright = (
-        np.where(outside, np.nan, counts.astype(np.float32))
-        for counts in (stereo.used, stereo.rejected[3])
-    )
+    used = np.where(stereo.status == Status.MASKED, np.nan, stereo.used.astype(np.float32))
     return (
-        ramp_panel(
-            stereo.sigma, "Predicted error of the normal", unit="degrees", scale=180 / np.pi
-        ),
+        ramp_panel(sbrdf.sigma, "Predicted error of the normal", unit="degrees", scale=DEGREES),
         ramp_panel(sbrdf.residual, "Residual", unit="% of white", scale=100.0),
         ramp_panel(used, "Samples used", unit=f"of {len(sbrdf.rig)} lights"),
-        ramp_panel(bright, "Highlights left out", unit="samples", low=0.0),
+        ramp_panel(sbrdf.misfit, "Gloss of its own", unit="share of beta", low=0.0, high=1.0),
         status_panel(sbrdf.status),
     )
 
@@ -178,8 +179,8 @@ def gloss_words(sbrdf: Any) -> str:
     """The gloss in words: ``"gloss: beta 11.7, gamma 7.0 degrees"``."""
     if sbrdf.verdict == "no-highlight":
         return "gloss: no highlight found"
-    words = f"gloss: beta {sbrdf.beta:.3g}, gamma {np.degrees(sbrdf.gamma):.3g} degrees"
-    return words if sbrdf.verdict == "fitted" else f"{words} (at the bound of its range)"
+    remark = VERDICTS.get(sbrdf.verdict, f", {sbrdf.verdict}")
+    return f"gloss: beta {sbrdf.beta:.3g}, gamma {np.degrees(sbrdf.gamma):.3g} degrees{remark}"
 
 
 def _colour_note(count: int, reflectance: Any) -> str:

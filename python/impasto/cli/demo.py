@@ -47,8 +47,8 @@ VIEWS = (
     View(
         "slanted",
         "Seen from the right",
-        "40 degrees, lamp from the left",
-        {"light": (-0.55, 0.25, 0.80), "view": (0.64, 0.0, 0.77)},
+        "40 degrees, lamp above",
+        {"light": (-0.30, 0.60, 0.74), "view": (0.64, 0.0, 0.77)},
     ),
 )
 """The pictures of the papers: relit, under a lamp with incomplete adaptation, from the side."""
@@ -159,10 +159,11 @@ def _images(sbrdf: Any, reflectance: Any, threads: int | None) -> list[Any]:
 
 
 def _sheet(capture: Capture, sbrdf: Any, reflectance: Any, images: list[Any], score: Score) -> Any:
-    from impasto.overview import diffuse_panel, gloss_panel, subtitle, trust_panels
+    from impasto.overview import DEGREES, diffuse_panel, gloss_panel, subtitle, trust_panels
     from impasto.pictures import Panel, contact_sheet, normal_panel, ramp_panel
 
-    sigma, residual, *_, status = trust_panels(sbrdf)
+    _, residual, *_, status = trust_panels(sbrdf)
+    sigma, colours = sbrdf.sigma, "CIEDE2000, D65"
     truth = capture.truth.painting
     relit = [
         Panel(view.title, image.display, view.note)
@@ -175,9 +176,9 @@ def _sheet(capture: Capture, sbrdf: Any, reflectance: Any, images: list[Any], sc
         normal_panel(sbrdf.normal),
         gloss_panel(sbrdf),
         status,
-        ramp_panel(score.normal_error, "Error of the normal", unit="degrees", low=0.0),
-        sigma,
-        ramp_panel(score.colour_error, "Error of the colour", unit="CIEDE2000, D65", low=0.0),
+        ramp_panel(score.normal_error, "Error of the normal", unit="degrees", low=0.0, high=5.0),
+        ramp_panel(sigma, "Predicted error", unit="degrees", low=0.0, high=5.0, scale=DEGREES),
+        ramp_panel(score.colour_error, "Error of the colour", unit=colours, low=0.0, high=5.0),
         residual,
     )
     title = f"Simulated painting {truth.seed}"

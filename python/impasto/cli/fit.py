@@ -207,8 +207,9 @@ def numbers(stack: Stack, sbrdf: Any, reflectance: Any) -> dict[str, Any]:
         "beta": sbrdf.beta,
         "gamma_degrees": float(np.degrees(sbrdf.gamma)),
         "verdict": sbrdf.verdict,
+        "describes": sbrdf.describes,
         "covariance_log_beta_log_gamma": sbrdf.covariance,
-        "sigma_degrees_median": _median(np.degrees(sbrdf.normals.sigma)),
+        "sigma_degrees_median": _median(np.degrees(sbrdf.sigma)),
         "residual_median": _median(sbrdf.residual),
         "reflectance": None if reflectance is None else reflectance.info,
     }

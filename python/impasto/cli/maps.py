@@ -24,8 +24,8 @@ def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
     ``normal.png``                16 bits, (n + 1) / 2; black where unknown
     ``diffuse.exr``               linear, white board 1.0; R, G, B or the names of the bands
     ``diffuse.png``, ``.tif``     16 bits: sRGB for one or three bands, else linear TIFF
-    ``trust.exr``                 status, residual, sigma (degrees), condition, samples used
-                                  and rejected, by reason
+    ``trust.exr``                 status, residual, sigma (degrees), misfit of the gloss,
+                                  condition, samples used and rejected, by reason
     ``status.png``                8 bits: the codes of :class:`impasto.Status`
     ``sbrdf.npz``                 all of it, for ``impasto render`` and :func:`impasto.load_sbrdf`
     ``reflectance.npz``           spectra, where the camera is known
@@ -91,7 +91,8 @@ def _trust(sbrdf: Any) -> dict[str, NDArray[Any]]:
     return {
         "status": sbrdf.status,
         "residual": sbrdf.residual,
-        "sigma": np.degrees(stereo.sigma),
+        "sigma": np.degrees(sbrdf.sigma),
+        "misfit": sbrdf.misfit,
         "condition": stereo.condition,
         "used": stereo.used,
         **{f"rejected.{name}": p for name, p in zip(reasons, stereo.rejected, strict=True)},
