@@ -23,7 +23,6 @@ source_suffix = {".md": "markdown"}
 nitpicky = True
 # Types are read, not followed: pages build offline and link to no other project's manual.
 nitpick_ignore_regex = [("py:class", ".*"), ("py:data", ".*")]
-nitpick_ignore_regex += [("py:func", r"impasto\.(fit_normals|fit_sbrdf|load_sbrdf)")]
 
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3

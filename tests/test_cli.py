@@ -20,9 +20,6 @@ from impasto import simulate
 from impasto.cli import main
 from impasto.io import write_stack
 
-pytestmark = pytest.mark.skipif(
-    not hasattr(impasto, "fit_sbrdf"), reason="this build has no fit_sbrdf"
-)
 SIZE = 48
 PROGRAM = """\
 import signal, sys

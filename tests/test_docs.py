@@ -27,8 +27,6 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What `make demo` leaves behind, on a small painting."""
     from impasto.cli import main
 
-    if not hasattr(impasto, "fit_sbrdf"):
-        pytest.skip("this build has no fit_sbrdf")
     folder = tmp_path_factory.mktemp("pages")
     assert main(["demo", "--out", str(folder / "demo"), "--size", "96", "--quiet"]) == 0
     return folder

@@ -87,8 +87,6 @@ def demo(
         No progress, only errors.
     """
     import impasto
-
-    api: Any = impasto
     from impasto import simulate
     from impasto.cli.fit import numbers
     from impasto.cli.folder import REPORT, result_folder
@@ -112,7 +110,9 @@ def demo(
         with stages.stage("normals", "robust") as stage:
             normals = impasto.fit_normals(stack, threads=threads, progress=stage.advance)
         with stages.stage("gloss") as stage:
-            sbrdf = api.fit_sbrdf(stack, normals=normals, threads=threads, progress=stage.advance)
+            sbrdf = impasto.fit_sbrdf(
+                stack, normals=normals, threads=threads, progress=stage.advance
+            )
             stage.note = gloss_words(sbrdf).removeprefix("gloss: ")
         with stages.stage("reflectance") as stage:
             reflectance = impasto.fit_reflectance(
@@ -204,8 +204,8 @@ def _rows(score: Score) -> list[tuple[str, str, str]]:
     for name, mean in score.colour_mean.items():
         tail = f"CIEDE2000, 95 % below {score.colour_p95[name]:.2f}"
         rows.append((f"colour, {name}", f"{mean:.2f}", tail))
-    rows.append(("gamma", f"{100 * score.gamma:+.1f} %", "width of the gloss"))
-    rows.append(("beta", f"{100 * score.beta:+.1f} %", "strength of the gloss"))
+    rows.append(("gamma", f"{100 * score.gamma:+.2f} %", "width of the gloss"))
+    rows.append(("beta", f"{100 * score.beta:+.2f} %", "strength of the gloss"))
     if score.estimated < 1.0:
         rows.append(("estimated", f"{100 * score.estimated:.2f} %", "of the pixels"))
     return rows

@@ -67,8 +67,6 @@ def fit(
         No progress, only errors.
     """
     import impasto
-
-    api: Any = impasto
     from impasto.cli.folder import REPORT, result_folder
     from impasto.cli.maps import write_maps
     from impasto.io import write_jpeg
@@ -89,7 +87,7 @@ def fit(
             )
             stage.note = f"{method}; {share_estimated(normals.status)} of the pixels"
         with stages.stage("gloss") as stage:
-            sbrdf = api.fit_sbrdf(
+            sbrdf = impasto.fit_sbrdf(
                 photographs,
                 normals=normals,
                 index=index,

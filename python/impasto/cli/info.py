@@ -81,11 +81,9 @@ def _archive(path: Path) -> dict[str, Any]:
     import numpy as np
 
     import impasto
-
-    api: Any = impasto
     from impasto.report import status_counts
 
-    sbrdf = api.load_sbrdf(path)
+    sbrdf = impasto.load_sbrdf(path)
     bands, rows, columns = sbrdf.diffuse.shape
     return {
         "size": f"{columns} x {rows} pixels, {bands} bands",

@@ -64,15 +64,13 @@ def load_result(folder: Path) -> tuple[Any, Any]:
     """
     import impasto
 
-    api: Any = impasto
-
     path = folder / RESULT if folder.is_dir() else folder
     if not path.is_file():
         what = "does not exist" if not folder.exists() else f"holds no {RESULT}"
         raise ArgumentError(f"{folder} {what}: expected the --out folder of impasto fit or demo")
     spectra = path.with_name(SPECTRA)
     reflectance = impasto.Reflectance.load(spectra) if spectra.is_file() else None
-    return api.load_sbrdf(path), reflectance
+    return impasto.load_sbrdf(path), reflectance
 
 
 def _channels(sbrdf: Any) -> dict[str, NDArray[np.float32]]:
