@@ -11,43 +11,74 @@ use super::real::{Real, Scalar};
 #[inline(always)]
 pub fn exp<R: Real>(x: R) -> R {
     let floor = R::splat(R::Scalar::EXP_UNDERFLOW);
-    let x_bounded = x.max(floor).min(-floor);
-    let k = (x_bounded * R::of(core::f64::consts::LOG2_E)).round();
+    // The bounds come first: for NaN, `max` and `min` answer with their argument.
+    let value = exp_in_range((-floor).min(floor.max(x)));
+    // The comparison is false for NaN, so the flush must be the branch that needs a "yes".
+    R::select(x.lt(floor), R::zero(), value)
+}
+
+/// [`exp`] for arguments that are known to lie between its bounds.
+#[must_use]
+#[inline(always)]
+pub fn exp_in_range<R: Real>(x: R) -> R {
+    let k = (x * R::of(core::f64::consts::LOG2_E)).round();
     // ln 2 in two parts: k times the upper part is exact.
-    let r = k.mul_add(R::of(-0.693_359_375), x_bounded);
+    let r = k.mul_add(R::of(-0.693_359_375), x);
     let r = k.mul_add(R::of(2.121_944_400_546_905_8e-4), r);
     let mut tail = R::of(R::Scalar::EXP_TAIL[0]);
     for &coefficient in &R::Scalar::EXP_TAIL[1..] {
         tail = tail.mul_add(r, R::of(coefficient));
     }
     let value = tail.mul_add(r * r, r) + R::one();
-    let value = value * k.exp2_integral();
-    // The comparison is false for NaN, so the flush must be the branch that needs a "yes".
-    let value = R::select(x.lt(floor), R::zero(), value);
-    R::select(x.le(x), value, x)
+    value * k.exp2_integral()
 }
 
 /// Natural logarithm of a positive normal number; of the smallest one for anything below it and
 /// for NaN, of the largest for infinity. Never NaN, so that a caller may select afterwards.
 ///
-/// `x = m 2^e`, `f = m - 1`, `s = f / (2 + f)`: `ln m = f - (f^2/2 - s (f^2/2 + R(s^2)))`, which
-/// keeps full relative accuracy near one, where lobes peak. Within 1 ulp.
+/// `x = m 2^e`, `f = m - 1`. In double precision `s = f / (2 + f)` and
+/// `ln m = f - (f^2/2 - s (f^2/2 + R(s^2)))`; in single precision a polynomial in f alone, without
+/// the division, is as good. Either keeps full relative accuracy near one, where lobes peak:
+/// within 1 or 2 ulp.
 #[must_use]
 #[inline(always)]
 pub fn ln<R: Real>(x: R) -> R {
-    let x = x.max(R::splat(R::Scalar::MIN_POSITIVE)).min(R::splat(R::Scalar::MAX));
+    ln_in_range(x.max(R::splat(R::Scalar::MIN_POSITIVE)).min(R::splat(R::Scalar::MAX)))
+}
+
+/// [`ln`] for arguments that are known to be positive, normal and finite.
+#[must_use]
+#[inline(always)]
+pub fn ln_in_range<R: Real>(x: R) -> R {
     let (m, e) = x.split();
     let f = m - R::one();
-    let s = f / (f + R::of(2.0));
-    let square = s * s;
+    let square = f * f;
+    // ln 2 in two parts: e times the upper part is exact.
+    let low = e * R::of(-2.121_944_400_546_905_8e-4);
+    let direct = R::Scalar::LN_DIRECT;
+    let tail = if let [first, rest @ ..] = direct {
+        let mut tail = R::of(*first);
+        for &coefficient in rest {
+            tail = tail.mul_add(f, R::of(coefficient));
+        }
+        (tail * f).mul_add(square, low)
+    } else {
+        let s = f / (f + R::of(2.0));
+        let series = ln_series(s * s);
+        // s (f^2/2 + R) in the place of the polynomial.
+        s.mul_add(series.mul_add(s * s, square * R::of(0.5)), low)
+    };
+    e.mul_add(R::of(0.693_359_375), square.mul_add(R::of(-0.5), tail) + f)
+}
+
+/// `R(s^2) / s^2` of [`ln`].
+#[inline(always)]
+pub(super) fn ln_series<R: Real>(square: R) -> R {
     let mut tail = R::of(R::Scalar::LN_TAIL[0]);
     for &coefficient in &R::Scalar::LN_TAIL[1..] {
         tail = tail.mul_add(square, R::of(coefficient));
     }
-    let half = f * f * R::of(0.5);
-    // ln 2 in two parts: e times the upper part is exact.
-    let low = e.mul_add(R::of(-2.121_944_400_546_905_8e-4), s * tail.mul_add(square, half));
-    e.mul_add(R::of(0.693_359_375), f - (half - low))
+    tail
 }
 
 /// `phi^2` from `e = |n - h|^2 / 2 = 1 - cos(phi)`, for angles up to about 1.3 rad.

@@ -149,6 +149,9 @@ pub trait Scalar: Real<Mask = bool, Scalar = Self> + PartialOrd + Default {
     const EXP_TAIL: &'static [f64];
     /// Smallest positive normal value.
     const MIN_POSITIVE: Self;
+    /// Polynomial in `f` of [`ln`](crate::math::elementary::ln), from the highest power down to
+    /// `1 / 3`; empty where the precision asks for the other form.
+    const LN_DIRECT: &'static [f64];
     /// Polynomial in `s^2` of [`ln`](crate::math::elementary::ln), from the highest power down to
     /// `2 / 3`.
     const LN_TAIL: &'static [f64];
@@ -267,6 +270,18 @@ impl Scalar for f32 {
     const EPSILON: f32 = f32::EPSILON;
     const EXP_UNDERFLOW: f32 = -87.0;
     const MIN_POSITIVE: f32 = f32::MIN_POSITIVE;
+    // Minimax coefficients of the Cephes single-precision logarithm (public domain numbers).
+    const LN_DIRECT: &'static [f64] = &[
+        7.037_683_629_2e-2,
+        -1.151_461_031_0e-1,
+        1.167_699_874_0e-1,
+        -1.242_014_084_6e-1,
+        1.424_932_278_7e-1,
+        -1.666_805_766_5e-1,
+        2.000_071_476_5e-1,
+        -2.499_999_399_3e-1,
+        3.333_333_117_4e-1,
+    ];
     // The series of atanh: the first term left out is 2/11 s^10, 4e-9 at s = 0.1716.
     const LN_TAIL: &'static [f64] = &[2.0 / 9.0, 2.0 / 7.0, 2.0 / 5.0, 2.0 / 3.0];
     // Minimax coefficients of the Cephes single-precision exponential (public domain numbers).
@@ -295,6 +310,7 @@ impl Scalar for f64 {
     const EPSILON: f64 = f64::EPSILON;
     const EXP_UNDERFLOW: f64 = -708.0;
     const MIN_POSITIVE: f64 = f64::MIN_POSITIVE;
+    const LN_DIRECT: &'static [f64] = &[];
     // The series of atanh: the first term left out is 2/23 s^22, 1e-18 at s = 0.1716.
     const LN_TAIL: &'static [f64] = &[
         2.0 / 21.0,

@@ -3,7 +3,7 @@
 //! A [`Two`] is the unevaluated sum of a number and what rounding left of it: twice the digits at
 //! some ten times the cost (Dekker 1971; products by fused multiply-add).
 
-use super::elementary::exp;
+use super::elementary::{exp, ln_series};
 use super::real::{Real, Scalar};
 
 /// `hi + lo`, with `lo` below half a unit of the last place of `hi`.
@@ -99,12 +99,7 @@ impl<R: Real> Two<R> {
         let f = Self::sum(m, -R::one()).plus(Self::exact(lo));
         let s = f.over(f.plus(Self::exact(R::of(2.0))));
         let square = s.hi * s.hi;
-        let mut tail = R::of(R::Scalar::LN_TAIL[0]);
-        for &coefficient in &R::Scalar::LN_TAIL[1..] {
-            tail = tail.mul_add(square, R::of(coefficient));
-        }
-        let twice = s.plus(s);
-        let mantissa = twice.plus(Self::exact(s.hi * square * tail));
+        let mantissa = s.plus(s).plus(Self::exact(s.hi * square * ln_series(square)));
         Self::of(core::f64::consts::LN_2).times(Self::exact(e)).plus(mantissa)
     }
 

@@ -3,5 +3,6 @@
 
 mod batch;
 mod dual;
+mod hard;
 mod mgh;
 mod nist;

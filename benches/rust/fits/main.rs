@@ -1,0 +1,160 @@
+//! Many fits, one thread: the lanes in single precision against MINPACK (crate
+//! `levenberg-marquardt`) in double, on the same data from the same starts with the same tolerance.
+//!
+//! `cargo bench -p impasto-benches --bench fits` prints one line per problem. Rounds of both sides
+//! alternate and the round with the median ratio counts, in processor time where the system tells
+//! it. "Bad" is
+//! the share of pixels whose cost is above 1.01 times that of a double-precision fit started from
+//! the truth: a better minimum was there.
+
+#![allow(
+    clippy::disallowed_macros,
+    clippy::disallowed_methods,
+    reason = "a benchmark reads clocks and prints what they say"
+)]
+
+mod lafortune;
+mod random;
+mod torrance_sparrow;
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use impasto::lm::{Bounds, Effort, Options, fit};
+use impasto::math::Level;
+use levenberg_marquardt::LevenbergMarquardt;
+use nalgebra::Vector2;
+
+const TOLERANCE: f64 = 1e-5;
+const ROUNDS: usize = 5;
+
+fn options() -> Options {
+    Options {
+        cost: TOLERANCE,
+        step: TOLERANCE,
+        gradient: TOLERANCE,
+        damping: 1.0,
+        max_iterations: 200,
+        ..Options::default()
+    }
+}
+
+fn port() -> LevenbergMarquardt<f64> {
+    LevenbergMarquardt::new().with_tol(TOLERANCE)
+}
+
+/// Nanoseconds that this thread has computed (Linux), else that have passed since `epoch`.
+fn clock(epoch: Instant) -> f64 {
+    std::fs::read_to_string("/proc/thread-self/schedstat")
+        .ok()
+        .and_then(|text| text.split(' ').next()?.parse().ok())
+        .unwrap_or_else(|| epoch.elapsed().as_nanos() as f64)
+}
+
+/// Seconds of either side in the round whose ratio is the median.
+fn race(mut ours: impl FnMut(), mut theirs: impl FnMut()) -> [f64; 2] {
+    let epoch = Instant::now();
+    let timed = |side: &mut dyn FnMut()| {
+        let start = clock(epoch);
+        side();
+        (clock(epoch) - start) * 1e-9
+    };
+    let mut rounds: Vec<_> = (0..ROUNDS).map(|_| [timed(&mut ours), timed(&mut theirs)]).collect();
+    rounds.sort_by(|a, b| (a[0] / a[1]).total_cmp(&(b[0] / b[1])));
+    rounds[ROUNDS / 2]
+}
+
+fn report(name: &str, rates: [f64; 2], effort: Effort, count: usize, bad: [f64; 2]) {
+    println!(
+        "| {name} | {:.0} | {:.0} | {:.1} | {:.1} | {:.1} % | {:.1} % | {:.1} % |",
+        rates[0],
+        rates[1],
+        rates[0] / rates[1],
+        effort.useful as f64 / count as f64,
+        100.0 * effort.efficiency(),
+        100.0 * bad[0],
+        100.0 * bad[1]
+    );
+}
+
+fn torrance_sparrow(count: usize) {
+    use torrance_sparrow::{Lanes, Port, pixels};
+    let pixels = pixels(count);
+    let some = &pixels[..count / 20];
+    let bounds = Bounds { lower: [0.0, -0.8], upper: [1e9, 15.0] };
+    let mut lanes = Lanes::new(&pixels);
+    let mut effort = Effort::default();
+    let mut places = vec![Vector2::zeros(); some.len()];
+    let minimise = |pixel, start| port().minimize(Port { pixel, place: Vector2::from(start) });
+    let seconds = race(
+        || {
+            let all = 0..pixels.len();
+            effort = fit(Level::detect(), black_box(&mut lanes), all, &bounds, &options());
+        },
+        || {
+            for (pixel, place) in some.iter().zip(&mut places) {
+                *place = minimise(black_box(pixel), pixel.start()).0.place;
+            }
+        },
+    );
+    let mut bad = [0.0; 2];
+    for (i, pixel) in some.iter().enumerate() {
+        let best = LevenbergMarquardt::new().with_tol(1e-12);
+        let best = best.minimize(Port { pixel, place: places[i] }).1.objective_function;
+        let [beta, log_k] = lanes.found[i].map(f64::from);
+        for (bad, at) in bad.iter_mut().zip([Vector2::new(beta, log_k), places[i]]) {
+            let cost = pixel.cost(at.into()) / 2.0;
+            *bad += f64::from(u8::from(cost > 1.01 * best)) / some.len() as f64;
+        }
+    }
+    let rates = [pixels.len() as f64 / seconds[0], some.len() as f64 / seconds[1]];
+    report("Torrance-Sparrow, 16", rates, effort, pixels.len(), bad);
+}
+
+fn lafortune<const N: usize>(count: usize, observations: usize) {
+    use lafortune::{Found, Port, Scene, joint, sequential, start};
+    let lobes = (N - 1) / 3;
+    let scene = Scene::new(count, observations, lobes);
+    let some = (count / if lobes == 1 { 10 } else { 20 }).max(20);
+    let mut found: Option<Found<N>> = None;
+    let mut costs = vec![0.0; some];
+    let seconds = race(
+        || {
+            found = Some(if lobes == 1 {
+                joint::<f32, N>(black_box(&scene), &vec![start(); count], &options())
+            } else {
+                sequential(black_box(&scene), &options()).cut()
+            });
+        },
+        || {
+            for (pixel, cost) in costs.iter_mut().enumerate() {
+                let problem = Port::<N>::new(black_box(&scene), pixel, start());
+                *cost = 2.0 * port().minimize(problem).1.objective_function;
+            }
+        },
+    );
+    let found = found.expect("a round has run");
+    let truth: Vec<[f64; N]> =
+        scene.truth.iter().map(|all| core::array::from_fn(|i| all[i])).collect();
+    let best = joint::<f64, N>(&scene, &truth, &Options::default()).costs;
+    let share = |costs: &[f64]| {
+        let bad = costs.iter().zip(&best).filter(|&(cost, best)| *cost > 1.01 * best).count();
+        bad as f64 / costs.len() as f64
+    };
+    let rates = [count as f64 / seconds[0], some as f64 / seconds[1]];
+    let bad = [share(&found.costs), share(&costs)];
+    report(&format!("Lafortune {lobes}, {observations}"), rates, found.effort, count, bad);
+}
+
+fn main() {
+    println!("one thread, {}, tolerance {TOLERANCE:e}", Level::detect().name());
+    println!(
+        "| problem | lanes, fits/s | MINPACK | ratio | passes | lanes busy | bad | bad, MINPACK |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    torrance_sparrow(100_000);
+    lafortune::<4>(10_000, 100);
+    lafortune::<4>(3_000, 690);
+    lafortune::<10>(4_000, 100);
+    lafortune::<10>(1_000, 690);
+}

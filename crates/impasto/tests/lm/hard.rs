@@ -1,0 +1,131 @@
+//! Hard cases that belong to the search; their numbers are those of `docs/numerics.md`.
+
+use impasto::lm::{Bounds, Normal, Options, Outcome, Problem, Reason, minimise};
+
+/// `a exp(-k x)` at some places.
+struct Lobe<'a>(&'a [(f64, f64)]);
+
+impl Problem<f64, 2> for Lobe<'_> {
+    fn normal(&self, [a, log_k]: [f64; 2]) -> Normal<f64, 2> {
+        let mut normal = Normal::zero();
+        for &(x, y) in self.0 {
+            let lobe = (-log_k.exp() * x).exp();
+            normal.add([lobe, -log_k.exp() * x * a * lobe], y - a * lobe);
+        }
+        normal
+    }
+}
+
+const BOUNDS: Bounds<f64, 2> = Bounds { lower: [0.0, -1.0], upper: [1e9, 15.0] };
+
+fn lobe(samples: &[(f64, f64)]) -> Outcome<f64, 2> {
+    let outcome = minimise(&Lobe(samples), [1.0, 2.0], &BOUNDS, &Options::default());
+    assert!(outcome.normal.cost.is_finite());
+    for i in 0..2 {
+        assert!((BOUNDS.lower[i]..=BOUNDS.upper[i]).contains(&outcome.parameters[i]));
+    }
+    outcome
+}
+
+#[test]
+fn hard_case_1_black() {
+    let outcome = lobe(&[(0.0, 0.0), (0.1, 0.0), (0.4, 0.0)]);
+    assert!(outcome.reason.converged());
+    // Without strength nothing depends on the shape.
+    assert!(outcome.parameters[0] < 1e-6);
+    assert!(lobe(&[(0.0, 0.0); 3]).deficient()[1]);
+}
+
+#[test]
+fn hard_case_4_no_sample_of_the_lobe() {
+    // At x = 1e4 any lobe within the bounds has vanished: nothing depends on either parameter.
+    let outcome = lobe(&[(1e4, 0.01), (2e4, -0.01), (3e4, 0.02)]);
+    assert_eq!(outcome.deficient(), [true, true]);
+}
+
+#[test]
+fn hard_cases_5_and_30_fewer_samples_than_parameters() {
+    let outcome = lobe(&[(0.1, 0.8)]);
+    // One sample fixes a curve of strength and width; the second parameter is named.
+    assert_eq!(outcome.deficient(), [false, true]);
+    assert!(outcome.normal.cost < 1e-12);
+    assert_eq!(lobe(&[]).deficient(), [true, true]);
+}
+
+#[test]
+fn hard_case_6_a_mirror_ends_at_its_bound() {
+    let outcome = lobe(&[(0.0, 1.0), (1e-3, 0.0), (2e-3, 0.0), (0.1, 0.0)]);
+    assert!(outcome.reason.converged());
+    assert!((outcome.parameters[0] - 1.0).abs() < 1e-3 && outcome.parameters[1] > 8.0);
+}
+
+/// Two decays that start, and stay, alike.
+struct Twins<'a>(&'a [(f64, f64)]);
+
+impl Problem<f64, 4> for Twins<'_> {
+    fn normal(&self, [a, k, b, l]: [f64; 4]) -> Normal<f64, 4> {
+        let mut normal = Normal::zero();
+        for &(x, y) in self.0 {
+            let (one, two) = ((-k * x).exp(), (-l * x).exp());
+            normal.add([one, -x * a * one, two, -x * b * two], y - a * one - b * two);
+        }
+        normal
+    }
+}
+
+#[test]
+fn hard_case_14_equal_lobes_do_not_split_and_are_named() {
+    let samples: Vec<_> =
+        (0..10).map(|i| f64::from(i) * 0.3).map(|x| (x, 2.0 * (-0.8 * x).exp())).collect();
+    let bounds = Bounds::none();
+    let outcome = minimise(&Twins(&samples), [0.5, 0.3, 0.5, 0.3], &bounds, &Options::default());
+    assert!(outcome.reason.converged() && outcome.normal.cost < 1e-12);
+    // Between the two only the sum of strengths and one rate are known.
+    assert!(outcome.deficient()[3]);
+    let [a, k, b, l] = outcome.parameters;
+    assert!((a + b - 2.0).abs() < 1e-4 && (a * k + b * l - 1.6).abs() < 1e-4);
+}
+
+#[test]
+fn hard_case_27_constant_samples_end_at_once() {
+    // The flattest lobe within the bounds, exp(-0.37 x), is not constant: strength alone is left.
+    let outcome = lobe(&[(0.0, 0.5), (0.0, 0.5), (0.0, 0.5)]);
+    assert!(outcome.reason.converged() && outcome.iterations < 20);
+    assert!((outcome.parameters[0] - 0.5).abs() < 1e-9);
+}
+
+/// A gradient of the wrong sign: no step ever helps.
+struct Liar;
+
+impl Problem<f64, 1> for Liar {
+    fn normal(&self, [x]: [f64; 1]) -> Normal<f64, 1> {
+        Normal { cost: 1.0 + x * x, descent: [x], matrix: [[1.0]] }
+    }
+}
+
+#[test]
+fn hard_case_32_rejections_end_and_leave_a_clean_matrix() {
+    let outcome = minimise(&Liar, [1.0], &Bounds::none(), &Options::default());
+    assert!(matches!(outcome.reason, Reason::NoProgress | Reason::Step), "{:?}", outcome.reason);
+    assert_eq!((outcome.parameters, outcome.normal.matrix), ([1.0], [[1.0]]));
+    assert!(outcome.iterations < 30);
+}
+
+/// Steps into a region without values.
+struct Cliff;
+
+impl Problem<f64, 1> for Cliff {
+    fn normal(&self, [x]: [f64; 1]) -> Normal<f64, 1> {
+        let mut normal = Normal::zero();
+        // The root of what is left of the cliff, whose best place is its edge.
+        normal.add([-0.5 / (1.0 - x).sqrt()], -(1.0 - x).sqrt());
+        normal
+    }
+}
+
+#[test]
+fn hard_case_26_a_step_without_a_finite_cost_is_not_taken() {
+    let outcome = minimise(&Cliff, [0.5], &Bounds::none(), &Options::default());
+    assert!(outcome.parameters[0] <= 1.0 && outcome.normal.cost.is_finite());
+    assert!(outcome.normal.cost < 1e-3);
+}
