@@ -105,6 +105,18 @@ def test_a_report_names_inputs_options_versions_and_counts(fitted: Path, stack: 
     assert "impasto" in report["versions"]
 
 
+def test_the_papers_procedure_can_be_asked_for(stack: Path, tmp_path: Path) -> None:
+    out = tmp_path / "papers"
+    words = f"fit {stack} --out {out} --method threshold --extraction papers --no-joint --quiet"
+    assert main(words.split()) == 0
+    options = json.loads((out / "report.json").read_text(encoding="utf-8"))["options"]
+    assert (options["method"], options["extraction"], options["joint"]) == (
+        "threshold",
+        "papers",
+        False,
+    )
+
+
 def test_the_overview_is_one_picture_of_everything(fitted: Path) -> None:
     sheet = cv2.imread(str(fitted / "overview.jpg"))
     assert sheet is not None

@@ -170,7 +170,8 @@ def subtitle(sbrdf: Any) -> str:
     """Size, bands and gloss in one line."""
     count, rows, columns = sbrdf.diffuse.shape
     return (
-        f"{columns} × {rows} pixels  ·  {count} bands  ·  {len(sbrdf.rig)} lights  ·  "
+        f"{columns} × {rows} pixels  ·  {count} band{'s' * (count != 1)}  ·  "
+        f"{len(sbrdf.rig)} lights  ·  "
         f"{gloss_words(sbrdf)}"
     )
 

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from impasto.stack import Stack
 
 Method = Literal["robust", "least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey"]
+Extraction = Literal["residual", "maximum", "papers"]
 Estimator = Literal["root-polynomial", "wiener", "linear-model", "radial-basis"]
+MODEL: Literal["torrance-sparrow"] = "torrance-sparrow"
+POOLING: Literal["painting"] = "painting"
 PARTIAL = 4
 
 
@@ -29,6 +32,8 @@ def fit(
     out: Path,
     reading: Reading | None = None,
     method: Method = "robust",
+    extraction: Extraction = "residual",
+    joint: Annotated[bool, Parameter(negative="--no-joint")] = True,
     index: float = 1.45,
     camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
     illuminant: str | None = None,
@@ -50,6 +55,11 @@ def fit(
         Folder for maps, overview and report.
     method
         How normals are kept from highlights and shadows.
+    extraction
+        Which samples the first estimate of the gloss is made from.
+    joint
+        Fit normals, colours and gloss to all samples together; --no-joint stops where the papers
+        stop.
     index
         Index of refraction of the varnish.
     camera
@@ -89,8 +99,12 @@ def fit(
         with stages.stage("gloss") as stage:
             sbrdf = impasto.fit_sbrdf(
                 photographs,
-                normals=normals,
+                model=MODEL,
+                pooling=POOLING,
+                extraction=extraction,
+                joint=joint,
                 index=index,
+                normals=normals,
                 threads=threads,
                 progress=stage.advance,
             )
@@ -121,9 +135,10 @@ def fit(
                 "stack": stack,
                 **asdict(reading),
                 "method": method,
-                "model": "torrance-sparrow",
-                "pooling": "painting",
-                "extraction": "residual",
+                "model": MODEL,
+                "pooling": POOLING,
+                "extraction": extraction,
+                "joint": joint,
                 "index": index,
                 "camera": camera,
                 "illuminant": illuminant,
@@ -168,7 +183,12 @@ def tell(stages: Stages, stack: Stack) -> None:
 def stack_words(stack: Stack) -> str:
     """``72 x 402 x 395 pixels, 3 bands``."""
     observations, bands, rows, columns = stack.shape
-    return f"{observations} of {columns} x {rows} pixels, {bands} bands"
+    return f"{observations} of {columns} x {rows} pixels, {band_words(bands)}"
+
+
+def band_words(count: int) -> str:
+    """``1 band``, ``6 bands``."""
+    return "1 band" if count == 1 else f"{count} bands"
 
 
 def share_estimated(status: Any) -> str:

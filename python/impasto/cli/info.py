@@ -49,6 +49,7 @@ def _installation() -> dict[str, Any]:
 def _result(path: Path) -> dict[str, Any]:
     if path.suffix.lower() == ".npz":
         return _archive(path)
+    from impasto.cli.fit import band_words
     from impasto.cli.folder import REPORT, read_report
 
     folder = path.parent if path.name == REPORT else path
@@ -60,7 +61,7 @@ def _result(path: Path) -> dict[str, Any]:
     }
     if "shape" in results:
         observations, bands, rows, columns = results["shape"]
-        facts["stack"] = f"{observations} of {columns} x {rows} pixels, {bands} bands"
+        facts["stack"] = f"{observations} of {columns} x {rows} pixels, {band_words(bands)}"
     if report.get("inputs"):
         facts["inputs"] = _few([entry["file"] for entry in report["inputs"]])
     facts["status"] = _counts(results.get("status", {}))
@@ -81,12 +82,13 @@ def _archive(path: Path) -> dict[str, Any]:
     import numpy as np
 
     import impasto
+    from impasto.cli.fit import band_words
     from impasto.report import status_counts
 
     sbrdf = impasto.load_sbrdf(path)
     bands, rows, columns = sbrdf.diffuse.shape
     return {
-        "size": f"{columns} x {rows} pixels, {bands} bands",
+        "size": f"{columns} x {rows} pixels, {band_words(bands)}",
         "bands": ", ".join(sbrdf.bands),
         "lights": len(sbrdf.rig),
         "normals": sbrdf.normals.method,
