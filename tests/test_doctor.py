@@ -117,6 +117,40 @@ def test_falloff_tells_one_side_from_the_other(
     assert "or_else" not in finding.numbers
 
 
+@pytest.mark.parametrize("angle", [15, 30, 45, 60, -30])
+def test_a_turned_camera_is_found(angle: float) -> None:
+    """The curl knows the turn to a degree or two, up to half a turn."""
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    stack = captured(1, varnish="matte")
+    finding = doctor.examine(turned(stack, [[c, -s, 0], [s, c, 0], [0, 0, 1]]))["directions"]
+    assert finding.severity in {"warning", "error"}
+    assert finding.numbers["curl_best_turn_deg"] == pytest.approx(angle, abs=2.0)
+
+
+@pytest.mark.parametrize(
+    ("order", "verdict"),
+    [
+        (np.roll(np.arange(16), 1), "moved back by one"),
+        (np.roll(np.arange(16), -2), "moved by two"),
+        (np.arange(16)[::-1], "reversed"),
+        (np.array(sorted(range(16), key=str)), None),
+        (np.array(sorted(range(16), key=lambda i: str(i + 1))), "sorted as numbers"),
+    ],
+)
+def test_lights_out_of_step_are_found(order: np.ndarray, verdict: str | None) -> None:
+    stack = captured(1, varnish="matte")
+    bad = altered(stack, lights=stack.rig.directions[order])
+    diagnosis = doctor.examine(bad)
+    if verdict is None:  # numbered from 0: not among the likely mistakes
+        assert not diagnosis.usable
+        return
+    assert diagnosis["order"].severity == "error"
+    assert diagnosis["order"].numbers["verdict"] == verdict
+    assert diagnosis["directions"].severity == diagnosis["pairing"].severity == "ok"
+    repaired = doctor.repaired_directions(bad, diagnosis)
+    np.testing.assert_array_equal(repaired, stack.rig.directions)
+
+
 @pytest.mark.parametrize("rig", RIGS)
 @pytest.mark.parametrize("varnish", [None, "satin", "gloss"])
 @pytest.mark.parametrize("seed", [0, 1])
@@ -339,6 +373,13 @@ def test_icon_exchanged_pair(icon: Stack) -> None:
         finding = doctor.examine(altered(icon, lights=lights))["pairing"]
         assert finding.severity == "warning"
         assert finding.observations == (a, b)
+
+
+def test_icon_out_of_step(icon: Stack) -> None:
+    bad = altered(icon, lights=np.roll(icon.rig.directions, 1, axis=0))
+    diagnosis = doctor.examine(bad)
+    assert diagnosis["order"].numbers["verdict"] == "moved back by one"
+    assert diagnosis["directions"].severity == diagnosis["pairing"].severity == "ok"
 
 
 def test_icon_read_as_linear(icon: Stack, data: Path) -> None:

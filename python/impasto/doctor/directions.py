@@ -14,8 +14,8 @@ from impasto.doctor.specimen import Specimen
 
 Floats = NDArray[np.float64]
 
-_NEAR_DEG = 25.0
-"""Turns closer than this to none are not reported, closer to a quarter count as a quarter."""
+_NEAR_DEG, _SLIGHT_DEG = 20.0, 12.0
+"""Turns closer to a quarter count as a quarter, smaller ones are not reported."""
 
 _REPAIRS = {
     (0, True): ("mirrored top to bottom (y counted downwards?)", "(x, -y, z)"),
@@ -74,7 +74,7 @@ def _straight(curl: Curl, falloff: FallOff, numbers: dict[str, Any]) -> Finding:
         if abs(falloff.turn_deg) < 45.0:
             message += "; each lamp also lights its own side more, so no half turn is hidden"
     turn = curl.best_turn(False)
-    if abs(turn) > _NEAR_DEG and curl.beats((turn, False), (0.0, False)):
+    if abs(turn) > _SLIGHT_DEG and curl.beats((turn, False), (0.0, False)):
         return Finding(
             "directions",
             "warning",

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from impasto.doctor.diagnosis import Diagnosis, Finding
 from impasto.doctor.directions import directions
 from impasto.doctor.exposure import Exposure, exposure
 from impasto.doctor.lights import lights
+from impasto.doctor.order import order
 from impasto.doctor.pairing import measure_likeness, pairing
 from impasto.doctor.photographs import duplicates, reading
 from impasto.doctor.specimen import Specimen
@@ -46,6 +49,13 @@ def examine(stack: Stack) -> Diagnosis:
     likeness = measure_likeness(specimen)
     found += duplicates(stack, likeness)
     if surface is not None:
+        out_of_step, right_order = order(specimen)
+        found += out_of_step
+        if right_order is not None:
+            # Under wrong lights everything looks wrong: go on with the right ones.
+            stack = stack._replace(rig=stack.rig.take(right_order.tolist()))
+            specimen = replace(specimen, lights=specimen.lights[right_order])
+            surface = fit_surface(specimen.grey, specimen.lights)
         found += directions(specimen, surface, stack.rig.directions)
         found += pairing(stack, likeness)
         found += strengths(stack, specimen)

@@ -14,7 +14,8 @@ _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 def repaired_directions(stack: Stack, diagnosis: Diagnosis) -> NDArray[np.float64]:
     """The stack's light directions with the repairs that a diagnosis names.
 
-    Exchanged directions are exchanged back, then all are mirrored or turned. Where the photographs
+    The list is put in order, exchanged directions are exchanged back, and all are mirrored or
+    turned. Where the photographs
     leave two repairs that differ by half a turn, the first one is made: compare by eye.
 
     Parameters
@@ -28,6 +29,9 @@ def repaired_directions(stack: Stack, diagnosis: Diagnosis) -> NDArray[np.float6
         ``(obs, 3)`` unit vectors, for :func:`impasto.io.write_lights` or ``read_stack(lights=)``.
     """
     directions = stack.rig.directions
+    for finding in diagnosis.findings:
+        if finding.code == "order" and "order" in finding.numbers:
+            directions = directions[finding.numbers["order"]]
     for finding in diagnosis.findings:
         for first, second in finding.numbers.get("pairs", []) if finding.code == "pairing" else []:
             directions[[first, second]] = directions[[second, first]]
