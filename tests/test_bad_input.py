@@ -20,13 +20,17 @@ import pytest
 from impasto import (
     ArgumentError,
     CorruptInputError,
+    DistantLight,
     GeometryError,
     ImpastoError,
+    Scene,
     Stack,
     Status,
     doctor,
     fit_normals,
+    fit_sbrdf,
     read_stack,
+    render,
     simulate,
 )
 from impasto.cli import main
@@ -134,8 +138,9 @@ def test_too_few_lights(tmp_path: Path, capsys: pytest.CaptureFixture[str], coun
     assert read.shape[0] == count
     diagnosis = doctor.examine(read)
     assert diagnosis["lights"].severity == "error"
-    with pytest.raises(GeometryError, match="lights"):
-        fit_normals(read)
+    for fit in (fit_normals, fit_sbrdf):
+        with pytest.raises(GeometryError, match="lights"):
+            fit(read)
     assert told(capsys, "doctor", path) == 1
     assert told(capsys, "fit", path, "--out", tmp_path / "out", "--quiet") == 1
     assert "light" in told.err
@@ -158,6 +163,8 @@ def test_three_lights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     lines = path.read_text().splitlines()
     path.write_text("\n".join(["3", lines[2], lines[5], lines[7]]) + "\n")
     assert told(capsys, "doctor", path) == 0
+    assert told(capsys, "fit", path, "--out", tmp_path / "out", "--quiet") == 0
+    assert (fit_sbrdf(three).status == Status.EXACT).all()
 
 
 def test_lights_in_one_plane(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -223,6 +230,61 @@ def test_black_and_saturated_pixels() -> None:
         assert (normals.albedo[:, 2, 3] == 0).all()
         assert normals.status[6, 8] == Status.SATURATED
         assert (normals.status < 16).sum() == SIZE[0] * SIZE[1] - 2
+
+
+def spoiled() -> tuple[Stack, dict[tuple[int, int], set[Status]]]:
+    """Single pixels spoiled in every way, and the statuses that each may get."""
+    samples = stack().samples.copy()
+    samples[:, :, 2, 3] = 0.0
+    samples[:, :, 6, 8] = 5.0
+    samples[:, :, 3, 4] = np.nan
+    samples[:7, :, 10, 11] = np.nan
+    samples[:6, :, 9, 11] = np.nan
+    expected = {
+        (2, 3): {Status.DARK},
+        (6, 8): {Status.SATURATED},
+        (3, 4): {Status.INVALID_INPUT},
+        (10, 11): {Status.TOO_FEW_SAMPLES},
+        (9, 11): {Status.EXACT, Status.ILL_CONDITIONED},
+    }
+    return altered(samples, saturation=4.0), expected
+
+
+def test_spoiled_pixels_through_fit_and_picture() -> None:
+    """They have their status, stay dark in every picture, and disturb neither gloss nor others."""
+    bad, expected = spoiled()
+    sbrdf, clean = fit_sbrdf(bad), fit_sbrdf(stack())
+    for at, statuses in expected.items():
+        assert Status(int(sbrdf.status[at])) in statuses
+    unknown = sbrdf.status >= 16
+    assert unknown.sum() == 4
+    np.testing.assert_array_equal(np.isnan(sbrdf.normal).any(axis=0), unknown)
+    dark = sbrdf.status == Status.DARK
+    np.testing.assert_array_equal(np.isnan(sbrdf.diffuse).any(axis=0), unknown & ~dark)
+    np.testing.assert_array_equal(np.isnan(sbrdf.predict()).any(axis=(0, 1)), unknown)
+    # Five of 768 pixels are other ones: the pooled lobe moves by less than a percent.
+    assert sbrdf.beta == pytest.approx(clean.beta, rel=0.01)
+    assert sbrdf.gamma == pytest.approx(clean.gamma, rel=0.01)
+    picture = render(sbrdf, Scene(lights=[DistantLight((0.5, 0.5, 0.7))]))
+    assert np.isfinite(picture.linear).all()
+    assert (picture.linear[:, unknown] == 0).all()
+    assert (picture.linear[:, ~unknown] > 0).any()
+
+
+@pytest.mark.parametrize("value", [0.0, 5.0, np.nan])
+def test_a_fit_of_nothing_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], value: float
+) -> None:
+    path = tmp_path / "stack.npz"
+    write_stack(path, altered(np.full_like(stack().samples, value), saturation=4.0))
+    sbrdf = fit_sbrdf(read_stack(path))
+    assert (sbrdf.verdict, sbrdf.beta) == ("no-highlight", 0.0)
+    assert (sbrdf.status >= 16).all()
+    assert told(capsys, "fit", path, "--out", tmp_path / "out") == 4
+    assert "no pixel could be measured" in told.err
+    assert told(capsys, "render", tmp_path / "out", "--light", "45,45", "--out",
+                tmp_path / "picture.png") == 0  # fmt: skip
+    assert (read_image(tmp_path / "picture.png") == 0).all()
 
 
 @pytest.mark.parametrize("value", [0.0, 5.0, np.nan])

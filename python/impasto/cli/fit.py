@@ -45,7 +45,7 @@ def fit(
     """Measure a painting: normals, diffuse reflectance and gloss from its photographs.
 
     Exit code 4 says that some listed photographs are missing, or that some pixels were not
-    reached: the result is there, but partial.
+    reached, or none could be measured: the result is there, but partial.
 
     Parameters
     ----------
@@ -155,9 +155,12 @@ def fit(
     missing = any(note.kind == "missing" for note in photographs.notes)
     if unfinished:
         stages.say(f"[yellow]partial:[/] {unfinished} pixels were not reached")
+    nothing = not (sbrdf.status < 16).any()
+    if nothing:
+        stages.say("[red]no pixel could be measured:[/] impasto doctor says why")
     if missing:
         stages.say("[yellow]partial:[/] listed photographs are missing, the others were used")
-    return PARTIAL if missing or unfinished else 0
+    return PARTIAL if missing or unfinished or nothing else 0
 
 
 def camera_of(text: str, illuminant: str | None) -> Any:
