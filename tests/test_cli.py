@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -193,12 +194,27 @@ def test_a_display_is_named_or_measured(demo: Path, tmp_path: Path) -> None:
     assert b"iCCP" in out.read_bytes()[:200]
 
 
-def test_a_near_lamp_needs_the_width_of_a_pixel(
+def test_a_near_lamp_lights_what_is_near(demo: Path, tmp_path: Path) -> None:
+    thirds = []
+    for x in (-30, 30):
+        out = tmp_path / f"{x}.exr"
+        assert main(f"render {demo} --point {x},0,30 --out {out} --quiet".split()) == 0
+        with OpenEXR.File(str(out), separate_channels=True) as file:
+            green = np.asarray(file.channels()["G"].pixels)
+        third = green.shape[1] // 3
+        thirds.append((green[:, :third].mean(), green[:, -third:].mean()))
+    assert thirds[0][0] > thirds[1][0]
+    assert thirds[0][1] < thirds[1][1]
+
+
+def test_photographs_that_an_earlier_result_holds_stay(
     demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "near.png"
-    assert main(f"render {demo} --point -40,0,60 --out {out} --quiet".split()) == 0
-    assert out.is_file()
+    own = tmp_path / "demo"
+    shutil.copytree(demo, own)
+    assert main(["fit", str(own / "photographs"), "--out", str(own), "--quiet"]) == 1
+    assert "name another folder" in capsys.readouterr().err
+    assert (own / "photographs" / "lights.lp").is_file()
 
 
 # --- info

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback, progress_callback, thread_count
+from impasto.fit.border import ProgressCallback, reporting, thread_count
 
 
 def integrate_normals(
@@ -50,8 +50,8 @@ def integrate_normals(
     array = np.ascontiguousarray(normal, dtype=np.float32)
     if array.ndim != 3 or array.shape[0] != 3 or 0 in array.shape:
         raise ArgumentError(f"normal: expected shape (3, y, x), found {array.shape}")
-    callback = progress_callback(progress, "integrating normals")
-    return _core.integrate_normals(array, float(pitch_mm), thread_count(threads), callback)
+    with reporting(progress, "integrating normals") as callback:
+        return _core.integrate_normals(array, float(pitch_mm), thread_count(threads), callback)
 
 
 def cast_shadows(

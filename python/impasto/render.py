@@ -13,7 +13,7 @@ from impasto import _core
 from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_from_spectrum
 from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError
-from impasto.fit.border import ProgressCallback, RigArguments, progress_callback, thread_count
+from impasto.fit.border import ProgressCallback, RigArguments, reporting, thread_count
 from impasto.height import integrate_normals
 from impasto.rig import PointLight, Rig
 from impasto.scene import Scene
@@ -203,8 +203,8 @@ def render(
         background=(float(background[0]), float(background[1]), float(background[2])),
     )
     workers = thread_count(threads)
-    callback = progress_callback(progress, "rendering")
-    xyz, coverage = _core.render(surface, arguments, workers, callback)
+    with reporting(progress, "rendering") as callback:
+        xyz, coverage = _core.render(surface, arguments, workers, callback)
     matrix = np.ascontiguousarray(to_display.T)
     linear = _core.linear_from_bands(xyz, matrix, workers)
     display, below, above = _core.display_from_bands(xyz, matrix, _table(scene.display), 8, workers)

@@ -85,7 +85,7 @@ def fit(
 
     reading = Reading() if reading is None else reading
     stages = Stages(quiet=quiet)
-    with result_folder(out, force=force) as folder:
+    with result_folder(out, inputs=reading.paths(stack), force=force) as folder:
         lens = None if camera is None else camera_of(camera, illuminant)
         with stages.stage("photographs") as stage:
             photographs = reading.read(stack)

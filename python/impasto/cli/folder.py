@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ REPORT = "report.json"
 
 
 @contextmanager
-def result_folder(out: Path, *, force: bool = False) -> Iterator[Path]:
+def result_folder(out: Path, *, inputs: Iterable[Path] = (), force: bool = False) -> Iterator[Path]:
     """A hidden folder beside ``out`` whose files become those of ``out`` if the block succeeds.
 
     After an error or Ctrl-C nothing has changed. In a folder that exists, files of an earlier
@@ -28,15 +28,19 @@ def result_folder(out: Path, *, force: bool = False) -> Iterator[Path]:
     ----------
     out
         The folder to make.
+    inputs
+        Files and folders that are read.
     force
         Whether to write into a folder that holds something else.
 
     Raises
     ------
     ArgumentError
-        ``out`` is a file, or a folder with files but without a report of impasto.
+        ``out`` is a file, or a folder with files but without a report of impasto, or holds one of
+        the inputs.
     """
     earlier = _earlier(out, force)
+    _spare(out, inputs)
     out.parent.mkdir(parents=True, exist_ok=True)
     staging = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}-"))
     try:
@@ -90,6 +94,14 @@ def _earlier(out: Path, force: bool) -> set[Path]:
             "--force to write among them"
         )
     return set()
+
+
+def _spare(out: Path, inputs: Iterable[Path]) -> None:
+    """Refuse to replace what is being read: an earlier demo's photographs are outputs, too."""
+    target = out.resolve()
+    for path in inputs:
+        if path.resolve().is_relative_to(target):
+            raise ArgumentError(f"--out: {out} holds {path}, which is read; name another folder")
 
 
 def _report(path: Path) -> dict[str, Any] | None:

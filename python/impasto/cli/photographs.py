@@ -80,18 +80,11 @@ class Reading:
         arguments["dark"] = _dark(self.dark)
         return read_stack(path, **arguments)
 
-    def files(self, path: Path) -> list[Path]:
-        """Every file that these options and ``path`` name, for hashing."""
-        named = [path, self.lights, self.mask, self.white, self.intensities]
-        if self.dark is not None and not _is_number(self.dark):
-            named.append(Path(self.dark))
-        found: list[Path] = []
-        for entry in named:
-            if entry is not None and entry.is_dir():
-                found += sorted(p for p in entry.iterdir() if p.is_file())
-            elif entry is not None:
-                found.append(entry)
-        return list(dict.fromkeys(found))
+    def paths(self, stack: Path) -> list[Path]:
+        """What is read: ``stack`` and the files and folders that these options name."""
+        dark = None if self.dark is None or _is_number(self.dark) else Path(self.dark)
+        named = (stack, self.lights, self.images, self.mask, self.white, self.intensities, dark)
+        return [path for path in named if path is not None]
 
 
 def _dark(text: str | None) -> str | float | None:

@@ -6,7 +6,8 @@ Everything here is checked and C-contiguous, so that the border only has to borr
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -19,6 +20,8 @@ from impasto.stack import Stack
 
 ProgressCallback: TypeAlias = Callable[[int, int], object]
 """Called with (tiles done, tiles in all), at most about twenty times a second."""
+
+MOST_THREADS = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,11 @@ class StackArguments:
     @classmethod
     def of(cls, stack: Stack) -> StackArguments:
         """The samples stay where they are; the rest is a few numbers per observation."""
+        if not isinstance(stack, Stack):
+            raise ArgumentError(
+                f"stack: expected an impasto.Stack, found {type(stack).__name__}; make one with "
+                "impasto.read_stack(path) or impasto.Stack(samples, lights=directions)"
+            )
         observations, bands = stack.shape[:2]
         gain = stack.scale[None, :] / stack.rig.intensities[:, None]
         saturation = np.full(bands, np.inf) if stack.saturation is None else stack.saturation
@@ -86,35 +94,42 @@ def thread_count(threads: int | None) -> int:
     """How many threads a call may use.
 
     The argument, else ``IMPASTO_NUM_THREADS``, else ``RAYON_NUM_THREADS``, else every core that
-    this process is allowed to run on.
+    this process is allowed to run on. Results do not depend on it: a request for more than
+    :data:`MOST_THREADS` on a smaller machine, which would only stand in its own way, gets those.
     """
     if threads is not None:
         if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
             raise ArgumentError(f"threads: expected a positive number or None, found {threads!r}")
-        return int(threads)
+        return min(int(threads), max(MOST_THREADS, os.cpu_count() or 1))
     for variable in ("IMPASTO_NUM_THREADS", "RAYON_NUM_THREADS"):
         text = os.environ.get(variable, "")
         if text:
             if not text.isdigit() or int(text) < 1:
                 raise ArgumentError(f"{variable}: expected a positive number, found {text!r}")
-            return int(text)
+            return min(int(text), max(MOST_THREADS, os.cpu_count() or 1))
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
-def progress_callback(
+@contextmanager
+def reporting(
     progress: bool | ProgressCallback, description: str
-) -> ProgressCallback | None:
-    """The callback that ``progress=`` asks for: none, a bar on stderr, or the caller's own."""
+) -> Iterator[ProgressCallback | None]:
+    """The callback that ``progress=`` asks for: none, a bar on stderr, or the caller's own.
+
+    A bar is gone when the block ends, however it ends.
+    """
     if progress is False or progress is None:
-        return None
-    if callable(progress):
-        return progress
-    if progress is not True:
+        yield None
+    elif callable(progress):
+        yield progress
+    elif progress is True:
+        from impasto.fit.progress import bar
+
+        with bar(description) as update:
+            yield update
+    else:
         raise ArgumentError(
             f"progress: expected True, False or a callable (done, total), found {progress!r}"
         )
-    from impasto.fit.progress import bar
-
-    return bar(description)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback, RigArguments, progress_callback, thread_count
+from impasto.fit.border import ProgressCallback, RigArguments, reporting, thread_count
 from impasto.rig import Rig
 
 
@@ -57,17 +57,18 @@ def predict(
         raise ArgumentError(f"normal: expected shape {(3, *size)}, found {normal.shape}")
     if not (np.isfinite(index) and index >= 1.0):
         raise ArgumentError(f"index: expected a refractive index from 1 on, found {index!r}")
-    return _core.predict(
-        normal,
-        diffuse,
-        _coats(beta, size, "beta"),
-        _coats(gamma, size, "gamma"),
-        float(index),
-        RigArguments.of(rig),
-        rig.intensities,
-        thread_count(threads),
-        progress_callback(progress, "predict"),
-    )
+    with reporting(progress, "predict") as callback:
+        return _core.predict(
+            normal,
+            diffuse,
+            _coats(beta, size, "beta"),
+            _coats(gamma, size, "gamma"),
+            float(index),
+            RigArguments.of(rig),
+            rig.intensities,
+            thread_count(threads),
+            callback,
+        )
 
 
 def _coats(values: ArrayLike, size: tuple[int, ...], name: str) -> NDArray[np.float32]:

@@ -13,7 +13,7 @@ from impasto.errors import ArgumentError
 from impasto.fit.border import (
     ProgressCallback,
     StackArguments,
-    progress_callback,
+    reporting,
     thread_count,
 )
 from impasto.stack import Stack
@@ -153,18 +153,19 @@ def fit_normals(
         and 0 <= steps <= MOST_STEPS
     ):
         raise ArgumentError(f"steps: expected a number from 0 to {MOST_STEPS}, found {steps!r}")
-    maps = _core.fit_normals(
-        StackArguments.of(stack),
-        method,
-        _number(low, "low"),
-        _number(high, "high"),
-        _number(w1, "w1"),
-        _number(w2, "w2"),
-        None if steps is None else int(steps),
-        _band(stack, selection),
-        thread_count(threads),
-        progress_callback(progress, "normals"),
-    )
+    with reporting(progress, "normals") as callback:
+        maps = _core.fit_normals(
+            StackArguments.of(stack),
+            method,
+            _number(low, "low"),
+            _number(high, "high"),
+            _number(w1, "w1"),
+            _number(w2, "w2"),
+            None if steps is None else int(steps),
+            _band(stack, selection),
+            thread_count(threads),
+            callback,
+        )
     return Normals(**maps, method=method)
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from impasto.fit.border import ProgressCallback
 
 
-def bar(description: str) -> ProgressCallback:
-    """A bar on stderr that starts with the first call and ends with the last tile."""
+@contextmanager
+def bar(description: str) -> Iterator[ProgressCallback]:
+    """A bar on stderr that starts with the first call and is gone at the end."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -17,7 +21,8 @@ def bar(description: str) -> ProgressCallback:
         if not display.live.is_started:
             display.start()
         display.update(task, completed=done, total=total)
-        if done >= total:
-            display.stop()
 
-    return update
+    try:
+        yield update
+    finally:
+        display.stop()

@@ -15,7 +15,7 @@ from impasto import _core
 from impasto.bands import Camera, Integration
 from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.fit.border import ProgressCallback, progress_callback, thread_count
+from impasto.fit.border import ProgressCallback, reporting, thread_count
 from impasto.fit.noise import noise_of_diffuse
 from impasto.stack import Stack
 from impasto.training import TrainingSpectra, checked_training
@@ -225,9 +225,8 @@ def fit_reflectance(
         None if rank is None else int(rank),
         SEED,
     )
-    coefficients, codes = built.apply(
-        responses, status, thread_count(threads), progress_callback(progress, "reflectance")
-    )
+    with reporting(progress, "reflectance") as callback:
+        coefficients, codes = built.apply(responses, status, thread_count(threads), callback)
     info = {
         "estimator": estimator,
         "training": spectra.name,

@@ -15,7 +15,7 @@ from impasto.errors import ArgumentError
 from impasto.fit.border import (
     ProgressCallback,
     StackArguments,
-    progress_callback,
+    reporting,
     thread_count,
 )
 from impasto.fit.forward import predict
@@ -306,17 +306,18 @@ def fit_sbrdf(
     if not (isinstance(index, int | float) and math.isfinite(index) and index >= 1.0):
         raise ArgumentError(f"index: expected a refractive index from 1 on, found {index!r}")
     stereo = _stereo(stack, normals, threads, progress)
-    pooled = _core.fit_pooled(
-        StackArguments.of(stack),
-        np.ascontiguousarray(stereo.normal, dtype=np.float32),
-        np.ascontiguousarray(stereo.albedo, dtype=np.float32),
-        np.ascontiguousarray(stereo.status, dtype=np.uint8),
-        extraction,
-        bool(joint),
-        float(index),
-        thread_count(threads),
-        progress_callback(progress, "gloss"),
-    )
+    with reporting(progress, "gloss") as callback:
+        pooled = _core.fit_pooled(
+            StackArguments.of(stack),
+            np.ascontiguousarray(stereo.normal, dtype=np.float32),
+            np.ascontiguousarray(stereo.albedo, dtype=np.float32),
+            np.ascontiguousarray(stereo.status, dtype=np.uint8),
+            extraction,
+            bool(joint),
+            float(index),
+            thread_count(threads),
+            callback,
+        )
     return Sbrdf(
         normal=pooled["normal"],
         diffuse=pooled["diffuse"],

@@ -37,8 +37,10 @@ def read_camera(path: str | os.PathLike[str], *, illuminant: Any = None) -> Came
     CorruptInputError
         No header, a cell that is no number, wavelengths out of order.
     ArgumentError
-        No light, neither in the file nor as an argument.
+        No light, neither in the file nor as an argument, or one that nobody knows.
     """
+    from impasto.colour import spectrum
+
     source = Path(path)
     try:
         text = source.read_text(encoding="utf-8-sig")
@@ -56,6 +58,9 @@ def read_camera(path: str | os.PathLike[str], *, illuminant: Any = None) -> Came
             f"illuminant: {source} has no column {LIGHT!r}; say under which light the photographs "
             "were taken"
         )
+    if isinstance(illuminant, str | int | float):
+        # Before the file's columns are judged: what is wrong with the argument is not the file's.
+        spectrum(illuminant, (540.0, 560.0))
     try:
         chosen = light if illuminant is None else illuminant
         return Camera(table[0], np.array(list(columns.values())), chosen, list(columns))
