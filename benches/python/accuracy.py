@@ -135,14 +135,17 @@ CASES = [
     Case("patches of all three", painting={"varnish": "patches"}),
     Case("two coats of satin", painting={"layers": 2}),
     Case("cracks", painting={"craquelure": True}),
-    Case("cast shadows", capture={"shadows": True}),
+    Case("three times the relief", painting={"relief": 3.0}),
+    Case("the same with cast shadows", {"relief": 3.0}, {"shadows": True}),
     Case("lamps at 0.5 m, fall-off known", near=True),
     Case("lamps at 0.5 m taken for distant", near=True, afterwards=taken_for_distant),
+    Case("8-bit linear", capture={"bits": 8}),
     Case("8-bit sRGB", capture=CODED),
     Case("8-bit sRGB read as gamma 2.2", capture=CODED, afterwards=decoded_as("2.2")),
     Case("8-bit sRGB read as gamma 1.8", capture=CODED, afterwards=decoded_as("1.8")),
-    Case("patches, cracks, shadows, near lamps, 8-bit sRGB",
-         {"varnish": "patches", "craquelure": True}, {"shadows": True} | CODED, near=True),
+    Case("patches, cracks, twice the relief, shadows, near lamps, 8-bit sRGB",
+         {"varnish": "patches", "craquelure": True, "relief": 2.0},
+         {"shadows": True} | CODED, near=True),
 ]  # fmt: skip
 
 
@@ -244,7 +247,7 @@ def table(system: str, cases: list[Case], seeds: range, size: int) -> list[dict[
 
 
 METHODS = ("least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey", "robust")
-HARD = Case("gloss, cast shadows", {"varnish": "gloss"}, {"shadows": True})
+HARD = Case("gloss, three times the relief", {"varnish": "gloss", "relief": 3.0}, {"shadows": True})
 
 
 def methods(seeds: range, size: int) -> list[dict[str, Any]]:
