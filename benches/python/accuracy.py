@@ -348,7 +348,8 @@ def main() -> None:
         tables[name] = made
         show(name, made)
     if options.write:
-        run = run_info("python benches/python/accuracy.py --write")
+        command = "python benches/python/accuracy.py"
+        run = run_info(f"{command} --size {options.size} --seeds {options.seeds} --write")
         setting = {"size": options.size, "seeds": list(seeds)}
         write("accuracy.json", {"run": run} | setting | tables)
         set_tables(ROOT / "docs" / "accuracy.md")

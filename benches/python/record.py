@@ -25,7 +25,7 @@ def data_folder() -> Path:
 
 
 def run_info(command: str) -> dict[str, Any]:
-    """What ran where; ``+`` marks a commit with changes on top."""
+    """What ran where. The commit is the last that changed what is measured, ``+``: and more."""
 
     def git(*arguments: str) -> str:
         done = subprocess.run(
@@ -33,10 +33,11 @@ def run_info(command: str) -> dict[str, Any]:
         )
         return done.stdout.strip()
 
+    measured = ("--", "crates", "python")
+    changed = "+" if git("status", "-s", "-uno", *measured) else ""
     return {
         "command": command,
-        "commit": git("rev-parse", "--short", "HEAD")
-        + ("+" if git("status", "-s", "-uno") else ""),
+        "commit": git("log", "-1", "--format=%h", *measured) + changed,
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
         "simd": impasto._core.build_info()["simd"],
