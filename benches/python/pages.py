@@ -3,7 +3,7 @@
     python benches/python/pages.py
 
 A table stands between ``<!-- table: FILE KEY; column = Heading; ... -->`` and ``<!-- end -->``:
-rows of benches/results/FILE.json under KEY, the named columns, numbers to three digits.
+rows of benches/results/FILE.json under KEY, the named columns, numbers to two or three digits.
 ``tests/test_pages.py`` holds the pages to the files.
 """
 
@@ -46,9 +46,11 @@ def _cell(value: Any) -> str:
 
 
 def _number(value: float) -> str:
-    """Three digits, but no more than three decimals."""
+    """Three digits of large numbers, two of small ones."""
     size = abs(value)
-    return f"{value:.1f}" if size >= 10 else f"{value:.2f}" if size >= 0.1 else f"{value:.3f}"
+    if size < 5e-4:
+        return "0"
+    return f"{value:.1f}" if size >= 10 else f"{value:.2f}" if size >= 0.1 else f"{value:.2g}"
 
 
 if __name__ == "__main__":
