@@ -80,3 +80,23 @@ def test_sections_of_docstrings_are_numpy_s(module: ModuleType) -> None:
                 if " " in first.strip(" :") or not rest or not rest[0].startswith("    "):
                     odd.append(f"{name}: {first}")
     assert odd == []
+
+
+def test_every_hard_case_that_the_code_names_is_listed() -> None:
+    page = (ROOT / "docs" / "numerics.md").read_text(encoding="utf-8")
+    listed = {int(number) for number in re.findall(r"^\| (\d+) \|", page, re.MULTILINE)}
+    assert listed == set(range(1, 33))
+    for path in sorted((ROOT / "crates").rglob("*.rs")):
+        text = re.sub(r"\s*\n\s*//[/!]? ?", " ", path.read_text(encoding="utf-8"))
+        for words in re.findall(r"hard cases? ((?:\d+(?:, | and )?)+)", text):
+            named = {int(number) for number in re.findall(r"\d+", words)}
+            assert named <= listed, f"{path.name}: {words}"
+
+
+def test_tests_that_the_hard_cases_name_exist() -> None:
+    page = (ROOT / "docs" / "numerics.md").read_text(encoding="utf-8")
+    core = ROOT / "crates" / "impasto"
+    for row in re.findall(r"^\| \d+ \|.*\| ([^|]*) \|$", page, re.MULTILINE):
+        for name in re.findall(r"`([^`]+)`", row):
+            places = (ROOT / "tests" / name, core / name, core / "src" / name)
+            assert any(place.exists() for place in places), name
