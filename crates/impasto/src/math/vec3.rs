@@ -39,6 +39,16 @@ impl<R: Real> Vec3<R> {
     pub fn dot(self, other: Self) -> R {
         self.x.mul_add(other.x, self.y.mul_add(other.y, self.z * other.z))
     }
+    /// `yes` where the mask is set, else `no`.
+    #[must_use]
+    #[inline(always)]
+    pub fn select(mask: R::Mask, yes: Self, no: Self) -> Self {
+        Self::new(
+            R::select(mask, yes.x, no.x),
+            R::select(mask, yes.y, no.y),
+            R::select(mask, yes.z, no.z),
+        )
+    }
     /// Cross product.
     #[must_use]
     #[inline(always)]

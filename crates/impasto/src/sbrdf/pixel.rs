@@ -25,6 +25,11 @@ pub(super) struct Lobe {
 /// f32 keeps 24 bits, and a predicted sample is a sum of some ten rounded terms.
 const ROUNDING: f64 = 1.0 / (1_u64 << 40) as f64;
 
+/// Variance of a photograph's samples in units of the pixel's mean: proportional to their light
+/// (shot noise; errors of a tone curve and of the model grow with it, too), plus this share of the
+/// mean for what noise there is in the dark.
+const DARK_NOISE: f64 = 0.1;
+
 /// Samples of the pixels in one register, and what the last place predicted of them.
 pub(super) struct Pixels<'a, R: Real> {
     scene: &'a Scene<'a>,
@@ -35,9 +40,11 @@ pub(super) struct Pixels<'a, R: Real> {
     /// `(obs, band)`; 0 where not usable.
     samples: Vec<R>,
     usable: Vec<R::Mask>,
+    /// One over the expected variance of a photograph's samples.
+    trust: Vec<R>,
     /// `(obs, band)` at the last place.
     residuals: Vec<R>,
-    /// Mean over the bands of the squared residuals, per photograph.
+    /// Mean over the bands of the squared residuals, times the trust, per photograph.
     squares: Vec<R>,
     seen: Vec<(R, Glint<R>, R)>,
     /// Usable photographs.
@@ -64,6 +71,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
             geometry,
             samples: vec![zero; observations * scene.bands],
             usable: vec![zero.lt(zero); observations],
+            trust: vec![zero; observations],
             residuals: vec![zero; observations * scene.bands],
             squares: vec![zero; observations],
             seen: vec![(zero, glint, zero); observations],
@@ -77,7 +85,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
     pub(super) fn look(&mut self, samples: &[f32], stride: usize, x: &[f32], y: &[f32], at: usize) {
         let bands = self.scene.bands;
         let zero = R::zero();
-        let mut peak = zero;
+        let (mut peak, mut mean) = (zero, zero);
         for (i, usable) in self.usable.iter_mut().enumerate() {
             let light = self.scene.rig.lights()[i];
             if !light.is_distant() {
@@ -93,13 +101,39 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
                 *sample = load(&samples[plane * stride..], at);
                 *usable = *usable & sample.is_finite();
             }
+            let mut light = zero;
             for sample in &mut self.samples[row] {
                 *sample = R::keep(*usable, *sample);
                 peak = peak.max(sample.abs());
+                light = light + *sample;
             }
+            self.trust[i] = light.max(zero);
+            mean = mean + self.trust[i];
         }
         self.used = count(&self.usable);
         self.floor = peak * peak * R::of(ROUNDING);
+        let mean = mean / self.used;
+        let dark = mean * R::of(DARK_NOISE);
+        for trust in &mut self.trust {
+            *trust = R::keep(mean.gt(zero), mean / (*trust + dark));
+        }
+    }
+
+    /// The facet that mirrors the brightest photograph into the eye.
+    #[inline(always)]
+    pub(super) fn brightest_facet(&self) -> Vec3<R> {
+        let zero = R::zero();
+        let mut peak = zero;
+        let mut facing = Vec3::new(zero, zero, R::one());
+        for (samples, (_, irradiance, facet)) in
+            self.samples.chunks(self.scene.bands).zip(&self.geometry)
+        {
+            let light = samples.iter().fold(zero, |sum, &sample| sum + sample) / *irradiance;
+            let brighter = light.gt(peak);
+            peak = R::select(brighter, light, peak);
+            facing = Vec3::select(brighter, facet.half(), facing);
+        }
+        facing
     }
 
     /// Residuals at a place; returns the squared scale.
@@ -122,7 +156,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
                 *residual = R::keep(usable, sample - colour.mul_add(cosine, specular));
                 square = residual.mul_add(*residual, square);
             }
-            self.squares[i] = square * share;
+            self.squares[i] = square * share * self.trust[i];
             self.seen[i] = (cosine, glint, lobe);
         }
         squared_scale(&self.squares, self.used, self.floor, last)
@@ -145,7 +179,8 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         pulls.fill(zero);
         for (i, (towards, irradiance, facet)) in self.geometry.iter().enumerate() {
             let (cosine, glint, lobe) = self.seen[i];
-            let weight = weight(self.squares[i], scale, self.usable[i]);
+            let lasting = weight(self.squares[i], scale, self.usable[i]);
+            let weight = lasting * self.trust[i];
             let slope = facet.slope(normal, glint, lobe, self.beta, self.sharpness);
             let lit = R::keep(cosine.gt(zero), *irradiance);
             let t = tilt.map(|tilt| tilt.dot(*towards) * lit);
@@ -165,7 +200,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
                 *pull = heavy.mul_add(residual, *pull);
             }
             sums.own = heavy.mul_add(cosine, sums.own);
-            sums.square = weight.mul_add(self.squares[i], sums.square);
+            sums.square = lasting.mul_add(self.squares[i], sums.square);
             sums.weight = sums.weight + weight;
             let plain = weight * plain;
             let coloured = weight * coloured;

@@ -124,17 +124,18 @@ impl Kernel for Settle<'_, '_> {
                 *colour = load(tile.diffuse[band], at);
             }
             let start = tile.normal_at::<I::F32>(at);
-            colours.kept.copy_from_slice(&colours.best);
             let (mut normal, mut scale) = descend(&mut pixels, &mut colours, start, steps);
             if restart {
-                core::mem::swap(&mut colours.best, &mut colours.kept);
                 let up = Vec3::new(zero, zero, one);
-                let (other, other_scale) = descend(&mut pixels, &mut colours, up, steps);
-                let better = other_scale.lt(scale);
-                normal = choose(better, other, normal);
-                scale = I::F32::select(better, other_scale, scale);
-                for (best, &kept) in colours.best.iter_mut().zip(&colours.kept) {
-                    *best = I::F32::select(better, *best, kept);
+                for start in [up, pixels.brightest_facet()] {
+                    colours.kept.copy_from_slice(&colours.best);
+                    let (other, other_scale) = descend(&mut pixels, &mut colours, start, steps);
+                    let better = other_scale.lt(scale);
+                    normal = Vec3::select(better, other, normal);
+                    scale = I::F32::select(better, other_scale, scale);
+                    for (best, &kept) in colours.best.iter_mut().zip(&colours.kept) {
+                        *best = I::F32::select(better, *best, kept);
+                    }
                 }
             }
             let fine = scale.is_finite() & (normal.x + normal.y + normal.z).is_finite();
@@ -196,15 +197,6 @@ fn heard_of(values: [f64; 8], bands: usize, reference: f64) -> Share {
     }
 }
 
-#[inline(always)]
-fn choose<R: Real>(better: R::Mask, yes: Vec3<R>, no: Vec3<R>) -> Vec3<R> {
-    Vec3::new(
-        R::select(better, yes.x, no.x),
-        R::select(better, yes.y, no.y),
-        R::select(better, yes.z, no.z),
-    )
-}
-
 /// Steps down from `start` and `colours.best`; returns the best normal and its squared scale, with
 /// its colours in `colours.best`.
 #[inline(always)]
@@ -234,7 +226,7 @@ fn descend<R: Real<Scalar = f32>>(
         }
         let tilt = tangents(best);
         trial = tilt[1].mul_add(step[1], tilt[0].mul_add(step[0], best)).normalised();
-        trial = choose::<R>(active, trial, best);
+        trial = Vec3::select(active, trial, best);
         for ((trial, &best), &change) in
             colours.trial.iter_mut().zip(&colours.best).zip(&colours.changes)
         {
@@ -245,7 +237,7 @@ fn descend<R: Real<Scalar = f32>>(
         // A lane stops on its own account: how many lanes share a register changes no result.
         let settled = better & scale.gt(least * R::of(1.0 - SETTLED));
         active = active & !settled;
-        best = choose::<R>(better, trial, best);
+        best = Vec3::select(better, trial, best);
         least = R::select(better, scale, least);
         for (best, &trial) in colours.best.iter_mut().zip(&colours.trial) {
             *best = R::select(better, trial, *best);
