@@ -93,7 +93,7 @@ def test_numbers_stand_exactly_where_the_status_says_so(clean: impasto.Stack) ->
     assert {(2, 3), (4, 5), (6, 7), (8, 9), (10, 11)} == set(zip(*np.nonzero(lost), strict=True))
     assert fitted.status[2, 3] == Status.DARK
     assert fitted.status[10, 11] == Status.MASKED
-    for name in ("normal", "residual"):
+    for name in ("normal", "residual", "sigma"):
         values = getattr(fitted, name)
         np.testing.assert_array_equal(np.isnan(values), np.broadcast_to(lost, values.shape))
     dark = fitted.status == Status.DARK

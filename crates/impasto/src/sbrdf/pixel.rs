@@ -94,12 +94,13 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
                 let facet = Facet::between(towards, view, R::of(self.scene.index));
                 self.geometry[i] = (towards, irradiance, facet);
             }
-            // Clipped in any band, or never taken: weight 0, by selection (hard case 26).
+            // Clipped in any band, never taken, or with a square beyond all numbers: weight 0, by
+            // selection (hard case 26).
             *usable = zero.le(zero);
             let row = i * bands..(i + 1) * bands;
             for (sample, plane) in self.samples[row.clone()].iter_mut().zip(row.clone()) {
                 *sample = load(&samples[plane * stride..], at);
-                *usable = *usable & sample.is_finite();
+                *usable = *usable & (*sample * *sample).is_finite();
             }
             let mut light = zero;
             for sample in &mut self.samples[row] {
