@@ -81,11 +81,10 @@ def compare(stack: impasto.Stack, linear: np.ndarray, lights: np.ndarray, **opti
             continue
         # Single precision: sums of n products lose some 1e-7 of the largest term; the inverse
         # multiplies that by the condition number of the normal equations, which the loss's weights
-        # (1e-3 at least, relative) can raise 30-fold over the square of the lights'. The other
-        # losses pass rounding on from step to step, each for a few of the samples: 10-fold.
+        # (1e-3 at least for l1, 0 for tukey) can raise 30-fold over the square of the lights'.
         steep = method in {"robust", "l1"}
-        gain = 30 if steep else 10 if method in {"huber", "cauchy", "tukey"} else 1
-        tolerance = 1e-6 * exact.condition**2 * gain
+        reweighted = method in {"robust", "l1", "huber", "cauchy", "tukey"}
+        tolerance = 1e-6 * exact.condition**2 * (30 if reweighted else 1)
         assert angle(fit.normal[:, y, x], exact.normal) < tolerance, where
         albedo = oracle.band_albedo(samples, towards, exact)
         # Weights 1 / |R| of samples that the fit goes through know R to 6e-8 of the sample, some

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.fit.border import ProgressCallback, RigArguments, StackArguments
+from impasto.fit.normals import Normals
 from impasto.render import SceneArguments, SurfaceArguments
 
 @type_check_only
@@ -65,19 +66,9 @@ def fit_pooled(
 
 # Photometric stereo (crates/impasto-py/src/stereo.rs)
 
-@type_check_only
-class Normals(TypedDict):
-    normal: NDArray[np.float32]
-    albedo: NDArray[np.float32]
-    used: NDArray[np.uint16]
-    rejected: NDArray[np.uint16]
-    residual: NDArray[np.float32]
-    condition: NDArray[np.float32]
-    sigma: NDArray[np.float32]
-    status: NDArray[np.uint8]
-
 def fit_normals(
     stack: StackArguments,
+    maps: Normals,
     method: str,
     low: float,
     high: float,
@@ -87,7 +78,7 @@ def fit_normals(
     selection: int | None,
     threads: int,
     progress: ProgressCallback | None,
-) -> Normals: ...
+) -> None: ...
 
 # Spectral reflectance
 

@@ -4,11 +4,12 @@ RGB-camera paper: I_i = alpha N . l_i (eq. 2), N = I' L+ / alpha (section 3.3), 
 (section 3.2). Rank trimming and reweighting by their definitions:
 
     rank     keep int(low n) <= rank < round(high n), ties by the order of the lights
-    l1       w = 1 / max(|R|, 1e-3 s)
+    l1       w = 1 / max(|R|, 1e-3 s), which only guards the division: s is 1.2533 mean |R| of the
+             step before (of the start, in the first)
     huber    w = min(1, 1.345 s / |R|)
     cauchy   w = 1 / (1 + (R / 2.385 s)^2)
     tukey    w = (1 - (R / 4.685 s)^2)^2 inside, 0 outside
-    s        1.4826 median |R|; for l1, where it only guards a division, 1.2533 mean |R|
+    s        1.4826 median |R|
 
 This file is to be right, not fast.
 """
@@ -79,10 +80,10 @@ def by_rank(values: np.ndarray, low: float, high: float) -> tuple[np.ndarray, fl
     return keep, min(edges, default=np.inf) / np.abs(values).mean()
 
 
-def loss_weights(loss: str, residual: np.ndarray, signal: float) -> np.ndarray:
+def loss_weights(loss: str, residual: np.ndarray, before: np.ndarray, signal: float) -> np.ndarray:
     size = np.abs(residual)
     if loss == "l1":
-        floor = 1e-3 * 1.2533141373155003 * size.mean() + 2.0**-22 * signal
+        floor = 1e-3 * 1.2533141373155003 * np.abs(before).mean() + 2.0**-22 * signal
         return floor / np.maximum(size, floor)
     s = 1.482602218505602 * np.median(size) + 2.0**-22 * signal
     if loss == "huber":
@@ -147,8 +148,11 @@ def fit_pixel(
     loss = {"robust": "l1"}.get(method, method)
     if loss in {"l1", "huber", "cauchy", "tukey"}:
         usual = {"robust": 5, "l1": 30}.get(method, 20)
+        before = signal - l @ b
         for _ in range(usual if steps is None else steps):
-            candidate = loss_weights(loss, signal - l @ b, np.linalg.norm(b))
+            residual = signal - l @ b
+            candidate = loss_weights(loss, residual, before, np.linalg.norm(b))
+            before = residual
             if (candidate > 0).sum() < min(ENOUGH, len(l)):
                 relaxed = True
                 break

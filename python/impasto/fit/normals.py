@@ -153,9 +153,11 @@ def fit_normals(
         and 0 <= steps <= MOST_STEPS
     ):
         raise ArgumentError(f"steps: expected a number from 0 to {MOST_STEPS}, found {steps!r}")
+    normals = _empty(stack, method)
     with reporting(progress, "normals") as callback:
-        maps = _core.fit_normals(
+        _core.fit_normals(
             StackArguments.of(stack),
+            normals,
             method,
             _number(low, "low"),
             _number(high, "high"),
@@ -166,7 +168,29 @@ def fit_normals(
             thread_count(threads),
             callback,
         )
-    return Normals(**maps, method=method)
+    return normals
+
+
+def _empty(stack: Stack, method: str) -> Normals:
+    """Maps to be filled, in three pieces of memory.
+
+    Counts of rejected samples and statuses are written only where they are not zero: memory that
+    the system hands out as zeros is not touched where nothing goes wrong.
+    """
+    _, bands, height, width = stack.shape
+    planes = np.empty((bands + 6, height, width), dtype=np.float32)
+    counts = np.zeros((5, height, width), dtype=np.uint16)
+    return Normals(
+        normal=planes[:3],
+        albedo=planes[3 : bands + 3],
+        used=counts[0],
+        rejected=counts[1:],
+        residual=planes[bands + 3],
+        condition=planes[bands + 4],
+        sigma=planes[bands + 5],
+        status=np.zeros((height, width), dtype=np.uint8),
+        method=method,
+    )
 
 
 def _number(value: float, name: str) -> float:

@@ -23,6 +23,15 @@ impl<R> Vec3<R> {
     }
 }
 
+impl<R: Copy> Vec3<R> {
+    /// The components in order.
+    #[must_use]
+    #[inline(always)]
+    pub fn array(self) -> [R; 3] {
+        [self.x, self.y, self.z]
+    }
+}
+
 impl Vec3<f64> {
     /// The same vector in every lane.
     #[must_use]

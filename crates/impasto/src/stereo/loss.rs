@@ -12,70 +12,113 @@ pub(super) enum Loss {
     Tukey,
 }
 
-/// Constants for 95 % efficiency on normal noise.
-const HUBER: f64 = 1.345;
-const CAUCHY: f64 = 2.385;
-const TUKEY: f64 = 4.685;
-
-/// Median of absolute normal deviates, inverted.
-pub(super) const SIGMA_PER_MEDIAN: f64 = 1.482_602_218_505_602;
-
-/// The mean of absolute normal deviates, inverted: as good a scale where it only guards a division.
-pub(super) const SIGMA_PER_MEAN: f64 = 1.253_314_137_315_500_3;
-
-/// Residuals below this share of the noise all weigh the same.
-const FLAT: f64 = 1e-3;
-
-/// ... and below this share of the signal, where single precision sees no residual: 2^-22.
-const UNSEEN: f64 = 1.0 / 4_194_304.0;
-
 impl Loss {
-    /// Whether its scale is the median of the residuals (else their mean).
-    pub(super) fn needs_median(self) -> bool {
-        matches!(self, Self::Huber | Self::Cauchy | Self::Tukey)
-    }
-
-    /// The size of a residual from `sigma` (an estimate of the noise) and the `signal`; never
-    /// zero unless both are.
-    #[inline(always)]
-    pub(super) fn scale<R: Real>(self, sigma: R, signal: R) -> R {
-        let unseen = signal * R::of(UNSEEN);
-        match self {
-            Self::Absolute => sigma.mul_add(R::of(FLAT), unseen),
-            _ => sigma + unseen,
-        }
-    }
-
-    /// Weight, 1 for no residual, from `|R|` and [`Self::scale`].
-    #[inline(always)]
-    pub(super) fn weight<R: Real>(self, residual: R, scale: R) -> R {
-        match self {
-            Self::Squares => R::one(),
-            Self::Absolute => scale / residual.max(scale),
-            Self::Huber => {
-                let bound = scale * R::of(HUBER);
-                bound / residual.max(bound)
-            }
-            Self::Cauchy => {
-                let ratio = residual / (scale * R::of(CAUCHY));
-                ratio.mul_add(ratio, R::one()).recip()
-            }
-            Self::Tukey => {
-                let ratio = residual / (scale * R::of(TUKEY));
-                let inside = (-ratio).mul_add(ratio, R::one()).max(R::zero());
-                inside * inside
-            }
-        }
-    }
-
     /// Standard error of an estimate by this loss over that by least squares, for normal noise.
     pub(super) fn inefficiency(self) -> f64 {
         match self {
             Self::Squares => 1.0,
-            // The median's.
+            // The median's, sqrt(pi / 2).
             Self::Absolute => SIGMA_PER_MEAN,
-            // 95 % efficiency, which the constants above are chosen for.
-            _ => 1.025_978_352_085_154,
+            // 95 % efficiency, which their constants are chosen for.
+            Self::Huber | Self::Cauchy | Self::Tukey => 1.025_978_352_085_154,
         }
+    }
+}
+
+/// Median of absolute normal deviates, inverted.
+const SIGMA_PER_MEDIAN: f64 = 1.482_602_218_505_602;
+
+/// Mean of absolute normal deviates, inverted.
+const SIGMA_PER_MEAN: f64 = 1.253_314_137_315_500_3;
+
+/// Share of the signal below which single precision sees no residual: 2^-22.
+const UNSEEN: f64 = 1.0 / 4_194_304.0;
+
+/// A loss whose weights depend on residuals.
+pub(super) trait Weigh {
+    /// Whether its scale is the median of the absolute residuals, else their mean.
+    const MEDIAN: bool;
+    /// Whether samples can lose all weight.
+    const DROPS: bool;
+    /// What [`Self::weight`] needs to know of a pixel: from the median or mean of `|R|`, and from
+    /// the `signal`, which keeps it positive where there is any.
+    fn tune<R: Real>(size: R, signal: R) -> R;
+    /// Weight, 1 where there is no residual.
+    fn weight<R: Real>(residual: R, tuned: R) -> R;
+}
+
+pub(super) struct Absolute;
+pub(super) struct Huber;
+pub(super) struct Cauchy;
+pub(super) struct Tukey;
+
+/// `tuning` standard deviations; tuned for 95 % efficiency on normal noise.
+#[inline(always)]
+fn deviations<R: Real>(tuning: f64, median: R, signal: R) -> R {
+    median.mul_add(R::of(tuning * SIGMA_PER_MEDIAN), signal * R::of(UNSEEN))
+}
+
+impl Weigh for Absolute {
+    /// Here the scale only guards a division, for which the mean is as good.
+    const MEDIAN: bool = false;
+    const DROPS: bool = false;
+
+    #[inline(always)]
+    fn tune<R: Real>(size: R, signal: R) -> R {
+        // A thousandth of the noise.
+        size.mul_add(R::of(1e-3 * SIGMA_PER_MEAN), signal * R::of(UNSEEN))
+    }
+
+    #[inline(always)]
+    fn weight<R: Real>(residual: R, tuned: R) -> R {
+        tuned / residual.abs().max(tuned)
+    }
+}
+
+impl Weigh for Huber {
+    const MEDIAN: bool = true;
+    const DROPS: bool = false;
+
+    #[inline(always)]
+    fn tune<R: Real>(size: R, signal: R) -> R {
+        deviations(1.345, size, signal)
+    }
+
+    #[inline(always)]
+    fn weight<R: Real>(residual: R, tuned: R) -> R {
+        tuned / residual.abs().max(tuned)
+    }
+}
+
+impl Weigh for Cauchy {
+    const MEDIAN: bool = true;
+    const DROPS: bool = false;
+
+    #[inline(always)]
+    fn tune<R: Real>(size: R, signal: R) -> R {
+        let bound = deviations(2.385, size, signal);
+        bound * bound
+    }
+
+    #[inline(always)]
+    fn weight<R: Real>(residual: R, tuned: R) -> R {
+        tuned / residual.mul_add(residual, tuned)
+    }
+}
+
+impl Weigh for Tukey {
+    const MEDIAN: bool = true;
+    const DROPS: bool = true;
+
+    #[inline(always)]
+    fn tune<R: Real>(size: R, signal: R) -> R {
+        let bound = deviations(4.685, size, signal);
+        (bound * bound).recip()
+    }
+
+    #[inline(always)]
+    fn weight<R: Real>(residual: R, tuned: R) -> R {
+        let inside = (-(residual * tuned)).mul_add(residual, R::one()).max(R::zero());
+        inside * inside
     }
 }

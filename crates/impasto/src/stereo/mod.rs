@@ -12,23 +12,28 @@
 //! of every band follows along the normal, by least squares with the same weights.
 
 mod fit;
+mod found;
 mod loss;
+mod pixels;
+mod reweigh;
+mod rows;
 mod rule;
 mod solve;
 mod sort;
 mod tile;
+mod uniform;
 
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
-use crate::math::Vec3;
 use crate::pixels::Run;
 use crate::stack::Stack;
 
 use loss::Loss;
 use rule::Rule;
-use solve::Symmetric;
+use solve::determined;
 pub use solve::{CONDITION_LIMIT, RANK_LIMIT};
 pub use tile::Maps;
+use uniform::Uniform;
 
 /// Samples from which a pixel has a residual: one more than unknowns.
 pub const ENOUGH: usize = 4;
@@ -121,6 +126,8 @@ struct Problem<'a> {
     rule: Rule,
     loss: Loss,
     options: Options,
+    /// Where every valid sample counts and all lights are distant.
+    uniform: Option<Uniform>,
 }
 
 /// Fits every pixel's normal and albedo.
@@ -136,12 +143,14 @@ pub fn fit_normals(
     run: &Run<'_>,
 ) -> Result<()> {
     check(stack, rig, options)?;
+    let rule = options.method.rule();
     let problem = Problem {
         stack,
         rig,
-        rule: options.method.rule(),
+        rule,
         loss: options.method.loss(),
         options: *options,
+        uniform: (rule == Rule::All && rig.is_distant()).then(|| Uniform::new(rig)),
     };
     let shape = stack.shape();
     let level = run.level;
@@ -166,28 +175,16 @@ fn check(stack: &Stack<'_>, rig: &Rig, options: &Options) -> Result<()> {
         );
         return Err(Error::geometry("lights", problem));
     }
-    if rig.is_distant() {
-        let mut sum = Symmetric::<f64>::zero();
-        for light in rig.lights() {
-            sum.add(light.direction(), 1.0);
-        }
-        if !sum.inverse().determined() {
-            let problem = format!(
-                "the {count} lights lie in one plane, which leaves the normal undetermined; add a \
-                 photograph under a light well outside it"
-            );
-            return Err(Error::geometry("lights", problem));
-        }
+    if rig.is_distant() && !determined(Uniform::new(rig).squared) {
+        let problem = format!(
+            "the {count} lights lie in one plane, which leaves the normal undetermined; add a \
+             photograph under a light well outside it"
+        );
+        return Err(Error::geometry("lights", problem));
     }
     if options.selection.is_some_and(|band| band >= shape.bands) {
         let problem = format!("there are {} bands, counted from 0", shape.bands);
         return Err(Error::argument("selection", problem));
     }
     options.method.rule().check()
-}
-
-/// `b . l`, the order of whose sums is part of the results' bits.
-#[inline(always)]
-fn shade<R: crate::math::Real>(b: Vec3<R>, light: Vec3<R>) -> R {
-    b.dot(light)
 }

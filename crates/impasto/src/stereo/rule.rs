@@ -1,11 +1,13 @@
 //! Which samples are highlight or shadow, by their size among the pixel's samples.
 
+use core::cmp::Ordering;
+
 use crate::error::{Error, Result};
 use crate::math::{Mask, Real};
 
 use super::ENOUGH;
+use super::rows::{MAX_LANES, Rows, lanes};
 use super::sort::Network;
-use super::tile::lanes;
 
 /// See [`Method`](super::Method).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,15 +87,6 @@ impl Kept {
     }
 }
 
-/// What a rule needs at every pixel.
-pub(super) struct Selection<R> {
-    rule: Rule,
-    network: Network,
-    /// For every number of valid samples.
-    kept: Vec<Kept>,
-    sorted: Vec<R>,
-}
-
 /// What a rule says of one register of pixels.
 pub(super) struct Verdict<R: Real> {
     pub(super) kept: R,
@@ -102,189 +95,202 @@ pub(super) struct Verdict<R: Real> {
     pub(super) relaxed: R::Mask,
 }
 
-impl<R: Real<Scalar = f32>> Selection<R> {
+impl<R: Real> Verdict<R> {
+    /// No rule: everything valid is kept.
     #[inline(always)]
-    pub(super) fn new(rule: Rule, observations: usize) -> Self {
-        let kept = match rule {
-            Rule::Rank { low, high } => {
-                (0..=observations).map(|n| Kept::of(n, low, high)).collect()
-            }
-            _ => Vec::new(),
-        };
-        Self {
-            rule,
-            network: Network::new(observations),
-            kept,
-            sorted: vec![R::zero(); observations],
-        }
-    }
-
-    /// Clears the weights of samples that are highlight or shadow.
-    ///
-    /// `values` are the samples relative to their lights' irradiance, `weights` 1 where they are
-    /// valid and 0 elsewhere (where the value is NaN), `count` how many are valid.
-    #[inline(always)]
-    pub(super) fn apply(&mut self, values: &[R], weights: &mut [R], count: R) -> Verdict<R> {
+    pub(super) fn all(valid: R) -> Self {
         let zero = R::zero();
-        match self.rule {
-            Rule::All => {
-                Verdict { kept: count, shadow: zero, highlight: zero, relaxed: zero.lt(zero) }
-            }
-            Rule::Threshold { w1, w2 } => Self::threshold((w1, w2), values, weights, count),
-            Rule::Rank { .. } => self.rank(values, weights, count),
-        }
+        Self { kept: valid, shadow: zero, highlight: zero, relaxed: zero.lt(zero) }
     }
+}
 
-    #[inline(always)]
-    fn threshold((w1, w2): (f64, f64), values: &[R], weights: &mut [R], count: R) -> Verdict<R> {
-        let (zero, one) = (R::zero(), R::one());
-        let mut sum = zero;
-        for (&value, &weight) in values.iter().zip(&*weights) {
-            sum = sum + R::keep(weight.gt(zero), value);
-        }
-        let mean = sum / count;
-        let (upper, lower) = (mean * R::of(w1), mean * R::of(w2));
-        let (mut shadow, mut highlight) = (zero, zero);
-        for (&value, weight) in values.iter().zip(&mut *weights) {
-            let valid = weight.gt(zero);
-            let dark = value.lt(lower) & valid;
-            let bright = value.gt(upper) & valid;
-            shadow = shadow + R::keep(dark, one);
-            highlight = highlight + R::keep(bright, one);
-            *weight = R::select(dark | bright, zero, *weight);
-        }
-        let kept = count - shadow - highlight;
-        let enough = R::of(ENOUGH as f64);
-        let relaxed = kept.lt(enough) & count.ge(enough);
-        let mut verdict = Verdict { kept, shadow, highlight, relaxed };
-        if relaxed.any() {
-            readmit(values, weights, &mut verdict, (lower, upper));
-        }
-        verdict
+/// The papers' thresholds. Clears the weights of samples that are highlight or shadow.
+///
+/// `relative` are the samples relative to their lights' irradiance, NaN where invalid; `valid` is
+/// the sum of the weights. With `ALL` every sample is valid, and the weights are only written.
+#[inline(always)]
+pub(super) fn threshold<R: Real<Scalar = f32>, const ALL: bool>(
+    (w1, w2): (f64, f64),
+    relative: Rows<'_>,
+    weights: &mut [R],
+    valid: R,
+) -> Verdict<R> {
+    let (zero, one) = (R::zero(), R::one());
+    let mut sum = zero;
+    for (k, &weight) in weights.iter().enumerate() {
+        let value = relative.at::<R>(k);
+        sum = if ALL { sum + value } else { sum + R::keep(weight.gt(zero), value) };
     }
-
-    #[inline(always)]
-    fn rank(&mut self, values: &[R], weights: &mut [R], count: R) -> Verdict<R> {
-        let zero = R::zero();
-        let infinity = R::splat(f32::INFINITY);
-        for ((sorted, &value), &weight) in self.sorted.iter_mut().zip(values).zip(&*weights) {
-            *sorted = R::select(weight.gt(zero), value, infinity);
-        }
-        self.network.sort(&mut self.sorted);
-        let limits = self.limits(count);
-        let (mut below_lower, mut below_upper) = (zero, zero);
-        for (&value, &weight) in values.iter().zip(&*weights) {
-            below_lower = below_lower + R::keep(value.lt(limits.lower), weight);
-            below_upper = below_upper + R::keep(value.lt(limits.upper), weight);
-        }
-        // Of equal samples, so many of the first lights have a rank below the limit.
-        let skip = limits.first - below_lower;
-        let take = limits.end - below_upper;
-        let (mut seen_lower, mut seen_upper) = (zero, zero);
-        let mut shadow = zero;
-        for (&value, weight) in values.iter().zip(&mut *weights) {
-            let at_lower = value.le(limits.lower) & value.ge(limits.lower);
-            let at_upper = value.le(limits.upper) & value.ge(limits.upper);
-            let dark = value.lt(limits.lower) | (at_lower & seen_lower.lt(skip));
-            let bright = value.gt(limits.upper) | (at_upper & seen_upper.ge(take));
-            seen_lower = seen_lower + R::keep(at_lower, *weight);
-            seen_upper = seen_upper + R::keep(at_upper, *weight);
-            shadow = shadow + R::keep(dark, *weight);
-            *weight = R::select(dark | bright, zero, *weight);
-        }
-        let kept = limits.end - limits.first;
-        let highlight = (count - kept - shadow).max(zero);
-        Verdict { kept, shadow, highlight, relaxed: limits.relaxed.gt(zero) }
+    let mean = sum / valid;
+    let (upper, lower) = (mean * R::of(w1), mean * R::of(w2));
+    let (mut shadow, mut highlight) = (zero, zero);
+    for (k, weight) in weights.iter_mut().enumerate() {
+        let value = relative.at::<R>(k);
+        // Comparisons are false for NaN.
+        let (dark, bright) = (value.lt(lower), value.gt(upper));
+        shadow = shadow + R::keep(dark, one);
+        highlight = highlight + R::keep(bright, one);
+        *weight = R::select(dark | bright, zero, if ALL { one } else { *weight });
     }
-
-    /// The lowest and highest kept values and their ranks.
-    #[inline(always)]
-    fn limits(&self, count: R) -> Limits<R> {
-        let all = R::of(self.sorted.len() as f64);
-        if (count.le(all) & count.ge(all)).all() {
-            let kept = self.kept[self.sorted.len()];
-            return Limits {
-                lower: self.sorted[kept.first],
-                upper: self.sorted[kept.end - 1],
-                first: R::of(kept.first as f64),
-                end: R::of(kept.end as f64),
-                relaxed: R::of(f64::from(u8::from(kept.relaxed))),
-            };
-        }
-        let mut limits = [[0.0_f32; 16]; 5];
-        let counts = lanes(count);
-        for lane in 0..R::WIDTH {
-            let kept = self.kept[counts[lane] as usize];
-            let last = kept.end.saturating_sub(1);
-            limits[0][lane] = lanes(self.sorted[kept.first.min(last)])[lane];
-            limits[1][lane] = lanes(self.sorted[last])[lane];
-            limits[2][lane] = kept.first as f32;
-            limits[3][lane] = kept.end as f32;
-            limits[4][lane] = f32::from(u8::from(kept.relaxed));
-        }
-        Limits {
-            lower: R::load(&limits[0]),
-            upper: R::load(&limits[1]),
-            first: R::load(&limits[2]),
-            end: R::load(&limits[3]),
-            relaxed: R::load(&limits[4]),
-        }
+    let kept = valid - shadow - highlight;
+    let relaxed = kept.lt(valid.min(R::of(ENOUGH as f64)));
+    let mut verdict = Verdict { kept, shadow, highlight, relaxed };
+    if relaxed.any() {
+        readmit(relative, weights, &mut verdict, lower);
     }
+    verdict
 }
 
 /// Takes rejected samples back, lane by lane: rare, and no place for clever code.
 #[inline(always)]
 fn readmit<R: Real<Scalar = f32>>(
-    values: &[R],
+    relative: Rows<'_>,
     weights: &mut [R],
     verdict: &mut Verdict<R>,
-    (lower, upper): (R, R),
+    lower: R,
 ) {
-    let mut changed = [[0.0_f32; 16]; 3];
-    verdict.kept.store(&mut changed[0]);
-    verdict.shadow.store(&mut changed[1]);
-    verdict.highlight.store(&mut changed[2]);
-    let (lower, upper) = (lanes(lower), lanes(upper));
-    let mut order: Vec<(f32, usize)> = Vec::with_capacity(values.len());
+    let mut kept = lanes(verdict.kept);
+    let (mut shadow, mut highlight) = (lanes(verdict.shadow), lanes(verdict.highlight));
+    let lower = lanes(lower);
     for lane in (0..R::WIDTH).filter(|&lane| verdict.relaxed.lane(lane)) {
-        // Valid samples are the kept ones and those beyond the thresholds; an invalid sample
-        // was set to zero weight before, and its value is NaN or infinite.
-        order.clear();
-        for (index, &value) in values.iter().enumerate() {
-            let value = lanes(value)[lane];
-            if value.is_finite() {
-                order.push((value, index));
-            }
-        }
-        order.sort_by(|a, b| a.partial_cmp(b).unwrap_or(core::cmp::Ordering::Equal));
-        let middle = order.len() - 1;
-        let mut candidates: Vec<usize> = (0..order.len()).collect();
-        candidates.sort_by_key(|&rank| ((2 * rank).abs_diff(middle), rank));
-        for rank in candidates {
-            let (value, index) = order[rank];
-            let mut weight = lanes(weights[index]);
-            if weight[lane] > 0.0 || changed[0][lane] >= ENOUGH as f32 {
+        let mut order: Vec<(f32, usize)> = (0..weights.len())
+            .map(|k| (relative.lane(k, lane), k))
+            .filter(|(value, _)| value.is_finite())
+            .collect();
+        order.sort_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
+        let mut ranks: Vec<usize> = (0..order.len()).collect();
+        ranks.sort_by_key(|&rank| ((2 * rank).abs_diff(order.len() - 1), rank));
+        for (value, k) in ranks.into_iter().map(|rank| order[rank]) {
+            let mut weight = lanes(weights[k]);
+            if weight[lane] > 0.0 || kept[lane] >= ENOUGH as f32 {
                 continue;
             }
             weight[lane] = 1.0;
-            weights[index] = R::load(&weight);
-            changed[0][lane] += 1.0;
-            let side = if value < lower[lane] { 1 } else { 2 };
-            debug_assert!(side == 1 || value > upper[lane]);
-            changed[side][lane] -= 1.0;
+            weights[k] = R::load(&weight);
+            kept[lane] += 1.0;
+            let reason = if value < lower[lane] { &mut shadow } else { &mut highlight };
+            reason[lane] -= 1.0;
         }
     }
-    verdict.kept = R::load(&changed[0]);
-    verdict.shadow = R::load(&changed[1]);
-    verdict.highlight = R::load(&changed[2]);
+    verdict.kept = R::load(&kept);
+    verdict.shadow = R::load(&shadow);
+    verdict.highlight = R::load(&highlight);
 }
 
-struct Limits<R> {
+/// Rank trimming: what it needs at every pixel.
+pub(super) struct Ranks<R> {
+    network: Network,
+    /// For every number of valid samples.
+    kept: Vec<Kept>,
+    sorted: Vec<R>,
+}
+
+/// The lowest and highest kept values, their ranks, and whether the rule was widened.
+struct Limits<R: Real> {
     lower: R,
     upper: R,
     first: R,
     end: R,
-    relaxed: R,
+    relaxed: R::Mask,
+}
+
+impl<R: Real<Scalar = f32>> Ranks<R> {
+    pub(super) fn new((low, high): (f64, f64), observations: usize) -> Self {
+        Self {
+            network: Network::new(observations),
+            kept: (0..=observations).map(|n| Kept::of(n, low, high)).collect(),
+            sorted: vec![R::zero(); observations],
+        }
+    }
+
+    /// Clears the weights of samples outside the kept ranks; arguments as for [`threshold`].
+    #[inline(always)]
+    pub(super) fn apply<const ALL: bool>(
+        &mut self,
+        relative: Rows<'_>,
+        weights: &mut [R],
+        valid: R,
+    ) -> Verdict<R> {
+        let (zero, one) = (R::zero(), R::one());
+        let infinity = R::splat(f32::INFINITY);
+        for (k, sorted) in self.sorted.iter_mut().enumerate() {
+            let value = relative.at::<R>(k);
+            *sorted = if ALL { value } else { R::select(value.is_finite(), value, infinity) };
+        }
+        self.network.sort(&mut self.sorted);
+        let limits = if ALL { self.limits_of_all() } else { self.limits(valid) };
+        let expected = limits.end - limits.first;
+        let mut kept = zero;
+        for (k, weight) in weights.iter_mut().enumerate() {
+            let value = relative.at::<R>(k);
+            *weight = R::keep(value.ge(limits.lower) & value.le(limits.upper), one);
+            kept = kept + *weight;
+        }
+        if kept.gt(expected).any() {
+            Self::split_ties(relative, weights, &limits);
+        }
+        let highlight = valid - limits.end;
+        Verdict { kept: expected, shadow: limits.first, highlight, relaxed: limits.relaxed }
+    }
+
+    /// Of samples that equal a limit, those of the first lights have the lower ranks.
+    #[inline(always)]
+    fn split_ties(relative: Rows<'_>, weights: &mut [R], limits: &Limits<R>) {
+        let (zero, one) = (R::zero(), R::one());
+        let (mut below_lower, mut below_upper) = (zero, zero);
+        for k in 0..weights.len() {
+            let value = relative.at::<R>(k);
+            below_lower = below_lower + R::keep(value.lt(limits.lower), one);
+            below_upper = below_upper + R::keep(value.lt(limits.upper), one);
+        }
+        let skip = limits.first - below_lower;
+        let take = limits.end - below_upper;
+        let (mut at_lower, mut at_upper) = (zero, zero);
+        for (k, weight) in weights.iter_mut().enumerate() {
+            let value = relative.at::<R>(k);
+            let lower = value.ge(limits.lower) & value.le(limits.lower);
+            let upper = value.ge(limits.upper) & value.le(limits.upper);
+            let out = (lower & at_lower.lt(skip)) | (upper & at_upper.ge(take));
+            at_lower = at_lower + R::keep(lower, one);
+            at_upper = at_upper + R::keep(upper, one);
+            *weight = R::select(out, zero, *weight);
+        }
+    }
+
+    #[inline(always)]
+    fn limits_of_all(&self) -> Limits<R> {
+        let kept = self.kept[self.sorted.len()];
+        Limits {
+            lower: self.sorted[kept.first],
+            upper: self.sorted[kept.end - 1],
+            first: R::of(kept.first as f64),
+            end: R::of(kept.end as f64),
+            relaxed: Mask::splat(kept.relaxed),
+        }
+    }
+
+    /// Lane by lane, for every lane has its own number of valid samples.
+    #[inline(always)]
+    fn limits(&self, valid: R) -> Limits<R> {
+        let mut found = [[0.0_f32; MAX_LANES]; 5];
+        let valid = lanes(valid);
+        for (lane, &valid) in valid.iter().enumerate().take(R::WIDTH) {
+            let kept = self.kept[valid as usize];
+            let last = kept.end.saturating_sub(1);
+            found[0][lane] = lanes(self.sorted[kept.first.min(last)])[lane];
+            found[1][lane] = lanes(self.sorted[last])[lane];
+            found[2][lane] = kept.first as f32;
+            found[3][lane] = kept.end as f32;
+            found[4][lane] = f32::from(u8::from(kept.relaxed));
+        }
+        Limits {
+            lower: R::load(&found[0]),
+            upper: R::load(&found[1]),
+            first: R::load(&found[2]),
+            end: R::load(&found[3]),
+            relaxed: R::load(&found[4]).gt(R::zero()),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -31,16 +31,15 @@ impl<R: Real> Symmetric<R> {
         Self { xx: zero, xy: zero, xz: zero, yy: zero, yz: zero, zz: zero }
     }
 
-    /// Adds `weight l l'`.
+    /// Adds `w l'`, where `w` is `l` times its weight.
     #[inline(always)]
-    pub(super) fn add(&mut self, l: Vec3<R>, weight: R) {
-        let scaled = l.scale(weight);
-        self.xx = scaled.x.mul_add(l.x, self.xx);
-        self.xy = scaled.x.mul_add(l.y, self.xy);
-        self.xz = scaled.x.mul_add(l.z, self.xz);
-        self.yy = scaled.y.mul_add(l.y, self.yy);
-        self.yz = scaled.y.mul_add(l.z, self.yz);
-        self.zz = scaled.z.mul_add(l.z, self.zz);
+    pub(super) fn add(&mut self, l: Vec3<R>, w: Vec3<R>) {
+        self.xx = w.x.mul_add(l.x, self.xx);
+        self.xy = w.x.mul_add(l.y, self.xy);
+        self.xz = w.x.mul_add(l.z, self.xz);
+        self.yy = w.y.mul_add(l.y, self.yy);
+        self.yz = w.y.mul_add(l.z, self.yz);
+        self.zz = w.z.mul_add(l.z, self.zz);
     }
 
     #[inline(always)]
@@ -83,30 +82,88 @@ impl<R: Real> Symmetric<R> {
         let p_squared = off.mul_add(R::of(2.0), on) * R::of(1.0 / 6.0);
         let p = p_squared.sqrt();
         let cofactors = rest.adjugate();
-        let determinant = Vec3::new(rest.xx, rest.xy, rest.xz).dot(Vec3::new(
-            cofactors.xx,
-            cofactors.xy,
-            cofactors.xz,
-        ));
+        let determinant = rest.first_row().dot(cofactors.first_row());
         let r = determinant * R::of(0.5) / (p_squared * p);
         // NaN where p = 0 (a multiple of the identity): `max` gives its second operand then.
         let r = r.max(R::of(-1.0)).min(R::one());
         (p * R::of(2.0)).mul_add(cosine_of_third(r), q)
     }
 
-    /// Everything that follows from the matrix alone.
+    /// The inverse, as cofactors over the determinant.
     #[inline(always)]
     pub(super) fn inverse(&self) -> Inverse<R> {
         let adjugate = self.adjugate();
-        let determinant = Vec3::new(self.xx, self.xy, self.xz).dot(Vec3::new(
-            adjugate.xx,
-            adjugate.xy,
-            adjugate.xz,
-        ));
-        // The smallest eigenvalue is the inverse's largest; that one is exact where the two
-        // smallest of the matrix are close, which a difference would not be.
-        let squared = self.largest_eigenvalue() * adjugate.largest_eigenvalue() / determinant;
-        Inverse { matrix: *self, adjugate, per_determinant: determinant.recip(), squared }
+        let determinant = self.first_row().dot(adjugate.first_row());
+        Inverse { adjugate, per_determinant: determinant.recip() }
+    }
+
+    /// Whether single precision sees a determinant; it is far below what a rule's own lights have
+    /// ([`RANK_LIMIT`]), but a loss's weights may leave almost nothing of some lights.
+    #[inline(always)]
+    pub(super) fn solvable(&self) -> R::Mask {
+        let trace = self.trace();
+        let determinant = self.first_row().dot(self.adjugate().first_row());
+        determinant.gt(trace * trace * trace * R::of(1.0 / 16_777_216.0))
+    }
+
+    /// Squared condition number of the lights: largest by smallest eigenvalue. Infinite, negative
+    /// or NaN where rounding leaves no determinant.
+    ///
+    /// The largest eigenvalue leaves a sum and a product to the other two; the smallest is what
+    /// the determinant leaves to it.
+    #[inline(always)]
+    pub(super) fn squared_condition(&self, inverse: &Inverse<R>) -> R {
+        let largest = self.largest_eigenvalue();
+        let half_sum = (self.trace() - largest) * R::of(0.5);
+        let product = (largest * inverse.per_determinant).recip();
+        let middle = half_sum + half_sum.mul_add(half_sum, -product).max(R::zero()).sqrt();
+        largest * largest * middle * inverse.per_determinant
+    }
+
+    /// Variance of `b` along the worst direction at right angles to the normal `n`, for noise of
+    /// variance 1.
+    ///
+    /// The larger eigenvalue of the inverse `C` seen in the tangent plane, where its trace is
+    /// `tr C - n'Cn` and its determinant `n' adj(C) n = n'An / det A`.
+    #[inline(always)]
+    pub(super) fn worst_tangent_variance(&self, inverse: &Inverse<R>, n: Vec3<R>) -> R {
+        let along = n.dot(inverse.adjugate.times(n));
+        let half = inverse.per_determinant * R::of(0.5);
+        let half_trace = (inverse.adjugate.trace() - along) * half;
+        let determinant = n.dot(self.times(n)) * inverse.per_determinant;
+        half_trace + half_trace.mul_add(half_trace, -determinant).max(R::zero()).sqrt()
+    }
+
+    #[inline(always)]
+    fn first_row(&self) -> Vec3<R> {
+        Vec3::new(self.xx, self.xy, self.xz)
+    }
+
+    #[inline(always)]
+    pub(super) fn select(mask: R::Mask, yes: &Self, no: &Self) -> Self {
+        Self {
+            xx: R::select(mask, yes.xx, no.xx),
+            xy: R::select(mask, yes.xy, no.xy),
+            xz: R::select(mask, yes.xz, no.xz),
+            yy: R::select(mask, yes.yy, no.yy),
+            yz: R::select(mask, yes.yz, no.yz),
+            zz: R::select(mask, yes.zz, no.zz),
+        }
+    }
+}
+
+impl Symmetric<f64> {
+    /// The same matrix in every lane.
+    #[inline(always)]
+    pub(super) fn splat<R: Real>(&self) -> Symmetric<R> {
+        Symmetric {
+            xx: R::of(self.xx),
+            xy: R::of(self.xy),
+            xz: R::of(self.xz),
+            yy: R::of(self.yy),
+            yz: R::of(self.yz),
+            zz: R::of(self.zz),
+        }
     }
 }
 
@@ -133,52 +190,29 @@ const COSINE_OF_THIRD: [f64; 8] = [
     0.001_127_64,
 ];
 
-/// A symmetric matrix and its inverse.
+/// Whether lights of this squared condition number determine a normal; no for NaN.
+#[inline(always)]
+pub(super) fn determined<R: Real>(squared: R) -> R::Mask {
+    squared.le(R::of(RANK_LIMIT * RANK_LIMIT)) & squared.gt(R::zero())
+}
+
+/// Whether they determine it well.
+#[inline(always)]
+pub(super) fn well_determined<R: Real>(squared: R) -> R::Mask {
+    squared.le(R::of(CONDITION_LIMIT * CONDITION_LIMIT))
+}
+
+/// The inverse of a symmetric matrix.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inverse<R> {
-    matrix: Symmetric<R>,
-    adjugate: Symmetric<R>,
-    per_determinant: R,
-    /// Squared condition number of the lights: largest by smallest eigenvalue of `sum l l'`.
-    squared: R,
+    pub(super) adjugate: Symmetric<R>,
+    pub(super) per_determinant: R,
 }
 
 impl<R: Real> Inverse<R> {
-    /// Condition number of the matrix whose rows are the used lights.
-    #[inline(always)]
-    pub(super) fn condition(&self) -> R {
-        self.squared.sqrt()
-    }
-
-    /// Whether the lights determine a normal; no for NaN.
-    #[inline(always)]
-    pub(super) fn determined(&self) -> R::Mask {
-        self.squared.le(R::of(RANK_LIMIT * RANK_LIMIT)) & self.squared.gt(R::zero())
-    }
-
-    /// Whether they determine it well.
-    #[inline(always)]
-    pub(super) fn well(&self) -> R::Mask {
-        self.squared.le(R::of(CONDITION_LIMIT * CONDITION_LIMIT))
-    }
-
     #[inline(always)]
     pub(super) fn times(&self, v: Vec3<R>) -> Vec3<R> {
         self.adjugate.times(v).scale(self.per_determinant)
-    }
-
-    /// Variance of `b` along the worst direction at right angles to the normal `n`, for noise of
-    /// variance 1.
-    ///
-    /// The larger eigenvalue of the inverse `C` seen in the tangent plane, where its trace is
-    /// `tr C - n'Cn` and its determinant `n' adj(C) n = n'An / det A`.
-    #[inline(always)]
-    pub(super) fn worst_tangent_variance(&self, n: Vec3<R>) -> R {
-        let along = n.dot(self.adjugate.times(n));
-        let half_trace = (self.adjugate.trace() - along) * self.per_determinant * R::of(0.5);
-        let determinant = n.dot(self.matrix.times(n)) * self.per_determinant;
-        let root = half_trace.mul_add(half_trace, -determinant).max(R::zero()).sqrt();
-        half_trace + root
     }
 }
 
@@ -204,23 +238,24 @@ mod tests {
         ) {
             let mut sum = Symmetric::zero();
             for &l in &lights {
-                sum.add(l, 1.0);
+                sum.add(l, l);
             }
             let matrix = dense(&sum);
             let values = SymmetricEigen::new(matrix).eigenvalues;
             let exact = (values.max() / values.min()).sqrt();
             prop_assume!(exact < RANK_LIMIT);
-            // The polynomial's 2.7e-8, doubled by 2 p <= 2 q, against the larger part of a sum of
-            // eigenvalues that is at least a third of its trace.
+            // The polynomial's 2.7e-8, times 2 p, which is less than twice the largest eigenvalue;
+            // what it leaves to the other two is smaller by up to the squared condition number.
             let inverse = sum.inverse();
-            prop_assert!((inverse.condition() / exact - 1.0).abs() < 2e-7);
+            let squared = sum.squared_condition(&inverse);
+            prop_assert!((squared.sqrt() / exact - 1.0).abs() < 1e-7 * exact * exact);
 
             let n = Vec3::new(x, y, 1.0).normalised();
             let v = nalgebra::Vector3::new(n.x, n.y, n.z);
             let tangent = Matrix3::identity() - v * v.transpose();
             let covariance = tangent * matrix.try_inverse().unwrap() * tangent;
             let worst = SymmetricEigen::new(covariance).eigenvalues.max();
-            prop_assert!((inverse.worst_tangent_variance(n) / worst - 1.0).abs() < 1e-9);
+            prop_assert!((sum.worst_tangent_variance(&inverse, n) / worst - 1.0).abs() < 1e-9);
         }
     }
 
@@ -228,9 +263,9 @@ mod tests {
     fn equal_eigenvalues_have_condition_one() {
         let mut sum = Symmetric::<f32>::zero();
         for axis in [Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1.0)] {
-            sum.add(axis, 1.0);
+            sum.add(axis.splat(), axis.splat());
         }
-        assert!((sum.inverse().condition() - 1.0).abs() < 1e-6);
+        assert!((sum.squared_condition(&sum.inverse()) - 1.0).abs() < 1e-6);
     }
 
     #[test]
@@ -243,9 +278,9 @@ mod tests {
                 let t = f64::from(i) * 0.3 - 1.2;
                 let (x, y, z) = (t.sin() * a.cos(), t.sin() * a.sin(), t.cos());
                 let l = Vec3::new(x, y * b.cos() - z * b.sin(), y * b.sin() + z * b.cos());
-                sum.add(l.splat(), 1.0);
+                sum.add(l.splat(), l.splat());
             }
-            assert!(!sum.inverse().determined());
+            assert!(!determined(sum.squared_condition(&sum.inverse())));
         }
     }
 }

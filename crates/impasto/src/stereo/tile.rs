@@ -1,11 +1,13 @@
-//! The result maps, cut into tiles, and registers in and out of them.
+//! The result maps, cut into tiles.
 
 use crate::error::{Error, Result};
-use crate::maps::Rejection;
-use crate::math::Real;
+use crate::maps::{Rejection, Status};
 use crate::pixels;
 
-/// Maps in the caller's memory. Every value is written, whatever stood there.
+/// Maps in the caller's memory.
+///
+/// `rejected` and `status` must hold zeros: registers of zeros are not written to them, so that
+/// fresh memory in which nothing goes wrong is never touched. All other values are written.
 #[derive(Debug)]
 pub struct Maps<'a> {
     /// `(3, y, x)` unit vectors.
@@ -86,44 +88,19 @@ fn planes<T>(map: &mut [T], pixels: usize) -> Vec<core::slice::ChunksMut<'_, T>>
     map.chunks_mut(pixels).map(|plane| plane.chunks_mut(pixels::TILE)).collect()
 }
 
-/// Lanes of the widest register.
-pub(super) const MAX_LANES: usize = 16;
-
-/// The lanes as an array, zeros behind them.
-#[inline(always)]
-pub(super) fn lanes<R: Real<Scalar = f32>>(value: R) -> [f32; MAX_LANES] {
-    let mut lanes = [0.0; MAX_LANES];
-    value.store(&mut lanes);
-    lanes
-}
-
-/// Writes lanes from `at` on, as many as there is room for.
-#[inline(always)]
-pub(super) fn store<R: Real<Scalar = f32>>(value: R, map: &mut [f32], at: usize) {
-    let map = &mut map[at..];
-    if map.len() >= R::WIDTH {
-        return value.store(map);
-    }
-    let count = map.len();
-    map.copy_from_slice(&lanes(value)[..count]);
-}
-
-/// Writes counts: lanes that hold small whole numbers.
-#[inline(always)]
-pub(super) fn store_counts<R: Real<Scalar = f32>>(value: R, map: &mut [u16], at: usize) {
-    let count = R::WIDTH.min(map.len() - at);
-    let lanes = lanes(value);
-    for (out, &lane) in map[at..at + count].iter_mut().zip(&lanes) {
-        *out = lane as u16;
-    }
-}
-
-/// Writes codes: lanes that hold whole numbers below 256.
-#[inline(always)]
-pub(super) fn store_codes<R: Real<Scalar = f32>>(value: R, map: &mut [u8], at: usize) {
-    let count = R::WIDTH.min(map.len() - at);
-    let lanes = lanes(value);
-    for (out, &lane) in map[at..at + count].iter_mut().zip(&lanes) {
-        *out = lane as u8;
+impl Tile<'_> {
+    /// What a pixel outside the mask shows.
+    pub(super) fn mask(&mut self, pixel: usize) {
+        for plane in self.normal.iter_mut().chain(&mut self.albedo) {
+            plane[pixel] = f32::NAN;
+        }
+        for plane in [&mut self.residual, &mut self.condition, &mut self.sigma] {
+            plane[pixel] = f32::NAN;
+        }
+        for plane in &mut self.rejected {
+            plane[pixel] = 0;
+        }
+        self.used[pixel] = 0;
+        self.status[pixel] = Status::Masked.code();
     }
 }

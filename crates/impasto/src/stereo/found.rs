@@ -1,0 +1,146 @@
+//! What a register of pixels says in the end, and its way into the maps.
+
+use crate::maps::{Rejection, Status};
+use crate::math::{Mask, Real, Vec3};
+
+use super::loss::Loss;
+use super::pixels::{Pixels, Solution, any};
+use super::rows::{store, store_codes, store_counts};
+use super::rule::Verdict;
+use super::solve::{determined, well_determined};
+use super::tile::Tile;
+
+/// A register's results; the albedo stays in [`Pixels`].
+pub(super) struct Found<R: Real> {
+    normal: Vec3<R>,
+    residual: R,
+    condition: R,
+    sigma: R,
+    status: R,
+    used: R,
+    shadow: R,
+    highlight: R,
+}
+
+#[inline(always)]
+fn code<R: Real>(status: Status) -> R {
+    R::of(f64::from(status.code()))
+}
+
+impl<R: Real<Scalar = f32>> Found<R> {
+    #[inline(always)]
+    pub(super) fn new(
+        pixels: &Pixels<R>,
+        loss: Loss,
+        verdict: &Verdict<R>,
+        start: &Solution<R>,
+        (normal, length): (Vec3<R>, R),
+        (squares, total): (R, R),
+    ) -> Self {
+        let freedom = verdict.kept - R::of(3.0);
+        let worst = start.matrix.worst_tangent_variance(&start.inverse, normal);
+        let sigma = (squares * worst / freedom).sqrt() / length * spread(loss, freedom);
+        Self {
+            normal,
+            residual: (squares / verdict.kept).sqrt(),
+            condition: start.squared.sqrt(),
+            sigma,
+            status: status(pixels, verdict, start.squared, total, length),
+            used: verdict.kept,
+            shadow: verdict.shadow,
+            highlight: verdict.highlight,
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn write(&self, pixels: &Pixels<R>, tile: &mut Tile<'_>, at: usize) {
+        let nan = R::splat(f32::NAN);
+        store_counts(self.used, tile.used, at);
+        let invalid = R::of(pixels.kept.len() as f64) - pixels.valid - pixels.saturated;
+        for (reason, count) in [
+            (Rejection::Saturated, pixels.saturated),
+            (Rejection::Invalid, invalid),
+            (Rejection::Shadow, self.shadow),
+            (Rejection::Highlight, self.highlight),
+        ] {
+            if any(count) {
+                store_counts(count, tile.rejected[reason as usize], at);
+            }
+        }
+        let maps = [
+            (&mut tile.residual, self.residual),
+            (&mut tile.condition, self.condition),
+            (&mut tile.sigma, self.sigma),
+        ];
+        if !any(self.status) {
+            for (plane, value) in tile.normal.iter_mut().zip(self.normal.array()) {
+                store(value, plane, at);
+            }
+            for (plane, &value) in tile.albedo.iter_mut().zip(&pixels.albedo) {
+                store(value, plane, at);
+            }
+            for (plane, value) in maps {
+                store(value, plane, at);
+            }
+            return;
+        }
+        store_codes(self.status, tile.status, at);
+        let estimated = self.status.lt(code(Status::Dark));
+        let dark = self.status.le(code(Status::Dark)) & !estimated;
+        // One sample more than unknowns.
+        let spare = estimated & self.used.gt(R::of(3.0));
+        for (plane, value) in tile.normal.iter_mut().zip(self.normal.array()) {
+            store(R::select(estimated, value, nan), plane, at);
+        }
+        for (plane, &value) in tile.albedo.iter_mut().zip(&pixels.albedo) {
+            let value = R::select(estimated, value, nan);
+            store(R::select(dark, R::zero(), value), plane, at);
+        }
+        for ((plane, value), known) in maps.into_iter().zip([spare, estimated, spare]) {
+            store(R::select(known, value, nan), plane, at);
+        }
+    }
+}
+
+/// Why the pixels are what they are. The first that holds: too few samples; dark; coplanar
+/// lights; no spare sample; lights nearly coplanar; samples taken back.
+#[inline(always)]
+fn status<R: Real<Scalar = f32>>(
+    pixels: &Pixels<R>,
+    verdict: &Verdict<R>,
+    squared: R,
+    total: R,
+    length: R,
+) -> R {
+    let zero = R::zero();
+    let three = R::of(3.0);
+    let solved = determined(squared);
+    let lit = total.gt(zero) & (length.gt(zero) | !solved);
+    let plain = lit & solved & well_determined(squared) & length.is_finite();
+    let spare = verdict.kept.gt(three);
+    if (plain & spare & !verdict.relaxed).all() {
+        return zero;
+    }
+    let mut status = R::select(verdict.relaxed, code(Status::Relaxed), code(Status::Fitted));
+    status = R::select(well_determined(squared), status, code(Status::IllConditioned));
+    status = R::select(spare, status, code(Status::Exact));
+    // Squares of samples beyond 1e19 are infinite in single precision.
+    status = R::select(length.is_finite(), status, code(Status::InvalidInput));
+    status = R::select(solved, status, code(Status::RankDeficient));
+    status = R::select(lit, status, code(Status::Dark));
+    let seen = pixels.valid + pixels.saturated;
+    let clipped = seen.ge(three) & pixels.saturated.gt(zero);
+    let few = R::select(clipped, code(Status::Saturated), code(Status::TooFewSamples));
+    let few = R::select(seen.gt(zero), few, code(Status::InvalidInput));
+    R::select(pixels.valid.ge(three), status, few)
+}
+
+/// What turns the standard error of least squares into a standard deviation: half the width of
+/// the interval that holds 68.3 % of Student's distribution, for the noise is estimated from the
+/// same few residuals (within 0.3 % of its quantile), times what the loss loses against least
+/// squares.
+#[inline(always)]
+fn spread<R: Real>(loss: Loss, freedom: R) -> R {
+    let student = R::of(0.521) / (freedom - R::of(0.377)) + R::one();
+    student * R::of(loss.inefficiency())
+}

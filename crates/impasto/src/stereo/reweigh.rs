@@ -1,0 +1,134 @@
+//! Iteratively reweighted least squares.
+
+use crate::math::{Mask, Real, Vec3};
+
+use super::ENOUGH;
+use super::loss::Weigh;
+use super::pixels::residual;
+use super::rows::{MAX_LANES, Rows, lanes};
+use super::solve::Symmetric;
+use super::sort::Network;
+
+pub(super) struct Reweigh<R> {
+    network: Network,
+    /// Weights of the last step, and of the one before.
+    weights: Vec<R>,
+    previous: Vec<R>,
+    sorted: Vec<R>,
+}
+
+impl<R: Real<Scalar = f32>> Reweigh<R> {
+    pub(super) fn new(observations: usize) -> Self {
+        Self {
+            network: Network::new(observations),
+            weights: vec![R::zero(); observations],
+            previous: vec![R::zero(); observations],
+            sorted: vec![R::zero(); observations],
+        }
+    }
+
+    /// Weights that the last step solved with.
+    pub(super) fn weights(&self) -> &Vec<R> {
+        &self.weights
+    }
+
+    /// Improves `b` in place. Each step solves for a correction of `b` from its residuals, so that
+    /// what rounding leaves behind is found by the next step.
+    ///
+    /// Returns which pixels could be followed to the end; the others stopped before a step that
+    /// would have dropped too many samples, or left single precision no determinant.
+    #[inline(always)]
+    pub(super) fn run<W: Weigh>(
+        &mut self,
+        lights: &[Vec3<R>],
+        kept: &[R],
+        signal: Rows<'_>,
+        steps: usize,
+        b: &mut Vec3<R>,
+    ) -> R::Mask {
+        let (zero, one) = (R::zero(), R::one());
+        let (mut sum, mut count) = (zero, zero);
+        for (k, (&light, &kept)) in lights.iter().zip(kept).enumerate() {
+            let size = residual(signal.at(k), light, *b).abs();
+            sum = size.mul_add(kept, sum);
+            count = count + kept;
+            self.weights[k] = kept;
+        }
+        let per_count = count.recip();
+        let mut followed = zero.le(zero);
+        for _ in 0..steps {
+            let size = if W::MEDIAN {
+                self.median(lights, kept, signal, *b, count)
+            } else {
+                sum * per_count
+            };
+            let tuned = W::tune(size, b.length());
+            let mut matrix = Symmetric::zero();
+            let mut right = Vec3::new(zero, zero, zero);
+            let mut left = zero;
+            sum = zero;
+            core::mem::swap(&mut self.weights, &mut self.previous);
+            for (k, (&light, &kept)) in lights.iter().zip(kept).enumerate() {
+                let residual = residual(signal.at(k), light, *b);
+                let weight = W::weight(residual, tuned) * kept;
+                self.weights[k] = weight;
+                let weighted = light.scale(weight);
+                matrix.add(light, weighted);
+                right = weighted.mul_add(residual, right);
+                if W::DROPS {
+                    left = left + R::keep(weight.gt(zero), one);
+                }
+                if !W::MEDIAN {
+                    sum = residual.abs().mul_add(kept, sum);
+                }
+            }
+            let step = matrix.inverse().times(right);
+            if W::DROPS {
+                followed = followed & (left.ge(R::of(ENOUGH as f64)) | left.ge(count));
+            }
+            followed = followed & matrix.solvable();
+            if !followed.all() {
+                for (weight, &previous) in self.weights.iter_mut().zip(&self.previous) {
+                    *weight = R::select(followed, *weight, previous);
+                }
+            }
+            *b = Vec3::new(
+                b.x + R::keep(followed, step.x),
+                b.y + R::keep(followed, step.y),
+                b.z + R::keep(followed, step.z),
+            );
+        }
+        followed
+    }
+
+    /// Median of the kept samples' absolute residuals.
+    #[inline(always)]
+    fn median(
+        &mut self,
+        lights: &[Vec3<R>],
+        kept: &[R],
+        signal: Rows<'_>,
+        b: Vec3<R>,
+        count: R,
+    ) -> R {
+        let infinity = R::splat(f32::INFINITY);
+        for (k, (&light, &kept)) in lights.iter().zip(kept).enumerate() {
+            let size = residual(signal.at(k), light, b).abs();
+            self.sorted[k] = R::select(kept.gt(R::zero()), size, infinity);
+        }
+        self.network.sort(&mut self.sorted);
+        let n = self.sorted.len();
+        let last = n - 1;
+        if count.ge(R::of(n as f64)).all() {
+            return (self.sorted[(n - 1) / 2] + self.sorted[n / 2]) * R::of(0.5);
+        }
+        // Every lane has its own number of kept samples.
+        let mut median = [0.0; MAX_LANES];
+        for (lane, count) in lanes(count).into_iter().enumerate().take(R::WIDTH) {
+            let n = count as usize;
+            let low = lanes(self.sorted[n.saturating_sub(1) / 2])[lane];
+            median[lane] = 0.5 * (low + lanes(self.sorted[(n / 2).min(last)])[lane]);
+        }
+        R::load(&median)
+    }
+}

@@ -1,0 +1,27 @@
+//! What distant lights say once for all pixels, in double precision.
+
+use crate::geometry::Rig;
+use crate::math::Vec3;
+
+use super::solve::{Inverse, Symmetric};
+
+pub(super) struct Uniform {
+    pub(super) matrix: Symmetric<f64>,
+    pub(super) inverse: Inverse<f64>,
+    pub(super) squared: f64,
+    /// One row per light: `(L'L)^-1 l`.
+    pub(super) pseudoinverse: Vec<Vec3<f64>>,
+}
+
+impl Uniform {
+    pub(super) fn new(rig: &Rig) -> Self {
+        let mut matrix = Symmetric::zero();
+        for light in rig.lights() {
+            matrix.add(light.direction(), light.direction());
+        }
+        let inverse = matrix.inverse();
+        let squared = matrix.squared_condition(&inverse);
+        let pseudoinverse = rig.lights().iter().map(|l| inverse.times(l.direction())).collect();
+        Self { matrix, inverse, squared, pseudoinverse }
+    }
+}
