@@ -142,5 +142,5 @@ fn status<R: Real<Scalar = f32>>(
 #[inline(always)]
 fn spread<R: Real>(loss: Loss, freedom: R) -> R {
     let student = R::of(0.521) / (freedom - R::of(0.377)) + R::one();
-    student * R::of(loss.inefficiency())
+    student * loss.inefficiency(freedom)
 }

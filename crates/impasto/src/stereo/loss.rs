@@ -13,14 +13,21 @@ pub(super) enum Loss {
 }
 
 impl Loss {
-    /// Standard error of an estimate by this loss over that by least squares, for normal noise.
-    pub(super) fn inefficiency(self) -> f64 {
+    /// Standard error of an estimate by this loss over what least squares' formula makes of its
+    /// residuals, for normal noise and so many degrees of freedom.
+    #[inline(always)]
+    pub(super) fn inefficiency<R: Real>(self, freedom: R) -> R {
         match self {
-            Self::Squares => 1.0,
-            // The median's, sqrt(pi / 2).
-            Self::Absolute => SIGMA_PER_MEAN,
+            Self::Squares => R::one(),
+            // The median's, sqrt(pi / 2), for many samples. Of few, this loss goes through three,
+            // and the others' residuals are larger for it: fitted to simulated coverage, 5 to 32
+            // lights, within 4 %.
+            Self::Absolute => {
+                let few = (-R::of(0.31) / freedom.sqrt()) + R::one();
+                few * R::of(SIGMA_PER_MEAN)
+            }
             // 95 % efficiency, which their constants are chosen for.
-            Self::Huber | Self::Cauchy | Self::Tukey => 1.025_978_352_085_154,
+            Self::Huber | Self::Cauchy | Self::Tukey => R::of(1.025_978_352_085_154),
         }
     }
 }
