@@ -2,6 +2,7 @@
 
 use core::cell::{Cell, RefCell};
 
+use crate::brdf::torrance_sparrow::sharpness;
 use crate::error::{Error, Result};
 use crate::lm::{self, Normal, Options, Problem};
 
@@ -11,7 +12,7 @@ use super::settle::Share;
 use super::tile::State;
 
 /// Steps of a pixel from the normals of photometric stereo, and between two places of the lobe.
-const FIRST_STEPS: usize = 10;
+pub(super) const FIRST_STEPS: usize = 16;
 const STEPS: usize = 3;
 
 /// Places tried before lost normals are looked for: the lobe is roughly known by then.
@@ -29,18 +30,19 @@ const SEARCH: Options = Options {
     memory: 0.0,
 };
 
+/// A satin varnish, relative to the brightest colour: what to try where the separate fit is misled.
+const SATIN: (f64, f64) = (12.0, 0.15);
+
 /// Smallest share of the model's curvature that the cost is taken to have.
 const SOFTEST: f64 = 0.1;
 
 /// What the search found.
 pub(super) struct Found {
     pub(super) lobe: Lobe,
-    pub(super) state: State,
     pub(super) share: Share,
     /// (beta, gamma) as they got better.
     pub(super) path: Vec<[f64; 2]>,
-    /// `(y, x)` squared scales of the diffuse part alone, and their cost.
-    pub(super) plain: Vec<f32>,
+    /// Cost of the diffuse part alone.
     pub(super) plain_cost: f64,
 }
 
@@ -127,16 +129,15 @@ impl Problem<f64, 2> for Search<'_> {
     }
 }
 
-/// Lets normals, colours and the lobe settle together.
+/// Finds the lobe while normals and colours settle with it.
 ///
 /// Two searches by Levenberg-Marquardt, each place of the lobe judged with all pixels settled;
-/// between them every pixel tries a normal that faces the viewer.
-pub(super) fn settle_together(fit: &Fit<'_>, state: State, lobe: Lobe) -> Result<Found> {
+/// between them every pixel tries other normals ([`Settle::restart`](super::settle::Settle)).
+pub(super) fn find_lobe(fit: &Fit<'_>, state: State, lobe: Lobe) -> Result<Found> {
     let mut trial = state.clone();
     let flat = Lobe { beta: 0.0, ..lobe };
     let plain = fit.settle(&state, &mut trial, flat, FIRST_STEPS, false)?;
     let plain_cost = plain.normal(fit.reference).cost;
-    let plain = trial.scale.clone();
     let search = Search {
         fit,
         best: RefCell::new(state),
@@ -149,18 +150,24 @@ pub(super) fn settle_together(fit: &Fit<'_>, state: State, lobe: Lobe) -> Result
         path: RefCell::new(vec![[lobe.beta, gamma_of(lobe.log_sharpness)]]),
         failure: RefCell::new(None),
     };
+    // Sums of squares of all samples believe gross outliers (hard case 31); robust scales tell
+    // which of two lobes is nearer.
+    let satin = Lobe { beta: SATIN.0 * fit.reference, log_sharpness: sharpness(SATIN.1).ln() };
+    for lobe in [lobe, satin] {
+        search.steps.set(FIRST_STEPS);
+        search.visit(lobe, false)?;
+    }
+    search.stiffness.set(1.0);
     let rough = Options { max_iterations: ROUGH, ..SEARCH };
-    let [beta, log_sharpness] = search.minimise([lobe.beta, lobe.log_sharpness], rough)?;
+    let [beta, log_sharpness] = search.minimise(search.last.get().0, rough)?;
     search.steps.set(FIRST_STEPS);
     search.visit(Lobe { beta, log_sharpness }, true)?;
     let [beta, log_sharpness] = search.minimise([beta, log_sharpness], SEARCH)?;
-    let Search { best, share, path, .. } = search;
+    let Search { share, path, .. } = search;
     Ok(Found {
         lobe: Lobe { beta, log_sharpness },
-        state: best.into_inner(),
         share: share.get(),
         path: path.into_inner(),
-        plain,
         plain_cost,
     })
 }

@@ -14,6 +14,7 @@ mod pooled;
 mod predict;
 mod scale;
 mod settle;
+mod subset;
 mod tile;
 mod verdict;
 

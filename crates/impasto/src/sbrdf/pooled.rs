@@ -10,11 +10,12 @@ use crate::stack::Stack;
 
 use super::extract::{Extract, Extraction};
 use super::histogram::Histogram;
-use super::joint::{Found, settle_together};
+use super::joint::{FIRST_STEPS, Found, find_lobe};
 use super::measure::{Measure, Plates};
 use super::pixel::Lobe;
 use super::scale::Gaussian;
 use super::settle::{Settle, Share};
+use super::subset::Subset;
 use super::tile::{Reader, Scene, Start, State};
 use super::verdict::{Agreement, DESCRIBES, Verdict, agreement};
 
@@ -80,17 +81,32 @@ pub fn fit_pooled(
         return Err(Error::geometry("lights", problem));
     }
     start.check(shape.pixels(), shape.bands)?;
-    let scene =
-        Scene { stack, rig, index: options.index, bands: shape.bands, status: start.status };
+    let scene = Scene {
+        stack,
+        rig,
+        index: options.index,
+        bands: shape.bands,
+        status: start.status,
+        places: None,
+    };
     let fit = Fit { scene: &scene, run, reference: brightest(start) };
     let state = State::new(start);
     let first = fit.extract(&state, options.extraction)?.fit();
     let lobe = Lobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
-    if options.joint && lobe.beta > 0.0 {
-        let found = settle_together(&fit, state, lobe)?;
-        return fit.judge_joint(found, start);
+    if !options.joint {
+        return fit.judge_separate(state, &first);
     }
-    fit.judge_separate(state, &first)
+    let subset = Subset::gather(&scene, start, run)?;
+    if subset.len() == 0 {
+        return fit.judge_separate(state, &first);
+    }
+    let found = {
+        let stack = subset.stack()?;
+        let scene = subset.scene(&scene, &stack);
+        find_lobe(&Fit { scene: &scene, ..fit }, State::new(&subset.start()), lobe)?
+    };
+    drop(subset);
+    fit.judge_joint(state, found, start)
 }
 
 /// The brightest colour: scaling the samples by a power of two scales it exactly.
@@ -108,6 +124,7 @@ pub(super) fn bounds() -> Bounds<f64, 2> {
 }
 
 /// A fit under way.
+#[derive(Clone, Copy)]
 pub(super) struct Fit<'a> {
     scene: &'a Scene<'a>,
     run: &'a Run<'a>,
@@ -138,8 +155,8 @@ impl Fit<'_> {
     }
 
     /// Pixels whose samples the lobe does not help to explain go back to where they started.
-    fn judge_joint(&self, found: Found, start: &Start<'_>) -> Result<Pooled> {
-        let Found { lobe, mut state, share, path, plain, plain_cost } = found;
+    fn judge_joint(&self, state: State, found: Found, start: &Start<'_>) -> Result<Pooled> {
+        let Found { lobe, share, path, plain_cost } = found;
         let better = share.normal(self.reference).cost < plain_cost;
         let gaussian = Gaussian::of(self.scene.bands);
         let factor = lm::factor(&share.matrix, 0.0, &[false; 2]);
@@ -147,8 +164,15 @@ impl Fit<'_> {
             .then(|| relative(lobe, sandwich(&factor, &share.scatter, gaussian.curvature)));
         let estimate = Estimate { lobe, covariance, open: factor.deficient[1], path };
         if !estimate.seen() {
-            return self.report(State::new(start), estimate, start.status.to_vec(), None);
+            return self.report(state, estimate, start.status.to_vec(), None);
         }
+        let mut settled = state.clone();
+        let flat = Lobe { beta: 0.0, ..lobe };
+        self.settle(&state, &mut settled, flat, FIRST_STEPS, false)?;
+        let plain = settled.scale.clone();
+        self.settle(&state, &mut settled, lobe, FIRST_STEPS, true)?;
+        drop(state);
+        let mut state = settled;
         let mut status = start.status.to_vec();
         let pixels = status.len();
         for pixel in 0..pixels {

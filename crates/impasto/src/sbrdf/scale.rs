@@ -12,26 +12,28 @@ use crate::math::{Mask, Real};
 /// Mean of `rho`: the share of photographs that may be lost.
 const SHARE: f64 = 0.25;
 
-/// Newton steps from no idea and from the last scale. One step changes the scale by at most
-/// [`REACH`]: sixteen get past outliers of any size, from a mean that they may have ruined.
-const COLD: usize = 16;
-const WARM: usize = 4;
+/// Newton steps at most. One changes the scale by at most [`REACH`]: they get past outliers of any
+/// size, from a mean that those may have ruined.
+const STEPS: usize = 20;
 const REACH: f64 = 16.0;
+
+/// A step of this relative size is the last: it squares the error.
+const NEAR: f64 = 1e-3;
 
 /// The squared scale of `squares` (0 where not `usable`), of which there are `count`; at least
 /// `floor`.
 #[inline(always)]
 pub(super) fn squared_scale<R: Real>(squares: &[R], count: R, floor: R, last: Option<R>) -> R {
     let target = count * R::of(SHARE);
-    let (mut scale, steps) = if let Some(last) = last {
-        (last, WARM)
-    } else {
+    let mut scale = last.unwrap_or_else(|| {
         let sum = squares.iter().fold(R::zero(), |sum, &square| sum + square);
         // Above the solution, by the concavity of rho.
-        (sum / count * R::of(1.0 / SHARE - 1.0), COLD)
-    };
-    for _ in 0..steps {
-        scale = scale.max(floor);
+        sum / count * R::of(1.0 / SHARE - 1.0)
+    });
+    scale = scale.max(floor);
+    // A lane stops on its own account: its neighbours change no bit of it.
+    let mut active = scale.is_finite();
+    for _ in 0..STEPS {
         let (mut level, mut slope) = (-target, R::zero());
         for &square in squares {
             let inverse = (square + scale).recip();
@@ -40,9 +42,16 @@ pub(super) fn squared_scale<R: Real>(squares: &[R], count: R, floor: R, last: Op
             slope = share.mul_add(inverse, slope);
         }
         let step = R::keep(slope.gt(R::zero()), level / slope);
-        scale = (scale + step).max(scale * R::of(1.0 / REACH)).min(scale * R::of(REACH));
+        let next = (scale + step).max(scale * R::of(1.0 / REACH)).min(scale * R::of(REACH));
+        let next = next.max(floor);
+        let far = (next - scale).abs().gt(scale * R::of(NEAR));
+        scale = R::select(active, next, scale);
+        active = active & far;
+        if !active.any() {
+            break;
+        }
     }
-    scale.max(floor)
+    scale
 }
 
 /// Weight of a photograph with squared residual `square`; 0 where not `usable`, by selection.

@@ -23,7 +23,7 @@ const LONGEST_STEP: f64 = 0.1;
 const RIDGE: f64 = 1e-3;
 
 /// A pixel is settled when a step lowers its squared scale by less than this share.
-const SETTLED: f64 = 1e-4;
+const SETTLED: f64 = 2e-5;
 
 /// What pixels say about (beta, log k), each in units of its own scale.
 #[derive(Clone, Copy, Debug)]
@@ -233,9 +233,12 @@ fn descend<R: Real<Scalar = f32>>(
             *trial = R::select(active, (best + change).max(zero), best);
         }
         let scale = pixels.visit(trial, &colours.trial, Some(least));
+        let whole = better;
         better = active & scale.lt(least);
-        // A lane stops on its own account: how many lanes share a register changes no result.
-        let settled = better & scale.gt(least * R::of(1.0 - SETTLED));
+        // A lane stops on its own account: how many lanes share a register changes no result. What
+        // a shortened step gains says nothing of what is left.
+        let settled =
+            whole & scale.lt(least * R::of(1.0 + SETTLED)) & scale.gt(least * R::of(1.0 - SETTLED));
         active = active & !settled;
         best = Vec3::select(better, trial, best);
         least = R::select(better, scale, least);

@@ -10,6 +10,7 @@ use crate::stack::Stack;
 use super::lanes::{load, store};
 
 /// What all tiles share.
+#[derive(Clone, Copy)]
 pub(super) struct Scene<'a> {
     pub(super) stack: &'a Stack<'a>,
     pub(super) rig: &'a Rig,
@@ -17,11 +18,24 @@ pub(super) struct Scene<'a> {
     pub(super) bands: usize,
     /// `(y, x)` [`Status`] codes of the normals that the fit begins with.
     pub(super) status: &'a [u8],
+    /// Coordinates of the pixels in mm; none: those of the rig's grid.
+    pub(super) places: Option<(&'a [f32], &'a [f32])>,
 }
 
 impl Scene<'_> {
     pub(super) fn pixels(&self) -> usize {
         self.stack.shape().pixels()
+    }
+
+    /// Coordinates of the pixels from `start` on, as many as there is room for.
+    pub(super) fn coordinates(&self, start: usize, x: &mut [f32], y: &mut [f32]) {
+        if let Some((all_x, all_y)) = self.places {
+            let count = x.len().min(all_x.len() - start);
+            x[..count].copy_from_slice(&all_x[start..start + count]);
+            y[..count].copy_from_slice(&all_y[start..start + count]);
+        } else {
+            self.rig.grid().coordinates(start, x, y);
+        }
     }
 }
 
@@ -183,6 +197,6 @@ impl Reader {
         for (plane, out) in self.samples.chunks_mut(pixels::TILE).enumerate() {
             scene.stack.read(plane / scene.bands, plane % scene.bands, start, out);
         }
-        scene.rig.grid().coordinates(start, &mut self.x, &mut self.y);
+        scene.coordinates(start, &mut self.x, &mut self.y);
     }
 }

@@ -1,0 +1,119 @@
+//! Pixels enough to find the lobe by.
+//!
+//! Two numbers need no gigapixel: sixty thousand pixels know beta and gamma to a thousandth. The
+//! search therefore visits a subset, gathered and decoded once; all pixels settle under what it
+//! found. Up to [`PIXELS`] the subset is the painting.
+
+use crate::error::Result;
+use crate::maps::Status;
+use crate::pixels::{Run, TILE, tiles};
+use crate::stack::{Decode, Samples, Shape, Stack};
+
+use super::tile::{Scene, Start};
+
+/// Pixels at most, about.
+const PIXELS: usize = 1 << 16;
+
+/// Samples at most, about: a quarter of a gibibyte. Many photographs of fewer pixels know as much.
+const SAMPLES: usize = 1 << 26;
+
+/// Neighbours that are taken or left together: they share cache lines in every photograph.
+const RUN: usize = 16;
+
+/// Some pixels of a painting as a painting of one row.
+pub(super) struct Subset {
+    samples: Vec<f32>,
+    shape: Shape,
+    decode: Vec<Decode>,
+    x: Vec<f32>,
+    y: Vec<f32>,
+    pub(super) normal: Vec<f32>,
+    pub(super) diffuse: Vec<f32>,
+    pub(super) status: Vec<u8>,
+}
+
+impl Subset {
+    /// Gathers pixels whose normals were estimated.
+    pub(super) fn gather(scene: &Scene<'_>, start: &Start<'_>, run: &Run<'_>) -> Result<Self> {
+        let picks = pick(scene);
+        let shape = Shape { height: 1, width: picks.len(), ..scene.stack.shape() };
+        let mut samples = vec![0.0; shape.samples()];
+        let planes = samples.chunks_mut(picks.len().max(1)).enumerate().collect();
+        run.for_each(
+            planes,
+            || vec![0.0; TILE],
+            |row, (plane, out)| {
+                let mut next = 0;
+                for (first, count) in tiles(scene.pixels()) {
+                    scene.stack.read(plane / scene.bands, plane % scene.bands, first, row);
+                    while let Some(&pixel) = picks.get(next)
+                        && pixel < first + count
+                    {
+                        out[next] = row[pixel - first];
+                        next += 1;
+                    }
+                }
+            },
+        )?;
+        let (mut x, mut y) = (vec![0.0; picks.len()], vec![0.0; picks.len()]);
+        for ((x, y), &pixel) in x.iter_mut().zip(&mut y).zip(&picks) {
+            scene.coordinates(pixel, core::slice::from_mut(x), core::slice::from_mut(y));
+        }
+        let gathered = |map: &[f32]| -> Vec<f32> {
+            map.chunks(scene.pixels())
+                .flat_map(|plane| picks.iter().map(|&pixel| plane[pixel]))
+                .collect()
+        };
+        let plain = Decode { gain: 1.0, offset: 0.0, saturation: f32::INFINITY };
+        Ok(Self {
+            samples,
+            decode: vec![plain; shape.observations * shape.bands],
+            shape,
+            x,
+            y,
+            normal: gathered(start.normal),
+            diffuse: gathered(start.diffuse),
+            status: picks.iter().map(|&pixel| start.status[pixel]).collect(),
+        })
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.status.len()
+    }
+
+    pub(super) fn start(&self) -> Start<'_> {
+        Start { normal: &self.normal, diffuse: &self.diffuse, status: &self.status }
+    }
+
+    pub(super) fn stack(&self) -> Result<Stack<'_>> {
+        Stack::new(Samples::F32(&self.samples), self.shape, &self.decode, None)
+    }
+
+    /// The painting's scene with this subset's pixels.
+    pub(super) fn scene<'a>(&'a self, whole: &Scene<'a>, stack: &'a Stack<'a>) -> Scene<'a> {
+        Scene { stack, status: &self.status, places: Some((&self.x, &self.y)), ..*whole }
+    }
+}
+
+/// Pixels in the order of the image: all, or runs of neighbours chosen by a hash of their number
+/// (a fixed stride could follow the weave of a canvas).
+fn pick(scene: &Scene<'_>) -> Vec<usize> {
+    let estimated = |&pixel: &usize| scene.status[pixel] < Status::Dark.code();
+    let all = (0..scene.pixels()).filter(estimated).count();
+    let planes = scene.bands * scene.rig.observations();
+    let most = PIXELS.min(SAMPLES / planes.max(1)).max(RUN);
+    let share = most as f64 / all.max(1) as f64;
+    let threshold = if share >= 1.0 { u64::MAX } else { (share * u64::MAX as f64) as u64 };
+    (0..scene.pixels())
+        .filter(|&pixel| hash((pixel / RUN) as u64) <= threshold)
+        .filter(estimated)
+        .collect()
+}
+
+/// `splitmix64`: consecutive numbers become unrelated ones.
+fn hash(number: u64) -> u64 {
+    let mut z = number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
