@@ -162,7 +162,8 @@ def watch(done, total):
         print("started", flush=True)
 
 try:
-    LONG[sys.argv[1]](photographed, threads=1, progress=watch)
+    while True:  # on a busy machine the signal may come after the first call's end
+        LONG[sys.argv[1]](photographed, threads=1, progress=watch)
 except KeyboardInterrupt:
     print("interrupted", *reports[-1], flush=True)
     CALLS[sys.argv[1]](photographed, threads=2)
@@ -192,6 +193,6 @@ def test_ctrl_c_stops_a_call_in_the_middle(name: str) -> None:
         process.kill()
         process.wait()
     assert word == "interrupted"
-    assert int(done) < int(total), "the call had ended before the signal"
+    assert int(done) < int(total)
     # A heartbeat of 50 ms and one tile; the rest of the second is for a busy machine.
     assert waited < 1.0
