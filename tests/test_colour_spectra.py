@@ -372,3 +372,10 @@ c.display_from_coefficients(numpy.eye(31), numpy.arange(400, 701, 10), "FL11", d
 assert warnings.filters == filters, "colour-science left its warning filters behind"
 """
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)
+
+
+def test_a_number_in_words_is_kelvin_where_it_can_be_nothing_else():
+    for text in ("2856", "2856.0", "2856 K"):
+        np.testing.assert_array_equal(white_point(text), white_point(2856.0))
+    with pytest.raises(ArgumentError, match=r"unknown name '65'.*2856 K"):
+        white_point("65")

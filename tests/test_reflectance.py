@@ -340,3 +340,17 @@ def test_training_comes_as_a_set_a_pair_or_an_array():
     for fit in fits[1:]:
         np.testing.assert_allclose(fit.spectrum(0, 0), fits[0].spectrum(0, 0), atol=1e-6)
     assert [fit.info["training"] for fit in fits] == ["user"] * 3 + ["CES 99 + AMPAS 190"]
+
+
+def test_the_bands_of_stack_and_camera_in_different_orders():
+    curves = gaussians([450, 540, 610], 80)
+    source = SimpleNamespace(
+        diffuse=picture([[0.4, 0.5, 0.3]]),
+        status=np.zeros((1, 1), np.uint8),
+        bands=("blue", "green", "red"),
+    )
+    with pytest.raises(ArgumentError, match=r"camera: .*another order \(blue, green, red\)"):
+        fit_reflectance(None, source, Camera(GRID, curves, "D65"))
+    fit_reflectance(None, source, Camera(GRID, curves, "D65", bands=source.bands))
+    # Other names say nothing about the order.
+    fit_reflectance(None, source, Camera(GRID, curves, "D65", bands=["610", "540", "450"]))

@@ -23,7 +23,7 @@ def test_samples_are_not_copied(dtype: type) -> None:
 
 
 def test_other_numbers_become_float32() -> None:
-    assert stack(np.zeros((3, 2, 4, 5), np.int64)).samples.dtype == np.float32
+    assert stack(np.zeros((3, 2, 4, 5), np.float64)).samples.dtype == np.float32
 
 
 def test_three_axes_are_one_band() -> None:

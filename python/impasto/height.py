@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
+from impasto.checks import length_mm
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, reporting, thread_count
 
@@ -50,8 +51,9 @@ def integrate_normals(
     array = np.ascontiguousarray(normal, dtype=np.float32)
     if array.ndim != 3 or array.shape[0] != 3 or 0 in array.shape:
         raise ArgumentError(f"normal: expected shape (3, y, x), found {array.shape}")
+    pitch = length_mm(pitch_mm, "pitch_mm")
     with reporting(progress, "integrating normals") as callback:
-        return _core.integrate_normals(array, float(pitch_mm), thread_count(threads), callback)
+        return _core.integrate_normals(array, pitch, thread_count(threads), callback)
 
 
 def cast_shadows(
@@ -90,12 +92,9 @@ def cast_shadows(
     relief = np.ascontiguousarray(height, dtype=np.float32)
     if relief.ndim != 2 or 0 in relief.shape:
         raise ArgumentError(f"height: expected shape (y, x), found {relief.shape}")
-    if not (np.isfinite(pitch_mm) and pitch_mm > 0):
-        raise ArgumentError(f"pitch_mm: expected a positive width in mm, found {pitch_mm}")
+    pitch = length_mm(pitch_mm, "pitch_mm")
     vector = np.asarray(light, dtype=np.float64)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ArgumentError(f"light: expected three finite numbers, found {light!r}")
     x, y, z = vector.tolist()
-    return _core.cast_shadows(
-        relief, float(pitch_mm), (x, y, z), bool(point), thread_count(threads)
-    )
+    return _core.cast_shadows(relief, pitch, (x, y, z), bool(point), thread_count(threads))

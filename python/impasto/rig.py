@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto.checks import FARTHEST_MM, length_mm, numbers, positive
 from impasto.errors import ArgumentError, GeometryError
 
 FRONTAL = (0.0, 0.0, 1.0)
@@ -118,8 +119,8 @@ class Rig:
         set_(self, "lights", parsed)
         set_(self, "views", _views(views, len(parsed)))
         set_(self, "pitch_mm", pitch_mm)
-        if pitch_mm is not None and not (np.isfinite(pitch_mm) and pitch_mm > 0):
-            raise ArgumentError(f"pitch_mm: expected a positive width in mm, found {pitch_mm}")
+        if pitch_mm is not None:
+            length_mm(pitch_mm, "pitch_mm")
         if pitch_mm is None and any(isinstance(light, PointLight) for light in parsed):
             raise GeometryError(
                 "pitch_mm: point lights need the width of a pixel on the painting in mm"
@@ -171,26 +172,28 @@ def _lights(lights: Any) -> tuple[Light, ...]:
 
 
 def _views(views: ArrayLike | None, count: int) -> NDArray[np.float64]:
-    array = np.asarray(FRONTAL if views is None else views, dtype=np.float64)
+    array = numbers(FRONTAL if views is None else views, "views", f"(3,) or ({count}, 3)")
     if array.shape not in {(3,), (count, 3)}:
         raise ArgumentError(f"views: expected shape (3,) or ({count}, 3), found {array.shape}")
     array = np.broadcast_to(array, (count, 3))
-    lengths = np.linalg.norm(array, axis=1, keepdims=True)
-    if not np.isfinite(array).all() or bool((lengths < 1e-6).any()):
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.linalg.norm(array, axis=1, keepdims=True)
+    if not np.isfinite(lengths).all() or bool((lengths < 1e-6).any()):
         raise GeometryError("views: every view needs a finite direction")
     return np.ascontiguousarray(array / lengths)
 
 
 def _vector(values: Any, name: str) -> NDArray[np.float64]:
-    try:
-        vector = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{name}: expected three numbers, found {values!r}") from error
+    vector = numbers(values, name, "three numbers")
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ArgumentError(f"{name}: expected three finite numbers, found {values!r}")
+    if float(np.abs(vector).max()) > FARTHEST_MM:
+        raise ArgumentError(
+            f"{name}: expected numbers of at most {FARTHEST_MM:g}, found {values!r}; "
+            "a light that far away is a DistantLight with a unit direction"
+        )
     return vector
 
 
 def _check_intensity(intensity: float) -> None:
-    if not (np.isfinite(intensity) and intensity > 0):
-        raise ArgumentError(f"intensity: expected a positive number, found {intensity}")
+    positive(intensity, "intensity", "a positive number")

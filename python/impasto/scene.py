@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-import numpy as np
 from numpy.typing import ArrayLike
 
+from impasto.checks import number, numbers, positive
 from impasto.colour import Display
 from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import FRONTAL, Light, Rig
+
+AdaptationMode = Literal["planck", "anchored"]
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -68,7 +70,7 @@ class Scene:
     illuminants: tuple[Any, ...]
     view: tuple[float, float, float]
     adaptation: float | None
-    adaptation_mode: Literal["planck", "anchored"]
+    adaptation_mode: AdaptationMode
     reference: Any
     display: Display
     exposure: float | None
@@ -82,7 +84,7 @@ class Scene:
         illuminant: Any = "D65",
         view: ArrayLike = FRONTAL,
         adaptation: float | None = None,
-        adaptation_mode: Literal["planck", "anchored"] = "planck",
+        adaptation_mode: AdaptationMode = "planck",
         reference: Any = "D65",
         display: Display | str = "srgb",
         exposure: float | None = None,
@@ -104,11 +106,16 @@ class Scene:
             raise ArgumentError(
                 f"illuminant: a list holds one per light ({len(rig)}), found {len(spectra)}"
             )
-        if adaptation is not None and not 0.0 <= adaptation <= 1.0:
-            raise ArgumentError(f"adaptation: expected d from 0 to 1, or None, found {adaptation}")
-        if exposure is not None and not (np.isfinite(exposure) and exposure > 0):
-            raise ArgumentError(f"exposure: expected a positive factor or None, found {exposure}")
-        fill = np.asarray(background, dtype=np.float64)
+        degree = "d from 0 to 1, or None"
+        if adaptation is not None and not 0.0 <= number(adaptation, "adaptation", degree) <= 1.0:
+            raise ArgumentError(f"adaptation: expected {degree}, found {adaptation}")
+        if adaptation_mode not in get_args(AdaptationMode):
+            raise ArgumentError(
+                f'adaptation_mode: expected "planck" or "anchored", found {adaptation_mode!r}'
+            )
+        if exposure is not None:
+            positive(exposure, "exposure", "a positive factor or None")
+        fill = numbers(background, "background", "three numbers, 0 to 1")
         if fill.shape != (3,) or not ((fill >= 0) & (fill <= 1)).all():
             raise ArgumentError(f"background: expected three numbers, 0 to 1, found {background}")
         set_ = object.__setattr__

@@ -10,12 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto.checks import numbers
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.rig import Light, Rig
 
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float16, np.float32)
 """Sample types that are read in place and converted block by block."""
+
+SAMPLE_INTEGERS = (np.uint8, np.uint16)
+"""Those whose largest number is full scale."""
+
+LONGEST_BAND = 200
+"""Bytes of a band's name: OpenEXR's channels have at most 255 with what is written before it."""
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -29,7 +36,9 @@ class Stack:
     ----------
     samples
         ``(obs, band, y, x)``, or ``(obs, y, x)`` for one band; uint8, uint16, float16 or float32
-        are kept as they are (never copied if C-contiguous), anything else becomes float32.
+        are kept as they are (never copied if C-contiguous), other real numbers become float32.
+        Integers of another type need ``scale``: their full scale is seldom that of the type.
+        Masked samples become NaN.
     lights
         ``(obs, 3)`` directions, lights, or a :class:`Rig`.
     views, pitch_mm
@@ -83,14 +92,13 @@ class Stack:
         notes: Sequence[Any] = (),
         sources: Sequence[str | Path] = (),
     ) -> None:
-        array = _samples(samples)
+        array, full = _samples(samples, scaled=scale is not None)
         rig = Rig(lights, views=views, pitch_mm=pitch_mm)
         observations, count, height, width = array.shape
         if len(rig) != observations:
             raise ArgumentError(
                 f"lights: {observations} observations need {observations} lights, found {len(rig)}"
             )
-        full = float(np.iinfo(array.dtype).max) if array.dtype.kind == "u" else None
         if saturation is None and full is not None:
             saturation = full
         if scale is None:
@@ -100,7 +108,7 @@ class Stack:
         set_ = object.__setattr__
         set_(self, "samples", array)
         set_(self, "rig", rig)
-        set_(self, "bands", _names(bands, _band_names(count), "bands"))
+        set_(self, "bands", _checked_bands(_names(bands, _band_names(count), "bands")))
         set_(self, "mask", _mask(mask, (height, width)))
         set_(
             self,
@@ -176,8 +184,15 @@ class Stack:
         return Stack(samples, lights=rig, **arguments)
 
 
-def _samples(samples: ArrayLike) -> NDArray[Any]:
+def _samples(samples: ArrayLike, *, scaled: bool) -> tuple[NDArray[Any], float | None]:
+    """``(obs, band, y, x)`` in a type that is read in place, and the full scale of integers."""
+    masked = np.ma.getmask(samples) if isinstance(samples, np.ma.MaskedArray) else np.ma.nomask
     array = np.asarray(samples)
+    # The other byte order is the same type.
+    array = array.astype(array.dtype.newbyteorder("="), copy=False)
+    full = float(np.iinfo(array.dtype).max) if array.dtype in SAMPLE_INTEGERS else None
+    if np.any(masked):
+        array = np.where(masked, np.float32(np.nan), array.astype(np.float32))
     if array.ndim == 3:
         array = array[:, None]
     if array.ndim != 4:
@@ -189,8 +204,13 @@ def _samples(samples: ArrayLike) -> NDArray[Any]:
     if array.dtype not in SAMPLE_DTYPES:
         if array.dtype.kind not in "fiub":
             raise ArgumentError(f"samples: expected real numbers, found dtype {array.dtype}")
+        if array.dtype.kind in "iu" and not scaled:
+            raise ArgumentError(
+                f"samples: integers of type {array.dtype} do not say which code is white; give "
+                "scale= (1 / full scale) and saturation=, or uint8, uint16 or floating point"
+            )
         array = array.astype(np.float32)
-    return np.ascontiguousarray(array)
+    return np.ascontiguousarray(array), full
 
 
 def _mask(mask: ArrayLike | None, shape: tuple[int, int]) -> NDArray[np.bool_] | None:
@@ -203,7 +223,7 @@ def _mask(mask: ArrayLike | None, shape: tuple[int, int]) -> NDArray[np.bool_] |
 
 
 def _per_band(values: ArrayLike, count: int, name: str) -> NDArray[np.float64]:
-    array = np.asarray(values, dtype=np.float64)
+    array = numbers(values, name, "numbers")
     if array.shape not in {(), (1,), (count,)}:
         raise ArgumentError(
             f"{name}: expected one number or one per band ({count}), found shape {array.shape}"
@@ -225,3 +245,18 @@ def _names(names: Sequence[str] | None, default: list[str], what: str) -> tuple[
     if len(names) != len(default):
         raise ArgumentError(f"{what}: expected {len(default)} names, found {len(names)}")
     return tuple(str(name) for name in names)
+
+
+def _checked_bands(bands: tuple[str, ...]) -> tuple[str, ...]:
+    """Bands become channels of files: each needs a name of its own."""
+    for index, band in enumerate(bands):
+        if not band.strip() or not band.isprintable():
+            raise ArgumentError(f"bands: band {index} has no printable name, found {band!r}")
+        if len(band.encode()) > LONGEST_BAND:
+            raise ArgumentError(
+                f"bands: the name of band {index} is longer than {LONGEST_BAND} bytes, "
+                f"it begins with {band[:20]!r}"
+            )
+        if band in bands[:index]:
+            raise ArgumentError(f"bands: bands {bands.index(band)} and {index} are both {band!r}")
+    return bands

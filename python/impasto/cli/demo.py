@@ -98,6 +98,8 @@ def demo(
 
     if size < 16:
         raise ArgumentError(f"--size: expected at least 16 pixels, found {size}")
+    if seed < 0:
+        raise ArgumentError(f"--seed: expected a number from 0 on, found {seed}")
     stages = Stages(quiet=quiet)
     with result_folder(out, force=force) as folder:
         with stages.stage("painting", f"{size} x {size} pixels, {varnish} varnish, seed {seed}"):

@@ -19,7 +19,8 @@ Illuminant: TypeAlias = ArrayLike | tuple[ArrayLike, ArrayLike]
 """A light source.
 
 * a name: ``"A"``, ``"D65"``, ``"FL11"``, ``"LED-B3"``, ``"HP1"`` ... (:func:`illuminant_names`);
-* a temperature in kelvin: ``2856.0`` or ``"2856 K"``, a blackbody (eq. 8);
+* a temperature in kelvin: ``2856.0``, ``"2856 K"`` or, from 1000 on, ``"2856"``, a
+  blackbody (eq. 8);
 * an array ``(n,)`` on the wavelengths that go with it;
 * a pair ``(wavelengths, values)``, or any object with these two attributes (colour-science's
   ``SpectralDistribution``).
@@ -178,8 +179,12 @@ def _checked_power(values: ArrayLike, count: int, name: str) -> Floats:
 
 
 def _kelvin(text: str) -> float | None:
-    match = re.fullmatch(r"\s*([+-]?\d+(?:\.\d*)?)\s*[kK]\s*", text)
-    return float(match[1]) if match else None
+    match = re.fullmatch(r"\s*([+-]?\d+(?:\.\d*)?)\s*([kK]?)\s*", text)
+    if match is None:
+        return None
+    kelvin = float(match[1])
+    # Without the unit, "65" may stand for D65 and "11" for FL11; four digits can be kelvin only.
+    return kelvin if match[2] or kelvin >= 1000.0 else None
 
 
 def _plain(name: str) -> str:
@@ -199,7 +204,7 @@ def _key(name: str, argument: str) -> str:
         return known[_plain(name)]
     raise ArgumentError(
         f"{argument}: unknown name {name!r}; nearest: {_nearest(_plain(name), known)} "
-        '(a temperature is written 2856.0 or "2856 K")'
+        '(a temperature is written "2856 K")'
     )
 
 

@@ -174,15 +174,19 @@ def _horizon(stack: Stack) -> list[Finding]:
     height = elevation(stack.rig.directions)
     found = []
     below = np.flatnonzero(height < 0.0).tolist()
+    # A lamp that hangs too low is a slip; most of them behind are wrong axes.
+    behind = 2 * np.count_nonzero(height <= 0.0) > len(height)
     if below:
         found.append(
             Finding(
                 "horizon",
-                "warning",
+                "error" if behind else "warning",
                 f"{counted(len(below), 'light')} below the painting's horizon "
                 f"({named(stack.names, below)}, lowest {height.min():.1f} degrees): no light can "
                 "reach the front from there",
-                "check the sign of z in the light file, or leave these photographs out",
+                "z points to the viewer: check the axes and the sign of z in the light file"
+                if behind
+                else "check the sign of z in the light file, or leave these photographs out",
                 tuple(below),
                 numbers={"lowest_deg": round(float(height.min()), 2)},
             )

@@ -93,14 +93,18 @@ def measure_strengths(specimen: Specimen, views: Floats) -> tuple[Floats, Floats
     return gain, _usual(gain, lights)
 
 
+_OPPOSITE = 1e-12
+"""Shorter sums of two unit vectors are those of opposite ones: there is no half vector."""
+
+
 def _half_cosine(normal: Floats, lights: Floats, views: Floats) -> Floats:
     """Cosine between normal and half vector ``(obs, n)``."""
     if lights.ndim == 2:
         half = lights + views
-        half = half / np.linalg.norm(half, axis=1, keepdims=True)
+        half = half / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), _OPPOSITE)
         return np.asarray(half @ normal)
     half = lights / np.linalg.norm(lights, axis=2, keepdims=True) + views[:, None]
-    half = half / np.linalg.norm(half, axis=2, keepdims=True)
+    half = half / np.maximum(np.linalg.norm(half, axis=2, keepdims=True), _OPPOSITE)
     return np.asarray(np.einsum("kni,in->kn", half, normal))
 
 

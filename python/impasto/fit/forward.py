@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
+from impasto.checks import refractive_index
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, RigArguments, reporting, thread_count
 from impasto.rig import Rig
@@ -55,15 +56,14 @@ def predict(
     size = diffuse.shape[1:]
     if normal.shape != (3, *size):
         raise ArgumentError(f"normal: expected shape {(3, *size)}, found {normal.shape}")
-    if not (np.isfinite(index) and index >= 1.0):
-        raise ArgumentError(f"index: expected a refractive index from 1 on, found {index!r}")
+    index = refractive_index(index)
     with reporting(progress, "predict") as callback:
         return _core.predict(
             normal,
             diffuse,
             _coats(beta, size, "beta"),
             _coats(gamma, size, "gamma"),
-            float(index),
+            index,
             RigArguments.of(rig),
             rig.intensities,
             thread_count(threads),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
-from impasto.errors import ArgumentError
+from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.border import (
     ProgressCallback,
     StackArguments,
@@ -138,7 +138,8 @@ def fit_normals(
     Raises
     ------
     GeometryError
-        If there are fewer than three lights, or all of them lie in one plane.
+        If there are fewer than three lights, or all of them lie in one plane or behind the
+        painting.
     ArgumentError
         If an option makes no sense; the message names it.
     """
@@ -153,10 +154,12 @@ def fit_normals(
         and 0 <= steps <= MOST_STEPS
     ):
         raise ArgumentError(f"steps: expected a number from 0 to {MOST_STEPS}, found {steps!r}")
+    arguments = StackArguments.of(stack)
+    _check_side(stack)
     normals = _empty(stack, method)
     with reporting(progress, "normals") as callback:
         _core.fit_normals(
-            StackArguments.of(stack),
+            arguments,
             normals,
             method,
             _number(low, "low"),
@@ -191,6 +194,16 @@ def _empty(stack: Stack, method: str) -> Normals:
         status=np.zeros((height, width), dtype=np.uint8),
         method=method,
     )
+
+
+def _check_side(stack: Stack) -> None:
+    depth = stack.rig.directions[:, 2]
+    if not (depth > 0.0).any():
+        raise GeometryError(
+            f"lights: all {len(depth)} lights lie behind the painting (z <= 0, highest "
+            f"{depth.max():.3g}), where they reach no front; z points to the viewer: check the "
+            "order of the axes and the sign of z"
+        )
 
 
 def _number(value: float, name: str) -> float:

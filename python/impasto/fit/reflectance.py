@@ -200,13 +200,14 @@ def fit_reflectance(
     Raises
     ------
     ArgumentError
-        Sizes that do not agree with the camera's bands, an unknown estimator, a training set that
-        is too small or not finite, negative noise.
+        Sizes or an order that do not agree with the camera's bands, an unknown estimator, a
+        training set that is too small or not finite, negative noise.
     """
     if estimator not in get_args(Estimator):
         names = ", ".join(map(repr, get_args(Estimator)))
         raise ArgumentError(f"estimator: expected one of {names}, found {estimator!r}")
     responses, status = _responses(diffuse, camera)
+    _check_order(getattr(diffuse, "bands", None) if stack is None else stack.bands, camera)
     default_grid = np.arange(400.0, 701.0, 5.0)
     grid = default_grid if wavelengths is None else checked_wavelengths(wavelengths)
     spectra = checked_training(training, grid)
@@ -276,6 +277,18 @@ def white_corrected(
     lit = (cosine > 0) & (cos_board > 0) & (board > 0)
     scale = np.divide(cos_board, board * cosine, out=np.full(lit.shape, np.nan), where=lit)
     return np.asarray(rho * scale, dtype=np.float32)
+
+
+def _check_order(bands: tuple[str, ...] | None, camera: Camera) -> None:
+    """Names that agree but for their order are the camera's rows in the wrong order."""
+    if bands is None or bands == camera.bands or sorted(bands) != sorted(camera.bands):
+        return
+    numbered = sorted(f"band {i}" for i in range(len(bands)))
+    if sorted(bands) != numbered:
+        raise ArgumentError(
+            f"camera: its bands {', '.join(camera.bands)} are those of the photographs in another "
+            f"order ({', '.join(bands)}); bring the sensitivities into the photographs' order"
+        )
 
 
 def _responses(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
+from impasto.checks import refractive_index
 from impasto.errors import ArgumentError
 from impasto.fit.border import (
     ProgressCallback,
@@ -20,7 +21,8 @@ from impasto.fit.border import (
 )
 from impasto.fit.forward import predict
 from impasto.fit.normals import Normals, fit_normals
-from impasto.io.results import read_maps, rig_arrays, rig_from_arrays, write_maps
+from impasto.fit.saved import sbrdf_fields
+from impasto.io.results import read_maps, rig_arrays, write_maps
 from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.status import Status
@@ -195,46 +197,12 @@ def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf:
     Raises
     ------
     CorruptInputError
-        A file that is truncated, damaged or holds something else.
+        A file that is truncated, damaged or holds something else; the array is named.
     FileNotFoundError
         There is none.
     """
     with read_maps(path, KIND) as maps:
-        stereo = {
-            field.name: maps.take(f"normals.{field.name}")
-            for field in fields(Normals)
-            if field.name != "method"
-        }
-        shape = maps.take("status").shape
-        sbrdf = Sbrdf(
-            normal=maps.take("normal"),
-            diffuse=maps.take("diffuse"),
-            beta=float(maps.take("beta")),
-            gamma=float(maps.take("gamma")),
-            index=float(maps.take("index")),
-            covariance=maps.take("covariance"),
-            verdict=str(maps.take("verdict")),
-            curve=maps.take("curve"),
-            path=maps.take("path"),
-            describes=float(maps.take("describes")),
-            residual=maps.take("residual"),
-            sigma=maps.take("sigma"),
-            misfit=maps.take("misfit"),
-            status=maps.take("status"),
-            normals=Normals(method=str(maps.take("normals.method")), **stereo),
-            rig=rig_from_arrays(maps),
-            bands=tuple(str(band) for band in maps.take("bands")),
-        )
-        expected = {
-            "normal": (3, *shape),
-            "diffuse": (len(sbrdf.bands), *shape),
-            "residual": shape,
-            "sigma": shape,
-            "misfit": shape,
-        }
-        for name, size in expected.items():
-            maps.check(name, getattr(sbrdf, name).shape == size)
-    return sbrdf
+        return Sbrdf(**sbrdf_fields(maps))
 
 
 def fit_sbrdf(
@@ -293,7 +261,7 @@ def fit_sbrdf(
     Raises
     ------
     ArgumentError
-        An unknown name, an index below 1, normals of another size.
+        An unknown name, an index outside 1 to 100, normals of another size.
     GeometryError
         Lights that cannot determine normals.
 
@@ -305,8 +273,7 @@ def fit_sbrdf(
     _one_of(model, Model, "model")
     _one_of(pooling, Pooling, "pooling")
     _one_of(extraction, Extraction, "extraction")
-    if not (isinstance(index, int | float) and math.isfinite(index) and index >= 1.0):
-        raise ArgumentError(f"index: expected a refractive index from 1 on, found {index!r}")
+    index = refractive_index(index)
     stereo = _stereo(stack, normals, threads, progress)
     with reporting(progress, "gloss") as callback:
         pooled = _core.fit_pooled(
@@ -316,7 +283,7 @@ def fit_sbrdf(
             np.ascontiguousarray(stereo.status, dtype=np.uint8),
             extraction,
             bool(joint),
-            float(index),
+            index,
             thread_count(threads),
             callback,
         )
@@ -325,7 +292,7 @@ def fit_sbrdf(
         diffuse=pooled["diffuse"],
         beta=pooled["beta"],
         gamma=pooled["gamma"],
-        index=float(index),
+        index=index,
         covariance=np.array(pooled["covariance"], dtype=np.float64),
         verdict=pooled["verdict"],
         curve=np.array(pooled["curve"], dtype=np.float64).reshape(-1, 3),

@@ -177,8 +177,10 @@ def read_dark(
                     f"dark: {path} has shape {codes.shape} (band, y, x), the photographs {shape}"
                 )
             total += encoding.decode(codes)
-        return (total / len(paths)).astype(np.float32)
+        return _checked_dark((total / len(paths)).astype(np.float32), encoding)
     array = np.asarray(dark)
+    if array.dtype.kind not in "fiu" or array.size == 0:
+        raise ArgumentError(f"dark: expected codes or pictures, found {dark!r}")
     if array.ndim == 4:
         linear = encoding.decode(array).mean(axis=0, dtype=np.float64)
     else:
@@ -191,7 +193,26 @@ def read_dark(
         raise ArgumentError(
             f"dark: shape {array.shape} does not fit photographs of shape {shape} (band, y, x)"
         )
-    return np.ascontiguousarray(np.broadcast_to(linear, (shape[0], *linear.shape[1:])), np.float32)
+    linear = np.broadcast_to(linear, (shape[0], *linear.shape[1:]))
+    return _checked_dark(np.ascontiguousarray(linear, np.float32), encoding)
+
+
+def _checked_dark(linear: NDArray[np.float32], encoding: Encoding) -> NDArray[np.float32]:
+    """A dark level is finite and below full scale; a frame may have bad pixels, not only bad ones.
+
+    What the pixels of floating-point pictures can reach at most is not known (``white`` 1.0).
+    """
+    usable: NDArray[np.bool_] = np.isfinite(linear)
+    if encoding.white != 1.0:
+        usable &= linear < 1.0
+    for band, some in enumerate(usable.reshape(len(usable), -1)):
+        if not some.any():
+            level = encoding.white * float(linear[band].flat[0])
+            raise ArgumentError(
+                f"dark: expected finite codes below full scale ({encoding.white:g}), band {band} "
+                f"holds none (such as {level:g})"
+            )
+    return linear
 
 
 def find_board(

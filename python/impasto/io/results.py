@@ -31,11 +31,29 @@ class SavedMaps:
             raise CorruptInputError(self.path, f"has no array {name!r}")
         return self.arrays[name]
 
-    def check(self, name: str, fits: bool) -> None:
-        """Refuse the file if an array's size contradicts the others."""
+    def array(self, name: str, dtype: type[np.generic], shape: tuple[int | None, ...]) -> Any:
+        """One array of a kind of number and a size (None: any); the file is refused otherwise."""
+        found = np.asarray(self.take(name))
+        fits = len(found.shape) == len(shape) and all(
+            wanted in (None, length) for wanted, length in zip(shape, found.shape, strict=True)
+        )
         if not fits:
-            found = self.arrays[name].shape
-            raise CorruptInputError(self.path, f"array {name!r} has the wrong shape {found}")
+            raise CorruptInputError(self.path, f"array {name!r} has the wrong shape {found.shape}")
+        wanted_type = np.dtype(dtype)
+        self.demand(
+            name, found.dtype.kind == wanted_type.kind, f"holds {found.dtype}, not {dtype.__name__}"
+        )
+        if wanted_type.kind == "U":
+            return found
+        array = np.ascontiguousarray(found, dtype=wanted_type).reshape(found.shape)
+        if wanted_type.kind == "u":
+            self.demand(name, np.array_equal(array, found), f"holds more than {dtype.__name__} can")
+        return array
+
+    def demand(self, name: str, holds: bool, problem: str) -> None:
+        """Refuse the file because of what one array holds."""
+        if not holds:
+            raise CorruptInputError(self.path, f"array {name!r} {problem}")
 
 
 def write_maps(path: str | os.PathLike[str], kind: str, arrays: Mapping[str, NDArray[Any]]) -> None:

@@ -13,7 +13,7 @@ from impasto.errors import ArgumentError
 from impasto.simulate import surface
 from impasto.simulate.brushwork import Painter
 from impasto.simulate.canvas import primed, weave
-from impasto.simulate.fields import Field, blur, smoothstep, stream
+from impasto.simulate.fields import Field, blur, check_seed, smoothstep, stream
 from impasto.simulate.pigments import (
     WAVELENGTHS,
     Palette,
@@ -151,6 +151,7 @@ def painting(
     ArgumentError
         An option is out of its range; the message names it.
     """
+    check_seed(seed)
     size = _checked(size, varnish, layers, yellowing, relief, pitch_mm, thread_mm)
     paints = palette(pigments)
     rng = stream(seed, "canvas")

@@ -7,6 +7,8 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.errors import ArgumentError
+
 Field = NDArray[np.float32]
 
 
@@ -18,6 +20,13 @@ def stream(seed: int, name: str) -> np.random.Generator:
     """
     key = zlib.crc32(name.encode())
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(key,)))
+
+
+def check_seed(seed: object) -> None:
+    """A seed is an integer from 0 on."""
+    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+    if not (whole and seed >= 0):  # type: ignore[operator]
+        raise ArgumentError(f"seed: expected an integer from 0 on, found {seed!r}")
 
 
 def smoothstep(

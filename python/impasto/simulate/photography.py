@@ -16,7 +16,7 @@ from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import Light, PointLight, Rig
 from impasto.simulate.cameras import camera as camera_named
 from impasto.simulate.easel import Painting, painting
-from impasto.simulate.fields import Field
+from impasto.simulate.fields import Field, check_seed
 from impasto.simulate.rigs import rig as rig_named
 from impasto.stack import Stack
 
@@ -159,6 +159,7 @@ def capture(
         brightest = max(float(scene.photograph(i).max()) for i in range(len(rig)))
         exposure = min(exposure, 0.95 / max(brightest, 1e-6))
     seed = painting.seed if seed is None else seed
+    check_seed(seed)
     full = 1.0 if bits is None else float(2**bits - 1)
     linear = Encoding(encoding).curve == "linear"
     # A pedestal keeps the noise of the darks from being cut at 0.

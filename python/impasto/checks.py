@@ -1,0 +1,66 @@
+"""Numbers that an argument may hold: refused by the argument's name before anything is computed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.errors import ArgumentError
+
+LEAST, MOST = 1e-30, 1e30
+"""Factors outside leave the range of single precision (1.2e-38 to 3.4e38) as soon as a few of them
+are multiplied: a picture would be black or infinite without a word."""
+
+FARTHEST_MM = 1e15
+"""Lengths are squared and cubed on the way; this one, a light hour, still leaves room for that."""
+
+
+def number(value: Any, name: str, expected: str) -> float:
+    """One real number (NaN and infinity are), never a text or a truth value."""
+    try:
+        if isinstance(value, str | bytes | bool | np.bool_) or np.ndim(value) != 0:
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ArgumentError(f"{name}: expected {expected}, found {value!r}") from error
+
+
+def positive(
+    value: Any, name: str, expected: str, least: float = LEAST, most: float = MOST
+) -> float:
+    """One positive number that single precision can carry through the computation."""
+    found = number(value, name, expected)
+    if not (np.isfinite(found) and found > 0):
+        raise ArgumentError(f"{name}: expected {expected}, found {value!r}")
+    if not least <= found <= most:
+        raise ArgumentError(
+            f"{name}: expected {expected} from {least:g} to {most:g}, found {found:g}"
+        )
+    return found
+
+
+def length_mm(value: Any, name: str) -> float:
+    """A positive width in mm."""
+    return positive(value, name, "a positive width in mm", 1.0 / FARTHEST_MM, FARTHEST_MM)
+
+
+def numbers(values: Any, name: str, expected: str) -> NDArray[np.float64]:
+    """An array of real numbers of any shape; texts are refused even where they look like one."""
+    try:
+        found = np.asarray(values)
+        if found.dtype.kind not in "fiubO":
+            raise TypeError
+        return found.astype(np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ArgumentError(f"{name}: expected {expected}, found {values!r}") from error
+
+
+def refractive_index(value: Any) -> float:
+    """Of a varnish, a lacquer, a glass: 1 (no interface) to 100 (beyond any dielectric)."""
+    expected = "a refractive index from 1 to 100"
+    found = number(value, "index", expected)
+    if not 1.0 <= found <= 100.0:
+        raise ArgumentError(f"index: expected {expected}, found {value!r}")
+    return found

@@ -1,0 +1,164 @@
+"""Arguments and saved results that cannot be used are refused by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from impasto import (
+    ArgumentError,
+    CorruptInputError,
+    DistantLight,
+    GeometryError,
+    PointLight,
+    Rig,
+    Scene,
+    doctor,
+    fit_normals,
+    fit_sbrdf,
+    integrate_normals,
+    load_sbrdf,
+    simulate,
+)
+from test_bad_input import SIZE, altered, session, stack, told
+
+
+def test_integers_of_other_types_and_orders() -> None:
+    """The other byte order is the same type; other integers do not say which code is white."""
+    codes = np.rint(30000 * np.clip(stack().samples, 0, 2)).astype(np.uint16)
+    native = altered(codes)
+    foreign = altered(codes.astype(">u2"))
+    assert foreign.samples.dtype == np.uint16
+    np.testing.assert_array_equal(foreign.scale, native.scale)
+    np.testing.assert_array_equal(foreign.saturation, native.saturation)
+    np.testing.assert_array_equal(foreign.linear(0), native.linear(0))
+    assert altered(stack().samples.astype(">f4")).samples.dtype == np.float32
+    for dtype in (np.int16, np.int32, np.uint32, np.int64):
+        with pytest.raises(ArgumentError, match=r"samples: .*scale="):
+            altered((codes // 2).astype(dtype))
+        scaled = altered(codes.astype(np.int64), scale=1 / 65535, saturation=65535)
+        np.testing.assert_array_equal(scaled.linear(0), native.linear(0))
+
+
+def test_masked_samples_are_missing() -> None:
+    codes = np.rint(30000 * np.clip(stack().samples, 0, 2)).astype(np.uint16)
+    masked = np.ma.masked_array(codes, mask=False)
+    masked[2, :, 5, 7] = np.ma.masked
+    held = altered(masked)
+    expected = altered(codes).linear(2)
+    expected[:, 5, 7] = np.nan
+    np.testing.assert_array_equal(held.linear(2), expected)
+    assert fit_normals(held).rejected[1, 5, 7] == 1
+
+
+@pytest.mark.parametrize(
+    "bands", [["a", "a", "b"], ["a", "", "b"], ["a", "b", "x" * 201], ["a", "b", "c\0"]]
+)
+def test_bands_that_could_not_be_told_apart(bands: list[str]) -> None:
+    with pytest.raises(ArgumentError, match="bands"):
+        altered(stack().samples, bands=bands)
+
+
+def test_lights_behind_the_painting() -> None:
+    behind = stack().rig.directions * (1.0, 1.0, -1.0)
+    bad = altered(stack().samples, behind)
+    assert doctor.examine(bad)["horizon"].severity == "error"
+    for fit in (fit_normals, fit_sbrdf):
+        with pytest.raises(GeometryError, match="lights: all 9 lights lie behind"):
+            fit(bad)
+    one = stack().rig.directions.copy()
+    one[0, 2] *= -1
+    assert doctor.examine(altered(stack().samples, one))["horizon"].severity == "warning"
+
+
+@pytest.mark.parametrize(
+    ("call", "word"),
+    [
+        (lambda: Scene([(0, 0, 1)], exposure="x"), "exposure"),
+        (lambda: Scene([(0, 0, 1)], exposure=1e-40), "exposure"),
+        (lambda: Scene([(0, 0, 1)], exposure=1e40), "exposure"),
+        (lambda: Scene([(0, 0, 1)], adaptation="x"), "adaptation"),
+        (lambda: Scene([(0, 0, 1)], adaptation_mode="xx"), "adaptation_mode"),
+        (lambda: Scene([(0, 0, 1)], background="x"), "background"),
+        (lambda: DistantLight((0, 0, 1), "a"), "intensity"),
+        (lambda: DistantLight((0, 0, 1), 1e-39), "intensity"),
+        (lambda: DistantLight((0, 0, 1), 1e39), "intensity"),
+        (lambda: DistantLight((0, 0, 1e200)), "direction"),
+        (lambda: PointLight((0, 0, 1e31)), "position"),
+        (lambda: Rig([(0, 0, 1)], pitch_mm="a"), "pitch_mm"),
+        (lambda: Rig([(0, 0, 1)], pitch_mm=0), "pitch_mm"),
+        (lambda: Rig([(0, 0, 1)], views="x"), "views"),
+        (lambda: integrate_normals(np.ones((3, 4, 4)), "a"), "pitch_mm"),
+        (lambda: integrate_normals(np.ones((3, 4, 4)), 0), "pitch_mm"),
+        (lambda: integrate_normals(np.ones((3, 4, 4)), 1e39), "pitch_mm"),
+        (lambda: altered(stack().samples, scale="x"), "scale"),
+        (lambda: altered(stack().samples, saturation="x"), "saturation"),
+        (lambda: altered(stack().samples, black="x"), "black"),
+        (lambda: fit_sbrdf(stack(), index="a"), "index"),
+        (lambda: fit_sbrdf(stack(), index=True), "index"),
+        (lambda: fit_sbrdf(stack(), index=101), "index"),
+        (lambda: simulate.painting(-1, SIZE), "seed"),
+        (lambda: simulate.painting(0.5, SIZE), "seed"),  # type: ignore[arg-type]
+    ],
+)
+def test_arguments_of_the_wrong_type_or_out_of_range(call: Callable[[], Any], word: str) -> None:
+    with pytest.raises(ArgumentError, match=f"^{word}: "):
+        call()
+
+
+def test_the_command_line_names_the_option(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = session(tmp_path / "session")
+    for dark in ("nan", "inf", "65535"):
+        assert told(capsys, "doctor", path, f"--dark={dark}") == 1
+        assert "--dark" in told.err
+    assert told(capsys, "demo", "--seed=-1", "--out", tmp_path / "demo") == 1
+    assert "--seed" in told.err
+    assert not (tmp_path / "demo").exists()
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
+    """The arrays of a saved fit, whose index was a numpy number."""
+    path = tmp_path_factory.mktemp("saved") / "sbrdf.npz"
+    fit_sbrdf(stack(), index=np.float32(1.5)).save(path)
+    with np.load(path) as file:
+        return {key: file[key] for key in file.files}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("normal", np.zeros((3, *SIZE), complex)),
+        ("diffuse", np.zeros((2, *SIZE), np.float32)),
+        ("status", np.zeros(SIZE, np.float32)),
+        ("covariance", np.zeros((3, 3))),
+        ("curve", np.zeros((4, 2))),
+        ("path", np.zeros(4)),
+        ("beta", np.array(-0.1)),
+        ("beta", np.array(np.nan)),
+        ("gamma", np.array(0.0)),
+        ("gamma", np.array(np.inf)),
+        ("index", np.array(0.5)),
+        ("verdict", np.array("perhaps")),
+        ("bands", np.arange(3)),
+        ("normals.normal", np.zeros((3, 4, 4), np.float32)),
+        ("normals.rejected", np.zeros((3, *SIZE), np.uint16)),
+        ("normals.status", np.full(SIZE, 300, np.uint16)),
+        ("normals.used", np.full(SIZE, "x")),
+    ],
+)
+def test_damaged_results(
+    tmp_path: Path, whole: dict[str, np.ndarray], name: str, value: np.ndarray
+) -> None:
+    path = tmp_path / "sbrdf.npz"
+    np.savez(path, **(whole | {name: value}))
+    with pytest.raises(CorruptInputError, match=rf"sbrdf\.npz.*{name}"):
+        load_sbrdf(path)
+    np.savez(path, **whole)
+    assert load_sbrdf(path).index == 1.5
