@@ -24,6 +24,12 @@ def test_more_threads_than_help_are_not_started(monkeypatch: pytest.MonkeyPatch)
     assert thread_count(None) == max(MOST_THREADS, os.cpu_count() or 1)
 
 
+def test_a_digit_that_is_no_number_of_threads_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IMPASTO_NUM_THREADS", "²")
+    with pytest.raises(impasto.ArgumentError, match="IMPASTO_NUM_THREADS: expected"):
+        thread_count(None)
+
+
 def test_a_bar_is_gone_after_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     from rich.live import Live
 

@@ -276,6 +276,35 @@ def test_an_earlier_result_is_replaced_and_other_files_stay(demo: Path, tmp_path
     assert not (out / "reflectance.npz").exists(), "spectra of the earlier result"
 
 
+@pytest.mark.parametrize(
+    "odd",
+    [
+        {"outputs": None},
+        {"outputs": [{}]},
+        {"outputs": "normal.png"},
+        {"versions": []},
+        {"results": []},
+        {"results": {"shape": [1]}},
+        {"results": {"status": {"a": 0}}},
+        {"timings_s": {"a": "b"}},
+    ],
+    ids=str,
+)
+def test_an_odd_report_is_not_ours(
+    odd: dict[str, object],
+    fitted: Path,
+    stack: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    report = json.loads((fitted / "report.json").read_text(encoding="utf-8"))
+    (tmp_path / "report.json").write_text(json.dumps(report | odd))
+    assert main(["info", str(tmp_path)]) == 3
+    assert "is not a report written by impasto" in said(capsys)
+    assert main(["fit", str(stack), "--out", str(tmp_path), "--quiet"]) == 1
+    assert "--force" in said(capsys)
+
+
 # --- mistakes
 
 
@@ -319,6 +348,8 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         ("render {demo} --light 45 --out {out}.png", 2, "azimuth,elevation"),
         ("render {demo} --light 45,-5 --out {out}.png", 2, "elevation above 0"),
         ("render {demo} --point 1,2 --out {out}.png", 2, "x,y,z"),
+        ("fit {stack} --out {out} --illuminant A", 2, "needs --camera"),
+        ("fit {images} --out {out} --pitch 0", 1, "--pitch: expected a positive"),
         ("fit {tmp}/nowhere.lp --out {out}", 1, "nowhere.lp does not exist"),
         ("fit {stack} --out {stack}", 1, "is a file"),
         ("fit {stack} --out {out} --threads 0", 1, "threads"),
@@ -420,6 +451,33 @@ def test_an_ascii_terminal_gets_its_table(tmp_path: Path) -> None:
     done = run("demo", "--size", "16", "--out", str(tmp_path / "demo"), env=ascii_only)
     assert done.returncode == 0
     assert "normals" in done.stdout
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a shell as on POSIX")
+@pytest.mark.parametrize(
+    ("words", "redirection"),
+    [("--help", ">&-"), ("info --json", ">&-"), ("--help", "| head -c 1"), ("--help", "| :")],
+)
+def test_nobody_has_to_read_stdout(words: str, redirection: str) -> None:
+    shell = shutil.which("bash")
+    if shell is None:
+        pytest.skip("no bash")
+    script = f'set -o pipefail; "$0" -c "$1" {words} {redirection}'
+    done = subprocess.run(
+        [shell, "-c", script, sys.executable, PROGRAM], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_defect_has_its_own_exit_code(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken() -> None:
+        raise impasto.InternalError("a panic")
+
+    monkeypatch.setattr("impasto.report.versions", broken)
+    assert main(["info"]) == 70
+    assert "please report it" in said(capsys)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals as on POSIX")

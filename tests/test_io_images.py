@@ -222,6 +222,33 @@ def test_damaged_png_is_refused(tmp_path: Path) -> None:
         read_image(path)
 
 
+def test_a_damaged_exr_chunk_is_refused_and_stdout_stays_clean(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    ramp = np.tile(np.linspace(0, 1, 50, dtype=np.float32), (40, 1))
+    path = exr(tmp_path / "a.exr", dict.fromkeys("RGB", ramp))
+    data = bytearray(path.read_bytes())
+    for at in range(len(data) - 40, len(data) - 10):
+        data[at] ^= 0x5A
+    path.write_bytes(data)
+    with pytest.raises(impasto.CorruptInputError, match=r"a\.exr: is damaged"):
+        read_image(path)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_damaged_jpeg_is_refused_by_name(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = jpeg(tmp_path / "a.jpg")
+    read_image(path)
+    data = path.read_bytes()
+    # Entropy-coded bytes taken out: the decoder runs into the end of the picture.
+    path.write_bytes(data[: len(data) // 2] + data[len(data) // 2 + 200 :])
+    with pytest.raises(impasto.CorruptInputError, match=r"a\.jpg: is damaged \(Corrupt JPEG"):
+        read_image(path)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_unfinished_tiff_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "sparse.tif"
     tifffile.imwrite(path, RGB16[0], photometric="minisblack", rowsperstrip=8)

@@ -154,6 +154,7 @@ def test_repairs_are_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) ->
         ("1\na.jpg nan 0 0.8\n", "line 2"),
         ("1\na.jpg inf 0 0.8\n", "line 2"),
         ("1\na.jpg 0 0 0\n", "no length"),
+        ("1\na.jpg 0 1e308 1e308\n", r"line 2 \(a\.jpg\).* too long"),
         ("2\na.jpg 0.6 0 0.8\n0.6 0 0.8\n", "only 1 of 2"),
     ],
 )

@@ -141,3 +141,10 @@ def test_a_diagram_of_nothing_is_empty() -> None:
 def test_a_sheet_without_title_has_no_heading() -> None:
     panel = pictures.normal_panel(np.ones((3, 8, 8), np.float32))
     assert len(pictures.contact_sheet([panel])) < len(pictures.contact_sheet([panel], title="x"))
+
+
+@pytest.mark.parametrize("shape", [(300, 1), (1, 400)])
+def test_a_strip_of_pixels_makes_a_sheet_of_ordinary_size(shape: tuple[int, int]) -> None:
+    panel = pictures.ramp_panel(np.zeros(shape), "strip")
+    sheet = pictures.contact_sheet([panel, panel])
+    assert sheet.shape[0] * sheet.shape[1] < 3_000_000

@@ -83,3 +83,12 @@ def test_icon_is_not_linear(data: Path) -> None:
     assert stack.encoding.curve == "srgb"
     estimate = next(note for note in stack.notes if note.kind == "encoding")
     assert "linear" not in estimate.plausible
+
+
+@pytest.mark.parametrize("code", [0, 128, 255])
+def test_photographs_without_content_tell_nothing(code: int) -> None:
+    _, lights = photographs(RIGS[0], None, "srgb")
+    codes = np.full((len(lights), 3, 40, 40), code, dtype=np.uint8)
+    estimate = estimate_tone(codes, lights, white=255.0)
+    assert not estimate.decided
+    assert "cannot tell" in str(estimate)

@@ -238,7 +238,8 @@ def contact_sheet(
     Parameters
     ----------
     panels
-        At least one; they share one cell size, that of the first panel's shape.
+        At least one; they share one cell, which has the first panel's shape unless that is
+        higher than four widths or lower than an eighth of it.
     title, subtitle
         Heading of the sheet.
     columns
@@ -248,7 +249,9 @@ def contact_sheet(
     """
     if not panels:
         raise ArgumentError("panels: expected at least one picture, found none")
-    height = max(1, round(width * panels[0].picture.shape[0] / panels[0].picture.shape[1]))
+    high, across = panels[0].picture.shape[:2]
+    # A strip of pixels would make cells of any height; it is fitted into a bounded one.
+    height = round(width * min(max(high / across, 1.0 / 8.0), 4.0))
     gap, margin, head = 28, 40, 34
     foot = 44 if any(panel.bar or panel.classes or panel.axis for panel in panels) else 16
     cell_w, cell_h = width + gap, head + height + foot

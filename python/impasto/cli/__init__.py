@@ -8,6 +8,7 @@ Data goes to stdout or into files, progress to stderr. Angles are in degrees. Ex
 2     the command line itself is wrong
 3     a file is truncated or damaged
 4     the result is partial
+70    a defect in impasto itself
 130   interrupted
 ====  ==========================================================
 """

@@ -20,7 +20,7 @@ ARGUMENTS = (
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``."""
 
-OK, USER_ERROR, USAGE_ERROR, CORRUPT_INPUT, PARTIAL, INTERRUPTED = 0, 1, 2, 3, 4, 130
+OK, USER_ERROR, USAGE_ERROR, CORRUPT_INPUT, PARTIAL, DEFECT, INTERRUPTED = 0, 1, 2, 3, 4, 70, 130
 
 
 def application() -> App:
@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return CORRUPT_INPUT
     except InternalError as error:
         console.complain(f"a defect in impasto, please report it: {error}")
-        return USER_ERROR
+        return DEFECT
     except BrokenPipeError:
         # The reader of stdout has left (impasto info | head): say no more, also not at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

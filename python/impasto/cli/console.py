@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -24,7 +26,13 @@ Advance = Callable[[int, int], None]
 
 def stdout() -> Console:
     """The console for data."""
-    return Console(highlight=False, soft_wrap=True)
+    return _Stdout(highlight=False, soft_wrap=True)
+
+
+class _Stdout(Console):
+    def on_broken_pipe(self) -> None:
+        # Called while the error is handled; Rich would leave with code 1.
+        raise
 
 
 def stderr() -> Console:
@@ -33,7 +41,12 @@ def stderr() -> Console:
 
 
 def make_output_safe() -> None:
-    """Let an ASCII terminal show ``?`` for what it cannot show, instead of failing on it."""
+    """Let an ASCII terminal show ``?`` for what it cannot show, and a closed stream take all."""
+    # Python starts with None for a stream that was closed (``>&-``).
+    if sys.stdout is None:
+        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import Parameter
+from cyclopts import CycloptsError, Parameter
 from rich.markup import escape
 
 from impasto.cli.console import Stages
@@ -83,6 +83,11 @@ def fit(
     from impasto.overview import gloss_words, overview
     from impasto.report import report, status_counts, write_report
 
+    if illuminant is not None and camera is None:
+        raise CycloptsError(
+            msg="--illuminant is the light that a camera's sensitivities are used under: "
+            "it needs --camera"
+        )
     reading = Reading() if reading is None else reading
     stages = Stages(quiet=quiet)
     with result_folder(out, inputs=reading.paths(stack), force=force) as folder:

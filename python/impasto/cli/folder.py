@@ -107,10 +107,52 @@ def _spare(out: Path, inputs: Iterable[Path]) -> None:
 def _report(path: Path) -> dict[str, Any] | None:
     try:
         content = json.loads(path.read_bytes())
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
-    ours = isinstance(content, dict) and {"schema", "command", "versions"} <= content.keys()
-    return content if ours else None
+    return content if _is_report(content) else None
+
+
+def _is_report(content: Any) -> bool:
+    """Whether everything that is read of a report is of the kind that is written."""
+    if not isinstance(content, dict) or not {"schema", "command", "versions"} <= content.keys():
+        return False
+    results, inputs, outputs = (
+        content.get(name, empty)
+        for name, empty in (("results", {}), ("inputs", []), ("outputs", []))
+    )
+    return (
+        isinstance(content["command"], str)
+        and isinstance(content["versions"], dict)
+        and _entries(inputs)
+        and _entries(outputs)
+        and isinstance(content.get("notes", []), list)
+        and _numbers(content.get("timings_s", {}))
+        and isinstance(results, dict)
+        and _shape(results.get("shape", [1, 1, 1, 1]))
+        and _numbers(results.get("status", {}), least=1)
+        and isinstance(results.get("truth", {}), dict)
+    )
+
+
+def _entries(value: Any) -> bool:
+    """A list of files with their SHA-256."""
+    return isinstance(value, list) and all(
+        isinstance(entry, dict)
+        and all(isinstance(entry.get(name), str) for name in ("file", "sha256"))
+        and "\0" not in entry["file"]
+        for entry in value
+    )
+
+
+def _numbers(value: Any, least: float = 0) -> bool:
+    """Numbers by name, of a size that can be added up."""
+    return isinstance(value, dict) and all(
+        isinstance(entry, int | float) and least <= entry < 1e15 for entry in value.values()
+    )
+
+
+def _shape(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 4 and all(isinstance(n, int) for n in value)
 
 
 def _move(staging: Path, out: Path, made: list[Path]) -> None:

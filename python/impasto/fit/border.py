@@ -104,7 +104,7 @@ def thread_count(threads: int | None) -> int:
     for variable in ("IMPASTO_NUM_THREADS", "RAYON_NUM_THREADS"):
         text = os.environ.get(variable, "")
         if text:
-            if not text.isdigit() or int(text) < 1:
+            if not text.isdecimal() or int(text) < 1:
                 raise ArgumentError(f"{variable}: expected a positive number, found {text!r}")
             return min(int(text), max(MOST_THREADS, os.cpu_count() or 1))
     if hasattr(os, "sched_getaffinity"):

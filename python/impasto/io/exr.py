@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import struct
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.complaints import complaints
 from impasto.io.headers import ImageHeader, truncated
 
 _PIXEL_BYTES = {0: 4, 1: 2, 2: 4}
@@ -161,14 +163,26 @@ def decode_exr(path: Path, data: bytes, layer: str | None = None) -> NDArray[Any
     """
     import OpenEXR
 
+    promised = {name for part in _parts(path, data)[0] for name in part.channels}
     try:
-        with OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
-            channels: dict[str, NDArray[Any]] = {}
+        channels: dict[str, NDArray[Any]] = {}
+        # The binding leaves out the channels that it cannot decode, and warns on both streams.
+        with (
+            redirect_stdout(io.StringIO()),
+            complaints(b"EXR_ERR"),
+            OpenEXR.File(io.BytesIO(data), separate_channels=True) as file,
+        ):
             for part in file.parts:
                 for name, channel in part.channels.items():
                     channels.setdefault(name, np.array(channel.pixels))
     except Exception as error:  # the binding raises bare RuntimeError, ValueError and others
         raise CorruptInputError(path, f"cannot be read as OpenEXR ({error})") from error
+    missing = promised - channels.keys()
+    if missing:
+        raise CorruptInputError(
+            path,
+            f"is damaged: its pixels (channels {', '.join(sorted(missing))}) cannot be decoded",
+        )
     names = pick_channels(path, list(channels), layer)
     planes = [channels[name] for name in names]
     shapes = {plane.shape for plane in planes}

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import CorruptInputError
+from impasto.io.complaints import complaints
 from impasto.io.headers import MAX_PIXELS, ImageHeader, header_of, read_bytes
 
 IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr"})
@@ -81,9 +82,13 @@ def _decode(path: Path, data: bytes, *, grey: bool) -> NDArray[Any]:
     import cv2
 
     try:
-        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        # libjpeg decodes what it can of a damaged file and says so on stderr only.
+        with complaints(b"Corrupt JPEG data|Premature end of JPEG") as damage:
+            decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         raise CorruptInputError(path, f"cannot be decoded ({error})") from error
+    if damage:
+        raise CorruptInputError(path, f"is damaged ({damage[0]}); copy it again from the camera")
     if decoded is None:
         raise CorruptInputError(path, "cannot be decoded: it is damaged; copy it again")
     array: NDArray[Any] = np.asarray(decoded)

@@ -164,11 +164,16 @@ def finish(
     """
     if len(vectors) == 0:
         raise CorruptInputError(path, "holds no lights: one line per photograph is expected")
-    lengths = np.linalg.norm(vectors, axis=1)
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(vectors, axis=1)
     for label, vector, length in zip(labels, vectors.tolist(), lengths.tolist(), strict=True):
         if length < SHORTEST:
             raise CorruptInputError(
                 path, f"{label}: the light direction {tuple(vector)} has no length"
+            )
+        if not np.isfinite(length):
+            raise CorruptInputError(
+                path, f"{label}: the light direction {tuple(vector)} is too long for a number"
             )
     off = np.abs(lengths - 1.0)
     if extra.get("positions") is None and bool((off > 0.01).any()):

@@ -111,7 +111,7 @@ def build_rig(
             gains = strengths
         else:
             picked = [_with(x, s) for x, s in zip(picked, strengths.tolist(), strict=True)]
-    pitch = pitch_mm or listed.pitch_mm
+    pitch = listed.pitch_mm if pitch_mm is None else pitch_mm
     if pitch is None and listed.width_mm:
         pitch = listed.width_mm / header.width
     if area is not None and pitch is not None:

@@ -43,6 +43,11 @@ _DECIDES = 0.01
 _SIGMAS = 3.0
 """... and the number of standard errors, over photographs, that the margin must exceed."""
 
+_DARK = 0.02
+"""Share of full scale below which codes are shadow; what varies by less has no content either."""
+_CONTENT = 0.01
+"""Share of the samples that must vary with the light."""
+
 Floats = NDArray[np.float64]
 
 
@@ -161,10 +166,14 @@ def estimate_tone(
     }
     errors = sorted(((n, float(e.mean())) for n, e in per_photograph.items()), key=lambda p: p[1])
     best = errors[0][0]
+    # Samples that no light changes (a lens cap, a grey card) are explained by any curve.
+    varies = np.ptp(columns.codes, axis=0) > _DARK * white
+    content = bool(varies.mean() > _CONTENT)
     plausible = tuple(
         name
         for name, error in errors
-        if not _worse(per_photograph[name], per_photograph[best], error / max(errors[0][1], 1e-12))
+        if not content
+        or not _worse(per_photograph[name], per_photograph[best], error / max(errors[0][1], 1e-12))
         # Grey photographs of something glossy look more linear than they are.
         or (not coloured and _bend(name) > _bend(best))
     )
@@ -173,7 +182,7 @@ def estimate_tone(
     margin = errors[1][1] / max(errors[0][1], 1e-12) - 1.0 if len(errors) > 1 else np.inf
     return ToneEstimate(
         best if len(plausible) == 1 else curve,
-        len(plausible) == 1,
+        content and len(plausible) == 1,
         float(margin),
         errors[min(1, len(errors) - 1)][0],
         tuple(errors),
@@ -308,7 +317,7 @@ def _held_out(columns: _Columns, lights: Floats, encoding: Encoding, white: floa
         coded = encoding.encode(predicted * columns.strength[out])
         for row, index in enumerate(out):
             # Codes near black are shadow, which no curve explains; clipped ones say nothing.
-            usable = columns.usable[index] & (columns.codes[index] > 0.02 * white)
+            usable = columns.usable[index] & (columns.codes[index] > _DARK * white)
             miss = np.abs(coded[row] - columns.codes[index])[usable]
             kept = np.sort(miss)[: max(1, int(_KEPT * len(miss)))]
             result[index] = kept.mean() / white if len(kept) else 0.0

@@ -1,0 +1,49 @@
+"""What C libraries say about a damaged file, on a stderr that cannot name the file."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from threading import Lock
+
+_STDERR = 2
+_LOCK = Lock()
+"""The descriptor belongs to the whole process: one decoder at a time."""
+
+
+@contextmanager
+def complaints(pattern: bytes) -> Iterator[list[str]]:
+    """Collect the lines of the block's C code on stderr that hold ``pattern``.
+
+    The list is filled when the block ends. Whatever else was written meanwhile, by this thread or
+    by another, goes on to stderr.
+
+    Parameters
+    ----------
+    pattern
+        Regular expression of a part of a line.
+    """
+    found: list[str] = []
+    with _LOCK, tempfile.TemporaryFile() as file:
+        try:
+            before = os.dup(_STDERR)
+        except OSError:  # stderr is closed: there is nothing to give back
+            before = -1
+        os.dup2(file.fileno(), _STDERR)
+        try:
+            yield found
+        finally:
+            if before < 0:
+                os.close(_STDERR)
+            else:
+                os.dup2(before, _STDERR)
+                os.close(before)
+            file.seek(0)
+            lines = re.compile(rb"[^\n]*(?:" + pattern + rb")[^\n]*\n?")
+            text = file.read()
+            found += [line.decode("utf-8", "replace").strip() for line in lines.findall(text)]
+            with suppress(OSError):
+                os.write(_STDERR, lines.sub(b"", text))
