@@ -10,6 +10,7 @@ export VIRTUAL_ENV    := $(CURDIR)/$(VENV)
 export PYO3_PYTHON    := $(CURDIR)/$(BIN)/python
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export PIP_QUIET := 1
 
 .DEFAULT_GOAL := help
 .PHONY: help build demo test test-rust test-python lint docs bench pictures clean
@@ -58,15 +59,18 @@ $(VENV)/created:
 	  || { echo "impasto needs Python 3.11 or newer: run make PYTHON=python3.x" >&2; exit 1; }
 	@$(PYTHON) -m venv $(VENV) \
 	  || { echo "no venv here: on Debian, apt-get install python3-venv" >&2; exit 1; }
-	$(BIN)/python -m pip install --quiet --upgrade pip maturin
+	@echo "make: fetching tools into $(VENV)"
+	@$(BIN)/python -m pip install --upgrade pip maturin
 	@touch $@
 
 # The editable install: Python edits are live, only Rust edits build again.
 $(VENV)/built: $(VENV)/created pyproject.toml constraints.txt $(RUST)
-	$(BIN)/maturin develop --release --quiet
+	@echo "make: building impasto; the first time takes a few minutes"
+	@$(BIN)/maturin develop --release --quiet
 	@touch $@
 
 $(VENV)/extras: pyproject.toml constraints.txt | $(VENV)/built
-	$(BIN)/python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; print("\n".join(p["test"] + p["docs"]))' > $(VENV)/extras.txt
-	$(BIN)/python -m pip install --quiet --requirement $(VENV)/extras.txt
+	@echo "make: fetching what tests and documentation need"
+	@$(BIN)/python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; print("\n".join(p["test"] + p["docs"]))' > $(VENV)/extras.txt
+	@$(BIN)/python -m pip install --requirement $(VENV)/extras.txt
 	@touch $@

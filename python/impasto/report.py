@@ -13,6 +13,7 @@ import platform
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,10 @@ from impasto.status import Status
 
 SCHEMA = 1
 """Version of the file's layout; raised when a key changes its meaning."""
+
+
+LIBRARIES = ("colour-science", "opencv-python-headless", "OpenEXR", "tifffile")
+"""What reads, writes and knows spectra."""
 
 
 class Timings:
@@ -75,7 +80,7 @@ def status_counts(status: ArrayLike) -> dict[str, int]:
 
 
 def versions() -> dict[str, Any]:
-    """What does the work here: versions of impasto, Python and numpy, machine and SIMD level."""
+    """What does the work here: versions of impasto and its libraries, machine and SIMD level."""
     from impasto import _core
 
     build = _core.build_info()
@@ -85,9 +90,17 @@ def versions() -> dict[str, Any]:
         "optimised": not build["debug"],
         "python": platform.python_version(),
         "numpy": np.__version__,
+        **{name: _installed(name) for name in LIBRARIES},
         "machine": platform.machine(),
         "system": platform.system(),
     }
+
+
+def _installed(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
 
 
 def report(
