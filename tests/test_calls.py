@@ -150,7 +150,8 @@ def test_multiprocessing_may_fork_after_a_call_with_threads() -> None:
 
 
 INTERRUPTED = """
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
 from circumstances import CALLS, LONG, capture
 
 photographed = capture()
