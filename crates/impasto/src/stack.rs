@@ -125,19 +125,6 @@ impl<'a> Stack<'a> {
         self.shape
     }
 
-    /// Variance that rounding to whole codes leaves in a sample, on average over photographs and
-    /// bands; 0 where samples were not rounded.
-    #[must_use]
-    pub fn rounding(&self) -> f64 {
-        let steps = self.decode.iter().map(|decode| f64::from(decode.gain).powi(2));
-        match self.samples {
-            Samples::U8(_) | Samples::U16(_) => {
-                steps.sum::<f64>() / (12.0 * self.decode.len() as f64)
-            }
-            Samples::F16(_) | Samples::F32(_) => 0.0,
-        }
-    }
-
     /// Whether a pixel, counted row by row, belongs to the painting.
     #[must_use]
     #[inline]

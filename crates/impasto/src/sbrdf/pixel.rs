@@ -50,8 +50,6 @@ pub(super) struct Pixels<'a, R: Real> {
     /// Usable photographs.
     pub(super) used: R,
     floor: R,
-    /// Variance of a sample that was rounded to whole codes.
-    rounding: R,
 }
 
 impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
@@ -79,7 +77,6 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
             seen: vec![(zero, glint, zero); observations],
             used: zero,
             floor: zero,
-            rounding: R::of(scene.stack.rounding()),
         }
     }
 
@@ -115,8 +112,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
             mean = mean + self.trust[i];
         }
         self.used = count(&self.usable);
-        // Dark pixels whose few codes the model meets exactly would outvote all others.
-        self.floor = (peak * peak * R::of(ROUNDING)).max(self.rounding);
+        self.floor = peak * peak * R::of(ROUNDING);
         let mean = mean / self.used;
         let dark = mean * R::of(DARK_NOISE);
         for trust in &mut self.trust {
