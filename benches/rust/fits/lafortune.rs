@@ -4,7 +4,7 @@
 //! (strength, turn, ln n) of each lobe to the radiance `f (N.L)`.
 
 use impasto::brdf::lafortune::{Lobe, Pair};
-use impasto::lm::{Batch, Bounds, Column, Effort, Normal, Options, Outcome, ROWS, Rows, fit};
+use impasto::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, ROWS, Rows, fit};
 use impasto::math::{Element, Level, Real, Scalar, Vec3};
 use levenberg_marquardt::LeastSquaresProblem;
 use nalgebra::{Const, Dyn, OMatrix, OVector, Owned, SVector, U1};
@@ -190,7 +190,7 @@ impl<S: Element, const N: usize> Batch<S, N> for Lanes<'_, S, N> {
 pub(crate) struct Found<const N: usize> {
     pub(crate) at: Vec<[f64; N]>,
     pub(crate) costs: Vec<f64>,
-    pub(crate) effort: Effort,
+    pub(crate) effort: Occupancy,
 }
 
 impl Found<10> {
@@ -282,8 +282,8 @@ fn in_order(scene: &Scene, pixels: &[usize], order: [f64; 3], options: &Options)
     three
 }
 
-fn sum(efforts: &[Effort]) -> Effort {
-    efforts.iter().fold(Effort::default(), |sum, effort| Effort {
+fn sum(efforts: &[Occupancy]) -> Occupancy {
+    efforts.iter().fold(Occupancy::default(), |sum, effort| Occupancy {
         lanes: sum.lanes + effort.lanes,
         useful: sum.useful + effort.useful,
     })

@@ -20,7 +20,7 @@ mod torrance_sparrow;
 use std::hint::black_box;
 use std::time::Instant;
 
-use impasto::lm::{Bounds, Effort, Options, fit};
+use impasto::lm::{Bounds, Occupancy, Options, fit};
 use impasto::math::Level;
 use levenberg_marquardt::LevenbergMarquardt;
 use nalgebra::Vector2;
@@ -64,14 +64,14 @@ fn race(mut ours: impl FnMut(), mut theirs: impl FnMut()) -> [f64; 2] {
     rounds[ROUNDS / 2]
 }
 
-fn report(name: &str, rates: [f64; 2], effort: Effort, count: usize, bad: [f64; 2]) {
+fn report(name: &str, rates: [f64; 2], occupancy: Occupancy, count: usize, bad: [f64; 2]) {
     println!(
         "| {name} | {:.0} | {:.0} | {:.1} | {:.1} | {:.1} % | {:.1} % | {:.1} % |",
         rates[0],
         rates[1],
         rates[0] / rates[1],
-        effort.useful as f64 / count as f64,
-        100.0 * effort.efficiency(),
+        occupancy.useful as f64 / count as f64,
+        100.0 * occupancy.efficiency(),
         100.0 * bad[0],
         100.0 * bad[1]
     );
@@ -83,13 +83,13 @@ fn torrance_sparrow(count: usize) {
     let some = &pixels[..count / 20];
     let bounds = Bounds { lower: [0.0, -0.8], upper: [1e9, 15.0] };
     let mut lanes = Lanes::new(&pixels);
-    let mut effort = Effort::default();
+    let mut occupancy = Occupancy::default();
     let mut places = vec![Vector2::zeros(); some.len()];
     let minimise = |pixel, start| port().minimize(Port { pixel, place: Vector2::from(start) });
     let seconds = race(
         || {
             let all = 0..pixels.len();
-            effort = fit(Level::detect(), black_box(&mut lanes), all, &bounds, &options());
+            occupancy = fit(Level::detect(), black_box(&mut lanes), all, &bounds, &options());
         },
         || {
             for (pixel, place) in some.iter().zip(&mut places) {
@@ -108,7 +108,7 @@ fn torrance_sparrow(count: usize) {
         }
     }
     let rates = [pixels.len() as f64 / seconds[0], some.len() as f64 / seconds[1]];
-    report("Torrance-Sparrow, 16", rates, effort, pixels.len(), bad);
+    report("Torrance-Sparrow, 16", rates, occupancy, pixels.len(), bad);
 }
 
 fn lafortune<const N: usize>(count: usize, observations: usize) {

@@ -75,14 +75,14 @@ impl<R: Real> Rows<'_, R> {
 
 /// How busy the lanes were.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Effort {
+pub struct Occupancy {
     /// Passes over all lanes, times the lanes.
     pub lanes: u64,
     /// Passes that a lane needed for its problem.
     pub useful: u64,
 }
 
-impl Effort {
+impl Occupancy {
     /// Share of the lanes that did something useful.
     #[must_use]
     pub fn efficiency(&self) -> f64 {
@@ -99,7 +99,7 @@ pub fn fit<S: Element, const N: usize>(
     problems: impl IntoIterator<Item = usize>,
     bounds: &Bounds<S, N>,
     options: &Options,
-) -> Effort {
+) -> Occupancy {
     let problems = problems.into_iter();
     level.run(Fit { batch, problems, bounds, options, scalar: PhantomData::<S> })
 }
@@ -115,16 +115,16 @@ struct Fit<'a, B, P, S, const N: usize> {
 impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kernel
     for Fit<'_, B, P, S, N>
 {
-    type Output = Effort;
+    type Output = Occupancy;
 
     #[inline(always)]
-    fn run<I: Isa>(self) -> Effort {
+    fn run<I: Isa>(self) -> Occupancy {
         let Self { batch, mut problems, bounds, options, .. } = self;
         let width = S::Lanes::<I>::WIDTH;
         let mut block = vec![S::default(); batch.rows() * width];
         let mut held: [Option<usize>; MAX_LANES] = [None; MAX_LANES];
         let mut search = Search::<S::Lanes<I>, N>::idle(options);
-        let mut effort = Effort::default();
+        let mut occupancy = Occupancy::default();
         loop {
             refill::<S, B, P, I, N>(
                 batch,
@@ -135,13 +135,13 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
                 (bounds, options),
             );
             if !search.running() {
-                return effort;
+                return occupancy;
             }
             let next = batch.normal(Rows { block: &block }, search.trial);
             search.judge(&next, options);
             search.step(bounds, options);
-            effort.lanes += width as u64;
-            effort.useful += held.iter().flatten().count() as u64;
+            occupancy.lanes += width as u64;
+            occupancy.useful += held.iter().flatten().count() as u64;
         }
     }
 }

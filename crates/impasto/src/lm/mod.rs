@@ -87,7 +87,7 @@ mod normal;
 mod polish;
 mod search;
 
-pub use batch::{Batch, Column, Effort, Rows, fit};
+pub use batch::{Batch, Column, Occupancy, Rows, fit};
 pub use cholesky::{Factor, factor};
 pub use minimise::{Bounds, Options, Outcome, Problem, Reason, minimise};
 pub use normal::{Normal, ROWS};

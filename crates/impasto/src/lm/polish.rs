@@ -1,6 +1,6 @@
 //! Single precision first, double precision where it is asked for.
 
-use super::{Batch, Bounds, Column, Effort, Normal, Options, Outcome, Rows, fit};
+use super::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Rows, fit};
 use crate::math::{Level, Real};
 
 /// Fits in single precision, then goes on in double precision from there wherever `doubtful` says
@@ -8,7 +8,7 @@ use crate::math::{Level, Real};
 ///
 /// The batch's double-precision [`load`](Batch::load) is asked for the numbers only: the start is
 /// where single precision ended. [`store`](Batch::store) is called once per problem and precision,
-/// the double-precision call last. Returns the effort of either.
+/// the double-precision call last. Returns the occupancy of either.
 pub fn fit_polished<B, const N: usize>(
     level: Level,
     batch: &mut B,
@@ -16,7 +16,7 @@ pub fn fit_polished<B, const N: usize>(
     bounds: &Bounds<f64, N>,
     (single, double): (&Options, &Options),
     doubtful: impl Fn(&Outcome<f32, N>) -> bool,
-) -> [Effort; 2]
+) -> [Occupancy; 2]
 where
     B: Batch<f32, N> + Batch<f64, N>,
 {

@@ -224,12 +224,13 @@ fn rows_added_together_have_the_bits_of_rows_added_one_by_one() {
 fn lanes_are_busy() {
     let samples = samples(2000);
     let mut decays = Decays::new(&samples);
-    let effort = fit(Level::detect(), &mut decays, 0..2000, &bounds::<f32>(), &Options::single());
+    let occupancy =
+        fit(Level::detect(), &mut decays, 0..2000, &bounds::<f32>(), &Options::single());
     // What is lost is the end, when fewer problems than lanes are left.
-    assert!(effort.efficiency() > 0.95, "{effort:?}");
+    assert!(occupancy.efficiency() > 0.95, "{occupancy:?}");
     let passes: usize = decays.single.iter().flatten().map(|o| o.iterations + 1).sum();
     // A search may end without a last pass (its next step is too short), but not take one more.
-    assert!(effort.useful >= passes as u64 && effort.useful <= effort.lanes);
+    assert!(occupancy.useful >= passes as u64 && occupancy.useful <= occupancy.lanes);
 }
 
 #[test]
@@ -257,9 +258,9 @@ fn what_single_precision_doubts_is_polished_in_double() {
 #[test]
 fn an_empty_batch_is_no_trouble() {
     let mut decays = Decays::new(&[]);
-    let effort = fit(Level::detect(), &mut decays, [], &bounds::<f32>(), &Options::single());
-    assert_eq!(effort.lanes, 0);
-    assert_eq!(effort.efficiency(), 1.0);
+    let occupancy = fit(Level::detect(), &mut decays, [], &bounds::<f32>(), &Options::single());
+    assert_eq!(occupancy.lanes, 0);
+    assert_eq!(occupancy.efficiency(), 1.0);
 }
 
 proptest! {
