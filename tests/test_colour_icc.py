@@ -8,14 +8,11 @@ import colour
 import numpy as np
 import pytest
 import tifffile
+from PIL import Image, ImageCms
 
 from impasto.colour import Display, icc_profile
 from impasto.io import read_image, write_png8, write_png16, write_tiff16
 from oracles import monitor
-
-# Pillow comes with Matplotlib, a test dependency.
-Image = pytest.importorskip("PIL.Image")
-ImageCms = pytest.importorskip("PIL.ImageCms")
 
 
 @pytest.fixture(scope="module")

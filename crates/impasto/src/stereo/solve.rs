@@ -242,15 +242,20 @@ mod tests {
             }
             let matrix = dense(&sum);
             let values = SymmetricEigen::new(matrix).eigenvalues;
-            let exact = (values.max() / values.min()).sqrt();
+            let (least, largest) = (values.min(), values.max());
+            let middle = values.sum() - least - largest;
+            let exact = (largest / least).sqrt();
             prop_assume!(exact < RANK_LIMIT);
-            // The polynomial's 2.7e-8, times 2 p (less than twice the largest eigenvalue), is the
-            // error of that eigenvalue: 5.4e-8. Where the other two nearly agree it enters their
-            // split by its square root, relative to them sqrt(5.4e-8 (c^2 + 1)); the condition
-            // number takes half of that.
-            let inverse = sum.inverse();
-            let squared = sum.squared_condition(&inverse);
-            let bound = 1.2e-4 * (exact * exact + 1.0).sqrt();
+            // The cosine is wrong by the polynomial's 2.7e-8 and by what rounding its argument
+            // does near a root, 1.2e-8. Times 2 p, at most two thirds of the largest eigenvalue,
+            // that is 2.6e-8 of it; `off` of the middle one. Half their sum takes half of `off`;
+            // half their difference is a root that moves by what is under it (`off` times half
+            // their sum) over itself, or by the root of that where they nearly agree. The largest
+            // enters twice more, and a condition number is a root: half of everything.
+            let off = 2.6e-8 * largest / middle;
+            let gap = (middle - least) / middle;
+            let bound = 0.5 * ((2.0 * off / gap).min(off.sqrt()) + 0.5 * off + 5.2e-8);
+            let squared = sum.squared_condition(&sum.inverse());
             prop_assert!((squared.sqrt() / exact - 1.0).abs() < bound);
 
             let n = Vec3::new(x, y, 1.0).normalised();
@@ -258,7 +263,7 @@ mod tests {
             let tangent = Matrix3::identity() - v * v.transpose();
             let covariance = tangent * matrix.try_inverse().unwrap() * tangent;
             let worst = SymmetricEigen::new(covariance).eigenvalues.max();
-            prop_assert!((sum.worst_tangent_variance(&inverse, n) / worst - 1.0).abs() < 1e-9);
+            prop_assert!((sum.worst_tangent_variance(&sum.inverse(), n) / worst - 1.0).abs() < 1e-9);
         }
     }
 
