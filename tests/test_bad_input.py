@@ -191,7 +191,7 @@ def test_photographs_of_different_sizes(tmp_path: Path, capsys: pytest.CaptureFi
         assert "photo1.png" in told.err
 
 
-def test_samples_that_are_not_numbers() -> None:
+def test_case_26_samples_that_are_not_numbers() -> None:
     """A pixel that lost some samples is fitted from the rest; neighbours do not change by a bit."""
     samples = stack().samples.copy()
     samples[2, 1, 5, 7] = np.nan  # one band of one photograph
@@ -218,7 +218,7 @@ def test_samples_that_are_not_numbers() -> None:
     assert doctor.examine(bad)["missing-samples"].severity == "note"
 
 
-def test_black_and_saturated_pixels() -> None:
+def test_cases_1_2_black_and_saturated_pixels() -> None:
     samples = stack().samples.copy()
     samples[:, :, 2, 3] = 0.0
     samples[:, :, 6, 8] = 5.0

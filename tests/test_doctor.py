@@ -163,7 +163,7 @@ def test_an_exchanged_pair_is_found(rig: str, varnish: str | None, seed: int) ->
     assert finding.observations == (2, 6)
 
 
-def test_a_copied_photograph_is_found() -> None:
+def test_case_21_a_copied_photograph_is_found() -> None:
     stack = captured()
     samples = stack.samples.copy()
     samples[5] = samples[1]

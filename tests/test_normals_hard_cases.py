@@ -48,7 +48,7 @@ def consistent(fit: impasto.Normals, observations: int) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_each_hard_pixel_has_its_status_and_leaves_its_neighbours_alone(method: str) -> None:
+def test_cases_1_2_26_have_their_status_and_leave_their_neighbours_alone(method: str) -> None:
     samples = matte(RING)
     samples = samples + np.random.default_rng(0).normal(0, 1e-3, samples.shape).astype(np.float32)
     clean = impasto.fit_normals(impasto.Stack(samples, lights=RING), method=method)
@@ -88,7 +88,7 @@ def test_each_hard_pixel_has_its_status_and_leaves_its_neighbours_alone(method: 
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_three_lights_determine_a_normal_and_no_error(method: str) -> None:
+def test_case_30_three_lights_determine_a_normal_and_no_error(method: str) -> None:
     lights = RING[[0, 3, 5]]
     fit = impasto.fit_normals(impasto.Stack(matte(lights), lights=lights), method=method)
     consistent(fit, 3)
@@ -99,13 +99,13 @@ def test_three_lights_determine_a_normal_and_no_error(method: str) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_fewer_than_three_lights_are_refused_with_advice(count: int) -> None:
+def test_case_20_fewer_than_three_lights_are_refused_with_advice(count: int) -> None:
     stack = impasto.Stack(matte(RING[:count]), lights=RING[:count])
     with pytest.raises(impasto.GeometryError, match=f"at least three lights, found {count}; take"):
         impasto.fit_normals(stack)
 
 
-def test_a_coplanar_rig_is_refused_with_advice() -> None:
+def test_case_19_a_coplanar_rig_is_refused_with_advice() -> None:
     angles = np.radians([-60, -40, -15, 10, 35, 55])
     lights = np.stack([np.sin(angles), 0.3 * np.sin(angles), np.cos(angles)], axis=1)
     with pytest.raises(impasto.GeometryError, match=r"6 lights lie in one plane.*add a photograph"):
@@ -113,7 +113,7 @@ def test_a_coplanar_rig_is_refused_with_advice() -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_pixels_whose_usable_lights_are_coplanar_say_so(method: str) -> None:
+def test_case_19_pixels_whose_usable_lights_are_coplanar_say_so(method: str) -> None:
     angles = np.radians([-60, -40, -15, 10, 35, 55])
     lights = np.stack([np.sin(angles), 0 * angles, np.cos(angles)], axis=1)
     lights = np.concatenate([lights, [[0.0, 0.7, 0.7]]])
@@ -146,8 +146,8 @@ def test_too_few_left_by_a_rule_are_taken_back_in_rank_order() -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("power", [-40, -7, 13, 40])
-def test_scaling_by_a_power_of_two_changes_no_bit_of_the_shapes(method: str, power: int) -> None:
+@pytest.mark.parametrize("power", [-50, -7, 13, 50])
+def test_case_28_a_power_of_two_changes_no_bit_of_the_shapes(method: str, power: int) -> None:
     rng = np.random.default_rng(1)
     samples = np.maximum(rng.normal(0.4, 0.2, (8, 2, 9, 31)), 0).astype(np.float32)
     plain = impasto.fit_normals(impasto.Stack(samples, lights=RING), method=method)

@@ -185,8 +185,8 @@ def test_instruction_sets_change_no_bit(tmp_path: Path) -> None:
     assert len({tuple(answer) for answer in answers.values()}) == 1, answers
 
 
-def test_a_power_of_two_changes_no_shape(plain: impasto.Sbrdf) -> None:
-    for power in (-20, 7):
+def test_case_28_a_power_of_two_changes_no_shape(plain: impasto.Sbrdf) -> None:
+    for power in (-26, 7, 26):
         scaled = impasto.fit_sbrdf(stack_of(photographs() * np.float32(2.0**power)))
         assert scaled.gamma == plain.gamma
         assert scaled.beta == plain.beta * 2.0**power

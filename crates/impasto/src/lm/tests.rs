@@ -96,7 +96,7 @@ impl Problem<f64, 2> for Line {
 }
 
 #[test]
-fn a_power_of_two_changes_no_bit_of_a_shape() {
+fn hard_case_28_a_power_of_two_changes_no_bit_of_a_shape() {
     let fit =
         |scale: f64| minimise(&Line(scale), [scale, 0.1], &Bounds::none(), &Options::default());
     let plain = fit(1.0);

@@ -124,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_scale_solves_its_equation_and_ignores_a_fifth() {
+    fn hard_case_31_the_scale_solves_its_equation_and_ignores_a_fifth() {
         let mut squares: Vec<f64> = (1..41).map(|i| (f64::from(i) * 0.618_034).fract()).collect();
         for spoiled in [0, 8] {
             for square in &mut squares[..spoiled] {
