@@ -35,6 +35,18 @@ def predict(
     threads: int,
     progress: ProgressCallback | None,
 ) -> NDArray[np.float32]: ...
+def predict_lobes(
+    normal: NDArray[np.float32],
+    diffuse: NDArray[np.float32],
+    specular: NDArray[np.float32],
+    cxy: NDArray[np.float32],
+    cz: NDArray[np.float32],
+    exponent: NDArray[np.float32],
+    rig: RigArguments,
+    intensities: NDArray[np.float64],
+    threads: int,
+    progress: ProgressCallback | None,
+) -> NDArray[np.float32]: ...
 
 @type_check_only
 class Pooled(TypedDict):

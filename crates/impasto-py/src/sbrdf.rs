@@ -2,12 +2,12 @@
 
 use numpy::{
     IntoPyArray, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArray3, PyUntypedArrayMethods,
+    PyReadonlyArray3, PyReadonlyArray4, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
 use impasto::Error;
-use impasto::sbrdf::{Coats, Extraction, PooledOptions, Start, Surface, Verdict};
+use impasto::sbrdf::{Coats, Extraction, LobeSurface, PooledOptions, Start, Surface, Verdict};
 
 use crate::arrays::{RigArguments, StackArguments};
 use crate::{errors, run};
@@ -63,6 +63,48 @@ pub(crate) fn predict<'py>(
         let out = out.as_slice_mut()?;
         run::call(py, threads, progress.as_ref(), |run| {
             impasto::sbrdf::predict(&surface, &rig, intensities, out, run)
+        })?;
+    }
+    Ok(samples)
+}
+
+/// Samples `(obs, band, y, x)` that a surface of Lafortune lobes shows.
+#[pyfunction]
+#[pyo3(signature = (
+    normal, diffuse, specular, cxy, cz, exponent, rig, intensities, threads, progress
+))]
+#[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.forward")]
+#[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
+pub(crate) fn predict_lobes<'py>(
+    py: Python<'py>,
+    normal: PyReadonlyArray3<'py, f32>,
+    diffuse: PyReadonlyArray3<'py, f32>,
+    specular: PyReadonlyArray4<'py, f32>,
+    cxy: PyReadonlyArray3<'py, f32>,
+    cz: PyReadonlyArray3<'py, f32>,
+    exponent: PyReadonlyArray3<'py, f32>,
+    rig: RigArguments<'py>,
+    intensities: PyReadonlyArray1<'py, f64>,
+    threads: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyArray4<f32>>> {
+    let [bands, height, width] = [0, 1, 2].map(|axis| diffuse.shape()[axis]);
+    let rig = rig.rig(height, width).map_err(|error| errors::to_python(py, &error))?;
+    let samples = PyArray4::zeros(py, [rig.observations(), bands, height, width], false);
+    {
+        let surface = LobeSurface {
+            normal: normal.as_slice()?,
+            diffuse: diffuse.as_slice()?,
+            specular: specular.as_slice()?,
+            cxy: cxy.as_slice()?,
+            cz: cz.as_slice()?,
+            exponent: exponent.as_slice()?,
+        };
+        let intensities = intensities.as_slice()?;
+        let mut out = samples.readwrite();
+        let out = out.as_slice_mut()?;
+        run::call(py, threads, progress.as_ref(), |run| {
+            impasto::sbrdf::predict_lobes(&surface, &rig, intensities, out, run)
         })?;
     }
     Ok(samples)

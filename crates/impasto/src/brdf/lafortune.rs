@@ -125,6 +125,15 @@ impl<R: Real> Lobe<R> {
         Self { amplitude, cxy, cz, rate, exponent: exp(log_exponent) }
     }
 
+    /// A lobe from the coefficients that maps hold, in the gauge of this file.
+    #[must_use]
+    #[inline(always)]
+    pub fn of_coefficients(amplitude: R, cxy: R, cz: R, exponent: R) -> Self {
+        // 2 / (1 + t^2) is 1 + cos psi.
+        let rate = (cz - cxy).mul_add(R::of(0.5), R::one());
+        Self { amplitude, cxy, cz, rate, exponent }
+    }
+
     /// `d`.
     #[inline(always)]
     fn base(&self, pair: &Pair<R>) -> R {
@@ -311,6 +320,11 @@ mod tests {
             let [x, z] = coefficients(turn);
             assert!((log_length - 3.0_f64.ln()).abs() < 1e-14);
             assert!((3.0 * x - cxy).abs() < 1e-12 && (3.0 * z - cz).abs() < 1e-12, "{i}");
+            let [a, b] =
+                [Lobe::new(0.4, turn, 1.5), Lobe::of_coefficients(0.4, x, z, 1.5_f64.exp())];
+            assert!((a.rate - b.rate).abs() < 1e-15);
+            let pair = Pair { upright: 0.3, tangential: -0.2, cosine: 0.5 };
+            assert!((a.value(&pair) - b.value(&pair)).abs() < 1e-15);
         }
     }
 

@@ -93,17 +93,9 @@ pub fn predict(
         );
         return Err(Error::argument(name, problem));
     }
-    let mut jobs = Vec::new();
-    for (observation, planes) in out.chunks_mut(bands * pixels).enumerate() {
-        let mut planes: Vec<_> = planes.chunks_mut(pixels).map(|p| p.chunks_mut(TILE)).collect();
-        for (start, count) in tiles(pixels) {
-            let out: Vec<_> = planes.iter_mut().filter_map(Iterator::next).collect();
-            jobs.push(Job { observation, start, count, out });
-        }
-    }
     let level = run.level;
     run.for_each(
-        jobs,
+        jobs(out, bands, pixels),
         || (vec![0.0; TILE], vec![0.0; TILE]),
         |(x, y), job| {
             grid.coordinates(job.start, &mut x[..job.count], &mut y[..job.count]);
@@ -114,11 +106,25 @@ pub fn predict(
 }
 
 /// One tile of one observation.
-struct Job<'a> {
-    observation: usize,
-    start: usize,
-    count: usize,
-    out: Vec<&'a mut [f32]>,
+pub(super) struct Job<'a> {
+    pub(super) observation: usize,
+    pub(super) start: usize,
+    pub(super) count: usize,
+    /// The tile in every band.
+    pub(super) out: Vec<&'a mut [f32]>,
+}
+
+/// Cuts `(obs, band, y, x)` into tiles of observations.
+pub(super) fn jobs(out: &mut [f32], bands: usize, pixels: usize) -> Vec<Job<'_>> {
+    let mut jobs = Vec::new();
+    for (observation, planes) in out.chunks_mut(bands * pixels).enumerate() {
+        let mut planes: Vec<_> = planes.chunks_mut(pixels).map(|p| p.chunks_mut(TILE)).collect();
+        for (start, count) in tiles(pixels) {
+            let out = planes.iter_mut().filter_map(Iterator::next).collect();
+            jobs.push(Job { observation, start, count, out });
+        }
+    }
+    jobs
 }
 
 struct Predict<'a, 'b> {

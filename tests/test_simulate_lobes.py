@@ -1,0 +1,122 @@
+"""Snel's rig, and photographs of Lafortune surfaces against an independent forward model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import impasto
+from impasto import simulate
+from impasto.errors import ArgumentError
+from impasto.fit.forward import predict_lobes
+from oracles import lobes as oracle
+
+OFF: dict[str, Any] = {"noise": False, "bits": None, "clip": False}
+
+
+@pytest.fixture(scope="module")
+def painting() -> simulate.Painting:
+    return simulate.painting(seed=5, size=(40, 44), varnish="patches")
+
+
+@pytest.fixture(scope="module")
+def rig() -> impasto.Rig:
+    return simulate.rig("snel-lafortune")
+
+
+def test_the_rig_samples_the_mirror_direction_most(rig: impasto.Rig) -> None:
+    assert len(rig) == 690 + 80
+    pairs = np.concatenate([rig.directions, rig.views], axis=1)
+    assert len(np.unique(pairs.round(9), axis=0)) == 770, "no photograph is taken twice"
+    light = rig.directions
+    mirror = light * (-1.0, -1.0, 1.0)
+    off = np.degrees(np.arccos(np.clip((mirror * rig.views).sum(axis=1), -1, 1)))
+    # Half the photographs within 25 degrees of the mirror direction, which is 9 % of the sky.
+    assert np.median(off) < 25.1
+    assert np.isclose(np.unique(off[off > 1e-3].round(2))[0], 3.0), "the paper's smallest step"
+    # Nothing is photographed along the surface, and no camera stands in its own light.
+    assert rig.views[:, 2].min() > np.cos(np.radians(75.1))
+    assert np.degrees(np.arccos((light * rig.views).sum(axis=1).max())) > 5
+    # The last 80 are lit from all sides, the first 690 in one plane: isotropy.
+    assert np.allclose(light[:690, 1], 0)
+    azimuth = np.degrees(np.arctan2(light[690:, 1], light[690:, 0])) % 360
+    assert len(np.unique(azimuth.round(3))) == 8
+
+
+def test_near_lamps_keep_their_views(rig: impasto.Rig) -> None:
+    near = simulate.rig("snel-lafortune", distance_mm=900.0)
+    assert np.array_equal(near.views, rig.views)
+    assert np.allclose(near.directions, rig.directions, rtol=0, atol=1e-15)
+
+
+def test_photographs_are_the_equation(painting: simulate.Painting, rig: impasto.Rig) -> None:
+    few = rig.take(range(0, 770, 11))
+    capture = simulate.capture(painting, few, "rgb", model="lafortune", **OFF)
+    truth = capture.truth
+    assert truth.lobes is not None
+    expected = oracle.stack(truth.normal, truth.diffuse, **vars(truth.lobes), rig=few)
+    found = np.array([capture.stack.linear(i) for i in range(len(few))])
+    # Float32 against float64: d is a sum of two products of unit vectors (4 roundings of 6e-8),
+    # raised to n <= 62 and times strengths of about 1: 2e-5 where d is near 1.
+    assert np.abs(found - expected).max() < 2e-5
+    assert np.abs(found - expected).mean() < 1e-6
+
+
+def test_lobes_follow_the_varnish(painting: simulate.Painting) -> None:
+    truth = simulate.capture(painting, "snel-lafortune", **OFF).truth
+    assert truth.lobes is not None
+    count = (truth.lobes.specular > 0).all(axis=1).sum(axis=0)
+    for name, expected in (("none", 1), ("matte", 2), ("satin", 2), ("gloss", 3)):
+        assert (count[painting.masks[name]] == expected).all(), name
+    assert np.allclose(truth.lobes.cxy**2 + truth.lobes.cz**2, 2.0, rtol=0, atol=1e-6)
+    # Used places come first, the sharpest lobe first of all.
+    used = (truth.lobes.specular > 0).all(axis=1)
+    assert (used[:-1] >= used[1:]).all()
+    falling = truth.lobes.exponent[:-1] >= truth.lobes.exponent[1:]
+    assert falling[used[1:]].all()
+
+
+def test_a_paper_by_its_name(painting: simulate.Painting) -> None:
+    named = simulate.capture(painting, "snel-lafortune", seed=3)
+    assert named.stack.shape == (770, 3, 40, 44)
+    assert named.stack.samples.dtype == np.uint16
+    assert simulate.capture(painting, "tominaga-rgb-camera").truth.lobes is None
+    with pytest.raises(ArgumentError, match="model"):
+        simulate.capture(painting, "snel-lafortune", model="phong")  # type: ignore[arg-type]
+
+
+def test_half_precision_photographs_read_alike(painting: simulate.Painting) -> None:
+    few = simulate.rig("snel-lafortune").take(range(0, 770, 40))
+    whole = simulate.capture(painting, few, "rgb", model="lafortune", **OFF).stack
+    half = impasto.Stack(whole.samples.astype(np.float16), lights=whole.rig)
+    normals, halved = (impasto.fit_normals(stack, method="huber") for stack in (whole, half))
+    angle = np.degrees(np.arccos(np.clip((normals.normal * halved.normal).sum(axis=0), -1, 1)))
+    # Half precision rounds by 2^-11 = 0.05 %: some hundredths of a degree.
+    assert np.nanmax(angle) < 0.2
+
+
+def test_wrong_shapes_are_refused_by_name() -> None:
+    flat = np.zeros((3, 2, 2), np.float32)
+    good = {"diffuse": np.ones((1, 2, 2)), "specular": np.ones((2, 1, 2, 2))}
+    shapes = {name: np.ones((2, 2, 2)) for name in ("cxy", "cz", "exponent")}
+    rig = impasto.Rig([(0, 0, 1)])
+    predict_lobes(flat, **good, **shapes, rig=rig)
+    for name in ("specular", "cxy", "cz"):
+        with pytest.raises(ArgumentError, match=rf"^{name}: expected shape"):
+            predict_lobes(flat, **{**good, **shapes, name: np.ones((1, 2))}, rig=rig)
+
+
+def test_an_unknown_normal_shows_nothing_known() -> None:
+    normal = np.zeros((3, 1, 2), np.float32)
+    normal[2] = 1.0
+    normal[:, 0, 1] = np.nan
+    shape = np.ones((1, 1, 2), np.float32)
+    rig = impasto.Rig(
+        [(0, 0, 1), (0, 0, -1), (0, 0.6, 0.8)], views=[(0, 0, 1), (0, 0, 1), (0, 1, -1)]
+    )
+    shown = predict_lobes(normal, 0.5 * shape, shape[None], -shape, shape, shape, rig)
+    assert np.isnan(shown[:, 0, 0, 1]).all()
+    # Head on; lit from behind; seen from behind (diffuse only).
+    assert np.allclose(shown[:, 0, 0, 0], [1.5, 0.0, 0.4], rtol=1e-6)
