@@ -298,6 +298,7 @@ LIGHTS = simulate.rig(RIGS[1]).directions
         (LIGHTS[[0, 1, 2, 3, 8, 9, 10]], "coverage", "warning"),
         (LIGHTS * (1, 1, 0.15), "coverage", "warning"),
         (np.concatenate([LIGHTS, [[0.9, 0.1, -0.2]]]), "horizon", "warning"),
+        (LIGHTS * (1, 1, -1), "horizon", "error"),
         (np.concatenate([LIGHTS, [[0.9, 0.1, 0.02]]]), "horizon", "note"),
         (np.concatenate([LIGHTS, LIGHTS[:1]]), "repeated-lights", "note"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
@@ -25,3 +26,27 @@ def test_the_tables_of_a_page_are_the_recorded_ones(page: Path) -> None:
 
 def test_the_accuracy_page_has_its_tables() -> None:
     assert "accuracy" in [page.stem for page in WITH_TABLES]
+
+
+def test_the_words_about_accuracy_are_true_of_the_recorded_run() -> None:
+    """What docs/accuracy.md says below its tables, sentence by sentence."""
+    recorded = json.loads((pages.ROOT / "benches/results/accuracy.json").read_text("utf-8"))
+    six, rgb = (
+        {row["case"]: row for row in recorded[f"tominaga-{system}"]}
+        for system in ("six-band-adaptation", "rgb-camera")
+    )
+    exceptions = {"8-bit linear"}
+    distant, tails = "lamps at 0.5 m taken for distant", "a lobe with long tails (GGX)"
+    curves = {case for case in six if "read as" in case}
+    for rows in (six, rgb):
+        for case in rows.keys() - exceptions - curves - {distant, tails}:
+            for error in (rows[case]["beta %"], rows[case]["gamma %"]):
+                assert error is None or abs(error) < 0.5, case
+        assert rows["patches of all three"]["verdict"] == "mixed"
+    assert rgb["8-bit linear"]["verdict"] == "no-highlight"
+    assert round(max(rows[case]["beta %"] for rows in (six, rgb) for case in curves)) == 14
+    assert [round(rows[distant]["normal deg"], 1) for rows in (six, rgb)] == [1.4, 2.4]
+    assert round(rgb[distant]["beta %"], 1) == 2.8
+    assert (six[tails]["verdict"], rgb[tails]["verdict"]) == ("mixed", "fitted")
+    assert round(rgb[tails]["beta %"], 1) == -8.8
+    assert round(rgb[tails]["gamma %"]) == 20
