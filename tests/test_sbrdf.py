@@ -181,7 +181,7 @@ def test_other_formats_are_refused_with_what_works(fitted: impasto.Sbrdf, tmp_pa
     ("argument", "value"),
     [
         ("model", "phong"),
-        ("pooling", "pixel"),
+        ("pooling", "brush"),
         ("extraction", "mean"),
         ("index", 0.9),
         ("index", float("nan")),

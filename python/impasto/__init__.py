@@ -12,6 +12,7 @@ from impasto.errors import (
     ImpastoError,
     InternalError,
 )
+from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import Normals, fit_normals
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
 from impasto.fit.sbrdf import Sbrdf, fit_sbrdf, load_sbrdf
@@ -34,6 +35,7 @@ __all__ = [
     "Image",
     "ImpastoError",
     "InternalError",
+    "LobeSbrdf",
     "Normals",
     "PointLight",
     "Reflectance",

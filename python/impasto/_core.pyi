@@ -76,6 +76,37 @@ def fit_pooled(
     progress: ProgressCallback | None,
 ) -> Pooled: ...
 
+# Lobes of every pixel (crates/impasto-py/src/lobes.rs)
+
+@type_check_only
+class Lobes(TypedDict):
+    normal: NDArray[np.float32]
+    diffuse: NDArray[np.float32]
+    ambient: NDArray[np.float32]
+    specular: NDArray[np.float32]
+    names: list[str]
+    numbers: NDArray[np.float32]
+    spread: NDArray[np.float32]
+    lobes: NDArray[np.uint8]
+    residual: NDArray[np.float32]
+    sigma: NDArray[np.float32]
+    status: NDArray[np.uint8]
+
+def fit_lobes(
+    stack: StackArguments,
+    normal: NDArray[np.float32],
+    diffuse: NDArray[np.float32],
+    status: NDArray[np.uint8],
+    model: str,
+    lobes: int,
+    ambient: bool,
+    free: bool,
+    rounds: int,
+    index: float,
+    threads: int,
+    progress: ProgressCallback | None,
+) -> Lobes: ...
+
 # Photometric stereo (crates/impasto-py/src/stereo.rs)
 
 def fit_normals(

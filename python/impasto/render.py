@@ -14,6 +14,7 @@ from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_f
 from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.border import ProgressCallback, RigArguments, reporting, thread_count
+from impasto.fit.lobes import LobeSbrdf
 from impasto.height import integrate_normals
 from impasto.rig import PointLight, Rig
 from impasto.scene import Scene
@@ -34,6 +35,9 @@ class SurfaceArguments:
     gamma: NDArray[np.float32]
     index: float
     height: NDArray[np.float32] | None
+    specular: NDArray[np.float32] | None = None
+    widths: NDArray[np.float32] | None = None
+    ambient: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True)
@@ -181,11 +185,7 @@ def render(
         reflectance = sbrdf
     coefficients = _planes(sbrdf.diffuse if reflectance is None else reflectance.coefficients, size)
     relief = _relief(sbrdf, normal, height, pitch, threads) if scene.shadows else None
-    beta = _coats(sbrdf.beta, size, "beta")
-    gamma = _coats(sbrdf.gamma, size, "gamma")
-    if len(beta) != len(gamma):
-        raise ArgumentError(f"beta: {len(beta)} coats, but gamma has {len(gamma)}")
-    surface = SurfaceArguments(normal, coefficients, beta, gamma, float(index), relief)
+    surface = _surface(sbrdf, normal, coefficients, float(index), relief)
 
     diffuse, interface, which, white = _colours(scene, reflectance, len(coefficients))
     exposure = scene.exposure
@@ -265,6 +265,34 @@ def _table(display: Display) -> NDArray[np.float32]:
     return np.ascontiguousarray(
         display.encode(np.broadcast_to(light, (3, light.size))), dtype=np.float32
     )
+
+
+def _surface(
+    sbrdf: Any,
+    normal: NDArray[np.float32],
+    coefficients: NDArray[np.float32],
+    index: float,
+    relief: NDArray[np.float32] | None,
+) -> SurfaceArguments:
+    """Coats without a colour, or lobes with one."""
+    size = normal.shape[1:]
+    if isinstance(sbrdf, LobeSbrdf):
+        if coefficients.shape != sbrdf.diffuse.shape:
+            raise ArgumentError(
+                "reflectance: the lobes of pooling='pixel' have strengths per band, which spectra "
+                "do not tell; leave camera= and reflectance= out"
+            )
+        none = np.zeros((0, 1, 1), dtype=np.float32)
+        lobes = (sbrdf.specular, sbrdf.gamma, sbrdf.ambient)
+        specular, gamma, ambient = (np.ascontiguousarray(map_, np.float32) for map_ in lobes)
+        return SurfaceArguments(
+            normal, coefficients, none, none, sbrdf.index, relief, specular, gamma, ambient
+        )
+    beta = _coats(sbrdf.beta, size, "beta")
+    gamma = _coats(sbrdf.gamma, size, "gamma")
+    if len(beta) != len(gamma):
+        raise ArgumentError(f"beta: {len(beta)} coats, but gamma has {len(gamma)}")
+    return SurfaceArguments(normal, coefficients, beta, gamma, index, relief)
 
 
 def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:

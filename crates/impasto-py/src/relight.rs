@@ -4,7 +4,7 @@
 
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArray3, PyUntypedArrayMethods,
+    PyReadonlyArray3, PyReadonlyArray4, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
@@ -13,7 +13,7 @@ use impasto::geometry::{Grid, Light};
 use impasto::math::Vec3;
 use impasto::relight::curve::Curve;
 use impasto::relight::show::{Codes, codes_from_planes, linear_from_planes};
-use impasto::relight::{self, Coat, Parameter, Surface};
+use impasto::relight::{self, Coat, Parameter, Surface, Tinted};
 use impasto::scene::{Colour, Lamp, Scene};
 
 use crate::arrays::RigArguments;
@@ -31,6 +31,12 @@ pub(crate) struct SurfaceArguments<'py> {
     beta: PyReadonlyArray3<'py, f32>,
     gamma: PyReadonlyArray3<'py, f32>,
     index: f64,
+    /// (lobe, k, y, x): strengths of lobes with a colour of their own.
+    specular: Option<PyReadonlyArray4<'py, f32>>,
+    /// (lobe, y, x) or (lobe, 1, 1).
+    widths: Option<PyReadonlyArray3<'py, f32>>,
+    /// (k, y, x).
+    ambient: Option<PyReadonlyArray3<'py, f32>>,
     /// (y, x), mm: given, shadows are cast.
     height: Option<PyReadonlyArray2<'py, f32>>,
 }
@@ -102,11 +108,25 @@ impl SurfaceArguments<'_> {
             gamma,
             index: self.index,
         });
+        let mut tinted = Vec::new();
+        if let (Some(specular), Some(widths)) = (&self.specular, &self.widths) {
+            let lobe: usize = specular.shape()[1..].iter().product();
+            let strengths = slice("specular", specular)?.chunks_exact(lobe.max(1));
+            tinted.extend(
+                strengths.zip(parameters("gamma", widths)?).map(|(strength, gamma)| Tinted {
+                    strength,
+                    gamma,
+                    index: self.index,
+                }),
+            );
+        }
         Ok(Surface {
             grid: self.grid(pitch),
             normal: slice("normal", &self.normal)?,
             coefficients: slice("coefficients", &self.coefficients)?,
             coats: coats.collect(),
+            tinted,
+            ambient: self.ambient.as_ref().map(|map| slice("ambient", map)).transpose()?,
             height: self.height.as_ref().map(|height| slice("height", height)).transpose()?,
         })
     }

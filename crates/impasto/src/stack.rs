@@ -132,6 +132,13 @@ impl<'a> Stack<'a> {
         self.mask.is_none_or(|mask| mask[pixel])
     }
 
+    /// Linear light from which samples of one photograph and band are clipped, `+inf` where none is.
+    #[must_use]
+    pub fn ceiling(&self, observation: usize, band: usize) -> f32 {
+        let decode = self.decode[observation * self.shape.bands + band];
+        decode.saturation.mul_add(decode.gain, decode.offset)
+    }
+
     /// Reads linear samples of one photograph and band, for the pixels from `start` on, into
     /// `out`: as many as there are, at most `out.len()`; what is left of `out` becomes NaN.
     #[inline(always)]

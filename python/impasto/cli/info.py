@@ -87,15 +87,25 @@ def _archive(path: Path) -> dict[str, Any]:
 
     sbrdf = impasto.load_sbrdf(path)
     bands, rows, columns = sbrdf.diffuse.shape
+    if isinstance(sbrdf, impasto.LobeSbrdf):
+        known = np.degrees(sbrdf.gamma[np.isfinite(sbrdf.gamma)])
+        gloss: dict[str, Any] = {
+            "lobes": f"{np.mean(sbrdf.lobes[sbrdf.status < 16]):.2f} per pixel",
+            "gamma_degrees": float(np.median(known)) if known.size else None,
+        }
+    else:
+        gloss = {
+            "verdict": sbrdf.verdict,
+            "beta": sbrdf.beta,
+            "gamma_degrees": float(np.degrees(sbrdf.gamma)),
+        }
     return {
         "size": f"{columns} x {rows} pixels, {band_words(bands)}",
         "bands": ", ".join(sbrdf.bands),
         "lights": len(sbrdf.rig),
         "normals": sbrdf.normals.method,
         "status": _counts(status_counts(sbrdf.status)),
-        "verdict": sbrdf.verdict,
-        "beta": sbrdf.beta,
-        "gamma_degrees": float(np.degrees(sbrdf.gamma)),
+        **gloss,
         "index": sbrdf.index,
     }
 

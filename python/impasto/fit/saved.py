@@ -41,13 +41,14 @@ def sbrdf_fields(maps: SavedMaps) -> dict[str, Any]:
             for name in ("misfit", "residual", "sigma")
         },
         "status": maps.array("status", np.uint8, (height, width)),
-        "normals": _normals(maps, len(bands), height, width),
+        "normals": saved_normals(maps, len(bands), height, width),
         "rig": rig_from_arrays(maps),
         "bands": bands,
     }
 
 
-def _normals(maps: SavedMaps, bands: int, height: int, width: int) -> Normals:
+def saved_normals(maps: SavedMaps, bands: int, height: int, width: int) -> Normals:
+    """The photometric stereo that a fit began with."""
     planes = {"normal": (3,), "albedo": (bands,), "rejected": (4,)}
     types: dict[str, type[np.generic]] = {
         "used": np.uint16,

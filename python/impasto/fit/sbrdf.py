@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import dataclass, fields
-from typing import Any, Literal, get_args
+from typing import Any, Literal, get_args, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,8 @@ from impasto.fit.border import (
     thread_count,
 )
 from impasto.fit.forward import predict
+from impasto.fit.lobes import KIND as LOBES
+from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count, lobe_fields
 from impasto.fit.normals import Normals, fit_normals
 from impasto.fit.saved import sbrdf_fields
 from impasto.io.results import read_maps, rig_arrays, write_maps
@@ -28,7 +30,7 @@ from impasto.stack import Stack
 from impasto.status import Status
 
 Model = Literal["torrance-sparrow"]
-Pooling = Literal["painting"]
+Pooling = Literal["painting", "pixel"]
 Extraction = Literal["residual", "maximum", "papers"]
 
 KIND = "impasto.Sbrdf"
@@ -191,8 +193,8 @@ class Sbrdf:
         return f"<Sbrdf {size}, {100 * share:.1f} % estimated: {lobe}>"
 
 
-def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf:
-    """Read what :meth:`Sbrdf.save` wrote.
+def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf | LobeSbrdf:
+    """Read what :meth:`Sbrdf.save` or :meth:`LobeSbrdf.save` wrote.
 
     Raises
     ------
@@ -201,8 +203,40 @@ def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf:
     FileNotFoundError
         There is none.
     """
-    with read_maps(path, KIND) as maps:
+    with read_maps(path, KIND, LOBES) as maps:
+        if maps.kind == LOBES:
+            return LobeSbrdf(**lobe_fields(maps))
         return Sbrdf(**sbrdf_fields(maps))
+
+
+@overload
+def fit_sbrdf(
+    stack: Stack,
+    *,
+    model: Model = ...,
+    pooling: Literal["painting"] = ...,
+    extraction: Extraction = ...,
+    joint: bool = ...,
+    index: float = ...,
+    normals: Normals | str | None = ...,
+    threads: int | None = ...,
+    progress: bool | ProgressCallback = ...,
+) -> Sbrdf: ...
+
+
+@overload
+def fit_sbrdf(
+    stack: Stack,
+    *,
+    model: Model = ...,
+    pooling: Literal["pixel"],
+    lobes: int = ...,
+    ambient: bool = ...,
+    index: float = ...,
+    normals: Normals | str | None = ...,
+    threads: int | None = ...,
+    progress: bool | ProgressCallback = ...,
+) -> LobeSbrdf: ...
 
 
 def fit_sbrdf(
@@ -210,13 +244,15 @@ def fit_sbrdf(
     *,
     model: Model = "torrance-sparrow",
     pooling: Pooling = "painting",
+    lobes: int = 2,
+    ambient: bool = True,
     extraction: Extraction = "residual",
     joint: bool = True,
     index: float = 1.45,
     normals: Normals | str | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
-) -> Sbrdf:
+) -> Sbrdf | LobeSbrdf:
     """Estimate normals, diffuse colours and the gloss of a painting.
 
     Photometric stereo first. Then the specular part of the samples gives one (beta, gamma) for
@@ -226,6 +262,11 @@ def fit_sbrdf(
     do not widen the lobe. Robust residual scales keep shadows, and pixels that the model does not
     describe, from ruling the others.
 
+    With ``pooling="pixel"`` every pixel has lobes of its own, each with a width and a strength per
+    band, and its normal is fitted with them: for gilding, metal leaf, and varnish that differs
+    from place to place. It asks for many lights (some 20 or more); where a pixel's photographs do
+    not support a lobe it has fewer (``lobes``).
+
     Parameters
     ----------
     stack
@@ -233,7 +274,12 @@ def fit_sbrdf(
     model
         ``"torrance-sparrow"``, the papers'.
     pooling
-        ``"painting"``: one lobe for all pixels.
+        ``"painting"``: one lobe for all pixels. ``"pixel"``: every pixel its own.
+    lobes
+        With ``pooling="pixel"``: lobes per pixel at most, 1 to 3.
+    ambient
+        With ``pooling="pixel"``: whether every pixel has a constant per band for light that comes
+        from everywhere, as between the facets of a relief.
     extraction
         Which samples carry the first estimate of the lobe: ``"residual"`` (default): all that are
         not in shadow, by what the diffuse part leaves; ``"maximum"``: each pixel's brightest
@@ -255,13 +301,13 @@ def fit_sbrdf(
 
     Returns
     -------
-    Sbrdf
-        Maps and the lobe.
+    Sbrdf or LobeSbrdf
+        Maps and the lobe, or maps of every pixel's lobes.
 
     Raises
     ------
     ArgumentError
-        An unknown name, an index outside 1 to 100, normals of another size.
+        An unknown name, an index outside 1 to 100, lobes outside 1 to 3, normals of another size.
     GeometryError
         Lights that cannot determine normals.
 
@@ -274,7 +320,19 @@ def fit_sbrdf(
     _one_of(pooling, Pooling, "pooling")
     _one_of(extraction, Extraction, "extraction")
     index = refractive_index(index)
+    if pooling == "pixel":
+        lobes = lobe_count(lobes)
     stereo = _stereo(stack, normals, threads, progress)
+    if pooling == "pixel":
+        return fit_lobes(
+            stack,
+            stereo,
+            lobes=lobes,
+            ambient=ambient,
+            index=index,
+            threads=threads,
+            progress=progress,
+        )
     with reporting(progress, "gloss") as callback:
         pooled = _core.fit_pooled(
             StackArguments.of(stack),

@@ -21,8 +21,9 @@ from impasto.rig import DistantLight, Light, PointLight, Rig
 class SavedMaps:
     """The arrays of an open file, by name."""
 
-    def __init__(self, path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    def __init__(self, path: Path, kind: str, arrays: Mapping[str, NDArray[Any]]) -> None:
         self.path = path
+        self.kind = kind
         self.arrays = arrays
 
     def take(self, name: str) -> Any:
@@ -68,7 +69,7 @@ def write_maps(path: str | os.PathLike[str], kind: str, arrays: Mapping[str, NDA
 
 
 @contextmanager
-def read_maps(path: str | os.PathLike[str], kind: str) -> Iterator[SavedMaps]:
+def read_maps(path: str | os.PathLike[str], *kinds: str) -> Iterator[SavedMaps]:
     """The arrays of a result; whatever fails while they are looked at is the file's fault."""
     target = Path(path)
     try:
@@ -80,10 +81,10 @@ def read_maps(path: str | os.PathLike[str], kind: str) -> Iterator[SavedMaps]:
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
         raise CorruptInputError(target, f"cannot be read as .npz ({error})") from error
     found = str(arrays.get("kind", "something else"))
-    if found != kind:
-        raise CorruptInputError(target, f"holds {found}, not {kind}")
+    if found not in kinds:
+        raise CorruptInputError(target, f"holds {found}, not {' or '.join(kinds)}")
     try:
-        yield SavedMaps(target, arrays)
+        yield SavedMaps(target, found, arrays)
     except CorruptInputError:
         raise
     except (TypeError, ValueError, IndexError, ImpastoError) as error:

@@ -189,6 +189,21 @@ impl<R: Real> Facet<R> {
     }
 }
 
+impl Facet<f64> {
+    /// The same facet in every lane.
+    #[must_use]
+    #[inline(always)]
+    pub fn splat<R: Real>(&self) -> Facet<R> {
+        Facet {
+            light: self.light.splat(),
+            view: self.view.splat(),
+            half: self.half.splat(),
+            twice_over_v_h: R::of(self.twice_over_v_h),
+            fresnel: R::of(self.fresnel),
+        }
+    }
+}
+
 impl<R: Real> Glint<R> {
     /// `D = exp(-k phi^2)`.
     #[must_use]

@@ -1,8 +1,8 @@
 //! Geometry becomes colour: one matrix and one vector per illuminant.
 
-use super::block::{BLOCK, Block, Plane};
+use super::block::{BLOCK, Block, Plane, copied};
 use crate::math::{Isa, Real};
-use crate::scene::Colour;
+use crate::scene::{Colour, Lamp};
 
 /// Adds `matrix @ coefficients * diffuse + interface * specular`, and clears both for the next
 /// colour.
@@ -25,4 +25,39 @@ pub(crate) fn colour<I: Isa>(block: &mut Block, coefficients: &[Plane], colour: 
     }
     block.diffuse.fill(0.0);
     block.specular.fill(0.0);
+}
+
+/// Adds `matrix @ coefficients * value`, coefficients `(k, y, x)`.
+#[inline(always)]
+pub(crate) fn shine<I: Isa>(
+    block: &mut Block,
+    value: &Plane,
+    coefficients: &[f32],
+    colour: &Colour,
+    (start, count): (usize, usize),
+) {
+    let pixels = coefficients.len() / colour.diffuse.len();
+    let mut plane = [0.0; BLOCK];
+    for (number, column) in colour.diffuse.iter().enumerate() {
+        copied(coefficients, number * pixels + start, count, &mut plane);
+        for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
+            let shown = I::F32::load(&plane[lane..]) * I::F32::load(&value[lane..]);
+            for (light, &weight) in block.light.iter_mut().zip(column) {
+                let sum = I::F32::load(&light[lane..]);
+                shown.mul_add(I::F32::of(weight), sum).store(&mut light[lane..]);
+            }
+        }
+    }
+}
+
+/// Adds what the surface shows whatever the lamp's direction.
+#[inline(always)]
+pub(crate) fn ambient<I: Isa>(
+    block: &mut Block,
+    lamp: &Lamp,
+    coefficients: &[f32],
+    colour: &Colour,
+    range: (usize, usize),
+) {
+    shine::<I>(block, &[lamp.intensity as f32; BLOCK], coefficients, colour, range);
 }

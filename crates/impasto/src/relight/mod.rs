@@ -43,6 +43,17 @@ pub struct Coat<'a> {
     pub index: f64,
 }
 
+/// A lobe with a strength per reflectance coefficient: gilding, metal leaf, bronzing.
+#[derive(Clone, Copy, Debug)]
+pub struct Tinted<'a> {
+    /// Strength `(k, y, x)`.
+    pub strength: &'a [f32],
+    /// Half-width of the facets' tilt, radians; of no account where the strength is 0.
+    pub gamma: Parameter<'a>,
+    /// Index of refraction.
+    pub index: f64,
+}
+
 /// The maps of a painting.
 #[derive(Clone, Debug)]
 pub struct Surface<'a> {
@@ -54,6 +65,10 @@ pub struct Surface<'a> {
     pub coefficients: &'a [f32],
     /// One entry per interface; none for a matte painting.
     pub coats: Vec<Coat<'a>>,
+    /// Lobes of the material's own colour.
+    pub tinted: Vec<Tinted<'a>>,
+    /// Coefficients `(k, y, x)` of what the surface shows whatever a lamp's direction.
+    pub ambient: Option<&'a [f32]>,
     /// Height in mm, `(y, x)`: given, shadows are cast.
     pub height: Option<&'a [f32]>,
 }
@@ -74,6 +89,8 @@ enum Stage<'a> {
     Shadow(Vec<f32>),
     Diffuse(&'a Lamp),
     Specular(&'a Lamp, Coat<'a>),
+    Tinted(&'a Lamp, Tinted<'a>, &'a Colour),
+    Ambient(&'a Lamp, &'a [f32], &'a Colour),
     Colour(&'a Colour),
 }
 
@@ -143,6 +160,14 @@ fn check(surface: &Surface<'_>, scene: &Scene) -> Result<()> {
         Parameter::Everywhere(_) => true,
         Parameter::Map(map) => map.len() == pixels,
     };
+    let planes = scene.coefficients() * pixels;
+    let whole = |tinted: &Tinted<'_>| tinted.strength.len() == planes && fits(tinted.gamma);
+    if !surface.tinted.iter().all(whole) {
+        return Err(Error::argument("specular", "expected (k, y, x) and gamma a number or (y, x)"));
+    }
+    if surface.ambient.is_some_and(|ambient| ambient.len() != planes) {
+        return Err(Error::argument("ambient", "expected (k, y, x)"));
+    }
     if !surface.coats.iter().all(|coat| fits(coat.beta) && fits(coat.gamma)) {
         return Err(Error::argument("beta", "beta and gamma are numbers or maps (y, x)"));
     }
@@ -167,6 +192,9 @@ fn stages<'a>(
             if effects.specular {
                 stages.extend(surface.coats.iter().map(|&coat| Stage::Specular(lamp, coat)));
             }
+            let tinted = |&tinted| Stage::Tinted(lamp, tinted, colour);
+            stages.extend(surface.tinted.iter().map(tinted));
+            stages.extend(surface.ambient.map(|ambient| Stage::Ambient(lamp, ambient, colour)));
         }
         stages.push(Stage::Colour(colour));
     }
@@ -223,6 +251,12 @@ impl Kernel for Shade<'_, '_> {
                     Stage::Diffuse(lamp) => diffuse::diffuse::<I>(block, lamp),
                     Stage::Specular(lamp, coat) => {
                         specular::specular::<I>(block, lamp, coat, view, (at, count));
+                    }
+                    Stage::Tinted(lamp, tinted, colour) => {
+                        specular::tinted::<I>(block, lamp, tinted, colour, view, (at, count));
+                    }
+                    Stage::Ambient(lamp, ambient, colour) => {
+                        colour::ambient::<I>(block, lamp, ambient, colour, (at, count));
                     }
                     Stage::Colour(colour) => colour::colour::<I>(block, coefficients, colour),
                 }

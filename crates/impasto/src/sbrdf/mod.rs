@@ -8,6 +8,7 @@ mod extract;
 pub mod histogram;
 mod joint;
 mod lanes;
+mod lobes;
 mod measure;
 mod pixel;
 mod pooled;
@@ -20,6 +21,10 @@ mod tile;
 mod verdict;
 
 pub use extract::Extraction;
+pub use lobes::{
+    LobeMaps, LobeModel, LobeOptions, MAX_SHAPES, MOST_LOBES, Slope, TorranceSparrow, Visit,
+    fit_lobes,
+};
 pub use pooled::{Pooled, PooledOptions, fit_pooled};
 pub use predict::{Coats, Surface, predict};
 pub use predict_lobes::{LobeSurface, predict_lobes};

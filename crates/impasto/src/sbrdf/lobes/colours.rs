@@ -1,0 +1,161 @@
+//! What enters a sample linearly: non-negative least squares over a few columns, in lanes.
+
+use crate::lm::{Factor, factor};
+use crate::math::{Mask, Real};
+
+/// Changes of the free columns at most: two per column are what hard cases take.
+const CHANGES_PER_COLUMN: usize = 3;
+
+/// Slope of a column at 0, relative to what its samples could pull, below which it stays there.
+const FLAT: f64 = 1e-5;
+
+/// Sums over a band's samples: `gram = sum w c c'` (lower triangle) and `right = sum w c y`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sums<R, const K: usize> {
+    gram: [[R; K]; K],
+    right: [R; K],
+    square: R,
+}
+
+impl<R: Real, const K: usize> Sums<R, K> {
+    #[inline(always)]
+    pub(super) fn zero() -> Self {
+        Self { gram: [[R::zero(); K]; K], right: [R::zero(); K], square: R::zero() }
+    }
+
+    /// Adds a sample with its columns.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
+    pub(super) fn add(&mut self, columns: &[R; K], weight: R, sample: R) {
+        let pull = weight * sample;
+        self.square = pull.mul_add(sample, self.square);
+        for i in 0..K {
+            let heavy = weight * columns[i];
+            self.right[i] = pull.mul_add(columns[i], self.right[i]);
+            for j in 0..=i {
+                self.gram[i][j] = heavy.mul_add(columns[j], self.gram[i][j]);
+            }
+        }
+    }
+
+    /// The colours that leave the smallest residuals, none negative; the columns in `barred` stay
+    /// 0. Block principal pivoting (Portugal, Judice and Vicente 1994): columns change sides all
+    /// at once as long as that helps, then one at a time (Murty), which always ends.
+    #[inline(always)]
+    pub(super) fn solve(&self, barred: &[bool; K]) -> Colours<R, K> {
+        let zero = R::zero();
+        let mut held = [R::Mask::splat(false); K];
+        for ((held, barred), (i, row)) in
+            held.iter_mut().zip(barred).zip(self.gram.iter().enumerate())
+        {
+            *held = R::Mask::splat(*barred) | !row[i].gt(zero);
+        }
+        let never = held;
+        let mut change = 0;
+        loop {
+            let factor = factor(&self.gram, zero, &held);
+            let mut values = factor.solve(&self.right);
+            let mut wrong = [R::Mask::splat(false); K];
+            let mut any = R::Mask::splat(false);
+            for i in 0..K {
+                let mut slope = self.right[i];
+                for (j, &value) in values.iter().enumerate() {
+                    let entry = if i >= j { self.gram[i][j] } else { self.gram[j][i] };
+                    slope = (-entry).mul_add(value, slope);
+                }
+                let reach = R::of(FLAT) * (self.gram[i][i] * self.square).sqrt();
+                let wanted = held[i] & !never[i] & slope.gt(reach);
+                wrong[i] = wanted | (!held[i] & values[i].lt(zero));
+                any = any | wrong[i];
+            }
+            change += 1;
+            if !any.any() || change == CHANGES_PER_COLUMN * K {
+                for value in &mut values {
+                    *value = value.max(zero);
+                }
+                return Colours { values, factor };
+            }
+            // A lane that is right keeps its columns: its neighbours change nothing for it.
+            let one_by_one = change > K;
+            let mut taken = R::Mask::splat(false);
+            for i in (0..K).rev() {
+                let swap = if one_by_one { wrong[i] & !taken } else { wrong[i] };
+                taken = taken | swap;
+                held[i] = (held[i] & !swap) | (!held[i] & swap);
+            }
+        }
+    }
+}
+
+/// A band's colours: diffuse, one per lobe, ambient.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Colours<R: Real, const K: usize> {
+    pub(super) values: [R; K],
+    /// Of the columns that are free.
+    pub(super) factor: Factor<R, K>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All subsets of columns, tried one by one.
+    fn exhaustive(sums: &Sums<f64, 4>) -> f64 {
+        let mut best = 0.0_f64;
+        for subset in 0..16 {
+            let held: [bool; 4] = core::array::from_fn(|i| subset >> i & 1 == 0);
+            let x = factor(&sums.gram, 0.0, &held).solve(&sums.right);
+            if x.iter().all(|&x| x >= 0.0) {
+                let gain: f64 = x.iter().zip(&sums.right).map(|(x, b)| x * b).sum();
+                best = best.max(gain);
+            }
+        }
+        best
+    }
+
+    #[test]
+    fn it_finds_what_trying_every_subset_finds() {
+        let mut seed = 1_u64;
+        let mut random = move || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963);
+            (seed >> 40) as f64 / f64::from(1 << 24)
+        };
+        for round in 0..500 {
+            let mut sums = Sums::<f64, 4>::zero();
+            for _ in 0..12 {
+                // Columns that overlap, as wide lobes and a cosine do.
+                let shared = random();
+                let columns = core::array::from_fn(|_| 0.3 * random() + shared);
+                sums.add(&columns, random(), random() - 0.3 * f64::from(round % 3));
+            }
+            let found = sums.solve(&[false; 4]);
+            assert!(found.values.iter().all(|&x| x >= 0.0));
+            let gain = |x: &[f64; 4]| {
+                let mut gain = 0.0;
+                for i in 0..4 {
+                    gain += 2.0 * x[i] * sums.right[i];
+                    for j in 0..4 {
+                        gain -= x[i] * x[j] * sums.gram[i.max(j)][i.min(j)];
+                    }
+                }
+                gain
+            };
+            // Slopes of FLAT are left alone; what they could bring is their square.
+            let best = exhaustive(&sums);
+            assert!(gain(&found.values) >= best - 1e-9 * sums.square, "{round}");
+        }
+    }
+
+    #[test]
+    fn a_column_that_is_barred_or_dark_stays_0() {
+        let mut sums = Sums::<f64, 3>::zero();
+        for i in 0..5 {
+            let t = f64::from(i);
+            sums.add(&[1.0, t, 0.0], 1.0, 1.0 + t);
+        }
+        let found = sums.solve(&[false; 3]).values;
+        assert!((found[0] - 1.0).abs() < 1e-12 && (found[1] - 1.0).abs() < 1e-12);
+        assert_eq!(found[2], 0.0);
+        assert_eq!(sums.solve(&[true, false, false]).values[0], 0.0);
+    }
+}

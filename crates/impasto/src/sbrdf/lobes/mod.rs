@@ -1,0 +1,26 @@
+//! Every pixel's own lobes, about a normal that is free:
+//!
+//! ```text
+//! y = E (rho_b (N.L) + sum over lobes of  s_b lobe(N, L, V; shape)) + ambient_b
+//! ```
+//!
+//! A lobe of a [`model`] has a shape and, in every band, a strength: neutral varnish and tinted
+//! gold are the same model. Shapes and normal are searched for ([`search`]), everything that
+//! enters linearly follows from them in closed form ([`colours`]): the search has two unknowns for
+//! the normal and a few per lobe, however many bands there are. [`fit_lobes`] goes about it tile
+//! by tile.
+
+mod colours;
+mod fit;
+mod maps;
+mod model;
+mod search;
+mod settle;
+mod sight;
+mod tile;
+mod torrance_sparrow;
+
+pub use fit::{LobeOptions, fit_lobes};
+pub use maps::{LobeMaps, MOST_LOBES};
+pub use model::{LobeModel, MAX_SHAPES, Slope, Visit};
+pub use torrance_sparrow::TorranceSparrow;

@@ -1,0 +1,288 @@
+//! The search for shapes and normal, the colours following in closed form (variable projection).
+//!
+//! The unknowns are two tilts of the normal about where it stood, and the lobes' shapes. At every
+//! place the colours of each band are the non-negative least-squares solution there, so that the
+//! cost is that of the best colours; its gradient is that with the colours held, and its matrix
+//! the Schur complement of the colours that are not 0 (Kaufman 1975; Golub and Pereyra 1973).
+
+use core::cell::RefCell;
+
+use crate::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Reason, Rows, fit};
+use crate::math::{Level, Real, Vec3};
+use crate::sbrdf::pixel::tangents;
+
+use super::colours::Sums;
+use super::maps::MOST_LOBES;
+use super::model::{LobeModel, MAX_SHAPES, Visit};
+use super::sight::Sight;
+use super::tile::{Place, Plate};
+
+/// Farthest that one search tilts a normal: beyond 1.4 rad there is no surface to be seen.
+const STEEPEST: f64 = 6.0;
+
+/// What is typical of the painting's lobes, and how much that counts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Prior {
+    pub(super) shapes: [[f32; MAX_SHAPES]; MOST_LOBES],
+    /// 0: not at all.
+    pub(super) strength: f32,
+}
+
+/// One search for many pixels with the same number of lobes.
+pub(super) struct Search<'a, M: LobeModel, I> {
+    pub(super) sight: &'a Sight<'a, M>,
+    pub(super) plate: &'a Plate,
+    pub(super) x: &'a [f32],
+    pub(super) y: &'a [f32],
+    pub(super) ambient: bool,
+    pub(super) free: bool,
+    pub(super) prior: &'a Prior,
+    /// Where each pixel starts.
+    pub(super) starts: &'a [Place],
+    /// The best place so far; replaced where the search ends at a smaller cost.
+    pub(super) found: &'a mut [Place],
+    pub(super) pixels: I,
+    pub(super) lobes: usize,
+    pub(super) options: &'a Options,
+    pub(super) level: Level,
+}
+
+impl<M: LobeModel, I: Iterator<Item = usize>> Search<'_, M, I> {
+    pub(super) fn run(self) {
+        M::dispatch(self.lobes, self);
+    }
+}
+
+impl<M: LobeModel, I: Iterator<Item = usize>> Visit for Search<'_, M, I> {
+    type Output = ();
+
+    fn visit<const J: usize, const K: usize, const N: usize>(self) {
+        let tilt = if self.free { STEEPEST as f32 } else { 0.0 };
+        let mut bounds = Bounds { lower: [-tilt; N], upper: [tilt; N] };
+        let [lower, upper] = self.sight.model.bounds();
+        for (unknown, shape) in (2..N).zip((0..M::SHAPES).cycle()) {
+            bounds.lower[unknown] = lower[shape] as f32;
+            bounds.upper[unknown] = upper[shape] as f32;
+        }
+        let record = Lanes::<M, J, K, N>::RECORD;
+        let scratch = vec![0.0; record * self.sight.photographs() * crate::math::lanes::MAX_LANES];
+        let mut lanes = Lanes::<M, J, K, N> {
+            sight: self.sight,
+            plate: self.plate,
+            x: self.x,
+            y: self.y,
+            barred: core::array::from_fn(|column| column == K - 1 && !self.ambient),
+            prior: self.prior,
+            starts: self.starts,
+            found: self.found,
+            scratch: RefCell::new(scratch),
+        };
+        fit(self.level, &mut lanes, self.pixels, &bounds, self.options);
+    }
+}
+
+struct Lanes<'a, M: LobeModel, const J: usize, const K: usize, const N: usize> {
+    sight: &'a Sight<'a, M>,
+    plate: &'a Plate,
+    x: &'a [f32],
+    y: &'a [f32],
+    barred: [bool; K],
+    prior: &'a Prior,
+    starts: &'a [Place],
+    found: &'a mut [Place],
+    /// Columns and their derivatives, photograph by photograph, all lanes.
+    scratch: RefCell<Vec<f32>>,
+}
+
+impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Lanes<'_, M, J, K, N> {
+    /// Numbers per photograph: the diffuse column and its derivatives by two tilts, and for every
+    /// lobe the same and its derivatives by its shape.
+    const RECORD: usize = 3 * (J + 1) + J * M::SHAPES;
+
+    /// Writes the columns of all photographs at a place to the scratch memory.
+    #[inline(always)]
+    fn look<R: Real<Scalar = f32>>(
+        &self,
+        scratch: &mut [f32],
+        (x, y): (R, R),
+        normal: Vec3<R>,
+        tilts: [Vec3<R>; 2],
+        at: &[R; N],
+    ) {
+        let zero = R::zero();
+        let lobes: [M::Lobe<R>; J] =
+            core::array::from_fn(|j| {
+                let shape = core::array::from_fn(|s| {
+                    if s < M::SHAPES { at[2 + j * M::SHAPES + s] } else { zero }
+                });
+                self.sight.model.lobe(shape)
+            });
+        let records = scratch.chunks_exact_mut(Self::RECORD * R::WIDTH);
+        for (photograph, out) in records.take(self.sight.photographs()).enumerate() {
+            let (towards, irradiance, pair) = self.sight.at(photograph, x, y);
+            let cosine = normal.dot(towards);
+            let lit = R::keep(cosine.gt(zero), irradiance);
+            let mut place = 0;
+            let mut put = |value: R| {
+                value.store(&mut out[place..]);
+                place += R::WIDTH;
+            };
+            put(cosine * lit);
+            put(tilts[0].dot(towards) * lit);
+            put(tilts[1].dot(towards) * lit);
+            for lobe in &lobes {
+                let slope = self.sight.model.slope(lobe, &pair, normal);
+                put(slope.value * irradiance);
+                put(tilts[0].dot(slope.normal) * irradiance);
+                put(tilts[1].dot(slope.normal) * irradiance);
+                for &by_shape in &slope.shape[..M::SHAPES] {
+                    put(by_shape * irradiance);
+                }
+            }
+        }
+    }
+}
+
+/// The normal after two tilts about `start`, and its derivatives.
+#[inline(always)]
+fn tilted<R: Real>(start: Vec3<R>, p: R, q: R) -> (Vec3<R>, [Vec3<R>; 2]) {
+    let [across, along] = tangents(start);
+    let long = across.mul_add(p, along.mul_add(q, start));
+    let shrink = long.length().recip();
+    let normal = long.scale(shrink);
+    let slope = |axis: Vec3<R>| normal.mul_add(-normal.dot(axis), axis).scale(shrink);
+    (normal, [slope(across), slope(along)])
+}
+
+impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
+    for Lanes<'_, M, J, K, N>
+{
+    fn rows(&self) -> usize {
+        2 * self.plate.planes() + 6
+    }
+
+    fn load(&mut self, pixel: usize, column: &mut Column<'_, f32>) -> [f32; N] {
+        let Place { normal: [nx, ny, nz], shapes, cost, .. } = self.starts[pixel];
+        let planes = self.plate.planes() as f32;
+        // The prior counts as so many samples of typical residual.
+        let trust =
+            if cost.is_finite() { self.prior.strength * (cost / planes).sqrt() } else { 0.0 };
+        let rest = [nx, ny, nz, self.x[pixel], self.y[pixel], trust];
+        let weights = self.plate.weights_of(pixel);
+        column.fill(self.plate.column(pixel).chain(weights).chain(rest));
+        core::array::from_fn(|unknown| match unknown {
+            0 | 1 => 0.0,
+            _ => shapes[(unknown - 2) / M::SHAPES][(unknown - 2) % M::SHAPES],
+        })
+    }
+
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
+    fn normal<R: Real<Scalar = f32>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
+        let zero = R::zero();
+        let (planes, bands) = (self.plate.planes(), self.plate.bands);
+        let rest = |number: usize| rows.get(2 * planes + number);
+        let (normal, tilts) = tilted(Vec3::new(rest(0), rest(1), rest(2)), at[0], at[1]);
+        let mut scratch = self.scratch.borrow_mut();
+        self.look(&mut scratch, (rest(3), rest(4)), normal, tilts, &at);
+        let record = Self::RECORD;
+        let get = |photograph: usize, number: usize| -> R {
+            R::load(&scratch[(photograph * record + number) * R::WIDTH..])
+        };
+        // Of a lobe's numbers the first is its value.
+        let first =
+            |column: usize| if column == 0 { 0 } else { 3 + (column - 1) * (3 + M::SHAPES) };
+        let mut total = Normal::zero();
+        for band in 0..bands {
+            let mut sums = Sums::<R, K>::zero();
+            for photograph in 0..self.sight.photographs() {
+                let plane = photograph * bands + band;
+                let columns = core::array::from_fn(|column| {
+                    if column == K - 1 { R::one() } else { get(photograph, first(column)) }
+                });
+                sums.add(&columns, rows.get(planes + plane), rows.get(plane));
+            }
+            let colours = sums.solve(&self.barred);
+            let mut mixed = [[zero; N]; K];
+            for photograph in 0..self.sight.photographs() {
+                let plane = photograph * bands + band;
+                let (sample, weight) = (rows.get(plane), rows.get(planes + plane));
+                let mut slope = [zero; N];
+                let mut columns = [R::one(); K];
+                let mut residual = sample - colours.values[K - 1];
+                for column in 0..=J {
+                    let colour = colours.values[column];
+                    let number = first(column);
+                    columns[column] = get(photograph, number);
+                    residual = (-colour).mul_add(columns[column], residual);
+                    slope[0] = colour.mul_add(get(photograph, number + 1), slope[0]);
+                    slope[1] = colour.mul_add(get(photograph, number + 2), slope[1]);
+                    if column > 0 {
+                        for s in 0..M::SHAPES {
+                            slope[2 + (column - 1) * M::SHAPES + s] =
+                                colour * get(photograph, number + 3 + s);
+                        }
+                    }
+                }
+                let pull = weight * residual;
+                total.cost = pull.mul_add(residual, total.cost);
+                for i in 0..N {
+                    total.descent[i] = pull.mul_add(slope[i], total.descent[i]);
+                    let heavy = weight * slope[i];
+                    for j in 0..=i {
+                        total.matrix[i][j] = heavy.mul_add(slope[j], total.matrix[i][j]);
+                    }
+                    for column in 0..K {
+                        mixed[column][i] = heavy.mul_add(columns[column], mixed[column][i]);
+                    }
+                }
+            }
+            for i in 0..N {
+                let follow = colours.factor.solve(&core::array::from_fn(|column| mixed[column][i]));
+                for j in 0..=i {
+                    for column in 0..K {
+                        total.matrix[i][j] =
+                            (-mixed[column][j]).mul_add(follow[column], total.matrix[i][j]);
+                    }
+                }
+            }
+        }
+        let trust = rest(5);
+        for unknown in 2..N {
+            let (lobe, shape) = ((unknown - 2) / M::SHAPES, (unknown - 2) % M::SHAPES);
+            let residual = trust * (R::splat(self.prior.shapes[lobe][shape]) - at[unknown]);
+            total.cost = residual.mul_add(residual, total.cost);
+            total.descent[unknown] = trust.mul_add(residual, total.descent[unknown]);
+            total.matrix[unknown][unknown] = trust.mul_add(trust, total.matrix[unknown][unknown]);
+        }
+        total
+    }
+
+    fn store(&mut self, pixel: usize, outcome: &Outcome<f32, N>) {
+        let cost = outcome.normal.cost;
+        let better = outcome.reason != Reason::NotFinite && cost < self.found[pixel].cost;
+        if !better {
+            return;
+        }
+        let [x, y, z] = self.starts[pixel].normal;
+        let [p, q, shapes @ ..] = outcome.parameters.as_slice() else { return };
+        let (normal, _) = tilted(Vec3::new(x, y, z), *p, *q);
+        let mut place = Place { normal: normal.array(), lobes: J, cost, ..self.starts[pixel] };
+        for (number, &shape) in shapes.iter().enumerate() {
+            place.shapes[number / M::SHAPES][number % M::SHAPES] = shape;
+        }
+        let covariance = outcome.covariance(1.0);
+        place.normal_spread = worst(covariance[0][0], covariance[1][0], covariance[1][1]);
+        for lobe in 0..J {
+            let unknown = 2 + lobe * M::SHAPES;
+            place.shape_spread[lobe] = covariance[unknown][unknown].sqrt();
+        }
+        self.found[pixel] = place;
+    }
+}
+
+/// Root of the larger eigenvalue of a symmetric 2 x 2 matrix.
+fn worst(xx: f32, xy: f32, yy: f32) -> f32 {
+    let (middle, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+    (middle + (half.mul_add(half, xy * xy)).sqrt()).sqrt()
+}

@@ -1,0 +1,179 @@
+//! Colours where the shapes are known, what they leave, and what the samples are worth after it.
+
+use crate::math::lanes::{Isa, MAX_LANES};
+use crate::math::{Kernel, Real, Vec3};
+
+use super::colours::Sums;
+use super::maps::MOST_LOBES;
+use super::model::{LobeModel, MAX_SHAPES, Visit};
+use super::sight::Sight;
+use super::tile::{Place, Plate, TILE};
+use crate::math::Level;
+
+/// Columns of [`Settled::colours`]: diffuse, lobes, ambient.
+pub(super) const COLUMNS: usize = MOST_LOBES + 2;
+
+/// Share of a pixel's mean sample below which noise does not shrink with the light.
+const FLOOR: f64 = 0.02;
+
+/// What stands beside the places of a tile.
+pub(super) struct Settled {
+    /// `(band, column, pixel)`.
+    pub(super) colours: Vec<f32>,
+    /// Root mean square of the residuals, linear light.
+    pub(super) residual: Vec<f32>,
+    /// Weighted mean square of the residuals.
+    pub(super) variance: Vec<f32>,
+}
+
+impl Settled {
+    pub(super) fn new(bands: usize) -> Self {
+        Self {
+            colours: vec![0.0; bands * COLUMNS * TILE],
+            residual: vec![0.0; TILE],
+            variance: vec![0.0; TILE],
+        }
+    }
+}
+
+/// One pass over a tile's pixels.
+pub(super) struct Settle<'a, M: LobeModel> {
+    pub(super) sight: &'a Sight<'a, M>,
+    pub(super) x: &'a [f32],
+    pub(super) y: &'a [f32],
+    pub(super) places: &'a [Place],
+    pub(super) ambient: bool,
+    /// Weights are renewed by the residuals.
+    pub(super) reweigh: bool,
+    pub(super) plate: &'a mut Plate,
+    pub(super) settled: &'a mut Settled,
+    pub(super) lobes: usize,
+    pub(super) level: Level,
+}
+
+impl<M: LobeModel> Settle<'_, M> {
+    pub(super) fn run(self) {
+        M::dispatch(self.lobes, self);
+    }
+}
+
+impl<M: LobeModel> Visit for Settle<'_, M> {
+    type Output = ();
+
+    fn visit<const J: usize, const K: usize, const N: usize>(self) {
+        let level = self.level;
+        level.run(Pass::<M, J, K>(self));
+    }
+}
+
+struct Pass<'a, M: LobeModel, const J: usize, const K: usize>(Settle<'a, M>);
+
+/// Numbers of the places from `at` on, as lanes; those beyond the last repeat it.
+#[inline(always)]
+fn gather<R: Real<Scalar = f32>>(places: &[Place], at: usize, number: impl Fn(&Place) -> f32) -> R {
+    let mut lanes = [0.0; MAX_LANES];
+    for (lane, value) in lanes.iter_mut().enumerate().take(R::WIDTH) {
+        *value = number(&places[(at + lane).min(places.len() - 1)]);
+    }
+    R::load(&lanes)
+}
+
+impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let Settle { sight, x, y, places, ambient, reweigh, plate, settled, .. } = self.0;
+        let (zero, one) = (I::F32::zero(), I::F32::one());
+        let bands = plate.bands;
+        let photographs = sight.photographs();
+        let barred = core::array::from_fn(|column| column == K - 1 && !ambient);
+        let mut columns = vec![[zero; K]; photographs];
+        let mut shown = vec![zero; plate.planes()];
+        let mut at = 0;
+        while at < places.len() {
+            let normal = Vec3::new(
+                gather(places, at, |p| p.normal[0]),
+                gather(places, at, |p| p.normal[1]),
+                gather(places, at, |p| p.normal[2]),
+            );
+            let count: I::F32 = gather(places, at, |p| p.lobes as f32);
+            let lobes: [M::Lobe<I::F32>; J] = core::array::from_fn(|j| {
+                let shape: [I::F32; MAX_SHAPES] =
+                    core::array::from_fn(|s| gather(places, at, |p| p.shapes[j][s]));
+                sight.model.lobe(shape)
+            });
+            let (px, py) = (I::F32::load(&x[at..]), I::F32::load(&y[at..]));
+            for (photograph, columns) in columns.iter_mut().enumerate() {
+                let (towards, irradiance, pair) = sight.at(photograph, px, py);
+                let cosine = normal.dot(towards);
+                columns[0] = I::F32::keep(cosine.gt(zero), cosine * irradiance);
+                for (j, lobe) in lobes.iter().enumerate() {
+                    let value = sight.model.value(lobe, &pair, normal) * irradiance;
+                    // A pixel without this lobe has a column of zeros.
+                    columns[1 + j] = I::F32::keep(count.gt(I::F32::of(j as f64)), value);
+                }
+                columns[K - 1] = one;
+            }
+            let (mut light, mut used) = (zero, zero);
+            for band in 0..bands {
+                let mut sums = Sums::<I::F32, K>::zero();
+                for (photograph, columns) in columns.iter().enumerate() {
+                    let (sample, weight, _) = look::<I::F32>(plate, photograph * bands + band, at);
+                    sums.add(columns, weight, sample);
+                    light = light + I::F32::keep(weight.gt(zero), sample);
+                    used = used + I::F32::keep(weight.gt(zero), one);
+                }
+                let colours = sums.solve(&barred).values;
+                for (column, colour) in colours.iter().enumerate() {
+                    let column = if column == K - 1 { COLUMNS - 1 } else { column };
+                    colour.store(&mut settled.colours[(band * COLUMNS + column) * TILE + at..]);
+                }
+                for (photograph, columns) in columns.iter().enumerate() {
+                    let mut value = zero;
+                    for (column, colour) in columns.iter().zip(colours) {
+                        value = colour.mul_add(*column, value);
+                    }
+                    shown[photograph * bands + band] = value;
+                }
+            }
+            let floor = I::F32::of(FLOOR) * light / used.max(one);
+            let (mut sum, mut plain, mut weighted) = (zero, zero, zero);
+            for (plane, &shown) in shown.iter().enumerate() {
+                let (sample, weight, _) = look::<I::F32>(plate, plane, at);
+                let residual = I::F32::keep(weight.gt(zero), sample - shown);
+                plain = residual.mul_add(residual, plain);
+                weighted = (weight * residual).mul_add(residual, weighted);
+                sum = sum + residual.abs() / shown.max(floor).sqrt();
+            }
+            (plain / used.max(one)).sqrt().store(&mut settled.residual[at..]);
+            (weighted / used.max(one)).store(&mut settled.variance[at..]);
+            if reweigh {
+                // Beyond the mean absolute residual, residuals count by their size, not its square.
+                let scale = sum / used.max(one);
+                let bend = I::F32::keep(scale.gt(zero), scale.recip());
+                for (plane, &shown) in shown.iter().enumerate() {
+                    let (sample, weight, clipped) = look::<I::F32>(plate, plane, at);
+                    let variance = shown.max(floor);
+                    let far = (sample - shown) / variance.sqrt() * bend;
+                    let fresh = (far.mul_add(far, one).sqrt() * variance).recip();
+                    // A clipped sample says that there was at least so much light.
+                    let silent = clipped & shown.ge(sample);
+                    let known = weight.gt(zero) | clipped;
+                    let fresh = I::F32::keep(known & !silent & variance.gt(zero), fresh);
+                    fresh.store(&mut plate.weights[plane * TILE + at..]);
+                }
+            }
+            at += I::F32::WIDTH;
+        }
+    }
+}
+
+/// Sample, weight and whether the sample is clipped (then it is what it reached at least).
+#[inline(always)]
+fn look<R: Real<Scalar = f32>>(plate: &Plate, plane: usize, at: usize) -> (R, R, R::Mask) {
+    let sample = R::load(&plate.samples[plane * TILE + at..]);
+    let clipped = sample.gt(R::of(f64::from(f32::MAX)));
+    let sample = R::select(clipped, R::splat(plate.ceilings[plane]), sample);
+    (sample, R::load(&plate.weights[plane * TILE + at..]), clipped)
+}

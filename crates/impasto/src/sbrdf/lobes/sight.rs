@@ -1,0 +1,47 @@
+//! Lights and views as a model of lobes sees them.
+
+use crate::geometry::Rig;
+use crate::math::{Real, Vec3};
+
+use super::model::LobeModel;
+
+/// A rig, and what a model knows of its pairs before any pixel is looked at.
+pub(super) struct Sight<'a, M: LobeModel> {
+    pub(super) model: M,
+    rig: &'a Rig,
+    pairs: Vec<M::Pair<f64>>,
+}
+
+impl<'a, M: LobeModel> Sight<'a, M> {
+    pub(super) fn new(model: M, rig: &'a Rig) -> Self {
+        let pairs = rig
+            .lights()
+            .iter()
+            .zip(rig.views())
+            .map(|(light, &view)| model.pair(light.direction(), view))
+            .collect();
+        Self { model, rig, pairs }
+    }
+
+    pub(super) fn photographs(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// The normal that would mirror a photograph's light into its view.
+    pub(super) fn facing(&self, photograph: usize) -> Vec3<f64> {
+        self.model.facing(&self.pairs[photograph])
+    }
+
+    /// Direction to the light, irradiance and the pair, from the points `(x, y, 0)`.
+    #[inline(always)]
+    pub(super) fn at<R: Real>(&self, photograph: usize, x: R, y: R) -> (Vec3<R>, R, M::Pair<R>) {
+        let light = self.rig.lights()[photograph];
+        let (towards, irradiance) = light.at(x, y);
+        let pair = if light.is_distant() {
+            self.model.spread(&self.pairs[photograph])
+        } else {
+            self.model.pair(towards, self.rig.views()[photograph].splat())
+        };
+        (towards, irradiance, pair)
+    }
+}
