@@ -19,6 +19,8 @@ class BuildInfo(TypedDict):
     simd: str
 
 STATUS: list[tuple[str, int]]
+CONDITION_LIMIT: float
+RANK_LIMIT: float
 
 def build_info() -> BuildInfo: ...
 

@@ -49,5 +49,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(spectral::spectral_estimator, module)?)?;
     module.add_class::<spectral::SpectralEstimator>()?;
     module.add("STATUS", arrays::status_names())?;
+    module.add("CONDITION_LIMIT", impasto::stereo::CONDITION_LIMIT)?;
+    module.add("RANK_LIMIT", impasto::stereo::RANK_LIMIT)?;
     Ok(())
 }

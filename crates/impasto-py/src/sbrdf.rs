@@ -7,7 +7,7 @@ use numpy::{
 use pyo3::prelude::*;
 
 use impasto::Error;
-use impasto::sbrdf::{Coats, Extraction, LobeSurface, PooledOptions, Start, Surface, Verdict};
+use impasto::sbrdf::{Coats, Extraction, LobeSurface, PooledOptions, Start, Surface};
 
 use crate::arrays::{RigArguments, StackArguments};
 use crate::{errors, run};
@@ -180,12 +180,7 @@ pub(crate) fn fit_pooled<'py>(
         beta: pooled.beta,
         gamma: pooled.gamma,
         covariance: pooled.covariance,
-        verdict: match pooled.verdict {
-            Verdict::NoHighlight => "no-highlight",
-            Verdict::AtBound => "at-bound",
-            Verdict::Mixed => "mixed",
-            _ => "fitted",
-        },
+        verdict: pooled.verdict.name(),
         describes: pooled.describes,
         curve: pooled.histogram.curve(CURVE_POINTS),
         path: pooled.path,

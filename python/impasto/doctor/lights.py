@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto import _core
 from impasto.doctor.diagnosis import Finding, counted, named
 from impasto.stack import Stack
 
 Floats = NDArray[np.float64]
 
-_GOOD, _SINGULAR, _WEAK = 6, 100.0, 10.0
+_GOOD = 6
+_WEAK = _core.CONDITION_LIMIT / 3.0
+"""A pixel that loses lights to highlight or shadow is worse off than the rig: leave it a factor
+of three before it is ``ILL_CONDITIONED``. Beyond ``RANK_LIMIT`` every pixel is
+``RANK_DEFICIENT``."""
 _SAME_DEG = 0.5
 _GRAZING_DEG = 5.0
 
@@ -82,7 +87,7 @@ def _conditioning(directions: Floats) -> list[Finding]:
     numbers = {"condition": round(condition, 3)}
     # Measured: half a percent of noise becomes about 0.1 degrees times the condition number.
     cost = f"half a percent of noise turns a normal by about {0.1 * condition:.1f} degrees"
-    if condition > _SINGULAR:
+    if condition > _core.RANK_LIMIT:
         return [
             Finding(
                 "conditioning",

@@ -27,6 +27,19 @@ pub enum Verdict {
     AtBound,
 }
 
+impl Verdict {
+    /// The word for it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Fitted => "fitted",
+            Self::Mixed => "mixed",
+            Self::NoHighlight => "no-highlight",
+            Self::AtBound => "at-bound",
+        }
+    }
+}
+
 /// How far pixels are from the painting's lobe.
 pub(super) struct Agreement {
     /// `(y, x)`: by how much of the painting's strength the pixel's own differs beyond its error,
