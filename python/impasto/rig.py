@@ -139,6 +139,27 @@ class Rig:
         """``(obs,)`` light intensities."""
         return np.array([light.intensity for light in self.lights], dtype=np.float64)
 
+    @property
+    def vectors(self) -> NDArray[np.float64]:
+        """``(obs, 3)`` positions of near lights in mm, directions of distant ones."""
+        return np.array(
+            [x.position if isinstance(x, PointLight) else x.direction for x in self.lights],
+            dtype=np.float64,
+        )
+
+    @property
+    def near(self) -> NDArray[np.bool_]:
+        """``(obs,)`` whether a light is a :class:`PointLight`."""
+        return np.array([isinstance(light, PointLight) for light in self.lights], dtype=np.bool_)
+
+    @property
+    def falloff(self) -> NDArray[np.bool_]:
+        """``(obs,)`` whether a light falls off with the square of its distance."""
+        return np.array(
+            [isinstance(light, PointLight) and light.falloff for light in self.lights],
+            dtype=np.bool_,
+        )
+
     def take(self, indices: Iterable[int]) -> Rig:
         """The rig of some observations, in the order given."""
         picked = [int(i) for i in indices]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
-from impasto.rig import PointLight, Rig
+from impasto.rig import Rig
 from impasto.stack import Stack
 
 ProgressCallback: TypeAlias = Callable[[int, int], object]
@@ -37,20 +37,10 @@ class RigArguments:
     @classmethod
     def of(cls, rig: Rig) -> RigArguments:
         """Directions of distant lights, positions of near ones."""
-        near = [isinstance(light, PointLight) for light in rig.lights]
         return cls(
-            lights=np.array(
-                [
-                    light.position if isinstance(light, PointLight) else light.direction
-                    for light in rig.lights
-                ],
-                dtype=np.float64,
-            ),
-            point=np.array(near, dtype=np.bool_),
-            falloff=np.array(
-                [isinstance(light, PointLight) and light.falloff for light in rig.lights],
-                dtype=np.bool_,
-            ),
+            lights=rig.vectors,
+            point=rig.near,
+            falloff=rig.falloff,
             views=np.ascontiguousarray(rig.views, dtype=np.float64),
             pitch_mm=1.0 if rig.pitch_mm is None else float(rig.pitch_mm),
         )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal, Protocol, TypeAlias, get_args, runtime_checkable
 
 import numpy as np
@@ -14,9 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from impasto import _core
 from impasto.bands import Camera, Integration
 from impasto.colour.wavelengths import Floats, checked_wavelengths
-from impasto.errors import ArgumentError, CorruptInputError
+from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, reporting, thread_count
 from impasto.fit.noise import noise_of_diffuse
+from impasto.io.results import read_maps, write_maps
 from impasto.stack import Stack
 from impasto.training import TrainingSpectra, checked_training
 
@@ -27,6 +27,9 @@ DEFAULT_NOISE = 1e-3
 
 NOISE_FLOOR = 1e-4
 """Measured noise below this is a simulation's or a short stack's luck, not a camera's."""
+
+KIND = "impasto.Reflectance"
+"""Says in a saved file what it holds."""
 
 SEED = 1
 """Fixes the noise replicas, folds and centres: the same call gives the same estimate."""
@@ -94,23 +97,14 @@ class Reflectance:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes an ``.npz``; the file appears whole or not at all."""
-        target = Path(path)
-        partial = target.with_name(target.name + ".part")
-        try:
-            with partial.open("wb") as file:
-                np.savez(
-                    file,
-                    coefficients=self.coefficients,
-                    basis=self.basis,
-                    wavelengths=self.wavelengths,
-                    status=self.status,
-                    info=np.array(json.dumps(self.info)),
-                )
-                file.flush()
-                os.fsync(file.fileno())
-            partial.replace(target)
-        finally:
-            partial.unlink(missing_ok=True)
+        arrays: dict[str, NDArray[Any]] = {
+            "coefficients": self.coefficients,
+            "basis": self.basis,
+            "wavelengths": self.wavelengths,
+            "status": self.status,
+            "info": np.array(json.dumps(self.info)),
+        }
+        write_maps(path, KIND, arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Reflectance:
@@ -119,21 +113,19 @@ class Reflectance:
         Raises
         ------
         CorruptInputError
-            A file that is truncated or holds something else.
+            A file that is truncated, damaged or holds something else; the array is named.
         """
-        try:
-            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-                return cls(
-                    coefficients=file["coefficients"],
-                    basis=file["basis"],
-                    wavelengths=file["wavelengths"],
-                    status=file["status"],
-                    info=json.loads(str(file["info"])),
-                )
-        except FileNotFoundError:
-            raise
-        except Exception as error:
-            raise CorruptInputError(path, f"is not a saved reflectance ({error})") from error
+        with read_maps(path, KIND) as maps:
+            coefficients = maps.array("coefficients", np.float32, (None, None, None))
+            count, height, width = coefficients.shape
+            grid = maps.array("wavelengths", np.float64, (None,))
+            return cls(
+                coefficients=coefficients,
+                basis=maps.array("basis", np.float64, (count, len(grid))),
+                wavelengths=grid,
+                status=maps.array("status", np.uint8, (height, width)),
+                info=json.loads(str(maps.array("info", np.str_, ()))),
+            )
 
 
 def fit_reflectance(

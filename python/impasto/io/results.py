@@ -1,10 +1,8 @@
-"""Results of a fit in one ``.npz`` file: plain arrays, no pickles."""
+"""Results of a fit in one ``.npz`` file."""
 
 from __future__ import annotations
 
 import os
-import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
-from impasto.io.files import atomic_path
-from impasto.rig import DistantLight, Light, PointLight, Rig
+from impasto.errors import CorruptInputError, ImpastoError
+from impasto.io.npz import read_npz, write_npz
+from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
+from impasto.rig import Rig
 
 
 class SavedMaps:
@@ -59,27 +58,14 @@ class SavedMaps:
 
 def write_maps(path: str | os.PathLike[str], kind: str, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write a result so that it appears whole or not at all."""
-    target = Path(path)
-    if target.suffix.lower() != ".npz":
-        raise ArgumentError(
-            f"path: results are saved as .npz, found {target.name!r}; name it {target.stem}.npz"
-        )
-    with atomic_path(target) as temporary, temporary.open("wb") as file:
-        np.savez(file, allow_pickle=False, kind=np.array(kind), **dict(arrays))
+    write_npz(Path(path), {"kind": np.array(kind), **arrays})
 
 
 @contextmanager
 def read_maps(path: str | os.PathLike[str], *kinds: str) -> Iterator[SavedMaps]:
     """The arrays of a result; whatever fails while they are looked at is the file's fault."""
     target = Path(path)
-    try:
-        # An open file of our own: numpy leaves its handle open when the archive is damaged.
-        with target.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            arrays = {key: file[key] for key in file.files}
-    except FileNotFoundError:
-        raise
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
-        raise CorruptInputError(target, f"cannot be read as .npz ({error})") from error
+    arrays = read_npz(target)
     found = str(arrays.get("kind", "something else"))
     if found not in kinds:
         raise CorruptInputError(target, f"holds {found}, not {' or '.join(kinds)}")
@@ -92,29 +78,14 @@ def read_maps(path: str | os.PathLike[str], *kinds: str) -> Iterator[SavedMaps]:
 
 
 def rig_arrays(rig: Rig) -> dict[str, NDArray[Any]]:
-    """A rig as arrays: ``rig.lights`` (positions in mm where ``rig.near``), and so on."""
-    near = [isinstance(light, PointLight) for light in rig.lights]
-    vectors = [x.position if isinstance(x, PointLight) else x.direction for x in rig.lights]
-    falloff = [isinstance(light, PointLight) and light.falloff for light in rig.lights]
-    return {
-        "rig.lights": np.array(vectors, dtype=np.float64),
-        "rig.near": np.array(near),
-        "rig.falloff": np.array(falloff),
-        "rig.intensities": rig.intensities,
-        "rig.views": rig.views,
-        "rig.pitch_mm": np.array(np.nan if rig.pitch_mm is None else rig.pitch_mm),
-    }
+    """A rig among other arrays: ``rig.lights``, and so on."""
+    return {f"rig.{name}": array for name, array in arrays_of_rig(rig).items()}
 
 
 def rig_from_arrays(maps: SavedMaps) -> Rig:
     """The rig that :func:`rig_arrays` took apart."""
-    near, falloff = maps.take("rig.near"), maps.take("rig.falloff")
-    strength = maps.take("rig.intensities").tolist()
-    lights: list[Light] = [
-        PointLight((x, y, z), strength[i], bool(falloff[i]))
-        if near[i]
-        else DistantLight((x, y, z), strength[i])
-        for i, (x, y, z) in enumerate(maps.take("rig.lights").tolist())
-    ]
-    pitch = float(maps.take("rig.pitch_mm"))
-    return Rig(lights, views=maps.take("rig.views"), pitch_mm=None if np.isnan(pitch) else pitch)
+    names = ("lights", "near", "falloff", "intensities", "views")
+    arrays = {name: maps.take(f"rig.{name}") for name in names}
+    if "rig.pitch_mm" in maps.arrays:
+        arrays["pitch_mm"] = maps.take("rig.pitch_mm")
+    return rig_of_arrays(arrays)

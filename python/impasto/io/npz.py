@@ -1,0 +1,51 @@
+"""Arrays by name in one ``.npz`` file; no pickles."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.files import atomic_path
+
+
+def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays so that the file appears whole or not at all.
+
+    Raises
+    ------
+    ArgumentError
+        Another suffix.
+    """
+    if path.suffix.lower() != ".npz":
+        raise ArgumentError(
+            f"path: expected a name ending in .npz, found {path.name!r}; name it {path.stem}.npz"
+        )
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, allow_pickle=False, **dict(arrays))
+
+
+def read_npz(path: Path) -> dict[str, NDArray[Any]]:
+    """All arrays of a file.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is none.
+    CorruptInputError
+        It is truncated, damaged or something else.
+    """
+    try:
+        # An open file of our own: numpy leaves its handle open when the archive is damaged.
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+            return {key: file[key] for key in file.files}
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
+        raise CorruptInputError(path, f"cannot be read as .npz ({error})") from error

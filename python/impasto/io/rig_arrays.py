@@ -1,0 +1,54 @@
+"""A rig as plain arrays, for files of stacks and of results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.errors import ArgumentError
+from impasto.rig import DistantLight, Light, PointLight, Rig
+
+
+def arrays_of_rig(rig: Rig) -> dict[str, NDArray[Any]]:
+    """``lights`` (positions in mm where ``near``), ``pitch_mm`` if known, and so on."""
+    arrays: dict[str, NDArray[Any]] = {
+        "lights": rig.vectors,
+        "near": rig.near,
+        "falloff": rig.falloff,
+        "intensities": rig.intensities,
+        "views": rig.views,
+    }
+    if rig.pitch_mm is not None:
+        arrays["pitch_mm"] = np.array(rig.pitch_mm)
+    return arrays
+
+
+def rig_of_arrays(arrays: Mapping[str, NDArray[Any]]) -> Rig:
+    """The rig that :func:`arrays_of_rig` took apart; all but ``lights`` may be missing.
+
+    Raises
+    ------
+    ArgumentError
+        An array of another shape, named.
+    """
+    vectors = np.asarray(arrays["lights"], dtype=np.float64)
+    count = len(vectors)
+    near = arrays.get("near", np.zeros(count, bool))
+    falloff = arrays.get("falloff", np.ones(count, bool))
+    strength = arrays.get("intensities", np.ones(count)).tolist()
+    if vectors.ndim != 2 or vectors.shape[1] != 3:
+        raise ArgumentError(f"lights: expected (obs, 3), found shape {vectors.shape}")
+    for name, array in (("near", near), ("falloff", falloff), ("intensities", strength)):
+        if np.shape(array) != (count,):
+            raise ArgumentError(f"{name}: expected shape ({count},), found {np.shape(array)}")
+    lights: list[Light] = [
+        PointLight((x, y, z), strength[i], bool(falloff[i]))
+        if near[i]
+        else DistantLight((x, y, z), strength[i])
+        for i, (x, y, z) in enumerate(vectors.tolist())
+    ]
+    pitch = float(arrays["pitch_mm"]) if "pitch_mm" in arrays else None
+    return Rig(lights, views=arrays.get("views"), pitch_mm=pitch)
