@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -11,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from impasto import Encoding, PointLight, Rig, Stack, doctor, read_stack, simulate
+from impasto import Encoding, PointLight, Rig, Stack, doctor, fit_normals, read_stack, simulate
 from impasto.cli import main
 from impasto.io import read_lights, write_lights, write_png16, write_stack
 
@@ -316,6 +317,27 @@ def test_point_lights_are_taken_as_such() -> None:
     assert all(isinstance(light, PointLight) for light in stack.rig.lights)
     diagnosis = doctor.examine(stack)
     assert found(diagnosis) == set(), diagnosis
+
+
+def test_hundreds_of_lights_take_little_memory() -> None:
+    """As many photographs as there are view and light pairs in a large capture."""
+    some = captured(size=(48, 48))
+    count = 770
+    rng = np.random.default_rng(3)
+    azimuth, height = rng.uniform(0.0, 2.0 * np.pi, count), rng.uniform(0.4, 0.95, count)
+    flat = np.sqrt(1.0 - height**2)
+    lights = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), height], axis=1)
+    fitted = fit_normals(some, method="rank")
+    shading = np.maximum(np.einsum("oc,cyx->oyx", lights, fitted.normal), 0.0)
+    many = (shading[:, None] * fitted.albedo[None, :3]).astype(np.float32)
+    stack = Stack(np.tile(many, (1, 1, 2, 2)), lights=lights, saturation=4.0)
+    tracemalloc.start()
+    diagnosis = doctor.examine(stack)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert diagnosis.usable, diagnosis
+    # Twelve million samples are looked at (48 MB), and each check makes a few copies.
+    assert peak < 300e6
 
 
 def test_the_same_stack_gets_the_same_diagnosis() -> None:

@@ -159,21 +159,27 @@ def _nearness(directions: Floats) -> tuple[Floats, Floats, float]:
 def _slopes(likeness: Floats, directions: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Slope and correlation ``(obs, obs)`` of likeness on nearness for each exchange."""
     nearness, between, neighbour = _nearness(directions)
-    count = len(directions)
-    slope, correlation = np.zeros((count, count)), np.zeros((count, count))
-    for a in range(count):
-        like = likeness[a] - likeness
-        near = nearness[a] - nearness
-        third = np.ones((count, count), dtype=bool)
-        third[:, a] = False
-        third[np.arange(count), np.arange(count)] = False
-        like, near = np.where(third, like, 0.0), np.where(third, near, 0.0)
-        product = (like * near).sum(axis=1)
-        size_like, size_near = (like**2).sum(axis=1), (near**2).sum(axis=1)
-        slope[a] = product / np.maximum(size_near, 1e-30)
-        correlation[a] = product / np.sqrt(np.maximum(size_like * size_near, 1e-60))
-    far = (between > _FAR * neighbour) & ~np.eye(count, dtype=bool)
+    product = _differences(likeness, nearness)
+    # Sums of numbers around 1: what is smaller than this is their rounding.
+    size_like, size_near = (
+        np.maximum(_differences(each, each), 1e-12) for each in (likeness, nearness)
+    )
+    slope = product / size_near
+    correlation = product / np.sqrt(size_like * size_near)
+    far = (between > _FAR * neighbour) & ~np.eye(len(directions), dtype=bool)
     return slope, correlation, far
+
+
+def _differences(one: Floats, other: Floats) -> Floats:
+    """For all a and b the sum of (S_am - S_bm) (K_am - K_bm) over all m but a and b.
+
+    By products of the symmetric matrices: one pass over all triples of hundreds of lights.
+    """
+    product = one @ other
+    own = np.diag(product)
+    total = own[:, None] + own[None, :] - product - product.T
+    at_a = (np.diag(one)[:, None] - one) * (np.diag(other)[:, None] - other)
+    return np.asarray(total - at_a - at_a.T)
 
 
 def _swapped(directions: Floats, swaps: list[tuple[int, int]]) -> Floats:

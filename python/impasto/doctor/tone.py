@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.doctor.diagnosis import Finding
-from impasto.doctor.specimen import linear
+from impasto.doctor.specimen import linear, pixel_budget
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.io.tone import CANDIDATES, ToneEstimate, estimate_tone
@@ -96,7 +96,8 @@ def _codes(stack: Stack) -> NDArray[np.float32] | None:
     inside = np.arange(height * width) if stack.mask is None else np.flatnonzero(stack.mask.ravel())
     if len(inside) == 0:
         return None
-    picked = np.random.default_rng(0).choice(inside, min(_PIXELS, len(inside)), replace=False)
+    count = min(pixel_budget(stack, _PIXELS), len(inside))
+    picked = np.random.default_rng(0).choice(inside, count, replace=False)
     rows, columns = np.divmod(np.sort(picked), width)
     light = np.stack([linear(stack, samples[:, rows, columns]) for samples in stack.samples])
     usable = np.isfinite(light)
@@ -108,7 +109,8 @@ def _codes(stack: Stack) -> NDArray[np.float32] | None:
     full = np.where(np.isfinite(full), full, float(light[usable].max()))
     if not (full > 0).all():
         return None
-    # What is clipped or missing counts as clipped: it says nothing about the curve.
-    share = np.where(usable, light / full[:, None], 1.0)
-    codes = Encoding(stack.encoding.curve, stack.encoding.white).encode(share)
-    return np.asarray(codes[:, :, None], dtype=np.float32)
+    encoding = Encoding(stack.encoding.curve, stack.encoding.white)
+    for photograph, known in zip(light, usable, strict=True):
+        # What is clipped or missing counts as clipped: it says nothing about the curve.
+        photograph[:] = encoding.encode(np.where(known, photograph / full[:, None], 1.0))
+    return light[:, :, None]

@@ -32,7 +32,8 @@ _FEWEST = 6
 _FOLDS = 6
 _PIXELS = 2400
 """Pixels (times bands) that are predicted; those with most colour out of so many that are seen."""
-_SEEN = 20_000
+_SEEN, _SAMPLES = 20_000, 12_000_000
+"""... and fewer pixels of hundreds of photographs, for the sake of memory."""
 _ENOUGH = 200
 _COLOURED = 0.03
 """Difference of two bands, as a share of full scale, from which they differ by more than noise."""
@@ -240,7 +241,7 @@ def _seen(
     if len(inside) == 0:
         raise ArgumentError("mask: is empty, no pixel belongs to the painting")
     # A fixed-seed draw: an even step would walk down single columns where it divides the width.
-    count = min(len(inside), _SEEN)
+    count = min(len(inside), _SEEN, max(_PIXELS, _SAMPLES // (observations * bands)))
     picked = np.sort(np.random.default_rng(0).choice(inside, count, replace=False))
     rows, columns = np.divmod(picked, width)
     values = np.empty((observations, bands, count), dtype=np.float32)
