@@ -34,6 +34,7 @@ from impasto import (
     simulate,
 )
 from impasto.cli import main
+from impasto.fit.normals import METHODS
 from impasto.io import (
     read_image,
     read_lights,
@@ -46,7 +47,6 @@ from impasto.io import (
 
 RIG = "tominaga-rgb-camera"
 SIZE = (24, 32)
-METHODS = ("robust", "least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey")
 
 
 @cache

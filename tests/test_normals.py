@@ -13,9 +13,9 @@ import pytest
 
 import impasto
 from impasto import Status
+from impasto.fit.normals import METHODS
 from oracles import stereo as oracle
 
-METHODS = ("robust", "least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey")
 SHAPE = (12, 23)
 
 

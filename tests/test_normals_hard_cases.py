@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 import impasto
 from impasto import Status
+from impasto.fit.normals import METHODS
 
-METHODS = ("robust", "least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey")
 RING = np.array([[np.cos(a), np.sin(a), 1.2] for a in np.arange(8) * np.pi / 4])
 RING /= np.linalg.norm(RING, axis=1, keepdims=True)
 

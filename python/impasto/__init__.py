@@ -2,7 +2,7 @@
 
 import warnings as _warnings
 
-from impasto import _core, colour
+from impasto import _core, colour, systems
 from impasto.bands import Camera
 from impasto.encoding import Encoding
 from impasto.errors import (
@@ -55,6 +55,7 @@ __all__ = [
     "load_sbrdf",
     "read_stack",
     "render",
+    "systems",
     "white_corrected",
 ]
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 from numpy.typing import ArrayLike
 
 from impasto.checks import number, numbers, positive
 from impasto.colour import Display
+from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import FRONTAL, Light, Rig
-
-AdaptationMode = Literal["planck", "anchored"]
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -70,7 +69,7 @@ class Scene:
     illuminants: tuple[Any, ...]
     view: tuple[float, float, float]
     adaptation: float | None
-    adaptation_mode: AdaptationMode
+    adaptation_mode: Mode
     reference: Any
     display: Display
     exposure: float | None
@@ -84,7 +83,7 @@ class Scene:
         illuminant: Any = "D65",
         view: ArrayLike = FRONTAL,
         adaptation: float | None = None,
-        adaptation_mode: AdaptationMode = "planck",
+        adaptation_mode: Mode = "planck",
         reference: Any = "D65",
         display: Display | str = "srgb",
         exposure: float | None = None,
@@ -109,7 +108,7 @@ class Scene:
         degree = "d from 0 to 1, or None"
         if adaptation is not None and not 0.0 <= number(adaptation, "adaptation", degree) <= 1.0:
             raise ArgumentError(f"adaptation: expected {degree}, found {adaptation}")
-        if adaptation_mode not in get_args(AdaptationMode):
+        if adaptation_mode not in get_args(Mode):
             raise ArgumentError(
                 f'adaptation_mode: expected "planck" or "anchored", found {adaptation_mode!r}'
             )

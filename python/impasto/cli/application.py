@@ -11,6 +11,7 @@ from cyclopts import App
 from cyclopts.exceptions import CycloptsError
 
 from impasto.cli import console
+from impasto.cli.codes import Exit
 from impasto.errors import CorruptInputError, ImpastoError, InternalError
 
 ARGUMENTS = (
@@ -19,8 +20,6 @@ ARGUMENTS = (
     "white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``."""
-
-OK, USER_ERROR, USAGE_ERROR, CORRUPT_INPUT, PARTIAL, DEFECT, INTERRUPTED = 0, 1, 2, 3, 4, 70, 130
 
 
 def application() -> App:
@@ -57,33 +56,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
             words, exit_on_error=False, print_error=False, result_action="return_value"
         )
         sys.stdout.flush()
-        return result if isinstance(result, int) else OK
+        return result if isinstance(result, int) else Exit.OK
     except CycloptsError as error:
         console.complain(_one_line(error))
         console.hint("impasto --help lists the commands, impasto COMMAND --help their options")
-        return USAGE_ERROR
+        return Exit.USAGE_ERROR
     except CorruptInputError as error:
         console.complain(str(error))
-        return CORRUPT_INPUT
+        return Exit.CORRUPT_INPUT
     except InternalError as error:
         console.complain(f"a defect in impasto, please report it: {error}")
-        return DEFECT
+        return Exit.DEFECT
     except BrokenPipeError:
         # The reader of stdout has left (impasto info | head): say no more, also not at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return OK
+        return Exit.OK
     except ImpastoError as error:
         console.complain(_in_options(str(error)))
-        return USER_ERROR
+        return Exit.USER_ERROR
     except OSError as error:
         console.complain(_os_words(error))
-        return USER_ERROR
+        return Exit.USER_ERROR
     except MemoryError:
         console.complain("not enough memory: fit a crop, fewer photographs, or on a larger machine")
-        return USER_ERROR
+        return Exit.USER_ERROR
     except KeyboardInterrupt:
         console.complain("interrupted")
-        return INTERRUPTED
+        return Exit.INTERRUPTED
 
 
 def _version() -> str:

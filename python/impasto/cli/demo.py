@@ -10,13 +10,15 @@ from rich.table import Table
 
 from impasto.cli import console
 from impasto.cli.console import Stages
+from impasto.cli.measuring import measured
 from impasto.cli.options import Flag
 from impasto.errors import ArgumentError
+from impasto.systems import Name
 
 if TYPE_CHECKING:
     from impasto.simulate import Capture, Score
 
-System = Literal["tominaga-six-band-adaptation", "tominaga-rgb-camera"]
+Rig = Literal["tominaga-six-band-adaptation", "tominaga-rgb-camera"]
 Varnish = Literal["matte", "satin", "gloss"]
 
 
@@ -59,7 +61,8 @@ def demo(
     out: Path = Path("demo"),
     size: int = 512,
     seed: int = 0,
-    system: System = "tominaga-six-band-adaptation",
+    system: Name = "impasto",
+    rig: Rig | None = None,
     varnish: Varnish = "satin",
     threads: int | None = None,
     force: Flag = False,
@@ -76,7 +79,10 @@ def demo(
     seed
         Another number paints another painting.
     system
-        Camera and lights of one of the two papers: six bands and 16 lights, or RGB and 9.
+        impasto's own way to measure, or that of one of the papers as it is written.
+    rig
+        Camera and lights of one of the papers: six bands and 16 lights, or RGB and 9. Default:
+        those of the system; six bands for impasto's own.
     varnish
         How glossy the painting is.
     threads
@@ -86,41 +92,32 @@ def demo(
     quiet
         No progress, only errors.
     """
-    import impasto
-    from impasto import simulate
+    from impasto import simulate, systems
     from impasto.cli.fit import numbers
     from impasto.cli.folder import REPORT, result_folder
     from impasto.cli.maps import write_maps
     from impasto.cli.photographs import write_photographs
     from impasto.io import write_jpeg
-    from impasto.overview import gloss_words
     from impasto.report import report, write_report
 
     if size < 16:
         raise ArgumentError(f"--size: expected at least 16 pixels, found {size}")
     if seed < 0:
         raise ArgumentError(f"--seed: expected a number from 0 on, found {seed}")
+    if rig is None:
+        rig = "tominaga-six-band-adaptation" if system == "impasto" else system
+    procedure = systems.get(system)
     stages = Stages(quiet=quiet)
     with result_folder(out, force=force) as folder:
         with stages.stage("painting", f"{size} x {size} pixels, {varnish} varnish, seed {seed}"):
             painting = simulate.painting(seed, (size, size), varnish=varnish)
         with stages.stage("photographs") as stage:
-            capture = simulate.capture(painting, system, system)
+            capture = simulate.capture(painting, rig, rig)
             stack = write_photographs(folder / "photographs", capture)
             observations, bands = stack.shape[:2]
             stage.note = f"{observations} lights, {bands} bands, 12 bits, sensor noise"
-        with stages.stage("normals", "robust") as stage:
-            normals = impasto.fit_normals(stack, threads=threads, progress=stage.advance)
-        with stages.stage("gloss") as stage:
-            sbrdf = impasto.fit_sbrdf(
-                stack, normals=normals, threads=threads, progress=stage.advance
-            )
-            stage.note = gloss_words(sbrdf).removeprefix("gloss: ")
-        with stages.stage("reflectance") as stage:
-            reflectance = impasto.fit_reflectance(
-                stack, sbrdf, capture.truth.camera, threads=threads, progress=stage.advance
-            )
-            stage.note = f"{len(reflectance.basis)} basis spectra"
+        camera = capture.truth.camera
+        sbrdf, reflectance = measured(stages, procedure, stack, camera, threads)
         with stages.stage("pictures", "relit, under a lamp, from the side"):
             images = _images(sbrdf, reflectance, threads)
         with stages.stage("truth", "compared with the painting's own"):
@@ -135,8 +132,10 @@ def demo(
             options={
                 "size": size,
                 "seed": seed,
-                "system": system,
+                "rig": rig,
                 "varnish": varnish,
+                "system": system,
+                **procedure.options,
                 "threads": threads,
             },
             results=numbers(stack, sbrdf, reflectance) | {"truth": score.numbers()},

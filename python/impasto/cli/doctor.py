@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.text import Text
 
 from impasto.cli import console
+from impasto.cli.codes import Exit
 from impasto.cli.photographs import Reading
 from impasto.errors import ArgumentError, CorruptInputError
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 _MARKS = {"error": "bold red", "warning": "yellow", "note": "cyan", "ok": "green"}
 _WIDEST = 100
-CORRUPT_INPUT = 3
 
 
 def doctor(
@@ -67,7 +67,7 @@ def doctor(
         show(diagnosis, console.stdout())
     if write is not None:
         write_lights(write, repaired_directions(photographs, diagnosis), photographs.names)
-    return 0 if diagnosis.usable else 1
+    return Exit.OK if diagnosis.usable else Exit.USER_ERROR
 
 
 def _complain_of_all(first: CorruptInputError) -> int:
@@ -78,7 +78,7 @@ def _complain_of_all(first: CorruptInputError) -> int:
     for other in damaged_files(Path(str(first.path)).parent):
         if Path(str(other.path)) != Path(str(first.path)):
             console.complain(str(other))
-    return CORRUPT_INPUT
+    return Exit.CORRUPT_INPUT
 
 
 def show(diagnosis: Diagnosis, out: Console) -> None:

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import CycloptsError, Parameter
 from rich.markup import escape
 
+from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
+from impasto.cli.measuring import measured
 from impasto.cli.options import Flag
 from impasto.cli.photographs import Reading
 from impasto.errors import ArgumentError
+from impasto.fit.normals import Method
+from impasto.fit.reflectance import Estimator
+from impasto.fit.sbrdf import Extraction
+from impasto.systems import Name
 
 if TYPE_CHECKING:
     from impasto.stack import Stack
-
-Method = Literal["robust", "least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey"]
-Extraction = Literal["residual", "maximum", "papers"]
-Estimator = Literal["root-polynomial", "wiener", "linear-model", "radial-basis"]
-MODEL: Literal["torrance-sparrow"] = "torrance-sparrow"
-POOLING: Literal["painting"] = "painting"
-PARTIAL = 4
 
 
 def fit(
@@ -31,13 +30,14 @@ def fit(
     *,
     out: Path,
     reading: Reading | None = None,
-    method: Method = "robust",
-    extraction: Extraction = "residual",
-    joint: Annotated[bool, Parameter(negative="--no-joint")] = True,
-    index: float = 1.45,
+    system: Name = "impasto",
+    method: Method | None = None,
+    extraction: Extraction | None = None,
+    joint: Annotated[bool | None, Parameter(negative="--no-joint")] = None,
+    index: float | None = None,
     camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
     illuminant: str | None = None,
-    estimator: Estimator = "root-polynomial",
+    estimator: Estimator | None = None,
     threads: int | None = None,
     force: Flag = False,
     quiet: Flag = False,
@@ -53,22 +53,24 @@ def fit(
         Light file (.lp) beside its photographs, a folder of both, or an .npz.
     out
         Folder for maps, overview and report.
+    system
+        impasto's own way to measure, or that of one of the papers as it is written, with the
+        paper's pictures; those need --camera. The options below change single steps.
     method
-        How normals are kept from highlights and shadows.
+        How normals are kept from highlights and shadows; impasto: robust.
     extraction
-        Which samples the first estimate of the gloss is made from.
+        Which samples the first estimate of the gloss is made from; impasto: residual.
     joint
-        Fit normals, colours and gloss to all samples together; --no-joint stops where the papers
-        stop.
+        Fit normals, colours and gloss to all samples together; the papers do not.
     index
-        Index of refraction of the varnish.
+        Index of refraction of the varnish; default: 1.45.
     camera
         CSV file of band sensitivities, or "srgb" where the photographs are developed to sRGB
         colours; reflectance spectra are estimated then, and any illuminant can be rendered.
     illuminant
         Light of the photographs (A, D65, 3000K), where the camera's file does not tell.
     estimator
-        How spectra are estimated from bands.
+        How spectra are estimated from bands; impasto: root-polynomial.
     threads
         Default: every core.
     force
@@ -76,11 +78,11 @@ def fit(
     quiet
         No progress, only errors.
     """
-    import impasto
+    from impasto import systems
     from impasto.cli.folder import REPORT, result_folder
     from impasto.cli.maps import write_maps
     from impasto.io import write_jpeg
-    from impasto.overview import gloss_words, overview
+    from impasto.overview import overview
     from impasto.report import report, status_counts, write_report
 
     if illuminant is not None and camera is None:
@@ -88,6 +90,12 @@ def fit(
             msg="--illuminant is the light that a camera's sensitivities are used under: "
             "it needs --camera"
         )
+    if system != "impasto" and camera is None:
+        raise CycloptsError(msg=f"--system {system} estimates spectra: it needs --camera")
+    steps: dict[str, Any] = {"method": method, "extraction": extraction, "joint": joint}
+    steps |= {"index": index, "estimator": estimator}
+    asked = {name: value for name, value in steps.items() if value is not None}
+    procedure = replace(systems.get(system), **asked)
     reading = Reading() if reading is None else reading
     stages = Stages(quiet=quiet)
     with result_folder(out, inputs=reading.paths(stack), force=force) as folder:
@@ -96,38 +104,13 @@ def fit(
             photographs = reading.read(stack)
             stage.note = stack_words(photographs)
         tell(stages, photographs)
-        with stages.stage("normals") as stage:
-            normals = impasto.fit_normals(
-                photographs, method=method, threads=threads, progress=stage.advance
-            )
-            stage.note = f"{method}; {share_estimated(normals.status)} of the pixels"
-        with stages.stage("gloss") as stage:
-            sbrdf = impasto.fit_sbrdf(
-                photographs,
-                model=MODEL,
-                pooling=POOLING,
-                extraction=extraction,
-                joint=joint,
-                index=index,
-                normals=normals,
-                threads=threads,
-                progress=stage.advance,
-            )
-            stage.note = gloss_words(sbrdf).removeprefix("gloss: ")
-        reflectance = None
-        if lens is not None:
-            with stages.stage("reflectance") as stage:
-                reflectance = impasto.fit_reflectance(
-                    photographs,
-                    sbrdf,
-                    lens,
-                    estimator=estimator,
-                    threads=threads,
-                    progress=stage.advance,
-                )
-                stage.note = f"{estimator}, {len(reflectance.basis)} basis spectra"
+        sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads)
         with stages.stage("files") as stage:
             write_maps(folder, sbrdf, reflectance)
+            if reflectance is not None:
+                images = procedure.render(sbrdf, reflectance, threads=threads)
+                for name, image in images.items():
+                    image.save(folder / f"{name}.png")
             sheet = overview(
                 sbrdf, reflectance=reflectance, title=painting_name(stack), threads=threads
             )
@@ -139,15 +122,10 @@ def fit(
             options={
                 "stack": stack,
                 **asdict(reading),
-                "method": method,
-                "model": MODEL,
-                "pooling": POOLING,
-                "extraction": extraction,
-                "joint": joint,
-                "index": index,
+                "system": system,
+                **procedure.options,
                 "camera": camera,
                 "illuminant": illuminant,
-                "estimator": estimator,
                 "threads": threads,
             },
             results=numbers(photographs, sbrdf, reflectance),
@@ -165,7 +143,7 @@ def fit(
         stages.say("[red]no pixel could be measured:[/] impasto doctor says why")
     if missing:
         stages.say("[yellow]partial:[/] listed photographs are missing, the others were used")
-    return PARTIAL if missing or unfinished or nothing else 0
+    return Exit.PARTIAL if missing or unfinished or nothing else Exit.OK
 
 
 def camera_of(text: str, illuminant: str | None) -> Any:
@@ -197,17 +175,6 @@ def stack_words(stack: Stack) -> str:
 def band_words(count: int) -> str:
     """``1 band``, ``6 bands``."""
     return "1 band" if count == 1 else f"{count} bands"
-
-
-def share_estimated(status: Any) -> str:
-    """``99.8 %``, of the pixels that no mask excludes."""
-    import numpy as np
-
-    from impasto.status import Status
-
-    inside = status != Status.MASKED
-    share = float((status[inside] < Status.DARK).mean()) if inside.any() else float("nan")
-    return "100 %" if np.isclose(share, 1.0, rtol=0, atol=5e-5) else f"{100 * share:.2f} %"
 
 
 def painting_name(stack: Path) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from impasto.cli.console import Stages
 from impasto.cli.options import Angles, Flag, OneDirection, SeveralDirections, SeveralPositions
+from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError
 
 
@@ -21,7 +22,7 @@ def render(
     point: SeveralPositions = None,
     illuminant: str = "D65",
     adaptation: float | None = None,
-    adaptation_mode: Literal["planck", "anchored"] = "planck",
+    adaptation_mode: Mode = "planck",
     display: str = "srgb",
     view: OneDirection = None,
     exposure: float | None = None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +19,8 @@ from impasto.fit.border import (
 )
 from impasto.stack import Stack
 
-METHODS = (
-    "robust",
-    "least-squares",
-    "threshold",
-    "rank",
-    "l1",
-    "huber",
-    "cauchy",
-    "tukey",
-)
+Method = Literal["robust", "least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey"]
+METHODS: tuple[Method, ...] = get_args(Method)
 """What ``fit_normals(method=)`` knows."""
 
 MOST_STEPS = 1000
@@ -80,7 +73,7 @@ class Normals:
 def fit_normals(
     stack: Stack,
     *,
-    method: str = "robust",
+    method: Method = "robust",
     low: float = 0.2,
     high: float = 0.8,
     w1: float = 1.2,

@@ -22,7 +22,7 @@ from impasto.fit.border import (
 from impasto.fit.forward import predict
 from impasto.fit.lobes import KIND as LOBES
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count, lobe_fields
-from impasto.fit.normals import Normals, fit_normals
+from impasto.fit.normals import Method, Normals, fit_normals
 from impasto.fit.saved import sbrdf_fields
 from impasto.io.results import read_maps, rig_arrays, write_maps
 from impasto.rig import Rig
@@ -249,7 +249,7 @@ def fit_sbrdf(
     extraction: Extraction = "residual",
     joint: bool = True,
     index: float = 1.45,
-    normals: Normals | str | None = None,
+    normals: Normals | Method | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Sbrdf | LobeSbrdf:
@@ -368,15 +368,14 @@ def fit_sbrdf(
 
 def _stereo(
     stack: Stack,
-    normals: Normals | str | None,
+    normals: Normals | Method | None,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Normals:
     if normals is None:
         return fit_normals(stack, threads=threads, progress=progress)
     if isinstance(normals, str):
-        method: Any = normals
-        return fit_normals(stack, method=method, threads=threads, progress=progress)
+        return fit_normals(stack, method=normals, threads=threads, progress=progress)
     if not isinstance(normals, Normals):
         raise ArgumentError(
             "normals: expected what impasto.fit_normals returns, the name of one of its methods "

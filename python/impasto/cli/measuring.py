@@ -1,0 +1,48 @@
+"""The three fits as stages of a command."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from impasto.cli.console import Stages
+from impasto.status import Status
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from impasto.bands import Camera
+    from impasto.fit.reflectance import Reflectance
+    from impasto.fit.sbrdf import Sbrdf
+    from impasto.stack import Stack
+    from impasto.systems import System
+
+
+def measured(
+    stages: Stages, system: System, stack: Stack, camera: Camera | None, threads: int | None
+) -> tuple[Sbrdf, Reflectance | None]:
+    """Normals, gloss and, where the camera is known, spectra."""
+    from impasto.overview import gloss_words
+
+    with stages.stage("normals") as stage:
+        normals = system.fit_normals(stack, threads=threads, progress=stage.advance)
+        stage.note = f"{system.method}; {_share_estimated(normals.status)} of the pixels"
+    with stages.stage("gloss") as stage:
+        sbrdf = system.fit_sbrdf(stack, normals, threads=threads, progress=stage.advance)
+        stage.note = gloss_words(sbrdf).removeprefix("gloss: ")
+    if camera is None:
+        return sbrdf, None
+    with stages.stage("reflectance") as stage:
+        reflectance = system.fit_reflectance(
+            stack, sbrdf, camera, threads=threads, progress=stage.advance
+        )
+        stage.note = f"{system.estimator}, {len(reflectance.basis)} basis spectra"
+    return sbrdf, reflectance
+
+
+def _share_estimated(status: NDArray[np.uint8]) -> str:
+    """``99.8 %``, of the pixels that no mask excludes."""
+    inside = status != Status.MASKED
+    share = float((status[inside] < Status.DARK).mean()) if inside.any() else float("nan")
+    return "100 %" if np.isclose(share, 1.0, rtol=0, atol=5e-5) else f"{100 * share:.2f} %"
