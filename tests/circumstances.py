@@ -64,6 +64,12 @@ def _sbrdf(capture: Any, **options: Any) -> Arrays:
     return (*arrays(fit), *arrays(fit.normals), np.array([fit.beta, fit.gamma]))
 
 
+def _lobe(capture: Any, **options: Any) -> Arrays:
+    samples = capture.stack.samples[:, 0].astype(np.float32)
+    phi = np.linspace(0.0, 0.6, len(samples), dtype=np.float32)[:, None, None]
+    return arrays(impasto.fit_lobe(np.broadcast_to(phi, samples.shape), samples, **options))
+
+
 def _height(capture: Any, **options: Any) -> Arrays:
     return (impasto.integrate_normals(capture.truth.normal, 0.2, **options),)
 
@@ -71,6 +77,7 @@ def _height(capture: Any, **options: Any) -> Arrays:
 CALLS: dict[str, Callable[..., Arrays]] = {
     "predict": _predict,
     "render": _render,
+    "fit_lobe": _lobe,
     "fit_normals": _normals,
     "fit_sbrdf": _sbrdf,
     "fit_reflectance": _reflectance,

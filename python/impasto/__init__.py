@@ -12,6 +12,7 @@ from impasto.errors import (
     ImpastoError,
     InternalError,
 )
+from impasto.fit.highlight import LobeFit, fit_lobe
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import Normals, fit_normals
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
@@ -35,6 +36,7 @@ __all__ = [
     "Image",
     "ImpastoError",
     "InternalError",
+    "LobeFit",
     "LobeSbrdf",
     "Normals",
     "PointLight",
@@ -48,6 +50,7 @@ __all__ = [
     "cast_shadows",
     "colour",
     "display_from_bands",
+    "fit_lobe",
     "fit_normals",
     "fit_reflectance",
     "fit_sbrdf",

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.fit.border import ProgressCallback, RigArguments, StackArguments
+from impasto.fit.highlight import LobeFit
 from impasto.fit.normals import Normals
 from impasto.render import SceneArguments, SurfaceArguments
 
@@ -108,6 +109,16 @@ def fit_lobes(
     threads: int,
     progress: ProgressCallback | None,
 ) -> Lobes: ...
+
+# One lobe per pixel (crates/impasto-py/src/highlight.rs)
+
+def fit_lobe(
+    samples: NDArray[np.float32],
+    phi: NDArray[np.float32],
+    maps: LobeFit,
+    threads: int,
+    progress: ProgressCallback | None,
+) -> None: ...
 
 # Photometric stereo (crates/impasto-py/src/stereo.rs)
 

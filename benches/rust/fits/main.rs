@@ -77,12 +77,12 @@ fn report(name: &str, rates: [f64; 2], occupancy: Occupancy, count: usize, bad: 
     );
 }
 
-fn torrance_sparrow(count: usize) {
+fn torrance_sparrow<const PROJECTED: bool>(name: &str, count: usize) {
     use torrance_sparrow::{Lanes, Port, pixels};
     let pixels = pixels(count);
     let some = &pixels[..count / 20];
     let bounds = Bounds { lower: [0.0, -0.8], upper: [1e9, 15.0] };
-    let mut lanes = Lanes::new(&pixels);
+    let mut lanes = Lanes::<PROJECTED>::new(&pixels);
     let mut occupancy = Occupancy::default();
     let mut places = vec![Vector2::zeros(); some.len()];
     let minimise = |pixel, start| port().minimize(Port { pixel, place: Vector2::from(start) });
@@ -108,7 +108,7 @@ fn torrance_sparrow(count: usize) {
         }
     }
     let rates = [pixels.len() as f64 / seconds[0], some.len() as f64 / seconds[1]];
-    report("Torrance-Sparrow, 16", rates, occupancy, pixels.len(), bad);
+    report(name, rates, occupancy, pixels.len(), bad);
 }
 
 fn lafortune<const N: usize>(count: usize, observations: usize) {
@@ -152,7 +152,8 @@ fn main() {
         "| problem | lanes, fits/s | MINPACK | ratio | passes | lanes busy | bad | bad, MINPACK |"
     );
     println!("|---|---|---|---|---|---|---|---|");
-    torrance_sparrow(100_000);
+    torrance_sparrow::<true>("Torrance-Sparrow, 16", 100_000);
+    torrance_sparrow::<false>("the same, strength not projected", 100_000);
     lafortune::<4>(10_000, 100);
     lafortune::<4>(3_000, 690);
     lafortune::<10>(4_000, 100);

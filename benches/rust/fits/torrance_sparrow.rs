@@ -15,6 +15,9 @@ use crate::random::Random;
 
 pub(crate) const OBSERVATIONS: usize = 16;
 
+/// Pixels that are read together: a few lines of the cache from every plane.
+const LINE: usize = 64;
+
 /// One pixel: samples and squared angles.
 #[derive(Clone)]
 pub(crate) struct Pixel {
@@ -49,53 +52,87 @@ impl Pixel {
     }
 }
 
-pub(crate) struct Lanes {
+/// With `PROJECTED` the strength follows the width in every pass, else both are searched for.
+pub(crate) struct Lanes<const PROJECTED: bool> {
     /// Samples, then angles, in single precision, observation by observation, as a stack lies.
     planes: Vec<f32>,
+    /// A line of every plane, the brightest samples, and the pixel that they begin with.
+    stage: ([[f32; LINE]; 2 * OBSERVATIONS], [f32; LINE], usize),
     pub(crate) found: Vec<[f32; 2]>,
 }
 
-impl Lanes {
+impl<const PROJECTED: bool> Lanes<PROJECTED> {
     pub(crate) fn new(pixels: &[Pixel]) -> Self {
         let numbers = |of: fn(&Pixel) -> &[f64; OBSERVATIONS]| {
             (0..OBSERVATIONS).flat_map(move |i| pixels.iter().map(move |p| of(p)[i] as f32))
         };
         let planes = numbers(|p| &p.y).chain(numbers(|p| &p.phi_squared)).collect();
-        Self { planes, found: vec![[0.0; 2]; pixels.len()] }
+        let stage = ([[0.0; LINE]; 2 * OBSERVATIONS], [0.0; LINE], usize::MAX);
+        Self { planes, stage, found: vec![[0.0; 2]; pixels.len()] }
     }
 }
 
-impl Batch<f32, 2> for Lanes {
+impl<const PROJECTED: bool> Batch<f32, 2> for Lanes<PROJECTED> {
     fn rows(&self) -> usize {
         2 * OBSERVATIONS
     }
     #[inline]
     fn load(&mut self, problem: usize, column: &mut Column<'_, f32>) -> [f32; 2] {
-        let numbers = self.planes[problem..].iter().step_by(self.found.len());
-        column.fill(numbers.clone().copied());
-        let top = numbers.take(OBSERVATIONS).fold(f32::MIN_POSITIVE, |a, &b| a.max(b));
+        let (first, lane) = (problem / LINE * LINE, problem % LINE);
+        let (lines, tops, staged) = &mut self.stage;
+        if *staged != first {
+            *staged = first;
+            let planes = self.planes.chunks_exact(self.found.len());
+            for (line, plane) in lines.iter_mut().zip(planes) {
+                match plane[first..].first_chunk() {
+                    Some(whole) => *line = *whole,
+                    None => line[..plane.len() - first].copy_from_slice(&plane[first..]),
+                }
+            }
+            *tops = lines[0];
+            for line in &lines[1..OBSERVATIONS] {
+                for (top, &y) in tops.iter_mut().zip(line) {
+                    *top = if y > *top { y } else { *top };
+                }
+            }
+        }
+        column.fill(lines.iter().map(|line| line[lane]));
+        let top = tops[lane].max(f32::MIN_POSITIVE);
         [top, (LN_2 / (0.15 * 0.15)).ln() as f32]
     }
     #[inline(always)]
-    fn normal<R: Real<Scalar = f32>>(
+    fn normal<R: Real<Scalar = f32>>(&self, rows: Rows<'_, R>, at: [R; 2]) -> Normal<R, 2> {
+        equations(rows, at, at[0])
+    }
+    #[inline(always)]
+    fn visit<R: Real<Scalar = f32>>(
         &self,
         rows: Rows<'_, R>,
-        [beta, log_k]: [R; 2],
-    ) -> Normal<R, 2> {
-        let k = exp(log_k);
-        let mut normal = Normal::zero();
-        for i in 0..OBSERVATIONS {
-            let exponent = k * rows.get(OBSERVATIONS + i);
-            let lobe = exp(-exponent);
-            let value = beta * lobe;
-            normal.add([lobe, -(exponent * value)], rows.get(i) - value);
+        at: [R; 2],
+    ) -> ([R; 2], Normal<R, 2>) {
+        if PROJECTED {
+            return equations(rows, at, R::one()).project(at, R::zero());
         }
-        normal
+        (at, self.normal(rows, at))
     }
     #[inline]
     fn store(&mut self, problem: usize, outcome: &Outcome<f32, 2>) {
         self.found[problem] = outcome.parameters;
     }
+}
+
+/// Slopes of a lobe of the given strength, and residuals of one of strength `beta`.
+#[inline(always)]
+fn equations<R: Real>(rows: Rows<'_, R>, [beta, log_k]: [R; 2], strength: R) -> Normal<R, 2> {
+    let k = exp(log_k);
+    let mut normal = Normal::zero();
+    for i in 0..OBSERVATIONS {
+        let exponent = k * rows.get(OBSERVATIONS + i);
+        let lobe = exp(-exponent);
+        let residual = (-beta).mul_add(lobe, rows.get(i));
+        normal.add([lobe, -(exponent * strength * lobe)], residual);
+    }
+    normal
 }
 
 /// The same for MINPACK.

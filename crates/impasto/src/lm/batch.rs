@@ -12,6 +12,11 @@ use crate::math::{Kernel, Level, Real, Scalar};
 /// Each is a column of [`rows`](Self::rows) numbers (samples, weights, whatever differs from
 /// problem to problem); what all of them share stays in the implementing type.
 pub trait Batch<S: Scalar, const N: usize> {
+    /// Whether matrices are inverted lane by lane as problems finish: [`Outcome::covariance`] and
+    /// [`Outcome::deficient`] have the same bits without it, but take a fraction of the time with
+    /// it where every problem is asked for them.
+    const COVARIANCE: bool = false;
+
     /// How many numbers a problem has.
     fn rows(&self) -> usize;
 
@@ -23,6 +28,15 @@ pub trait Batch<S: Scalar, const N: usize> {
     /// It must be `#[inline(always)]`, as all that it calls, and treat every lane by itself. Lanes
     /// that have nothing to do hold zeros or the numbers of a finished problem.
     fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, parameters: [R; N]) -> Normal<R, N>;
+
+    /// [`normal`](Self::normal) for models that can do better than the asked-for place without
+    /// another pass, as those with an amplitude can
+    /// ([`Normal::project`]): the better place and the equations there. It must be
+    /// `#[inline(always)]`, too.
+    #[inline(always)]
+    fn visit<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, at: [R; N]) -> ([R; N], Normal<R, N>) {
+        (at, self.normal(rows, at))
+    }
 
     /// Takes one problem's result.
     fn store(&mut self, problem: usize, outcome: &Outcome<S, N>);
@@ -49,8 +63,8 @@ impl<S: Scalar> Column<'_, S> {
     /// Sets the numbers from the first row on.
     #[inline(always)]
     pub fn fill(&mut self, values: impl IntoIterator<Item = S>) {
-        for (place, value) in self.block[self.lane..].iter_mut().step_by(self.width).zip(values) {
-            *place = value;
+        for (row, value) in self.block.chunks_exact_mut(self.width).zip(values) {
+            row[self.lane] = value;
         }
     }
 }
@@ -137,8 +151,8 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
             if !search.running() {
                 return occupancy;
             }
-            let next = batch.normal(Rows { block: &block }, search.trial);
-            search.judge(&next, options);
+            let (place, next) = batch.visit(Rows { block: &block }, search.trial);
+            search.judge(place, &next, options);
             search.step(bounds, options);
             occupancy.lanes += width as u64;
             occupancy.useful += held.iter().flatten().count() as u64;
@@ -162,7 +176,7 @@ fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N
     if !(0..width).any(ended) {
         return;
     }
-    let outcomes = search.outcomes();
+    let outcomes = search.outcomes(B::COVARIANCE);
     let mut starts = [[S::zero(); MAX_LANES]; N];
     let mut fresh = [S::zero(); MAX_LANES];
     for lane in (0..width).filter(|&lane| ended(lane)) {

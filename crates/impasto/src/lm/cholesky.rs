@@ -1,20 +1,21 @@
-//! Cholesky's factor of a small matrix scaled to unit diagonal, with a floor under its pivots.
+//! Cholesky's factor of a small matrix, without roots, with a floor under its pivots.
 
 use crate::math::{Mask, Real, Scalar};
 
-/// Pivots below this share of the (unit) diagonal name a parameter that the data do not tell apart
+/// Pivots below this share of their diagonal name a parameter that the data do not tell apart
 /// from those before it: hard cases 5 and 14. In single precision 8 units of rounding are the
 /// floor.
 const DEFICIENT: f64 = 1e-12;
 
-/// `A = L L'` scaled by the roots of the diagonal.
+/// `A = L D L'` with a unit diagonal in L.
+///
+/// No column needs scaling: every pivot is judged against its own diagonal, and no product of the
+/// factorisation exceeds the larger of the two diagonals that it stands between.
 #[derive(Clone, Copy, Debug)]
 pub struct Factor<R: Real, const N: usize> {
     lower: [[R; N]; N],
-    /// Reciprocals of the pivots' roots.
+    /// Reciprocals of D; 0 for parameters left out.
     inverse: [R; N],
-    /// Reciprocals of the roots of the diagonal; 0 for parameters left out.
-    scale: [R; N],
     /// Parameters whose pivot is lost in rounding, or whose column is zero.
     pub deficient: [R::Mask; N],
 }
@@ -31,7 +32,7 @@ pub fn factor<R: Real, const N: usize>(
     for (i, diagonal) in diagonal.iter_mut().enumerate() {
         *diagonal = matrix[i][i];
     }
-    factor_scaled(matrix, &diagonal, damping, frozen)
+    factor_damped(matrix, &diagonal, damping, frozen)
 }
 
 /// The same with `damping` times some other positive diagonal added.
@@ -40,43 +41,39 @@ pub fn factor<R: Real, const N: usize>(
 /// finite, and damping shortens it.
 #[inline(always)]
 #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
-pub(super) fn factor_scaled<R: Real, const N: usize>(
+pub(super) fn factor_damped<R: Real, const N: usize>(
     matrix: &[[R; N]; N],
     diagonal: &[R; N],
     damping: R,
     frozen: &[R::Mask; N],
 ) -> Factor<R, N> {
-    let (zero, one) = (R::zero(), R::one());
+    let zero = R::zero();
     let floor = R::splat(R::Scalar::EPSILON) * R::of(4.0);
     let lost = R::of(DEFICIENT).max(R::splat(R::Scalar::EPSILON) * R::of(8.0));
-    let mut scale = [zero; N];
-    for i in 0..N {
-        let used = diagonal[i].gt(zero) & !frozen[i];
-        scale[i] = R::keep(used, diagonal[i].sqrt().recip());
-    }
+    // Reciprocals of smaller numbers are infinite.
+    let smallest = R::splat(R::Scalar::MIN_POSITIVE) * R::of(4.0);
     let mut lower = [[zero; N]; N];
-    let mut inverse = [one; N];
+    let mut inverse = [zero; N];
     let mut deficient = [R::Mask::splat(false); N];
     for i in 0..N {
+        let used = diagonal[i].gt(zero) & !frozen[i];
+        let mut pivot = damping.mul_add(diagonal[i], matrix[i][i]);
+        // L D, then L: columns left out must not bring their infinities along (0 times Inf).
+        let mut row = [zero; N];
         for j in 0..i {
-            let mut sum = matrix[i][j] * scale[i] * scale[j];
+            let mut sum = matrix[i][j];
             for k in 0..j {
-                sum = (-lower[i][k]).mul_add(lower[j][k], sum);
+                sum = (-row[k]).mul_add(lower[j][k], sum);
             }
-            // What is left out must not bring its infinities along (0 times Inf).
-            let active = scale[i].gt(zero) & scale[j].gt(zero);
-            lower[i][j] = R::keep(active, sum * inverse[j]);
+            row[j] = R::keep(used & inverse[j].gt(zero), sum);
+            lower[i][j] = row[j] * inverse[j];
+            pivot = (-row[j]).mul_add(lower[i][j], pivot);
         }
-        // What is left out has a unit pivot.
-        let own = R::select(scale[i].gt(zero), matrix[i][i] * scale[i] * scale[i], one);
-        let mut pivot = own + damping;
-        for k in 0..i {
-            pivot = (-lower[i][k]).mul_add(lower[i][k], pivot);
-        }
-        deficient[i] = !(scale[i].gt(zero) & pivot.gt(lost));
-        inverse[i] = pivot.max(floor).sqrt().recip();
+        deficient[i] = !(used & pivot.gt(lost * diagonal[i]));
+        let lifted = pivot.max(floor * diagonal[i]).max(smallest);
+        inverse[i] = R::keep(used, lifted.recip());
     }
-    Factor { lower, inverse, scale, deficient }
+    Factor { lower, inverse, deficient }
 }
 
 impl<R: Real, const N: usize> Factor<R, N> {
@@ -87,21 +84,18 @@ impl<R: Real, const N: usize> Factor<R, N> {
     pub fn solve(&self, right: &[R; N]) -> [R; N] {
         let mut x = [R::zero(); N];
         for i in 0..N {
-            let mut sum = R::keep(self.scale[i].gt(R::zero()), right[i] * self.scale[i]);
+            let mut sum = R::keep(self.inverse[i].gt(R::zero()), right[i]);
             for k in 0..i {
                 sum = (-self.lower[i][k]).mul_add(x[k], sum);
             }
-            x[i] = sum * self.inverse[i];
+            x[i] = sum;
         }
         for i in (0..N).rev() {
-            let mut sum = x[i];
+            let mut sum = x[i] * self.inverse[i];
             for k in i + 1..N {
                 sum = (-self.lower[k][i]).mul_add(x[k], sum);
             }
-            x[i] = sum * self.inverse[i];
-        }
-        for i in 0..N {
-            x[i] = x[i] * self.scale[i];
+            x[i] = sum;
         }
         x
     }

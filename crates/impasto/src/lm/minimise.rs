@@ -139,20 +139,53 @@ pub struct Outcome<S, const N: usize> {
     pub reason: Reason,
     /// Steps tried.
     pub iterations: usize,
+    /// What the lanes have worked out already.
+    pub(super) inverse: Option<Inverse<S, bool, N>>,
+}
+
+/// `(J'J)^-1`, and the parameters that it does not hold for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Inverse<R, M, const N: usize> {
+    pub(super) matrix: [[R; N]; N],
+    pub(super) deficient: [M; N],
+}
+
+impl<R: Real, const N: usize> Inverse<R, R::Mask, N> {
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "a matrix is written with its indices")]
+    pub(super) fn of(matrix: &[[R; N]; N]) -> Self {
+        let factor = factor(matrix, R::zero(), &[R::Mask::splat(false); N]);
+        let mut inverse = factor.inverse();
+        let unknown = R::splat(R::Scalar::NAN);
+        for i in 0..N {
+            for j in 0..N {
+                let known = matrix[i][i].gt(R::zero()) & matrix[j][j].gt(R::zero());
+                inverse[i][j] = R::select(known, inverse[i][j], unknown);
+            }
+        }
+        Self { matrix: inverse, deficient: factor.deficient }
+    }
 }
 
 impl<S: Scalar, const N: usize> Outcome<S, N> {
+    fn inverse(&self) -> Inverse<S, bool, N> {
+        self.inverse.unwrap_or_else(|| Inverse::of(&self.normal.matrix))
+    }
+
     /// Parameters that the data do not determine, given those before them.
     #[must_use]
     pub fn deficient(&self) -> [bool; N] {
-        factor(&self.normal.matrix, S::zero(), &[false; N]).deficient
+        self.inverse().deficient
     }
 
     /// Covariance of the parameters for residuals of the given variance: `variance (J'J)^-1`.
+    ///
+    /// Variances that involve a [`deficient`](Self::deficient) parameter are lower limits, as
+    /// large as the matrix's rounding can tell; rows and columns of a parameter that nothing
+    /// depends on are NaN. Bounds do not enter: it is the covariance of an unbounded fit.
     #[must_use]
     pub fn covariance(&self, variance: S) -> [[S; N]; N] {
-        let inverse = factor(&self.normal.matrix, S::zero(), &[false; N]).inverse();
-        inverse.map(|row| row.map(|v| v * variance))
+        self.inverse().matrix.map(|row| row.map(|v| v * variance))
     }
 }
 
@@ -167,8 +200,8 @@ pub fn minimise<S: Scalar, const N: usize>(
     search.begin(Mask::splat(true), start, bounds, options);
     while search.running() {
         let next = problem.normal(search.trial);
-        search.judge(&next, options);
+        search.judge(search.trial, &next, options);
         search.step(bounds, options);
     }
-    search.outcomes().lane(0)
+    search.outcomes(false).lane(0)
 }

@@ -86,6 +86,38 @@ impl<R: Real, const N: usize> Normal<R, N> {
         }
     }
 
+    /// Moves an amplitude to its best value without another pass (variable projection: Golub &
+    /// Pereyra 1973, in Kaufman's form of 1975).
+    ///
+    /// For models `a f(u)` whose parameter 0 is a: `self` holds residuals at the place `at`, a
+    /// included, but slopes of `f`, not of `a f`. As residuals, not samples, are projected, little
+    /// cancels in single precision. Returns the place with the best amplitude not below `lowest`
+    /// (the search's bound; one above is not looked at), and the equations of `a f(u)` there.
+    #[must_use]
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
+    pub fn project(mut self, mut at: [R; N], lowest: R) -> ([R; N], Self) {
+        let own = self.matrix[0][0];
+        // Nothing depends on the amplitude: it stays (and 0/0 does not arise).
+        let wish = R::keep(own.gt(R::zero()), self.descent[0] / own);
+        let amplitude = (at[0] + wish).max(lowest);
+        let change = amplitude - at[0];
+        at[0] = amplitude;
+        let left = (-change).mul_add(own, self.descent[0]);
+        let cost = (-change).mul_add(self.descent[0] + left, self.cost);
+        self.cost = R::select(cost.lt(R::zero()), R::zero(), cost);
+        self.descent[0] = left;
+        for i in 1..N {
+            let descent = (-change).mul_add(self.matrix[i][0], self.descent[i]);
+            self.descent[i] = amplitude * descent;
+            self.matrix[i][0] = amplitude * self.matrix[i][0];
+            for j in 1..=i {
+                self.matrix[i][j] = amplitude * amplitude * self.matrix[i][j];
+            }
+        }
+        (at, self)
+    }
+
     /// The entry of the symmetric matrix.
     #[inline(always)]
     pub(super) fn entry(&self, i: usize, j: usize) -> R {

@@ -40,6 +40,8 @@ struct First<'a, B, D, const N: usize> {
 impl<B: Batch<f32, N>, D: Fn(&Outcome<f32, N>) -> bool, const N: usize> Batch<f32, N>
     for First<'_, B, D, N>
 {
+    const COVARIANCE: bool = <B as Batch<f32, N>>::COVARIANCE;
+
     fn rows(&self) -> usize {
         self.batch.rows()
     }
@@ -49,6 +51,14 @@ impl<B: Batch<f32, N>, D: Fn(&Outcome<f32, N>) -> bool, const N: usize> Batch<f3
     #[inline(always)]
     fn normal<R: Real<Scalar = f32>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
         self.batch.normal(rows, at)
+    }
+    #[inline(always)]
+    fn visit<R: Real<Scalar = f32>>(
+        &self,
+        rows: Rows<'_, R>,
+        at: [R; N],
+    ) -> ([R; N], Normal<R, N>) {
+        self.batch.visit(rows, at)
     }
     fn store(&mut self, problem: usize, outcome: &Outcome<f32, N>) {
         if (self.doubtful)(outcome) {
@@ -65,6 +75,8 @@ struct Second<'a, B, const N: usize> {
 }
 
 impl<B: Batch<f64, N>, const N: usize> Batch<f64, N> for Second<'_, B, N> {
+    const COVARIANCE: bool = B::COVARIANCE;
+
     fn rows(&self) -> usize {
         self.batch.rows()
     }
@@ -76,6 +88,14 @@ impl<B: Batch<f64, N>, const N: usize> Batch<f64, N> for Second<'_, B, N> {
     #[inline(always)]
     fn normal<R: Real<Scalar = f64>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
         self.batch.normal(rows, at)
+    }
+    #[inline(always)]
+    fn visit<R: Real<Scalar = f64>>(
+        &self,
+        rows: Rows<'_, R>,
+        at: [R; N],
+    ) -> ([R; N], Normal<R, N>) {
+        self.batch.visit(rows, at)
     }
     fn store(&mut self, problem: usize, outcome: &Outcome<f64, N>) {
         self.batch.store(self.flagged[problem].0, outcome);

@@ -1,6 +1,7 @@
 //! The search itself, on any kind of number: a state, a judgement and a step.
 
-use super::cholesky::factor_scaled;
+use super::cholesky::factor_damped;
+use super::minimise::Inverse;
 use super::{Bounds, Normal, Outcome, Reason};
 use crate::math::lanes::MAX_LANES;
 use crate::math::{Mask, Real, Scalar};
@@ -78,9 +79,9 @@ impl<R: Real, const N: usize> Search<R, N> {
         self.reason.le(R::zero()).any()
     }
 
-    /// Takes or leaves the trial places, and sees which lanes are done with it.
+    /// Takes or leaves the places that the pass went to, and sees which lanes are done with it.
     #[inline(always)]
-    pub(super) fn judge(&mut self, next: &Normal<R, N>, options: &super::Options) {
+    pub(super) fn judge(&mut self, place: [R; N], next: &Normal<R, N>, options: &super::Options) {
         let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
         let open = self.reason.le(zero);
         let first = self.passes.le(zero);
@@ -97,8 +98,8 @@ impl<R: Real, const N: usize> Search<R, N> {
         // MINPACK's test: neither what was found nor what was foretold is worth another step.
         let settled = finite & fall.abs().le(tolerance) & self.gain.le(tolerance);
         self.normal.replace(taken, next);
-        for (place, trial) in self.place.iter_mut().zip(self.trial) {
-            *place = R::select(taken, trial, *place);
+        for (own, place) in self.place.iter_mut().zip(place) {
+            *own = R::select(taken, place, *own);
         }
         // Nielsen: damping follows how well the quadratic model foretold the fall.
         let surprise = two * fall / self.gain - one;
@@ -138,7 +139,7 @@ impl<R: Real, const N: usize> Search<R, N> {
         for i in 0..N {
             self.diagonal[i] = matrix[i][i].max(self.diagonal[i] * R::of(options.memory));
         }
-        let wish = factor_scaled(matrix, &self.diagonal, self.damping, &held).solve(descent);
+        let wish = factor_damped(matrix, &self.diagonal, self.damping, &held).solve(descent);
         let mut trial = self.place;
         for i in 0..N {
             trial[i] = self.place[i] + wish[i];
@@ -157,7 +158,8 @@ impl<R: Real, const N: usize> Search<R, N> {
             }
             gain = row.mul_add(step, gain);
         }
-        let short = moved.sqrt().le(tolerance::<R>(options.step) * size.sqrt());
+        let near = tolerance::<R>(options.step);
+        let short = moved.le(near * near * size);
         self.trial = trial;
         self.gain = gain;
         self.end(level, Reason::Gradient);
@@ -182,8 +184,20 @@ impl<R: Real, const N: usize> Search<R, N> {
     /// The state as plain numbers, for whoever takes lanes out.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
-    pub(super) fn outcomes(&self) -> Outcomes<R::Scalar, N> {
+    pub(super) fn outcomes(&self, covariance: bool) -> Outcomes<R::Scalar, N> {
         let mut out = Outcomes::new();
+        if covariance {
+            let own = Inverse::of(&self.normal.matrix);
+            let mut inverse = [[[R::Scalar::default(); MAX_LANES]; N]; N];
+            let mut deficient = [[R::Scalar::default(); MAX_LANES]; N];
+            for i in 0..N {
+                R::keep(own.deficient[i], R::one()).store(&mut deficient[i]);
+                for j in 0..N {
+                    own.matrix[i][j].store(&mut inverse[i][j]);
+                }
+            }
+            out.inverse = Some((inverse, deficient));
+        }
         for i in 0..N {
             self.place[i].store(&mut out.place[i]);
             self.normal.descent[i].store(&mut out.descent[i]);
@@ -202,17 +216,29 @@ impl<R: Real, const N: usize> Search<R, N> {
 pub(super) struct Outcomes<S, const N: usize> {
     place: [[S; MAX_LANES]; N],
     descent: [[S; MAX_LANES]; N],
-    matrix: [[[S; MAX_LANES]; N]; N],
+    matrix: Matrices<S, N>,
     cost: [S; MAX_LANES],
     passes: [S; MAX_LANES],
     reason: [S; MAX_LANES],
+    /// Inverse matrices, and 1 for every parameter in doubt.
+    inverse: Option<(Matrices<S, N>, [[S; MAX_LANES]; N])>,
 }
+
+type Matrices<S, const N: usize> = [[[S; MAX_LANES]; N]; N];
 
 impl<S: Scalar, const N: usize> Outcomes<S, N> {
     #[inline(always)]
     fn new() -> Self {
         let o = [S::default(); MAX_LANES];
-        Self { place: [o; N], descent: [o; N], matrix: [[o; N]; N], cost: o, passes: o, reason: o }
+        Self {
+            place: [o; N],
+            descent: [o; N],
+            matrix: [[o; N]; N],
+            cost: o,
+            passes: o,
+            reason: o,
+            inverse: None,
+        }
     }
 
     /// One lane's outcome.
@@ -233,11 +259,16 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
             // Nothing was taken: what the lane holds is another problem's.
             normal = Normal { cost: S::NAN, ..Normal::zero() };
         }
+        let inverse = self.inverse.as_ref().filter(|_| reason != Reason::NotFinite);
         Outcome {
             parameters,
             normal,
             reason,
             iterations: (self.passes[lane].to_f64() as usize).saturating_sub(1),
+            inverse: inverse.map(|(matrix, deficient)| Inverse {
+                matrix: matrix.map(|row| row.map(|entry| entry[lane])),
+                deficient: deficient.map(|doubt| doubt[lane] > S::zero()),
+            }),
         }
     }
 }

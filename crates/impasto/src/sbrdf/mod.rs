@@ -5,6 +5,7 @@
 //! colours and the lobe settle together. [`predict`] says what a surface would have shown.
 
 mod extract;
+mod highlight;
 pub mod histogram;
 mod joint;
 mod lanes;
@@ -21,6 +22,7 @@ mod tile;
 mod verdict;
 
 pub use extract::Extraction;
+pub use highlight::{HighlightMaps, Highlights, fit_lobe};
 pub use lobes::{
     LobeMaps, LobeModel, LobeOptions, MAX_SHAPES, MOST_LOBES, Slope, TorranceSparrow, Visit,
     fit_lobes,

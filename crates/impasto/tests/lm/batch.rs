@@ -255,6 +255,138 @@ fn what_single_precision_doubts_is_polished_in_double() {
     assert!(decays.double.iter().flatten().count() > 0);
 }
 
+/// Decays whose lanes invert their matrices.
+struct Inverted<'a>(Decays<'a>);
+
+impl Batch<f32, 4> for Inverted<'_> {
+    const COVARIANCE: bool = true;
+
+    fn rows(&self) -> usize {
+        SAMPLES
+    }
+    fn load(&mut self, problem: usize, column: &mut Column<'_, f32>) -> [f32; 4] {
+        self.0.load(problem, column)
+    }
+    #[inline(always)]
+    fn normal<R: Real<Scalar = f32>>(&self, rows: Rows<'_, R>, at: [R; 4]) -> Normal<R, 4> {
+        self.0.normal(rows, at)
+    }
+    fn store(&mut self, problem: usize, outcome: &Outcome<f32, 4>) {
+        self.0.store(problem, outcome);
+    }
+}
+
+#[test]
+fn covariances_have_the_same_bits_in_lanes_and_alone() {
+    let samples = samples(203);
+    let alone = {
+        let mut decays = Decays::new(&samples);
+        fit(Level::Baseline, &mut decays, 0..203, &bounds::<f32>(), &Options::single());
+        decays.single
+    };
+    for level in Level::ALL.into_iter().filter(|level| level.available()) {
+        let mut inverted = Inverted(Decays::new(&samples));
+        fit(level, &mut inverted, 0..203, &bounds::<f32>(), &Options::single());
+        for (n, (one, other)) in inverted.0.single.iter().zip(&alone).enumerate() {
+            let [one, other] = [one, other].map(|o| o.expect("every problem is stored"));
+            assert_eq!(one.deficient(), other.deficient(), "{n}");
+            let bits =
+                |outcome: &Outcome<f32, 4>| outcome.covariance(0.5).map(|r| r.map(f32::to_bits));
+            let same =
+                bits(&one).iter().flatten().zip(bits(&other).iter().flatten()).all(|(&a, &b)| {
+                    a == b || f32::from_bits(a).is_nan() && f32::from_bits(b).is_nan()
+                });
+            assert!(same, "{n}");
+        }
+    }
+}
+
+/// One decay each; the amplitude follows the rate in every pass.
+struct Projected<'a> {
+    samples: &'a [[f64; SAMPLES]],
+    project: bool,
+    found: Vec<Option<Outcome<f64, 2>>>,
+}
+
+impl Batch<f64, 2> for Projected<'_> {
+    fn rows(&self) -> usize {
+        SAMPLES
+    }
+    fn load(&mut self, problem: usize, column: &mut Column<'_, f64>) -> [f64; 2] {
+        column.fill(self.samples[problem]);
+        [self.samples[problem][0].max(0.1), 1.0]
+    }
+    #[inline(always)]
+    fn normal<R: Real<Scalar = f64>>(&self, rows: Rows<'_, R>, at: [R; 2]) -> Normal<R, 2> {
+        self.pass(rows, at, at[0])
+    }
+    #[inline(always)]
+    fn visit<R: Real<Scalar = f64>>(
+        &self,
+        rows: Rows<'_, R>,
+        at: [R; 2],
+    ) -> ([R; 2], Normal<R, 2>) {
+        if self.project {
+            return self.pass(rows, at, R::one()).project(at, R::zero());
+        }
+        (at, self.normal(rows, at))
+    }
+    fn store(&mut self, problem: usize, outcome: &Outcome<f64, 2>) {
+        self.found[problem] = Some(*outcome);
+    }
+}
+
+impl Projected<'_> {
+    #[inline(always)]
+    fn pass<R: Real<Scalar = f64>>(&self, rows: Rows<'_, R>, at: [R; 2], scale: R) -> Normal<R, 2> {
+        let mut normal = Normal::zero();
+        for i in 0..SAMPLES {
+            let t = R::of(0.2 * i as f64);
+            let decay = exp(-(at[1] * t));
+            normal.add([decay, -(t * scale * decay)], rows.get(i) - at[0] * decay);
+        }
+        normal
+    }
+}
+
+#[test]
+fn a_projected_amplitude_leads_to_the_same_minimum_in_fewer_passes() {
+    let samples: Vec<_> =
+        samples(203).into_iter().filter(|y| y.iter().all(|y| y.is_finite())).collect();
+    let run = |project: bool| {
+        let mut batch = Projected { samples: &samples, project, found: vec![None; samples.len()] };
+        let bounds = Bounds { lower: [0.0, 0.01], upper: [f64::MAX, 20.0] };
+        fit(Level::detect(), &mut batch, 0..samples.len(), &bounds, &Options::default());
+        batch.found.into_iter().map(|o| o.expect("every problem is stored")).collect::<Vec<_>>()
+    };
+    let (one, other) = (run(true), run(false));
+    let passes = |found: &[Outcome<f64, 2>]| found.iter().map(|o| o.iterations).sum::<usize>();
+    assert!(passes(&one) < passes(&other), "{} {}", passes(&one), passes(&other));
+    for (n, (one, other)) in one.iter().zip(&other).enumerate() {
+        // Cost to 1e-12 by the options; places to its root.
+        assert!(one.normal.cost <= other.normal.cost * (1.0 + 1e-9) + 1e-20, "{n}");
+        if one.parameters[0] > 0.0 && other.parameters[0] > 0.0 {
+            for i in 0..2 {
+                let (one, other) = (one.parameters[i], other.parameters[i]);
+                assert!((one / other - 1.0).abs() < 1e-5, "{n}: {one} {other}");
+            }
+            // The equations that it ends with are those of the whole model.
+            let [a, b] = one.parameters;
+            let mut whole = Normal::<f64, 2>::zero();
+            for (i, y) in samples[n].iter().enumerate() {
+                let t = 0.2 * i as f64;
+                let decay = (-b * t).exp();
+                whole.add([decay, -t * a * decay], y - a * decay);
+            }
+            for (one, whole) in
+                one.normal.matrix.iter().flatten().zip(whole.matrix.iter().flatten())
+            {
+                assert!((one - whole).abs() <= 1e-9 * whole.abs(), "{n}: {one} {whole}");
+            }
+        }
+    }
+}
+
 #[test]
 fn an_empty_batch_is_no_trouble() {
     let mut decays = Decays::new(&[]);

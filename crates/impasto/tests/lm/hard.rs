@@ -86,6 +86,46 @@ fn hard_case_14_equal_lobes_do_not_split_and_are_named() {
     assert!((a + b - 2.0).abs() < 1e-4 && (a * k + b * l - 1.6).abs() < 1e-4);
 }
 
+/// `y = a + b z x + c x` where z is 0: nothing depends on b.
+struct Frozen(f64);
+
+impl Problem<f64, 3> for Frozen {
+    fn normal(&self, [a, b, c]: [f64; 3]) -> Normal<f64, 3> {
+        let mut normal = Normal::zero();
+        for (x, y) in [(0.0, 1.0), (1.0, 3.1), (2.0, 4.9), (3.0, 7.0)] {
+            normal.add([1.0, self.0 * x, x], y - a - b * self.0 * x - c * x);
+        }
+        normal
+    }
+}
+
+#[test]
+fn hard_case_17_a_column_of_zeros_is_named_and_stays_where_it_started() {
+    let outcome = minimise(&Frozen(0.0), [0.0, 5.0, 0.0], &Bounds::none(), &Options::default());
+    assert!(outcome.reason.converged());
+    assert_eq!((outcome.deficient(), outcome.parameters[1]), ([false, true, false], 5.0));
+    // The line through the points: slope sum (x - 1.5) y / 5, through (1.5, 4).
+    let (slope, height) = (9.9 / 5.0, 4.0 - 1.5 * 9.9 / 5.0);
+    assert!((outcome.parameters[2] - slope).abs() < 1e-9);
+    assert!((outcome.parameters[0] - height).abs() < 1e-9);
+    // Variances of a straight line over 0 .. 3: 1 / 5 for the slope, 1/4 + 1.5^2 / 5 for a.
+    let covariance = outcome.covariance(1.0);
+    assert!((covariance[2][2] - 0.2).abs() < 1e-9 && (covariance[0][0] - 0.7).abs() < 1e-9);
+    assert!(covariance[1].iter().chain(covariance.iter().map(|row| &row[1])).all(|v| v.is_nan()));
+}
+
+#[test]
+fn hard_case_18_parameters_that_trade_off_are_named() {
+    // Now b z and c multiply the same x.
+    let outcome = minimise(&Frozen(0.5), [0.0, 0.0, 0.0], &Bounds::none(), &Options::default());
+    assert!(outcome.reason.converged());
+    assert_eq!(outcome.deficient(), [false, false, true]);
+    assert!((0.5 * outcome.parameters[1] + outcome.parameters[2] - 9.9 / 5.0).abs() < 1e-9);
+    // Their variances are large and finite.
+    let covariance = outcome.covariance(1.0);
+    assert!(covariance[2][2] > 1e9 && covariance.iter().flatten().all(|v| v.is_finite()));
+}
+
 #[test]
 fn hard_case_27_constant_samples_end_at_once() {
     // The flattest lobe within the bounds, exp(-0.37 x), is not constant: strength alone is left.

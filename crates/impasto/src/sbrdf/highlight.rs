@@ -1,0 +1,303 @@
+//! One Torrance-Sparrow lobe per pixel through samples whose angle is known.
+//!
+//! `y = beta exp(-k phi^2)`, `k = ln 2 / gamma^2`: what is left of eq. 9 of the RGB-camera paper
+//! once its diffuse part is taken off and `F G / (N.V)` is one. The amplitude follows the width in
+//! every pass ([`Normal::project`]), so that the search is one of the width alone.
+
+use core::f64::consts::LN_2;
+
+use crate::brdf::torrance_sparrow::{GAMMA_MAX, GAMMA_MIN, sharpness};
+use crate::error::{Error, Result};
+use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Reason, Rows, fit};
+use crate::maps::Status;
+use crate::math::elementary::exp;
+use crate::math::{Level, Real};
+use crate::pixels::{Run, TILE, tiles};
+
+/// Every search starts from this half-width, rad, and the pixel's brightest sample.
+const START: f64 = 0.15;
+
+/// `phi^2` of a sample that does not count: any lobe has vanished there, its slopes, too.
+const FAR: f32 = 1e10;
+
+/// Beyond one, the width may be anything: its standard deviation relative to itself.
+const OPEN: f32 = 1.0;
+
+/// Pixels that are made ready together: a few lines of the cache from every plane, so that what
+/// the lanes then pick from stays in the first-level cache whatever the planes' distance.
+const STAGE: usize = 64;
+
+/// Samples and their angles, both `(obs, pixel)`.
+#[derive(Clone, Copy, Debug)]
+pub struct Highlights<'a> {
+    /// Specular light; what is not finite does not count.
+    pub samples: &'a [f32],
+    /// Angle between normal and half vector, rad; what is not finite does not count.
+    pub phi: &'a [f32],
+    /// How many pixels there are.
+    pub pixels: usize,
+}
+
+/// What is written, pixel by pixel; NaN where the status says that it is not known.
+#[derive(Debug)]
+pub struct HighlightMaps<'a> {
+    /// Strength.
+    pub beta: &'a mut [f32],
+    /// Half-width, rad.
+    pub gamma: &'a mut [f32],
+    /// `(3, pixel)`: variance of beta, covariance, variance of gamma.
+    pub covariance: &'a mut [f32],
+    /// Root mean square of the residuals.
+    pub residual: &'a mut [f32],
+    /// [`Status`] codes.
+    pub status: &'a mut [u8],
+}
+
+/// Fits (beta, gamma) of every pixel; returns how busy the lanes were.
+///
+/// Statuses: `Fitted`; `Exact` from two samples (no residual, no covariance); `IllConditioned`
+/// where gamma is at its bound or its standard deviation exceeds itself; `Dark` where no sample is
+/// positive or no lobe helps to explain them (beta 0); `RankDeficient` where the samples determine
+/// no width; `TooFewSamples`, `InvalidInput`.
+///
+/// # Errors
+/// If a size does not fit, or the run is cancelled.
+pub fn fit_lobe(
+    highlights: &Highlights<'_>,
+    maps: &mut HighlightMaps<'_>,
+    run: &Run<'_>,
+) -> Result<Occupancy> {
+    let Highlights { samples, phi, pixels } = *highlights;
+    let observations = samples.len() / pixels.max(1);
+    let sizes = [
+        ("samples", samples.len(), observations * pixels),
+        ("phi", phi.len(), samples.len()),
+        ("beta", maps.beta.len(), pixels),
+        ("gamma", maps.gamma.len(), pixels),
+        ("covariance", maps.covariance.len(), 3 * pixels),
+        ("residual", maps.residual.len(), pixels),
+        ("status", maps.status.len(), pixels),
+    ];
+    if let Some((name, found, expected)) = sizes.iter().find(|(_, found, fits)| found != fits) {
+        return Err(Error::argument(*name, format!("{found} values, expected {expected}")));
+    }
+    let mut covariance = maps.covariance.chunks_mut(pixels.max(1)).map(|p| p.chunks_mut(TILE));
+    let mut planes = [covariance.next(), covariance.next(), covariance.next()];
+    let mut next = || planes.each_mut().map(|p| p.as_mut().and_then(Iterator::next));
+    let jobs: Vec<_> = tiles(pixels)
+        .into_iter()
+        .zip(maps.beta.chunks_mut(TILE))
+        .zip(maps.gamma.chunks_mut(TILE))
+        .zip(maps.residual.chunks_mut(TILE))
+        .zip(maps.status.chunks_mut(TILE))
+        .map(|(((((start, _), beta), gamma), residual), status)| Job {
+            start,
+            beta,
+            gamma,
+            covariance: next().map(Option::unwrap_or_default),
+            residual,
+            status,
+        })
+        .collect();
+    let busy =
+        run.map(jobs, || (), |(), job| Tile::new(highlights, observations, job).fit(run.level))?;
+    Ok(busy.iter().fold(Occupancy::default(), |sum, tile| Occupancy {
+        lanes: sum.lanes + tile.lanes,
+        useful: sum.useful + tile.useful,
+    }))
+}
+
+/// A tile's part of the maps.
+struct Job<'a> {
+    start: usize,
+    beta: &'a mut [f32],
+    gamma: &'a mut [f32],
+    covariance: [&'a mut [f32]; 3],
+    residual: &'a mut [f32],
+    status: &'a mut [u8],
+}
+
+struct Tile<'a> {
+    highlights: &'a Highlights<'a>,
+    observations: usize,
+    job: Job<'a>,
+    /// Samples that count, and the largest of them.
+    used: Vec<u32>,
+    top: Vec<f32>,
+    /// Samples, then squared angles, of the pixels from `staged` on.
+    stage: Vec<[f32; STAGE]>,
+    staged: usize,
+    start: f32,
+}
+
+impl<'a> Tile<'a> {
+    fn new(highlights: &'a Highlights<'a>, observations: usize, job: Job<'a>) -> Self {
+        let count = job.status.len();
+        let mut tile = Self {
+            highlights,
+            observations,
+            job,
+            used: vec![0; count],
+            top: vec![0.0; count],
+            stage: vec![[0.0; STAGE]; 2 * observations],
+            staged: usize::MAX,
+            start: sharpness(START).ln() as f32,
+        };
+        // Plane by plane, as they lie in memory.
+        for i in 0..observations {
+            let from = i * highlights.pixels + tile.job.start;
+            let samples = &highlights.samples[from..from + count];
+            let angles = &highlights.phi[from..from + count];
+            for (((&y, &phi), used), top) in
+                samples.iter().zip(angles).zip(&mut tile.used).zip(&mut tile.top)
+            {
+                let counts = y.is_finite() & phi.is_finite();
+                *used += u32::from(counts);
+                *top = if counts & (y > *top) { y } else { *top };
+            }
+        }
+        tile
+    }
+
+    fn fit(mut self, level: Level) -> Occupancy {
+        let count = self.used.len();
+        let mut usable = Vec::with_capacity(count);
+        for pixel in 0..count {
+            let verdict = match self.used[pixel] {
+                0 => Status::InvalidInput,
+                1 => Status::TooFewSamples,
+                _ if self.top[pixel] <= 0.0 => Status::Dark,
+                _ => {
+                    usable.push(pixel);
+                    continue;
+                }
+            };
+            self.give_up(pixel, verdict);
+        }
+        let bounds = Bounds {
+            lower: [0.0, sharpness(GAMMA_MAX).ln() as f32],
+            upper: [f32::MAX, sharpness(GAMMA_MIN).ln() as f32],
+        };
+        fit(level, &mut self, usable, &bounds, &SEARCH)
+    }
+
+    /// Makes the pixels from `first` on ready.
+    fn prepare(&mut self, first: usize) {
+        self.staged = first;
+        let count = STAGE.min(self.used.len() - first);
+        let (samples, angles) = self.stage.split_at_mut(self.observations);
+        for (i, (sample, angle)) in samples.iter_mut().zip(angles).enumerate() {
+            let from = i * self.highlights.pixels + self.job.start + first;
+            let ys = &self.highlights.samples[from..from + count];
+            let phis = &self.highlights.phi[from..from + count];
+            for (((sample, angle), &y), &phi) in sample.iter_mut().zip(angle).zip(ys).zip(phis) {
+                let counts = y.is_finite() & phi.is_finite();
+                *sample = if counts { y } else { 0.0 };
+                *angle = if counts { (phi * phi).min(FAR) } else { FAR };
+            }
+        }
+    }
+
+    fn give_up(&mut self, pixel: usize, status: Status) {
+        let job = &mut self.job;
+        job.beta[pixel] = if status == Status::Dark { 0.0 } else { f32::NAN };
+        job.gamma[pixel] = f32::NAN;
+        job.residual[pixel] = f32::NAN;
+        for plane in &mut job.covariance {
+            plane[pixel] = f32::NAN;
+        }
+        job.status[pixel] = status.code();
+    }
+}
+
+/// Single precision's own limits; starts are near enough for long first steps.
+const SEARCH: Options = Options {
+    max_iterations: 100,
+    cost: 1e-6,
+    step: 1e-5,
+    gradient: 1e-5,
+    damping: 1e-2,
+    memory: 0.0,
+};
+
+impl Batch<f32, 2> for Tile<'_> {
+    const COVARIANCE: bool = true;
+
+    fn rows(&self) -> usize {
+        2 * self.observations
+    }
+
+    #[inline(always)]
+    fn load(&mut self, problem: usize, column: &mut Column<'_, f32>) -> [f32; 2] {
+        let (first, lane) = (problem / STAGE * STAGE, problem % STAGE);
+        if self.staged != first {
+            self.prepare(first);
+        }
+        column.fill(self.stage.iter().map(|line| line[lane]));
+        [self.top[problem], self.start]
+    }
+
+    #[inline(always)]
+    fn normal<R: Real<Scalar = f32>>(&self, rows: Rows<'_, R>, at: [R; 2]) -> Normal<R, 2> {
+        self.visit(rows, at).1
+    }
+
+    #[inline(always)]
+    fn visit<R: Real<Scalar = f32>>(
+        &self,
+        rows: Rows<'_, R>,
+        at: [R; 2],
+    ) -> ([R; 2], Normal<R, 2>) {
+        let k = exp(at[1]);
+        let mut normal = Normal::zero();
+        for i in 0..self.observations {
+            let exponent = k * rows.get(self.observations + i);
+            let lobe = exp(-exponent);
+            let residual = (-at[0]).mul_add(lobe, rows.get(i));
+            normal.add([lobe, -(exponent * lobe)], residual);
+        }
+        normal.project(at, R::zero())
+    }
+
+    #[inline(always)]
+    fn store(&mut self, problem: usize, outcome: &Outcome<f32, 2>) {
+        let [beta, log_sharpness] = outcome.parameters;
+        let used = self.used[problem] as f32;
+        let [strength, width] = outcome.deficient();
+        let verdict = match outcome.reason {
+            Reason::NotFinite => Some(Status::InvalidInput),
+            _ if beta <= 0.0 || strength => Some(Status::Dark),
+            _ if width => Some(Status::RankDeficient),
+            _ => None,
+        };
+        if let Some(verdict) = verdict {
+            return self.give_up(problem, verdict);
+        }
+        let gamma = (LN_2 as f32).sqrt() * exp(log_sharpness * -0.5);
+        let exact = used <= 2.0;
+        let variance = if exact { f32::NAN } else { outcome.normal.cost / (used - 2.0) };
+        let covariance = outcome.covariance(variance);
+        // d gamma / d ln k = -gamma / 2.
+        let slope = -0.5 * gamma;
+        let spread = covariance[1][1] * slope * slope;
+        let at_bound = gamma >= 0.999 * GAMMA_MAX as f32 || gamma <= 1.001 * GAMMA_MIN as f32;
+        let status = if exact {
+            Status::Exact
+        } else if at_bound || spread > OPEN * OPEN * gamma * gamma {
+            Status::IllConditioned
+        } else {
+            Status::Fitted
+        };
+        let job = &mut self.job;
+        job.beta[problem] = beta;
+        job.gamma[problem] = gamma;
+        job.covariance[0][problem] = covariance[0][0];
+        job.covariance[1][problem] = covariance[1][0] * slope;
+        job.covariance[2][problem] = spread;
+        job.residual[problem] = (outcome.normal.cost / used).sqrt();
+        if exact {
+            job.residual[problem] = f32::NAN;
+        }
+        job.status[problem] = status.code();
+    }
+}

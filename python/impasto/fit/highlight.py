@@ -1,0 +1,121 @@
+"""One Torrance-Sparrow lobe per pixel where the angles are known: the engine by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto import _core
+from impasto.errors import ArgumentError
+from impasto.fit.border import ProgressCallback, reporting, thread_count
+
+
+@dataclass(frozen=True, eq=False)
+class LobeFit:
+    """Strength and width of every pixel's lobe; NaN where ``status`` says they are not known.
+
+    Parameters
+    ----------
+    beta
+        ``(...)`` float32, strength; 0 where the status is ``DARK``.
+    gamma
+        ``(...)`` float32, half-width at half maximum of the facets' tilt, rad.
+    covariance
+        ``(3, ...)`` float32: variance of beta, covariance, variance of gamma, for residuals as
+        large as those found. NaN where the status is ``EXACT``, too.
+    residual
+        ``(...)`` float32, root mean square of the residuals; NaN where the status is ``EXACT``.
+    status
+        ``(...)`` uint8, see :class:`~impasto.Status`: ``FITTED``; ``EXACT`` (two samples);
+        ``ILL_CONDITIONED`` (gamma at its bound of 5e-4 or 1.25 rad, or its standard deviation
+        larger than itself); ``DARK`` (no sample is positive, or no lobe helps to explain them);
+        ``RANK_DEFICIENT`` (no sample tells the width); ``TOO_FEW_SAMPLES``; ``INVALID_INPUT``.
+    """
+
+    beta: NDArray[np.float32]
+    gamma: NDArray[np.float32]
+    covariance: NDArray[np.float32]
+    residual: NDArray[np.float32]
+    status: NDArray[np.uint8]
+
+
+def fit_lobe(
+    phi: ArrayLike,
+    samples: ArrayLike,
+    *,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> LobeFit:
+    """Fit ``samples = beta exp(-ln 2 phi^2 / gamma^2)`` to every pixel by least squares.
+
+    The specular term of the RGB-camera paper's eq. 9 where ``F G / (N . V)`` is one, or has been
+    divided out: the smallest call into the fitting engine, and the one to time it by.
+    :func:`fit_sbrdf` is the call that measures a painting.
+
+    Parameters
+    ----------
+    phi
+        ``(obs, ...)`` angles between normal and half vector, rad; NaN leaves a sample out.
+    samples
+        ``(obs, ...)`` specular light; NaN leaves a sample out. C-contiguous float32 arrays are
+        borrowed, others converted.
+    threads, progress
+        As everywhere: None means every allowed core; a bool or a callable ``(done, total)``.
+
+    Returns
+    -------
+    LobeFit
+        Maps of the samples' shape without its first axis.
+
+    Raises
+    ------
+    ArgumentError
+        If the shapes differ or there is nothing to fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> phi = np.linspace(0.0, 0.5, 16)[:, None] * np.ones(1000)
+    >>> found = impasto.fit_lobe(phi, 100.0 * np.exp(-np.log(2) * phi**2 / 0.2**2))
+    >>> bool(np.allclose(found.gamma, 0.2, rtol=1e-5))
+    True
+    """
+    angles, values = _floats(phi, "phi"), _floats(samples, "samples")
+    if angles.shape != values.shape:
+        raise ArgumentError(
+            f"phi: expected the shape of samples, {values.shape}, found {angles.shape}"
+        )
+    if values.ndim < 1 or values.size == 0:
+        raise ArgumentError(f"samples: expected (obs, ...) numbers, found shape {values.shape}")
+    shape = values.shape[1:]
+    pixels = values.size // len(values)
+    flat = LobeFit(
+        beta=np.empty(pixels, dtype=np.float32),
+        gamma=np.empty(pixels, dtype=np.float32),
+        covariance=np.empty((3, pixels), dtype=np.float32),
+        residual=np.empty(pixels, dtype=np.float32),
+        status=np.empty(pixels, dtype=np.uint8),
+    )
+    rows = (len(values), pixels)
+    with reporting(progress, "lobes") as callback:
+        _core.fit_lobe(
+            values.reshape(rows), angles.reshape(rows), flat, thread_count(threads), callback
+        )
+    return LobeFit(
+        beta=flat.beta.reshape(shape),
+        gamma=flat.gamma.reshape(shape),
+        covariance=flat.covariance.reshape(3, *shape),
+        residual=flat.residual.reshape(shape),
+        status=flat.status.reshape(shape),
+    )
+
+
+def _floats(values: ArrayLike, name: str) -> NDArray[np.float32]:
+    """An array of real numbers in single precision; what is beyond its range does not count."""
+    found = np.asarray(values)
+    if found.dtype.kind not in "fiu":
+        raise ArgumentError(f"{name}: expected an array of real numbers, found {found.dtype}")
+    with np.errstate(over="ignore"):
+        return np.ascontiguousarray(found, dtype=np.float32)
