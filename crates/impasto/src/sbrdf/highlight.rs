@@ -79,7 +79,7 @@ pub fn fit_lobe(
         ("status", maps.status.len(), pixels),
     ];
     if let Some((name, found, expected)) = sizes.iter().find(|(_, found, fits)| found != fits) {
-        return Err(Error::argument(*name, format!("{found} values, expected {expected}")));
+        return Err(Error::argument(name, format!("{found} values, expected {expected}")));
     }
     let mut covariance = maps.covariance.chunks_mut(pixels.max(1)).map(|p| p.chunks_mut(TILE));
     let mut planes = [covariance.next(), covariance.next(), covariance.next()];
@@ -153,7 +153,7 @@ impl<'a> Tile<'a> {
             {
                 let counts = y.is_finite() & phi.is_finite();
                 *used += u32::from(counts);
-                *top = if counts & (y > *top) { y } else { *top };
+                *top = if counts && y > *top { y } else { *top };
             }
         }
         tile
