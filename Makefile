@@ -42,8 +42,9 @@ docs: $(VENV)/built $(VENV)/extras  ## build the documentation into docs/_build/
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 	@echo "docs: open docs/_build/html/index.html"
 
-bench: $(VENV)/built $(VENV)/extras  ## time the numerics against peers
-	cargo bench --package impasto-benches
+bench: $(VENV)/built $(VENV)/extras $(VENV)/peers  ## time the numerics against peers
+	cargo bench --package impasto-benches --bench numerics
+	$(BIN)/python benches/python/fits.py --record
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest benches/python -q
 
 pictures: $(VENV)/built  ## make the pictures of README and documentation again
@@ -67,6 +68,13 @@ $(VENV)/created:
 $(VENV)/built: $(VENV)/created pyproject.toml constraints.txt $(RUST)
 	@echo "make: building impasto; the first time takes a few minutes"
 	@$(BIN)/maturin develop --release --quiet
+	@touch $@
+
+# Fitters to compare with; the benchmark names those that are missing.
+$(VENV)/peers: pyproject.toml | $(VENV)/built
+	@echo "make: fetching fitters to compare with"
+	@$(BIN)/python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; print("\n".join(p["peers"]))' > $(VENV)/peers.txt
+	@$(BIN)/python -m pip install --requirement $(VENV)/peers.txt || echo "make: going on without them"
 	@touch $@
 
 $(VENV)/extras: pyproject.toml constraints.txt | $(VENV)/built
