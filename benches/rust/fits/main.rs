@@ -19,6 +19,7 @@ mod random;
 mod torrance_sparrow;
 
 use std::hint::black_box;
+use std::sync::OnceLock;
 use std::time::Instant;
 
 use impasto::lm::{Bounds, Occupancy, Options, fit};
@@ -66,8 +67,25 @@ fn clock(epoch: Instant) -> f64 {
         .unwrap_or_else(|| epoch.elapsed().as_nanos() as f64)
 }
 
-/// Seconds of either side in the round whose ratio is the median.
-fn race(mut ours: impl FnMut(), mut theirs: impl FnMut()) -> [f64; 2] {
+/// The arguments `count SIDE PROBLEM`: which side runs, once, for `benches/python/instructions.py`.
+static COUNTED: OnceLock<String> = OnceLock::new();
+
+/// Fewer problems where instructions are counted: it is slow, and a few hundred say it all.
+fn scaled(count: usize) -> usize {
+    if COUNTED.get().is_some() { count / 50 } else { count }
+}
+
+/// Seconds of either side in the round whose ratio is the median; `fits` is how many each makes.
+fn race(fits: [usize; 2], mut ours: impl FnMut(), mut theirs: impl FnMut()) -> [f64; 2] {
+    if let Some(side) = COUNTED.get() {
+        println!("{} {}", fits[0], fits[1]);
+        match side.as_str() {
+            "lanes" => ours(),
+            "minpack" => theirs(),
+            _ => {}
+        }
+        std::process::exit(0);
+    }
     let epoch = Instant::now();
     let mut rounds: Vec<_> =
         (0..ROUNDS).map(|_| [timed(epoch, &mut ours), timed(epoch, &mut theirs)]).collect();
@@ -90,6 +108,7 @@ fn report(name: &str, rates: [f64; 2], occupancy: Occupancy, count: usize, bad: 
 
 fn torrance_sparrow<const PROJECTED: bool>(name: &str, count: usize) {
     use torrance_sparrow::{Lanes, Port, pixels};
+    let count = scaled(count);
     let pixels = pixels(count);
     let some = &pixels[..count / 40];
     let bounds = Bounds { lower: [0.0, -0.8], upper: [1e9, 15.0] };
@@ -98,6 +117,7 @@ fn torrance_sparrow<const PROJECTED: bool>(name: &str, count: usize) {
     let mut places = vec![Vector2::zeros(); some.len()];
     let minimise = |pixel, start| port().minimize(Port { pixel, place: Vector2::from(start) });
     let seconds = race(
+        [count, some.len()],
         || {
             let all = 0..pixels.len();
             occupancy = fit(Level::detect(), black_box(&mut lanes), all, &bounds, &near());
@@ -138,12 +158,14 @@ fn kernel(count: usize) -> f64 {
 
 fn lafortune<const N: usize>(count: usize, observations: usize) {
     use lafortune::{Found, Port, Scene, joint, sequential, start};
+    let count = scaled(count);
     let lobes = (N - 1) / 3;
     let scene = Scene::new(count, observations, lobes);
     let some = (count / if lobes == 1 { 10 } else { 20 }).max(20);
     let mut found: Option<Found<N>> = None;
     let mut costs = vec![0.0; some];
     let seconds = race(
+        [count, some],
         || {
             found = Some(if lobes == 1 {
                 joint::<f32, N>(black_box(&scene), &vec![start(); count], &options())
@@ -171,20 +193,45 @@ fn lafortune<const N: usize>(count: usize, observations: usize) {
     report(&format!("Lafortune {lobes}, {observations}"), rates, found.effort, count, bad);
 }
 
+/// One problem after the other, or the one that is named.
+fn problems(only: Option<&str>) {
+    let asked = |name: &str| only.is_none_or(|only| only == name);
+    if asked("torrance-sparrow") {
+        torrance_sparrow::<true>("Torrance-Sparrow, 16", 200_000);
+    }
+    if asked("unprojected") {
+        torrance_sparrow::<false>("the same, strength not projected", 200_000);
+    }
+    if asked("lafortune-1") {
+        lafortune::<4>(10_000, 100);
+    }
+    if asked("lafortune-1-690") {
+        lafortune::<4>(3_000, 690);
+    }
+    if asked("lafortune-3") {
+        lafortune::<10>(4_000, 100);
+    }
+    if asked("lafortune-3-690") {
+        lafortune::<10>(1_000, 690);
+    }
+}
+
 fn main() {
-    if std::env::args().any(|argument| argument == "kernel") {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if arguments.first().is_some_and(|first| first == "kernel") {
         println!("{:.0}", kernel(200_000));
         return;
+    }
+    if let [first, side, problem, ..] = arguments.as_slice()
+        && first == "count"
+    {
+        COUNTED.get_or_init(|| side.clone());
+        return problems(Some(problem));
     }
     println!("one thread, {}, tolerance {TOLERANCE:e}", Level::detect().name());
     println!(
         "| problem | lanes, fits/s | MINPACK | ratio | passes | lanes busy | bad | bad, MINPACK |"
     );
     println!("|---|---|---|---|---|---|---|---|");
-    torrance_sparrow::<true>("Torrance-Sparrow, 16", 200_000);
-    torrance_sparrow::<false>("the same, strength not projected", 200_000);
-    lafortune::<4>(10_000, 100);
-    lafortune::<4>(3_000, 690);
-    lafortune::<10>(4_000, 100);
-    lafortune::<10>(1_000, 690);
+    problems(None);
 }
