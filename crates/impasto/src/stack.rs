@@ -125,6 +125,13 @@ impl<'a> Stack<'a> {
         self.shape
     }
 
+    /// `(y, x)`, true where the painting is; none if it is everywhere.
+    #[must_use]
+    #[inline]
+    pub fn mask(&self) -> Option<&'a [bool]> {
+        self.mask
+    }
+
     /// Whether a pixel, counted row by row, belongs to the painting.
     #[must_use]
     #[inline]

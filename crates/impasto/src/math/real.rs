@@ -74,6 +74,11 @@ pub trait Real:
     /// stays out.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 
+    /// Computes a part of a kernel in a function of its own.
+    #[inline(always)]
+    fn apart<P: Part<Self>>(part: P) -> P::Output {
+        part.compute()
+    }
     /// A constant, rounded to the lanes' precision.
     #[must_use]
     #[inline(always)]
@@ -120,10 +125,22 @@ pub trait Real:
     }
 }
 
+/// An inner loop that wants all registers to itself: what the kernel around it keeps in registers
+/// is put away by [`Real::apart`], once, and not by every turn of the loop.
+pub trait Part<R> {
+    /// What it returns.
+    type Output;
+    /// The loop; `#[inline(always)]`, as all of a kernel.
+    fn compute(self) -> Self::Output;
+}
+
 /// One yes or no per lane.
 pub trait Mask:
     Copy + Debug + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self>
 {
+    /// How many lanes there are.
+    const WIDTH: usize;
+
     /// The same answer in every lane.
     fn splat(value: bool) -> Self;
     /// Whether any lane says yes.
@@ -163,6 +180,8 @@ pub trait Scalar: Real<Mask = bool, Scalar = Self> + PartialOrd + Default {
 }
 
 impl Mask for bool {
+    const WIDTH: usize = 1;
+
     #[inline(always)]
     fn splat(value: bool) -> Self {
         value

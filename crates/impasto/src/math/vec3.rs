@@ -41,7 +41,22 @@ impl Vec3<f64> {
     }
 }
 
+impl Vec3<f32> {
+    /// The same vector in every lane.
+    #[must_use]
+    #[inline(always)]
+    pub fn fill<R: Real<Scalar = f32>>(self) -> Vec3<R> {
+        Vec3::new(R::splat(self.x), R::splat(self.y), R::splat(self.z))
+    }
+}
+
 impl<R: Real> Vec3<R> {
+    /// The vector where the mask is set, else zero.
+    #[must_use]
+    #[inline(always)]
+    pub fn keep(self, mask: R::Mask) -> Self {
+        Self::new(R::keep(mask, self.x), R::keep(mask, self.y), R::keep(mask, self.z))
+    }
     /// Inner product.
     #[must_use]
     #[inline(always)]

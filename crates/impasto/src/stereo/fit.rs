@@ -1,9 +1,10 @@
 //! The kernel: a register of pixels at a time, from stored samples to all maps.
 
-use crate::math::lanes::Isa;
+use crate::math::lanes::{Isa, Pair};
 use crate::math::{Kernel, Mask, Real};
 
 use super::Problem;
+use super::lights::{Distant, Lights, Near};
 use super::pixels::Pixels;
 use super::rows::{MAX_LANES, Rows};
 use super::tile::Tile;
@@ -112,45 +113,51 @@ impl Kernel for Fit<'_, '_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { problem, scratch, tile } = self;
-        let mut pixels = Pixels::<I::F32>::new(problem);
-        let mut sifted = Sifted::new(problem);
-        let distant = problem.rig.is_distant();
-        if distant {
-            pixels.aim(problem, I::F32::zero(), I::F32::zero());
+        if self.problem.rig.is_distant() {
+            self.fit::<Pair<I::F32>, Distant>();
+        } else {
+            self.fit::<Pair<I::F32>, Near<Pair<I::F32>>>();
         }
+    }
+}
+
+impl Fit<'_, '_, '_> {
+    #[inline(always)]
+    fn fit<R: Real<Scalar = f32>, L: Lights<R>>(self) {
+        let Self { problem, scratch, tile } = self;
+        let mut pixels = Pixels::<R, L>::new(problem);
+        let mut sifted = Sifted::new(problem);
         let mut start = 0;
         while start < tile.count {
-            scratch.read::<I::F32>(problem, tile.start + start);
+            scratch.read::<R>(problem, tile.start + start);
             let end = BLOCK.min(tile.count - start);
             let mut at = 0;
             while at < end {
-                if !distant {
-                    pixels.aim(
-                        problem,
-                        I::F32::load(&scratch.x[at..]),
-                        I::F32::load(&scratch.y[at..]),
-                    );
+                if !L::DISTANT {
+                    let (x, y) = (R::load(&scratch.x[at..]), R::load(&scratch.y[at..]));
+                    pixels.lights.aim(problem.rig, x, y);
                 }
                 let samples = Samples::of(scratch, problem, at);
-                let mut sum = I::F32::zero();
+                let mut sum = R::zero();
                 for k in 0..problem.rig.observations() {
-                    sum = sum + samples.means.at::<I::F32>(k);
+                    sum = sum + samples.means.at::<R>(k);
                 }
                 // A sum is finite only if all samples are; then none needs to be looked at again.
                 let found = if sum.is_finite().all() {
-                    pixels.fit_all(problem, &samples, &mut sifted)
+                    pixels.fit_all(&samples, sum, &mut sifted)
                 } else {
                     pixels.fit_some(&samples, &mut sifted)
                 };
                 found.write(&pixels, tile, start + at);
-                at += I::F32::WIDTH;
+                at += R::WIDTH;
             }
             start += BLOCK;
         }
-        for pixel in 0..tile.count {
-            if !problem.stack.covers(tile.start + pixel) {
-                tile.mask(pixel);
+        if let Some(mask) = problem.stack.mask() {
+            for pixel in 0..tile.count {
+                if !mask[tile.start + pixel] {
+                    tile.mask(pixel);
+                }
             }
         }
     }

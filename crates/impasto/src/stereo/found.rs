@@ -29,23 +29,23 @@ fn code<R: Real>(status: Status) -> R {
 
 impl<R: Real<Scalar = f32>> Found<R> {
     #[inline(always)]
-    pub(super) fn new(
-        pixels: &Pixels<R>,
+    pub(super) fn new<L>(
+        pixels: &Pixels<R, L>,
         loss: Loss,
         verdict: &Verdict<R>,
         start: &Solution<R>,
-        (normal, length): (Vec3<R>, R),
-        (squares, total): (R, R),
+        (normal, length, per_length): (Vec3<R>, R, R),
+        squares: R,
     ) -> Self {
         let freedom = verdict.kept - R::of(3.0);
         let worst = start.matrix.worst_tangent_variance(&start.inverse, normal);
-        let sigma = (squares * worst / freedom).sqrt() / length * spread(loss, freedom);
+        let sigma = (squares * worst / freedom).sqrt() * per_length * spread(loss, freedom);
         Self {
             normal,
             residual: (squares / verdict.kept).sqrt(),
-            condition: start.squared.sqrt(),
+            condition: start.condition,
             sigma,
-            status: status(pixels, verdict, start.squared, total, length),
+            status: status(pixels, verdict, start, length),
             used: verdict.kept,
             shadow: verdict.shadow,
             highlight: verdict.highlight,
@@ -53,7 +53,7 @@ impl<R: Real<Scalar = f32>> Found<R> {
     }
 
     #[inline(always)]
-    pub(super) fn write(&self, pixels: &Pixels<R>, tile: &mut Tile<'_>, at: usize) {
+    pub(super) fn write<L>(&self, pixels: &Pixels<R, L>, tile: &mut Tile<'_>, at: usize) {
         let nan = R::splat(f32::NAN);
         store_counts(self.used, tile.used, at);
         let invalid = R::of(pixels.kept.len() as f64) - pixels.valid - pixels.saturated;
@@ -105,11 +105,10 @@ impl<R: Real<Scalar = f32>> Found<R> {
 /// Why the pixels are what they are. The first that holds: too few samples; dark; coplanar
 /// lights; no spare sample; lights nearly coplanar; samples taken back.
 #[inline(always)]
-fn status<R: Real<Scalar = f32>>(
-    pixels: &Pixels<R>,
+fn status<R: Real<Scalar = f32>, L>(
+    pixels: &Pixels<R, L>,
     verdict: &Verdict<R>,
-    squared: R,
-    total: R,
+    &Solution { squared, total, .. }: &Solution<R>,
     length: R,
 ) -> R {
     let zero = R::zero();

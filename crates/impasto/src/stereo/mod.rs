@@ -13,6 +13,7 @@
 
 mod fit;
 mod found;
+mod lights;
 mod loss;
 mod pixels;
 mod reweigh;
@@ -20,6 +21,7 @@ mod rows;
 mod rule;
 mod solve;
 mod sort;
+mod sums;
 mod tile;
 mod uniform;
 

@@ -5,38 +5,41 @@ use crate::math::{Mask, Real, Vec3};
 use super::Problem;
 use super::fit::{Samples, Sifted};
 use super::found::Found;
+use super::lights::Lights;
 use super::loss::{Absolute, Cauchy, Huber, Loss, Tukey};
 use super::reweigh::Reweigh;
 use super::rows::{MAX_LANES, Rows};
 use super::rule::{Ranks, Rule, Verdict, threshold};
 use super::solve::{Inverse, Symmetric};
+use super::sums::{Accumulate, Multiply, Squares};
 
 /// The least-squares solution over some samples, and what it says about them.
 #[derive(Clone, Copy)]
 pub(super) struct Solution<R> {
     /// Normal times albedo.
     pub(super) b: Vec3<R>,
+    /// Sum of the samples.
+    pub(super) total: R,
     pub(super) matrix: Symmetric<R>,
     pub(super) inverse: Inverse<R>,
-    /// Squared condition number of the lights.
+    /// Squared condition number of the lights, and its root.
     pub(super) squared: R,
+    pub(super) condition: R,
 }
 
-pub(super) struct Pixels<R: Real> {
+pub(super) struct Pixels<R: Real, L> {
     rule: Rule,
     loss: Loss,
     steps: usize,
     ranks: Option<Ranks<R>>,
     reweigh: Reweigh<R>,
-    /// Direction to each light times its irradiance.
-    pub(super) lights: Vec<Vec3<R>>,
-    per_irradiance: Vec<R>,
-    /// Of all lights, where that is the same for every pixel; `b` is unused.
+    pub(super) lights: L,
+    /// Of all lights, where that is the same for every pixel; without `b` and `total`.
     uniform: Option<Solution<R>>,
     /// Rows of the pseudoinverse of all lights.
-    pseudoinverse: Vec<Vec3<R>>,
-    /// 1 where a rule kept the sample, else 0.
-    pub(super) kept: Vec<R>,
+    pseudoinverse: Vec<Vec3<f32>>,
+    /// Which samples a rule kept.
+    pub(super) kept: Vec<R::Mask>,
     /// Number of valid samples, and of clipped ones.
     pub(super) valid: R,
     pub(super) saturated: R,
@@ -44,12 +47,11 @@ pub(super) struct Pixels<R: Real> {
     pub(super) albedo: Vec<R>,
 }
 
-impl<R: Real<Scalar = f32>> Pixels<R> {
+impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
     #[inline(always)]
     pub(super) fn new(problem: &Problem<'_>) -> Self {
         let shape = problem.stack.shape();
         let (zero, count) = (R::zero(), shape.observations);
-        let none = Vec3::new(zero, zero, zero);
         let mut pixels = Self {
             rule: problem.rule,
             loss: problem.loss,
@@ -59,61 +61,52 @@ impl<R: Real<Scalar = f32>> Pixels<R> {
                 _ => None,
             },
             reweigh: Reweigh::new(count),
-            lights: vec![none; count],
-            per_irradiance: vec![R::one(); count],
+            lights: L::new(problem.rig),
             uniform: None,
-            pseudoinverse: vec![none; count],
-            kept: vec![zero; count],
+            pseudoinverse: Vec::new(),
+            kept: vec![Mask::splat(false); count],
             valid: zero,
             saturated: zero,
             albedo: vec![zero; shape.bands],
         };
         if let Some(uniform) = &problem.uniform {
-            for (k, row) in uniform.pseudoinverse.iter().enumerate() {
-                pixels.pseudoinverse[k] = row.splat();
-            }
+            pixels.pseudoinverse = uniform.pseudoinverse.iter().map(|row| row.splat()).collect();
             pixels.uniform = Some(Solution {
-                b: none,
+                b: Vec3::new(zero, zero, zero),
+                total: zero,
                 matrix: uniform.matrix.splat(),
                 inverse: Inverse {
                     adjugate: uniform.inverse.adjugate.splat(),
                     per_determinant: R::of(uniform.inverse.per_determinant),
                 },
                 squared: R::of(uniform.squared),
+                condition: R::of(uniform.squared.sqrt()),
             });
         }
         pixels
     }
 
-    /// Directions and irradiances at the points `(x, y)` in mm.
-    #[inline(always)]
-    pub(super) fn aim(&mut self, problem: &Problem<'_>, x: R, y: R) {
-        for (k, light) in problem.rig.lights().iter().enumerate() {
-            let (towards, irradiance) = light.at(x, y);
-            self.lights[k] = towards.scale(irradiance);
-            self.per_irradiance[k] = irradiance.recip();
-        }
-    }
-
-    /// Everything about pixels whose samples are all valid.
+    /// Everything about pixels whose samples are all valid; `sum` is that of the means.
     #[inline(always)]
     pub(super) fn fit_all(
         &mut self,
-        problem: &Problem<'_>,
         samples: &Samples<'_>,
+        mut sum: R,
         sifted: &mut Sifted,
     ) -> Found<R> {
         self.valid = R::of(self.kept.len() as f64);
         self.saturated = R::zero();
         let mut relative = samples.means;
-        if !problem.rig.is_distant() && self.rule != Rule::All {
+        if !L::DISTANT && self.rule != Rule::All {
+            sum = R::zero();
             for k in 0..self.kept.len() {
-                let mean: R = samples.means.at(k);
-                (mean * self.per_irradiance[k]).store(&mut sifted.relative[k * MAX_LANES..]);
+                let mean = samples.means.at::<R>(k) * self.lights.per_irradiance(k);
+                sum = sum + mean;
+                mean.store(&mut sifted.relative[k * MAX_LANES..]);
             }
             relative = Rows::new(&sifted.relative, MAX_LANES);
         }
-        self.fit::<true>(relative, samples.signal, samples.bands)
+        self.fit::<true>(relative, sum, samples.signal, samples.bands)
     }
 
     /// Everything about pixels, after a look at each sample.
@@ -122,65 +115,74 @@ impl<R: Real<Scalar = f32>> Pixels<R> {
         let (zero, one, nan) = (R::zero(), R::one(), R::splat(f32::NAN));
         let largest = R::splat(f32::MAX);
         (self.valid, self.saturated) = (zero, zero);
+        let mut sum = zero;
         for k in 0..self.kept.len() {
             let mean: R = samples.means.at(k);
             let valid = mean.is_finite();
-            self.kept[k] = R::keep(valid, one);
-            self.valid = self.valid + self.kept[k];
+            self.kept[k] = valid;
+            self.valid = self.valid + R::keep(valid, one);
             self.saturated = self.saturated + R::keep(mean.gt(largest), one);
-            let relative = R::select(valid, mean * self.per_irradiance[k], nan);
-            relative.store(&mut sifted.relative[k * MAX_LANES..]);
+            let relative = mean * self.lights.per_irradiance(k);
+            sum = sum + R::keep(valid, relative);
+            R::select(valid, relative, nan).store(&mut sifted.relative[k * MAX_LANES..]);
             R::keep(valid, samples.signal.at(k)).store(&mut sifted.signal[k * MAX_LANES..]);
         }
         let relative = Rows::new(&sifted.relative, MAX_LANES);
-        self.fit::<false>(relative, Rows::new(&sifted.signal, MAX_LANES), samples.bands)
+        self.fit::<false>(relative, sum, Rows::new(&sifted.signal, MAX_LANES), samples.bands)
     }
 
+    /// With `ALL` every sample is valid; `sum` is that of the `relative` samples that are.
     #[inline(always)]
     fn fit<const ALL: bool>(
         &mut self,
         relative: Rows<'_>,
+        sum: R,
         signal: Rows<'_>,
         bands: Rows<'_>,
     ) -> Found<R> {
-        let mut verdict = self.select::<ALL>(relative);
+        let mut verdict = self.select::<ALL>(relative, sum);
         let start = self.start::<ALL>(signal);
         let mut b = start.b;
         if self.loss != Loss::Squares && self.steps > 0 {
-            if ALL && self.rule == Rule::All {
-                self.kept.fill(R::one());
-            }
             let steps = self.steps;
             let (lights, kept, reweigh) = (&self.lights, &self.kept, &mut self.reweigh);
             let left = match self.loss {
-                Loss::Absolute => reweigh.run::<Absolute>(lights, kept, signal, steps, &mut b),
-                Loss::Huber => reweigh.run::<Huber>(lights, kept, signal, steps, &mut b),
-                Loss::Cauchy => reweigh.run::<Cauchy>(lights, kept, signal, steps, &mut b),
-                Loss::Tukey => reweigh.run::<Tukey>(lights, kept, signal, steps, &mut b),
-                Loss::Squares => R::zero().le(R::zero()),
+                Loss::Absolute => reweigh.run::<Absolute, L>(lights, kept, signal, steps, &mut b),
+                Loss::Huber => reweigh.run::<Huber, L>(lights, kept, signal, steps, &mut b),
+                Loss::Cauchy => reweigh.run::<Cauchy, L>(lights, kept, signal, steps, &mut b),
+                Loss::Tukey => reweigh.run::<Tukey, L>(lights, kept, signal, steps, &mut b),
+                Loss::Squares => Mask::splat(true),
             };
             verdict.relaxed = verdict.relaxed | !left;
         }
-        let (squares, total) = if ALL && self.rule == Rule::All {
-            self.residuals::<true>(signal, b)
+        let (lights, kept) = (&self.lights, &self.kept[..]);
+        let squares = if ALL && self.rule == Rule::All {
+            R::apart(Squares::<_, _, _, true> { lights, kept, signal, b })
         } else {
-            self.residuals::<false>(signal, b)
+            R::apart(Squares::<_, _, _, false> { lights, kept, signal, b })
         };
         let length = b.length();
-        let normal = b.scale(length.recip());
+        let per_length = length.recip();
+        let normal = b.scale(per_length);
         self.follow::<ALL>(bands, normal, length);
-        Found::new(self, self.loss, &verdict, &start, (normal, length), (squares, total))
+        Found::new(self, self.loss, &verdict, &start, (normal, length, per_length), squares)
     }
 
     /// Which samples the rule keeps.
     #[inline(always)]
-    fn select<const ALL: bool>(&mut self, relative: Rows<'_>) -> Verdict<R> {
+    fn select<const ALL: bool>(&mut self, relative: Rows<'_>, sum: R) -> Verdict<R> {
         match (&mut self.ranks, self.rule) {
             (Some(ranks), _) => ranks.apply::<ALL>(relative, &mut self.kept, self.valid),
             (None, Rule::Threshold { w1, w2 }) => {
-                threshold::<R, ALL>((w1, w2), relative, &mut self.kept, self.valid)
+                let mean = sum / self.valid;
+                threshold::<R, ALL>((w1, w2), relative, mean, &mut self.kept, self.valid)
             }
-            _ => Verdict::all(self.valid),
+            _ => {
+                if ALL {
+                    self.kept.fill(Mask::splat(true));
+                }
+                Verdict::all(self.valid)
+            }
         }
     }
 
@@ -188,28 +190,22 @@ impl<R: Real<Scalar = f32>> Pixels<R> {
     /// lights, are multiplied by the one pseudoinverse.
     #[inline(always)]
     fn start<const ALL: bool>(&self, signal: Rows<'_>) -> Solution<R> {
-        let zero = R::zero();
-        let mut all = Vec3::new(zero, zero, zero);
+        let (lights, kept) = (&self.lights, &self.kept[..]);
+        let mut all = None;
         if let Some(uniform) = self.uniform {
-            for (k, &row) in self.pseudoinverse.iter().enumerate() {
-                all = row.mul_add(signal.at(k), all);
-            }
+            let pseudoinverse = &self.pseudoinverse[..];
+            let (b, total) = R::apart(Multiply { pseudoinverse, signal });
             if ALL {
-                return Solution { b: all, ..uniform };
+                return Solution { b, total, ..uniform };
             }
+            all = Some((uniform, b));
         }
-        let mut matrix = Symmetric::zero();
-        let mut right = Vec3::new(zero, zero, zero);
-        for (k, (&light, &kept)) in self.lights.iter().zip(&self.kept).enumerate() {
-            let kept = if ALL && self.rule == Rule::All { R::one() } else { kept };
-            let weighted = light.scale(kept);
-            matrix.add(light, weighted);
-            right = weighted.mul_add(signal.at(k), right);
-        }
+        let (matrix, right, total) = R::apart(Accumulate { lights, kept, signal });
         let inverse = matrix.inverse();
         let squared = matrix.squared_condition(&inverse);
-        let some = Solution { b: inverse.times(right), matrix, inverse, squared };
-        let Some(uniform) = self.uniform else { return some };
+        let condition = squared.sqrt();
+        let some = Solution { b: inverse.times(right), total, matrix, inverse, squared, condition };
+        let Some((uniform, all)) = all else { return some };
         let whole = self.valid.ge(R::of(self.kept.len() as f64));
         Solution {
             b: Vec3::new(
@@ -217,6 +213,7 @@ impl<R: Real<Scalar = f32>> Pixels<R> {
                 R::select(whole, all.y, some.b.y),
                 R::select(whole, all.z, some.b.z),
             ),
+            total,
             matrix: Symmetric::select(whole, &uniform.matrix, &some.matrix),
             inverse: Inverse {
                 adjugate: Symmetric::select(
@@ -231,50 +228,31 @@ impl<R: Real<Scalar = f32>> Pixels<R> {
                 ),
             },
             squared: R::select(whole, uniform.squared, some.squared),
+            condition: R::select(whole, uniform.condition, some.condition),
         }
-    }
-
-    /// Sums over the kept samples, which `WHOLE` says are all: squared residuals, and samples.
-    #[inline(always)]
-    fn residuals<const WHOLE: bool>(&self, signal: Rows<'_>, b: Vec3<R>) -> (R, R) {
-        let (mut squares, mut total) = (R::zero(), R::zero());
-        for (k, (&light, &kept)) in self.lights.iter().zip(&self.kept).enumerate() {
-            let sample: R = signal.at(k);
-            let residual = residual(sample, light, b);
-            if WHOLE {
-                squares = residual.mul_add(residual, squares);
-                total = total + sample;
-            } else {
-                squares = (residual * kept).mul_add(residual, squares);
-                total = sample.mul_add(kept, total);
-            }
-        }
-        (squares, total)
     }
 
     /// Every band's albedo along the normal.
     #[inline(always)]
     fn follow<const ALL: bool>(&mut self, bands: Rows<'_>, normal: Vec3<R>, length: R) {
-        let zero = R::zero();
+        let (zero, one) = (R::zero(), R::one());
         if let [albedo] = &mut self.albedo[..] {
             // The same number: the normal is the direction of the least-squares solution.
             *albedo = length;
             return;
         }
-        let weights = match self.loss {
-            Loss::Squares => &self.kept,
-            _ if self.steps == 0 => &self.kept,
-            _ => self.reweigh.weights(),
-        };
+        let by_rule = self.loss == Loss::Squares || self.steps == 0;
         self.albedo.fill(zero);
         let mut squares = zero;
         let count = self.albedo.len();
-        for (k, (&light, &weight)) in self.lights.iter().zip(weights).enumerate() {
-            let cosine = normal.dot(light);
+        for (k, &kept) in self.kept.iter().enumerate() {
+            let cosine = normal.dot(self.lights.at(k));
             let weight = if ALL && self.rule == Rule::All && self.loss == Loss::Squares {
-                R::one()
+                one
+            } else if by_rule {
+                R::keep(kept, one)
             } else {
-                weight
+                self.reweigh.weights()[k]
             };
             let weighted = cosine * weight;
             squares = weighted.mul_add(cosine, squares);
@@ -289,14 +267,6 @@ impl<R: Real<Scalar = f32>> Pixels<R> {
             *albedo = *albedo * per_square;
         }
     }
-}
-
-/// `sample - b . light`, whose order of sums is part of the results' bits.
-#[inline(always)]
-pub(super) fn residual<R: Real>(sample: R, light: Vec3<R>, b: Vec3<R>) -> R {
-    let rest = (-light.x).mul_add(b.x, sample);
-    let rest = (-light.y).mul_add(b.y, rest);
-    (-light.z).mul_add(b.z, rest)
 }
 
 /// Whether any lane differs from zero.

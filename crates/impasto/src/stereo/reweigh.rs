@@ -3,11 +3,12 @@
 use crate::math::{Mask, Real, Vec3};
 
 use super::ENOUGH;
+use super::lights::Lights;
 use super::loss::Weigh;
-use super::pixels::residual;
 use super::rows::{MAX_LANES, Rows, lanes};
 use super::solve::Symmetric;
 use super::sort::Network;
+use super::sums::residual;
 
 pub(super) struct Reweigh<R> {
     network: Network,
@@ -38,21 +39,21 @@ impl<R: Real<Scalar = f32>> Reweigh<R> {
     /// Returns which pixels could be followed to the end; the others stopped before a step that
     /// would have dropped too many samples, or left single precision no determinant.
     #[inline(always)]
-    pub(super) fn run<W: Weigh>(
+    pub(super) fn run<W: Weigh, L: Lights<R>>(
         &mut self,
-        lights: &[Vec3<R>],
-        kept: &[R],
+        lights: &L,
+        kept: &[R::Mask],
         signal: Rows<'_>,
         steps: usize,
         b: &mut Vec3<R>,
     ) -> R::Mask {
         let (zero, one) = (R::zero(), R::one());
         let (mut sum, mut count) = (zero, zero);
-        for (k, (&light, &kept)) in lights.iter().zip(kept).enumerate() {
-            let size = residual(signal.at(k), light, *b).abs();
-            sum = size.mul_add(kept, sum);
-            count = count + kept;
-            self.weights[k] = kept;
+        for (k, &kept) in kept.iter().enumerate() {
+            let size = residual(signal.at(k), lights.at(k), *b).abs();
+            sum = sum + R::keep(kept, size);
+            self.weights[k] = R::keep(kept, one);
+            count = count + self.weights[k];
         }
         let per_count = count.recip();
         let mut followed = zero.le(zero);
@@ -68,10 +69,11 @@ impl<R: Real<Scalar = f32>> Reweigh<R> {
             let mut left = zero;
             sum = zero;
             core::mem::swap(&mut self.weights, &mut self.previous);
-            for (k, (&light, &kept)) in lights.iter().zip(kept).enumerate() {
-                let residual = residual(signal.at(k), light, *b);
-                let weight = W::weight(residual, tuned) * kept;
+            for (k, &kept) in kept.iter().enumerate() {
+                let residual = residual(signal.at(k), lights.at(k), *b);
+                let weight = R::keep(kept, W::weight(residual, tuned));
                 self.weights[k] = weight;
+                let light = lights.at(k);
                 let weighted = light.scale(weight);
                 matrix.add(light, weighted);
                 right = weighted.mul_add(residual, right);
@@ -79,7 +81,7 @@ impl<R: Real<Scalar = f32>> Reweigh<R> {
                     left = left + R::keep(weight.gt(zero), one);
                 }
                 if !W::MEDIAN {
-                    sum = residual.abs().mul_add(kept, sum);
+                    sum = sum + R::keep(kept, residual.abs());
                 }
             }
             let step = matrix.inverse().times(right);
@@ -103,18 +105,18 @@ impl<R: Real<Scalar = f32>> Reweigh<R> {
 
     /// Median of the kept samples' absolute residuals.
     #[inline(always)]
-    fn median(
+    fn median<L: Lights<R>>(
         &mut self,
-        lights: &[Vec3<R>],
-        kept: &[R],
+        lights: &L,
+        kept: &[R::Mask],
         signal: Rows<'_>,
         b: Vec3<R>,
         count: R,
     ) -> R {
         let infinity = R::splat(f32::INFINITY);
-        for (k, (&light, &kept)) in lights.iter().zip(kept).enumerate() {
-            let size = residual(signal.at(k), light, b).abs();
-            self.sorted[k] = R::select(kept.gt(R::zero()), size, infinity);
+        for (k, &kept) in kept.iter().enumerate() {
+            let size = residual(signal.at(k), lights.at(k), b).abs();
+            self.sorted[k] = R::select(kept, size, infinity);
         }
         self.network.sort(&mut self.sorted);
         let n = self.sorted.len();

@@ -1,9 +1,9 @@
 //! Registers in and out of memory.
 
-use crate::math::Real;
+use crate::math::{Real, lanes};
 
-/// Lanes of the widest register.
-pub(super) const MAX_LANES: usize = 16;
+/// Lanes of the widest registers, which go in pairs.
+pub(super) const MAX_LANES: usize = 2 * lanes::MAX_LANES;
 
 /// One register of pixels from each of several planes that lie `stride` apart.
 #[derive(Clone, Copy)]

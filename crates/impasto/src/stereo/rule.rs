@@ -104,39 +104,35 @@ impl<R: Real> Verdict<R> {
     }
 }
 
-/// The papers' thresholds. Clears the weights of samples that are highlight or shadow.
+/// The papers' thresholds: no longer kept is what is highlight or shadow.
 ///
-/// `relative` are the samples relative to their lights' irradiance, NaN where invalid; `valid` is
-/// the sum of the weights. With `ALL` every sample is valid, and the weights are only written.
+/// `relative` are the samples relative to their lights' irradiance, NaN where invalid, `mean` is
+/// their mean and `valid` their number. With `ALL` every sample is valid, and `kept` only written.
 #[inline(always)]
 pub(super) fn threshold<R: Real<Scalar = f32>, const ALL: bool>(
     (w1, w2): (f64, f64),
     relative: Rows<'_>,
-    weights: &mut [R],
+    mean: R,
+    kept: &mut [R::Mask],
     valid: R,
 ) -> Verdict<R> {
     let (zero, one) = (R::zero(), R::one());
-    let mut sum = zero;
-    for (k, &weight) in weights.iter().enumerate() {
-        let value = relative.at::<R>(k);
-        sum = if ALL { sum + value } else { sum + R::keep(weight.gt(zero), value) };
-    }
-    let mean = sum / valid;
     let (upper, lower) = (mean * R::of(w1), mean * R::of(w2));
     let (mut shadow, mut highlight) = (zero, zero);
-    for (k, weight) in weights.iter_mut().enumerate() {
+    for (k, kept) in kept.iter_mut().enumerate() {
         let value = relative.at::<R>(k);
         // Comparisons are false for NaN.
         let (dark, bright) = (value.lt(lower), value.gt(upper));
         shadow = shadow + R::keep(dark, one);
         highlight = highlight + R::keep(bright, one);
-        *weight = R::select(dark | bright, zero, if ALL { one } else { *weight });
+        let inside = !(dark | bright);
+        *kept = if ALL { inside } else { *kept & inside };
     }
-    let kept = valid - shadow - highlight;
-    let relaxed = kept.lt(valid.min(R::of(ENOUGH as f64)));
-    let mut verdict = Verdict { kept, shadow, highlight, relaxed };
+    let count = valid - shadow - highlight;
+    let relaxed = count.lt(valid.min(R::of(ENOUGH as f64)));
+    let mut verdict = Verdict { kept: count, shadow, highlight, relaxed };
     if relaxed.any() {
-        readmit(relative, weights, &mut verdict, lower);
+        readmit(relative, kept, &mut verdict, lower);
     }
     verdict
 }
@@ -145,15 +141,15 @@ pub(super) fn threshold<R: Real<Scalar = f32>, const ALL: bool>(
 #[inline(always)]
 fn readmit<R: Real<Scalar = f32>>(
     relative: Rows<'_>,
-    weights: &mut [R],
+    kept: &mut [R::Mask],
     verdict: &mut Verdict<R>,
     lower: R,
 ) {
-    let mut kept = lanes(verdict.kept);
+    let mut count = lanes(verdict.kept);
     let (mut shadow, mut highlight) = (lanes(verdict.shadow), lanes(verdict.highlight));
     let lower = lanes(lower);
     for lane in (0..R::WIDTH).filter(|&lane| verdict.relaxed.lane(lane)) {
-        let mut order: Vec<(f32, usize)> = (0..weights.len())
+        let mut order: Vec<(f32, usize)> = (0..kept.len())
             .map(|k| (relative.lane(k, lane), k))
             .filter(|(value, _)| value.is_finite())
             .collect();
@@ -161,18 +157,18 @@ fn readmit<R: Real<Scalar = f32>>(
         let mut ranks: Vec<usize> = (0..order.len()).collect();
         ranks.sort_by_key(|&rank| ((2 * rank).abs_diff(order.len() - 1), rank));
         for (value, k) in ranks.into_iter().map(|rank| order[rank]) {
-            let mut weight = lanes(weights[k]);
-            if weight[lane] > 0.0 || kept[lane] >= ENOUGH as f32 {
+            if kept[k].lane(lane) || count[lane] >= ENOUGH as f32 {
                 continue;
             }
-            weight[lane] = 1.0;
-            weights[k] = R::load(&weight);
-            kept[lane] += 1.0;
+            let mut back = [0.0; MAX_LANES];
+            back[lane] = 1.0;
+            kept[k] = kept[k] | R::load(&back).gt(R::zero());
+            count[lane] += 1.0;
             let reason = if value < lower[lane] { &mut shadow } else { &mut highlight };
             reason[lane] -= 1.0;
         }
     }
-    verdict.kept = R::load(&kept);
+    verdict.kept = R::load(&count);
     verdict.shadow = R::load(&shadow);
     verdict.highlight = R::load(&highlight);
 }
@@ -203,12 +199,12 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
         }
     }
 
-    /// Clears the weights of samples outside the kept ranks; arguments as for [`threshold`].
+    /// Keeps the samples of the kept ranks; arguments as for [`threshold`].
     #[inline(always)]
     pub(super) fn apply<const ALL: bool>(
         &mut self,
         relative: Rows<'_>,
-        weights: &mut [R],
+        kept: &mut [R::Mask],
         valid: R,
     ) -> Verdict<R> {
         let (zero, one) = (R::zero(), R::one());
@@ -220,14 +216,14 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
         self.network.sort(&mut self.sorted);
         let limits = if ALL { self.limits_of_all() } else { self.limits(valid) };
         let expected = limits.end - limits.first;
-        let mut kept = zero;
-        for (k, weight) in weights.iter_mut().enumerate() {
+        let mut count = zero;
+        for (k, kept) in kept.iter_mut().enumerate() {
             let value = relative.at::<R>(k);
-            *weight = R::keep(value.ge(limits.lower) & value.le(limits.upper), one);
-            kept = kept + *weight;
+            *kept = value.ge(limits.lower) & value.le(limits.upper);
+            count = count + R::keep(*kept, one);
         }
-        if kept.gt(expected).any() {
-            Self::split_ties(relative, weights, &limits);
+        if count.gt(expected).any() {
+            Self::split_ties(relative, kept, &limits);
         }
         let highlight = valid - limits.end;
         Verdict { kept: expected, shadow: limits.first, highlight, relaxed: limits.relaxed }
@@ -235,10 +231,10 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
 
     /// Of samples that equal a limit, those of the first lights have the lower ranks.
     #[inline(always)]
-    fn split_ties(relative: Rows<'_>, weights: &mut [R], limits: &Limits<R>) {
+    fn split_ties(relative: Rows<'_>, kept: &mut [R::Mask], limits: &Limits<R>) {
         let (zero, one) = (R::zero(), R::one());
         let (mut below_lower, mut below_upper) = (zero, zero);
-        for k in 0..weights.len() {
+        for k in 0..kept.len() {
             let value = relative.at::<R>(k);
             below_lower = below_lower + R::keep(value.lt(limits.lower), one);
             below_upper = below_upper + R::keep(value.lt(limits.upper), one);
@@ -246,14 +242,14 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
         let skip = limits.first - below_lower;
         let take = limits.end - below_upper;
         let (mut at_lower, mut at_upper) = (zero, zero);
-        for (k, weight) in weights.iter_mut().enumerate() {
+        for (k, kept) in kept.iter_mut().enumerate() {
             let value = relative.at::<R>(k);
             let lower = value.ge(limits.lower) & value.le(limits.lower);
             let upper = value.ge(limits.upper) & value.le(limits.upper);
             let out = (lower & at_lower.lt(skip)) | (upper & at_upper.ge(take));
             at_lower = at_lower + R::keep(lower, one);
             at_upper = at_upper + R::keep(upper, one);
-            *weight = R::select(out, zero, *weight);
+            *kept = *kept & !out;
         }
     }
 

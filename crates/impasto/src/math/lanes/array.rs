@@ -123,6 +123,8 @@ impl<const N: usize> Not for ArrayMask<N> {
     }
 }
 impl<const N: usize> Mask for ArrayMask<N> {
+    const WIDTH: usize = N;
+
     #[inline(always)]
     fn splat(value: bool) -> Self {
         Self([value; N])

@@ -8,10 +8,12 @@
 #![allow(unsafe_code, reason = "vector intrinsics are unsafe to call; each use says why it holds")]
 
 mod array;
+mod pair;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
 use array::Array;
+pub use pair::Pair;
 
 use super::real::{Real, Scalar};
 

@@ -9,7 +9,7 @@ use core::arch::x86_64::*;
 use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use super::{Isa, Kernel};
-use crate::math::real::{Mask, Real, SQRT_HALF_32, SQRT_HALF_64};
+use crate::math::real::{Mask, Part, Real, SQRT_HALF_32, SQRT_HALF_64};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Avx2;
@@ -35,6 +35,18 @@ pub(super) unsafe fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Avx512>()
 }
 
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,f16c")]
+unsafe fn apart_avx2<R, P: Part<R>>(part: P) -> P::Output {
+    part.compute()
+}
+
+#[inline(never)]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,f16c")]
+unsafe fn apart_avx512<R, P: Part<R>>(part: P) -> P::Output {
+    part.compute()
+}
+
 macro_rules! intrinsic {
     ($function:ident($($argument:expr),*)) => {{
         // SAFETY: see the head of this module.
@@ -58,7 +70,7 @@ macro_rules! operator {
 macro_rules! common {
     ($name:ident, $scalar:ty, $register:ty, $width:literal, $mask:ident,
      $set:ident, $load:ident, $store:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
-     $fma:ident, $sqrt:ident, $min:ident, $max:ident,
+     $fma:ident, $sqrt:ident, $min:ident, $max:ident, $apart:ident,
      { $($rest:tt)* }) => {
         #[derive(Clone, Copy, Debug)]
         pub(crate) struct $name($register);
@@ -111,6 +123,10 @@ macro_rules! common {
             fn max(self, other: Self) -> Self {
                 Self(intrinsic!($max(self.0, other.0)))
             }
+            #[inline(always)]
+            fn apart<P: Part<Self>>(part: P) -> P::Output {
+                intrinsic!($apart(part))
+            }
             $($rest)*
         }
     };
@@ -135,6 +151,7 @@ common!(
     _mm256_sqrt_ps,
     _mm256_min_ps,
     _mm256_max_ps,
+    apart_avx2,
     {
         #[inline(always)]
         fn abs(self) -> Self {
@@ -200,6 +217,7 @@ common!(
     _mm256_sqrt_pd,
     _mm256_min_pd,
     _mm256_max_pd,
+    apart_avx2,
     {
         #[inline(always)]
         fn abs(self) -> Self {
@@ -270,6 +288,7 @@ common!(
     _mm512_sqrt_ps,
     _mm512_min_ps,
     _mm512_max_ps,
+    apart_avx512,
     {
         #[inline(always)]
         fn abs(self) -> Self {
@@ -335,6 +354,7 @@ common!(
     _mm512_sqrt_pd,
     _mm512_min_pd,
     _mm512_max_pd,
+    apart_avx512,
     {
         #[inline(always)]
         fn abs(self) -> Self {
@@ -390,7 +410,7 @@ common!(
 
 macro_rules! register_mask {
     ($name:ident, $register:ty, $and:ident, $or:ident, $xor:ident, $bits:ident, $ones:expr,
-     $zero:ident, $all:literal) => {
+     $zero:ident, $all:literal, $width:literal) => {
         /// A full register: every lane all ones (yes) or all zeros (no).
         #[derive(Clone, Copy, Debug)]
         pub(crate) struct $name($register);
@@ -404,6 +424,8 @@ macro_rules! register_mask {
             }
         }
         impl Mask for $name {
+            const WIDTH: usize = $width;
+
             #[inline(always)]
             fn splat(value: bool) -> Self {
                 // SAFETY: see the head of this module.
@@ -434,7 +456,8 @@ register_mask!(
     _mm256_movemask_ps,
     _mm256_castsi256_ps(_mm256_set1_epi32(-1)),
     _mm256_setzero_ps,
-    0xFF
+    0xFF,
+    8
 );
 register_mask!(
     Mask64x4,
@@ -445,7 +468,8 @@ register_mask!(
     _mm256_movemask_pd,
     _mm256_castsi256_pd(_mm256_set1_epi32(-1)),
     _mm256_setzero_pd,
-    0xF
+    0xF,
+    4
 );
 
 macro_rules! bit_mask {
@@ -475,6 +499,8 @@ macro_rules! bit_mask {
             }
         }
         impl Mask for $name {
+            const WIDTH: usize = <$bits>::BITS as usize;
+
             #[inline(always)]
             fn splat(value: bool) -> Self {
                 Self(if value { <$bits>::MAX } else { 0 })

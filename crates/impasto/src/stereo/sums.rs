@@ -1,0 +1,89 @@
+//! Sums over the samples of one register of pixels: the inner loops of the fit.
+
+use crate::math::real::Part;
+use crate::math::{Real, Vec3};
+
+use super::lights::Lights;
+use super::rows::Rows;
+use super::solve::Symmetric;
+
+/// The product with the pseudoinverse of all lights, and the sum of the samples.
+pub(super) struct Multiply<'a> {
+    pub(super) pseudoinverse: &'a [Vec3<f32>],
+    pub(super) signal: Rows<'a>,
+}
+
+impl<R: Real<Scalar = f32>> Part<R> for Multiply<'_> {
+    type Output = (Vec3<R>, R);
+
+    #[inline(always)]
+    fn compute(self) -> (Vec3<R>, R) {
+        let zero = R::zero();
+        let (mut b, mut total) = (Vec3::new(zero, zero, zero), zero);
+        for (k, row) in self.pseudoinverse.iter().enumerate() {
+            let sample: R = self.signal.at(k);
+            b = row.fill().mul_add(sample, b);
+            total = total + sample;
+        }
+        (b, total)
+    }
+}
+
+/// The normal equations of the kept samples, and their sum.
+pub(super) struct Accumulate<'a, L, M> {
+    pub(super) lights: &'a L,
+    pub(super) kept: &'a [M],
+    pub(super) signal: Rows<'a>,
+}
+
+impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Accumulate<'_, L, R::Mask> {
+    type Output = (Symmetric<R>, Vec3<R>, R);
+
+    #[inline(always)]
+    fn compute(self) -> Self::Output {
+        let zero = R::zero();
+        let (mut right, mut total) = (Vec3::new(zero, zero, zero), zero);
+        let mut matrix = Symmetric::zero();
+        for (k, &kept) in self.kept.iter().enumerate() {
+            let light = self.lights.at(k).keep(kept);
+            let sample: R = self.signal.at(k);
+            matrix.add(light, light);
+            right = light.mul_add(sample, right);
+            total = total + R::keep(kept, sample);
+        }
+        (matrix, right, total)
+    }
+}
+
+/// The kept samples' squared residuals; `WHOLE` says that all are kept.
+pub(super) struct Squares<'a, R, L, M, const WHOLE: bool> {
+    pub(super) lights: &'a L,
+    pub(super) kept: &'a [M],
+    pub(super) signal: Rows<'a>,
+    pub(super) b: Vec3<R>,
+}
+
+impl<R: Real<Scalar = f32>, L: Lights<R>, const WHOLE: bool> Part<R>
+    for Squares<'_, R, L, R::Mask, WHOLE>
+{
+    type Output = R;
+
+    #[inline(always)]
+    fn compute(self) -> R {
+        let mut squares = R::zero();
+        for (k, &kept) in self.kept.iter().enumerate() {
+            let residual = residual(self.signal.at(k), self.lights.at(k), self.b);
+            let residual = if WHOLE { residual } else { R::keep(kept, residual) };
+            squares = residual.mul_add(residual, squares);
+        }
+        squares
+    }
+}
+
+/// `sample - b . light`, whose order of sums is part of the results' bits.
+#[inline(always)]
+pub(super) fn residual<R: Real>(sample: R, light: Vec3<R>, b: Vec3<R>) -> R {
+    let rest = (-light.x).mul_add(b.x, sample);
+    let rest = (-light.y).mul_add(b.y, rest);
+    (-light.z).mul_add(b.z, rest)
+}
