@@ -11,6 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+import impasto
+from impasto import simulate
 from impasto.cli import main
 from impasto.io import write_jpeg
 from impasto.pictures import Panel, Picture, contact_sheet, fitted
@@ -51,8 +53,16 @@ def relit(demo: Path) -> Picture:
     return contact_sheet(panels, columns=4, width=360)
 
 
+def lobes() -> None:
+    """The lobes of a pixel under gloss varnish, with its photographs."""
+    painting = simulate.painting(seed=7, size=(32, 32), varnish="patches")
+    capture = simulate.capture(painting, "snel-lafortune")
+    sbrdf = impasto.fit_sbrdf(capture.stack, model="lafortune", lobes=3)
+    sbrdf.lobe_plot(20, 12, capture.stack).savefig(HERE / "lobes.png", dpi=110)
+
+
 def pictures(demo: Path) -> None:
-    """Both pictures, from what `impasto demo` left in a folder."""
+    """Pictures of what `impasto demo` left in a folder."""
     save("relit", relit(demo))
     sheet = picture(demo / "overview.jpg")
     width = 1400
@@ -65,3 +75,4 @@ if __name__ == "__main__":
         if main(["demo", "--out", str(out)]) != 0:
             raise SystemExit("impasto demo failed")
         pictures(out)
+    lobes()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import fields
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -70,6 +71,21 @@ def _lobe(capture: Any, **options: Any) -> Arrays:
     return arrays(impasto.fit_lobe(np.broadcast_to(phi, samples.shape), samples, **options))
 
 
+@cache
+def views() -> impasto.Stack:
+    """110 photographs from as many views, of patches of varnish."""
+    painting = simulate.painting(seed=4, size=(23, 29), varnish="patches")
+    rig = simulate.rig("snel-lafortune").take(range(0, 770, 7))
+    return simulate.capture(painting, rig, "rgb", model="lafortune").stack
+
+
+def _lafortune(_: Any, **options: Any) -> Arrays:
+    stack = views()
+    normals = impasto.fit_normals(stack, method="huber")
+    fit = impasto.fit_sbrdf(stack, model="lafortune", normals=normals, **options)
+    return (*arrays(fit), fit.predict(fit.rig.take(range(5))))
+
+
 def _height(capture: Any, **options: Any) -> Arrays:
     return (impasto.integrate_normals(capture.truth.normal, 0.2, **options),)
 
@@ -80,6 +96,7 @@ CALLS: dict[str, Callable[..., Arrays]] = {
     "fit_lobe": _lobe,
     "fit_normals": _normals,
     "fit_sbrdf": _sbrdf,
+    "fit_sbrdf lafortune": _lafortune,
     "fit_reflectance": _reflectance,
     "integrate_normals": _height,
 }
@@ -112,10 +129,18 @@ def _long_sbrdf(capture: Any, **options: Any) -> Arrays:
     return arrays(impasto.fit_sbrdf(wide, normals=normals, **options))
 
 
+def _long_lafortune(_: Any, **options: Any) -> Arrays:
+    stack = views()
+    wide = impasto.Stack(np.tile(stack.samples, (1, 1, 4, 6)), lights=stack.rig)
+    normals = impasto.fit_normals(wide, method="least-squares")
+    return arrays(impasto.fit_sbrdf(wide, model="lafortune", normals=normals, **options))
+
+
 LONG: dict[str, Callable[..., Arrays]] = {
     "predict": _long_predict,
     "fit_normals": _long_normals,
     "fit_sbrdf": _long_sbrdf,
+    "fit_sbrdf lafortune": _long_lafortune,
 }
 """Calls that take a second or more on one thread with the baseline's instructions."""
 

@@ -13,6 +13,7 @@ from impasto.errors import (
     InternalError,
 )
 from impasto.fit.highlight import LobeFit, fit_lobe
+from impasto.fit.lafortune import LafortuneSbrdf
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import Normals, fit_normals
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
@@ -36,6 +37,7 @@ __all__ = [
     "Image",
     "ImpastoError",
     "InternalError",
+    "LafortuneSbrdf",
     "LobeFit",
     "LobeSbrdf",
     "Normals",

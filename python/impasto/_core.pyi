@@ -52,6 +52,30 @@ def predict_lobes(
 ) -> NDArray[np.float32]: ...
 
 @type_check_only
+class LafortuneMaps(TypedDict):
+    normal: NDArray[np.float32]
+    diffuse: NDArray[np.float32]
+    specular: NDArray[np.float32]
+    cxy: NDArray[np.float32]
+    cz: NDArray[np.float32]
+    exponent: NDArray[np.float32]
+    lobes: NDArray[np.uint8]
+    residual: NDArray[np.float32]
+    sigma: NDArray[np.float32]
+    status: NDArray[np.uint8]
+    views_differ: bool
+
+def fit_lafortune(
+    stack: StackArguments,
+    normal: NDArray[np.float32],
+    diffuse: NDArray[np.float32],
+    status: NDArray[np.uint8],
+    lobes: int,
+    threads: int,
+    progress: ProgressCallback | None,
+) -> LafortuneMaps: ...
+
+@type_check_only
 class Pooled(TypedDict):
     beta: float
     gamma: float

@@ -42,7 +42,7 @@ class DistantLight:
             raise GeometryError(
                 f"direction: a light direction needs a length, found {self.direction}"
             )
-        object.__setattr__(self, "direction", tuple(float(v) for v in vector / length))
+        object.__setattr__(self, "direction", tuple(float(v) for v in vector / _not_1(length)))
         _check_intensity(self.intensity)
 
 
@@ -201,7 +201,15 @@ def _views(views: ArrayLike | None, count: int) -> NDArray[np.float64]:
         lengths = np.linalg.norm(array, axis=1, keepdims=True)
     if not np.isfinite(lengths).all() or bool((lengths < 1e-6).any()):
         raise GeometryError("views: every view needs a finite direction")
-    return np.ascontiguousarray(array / lengths)
+    return np.ascontiguousarray(array / _not_1(lengths))
+
+
+def _not_1(length: Any) -> Any:
+    """Lengths to divide by: 1 for what is a unit vector but for rounding.
+
+    Dividing once more would change last bits, and a rig that is saved and loaded must not change.
+    """
+    return np.where(np.abs(length - 1.0) < 8 * np.finfo(np.float64).eps, 1.0, length)
 
 
 def _vector(values: Any, name: str) -> NDArray[np.float64]:

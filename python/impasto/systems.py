@@ -20,7 +20,7 @@ from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback
 from impasto.fit.normals import Method, Normals, fit_normals
 from impasto.fit.reflectance import Estimator, Reflectance, fit_reflectance
-from impasto.fit.sbrdf import Extraction, Model, Pooling, Sbrdf, fit_sbrdf
+from impasto.fit.sbrdf import Extraction, Sbrdf, fit_sbrdf
 from impasto.render import Image, render
 from impasto.rig import DistantLight
 from impasto.scene import Scene
@@ -62,8 +62,8 @@ class System:
     w1: float = 1.2
     w2: float = 0.1
     selection: int | str | None = None
-    model: Model = "torrance-sparrow"
-    pooling: Pooling = "painting"
+    model: Literal["torrance-sparrow"] = "torrance-sparrow"
+    pooling: Literal["painting"] = "painting"
     extraction: Extraction = "residual"
     joint: bool = True
     index: float = 1.45

@@ -4,8 +4,10 @@
 //! (strength, turn, ln n) of each lobe to the radiance `f (N.L)`.
 
 use impasto::brdf::lafortune::{Lobe, Pair};
+use impasto::geometry::{Grid, Light, Rig};
 use impasto::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, ROWS, Rows, fit};
-use impasto::math::{Element, Level, Real, Scalar, Vec3};
+use impasto::math::{Element, Level, Real, Vec3};
+use impasto::sbrdf::lafortune::{Found, Luminance, Sequence};
 use levenberg_marquardt::LeastSquaresProblem;
 use nalgebra::{Const, Dyn, OMatrix, OVector, Owned, SVector, U1};
 
@@ -99,15 +101,6 @@ fn model<R: Real, const N: usize>(lobes: &[Lobe<R>; 3], diffuse: R, pair: &Pair<
     (pair.cosine * reflectance, slope)
 }
 
-/// All lobes of `at`, and a new one as strong as those of [`start`].
-fn with_lobe<const M: usize>(at: &[f64], exponent: f64) -> [f64; M] {
-    let mut longer = [0.0; M];
-    longer[..at.len()].copy_from_slice(at);
-    longer[M - 3] = STRENGTH;
-    longer[M - 1] = exponent.ln();
-    longer
-}
-
 /// Both sides' first guess for one lobe, and MINPACK's for three at once.
 pub(crate) fn start<const N: usize>() -> [f64; N] {
     let mut at = [0.0; N];
@@ -122,13 +115,9 @@ pub(crate) fn start<const N: usize>() -> [f64; N] {
 /// Pixels side by side in registers.
 struct Lanes<'a, S, const N: usize> {
     scene: &'a Scene,
-    pixels: &'a [usize],
-    /// Every so many-th observation is used.
-    stride: usize,
     /// Light, view and their product, splat to all lanes.
     directions: Vec<[S; 7]>,
     starts: &'a [[f64; N]],
-    found: Vec<[f64; N]>,
     costs: Vec<f64>,
 }
 
@@ -137,14 +126,13 @@ impl<S: Element, const N: usize> Batch<S, N> for Lanes<'_, S, N> {
         self.directions.len() + 3
     }
     #[inline]
-    fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N] {
-        let pixel = self.pixels[problem];
-        let samples = self.scene.samples.iter().step_by(self.stride);
+    fn load(&mut self, pixel: usize, column: &mut Column<'_, S>) -> [S; N] {
+        let samples = self.scene.samples.iter();
         let samples = samples.map(|plane| S::from_f64(f64::from(plane[pixel])));
         let normal = self.scene.normals[pixel];
         let normal = [normal.x, normal.y, normal.z].map(S::from_f64);
         column.fill(samples.chain(normal));
-        self.starts[problem].map(S::from_f64)
+        self.starts[pixel].map(S::from_f64)
     }
     #[inline(always)]
     fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
@@ -180,113 +168,71 @@ impl<S: Element, const N: usize> Batch<S, N> for Lanes<'_, S, N> {
         normal
     }
     #[inline]
-    fn store(&mut self, problem: usize, outcome: &Outcome<S, N>) {
-        self.found[problem] = outcome.parameters.map(Scalar::to_f64);
-        self.costs[problem] = outcome.normal.cost.to_f64();
+    fn store(&mut self, pixel: usize, outcome: &Outcome<S, N>) {
+        self.costs[pixel] = outcome.normal.cost.to_f64();
     }
 }
 
-/// What a side found, and how busy its lanes were.
-pub(crate) struct Found<const N: usize> {
-    pub(crate) at: Vec<[f64; N]>,
-    pub(crate) costs: Vec<f64>,
-    pub(crate) effort: Occupancy,
-}
-
-impl Found<10> {
-    /// The same for a caller that is generic over the number of parameters.
-    ///
-    /// # Panics
-    /// If that number is not 10.
-    pub(crate) fn cut<const N: usize>(self) -> Found<N> {
-        assert_eq!(N, 10, "three lobes have ten parameters");
-        let at = self.at.iter().map(|all| core::array::from_fn(|i| all[i])).collect();
-        Found { at, costs: self.costs, effort: self.effort }
-    }
-}
+/// Costs that a search found, and how busy its lanes were.
+pub(crate) type Costs = (Vec<f64>, Occupancy);
 
 /// One joint fit of all pixels from the given starts.
 pub(crate) fn joint<S: Element, const N: usize>(
     scene: &Scene,
     starts: &[[f64; N]],
     options: &Options,
-) -> Found<N> {
-    let pixels: Vec<usize> = (0..starts.len()).collect();
-    fit_some::<S, N>(scene, &pixels, starts, 1, options)
-}
-
-fn fit_some<S: Element, const N: usize>(
-    scene: &Scene,
-    pixels: &[usize],
-    starts: &[[f64; N]],
-    stride: usize,
-    options: &Options,
-) -> Found<N> {
+) -> Costs {
     let directions = scene
         .directions
         .iter()
-        .step_by(stride)
         .map(|[l, v]| [l.x, l.y, l.z, v.x, v.y, v.z, l.dot(*v)].map(S::from_f64));
     let count = starts.len();
-    let mut lanes = Lanes {
-        scene,
-        pixels,
-        stride,
-        directions: directions.collect(),
-        starts,
-        found: vec![[0.0; N]; count],
-        costs: vec![0.0; count],
-    };
+    let mut lanes =
+        Lanes { scene, directions: directions.collect(), starts, costs: vec![0.0; count] };
     let mut bounds = Bounds { lower: [S::zero(); N], upper: [S::from_f64(1e6); N] };
     for lobe in 0..(N - 1) / 3 {
         (bounds.lower[2 + 3 * lobe], bounds.upper[2 + 3 * lobe]) = (-S::one(), S::one());
         bounds.upper[3 + 3 * lobe] = S::from_f64(10.0);
     }
-    let effort = fit(Level::detect(), &mut lanes, 0..count, &bounds, options);
-    Found { at: lanes.found, costs: lanes.costs, effort }
+    let occupancy = fit(Level::detect(), &mut lanes, 0..count, &bounds, options);
+    (lanes.costs, occupancy)
 }
 
-/// Three lobes, added one at a time; the places between need not be found exactly, nor from all
-/// observations. Pixels that end with more than [`SUSPECT`] times the median cost are fitted a
-/// second time with the lobes in another order.
-pub(crate) fn sequential(scene: &Scene, options: &Options) -> Found<10> {
-    let pixels: Vec<usize> = (0..scene.normals.len()).collect();
-    let mut found = in_order(scene, &pixels, STARTS, options);
-    let mut sorted = found.costs.clone();
-    sorted.sort_by(f64::total_cmp);
-    let limit = SUSPECT * sorted[sorted.len() / 2];
-    let suspects: Vec<_> = pixels.into_iter().filter(|&i| found.costs[i] > limit).collect();
-    let again = in_order(scene, &suspects, [STARTS[2], STARTS[0], STARTS[1]], options);
-    for (i, &pixel) in suspects.iter().enumerate() {
-        if again.costs[i] < found.costs[pixel] {
-            (found.at[pixel], found.costs[pixel]) = (again.at[i], again.costs[i]);
+/// The same pixels as the core's own pass over lobes takes them.
+pub(crate) struct Photographs {
+    rig: Rig,
+    samples: Vec<f32>,
+    normals: Vec<[f32; 3]>,
+    places: Vec<[f32; 2]>,
+}
+
+impl Photographs {
+    pub(crate) fn of(scene: &Scene) -> Self {
+        let count = scene.normals.len();
+        let lights = scene.directions.iter().map(|&[light, _]| Light::Distant(light)).collect();
+        let views = scene.directions.iter().map(|&[_, view]| view).collect();
+        let grid = Grid { width: count, height: 1, pitch: 1.0 };
+        Self {
+            rig: Rig::new(lights, views, grid).expect("a light for every view"),
+            samples: scene.samples.concat(),
+            normals: scene.normals.iter().map(|n| [n.x, n.y, n.z].map(|v| v as f32)).collect(),
+            places: vec![[0.0; 2]; count],
         }
     }
-    found.effort = sum(&[found.effort, again.effort]);
-    found
 }
 
-/// Noise alone spreads the cost of 90 degrees of freedom by 15 %.
-const SUSPECT: f64 = 1.3;
-
-fn in_order(scene: &Scene, pixels: &[usize], order: [f64; 3], options: &Options) -> Found<10> {
-    let rough = Options { cost: 1e-3, step: 1e-3, gradient: 1e-3, ..*options };
-    let stride = (scene.directions.len() / 150).max(1);
-    let first = with_lobe(&[STRENGTH], order[0]);
-    let one = fit_some::<f32, 4>(scene, pixels, &vec![first; pixels.len()], stride, &rough);
-    let starts: Vec<_> = one.at.iter().map(|at| with_lobe(at, order[1])).collect();
-    let two = fit_some::<f32, 7>(scene, pixels, &starts, stride, &rough);
-    let starts: Vec<_> = two.at.iter().map(|at| with_lobe(at, order[2])).collect();
-    let mut three = fit_some::<f32, 10>(scene, pixels, &starts, 1, options);
-    three.effort = sum(&[one.effort, two.effort, three.effort]);
-    three
-}
-
-fn sum(efforts: &[Occupancy]) -> Occupancy {
-    efforts.iter().fold(Occupancy::default(), |sum, effort| Occupancy {
-        lanes: sum.lanes + effort.lanes,
-        useful: sum.useful + effort.useful,
-    })
+/// Lobes added one at a time, as `fit_sbrdf` adds them: three, or as many as the Bayesian
+/// information criterion asks for.
+pub(crate) fn sequential(
+    photographs: &Photographs,
+    select: bool,
+    options: &Options,
+) -> (Vec<Found>, Occupancy) {
+    let Photographs { rig, samples, normals, places } = photographs;
+    let data = Luminance { rig, samples, stride: normals.len(), normals, places };
+    let pixels: Vec<usize> = (0..normals.len()).collect();
+    let sequence = Sequence { lobes: 3, select, turning: true, options: *options };
+    sequence.fit(Level::detect(), &data, &pixels, &|| false)
 }
 
 /// One pixel for MINPACK, in plain double precision with the library's logarithm and exponential;

@@ -157,21 +157,23 @@ fn kernel(count: usize) -> f64 {
 }
 
 fn lafortune<const N: usize>(count: usize, observations: usize) {
-    use lafortune::{Found, Port, Scene, joint, sequential, start};
+    use lafortune::{Costs, Photographs, Port, Scene, joint, sequential, start};
     let count = scaled(count);
     let lobes = (N - 1) / 3;
     let scene = Scene::new(count, observations, lobes);
+    let photographs = Photographs::of(&scene);
     let some = (count / if lobes == 1 { 10 } else { 20 }).max(20);
-    let mut found: Option<Found<N>> = None;
+    let mut found = Costs::default();
     let mut costs = vec![0.0; some];
     let seconds = race(
         [count, some],
         || {
-            found = Some(if lobes == 1 {
+            found = if lobes == 1 {
                 joint::<f32, N>(black_box(&scene), &vec![start(); count], &options())
             } else {
-                sequential(black_box(&scene), &options()).cut()
-            });
+                let (found, occupancy) = sequential(black_box(&photographs), false, &options());
+                (found.iter().map(|found| found.cost).collect(), occupancy)
+            };
         },
         || {
             for (pixel, cost) in costs.iter_mut().enumerate() {
@@ -180,17 +182,36 @@ fn lafortune<const N: usize>(count: usize, observations: usize) {
             }
         },
     );
-    let found = found.expect("a round has run");
+    let (found, occupancy) = found;
     let truth: Vec<[f64; N]> =
         scene.truth.iter().map(|all| core::array::from_fn(|i| all[i])).collect();
-    let best = joint::<f64, N>(&scene, &truth, &Options::default()).costs;
+    let best = joint::<f64, N>(&scene, &truth, &Options::default()).0;
     let share = |costs: &[f64]| {
         let bad = costs.iter().zip(&best).filter(|&(cost, best)| *cost > 1.01 * best).count();
         bad as f64 / costs.len() as f64
     };
     let rates = [count as f64 / seconds[0], some as f64 / seconds[1]];
-    let bad = [share(&found.costs), share(&costs)];
-    report(&format!("Lafortune {lobes}, {observations}"), rates, found.effort, count, bad);
+    let bad = [share(&found), share(&costs)];
+    report(&format!("Lafortune {lobes}, {observations}"), rates, occupancy, count, bad);
+}
+
+/// How many lobes the criterion chooses where there is one, and where there are three.
+fn selection(count: usize, observations: usize) {
+    use lafortune::{Photographs, Scene, sequential};
+    for lobes in [1, 3] {
+        let photographs = Photographs::of(&Scene::new(count, observations, lobes));
+        let (found, _) = sequential(&photographs, true, &options());
+        let share = |lobes: usize| {
+            let chosen = found.iter().filter(|found| found.lobes == lobes).count();
+            100.0 * chosen as f64 / count as f64
+        };
+        println!(
+            "{lobes} true, {observations} observations: {:.1} % one lobe, {:.1} % two, {:.1} % three",
+            share(1),
+            share(2),
+            share(3)
+        );
+    }
 }
 
 /// One problem after the other, or the one that is named.
@@ -234,4 +255,7 @@ fn main() {
     );
     println!("|---|---|---|---|---|---|---|---|");
     problems(None);
+    println!("lobes chosen one at a time:");
+    selection(1_000, 100);
+    selection(300, 690);
 }

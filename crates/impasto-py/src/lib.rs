@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 mod arrays;
 mod errors;
 mod highlight;
+mod lafortune;
 mod lobes;
 mod relight;
 mod run;
@@ -44,6 +45,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(relight::linear_from_bands, module)?)?;
     module.add_function(wrap_pyfunction!(relight::render, module)?)?;
     module.add_function(wrap_pyfunction!(lobes::fit_lobes, module)?)?;
+    module.add_function(wrap_pyfunction!(lafortune::fit_lafortune, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::fit_pooled, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::predict, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::predict_lobes, module)?)?;

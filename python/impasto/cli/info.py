@@ -87,17 +87,26 @@ def _archive(path: Path) -> dict[str, Any]:
 
     sbrdf = impasto.load_sbrdf(path)
     bands, rows, columns = sbrdf.diffuse.shape
-    if isinstance(sbrdf, impasto.LobeSbrdf):
-        known = np.degrees(sbrdf.gamma[np.isfinite(sbrdf.gamma)])
+    if isinstance(sbrdf, impasto.LafortuneSbrdf):
+        per_pixel = float(sbrdf.lobes[sbrdf.status < impasto.Status.DARK].mean())
         gloss: dict[str, Any] = {
-            "lobes": f"{np.mean(sbrdf.lobes[sbrdf.status < 16]):.2f} per pixel",
+            "verdict": sbrdf.verdict,
+            "lobes": f"{per_pixel:.2f} Lafortune lobes per pixel",
+        }
+    elif isinstance(sbrdf, impasto.LobeSbrdf):
+        known = np.degrees(sbrdf.gamma[np.isfinite(sbrdf.gamma)])
+        per_pixel = float(sbrdf.lobes[sbrdf.status < impasto.Status.DARK].mean())
+        gloss = {
+            "lobes": f"{per_pixel:.2f} lobes per pixel",
             "gamma_degrees": float(np.median(known)) if known.size else None,
+            "index": sbrdf.index,
         }
     else:
         gloss = {
             "verdict": sbrdf.verdict,
             "beta": sbrdf.beta,
             "gamma_degrees": float(np.degrees(sbrdf.gamma)),
+            "index": sbrdf.index,
         }
     return {
         "size": f"{columns} x {rows} pixels, {band_words(bands)}",
@@ -106,7 +115,6 @@ def _archive(path: Path) -> dict[str, Any]:
         "normals": sbrdf.normals.method,
         "status": _counts(status_counts(sbrdf.status)),
         **gloss,
-        "index": sbrdf.index,
     }
 
 

@@ -20,6 +20,8 @@ from impasto.fit.border import (
     thread_count,
 )
 from impasto.fit.forward import predict
+from impasto.fit.lafortune import KIND as LAFORTUNE
+from impasto.fit.lafortune import LafortuneSbrdf, fit_lafortune, lafortune_fields
 from impasto.fit.lobes import KIND as LOBES
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count, lobe_fields
 from impasto.fit.normals import Method, Normals, fit_normals
@@ -29,9 +31,12 @@ from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.status import Status
 
-Model = Literal["torrance-sparrow"]
+Model = Literal["torrance-sparrow", "lafortune"]
 Pooling = Literal["painting", "pixel"]
 Extraction = Literal["residual", "maximum", "papers"]
+
+LOBES_OF = {"torrance-sparrow": 2, "lafortune": 3}
+"""Lobes that a pixel may have, if nobody says otherwise."""
 
 KIND = "impasto.Sbrdf"
 """Says in a saved file what it holds."""
@@ -193,8 +198,8 @@ class Sbrdf:
         return f"<Sbrdf {size}, {100 * share:.1f} % estimated: {lobe}>"
 
 
-def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf | LobeSbrdf:
-    """Read what :meth:`Sbrdf.save` or :meth:`LobeSbrdf.save` wrote.
+def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf | LobeSbrdf | LafortuneSbrdf:
+    """Read what the ``save`` of any result of :func:`fit_sbrdf` wrote.
 
     Raises
     ------
@@ -203,9 +208,11 @@ def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf | LobeSbrdf:
     FileNotFoundError
         There is none.
     """
-    with read_maps(path, KIND, LOBES) as maps:
+    with read_maps(path, KIND, LOBES, LAFORTUNE) as maps:
         if maps.kind == LOBES:
             return LobeSbrdf(**lobe_fields(maps))
+        if maps.kind == LAFORTUNE:
+            return LafortuneSbrdf(**lafortune_fields(maps))
         return Sbrdf(**sbrdf_fields(maps))
 
 
@@ -213,12 +220,12 @@ def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf | LobeSbrdf:
 def fit_sbrdf(
     stack: Stack,
     *,
-    model: Model = ...,
+    model: Literal["torrance-sparrow"] = ...,
     pooling: Literal["painting"] = ...,
     extraction: Extraction = ...,
     joint: bool = ...,
     index: float = ...,
-    normals: Normals | str | None = ...,
+    normals: Normals | Method | None = ...,
     threads: int | None = ...,
     progress: bool | ProgressCallback = ...,
 ) -> Sbrdf: ...
@@ -228,15 +235,28 @@ def fit_sbrdf(
 def fit_sbrdf(
     stack: Stack,
     *,
-    model: Model = ...,
+    model: Literal["torrance-sparrow"] = ...,
     pooling: Literal["pixel"],
-    lobes: int = ...,
+    lobes: int | None = ...,
     ambient: bool = ...,
     index: float = ...,
-    normals: Normals | str | None = ...,
+    normals: Normals | Method | None = ...,
     threads: int | None = ...,
     progress: bool | ProgressCallback = ...,
 ) -> LobeSbrdf: ...
+
+
+@overload
+def fit_sbrdf(
+    stack: Stack,
+    *,
+    model: Literal["lafortune"],
+    pooling: Literal["pixel"] = ...,
+    lobes: int | None = ...,
+    normals: Normals | Method | None = ...,
+    threads: int | None = ...,
+    progress: bool | ProgressCallback = ...,
+) -> LafortuneSbrdf: ...
 
 
 def fit_sbrdf(
@@ -244,7 +264,7 @@ def fit_sbrdf(
     *,
     model: Model = "torrance-sparrow",
     pooling: Pooling = "painting",
-    lobes: int = 2,
+    lobes: int | None = None,
     ambient: bool = True,
     extraction: Extraction = "residual",
     joint: bool = True,
@@ -252,7 +272,7 @@ def fit_sbrdf(
     normals: Normals | Method | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
-) -> Sbrdf | LobeSbrdf:
+) -> Sbrdf | LobeSbrdf | LafortuneSbrdf:
     """Estimate normals, diffuse colours and the gloss of a painting.
 
     Photometric stereo first. Then the specular part of the samples gives one (beta, gamma) for
@@ -267,16 +287,23 @@ def fit_sbrdf(
     from place to place. It asks for many lights (some 20 or more); where a pixel's photographs do
     not support a lobe it has fewer (``lobes``).
 
+    With ``model="lafortune"``, the third paper's three passes, every pixel by itself: its normal
+    by a cosine lobe with a diffuse term, on the mean of the bands; Lafortune lobes on that mean,
+    one more at a time while Schwarz's criterion (BIC) falls; the colours of all terms, band by
+    band, by non-negative least squares. Made for hundreds of photographs, each with a view of its
+    own; clipped samples count for nothing.
+
     Parameters
     ----------
     stack
         Photographs with their lights.
     model
-        ``"torrance-sparrow"``, the papers'.
+        ``"torrance-sparrow"``, the first two papers', or ``"lafortune"``, the third's.
     pooling
-        ``"painting"``: one lobe for all pixels. ``"pixel"``: every pixel its own.
+        ``"painting"``: one Torrance-Sparrow lobe for all pixels. ``"pixel"``: every pixel its own;
+        Lafortune lobes always are.
     lobes
-        With ``pooling="pixel"``: lobes per pixel at most, 1 to 3.
+        Lobes per pixel at most, 1 to 3; default: 2, of Lafortune's 3.
     ambient
         With ``pooling="pixel"``: whether every pixel has a constant per band for light that comes
         from everywhere, as between the facets of a relief.
@@ -301,8 +328,9 @@ def fit_sbrdf(
 
     Returns
     -------
-    Sbrdf or LobeSbrdf
-        Maps and the lobe, or maps of every pixel's lobes.
+    Sbrdf, LobeSbrdf or LafortuneSbrdf
+        Maps and the lobe; with ``pooling="pixel"`` maps of every pixel's lobes, with
+        ``model="lafortune"`` those of Lafortune.
 
     Raises
     ------
@@ -314,20 +342,23 @@ def fit_sbrdf(
     References
     ----------
     S. Tominaga and N. Tanaka, papers on measuring and rendering art paintings by an RGB camera
-    (eq. 9, 10) and by a six-band camera (eq. 1, 6).
+    (eq. 9, 10) and by a six-band camera (eq. 1, 6). E. Snel, J. Heuberger, W. Pasman and
+    E. Jansen, Acquisition and rendering of paintings (section 4). E. Lafortune et al., Non-linear
+    approximation of reflectance functions, SIGGRAPH 1997.
     """
     _one_of(model, Model, "model")
     _one_of(pooling, Pooling, "pooling")
     _one_of(extraction, Extraction, "extraction")
     index = refractive_index(index)
-    if pooling == "pixel":
-        lobes = lobe_count(lobes)
+    most = lobe_count(LOBES_OF[model] if lobes is None else lobes)
     stereo = _stereo(stack, normals, threads, progress)
+    if model == "lafortune":
+        return fit_lafortune(stack, stereo, lobes=most, threads=threads, progress=progress)
     if pooling == "pixel":
         return fit_lobes(
             stack,
             stereo,
-            lobes=lobes,
+            lobes=most,
             ambient=ambient,
             index=index,
             threads=threads,

@@ -8,6 +8,7 @@ mod extract;
 mod highlight;
 pub mod histogram;
 mod joint;
+pub mod lafortune;
 mod lanes;
 mod lobes;
 mod measure;

@@ -318,7 +318,7 @@ impl Batch<f64, 2> for Projected<'_> {
     }
     #[inline(always)]
     fn normal<R: Real<Scalar = f64>>(&self, rows: Rows<'_, R>, at: [R; 2]) -> Normal<R, 2> {
-        self.pass(rows, at, at[0])
+        Self::pass(rows, at, at[0])
     }
     #[inline(always)]
     fn visit<R: Real<Scalar = f64>>(
@@ -327,7 +327,7 @@ impl Batch<f64, 2> for Projected<'_> {
         at: [R; 2],
     ) -> ([R; 2], Normal<R, 2>) {
         if self.project {
-            return self.pass(rows, at, R::one()).project(at, R::zero());
+            return Self::pass(rows, at, R::one()).project(at, R::zero());
         }
         (at, self.normal(rows, at))
     }
@@ -338,7 +338,7 @@ impl Batch<f64, 2> for Projected<'_> {
 
 impl Projected<'_> {
     #[inline(always)]
-    fn pass<R: Real<Scalar = f64>>(&self, rows: Rows<'_, R>, at: [R; 2], scale: R) -> Normal<R, 2> {
+    fn pass<R: Real<Scalar = f64>>(rows: Rows<'_, R>, at: [R; 2], scale: R) -> Normal<R, 2> {
         let mut normal = Normal::zero();
         for i in 0..SAMPLES {
             let t = R::of(0.2 * i as f64);

@@ -1,0 +1,226 @@
+//! The three passes, tile by tile.
+
+use crate::error::{Error, Result};
+use crate::geometry::Rig;
+use crate::lm::Options;
+use crate::maps::Status;
+use crate::math::lanes::Isa;
+use crate::math::{Kernel, Level};
+use crate::pixels::Run;
+use crate::sbrdf::tile::Start;
+use crate::stack::Stack;
+
+use super::colours::{Colours, Tints};
+use super::luminance::Luminance;
+use super::maps::{LafortuneMaps, Sheet};
+use super::normal::{Facing, fit_normal};
+use super::sequence::{Found, MOST_LOBES, Sequence};
+
+/// Pixels of a tile: enough for lanes to refill many times, few enough that 770 photographs of
+/// three bands take 6 MB.
+pub(super) const TILE: usize = 512;
+
+/// Views that differ by less, in radians, are one view: what a pixel shows under them then differs
+/// by less than a sharp lobe's own width.
+const ONE_VIEW: f64 = 0.05;
+
+/// How the fit goes about it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LafortuneOptions {
+    /// Lobes per pixel at most, up to [`MOST_LOBES`].
+    pub lobes: usize,
+}
+
+/// Lafortune lobes of every pixel, from the normals of photometric stereo.
+///
+/// # Errors
+/// If sizes disagree or the run is cancelled.
+pub fn fit_lafortune(
+    stack: &Stack<'_>,
+    rig: &Rig,
+    start: &Start<'_>,
+    options: LafortuneOptions,
+    run: &Run<'_>,
+) -> Result<LafortuneMaps> {
+    let shape = stack.shape();
+    if rig.observations() != shape.observations {
+        let problem =
+            format!("{} lights for {} photographs", rig.observations(), shape.observations);
+        return Err(Error::geometry("lights", problem));
+    }
+    if options.lobes > MOST_LOBES {
+        let problem = format!("at most {MOST_LOBES}, found {}", options.lobes);
+        return Err(Error::argument("lobes", problem));
+    }
+    start.check(shape.pixels(), shape.bands)?;
+    let views_differ = views_differ(rig);
+    let search = Options { damping: 1.0, max_iterations: 200, ..Options::single() };
+    let sequence =
+        Sequence { lobes: options.lobes, select: true, turning: views_differ, options: search };
+    let fit = Fit { stack, rig, start, sequence, run };
+    let mut maps = LafortuneMaps::new(shape.bands, options.lobes, start.status);
+    maps.views_differ = views_differ;
+    let stopped = || run.cancelled();
+    run.for_each(
+        maps.sheets(TILE),
+        || Scratch::new(stack),
+        |scratch, sheet| fit.tile(scratch, sheet, &stopped),
+    )?;
+    // The last tiles may have been left before their end.
+    if run.cancelled() { Err(Error::Cancelled) } else { Ok(maps) }
+}
+
+/// Whether photographs were taken from more than one direction.
+fn views_differ(rig: &Rig) -> bool {
+    let views = rig.views();
+    views.iter().any(|view| view.dot(views[0]) < ONE_VIEW.cos())
+}
+
+struct Fit<'a> {
+    stack: &'a Stack<'a>,
+    rig: &'a Rig,
+    start: &'a Start<'a>,
+    sequence: Sequence,
+    run: &'a Run<'a>,
+}
+
+/// One tile's samples; one per worker.
+pub(super) struct Scratch {
+    /// `(obs, band, pixel)` linear.
+    pub(super) samples: Vec<f32>,
+    /// `(obs, pixel)` their means over the bands.
+    means: Vec<f32>,
+    x: Vec<f32>,
+    y: Vec<f32>,
+    pub(super) places: Vec<[f32; 2]>,
+    pub(super) normals: Vec<[f32; 3]>,
+}
+
+impl Scratch {
+    fn new(stack: &Stack<'_>) -> Self {
+        let shape = stack.shape();
+        Self {
+            samples: vec![0.0; shape.observations * shape.bands * TILE],
+            means: vec![0.0; shape.observations * TILE],
+            x: vec![0.0; TILE],
+            y: vec![0.0; TILE],
+            places: vec![[0.0; 2]; TILE],
+            normals: vec![[0.0; 3]; TILE],
+        }
+    }
+}
+
+impl Fit<'_> {
+    fn tile(
+        &self,
+        scratch: &mut Scratch,
+        mut sheet: Sheet<'_>,
+        stopped: &(dyn Fn() -> bool + Sync),
+    ) {
+        let level = self.run.level;
+        let all = self.stack.shape().pixels();
+        level.run(Read { stack: self.stack, start: sheet.start, scratch });
+        self.rig.grid().coordinates(sheet.start, &mut scratch.x, &mut scratch.y);
+        for (place, (&x, &y)) in scratch.places.iter_mut().zip(scratch.x.iter().zip(&scratch.y)) {
+            *place = [x, y];
+        }
+        let count = sheet.status.len();
+        for (pixel, normal) in scratch.normals[..count].iter_mut().enumerate() {
+            *normal = [0, 1, 2].map(|axis| self.start.normal[axis * all + sheet.start + pixel]);
+        }
+        let fine: Vec<usize> =
+            (0..count).filter(|&pixel| sheet.status[pixel] < Status::Dark.code()).collect();
+        if self.sequence.turning {
+            self.face(level, scratch, &fine, &mut sheet, stopped);
+        }
+        let data = luminance(self.rig, scratch);
+        let (found, _) = self.sequence.fit(level, &data, &fine, stopped);
+        self.write(scratch, &fine, &found, sheet);
+    }
+
+    /// Turns the pixels to where a cosine lobe says that they face.
+    fn face(
+        &self,
+        level: Level,
+        scratch: &mut Scratch,
+        fine: &[usize],
+        sheet: &mut Sheet<'_>,
+        stopped: &(dyn Fn() -> bool + Sync),
+    ) {
+        let data = luminance(self.rig, scratch);
+        let facing = fit_normal(level, &data, fine, &self.sequence.options, stopped);
+        for (&pixel, Facing { normal, sigma, .. }) in fine.iter().zip(facing) {
+            scratch.normals[pixel] = normal;
+            sheet.sigma[pixel] = sigma;
+        }
+    }
+
+    fn write(&self, scratch: &Scratch, fine: &[usize], found: &[Found], mut sheet: Sheet<'_>) {
+        let bands = self.stack.shape().bands;
+        let mut tints = Tints::new(bands, scratch.places.len());
+        self.run.level.run(Colours { rig: self.rig, scratch, fine, found, tints: &mut tints });
+        for (&pixel, found) in fine.iter().zip(found) {
+            for (plane, value) in sheet.normal.iter_mut().zip(scratch.normals[pixel]) {
+                plane[pixel] = value;
+            }
+            for band in 0..bands {
+                sheet.diffuse[band][pixel] = tints.colour(band, 0, pixel);
+                for lobe in 0..self.sequence.lobes {
+                    sheet.specular[lobe * bands + band][pixel] =
+                        if lobe < found.lobes { tints.colour(band, 1 + lobe, pixel) } else { 0.0 };
+                }
+            }
+            for lobe in 0..found.lobes {
+                let [cxy, cz, exponent] = found.shape(lobe);
+                sheet.cxy[lobe][pixel] = cxy as f32;
+                sheet.cz[lobe][pixel] = cz as f32;
+                sheet.exponent[lobe][pixel] = exponent as f32;
+            }
+            sheet.lobes[pixel] = found.lobes as u8;
+            sheet.residual[pixel] = tints.residual[pixel];
+        }
+    }
+}
+
+fn luminance<'a>(rig: &'a Rig, scratch: &'a Scratch) -> Luminance<'a> {
+    Luminance {
+        rig,
+        samples: &scratch.means,
+        stride: TILE,
+        normals: &scratch.normals,
+        places: &scratch.places,
+    }
+}
+
+/// Decodes a tile.
+struct Read<'a> {
+    stack: &'a Stack<'a>,
+    start: usize,
+    scratch: &'a mut Scratch,
+}
+
+impl Kernel for Read<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let Self { stack, start, scratch } = self;
+        let bands = stack.shape().bands;
+        let share = 1.0 / bands as f32;
+        let photographs = scratch.samples.chunks_exact_mut(bands * TILE);
+        for (number, (planes, mean)) in
+            photographs.zip(scratch.means.chunks_exact_mut(TILE)).enumerate()
+        {
+            mean.fill(0.0);
+            for (band, plane) in planes.chunks_exact_mut(TILE).enumerate() {
+                stack.read(number, band, start, plane);
+                for (mean, &sample) in mean.iter_mut().zip(&*plane) {
+                    *mean += sample;
+                }
+            }
+            for mean in mean {
+                *mean *= share;
+            }
+        }
+    }
+}

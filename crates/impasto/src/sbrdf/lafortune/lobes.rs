@@ -1,0 +1,159 @@
+//! Some lobes on a known normal, all at once: one search per number of lobes.
+//!
+//! The unknowns are `rho_d` and, for each lobe, its strength, its turn times n, and `ln n`. Seen
+//! from the mirror to the normal a lobe's strength goes with `(1 + turn)^n`: what the samples tell
+//! is `n turn`, and bounds on it hold for any n.
+
+use crate::brdf::lafortune::{Lobe, Pair};
+use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, ROWS, Rows, fit};
+use crate::math::elementary::exp;
+use crate::math::{Element, Level, Real, Vec3};
+
+use super::luminance::{Luminance, Sights};
+use super::sequence::MOST_LOBES;
+
+/// `ln n` of the widest and of the sharpest lobe: n = 1/2 is broader than a cosine, 22,000 sharper
+/// than any that was measured.
+pub(super) const LOG_EXPONENT: [f64; 2] = [-core::f64::consts::LN_2, 10.0];
+
+/// Largest `n |turn|`; measured lobes have up to 6.
+const TURN: f64 = 8.0;
+
+/// A search for some pixels of [`Luminance`].
+pub(super) struct Search<'a> {
+    pub(super) data: &'a Luminance<'a>,
+    /// Whether lobes may turn away from the mirror direction.
+    pub(super) turning: bool,
+    pub(super) level: Level,
+    pub(super) options: &'a Options,
+    /// Asked before a pixel is taken up: whether to leave the rest.
+    pub(super) stopped: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl Search<'_> {
+    /// Fits the pixels from their starts and hands every end to `store`.
+    pub(super) fn run<S: Element, const N: usize>(
+        &self,
+        pixels: &[usize],
+        start: impl Fn(usize) -> [f64; N],
+        store: impl FnMut(usize, &Outcome<S, N>),
+    ) -> Occupancy {
+        let mut bounds = Bounds { lower: [S::zero(); N], upper: [S::MAX; N] };
+        let turn = if self.turning { TURN } else { 0.0 };
+        for lobe in 0..(N - 1) / 3 {
+            let unknown = 1 + 3 * lobe;
+            bounds.lower[unknown + 1] = S::from_f64(-turn);
+            bounds.upper[unknown + 1] = S::from_f64(turn);
+            [bounds.lower[unknown + 2], bounds.upper[unknown + 2]] = LOG_EXPONENT.map(S::from_f64);
+        }
+        let sights = Sights::<S>::new(self.data.rig);
+        let mut lanes = Lanes { data: self.data, sights, pixels, start, store };
+        let problems = (0..pixels.len()).take_while(|_| !(self.stopped)());
+        fit(self.level, &mut lanes, problems, &bounds, self.options)
+    }
+}
+
+struct Lanes<'a, S, A, T> {
+    data: &'a Luminance<'a>,
+    sights: Sights<'a, S>,
+    pixels: &'a [usize],
+    start: A,
+    store: T,
+}
+
+impl<S, A, T, const N: usize> Batch<S, N> for Lanes<'_, S, A, T>
+where
+    S: Element,
+    A: Fn(usize) -> [f64; N],
+    T: FnMut(usize, &Outcome<S, N>),
+{
+    fn rows(&self) -> usize {
+        self.data.rows()
+    }
+    fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N] {
+        column.fill(self.data.column(self.pixels[problem]));
+        (self.start)(problem).map(S::from_f64)
+    }
+    #[inline(always)]
+    fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
+        let (zero, count) = (R::zero(), self.sights.len());
+        let up = Vec3::new(rows.get(count), rows.get(count + 1), rows.get(count + 2));
+        let place = [rows.get(count + 3), rows.get(count + 4)];
+        let shapes = Shapes::<R, N>::new(&at);
+        let mut normal = Normal::zero();
+        let mut slopes = [[zero; N]; ROWS];
+        let mut residuals = [zero; ROWS];
+        let mut photograph = 0;
+        while photograph < count {
+            let end = (photograph + ROWS).min(count);
+            for k in photograph..end {
+                let sample = rows.get(k);
+                let (light, view, light_view, irradiance) = self.sights.at(k, place);
+                let mut pair = Pair::against(up, light, view, light_view);
+                // A sample that does not count is a photograph without light: value and slopes
+                // are 0 (hard case 26).
+                let counts = sample.is_finite();
+                pair.cosine = R::keep(counts, pair.cosine * irradiance);
+                let (value, slope) = shapes.radiance(at[0], &pair);
+                let residual = R::keep(counts, sample - value);
+                if N > 4 {
+                    (slopes[k - photograph], residuals[k - photograph]) = (slope, residual);
+                } else {
+                    normal.add(slope, residual);
+                }
+            }
+            if N > 4 {
+                for k in end - photograph..ROWS {
+                    (slopes[k], residuals[k]) = ([zero; N], zero);
+                }
+                normal.add_rows(&slopes, &residuals);
+            }
+            photograph = end;
+        }
+        normal
+    }
+    fn store(&mut self, problem: usize, outcome: &Outcome<S, N>) {
+        (self.store)(problem, outcome);
+    }
+}
+
+/// `N / 3` lobes at some parameters.
+struct Shapes<R, const N: usize> {
+    lobes: [Lobe<R>; MOST_LOBES],
+    turns: [R; MOST_LOBES],
+    widths: [R; MOST_LOBES],
+}
+
+impl<R: Real, const N: usize> Shapes<R, N> {
+    #[inline(always)]
+    fn new(at: &[R; N]) -> Self {
+        let zero = R::zero();
+        let mut all = Self {
+            lobes: [Lobe::new(zero, zero, zero); MOST_LOBES],
+            turns: [zero; MOST_LOBES],
+            widths: [zero; MOST_LOBES],
+        };
+        for j in 0..(N - 1) / 3 {
+            all.widths[j] = exp(-at[3 + 3 * j]);
+            all.turns[j] = at[2 + 3 * j] * all.widths[j];
+            all.lobes[j] = Lobe::new(at[1 + 3 * j], all.turns[j], at[3 + 3 * j]);
+        }
+        all
+    }
+
+    /// Radiance and its derivatives.
+    #[inline(always)]
+    fn radiance(&self, diffuse: R, pair: &Pair<R>) -> (R, [R; N]) {
+        let mut slope = [R::zero(); N];
+        let mut reflectance = diffuse;
+        slope[0] = pair.cosine;
+        for j in 0..(N - 1) / 3 {
+            let g = self.lobes[j].gradient(pair);
+            reflectance = reflectance + g.value;
+            slope[1 + 3 * j] = pair.cosine * g.amplitude;
+            slope[2 + 3 * j] = pair.cosine * g.turn * self.widths[j];
+            slope[3 + 3 * j] = pair.cosine * (-self.turns[j]).mul_add(g.turn, g.log_exponent);
+        }
+        (pair.cosine * reflectance, slope)
+    }
+}

@@ -1,0 +1,140 @@
+//! The samples of some pixels, one number per photograph, with lights and views.
+
+use crate::brdf::lafortune::Pair;
+use crate::geometry::{Light, Rig};
+use crate::math::{Element, Real, Vec3};
+
+/// Luminances of some pixels under all lights and from all views of a rig.
+#[derive(Clone, Copy, Debug)]
+pub struct Luminance<'a> {
+    /// Who lit and who looked.
+    pub rig: &'a Rig,
+    /// `(obs, pixel)` linear light; not finite where a sample does not count.
+    pub samples: &'a [f32],
+    /// From one photograph's samples to the next's.
+    pub stride: usize,
+    /// Per pixel: a unit normal.
+    pub normals: &'a [[f32; 3]],
+    /// Per pixel: millimetres on the painting; near lights need them.
+    pub places: &'a [[f32; 2]],
+}
+
+impl Luminance<'_> {
+    /// Photographs.
+    pub(super) fn photographs(&self) -> usize {
+        self.rig.observations()
+    }
+
+    /// Numbers in a column: samples, then the pixel's normal and place.
+    pub(super) fn rows(&self) -> usize {
+        self.photographs() + 5
+    }
+
+    /// A pixel's column.
+    pub(super) fn column<S: Element>(&self, pixel: usize) -> impl Iterator<Item = S> {
+        let samples = self.samples[pixel..].iter().step_by(self.stride).take(self.photographs());
+        let [normal, place] = [&self.normals[pixel][..], &self.places[pixel][..]];
+        samples.chain(normal).chain(place).map(|&value| S::from_f64(f64::from(value)))
+    }
+
+    /// How many of a pixel's samples count.
+    pub(super) fn count(&self, pixel: usize) -> usize {
+        let samples = self.samples[pixel..].iter().step_by(self.stride).take(self.photographs());
+        samples.filter(|sample| sample.is_finite()).count()
+    }
+
+    /// The normal that mirrors the light of the brightest photograph into its view; one that
+    /// clipped is brightest of all.
+    pub(super) fn brightest(&self, pixel: usize) -> [f32; 3] {
+        let [across, up] = self.places[pixel].map(f64::from);
+        let samples = self.samples[pixel..].iter().step_by(self.stride).take(self.photographs());
+        let (mut peak, mut facing) = (0.0, Vec3::new(0.0, 0.0, 1.0));
+        for (photograph, &sample) in samples.enumerate() {
+            if sample > peak {
+                let (towards, _) = self.rig.lights()[photograph].at(across, up);
+                peak = sample;
+                facing = towards + self.rig.views()[photograph];
+            }
+        }
+        facing.normalised().array().map(|v| v as f32)
+    }
+
+    /// The best surface without lobes.
+    pub(super) fn plain(&self, pixel: usize) -> Plain {
+        let [x, y, z] = self.normals[pixel].map(f64::from);
+        let [across, up] = self.places[pixel].map(f64::from);
+        let (mut count, mut own, mut pull, mut square) = (0, 0.0_f64, 0.0_f64, 0.0_f64);
+        for (photograph, sample) in self.column::<f64>(pixel).take(self.photographs()).enumerate() {
+            if !sample.is_finite() {
+                continue;
+            }
+            let light = self.rig.lights()[photograph];
+            let view = self.rig.views()[photograph];
+            let (towards, irradiance) = light.at(across, up);
+            let pair = Pair::against(Vec3::new(x, y, z), towards, view, towards.dot(view));
+            let cosine = pair.cosine * irradiance;
+            count += 1;
+            own = cosine.mul_add(cosine, own);
+            pull = cosine.mul_add(sample, pull);
+            square = sample.mul_add(sample, square);
+        }
+        let diffuse = if own > 0.0 { (pull / own).max(0.0) } else { 0.0 };
+        let cost = (diffuse * own - 2.0 * pull).mul_add(diffuse, square).max(0.0);
+        Plain { count, diffuse, cost, square }
+    }
+}
+
+/// A pixel without lobes.
+pub(super) struct Plain {
+    pub(super) count: usize,
+    pub(super) diffuse: f64,
+    pub(super) cost: f64,
+    /// Sum of the squared samples.
+    pub(super) square: f64,
+}
+
+/// Lights and views in the precision of a search.
+pub(super) struct Sights<'a, S> {
+    rig: &'a Rig,
+    /// Light, view and their product, as one number each.
+    distant: Vec<[S; 7]>,
+    /// Whether every light is.
+    all_distant: bool,
+}
+
+impl<'a, S: Element> Sights<'a, S> {
+    pub(super) fn new(rig: &'a Rig) -> Self {
+        let numbers = |(light, view): (&Light, &Vec3<f64>)| {
+            let l = light.direction();
+            [l.x, l.y, l.z, view.x, view.y, view.z, l.dot(*view)].map(S::from_f64)
+        };
+        Self {
+            rig,
+            distant: rig.lights().iter().zip(rig.views()).map(numbers).collect(),
+            all_distant: rig.is_distant(),
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.distant.len()
+    }
+
+    /// Light, view and their product, and the irradiance, seen from `(x, y)`.
+    #[inline(always)]
+    pub(super) fn at<R: Real<Scalar = S>>(
+        &self,
+        photograph: usize,
+        [x, y]: [R; 2],
+    ) -> (Vec3<R>, Vec3<R>, R, R) {
+        let [lx, ly, lz, vx, vy, vz, light_view] = self.distant[photograph];
+        let view = Vec3::new(R::splat(vx), R::splat(vy), R::splat(vz));
+        if !self.all_distant
+            && let light @ Light::Point { .. } = self.rig.lights()[photograph]
+        {
+            let (towards, irradiance) = light.at(x, y);
+            return (towards, view, towards.dot(view), irradiance);
+        }
+        let light = Vec3::new(R::splat(lx), R::splat(ly), R::splat(lz));
+        (light, view, R::splat(light_view), R::one())
+    }
+}

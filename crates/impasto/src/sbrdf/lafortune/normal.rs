@@ -1,0 +1,122 @@
+//! Snel's first pass: where a pixel faces, by a cosine lobe and a diffuse term.
+
+use crate::brdf::cosine_lobe::{CosineLobe, PARAMETERS};
+use crate::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Rows, fit};
+use crate::math::{Level, Real, Vec3};
+
+use super::luminance::{Luminance, Sights};
+
+/// Exponent that Snel starts from: moderate, free to become a highlight or nearly diffuse.
+const START: f64 = 20.0;
+
+/// Steepest slope: 84 degrees.
+const STEEPEST: f32 = 10.0;
+
+/// Where a pixel faces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Facing {
+    /// Unit normal.
+    pub normal: [f32; 3],
+    /// Standard deviation along its worst axis, radians, by the pixel's own residuals.
+    pub sigma: f32,
+    /// Sum of squared residuals.
+    pub cost: f32,
+}
+
+/// What a pixel is searched from: Snel's start, the painting's own plane; the normal that `data`
+/// holds; and the one that mirrors the brightest photograph into its view. A lobe that starts
+/// beside the highlight may find no way to it; the smallest cost counts.
+const STARTS: usize = 3;
+
+/// Finds the normals of some pixels; the answers stand in their order, as `data` has them where no
+/// search got anywhere.
+pub fn fit_normal(
+    level: Level,
+    data: &Luminance<'_>,
+    pixels: &[usize],
+    options: &Options,
+    stopped: &(dyn Fn() -> bool + Sync),
+) -> Vec<Facing> {
+    let found = pixels
+        .iter()
+        .map(|&pixel| Facing { normal: data.normals[pixel], sigma: f32::NAN, cost: f32::NAN })
+        .collect();
+    let sights = Sights::new(data.rig);
+    let place = usize::MAX;
+    let mut lanes =
+        Lanes { data, sights, pixels, best: vec![(f32::INFINITY, place); pixels.len()], found };
+    let bounds = Bounds {
+        lower: [0.0, 0.0, 0.0, -STEEPEST, -STEEPEST],
+        upper: [f32::MAX, f32::MAX, 10.0, STEEPEST, STEEPEST],
+    };
+    let problems = (0..STARTS * pixels.len()).take_while(|_| !stopped());
+    fit(level, &mut lanes, problems, &bounds, options);
+    lanes.found
+}
+
+struct Lanes<'a> {
+    data: &'a Luminance<'a>,
+    sights: Sights<'a, f32>,
+    pixels: &'a [usize],
+    /// The smallest cost so far, and the start that led to it.
+    best: Vec<(f32, usize)>,
+    found: Vec<Facing>,
+}
+
+impl Batch<f32, PARAMETERS> for Lanes<'_> {
+    fn rows(&self) -> usize {
+        self.data.rows()
+    }
+    fn load(&mut self, problem: usize, column: &mut Column<'_, f32>) -> [f32; PARAMETERS] {
+        let pixel = self.pixels[problem / STARTS];
+        column.fill(self.data.column(pixel));
+        let [x, y, z] = match problem % STARTS {
+            0 => [0.0, 0.0, 1.0],
+            1 => self.data.normals[pixel],
+            _ => self.data.brightest(pixel),
+        };
+        let strength = (0.5 * self.data.plain(pixel).diffuse) as f32;
+        let slope = |v: f32| (-v / z.max(0.1)).clamp(-STEEPEST, STEEPEST);
+        [strength, strength, START.ln() as f32, slope(x), slope(y)]
+    }
+    #[inline(always)]
+    fn normal<R: Real<Scalar = f32>>(
+        &self,
+        rows: Rows<'_, R>,
+        at: [R; PARAMETERS],
+    ) -> Normal<R, PARAMETERS> {
+        let count = self.sights.len();
+        let place = [rows.get(count + 3), rows.get(count + 4)];
+        let model = CosineLobe::new(at);
+        let mut normal = Normal::zero();
+        for photograph in 0..count {
+            let sample = rows.get(photograph);
+            let (light, view, light_view, irradiance) = self.sights.at(photograph, place);
+            let (value, slope) = model.gradient(light, view, light_view);
+            let counts = sample.is_finite();
+            let share = R::keep(counts, irradiance);
+            let residual = R::keep(counts, (-value).mul_add(share, sample));
+            normal.add(slope.map(|slope| slope * share), residual);
+        }
+        normal
+    }
+    fn store(&mut self, problem: usize, outcome: &Outcome<f32, PARAMETERS>) {
+        let (place, start) = (problem / STARTS, problem % STARTS);
+        let cost = outcome.normal.cost;
+        let free = self.data.count(self.pixels[place]) as f32 - PARAMETERS as f32;
+        // Lanes end in any order: of equal costs the first start's counts.
+        if !outcome.reason.converged() || free < 1.0 || (cost, start) >= self.best[place] {
+            return;
+        }
+        let Vec3 { x, y, z } = CosineLobe::new(outcome.parameters).normal;
+        let covariance = outcome.covariance(cost / free);
+        let (pp, pq, qq) = (covariance[3][3], covariance[4][3], covariance[4][4]);
+        let (middle, half) = (0.5 * (pp + qq), 0.5 * (pp - qq));
+        // A change of slope turns the normal by at most its cosine.
+        let sigma = (middle + half.mul_add(half, pq * pq).sqrt()).sqrt() * z;
+        if sigma.is_finite() {
+            self.best[place] = (cost, start);
+            self.found[place] = Facing { normal: [x, y, z], sigma, cost };
+        }
+    }
+}

@@ -1,0 +1,217 @@
+"""Diagrams of what was fitted; they need matplotlib (``pip install impasto[plot]``)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.errors import ArgumentError
+from impasto.fit.forward import predict_lobes
+from impasto.pictures import BACKGROUND, FAINT, INK
+from impasto.rig import PointLight, Rig
+from impasto.stack import Stack
+from impasto.status import Status
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from impasto.fit.lafortune import LafortuneSbrdf
+
+Angles = NDArray[np.float64]
+
+LOBES = ("#e8a15a", "#7fb4d6", "#a6c48a")
+"""The sharpest lobe first."""
+SAMPLES = "#d65a6e"
+WITHIN = 6.0
+"""Degrees: how near a photograph must be to the plane and to the light of a panel."""
+PANELS = 3
+
+
+def lobe_plot(sbrdf: LafortuneSbrdf, y: int, x: int, stack: Stack | None = None) -> Figure:
+    """Draw a pixel's lobes: reflectance against the direction of the view.
+
+    A half disc per incidence of the light, the three at which most photographs were taken: a slice
+    in the plane of incidence, the pixel's own normal upright, the light from the left. The radius
+    is reflectance, the mean over the bands: diffuse part and lobes added up (light line) and each
+    lobe by itself. Dots are the photographs within 6 degrees of the slice, divided by ``(N.L)``.
+
+    Parameters
+    ----------
+    sbrdf
+        What :func:`impasto.fit_sbrdf` returned with ``model="lafortune"``.
+    y, x
+        Row and column.
+    stack
+        The photographs; None: no dots.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        To be shown, or saved by its ``savefig``.
+
+    Raises
+    ------
+    ArgumentError
+        A pixel outside the painting or one that was not estimated, or a stack of another size.
+    ImportError
+        matplotlib is not installed.
+    """
+    from matplotlib.figure import Figure
+
+    y, x = _pixel(sbrdf, y, x)
+    if stack is not None and stack.shape[2:] != sbrdf.shape:
+        raise ArgumentError(f"stack: expected {sbrdf.shape} pixels, found {stack.shape[2:]}")
+    rig = sbrdf.rig if stack is None else stack.rig
+    normal = sbrdf.normal[:, y, x].astype(np.float64)
+    light, view, beside = _angles(normal, _towards(rig, sbrdf.shape, y, x), rig.views)
+    samples = np.full(len(rig), np.nan) if stack is None else _reflectances(stack, y, x, light)
+    incidences = _incidences(light, beside)
+    slices = [_slice(sbrdf, y, x, incidence) for incidence in incidences]
+    top = 1.08 * max(float(total.max()) for _, total, _ in slices)
+    figure = Figure(figsize=(4.2 * len(incidences), 3.2), facecolor=_colour(BACKGROUND))
+    for place, (incidence, (angle, total, lobes)) in enumerate(
+        zip(incidences, slices, strict=True)
+    ):
+        axes = figure.add_subplot(1, len(incidences), place + 1, projection="polar")
+        _dress(axes, incidence, top)
+        axes.fill(np.radians(angle), lobes[0], color=_colour(FAINT), alpha=0.25, lw=0)
+        axes.plot(np.radians(angle), lobes[0], color=_colour(FAINT), lw=0.8, label="diffuse")
+        for number, lobe in enumerate(lobes[1:]):
+            exponent = float(sbrdf.exponent[number, y, x])
+            label = f"lobe {number + 1}: n = {exponent:.3g}"
+            axes.plot(np.radians(angle), lobe, color=LOBES[number], lw=1.4, label=label)
+        axes.plot(np.radians(angle), total, color=_colour(INK), lw=1.6, label="all")
+        near = (np.abs(light - incidence) < WITHIN) & (beside < WITHIN) & np.isfinite(samples)
+        if near.any():
+            axes.plot(
+                np.radians(view[near]), np.minimum(samples[near], top), ".", ms=5,
+                color=SAMPLES, label="photographs",
+            )  # fmt: skip
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="lower center", ncols=len(labels), frameon=False,
+        labelcolor=_colour(INK), fontsize=8,
+    )  # fmt: skip
+    title = f"Reflectance of pixel ({y}, {x})"
+    figure.suptitle(title, x=0.02, y=0.96, ha="left", color=_colour(INK), fontsize=11)
+    figure.subplots_adjust(left=0.02, right=0.98, top=1.0, bottom=0.0, wspace=0.06)
+    return figure
+
+
+def _pixel(sbrdf: LafortuneSbrdf, y: int, x: int) -> tuple[int, int]:
+    for name, value, size in (("y", y, sbrdf.shape[0]), ("x", x, sbrdf.shape[1])):
+        if not -size <= value < size:
+            raise ArgumentError(f"{name}: {value} is outside a painting of {size}")
+    y, x = y % sbrdf.shape[0], x % sbrdf.shape[1]
+    status = Status(int(sbrdf.status[y, x]))
+    if status >= Status.DARK:
+        raise ArgumentError(f"y, x: pixel ({y}, {x}) has no lobes, its status is {status.name}")
+    return y, x
+
+
+def _towards(rig: Rig, shape: tuple[int, int], y: int, x: int) -> Angles:
+    """``(obs, 3)`` unit vectors to the lights from a pixel."""
+    pitch = rig.pitch_mm or 0.0
+    place = ((x - (shape[1] - 1) / 2) * pitch, ((shape[0] - 1) / 2 - y) * pitch, 0.0)
+    vectors = [
+        np.subtract(light.position, place) if isinstance(light, PointLight) else light.direction
+        for light in rig.lights
+    ]
+    lights = np.asarray(vectors, dtype=np.float64)
+    return np.asarray(lights / np.linalg.norm(lights, axis=1, keepdims=True))
+
+
+def _angles(normal: Angles, lights: Angles, views: Angles) -> tuple[Angles, Angles, Angles]:
+    """Degrees of lights from the normal, of views along the plane of incidence and beside it.
+
+    Along the plane, the mirror's side is positive.
+    """
+    cosine = np.clip(lights @ normal, -1.0, 1.0)
+    across = cosine[:, None] * normal - lights
+    length = np.linalg.norm(across, axis=1)
+    # A light in the normal has no plane of its own: the view's will do.
+    alone = views - (views @ normal)[:, None] * normal
+    across = np.where(length[:, None] > 1e-6, across, alone)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    aside = np.einsum("ij,ij->i", np.cross(across, normal), views)
+    in_plane = np.arctan2(np.einsum("ij,ij->i", across, views), views @ normal)
+    beside = np.abs(np.arcsin(np.clip(aside, -1.0, 1.0)))
+    return np.degrees(np.arccos(cosine)), np.degrees(in_plane), np.degrees(beside)
+
+
+def _incidences(light: Angles, beside: Angles) -> list[float]:
+    """Degrees: where most photographs of the plane were taken, in rising order."""
+    counts = {
+        angle: int(((np.abs(light - angle) < WITHIN) & (beside < WITHIN)).sum())
+        for angle in range(0, 81, 5)
+    }
+    chosen: list[int] = []
+    for angle in sorted(counts, key=lambda angle: (-counts[angle], angle)):
+        apart = all(abs(angle - other) > 2 * WITHIN for other in chosen)
+        if counts[angle] and apart and len(chosen) < PANELS:
+            chosen.append(angle)
+    return [float(angle) for angle in sorted(chosen)] or [45.0]
+
+
+def _slice(
+    sbrdf: LafortuneSbrdf, y: int, x: int, incidence: float
+) -> tuple[Angles, Angles, list[Angles]]:
+    """Angles of view in degrees, reflectance there, and its parts: diffuse, then each lobe."""
+    angle = np.linspace(-89.5, 89.5, 359)
+    a, b = np.radians(incidence), np.radians(angle)
+    light = (-np.sin(a), 0.0, np.cos(a))
+    views = np.stack([np.sin(b), np.zeros_like(b), np.cos(b)], axis=1)
+    rig = Rig(np.broadcast_to(light, views.shape), views=views)
+    upright = np.array([0.0, 0.0, 1.0], np.float32)[:, None, None]
+    pixel = np.s_[..., y : y + 1, x : x + 1]
+    count = int(sbrdf.lobes[y, x])
+    cxy, cz, exponent = (map_[:count][pixel] for map_ in (sbrdf.cxy, sbrdf.cz, sbrdf.exponent))
+    diffuse, specular = sbrdf.diffuse[pixel], sbrdf.specular[:count][pixel]
+
+    def shown(diffuse: Any, specular: Any) -> Angles:
+        radiance = predict_lobes(upright, diffuse, specular, cxy, cz, exponent, rig, threads=1)
+        return np.asarray(radiance[:, :, 0, 0].mean(axis=1, dtype=np.float64) / np.cos(a))
+
+    parts = [shown(diffuse, 0.0 * specular)]
+    for number in range(count):
+        only = np.zeros_like(specular)
+        only[number] = specular[number]
+        parts.append(shown(0.0 * diffuse, only))
+    return angle, np.sum(parts, axis=0), parts
+
+
+def _reflectances(stack: Stack, y: int, x: int, light: Angles) -> Angles:
+    """``(obs,)`` mean of the bands over ``(N.L)``; NaN where clipped or lit from behind."""
+    stored = stack.samples[:, :, y, x].astype(np.float64)
+    linear = (stored - stack.black) * stack.scale / stack.rig.intensities[:, None]
+    if stack.saturation is not None:
+        linear[stored >= stack.saturation] = np.nan
+    cosine = np.cos(np.radians(light))
+    return np.where(cosine > 0.05, linear.mean(axis=1) / np.maximum(cosine, 0.05), np.nan)
+
+
+def _dress(axes: Axes, incidence: float, top: float) -> None:
+    polar: Any = axes
+    polar.set_facecolor(_colour(BACKGROUND))
+    polar.set_theta_zero_location("N")
+    polar.set_theta_direction(-1)
+    polar.set_thetalim(-np.pi / 2, np.pi / 2)
+    polar.set_ylim(0.0, top)
+    polar.set_thetagrids(range(-90, 91, 30))
+    polar.tick_params(colors=_colour(FAINT), labelsize=7)
+    polar.grid(color=_colour(FAINT), alpha=0.25, lw=0.6)
+    polar.spines[:].set_visible(False)
+    for angle, style in ((-incidence, "-"), (incidence, ":")):
+        polar.plot(2 * [np.radians(angle)], [0.0, top], style, color="#f2d57e", lw=1.0)
+    # Beneath the disc: a title of its own would stand as far above as the other half is wide.
+    polar.text(
+        np.pi, 0.27 * top, f"light at {incidence:.0f}°",
+        color=_colour(INK), fontsize=9, ha="center", clip_on=False,
+    )  # fmt: skip
+
+
+def _colour(rgb: tuple[int, int, int]) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*rgb)
