@@ -139,8 +139,9 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
         let mut held: [Option<usize>; MAX_LANES] = [None; MAX_LANES];
         let mut search = Search::<S::Lanes<I>, N>::idle(options);
         let mut occupancy = Occupancy::default();
+        let mut busy = 0_i64;
         loop {
-            refill::<S, B, P, I, N>(
+            busy += refill::<S, B, P, I, N>(
                 batch,
                 &mut problems,
                 &mut search,
@@ -160,7 +161,8 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
     }
 }
 
-/// Takes finished problems out of their lanes and puts the next ones in.
+/// Takes finished problems out of their lanes and puts the next ones in; returns by how many more
+/// lanes are busy.
 #[inline(always)]
 fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N: usize>(
     batch: &mut B,
@@ -169,22 +171,24 @@ fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N
     block: &mut [S],
     held: &mut [Option<usize>; MAX_LANES],
     (bounds, options): (&Bounds<S, N>, &Options),
-) {
+) -> i64 {
     let width = S::Lanes::<I>::WIDTH;
-    let reasons = search.reasons();
-    let ended = |lane: usize| reasons[lane] > S::zero();
-    if !(0..width).any(ended) {
-        return;
+    let mut more = 0;
+    if !search.ended() {
+        return more;
     }
     let outcomes = search.outcomes(B::COVARIANCE);
+    let ended = |lane: usize| outcomes.reason[lane] > S::zero();
     let mut starts = [[S::zero(); MAX_LANES]; N];
     let mut fresh = [S::zero(); MAX_LANES];
     for lane in (0..width).filter(|&lane| ended(lane)) {
         if let Some(problem) = held[lane].take() {
             batch.store(problem, &outcomes.lane(lane));
+            more -= 1;
         }
         if let Some(problem) = problems.next() {
             held[lane] = Some(problem);
+            more += 1;
             fresh[lane] = S::one();
             let start = batch.load(problem, &mut Column { block, lane, width });
             for (starts, start) in starts.iter_mut().zip(start) {
@@ -198,4 +202,5 @@ fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N
     }
     let fresh = S::Lanes::<I>::load(&fresh).gt(S::Lanes::<I>::zero());
     search.begin(fresh, start, bounds, options);
+    more
 }

@@ -71,7 +71,7 @@ impl Options {
     /// For starts that may be far from anywhere: small first steps, a long memory, patience.
     #[must_use]
     pub fn cautious() -> Self {
-        Self { max_iterations: 2000, damping: 100.0, memory: 0.1, ..Self::default() }
+        Self { max_iterations: 10_000, damping: 100.0, memory: 0.1, ..Self::default() }
     }
 
     /// What single precision can tell: cost to 1e-6, a tenth of what its sums are good for.

@@ -173,43 +173,37 @@ impl<R: Real, const N: usize> Search<R, N> {
         self.reason = R::select(mask & self.reason.le(R::zero()), reason.code(), self.reason);
     }
 
-    /// Which lanes have ended, as plain numbers (0: still searching).
+    /// Whether any lane has ended.
     #[inline(always)]
-    pub(super) fn reasons(&self) -> [R::Scalar; MAX_LANES] {
-        let mut reasons = [R::Scalar::default(); MAX_LANES];
-        self.reason.store(&mut reasons);
-        reasons
+    pub(super) fn ended(&self) -> bool {
+        self.reason.gt(R::zero()).any()
     }
 
     /// The state as plain numbers, for whoever takes lanes out.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
     pub(super) fn outcomes(&self, covariance: bool) -> Outcomes<R::Scalar, N> {
-        let mut out = Outcomes::new();
-        if covariance {
-            let own = Inverse::of(&self.normal.matrix);
-            let mut inverse = [[[R::Scalar::default(); MAX_LANES]; N]; N];
-            let mut deficient = [[R::Scalar::default(); MAX_LANES]; N];
-            for i in 0..N {
-                R::keep(own.deficient[i], R::one()).store(&mut deficient[i]);
-                for j in 0..N {
-                    own.matrix[i][j].store(&mut inverse[i][j]);
-                }
-            }
-            out.inverse = Some((inverse, deficient));
+        Outcomes {
+            place: self.place.map(plain),
+            descent: self.normal.descent.map(plain),
+            matrix: self.normal.matrix.map(|row| row.map(plain)),
+            cost: plain(self.normal.cost),
+            passes: plain(self.passes),
+            reason: plain(self.reason),
+            inverse: covariance.then(|| {
+                let own = Inverse::of(&self.normal.matrix);
+                let doubts = own.deficient.map(|doubt| plain(R::keep(doubt, R::one())));
+                (own.matrix.map(|row| row.map(plain)), doubts)
+            }),
         }
-        for i in 0..N {
-            self.place[i].store(&mut out.place[i]);
-            self.normal.descent[i].store(&mut out.descent[i]);
-            for j in 0..=i {
-                self.normal.matrix[i][j].store(&mut out.matrix[i][j]);
-            }
-        }
-        self.normal.cost.store(&mut out.cost);
-        self.passes.store(&mut out.passes);
-        self.reason.store(&mut out.reason);
-        out
     }
+}
+
+/// Lanes as plain numbers.
+#[inline(always)]
+fn plain<R: Real>(lanes: R) -> [R::Scalar; MAX_LANES] {
+    let mut numbers = [R::Scalar::default(); MAX_LANES];
+    lanes.store(&mut numbers);
+    numbers
 }
 
 /// All lanes' states as plain numbers.
@@ -219,7 +213,7 @@ pub(super) struct Outcomes<S, const N: usize> {
     matrix: Matrices<S, N>,
     cost: [S; MAX_LANES],
     passes: [S; MAX_LANES],
-    reason: [S; MAX_LANES],
+    pub(super) reason: [S; MAX_LANES],
     /// Inverse matrices, and 1 for every parameter in doubt.
     inverse: Option<(Matrices<S, N>, [[S; MAX_LANES]; N])>,
 }
@@ -227,20 +221,6 @@ pub(super) struct Outcomes<S, const N: usize> {
 type Matrices<S, const N: usize> = [[[S; MAX_LANES]; N]; N];
 
 impl<S: Scalar, const N: usize> Outcomes<S, N> {
-    #[inline(always)]
-    fn new() -> Self {
-        let o = [S::default(); MAX_LANES];
-        Self {
-            place: [o; N],
-            descent: [o; N],
-            matrix: [[o; N]; N],
-            cost: o,
-            passes: o,
-            reason: o,
-            inverse: None,
-        }
-    }
-
     /// One lane's outcome.
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
     pub(super) fn lane(&self, lane: usize) -> Outcome<S, N> {

@@ -186,12 +186,10 @@ fn missed<S: Element>(options: &Options) -> Vec<(&'static str, usize)> {
 }
 
 #[test]
-fn double_precision_solves_52_of_54_by_itself_and_the_rest_with_caution() {
+fn double_precision_solves_52_of_54_at_once_and_all_with_caution() {
     let quick = missed::<f64>(&patient(Options::default()));
     assert_eq!(quick, [("BoxBOD", 1), ("MGH17", 1)]);
-    let cautious = missed::<f64>(&Options { max_iterations: 2000, ..patient(Options::cautious()) });
-    // The valley again, for which caution is too slow.
-    assert_eq!(cautious, [("MGH10", 1)]);
+    assert_eq!(missed::<f64>(&patient(Options::cautious())), []);
 }
 
 /// Digits from either start in single precision. Squared condition numbers leave few: Bennett5 and
