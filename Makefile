@@ -58,9 +58,9 @@ $(VENV)/created:
 	@command -v cargo >/dev/null || { echo "impasto needs Rust: install rustup, then run make again" >&2; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "impasto needs Python 3.11 or newer: run make PYTHON=python3.x" >&2; exit 1; }
+	@echo "make: fetching tools into $(VENV)"
 	@$(PYTHON) -m venv $(VENV) \
 	  || { echo "no venv here: on Debian, apt-get install python3-venv" >&2; exit 1; }
-	@echo "make: fetching tools into $(VENV)"
 	@$(BIN)/python -m pip install --upgrade pip maturin
 	@touch $@
 

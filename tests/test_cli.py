@@ -164,6 +164,22 @@ def test_the_same_command_gives_the_same_bytes(stack: Path, fitted: Path, tmp_pa
 # --- render
 
 
+def test_a_dark_picture_is_told_and_brightened(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = f"render {demo} --light 90,45 --out {tmp_path / 'above.png'} --exposure".split()
+    assert main([*words, "0.05"]) == 0
+    told = said(capsys)
+    assert "a dark picture" in told
+    assert main([*words, told.split("--exposure ")[1].split()[0]]) == 0
+    assert "a dark picture" not in said(capsys)
+    shown = cv2.imread(str(tmp_path / "above.png"))
+    assert shown is not None
+    # 99 % of the pixels reach up to 0.9 of the display's light, code 243 of sRGB; the exposure is
+    # told to two digits, 5 % of light or six codes at the most.
+    assert np.percentile(shown.max(axis=2), 99) == pytest.approx(243, abs=7)
+
+
 def test_a_result_is_rendered_under_any_light(demo: Path, tmp_path: Path) -> None:
     day, lamp = tmp_path / "day.png", tmp_path / "lamp.png"
     assert main(f"render {demo} --light 90,45 --out {day} --quiet".split()) == 0

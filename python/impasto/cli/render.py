@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 from impasto.cli.console import Stages
 from impasto.cli.options import Angles, Flag, OneDirection, SeveralDirections, SeveralPositions
 from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from impasto.render import Image
+
+CLIPPED, DARK = 0.0005, 0.2
+"""More clipped pixels than the first share are told, and a picture that stays below the second."""
 
 
 def render(
@@ -108,12 +115,20 @@ def render(
     _tell(stages, image)
 
 
-def _tell(stages: Stages, image: Any) -> None:
-    """Clipping is said, not hidden."""
+def _tell(stages: Stages, image: Image) -> None:
+    """Clipping is said, not hidden; so is a picture that leaves most of the display unused."""
     worst = max(image.clipped, key=lambda name: image.clipped[name])
     share = image.clipped[worst]
-    if share > 0.0005:
+    if share > CLIPPED:
         stages.say(
             f"  {'':14}[dim]{100 * share:.1f} % of the pixels are brighter than the display can "
             f"show ({worst} first); --exposure {0.7 * image.exposure:.2g} shows more of them[/]"
         )
+    elif image.valid.any():
+        bright = float(np.percentile(image.linear.max(axis=0)[image.valid], 99.0))
+        if 0.0 < bright < DARK:
+            stages.say(
+                f"  {'':14}[dim]a dark picture: 99 % of the pixels are below {100 * bright:.0f} % "
+                f"of the display's light; --exposure {0.9 * image.exposure / bright:.2g} makes "
+                "more of it[/]"
+            )

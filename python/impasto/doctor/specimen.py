@@ -53,14 +53,14 @@ class Specimen:
     @classmethod
     def of(cls, stack: Stack) -> Specimen:
         """Cut the tiles out of a stack."""
-        height, width = stack.shape[2:]
-        budget = pixel_budget(stack, _MOST)
+        observations, bands, height, width = stack.shape
+        budget = int(np.clip(_SAMPLES // (observations * bands), _FEWEST, _MOST))
         rows, columns, tile = _places(height, width, budget, stack.mask)
         at_y = (rows[:, None, None] + np.arange(tile[0])[None, :, None]).repeat(tile[1], 2)
         at_x = (columns[:, None, None] + np.arange(tile[1])[None, None, :]).repeat(tile[0], 1)
         at_y, at_x = at_y.ravel(), at_x.ravel()
         inside = np.ones(len(at_y), bool) if stack.mask is None else stack.mask[at_y, at_x]
-        grey = np.empty((len(stack.rig), len(at_y)), dtype=np.float32)
+        grey = np.empty((observations, len(at_y)), dtype=np.float32)
         for index, strength in enumerate(stack.rig.intensities):
             values = linear(stack, stack.samples[index][:, at_y, at_x])
             with np.errstate(invalid="ignore"):
@@ -76,12 +76,6 @@ class Specimen:
             y=((height - 1) / 2 - at_y) / side,
             inside=inside,
         )
-
-
-def pixel_budget(stack: Stack, most: int) -> int:
-    """How many pixels of every photograph to keep in memory: fewer of hundreds of photographs."""
-    observations, bands = stack.shape[:2]
-    return int(np.clip(_SAMPLES // (observations * bands), _FEWEST, most))
 
 
 def linear(stack: Stack, stored: NDArray[np.generic]) -> NDArray[np.float32]:

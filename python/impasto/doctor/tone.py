@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.doctor.diagnosis import Finding
-from impasto.doctor.specimen import linear, pixel_budget
+from impasto.doctor.specimen import linear
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.io.tone import CANDIDATES, ToneEstimate, estimate_tone
+from impasto.io.tone import CANDIDATES, ToneEstimate, estimate_tone, few
 from impasto.stack import Stack
 
 _PIXELS = 8000
@@ -74,32 +74,34 @@ def tone(stack: Stack) -> list[Finding]:
 
 def _estimate(stack: Stack) -> ToneEstimate | None:
     """The curve estimated from the codes, which are made again where the files were decoded."""
-    codes = _codes(stack)
+    photographs = few(len(stack.rig))
+    codes = _codes(stack, photographs)
     if codes is None:
         return None
     curve = stack.encoding.curve
     try:
         return estimate_tone(
             codes,
-            stack.rig.directions,
+            stack.rig.directions[photographs],
             white=stack.encoding.white,
-            intensities=stack.rig.intensities,
+            intensities=stack.rig.intensities[photographs],
             candidates=CANDIDATES if curve in CANDIDATES else (*CANDIDATES, curve),
         )
     except ArgumentError:
         return None
 
 
-def _codes(stack: Stack) -> NDArray[np.float32] | None:
+def _codes(stack: Stack, photographs: NDArray[np.int64]) -> NDArray[np.float32] | None:
     """``(obs, band, 1, n)`` coded values of some pixels, full scale at the encoding's white."""
     height, width = stack.shape[2:]
     inside = np.arange(height * width) if stack.mask is None else np.flatnonzero(stack.mask.ravel())
     if len(inside) == 0:
         return None
-    count = min(pixel_budget(stack, _PIXELS), len(inside))
-    picked = np.random.default_rng(0).choice(inside, count, replace=False)
+    picked = np.random.default_rng(0).choice(inside, min(_PIXELS, len(inside)), replace=False)
     rows, columns = np.divmod(np.sort(picked), width)
-    light = np.stack([linear(stack, samples[:, rows, columns]) for samples in stack.samples])
+    light = np.stack(
+        [linear(stack, stack.samples[i][:, rows, columns]) for i in photographs.tolist()]
+    )
     usable = np.isfinite(light)
     if not usable.any():
         return None

@@ -32,8 +32,9 @@ _FEWEST = 6
 _FOLDS = 6
 _PIXELS = 2400
 """Pixels (times bands) that are predicted; those with most colour out of so many that are seen."""
-_SEEN, _SAMPLES = 20_000, 12_000_000
-"""... and fewer pixels of hundreds of photographs, for the sake of memory."""
+_SEEN = 20_000
+_PHOTOGRAPHS = 128
+"""Of hundreds of photographs so many tell as much."""
 _ENOUGH = 200
 _COLOURED = 0.03
 """Difference of two bands, as a share of full scale, from which they differ by more than noise."""
@@ -155,9 +156,11 @@ def estimate_tone(
             f'encoding: "auto" needs at least {_FEWEST} photographs, found {len(lights)}; '
             'say "srgb" for JPEG or "linear" for developed RAW'
         )
-    values, clipped = _seen(codes, saturation, white, mask)
     strength = np.ones((len(lights), 1)) if intensities is None else np.asarray(intensities)
     strength = np.asarray(strength, dtype=np.float64).reshape(len(lights), -1)
+    picked = few(len(lights))
+    lights, strength = lights[picked], strength[picked]
+    values, clipped = _seen(codes, picked, saturation, white, mask)
     strength = np.broadcast_to(strength, values.shape[:2])
     columns, coloured = _coloured(values, clipped, strength, white), True
     if columns is None:
@@ -190,6 +193,13 @@ def estimate_tone(
         plausible,
         coloured,
     )
+
+
+def few(count: int) -> NDArray[np.int64]:
+    """Which photographs of a stack to look at, in their order."""
+    if count <= _PHOTOGRAPHS:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(2).choice(count, _PHOTOGRAPHS, replace=False))
 
 
 def _worse(error: Floats, least: Floats, ratio: float) -> bool:
@@ -231,22 +241,23 @@ class _Columns:
 
 def _seen(
     codes: NDArray[np.generic],
+    photographs: NDArray[np.int64],
     saturation: ArrayLike | None,
     white: float,
     mask: NDArray[np.bool_] | None,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Some pixels ``(obs, band, n)`` of all the picture, and which samples are clipped."""
-    observations, bands, height, width = codes.shape
+    bands, height, width = codes.shape[1:]
     inside = np.arange(height * width) if mask is None else np.flatnonzero(mask)
     if len(inside) == 0:
         raise ArgumentError("mask: is empty, no pixel belongs to the painting")
     # A fixed-seed draw: an even step would walk down single columns where it divides the width.
-    count = min(len(inside), _SEEN, max(_PIXELS, _SAMPLES // (observations * bands)))
+    count = min(len(inside), _SEEN)
     picked = np.sort(np.random.default_rng(0).choice(inside, count, replace=False))
     rows, columns = np.divmod(picked, width)
-    values = np.empty((observations, bands, count), dtype=np.float32)
-    for index in range(observations):
-        values[index] = codes[index][:, rows, columns]
+    values = np.empty((len(photographs), bands, count), dtype=np.float32)
+    for row, index in enumerate(photographs.tolist()):
+        values[row] = codes[index][:, rows, columns]
     level = np.broadcast_to(
         np.asarray(white if saturation is None else saturation, dtype=np.float32), (bands,)
     )
