@@ -21,7 +21,8 @@ class Status(IntEnum):
     ILL_CONDITIONED = 3
     """Estimated, but the usable lights barely determine it; see the condition map."""
     POOLED = 4
-    """Estimated; the specular parameters are the painting's pooled ones, not the pixel's own."""
+    """Estimated, but the pixel's own samples say nothing for its specular parameters, which are the
+    painting's. In a pooled fit its normal and colours are then those of photometric stereo."""
 
     DARK = 16
     """No signal in any observation: albedo 0, everything else unknown."""

@@ -16,7 +16,8 @@ pub enum Status {
     Exact = 2,
     /// Estimated, but the usable lights barely determine it.
     IllConditioned = 3,
-    /// Estimated; the specular parameters are the painting's pooled ones.
+    /// Estimated, but the pixel's own samples say nothing for its specular parameters, which are the
+    /// painting's. In a pooled fit its normal and colours are then those of photometric stereo.
     Pooled = 4,
     /// No signal in any observation.
     Dark = 16,

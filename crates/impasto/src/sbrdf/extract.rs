@@ -7,7 +7,7 @@ use crate::math::{Kernel, Real};
 
 use super::histogram::Histogram;
 use super::lanes::{MAX_LANES, load};
-use super::tile::{Scene, Tile};
+use super::tile::{Photographs, Tile};
 
 /// Which samples count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub enum Extraction {
 const SHADOW: f64 = 0.5;
 
 pub(super) struct Extract<'a, 'b, 'c> {
-    pub(super) scene: &'a Scene<'a>,
+    pub(super) photographs: &'a Photographs<'a>,
     pub(super) tile: &'c Tile<'b>,
     pub(super) samples: &'a [f32],
     pub(super) stride: usize,
@@ -41,10 +41,10 @@ impl Kernel for Extract<'_, '_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Histogram {
-        let Self { scene, tile, samples, stride, x, y, extraction } = self;
+        let Self { photographs, tile, samples, stride, x, y, extraction } = self;
         let zero = I::F32::zero();
-        let index = I::F32::of(scene.index);
-        let (bands, observations) = (scene.bands, scene.rig.observations());
+        let index = I::F32::of(photographs.index);
+        let (bands, observations) = (photographs.bands, photographs.rig.observations());
         let share = I::F32::of(1.0 / bands as f64);
         let mut histogram = Histogram::default();
         let mut found = vec![[[0.0_f32; MAX_LANES]; 4]; observations];
@@ -57,8 +57,9 @@ impl Kernel for Extract<'_, '_, '_> {
             }
             let diffuse = diffuse * share;
             for (i, found) in found.iter_mut().enumerate() {
-                let (towards, irradiance) = scene.rig.lights()[i].at(load(x, at), load(y, at));
-                let view = scene.rig.views()[i].splat::<I::F32>();
+                let (towards, irradiance) =
+                    photographs.rig.lights()[i].at(load(x, at), load(y, at));
+                let view = photographs.rig.views()[i].splat::<I::F32>();
                 let glint = Facet::between(towards, view, index).on(normal);
                 let mut sample = zero;
                 for band in 0..bands {

@@ -6,9 +6,10 @@ use crate::brdf::torrance_sparrow::sharpness;
 use crate::error::{Error, Result};
 use crate::lm::{self, Normal, Options, Problem};
 
+use super::passes::Fit;
 use super::pixel::Lobe;
-use super::pooled::{Fit, bounds, gamma_of};
-use super::settle::Share;
+use super::pooled::{bounds, gamma_of};
+use super::settle::{Share, Yardstick};
 use super::tile::State;
 
 /// Steps of a pixel from the normals of photometric stereo, and between two places of the lobe.
@@ -36,19 +37,24 @@ const SATIN: (f64, f64) = (12.0, 0.15);
 /// Smallest share of the model's curvature that the cost is taken to have.
 const SOFTEST: f64 = 0.1;
 
+/// The grain as a share of the squared scale of a typical pixel.
+const GRAIN: f64 = 0.25;
+
+/// Times that the grain is taken anew.
+const REFINEMENTS: usize = 8;
+
 /// What the search found.
 pub(super) struct Found {
     pub(super) lobe: Lobe,
     pub(super) share: Share,
     /// (beta, gamma) as they got better.
     pub(super) path: Vec<[f64; 2]>,
-    /// Cost of the diffuse part alone.
-    pub(super) plain_cost: f64,
+    pub(super) yardstick: Yardstick,
 }
 
 /// Costs of lobes, with the state of all pixels that goes with the best.
 struct Search<'a> {
-    fit: &'a Fit<'a>,
+    fit: Fit<'a>,
     best: RefCell<State>,
     trial: RefCell<State>,
     share: Cell<Share>,
@@ -67,7 +73,7 @@ impl Search<'_> {
         let place = [lobe.beta, lobe.log_sharpness];
         let share = self.fit.settle(&best, &mut trial, lobe, self.steps.get(), restart)?;
         self.steps.set(STEPS);
-        let mut normal = share.normal(self.fit.reference);
+        let mut normal = share.normal(self.fit.yardstick.reference);
         self.soften(place, &normal);
         // The rule by which `minimise` accepts a place.
         if normal.cost < self.least.get() {
@@ -84,6 +90,19 @@ impl Search<'_> {
         }
         normal.matrix = normal.matrix.map(|row| row.map(|v| v * self.stiffness.get()));
         Ok(normal)
+    }
+
+    /// Takes the grain that the best lobe leaves; whether it is finer by half.
+    fn refine_grain(&mut self) -> bool {
+        let last = self.fit.yardstick.grain;
+        let grain = grain(&self.fit, self.best.get_mut());
+        let finer = grain < 0.5 * last;
+        if finer {
+            self.fit = self.fit.with_grain(grain);
+            // Costs of another grain are no measure for what comes.
+            self.least.set(f64::INFINITY);
+        }
+        finer
     }
 
     /// Learns how stiff the cost is along the last step.
@@ -133,13 +152,12 @@ impl Problem<f64, 2> for Search<'_> {
 ///
 /// Two searches by Levenberg-Marquardt, each place of the lobe judged with all pixels settled;
 /// between them every pixel tries other normals ([`Settle::restart`](super::settle::Settle)).
-pub(super) fn find_lobe(fit: &Fit<'_>, state: State, lobe: Lobe) -> Result<Found> {
+pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found> {
     let mut trial = state.clone();
     let flat = Lobe { beta: 0.0, ..lobe };
-    let plain = fit.settle(&state, &mut trial, flat, FIRST_STEPS, false)?;
-    let plain_cost = plain.normal(fit.reference).cost;
-    let search = Search {
-        fit,
+    fit.settle(&state, &mut trial, flat, FIRST_STEPS, false)?;
+    let mut search = Search {
+        fit: fit.with_grain(grain(&fit, &trial)),
         best: RefCell::new(state),
         trial: RefCell::new(trial),
         share: Cell::new(Share::zero()),
@@ -152,7 +170,8 @@ pub(super) fn find_lobe(fit: &Fit<'_>, state: State, lobe: Lobe) -> Result<Found
     };
     // Sums of squares of all samples believe gross outliers (hard case 31); robust scales tell
     // which of two lobes is nearer.
-    let satin = Lobe { beta: SATIN.0 * fit.reference, log_sharpness: sharpness(SATIN.1).ln() };
+    let satin =
+        Lobe { beta: SATIN.0 * fit.yardstick.reference, log_sharpness: sharpness(SATIN.1).ln() };
     for lobe in [lobe, satin] {
         search.steps.set(FIRST_STEPS);
         search.visit(lobe, false)?;
@@ -160,14 +179,41 @@ pub(super) fn find_lobe(fit: &Fit<'_>, state: State, lobe: Lobe) -> Result<Found
     search.stiffness.set(1.0);
     let rough = Options { max_iterations: ROUGH, ..SEARCH };
     let [beta, log_sharpness] = search.minimise(search.last.get().0, rough)?;
+    search.refine_grain();
     search.steps.set(FIRST_STEPS);
     search.visit(Lobe { beta, log_sharpness }, true)?;
-    let [beta, log_sharpness] = search.minimise([beta, log_sharpness], SEARCH)?;
-    let Search { share, path, .. } = search;
+    let [mut beta, mut log_sharpness] = search.minimise([beta, log_sharpness], SEARCH)?;
+    // Without noise every better lobe leaves a finer grain.
+    for _ in 0..REFINEMENTS {
+        if !search.refine_grain() {
+            break;
+        }
+        search.visit(Lobe { beta, log_sharpness }, false)?;
+        [beta, log_sharpness] = search.minimise([beta, log_sharpness], SEARCH)?;
+    }
+    let Search { fit, share, path, .. } = search;
     Ok(Found {
         lobe: Lobe { beta, log_sharpness },
         share: share.get(),
         path: path.into_inner(),
-        plain_cost,
+        yardstick: fit.yardstick,
     })
+}
+
+/// A quarter of the squared scale of the pixel that half of the painting's light comes from.
+///
+/// Weighed by light, since dark pixels are those whose few codes hide their noise, however many
+/// there are; by a median, since the model may describe some pixels badly.
+fn grain(fit: &Fit<'_>, state: &State) -> f64 {
+    let light = fit.brightness(state);
+    let known =
+        state.scale.iter().zip(&light).filter(|(scale, light)| (**scale * **light).is_finite());
+    let mut known: Vec<(f32, f32)> = known.map(|(&scale, &light)| (scale, light)).collect();
+    known.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let mut left = 0.5 * known.iter().map(|&(_, light)| f64::from(light)).sum::<f64>();
+    let typical = known.iter().find(|(_, light)| {
+        left -= f64::from(*light);
+        left <= 0.0
+    });
+    typical.map_or(0.0, |&(scale, _)| GRAIN * f64::from(scale))
 }

@@ -8,7 +8,7 @@ use super::lanes::{load, store};
 use super::pixel::{Lobe, Pixels};
 use super::scale::Gaussian;
 use super::settle::eliminate_tilts;
-use super::tile::{Scene, Tile};
+use super::tile::{Photographs, Tile};
 
 /// Maps that a tile fills.
 pub(super) struct Plates<'a> {
@@ -23,7 +23,7 @@ pub(super) struct Plates<'a> {
 }
 
 pub(super) struct Measure<'a, 'b> {
-    pub(super) scene: &'a Scene<'a>,
+    pub(super) photographs: &'a Photographs<'a>,
     pub(super) tile: &'b Tile<'a>,
     pub(super) out: Plates<'b>,
     pub(super) samples: &'a [f32],
@@ -39,14 +39,14 @@ impl Kernel for Measure<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { scene, tile, out, samples, stride, x, y, lobe, gaussian } = self;
+        let Self { photographs, tile, out, samples, stride, x, y, lobe, gaussian } = self;
         let zero = I::F32::zero();
         let endless = I::F32::of(f64::from(f32::MAX));
-        let mut pixels = Pixels::<I::F32>::new(scene, lobe);
-        let mut colours = vec![zero; scene.bands];
-        let mut pulls = vec![zero; scene.bands];
+        let mut pixels = Pixels::<I::F32>::new(photographs, lobe);
+        let mut colours = vec![zero; photographs.bands];
+        let mut pulls = vec![zero; photographs.bands];
         // Unknowns of a pixel, in photographs: two tilts are shared by all bands.
-        let unknowns = I::F32::of(1.0 + 2.0 / scene.bands as f64);
+        let unknowns = I::F32::of(1.0 + 2.0 / photographs.bands as f64);
         let mut at = 0;
         while at < tile.count {
             pixels.look(samples, stride, x, y, at);

@@ -1,8 +1,9 @@
 //! The fitting passes: from samples and normals to reflection parameters, and back to samples.
 //!
-//! [`fit_pooled`] finds one Torrance-Sparrow lobe for the whole painting, as in both papers: the
-//! specular part of all samples against phi ([`histogram`]), then rounds in which normals, diffuse
-//! colours and the lobe settle together. [`predict`] says what a surface would have shown.
+//! [`fit_pooled`] finds one Torrance-Sparrow lobe for the whole painting, as in both papers: first
+//! from the specular part of all samples against phi ([`histogram`]), then by a search on a subset
+//! of the pixels whose normals and diffuse colours follow the lobe. At last all pixels settle under
+//! what was found. [`predict`] says what a surface would have shown.
 
 mod extract;
 mod highlight;
@@ -12,6 +13,7 @@ pub mod lafortune;
 mod lanes;
 mod lobes;
 mod measure;
+mod passes;
 mod pixel;
 mod pooled;
 mod predict;

@@ -12,7 +12,7 @@ use crate::math::{Real, Vec3};
 
 use super::lanes::load;
 use super::scale::{count, squared_scale, weight};
-use super::tile::Scene;
+use super::tile::Photographs;
 
 /// A painting's lobe as the solver sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +32,7 @@ const DARK_NOISE: f64 = 0.1;
 
 /// Samples of the pixels in one register, and what the last place predicted of them.
 pub(super) struct Pixels<'a, R: Real> {
-    scene: &'a Scene<'a>,
+    photographs: &'a Photographs<'a>,
     beta: R,
     sharpness: R,
     /// Light, irradiance and facet per photograph.
@@ -49,30 +49,31 @@ pub(super) struct Pixels<'a, R: Real> {
     seen: Vec<(R, Glint<R>, R)>,
     /// Usable photographs.
     pub(super) used: R,
-    floor: R,
+    /// Squared scale at which residuals are rounding.
+    pub(super) floor: R,
 }
 
 impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
-    pub(super) fn new(scene: &'a Scene<'a>, lobe: Lobe) -> Self {
-        let (zero, index) = (R::zero(), R::of(scene.index));
-        let geometry: Vec<_> = (0..scene.rig.observations())
+    pub(super) fn new(photographs: &'a Photographs<'a>, lobe: Lobe) -> Self {
+        let (zero, index) = (R::zero(), R::of(photographs.index));
+        let geometry: Vec<_> = (0..photographs.rig.observations())
             .map(|i| {
-                let (towards, irradiance) = scene.rig.lights()[i].at(zero, zero);
-                let view = scene.rig.views()[i].splat();
+                let (towards, irradiance) = photographs.rig.lights()[i].at(zero, zero);
+                let view = photographs.rig.views()[i].splat();
                 (towards, irradiance, Facet::between(towards, view, index))
             })
             .collect();
         let observations = geometry.len();
         let glint = Glint { weight: zero, phi_squared: zero };
         Self {
-            scene,
+            photographs,
             beta: R::of(lobe.beta),
             sharpness: R::of(lobe.log_sharpness.exp()),
             geometry,
-            samples: vec![zero; observations * scene.bands],
+            samples: vec![zero; observations * photographs.bands],
             usable: vec![zero.lt(zero); observations],
             trust: vec![zero; observations],
-            residuals: vec![zero; observations * scene.bands],
+            residuals: vec![zero; observations * photographs.bands],
             squares: vec![zero; observations],
             seen: vec![(zero, glint, zero); observations],
             used: zero,
@@ -83,15 +84,15 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
     /// Takes up the pixels from `at` on.
     #[inline(always)]
     pub(super) fn look(&mut self, samples: &[f32], stride: usize, x: &[f32], y: &[f32], at: usize) {
-        let bands = self.scene.bands;
+        let bands = self.photographs.bands;
         let zero = R::zero();
         let (mut peak, mut mean) = (zero, zero);
         for (i, usable) in self.usable.iter_mut().enumerate() {
-            let light = self.scene.rig.lights()[i];
+            let light = self.photographs.rig.lights()[i];
             if !light.is_distant() {
                 let (towards, irradiance) = light.at(load(x, at), load(y, at));
-                let view = self.scene.rig.views()[i].splat();
-                let facet = Facet::between(towards, view, R::of(self.scene.index));
+                let view = self.photographs.rig.views()[i].splat();
+                let facet = Facet::between(towards, view, R::of(self.photographs.index));
                 self.geometry[i] = (towards, irradiance, facet);
             }
             // Clipped in any band, never taken, or with a square beyond all numbers: weight 0, by
@@ -127,7 +128,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         let mut peak = zero;
         let mut facing = Vec3::new(zero, zero, R::one());
         for (samples, (_, irradiance, facet)) in
-            self.samples.chunks(self.scene.bands).zip(&self.geometry)
+            self.samples.chunks(self.photographs.bands).zip(&self.geometry)
         {
             let light = samples.iter().fold(zero, |sum, &sample| sum + sample) / *irradiance;
             let brighter = light.gt(peak);
@@ -140,7 +141,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
     /// Residuals at a place; returns the squared scale.
     #[inline(always)]
     pub(super) fn visit(&mut self, normal: Vec3<R>, colours: &[R], last: Option<R>) -> R {
-        let bands = self.scene.bands;
+        let bands = self.photographs.bands;
         let share = R::of(1.0 / bands as f64);
         for (i, (towards, irradiance, facet)) in self.geometry.iter().enumerate() {
             let cosine = lambert::cosine(normal, *towards) * *irradiance;
@@ -174,7 +175,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         pulls: &mut [R],
     ) -> Equations<R> {
         let zero = R::zero();
-        let bands = self.scene.bands;
+        let bands = self.photographs.bands;
         let tilt = tangents(normal);
         let mut sums = Equations::zero();
         pulls.fill(zero);

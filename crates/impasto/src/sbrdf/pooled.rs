@@ -5,18 +5,18 @@ use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::lm::{self, Bounds, Outcome};
 use crate::maps::Status;
-use crate::pixels::{Run, TILE, tiles};
+use crate::pixels::Run;
 use crate::stack::Stack;
 
-use super::extract::{Extract, Extraction};
+use super::extract::Extraction;
 use super::histogram::Histogram;
 use super::joint::{FIRST_STEPS, Found, find_lobe};
-use super::measure::{Measure, Plates};
+use super::passes::Fit;
 use super::pixel::Lobe;
 use super::scale::Gaussian;
-use super::settle::{Settle, Share};
+use super::settle::{Share, Yardstick};
 use super::subset::Subset;
-use super::tile::{Reader, Scene, Start, State};
+use super::tile::{Photographs, Start, State};
 use super::verdict::{Agreement, DESCRIBES, Verdict, agreement};
 
 /// How the pooled fit goes about it.
@@ -81,7 +81,7 @@ pub fn fit_pooled(
         return Err(Error::geometry("lights", problem));
     }
     start.check(shape.pixels(), shape.bands)?;
-    let scene = Scene {
+    let photographs = Photographs {
         stack,
         rig,
         index: options.index,
@@ -89,24 +89,28 @@ pub fn fit_pooled(
         status: start.status,
         places: None,
     };
-    let fit = Fit { scene: &scene, run, reference: brightest(start) };
+    let fit = Fit {
+        photographs: &photographs,
+        run,
+        yardstick: Yardstick { reference: brightest(start), grain: 0.0 },
+    };
     let state = State::new(start);
     let first = fit.extract(&state, options.extraction)?.fit();
     let lobe = Lobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
     if !options.joint {
         return fit.judge_separate(state, &first);
     }
-    let subset = Subset::gather(&scene, start, run)?;
+    let subset = Subset::gather(&photographs, start, run)?;
     if subset.len() == 0 {
         return fit.judge_separate(state, &first);
     }
     let found = {
         let stack = subset.stack()?;
-        let scene = subset.scene(&scene, &stack);
-        find_lobe(&Fit { scene: &scene, ..fit }, State::new(&subset.start()), lobe)?
+        let photographs = subset.photographs(&photographs, &stack);
+        find_lobe(Fit { photographs: &photographs, ..fit }, State::new(&subset.start()), lobe)?
     };
     drop(subset);
-    fit.judge_joint(state, found, start)
+    Fit { yardstick: found.yardstick, ..fit }.judge_joint(state, found, start)
 }
 
 /// The brightest colour: scaling the samples by a power of two scales it exactly.
@@ -121,15 +125,6 @@ pub(super) fn gamma_of(log_sharpness: f64) -> f64 {
 
 pub(super) fn bounds() -> Bounds<f64, 2> {
     Bounds { lower: [0.0, sharpness(GAMMA_MAX).ln()], upper: [f64::MAX, sharpness(GAMMA_MIN).ln()] }
-}
-
-/// A fit under way.
-#[derive(Clone, Copy)]
-pub(super) struct Fit<'a> {
-    scene: &'a Scene<'a>,
-    run: &'a Run<'a>,
-    /// Brightness that scales are measured in.
-    pub(super) reference: f64,
 }
 
 /// The lobe as the search left it, before anything is said about it.
@@ -151,26 +146,30 @@ impl Fit<'_> {
             .then(|| relative(lobe, first.covariance(variance)));
         let path = vec![[lobe.beta, gamma_of(lobe.log_sharpness)]];
         let estimate = Estimate { lobe, covariance, open: first.deficient()[1], path };
-        self.report(state, estimate, self.scene.status.to_vec(), Some(histogram))
+        self.report(state, estimate, self.photographs.status.to_vec(), Some(histogram))
     }
 
     /// Pixels whose samples the lobe does not help to explain go back to where they started.
     fn judge_joint(&self, state: State, found: Found, start: &Start<'_>) -> Result<Pooled> {
-        let Found { lobe, share, path, plain_cost } = found;
-        let better = share.normal(self.reference).cost < plain_cost;
-        let gaussian = Gaussian::of(self.scene.bands);
+        let Found { lobe, share, path, .. } = found;
+        let gaussian = Gaussian::of(self.photographs.bands);
         let factor = lm::factor(&share.matrix, 0.0, &[false; 2]);
-        let covariance = (better && lobe.beta > 0.0 && !factor.deficient[0])
+        let covariance = (lobe.beta > 0.0 && !factor.deficient[0])
             .then(|| relative(lobe, sandwich(&factor, &share.scatter, gaussian.curvature)));
-        let estimate = Estimate { lobe, covariance, open: factor.deficient[1], path };
+        let mut estimate = Estimate { lobe, covariance, open: factor.deficient[1], path };
         if !estimate.seen() {
             return self.report(state, estimate, start.status.to_vec(), None);
         }
         let mut settled = state.clone();
         let flat = Lobe { beta: 0.0, ..lobe };
-        self.settle(&state, &mut settled, flat, FIRST_STEPS, false)?;
+        let without = self.settle(&state, &mut settled, flat, FIRST_STEPS, false)?;
         let plain = settled.scale.clone();
-        self.settle(&state, &mut settled, lobe, FIRST_STEPS, true)?;
+        let with = self.settle(&state, &mut settled, lobe, FIRST_STEPS, true)?;
+        let cost = |share: &Share| share.normal(self.yardstick.reference).cost;
+        if cost(&with) >= cost(&without) {
+            estimate.covariance = None;
+            return self.report(state, estimate, start.status.to_vec(), None);
+        }
         drop(state);
         let mut state = settled;
         let mut status = start.status.to_vec();
@@ -184,7 +183,7 @@ impl Fit<'_> {
             for plane in 0..3 {
                 state.normal[plane * pixels + pixel] = start.normal[plane * pixels + pixel];
             }
-            for plane in 0..self.scene.bands {
+            for plane in 0..self.photographs.bands {
                 state.diffuse[plane * pixels + pixel] = start.diffuse[plane * pixels + pixel];
             }
             if status[pixel] == Status::Fitted.code() {
@@ -236,113 +235,6 @@ impl Fit<'_> {
             misfit,
             status,
         })
-    }
-
-    fn extract(&self, state: &State, extraction: Extraction) -> Result<Histogram> {
-        let scene = self.scene;
-        let level = self.run.level;
-        let parts = self.run.map(
-            tiles(scene.pixels()),
-            || Reader::new(scene),
-            |reader, (start, _)| {
-                reader.read(scene, start);
-                let Reader { samples, x, y } = reader;
-                let tile = &state.tile(scene.status, start);
-                level.run(Extract { scene, tile, samples, stride: TILE, x, y, extraction })
-            },
-        )?;
-        let mut sum = Histogram::default();
-        for part in &parts {
-            sum.merge(part);
-        }
-        Ok(sum)
-    }
-
-    /// Settles all pixels under a lobe.
-    pub(super) fn settle(
-        &self,
-        from: &State,
-        to: &mut State,
-        lobe: Lobe,
-        steps: usize,
-        restart: bool,
-    ) -> Result<Share> {
-        let (scene, reference) = (self.scene, self.reference);
-        let level = self.run.level;
-        let jobs = tiles(scene.pixels()).into_iter().zip(to.tiles_mut()).collect();
-        let parts = self.run.map(
-            jobs,
-            || Reader::new(scene),
-            |reader, ((start, _), out)| {
-                reader.read(scene, start);
-                let Reader { samples, x, y } = reader;
-                let tile = &from.tile(scene.status, start);
-                let stride = TILE;
-                level.run(Settle {
-                    scene,
-                    tile,
-                    out,
-                    samples,
-                    stride,
-                    x,
-                    y,
-                    lobe,
-                    steps,
-                    restart,
-                    reference,
-                })
-            },
-        )?;
-        let mut sum = Share::zero();
-        for part in &parts {
-            sum.merge(part);
-        }
-        Ok(sum)
-    }
-
-    /// Mean over the bands of the diffuse colours.
-    fn brightness(&self, state: &State) -> Vec<f32> {
-        let pixels = self.scene.pixels();
-        (0..pixels)
-            .map(|pixel| state.diffuse[pixel..].iter().step_by(pixels).sum::<f32>())
-            .collect()
-    }
-
-    /// Residual, sigma, noise, what is apart, and the doubt about it.
-    fn measure(&self, state: &State, lobe: Lobe) -> Result<[Vec<f32>; 5]> {
-        let scene = self.scene;
-        let level = self.run.level;
-        let gaussian = Gaussian::of(scene.bands);
-        let mut maps = [(); 5].map(|()| vec![0.0; scene.pixels()]);
-        let mut plates = maps.each_mut().map(|map| map.chunks_mut(TILE));
-        let jobs = tiles(scene.pixels())
-            .into_iter()
-            .filter_map(|(start, _)| {
-                let [residual, sigma, noise, apart, doubt] = plates.each_mut().map(Iterator::next);
-                Some((
-                    start,
-                    Plates {
-                        residual: residual?,
-                        sigma: sigma?,
-                        noise: noise?,
-                        apart: apart?,
-                        doubt: doubt?,
-                    },
-                ))
-            })
-            .collect();
-        self.run.for_each(
-            jobs,
-            || Reader::new(scene),
-            |reader, (start, out)| {
-                reader.read(scene, start);
-                let Reader { samples, x, y } = reader;
-                let tile = &state.tile(scene.status, start);
-                let stride = TILE;
-                level.run(Measure { scene, tile, out, samples, stride, x, y, lobe, gaussian });
-            },
-        )?;
-        Ok(maps)
     }
 }
 

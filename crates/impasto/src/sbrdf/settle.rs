@@ -13,7 +13,7 @@ use crate::math::{Kernel, Mask, Real, Vec3};
 
 use super::lanes::{MAX_LANES, load};
 use super::pixel::{Equations, Lobe, Pixels, Reduced, tangents};
-use super::tile::{Scene, Tile, TileMut};
+use super::tile::{Photographs, Tile, TileMut};
 
 /// Longest step of a normal, rad: a lobe is not linear for longer.
 const LONGEST_STEP: f64 = 0.1;
@@ -25,12 +25,22 @@ const RIDGE: f64 = 1e-3;
 /// A pixel is settled when a step lowers its squared scale by less than this share.
 const SETTLED: f64 = 2e-5;
 
+/// What the scales of pixels are held against.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Yardstick {
+    /// Brightness that scales are measured in.
+    pub(super) reference: f64,
+    /// Added to every squared scale that is judged: a pixel whose few codes the model happens to
+    /// meet exactly knows no more than its painting's noise lets it know.
+    pub(super) grain: f64,
+}
+
 /// What pixels say about (beta, log k), each in units of its own scale.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Share {
     /// Samples.
     pub(super) count: f64,
-    /// Samples times log of the squared scale over that of the reference brightness.
+    /// Samples times log of the squared scale and the grain, over the reference squared.
     pub(super) log_scale: f64,
     pub(super) descent: [f64; 2],
     pub(super) matrix: [[f64; 2]; 2],
@@ -57,7 +67,7 @@ impl Share {
     }
 
     /// As a sum of squares: the number of samples times the geometric mean over the pixels of the
-    /// squared scale. Where all pixels are equally noisy it is the weighted sum of squares; a pixel
+    /// squared scale and the grain. Where all pixels are equally noisy it is the weighted sum of squares; a pixel
     /// that the model does not describe cannot outweigh the others.
     pub(super) fn normal(&self, reference: f64) -> Normal<f64, 2> {
         let mean = if self.count > 0.0 { (self.log_scale / self.count).exp() } else { 0.0 };
@@ -71,7 +81,7 @@ impl Share {
 }
 
 pub(super) struct Settle<'a, 'b> {
-    pub(super) scene: &'a Scene<'a>,
+    pub(super) photographs: &'a Photographs<'a>,
     pub(super) tile: &'b Tile<'a>,
     pub(super) out: TileMut<'b>,
     /// `(obs, band, pixel of the tile)`, padded to whole registers.
@@ -82,11 +92,11 @@ pub(super) struct Settle<'a, 'b> {
     pub(super) lobe: Lobe,
     /// Steps at most.
     pub(super) steps: usize,
-    /// Whether to try a normal that faces the viewer, too: a highlight that photometric stereo
-    /// took for the diffuse part turns a normal far away, where no small step leads back.
+    /// Whether to start from two more normals, one that faces the viewer and the facet that mirrors
+    /// the brightest photograph: a highlight that photometric stereo took for the diffuse part turns
+    /// a normal far away, where no small step leads back.
     pub(super) restart: bool,
-    /// Brightness that scales are measured in.
-    pub(super) reference: f64,
+    pub(super) yardstick: Yardstick,
 }
 
 /// Scratch memory for the colours of one register of pixels.
@@ -104,10 +114,10 @@ impl Kernel for Settle<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Share {
-        let Self { scene, tile, mut out, samples, stride, x, y, steps, restart, .. } = self;
+        let Self { photographs, tile, mut out, samples, stride, x, y, steps, restart, .. } = self;
         let (zero, one) = (I::F32::zero(), I::F32::one());
-        let mut pixels = Pixels::<I::F32>::new(scene, self.lobe);
-        let none = || vec![zero; scene.bands];
+        let mut pixels = Pixels::<I::F32>::new(photographs, self.lobe);
+        let none = || vec![zero; photographs.bands];
         let mut colours = Colours {
             best: none(),
             trial: none(),
@@ -147,6 +157,7 @@ impl Kernel for Settle<'_, '_> {
             let lobe = eliminate_tilts(&reduced);
             let heard = [
                 scale,
+                pixels.floor,
                 pixels.used,
                 sums.square,
                 lobe.descent[0],
@@ -155,14 +166,14 @@ impl Kernel for Settle<'_, '_> {
                 lobe.matrix[1],
                 lobe.matrix[2],
             ];
-            let mut lanes = [[0.0_f32; MAX_LANES]; 8];
+            let mut lanes = [[0.0_f32; MAX_LANES]; 9];
             for (lanes, value) in lanes.iter_mut().zip(heard) {
                 value.store(lanes);
             }
             let pixels = 0..I::F32::WIDTH.min(tile.count - at);
             for lane in pixels.filter(|&lane| tile.estimated(at + lane)) {
                 let values = lanes.map(|values| f64::from(values[lane]));
-                share.merge(&heard_of(values, scene.bands, self.reference));
+                share.merge(&heard_of(values, photographs.bands, self.yardstick));
             }
             at += I::F32::WIDTH;
         }
@@ -171,23 +182,25 @@ impl Kernel for Settle<'_, '_> {
 }
 
 /// One pixel's share.
-fn heard_of(values: [f64; 8], bands: usize, reference: f64) -> Share {
-    let [scale, used, square, db, dk, bb, kb, kk] = values;
+fn heard_of(values: [f64; 9], bands: usize, yardstick: Yardstick) -> Share {
+    let [scale, floor, used, square, db, dk, bb, kb, kk] = values;
     let count = used * bands as f64;
     // As many samples as unknowns say nothing (hard case 30); NaN fails the tests (hard case 26).
-    let heard = count > (bands + 2) as f64
-        && scale > 0.0
-        && square > 0.0
-        && values.iter().all(|value| value.is_finite());
+    let heard =
+        count > (bands + 2) as f64 && scale > 0.0 && values.iter().all(|value| value.is_finite());
     if !heard {
         return Share::zero();
     }
-    // d log s^2 = -2 sum(w r dr) / sum(w r^2), and the pixel counts with its samples.
-    let rate = count / (square * bands as f64);
+    let Yardstick { reference, grain } = yardstick;
+    // d log s^2 = -2 sum(w r dr) / sum(w r^2), and the pixel counts with its samples. At the floor
+    // the scale moves no more.
+    let moves = scale > floor && square > 0.0;
+    let share = if moves { scale / (scale + grain) } else { 0.0 };
+    let rate = share * count / (square * bands as f64).max(f64::MIN_POSITIVE);
     let descent = [db * rate, dk * rate];
     Share {
         count,
-        log_scale: count * (scale / (reference * reference)).ln(),
+        log_scale: count * ((scale + grain) / (reference * reference)).ln(),
         descent,
         matrix: [[bb * rate, 0.0], [kb * rate, kk * rate]],
         scatter: [

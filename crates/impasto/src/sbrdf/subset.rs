@@ -9,7 +9,7 @@ use crate::maps::Status;
 use crate::pixels::{Run, TILE, tiles};
 use crate::stack::{Decode, Samples, Shape, Stack};
 
-use super::tile::{Scene, Start};
+use super::tile::{Photographs, Start};
 
 /// Pixels at most, about.
 const PIXELS: usize = 1 << 16;
@@ -34,9 +34,13 @@ pub(super) struct Subset {
 
 impl Subset {
     /// Gathers pixels whose normals were estimated.
-    pub(super) fn gather(scene: &Scene<'_>, start: &Start<'_>, run: &Run<'_>) -> Result<Self> {
-        let picks = pick(scene);
-        let shape = Shape { height: 1, width: picks.len(), ..scene.stack.shape() };
+    pub(super) fn gather(
+        photographs: &Photographs<'_>,
+        start: &Start<'_>,
+        run: &Run<'_>,
+    ) -> Result<Self> {
+        let picks = pick(photographs);
+        let shape = Shape { height: 1, width: picks.len(), ..photographs.stack.shape() };
         let mut samples = vec![0.0; shape.samples()];
         let planes = samples.chunks_mut(picks.len().max(1)).enumerate().collect();
         run.for_each(
@@ -44,8 +48,13 @@ impl Subset {
             || vec![0.0; TILE],
             |row, (plane, out)| {
                 let mut next = 0;
-                for (first, count) in tiles(scene.pixels()) {
-                    scene.stack.read(plane / scene.bands, plane % scene.bands, first, row);
+                for (first, count) in tiles(photographs.pixels()) {
+                    photographs.stack.read(
+                        plane / photographs.bands,
+                        plane % photographs.bands,
+                        first,
+                        row,
+                    );
                     while let Some(&pixel) = picks.get(next)
                         && pixel < first + count
                     {
@@ -57,10 +66,10 @@ impl Subset {
         )?;
         let (mut x, mut y) = (vec![0.0; picks.len()], vec![0.0; picks.len()]);
         for ((x, y), &pixel) in x.iter_mut().zip(&mut y).zip(&picks) {
-            scene.coordinates(pixel, core::slice::from_mut(x), core::slice::from_mut(y));
+            photographs.coordinates(pixel, core::slice::from_mut(x), core::slice::from_mut(y));
         }
         let gathered = |map: &[f32]| -> Vec<f32> {
-            map.chunks(scene.pixels())
+            map.chunks(photographs.pixels())
                 .flat_map(|plane| picks.iter().map(|&pixel| plane[pixel]))
                 .collect()
         };
@@ -89,22 +98,26 @@ impl Subset {
         Stack::new(Samples::F32(&self.samples), self.shape, &self.decode, None)
     }
 
-    /// The painting's scene with this subset's pixels.
-    pub(super) fn scene<'a>(&'a self, whole: &Scene<'a>, stack: &'a Stack<'a>) -> Scene<'a> {
-        Scene { stack, status: &self.status, places: Some((&self.x, &self.y)), ..*whole }
+    /// The painting's photographs, of this subset's pixels.
+    pub(super) fn photographs<'a>(
+        &'a self,
+        whole: &Photographs<'a>,
+        stack: &'a Stack<'a>,
+    ) -> Photographs<'a> {
+        Photographs { stack, status: &self.status, places: Some((&self.x, &self.y)), ..*whole }
     }
 }
 
 /// Pixels in the order of the image: all, or runs of neighbours chosen by a hash of their number
 /// (a fixed stride could follow the weave of a canvas).
-fn pick(scene: &Scene<'_>) -> Vec<usize> {
-    let estimated = |&pixel: &usize| scene.status[pixel] < Status::Dark.code();
-    let all = (0..scene.pixels()).filter(estimated).count();
-    let planes = scene.bands * scene.rig.observations();
+fn pick(photographs: &Photographs<'_>) -> Vec<usize> {
+    let estimated = |&pixel: &usize| photographs.status[pixel] < Status::Dark.code();
+    let all = (0..photographs.pixels()).filter(estimated).count();
+    let planes = photographs.bands * photographs.rig.observations();
     let most = PIXELS.min(SAMPLES / planes.max(1)).max(RUN);
     let share = most as f64 / all.max(1) as f64;
     let threshold = if share >= 1.0 { u64::MAX } else { (share * u64::MAX as f64) as u64 };
-    (0..scene.pixels())
+    (0..photographs.pixels())
         .filter(|&pixel| hash((pixel / RUN) as u64) <= threshold)
         .filter(estimated)
         .collect()

@@ -9,9 +9,9 @@ use crate::stack::Stack;
 
 use super::lanes::{load, store};
 
-/// What all tiles share.
+/// The samples with all that was known of them beforehand: what all tiles share.
 #[derive(Clone, Copy)]
-pub(super) struct Scene<'a> {
+pub(super) struct Photographs<'a> {
     pub(super) stack: &'a Stack<'a>,
     pub(super) rig: &'a Rig,
     pub(super) index: f64,
@@ -22,7 +22,7 @@ pub(super) struct Scene<'a> {
     pub(super) places: Option<(&'a [f32], &'a [f32])>,
 }
 
-impl Scene<'_> {
+impl Photographs<'_> {
     pub(super) fn pixels(&self) -> usize {
         self.stack.shape().pixels()
     }
@@ -184,8 +184,8 @@ pub(super) struct Reader {
 }
 
 impl Reader {
-    pub(super) fn new(scene: &Scene<'_>) -> Self {
-        let planes = scene.bands * scene.rig.observations();
+    pub(super) fn new(photographs: &Photographs<'_>) -> Self {
+        let planes = photographs.bands * photographs.rig.observations();
         Self {
             samples: vec![0.0; planes * pixels::TILE],
             x: vec![0.0; pixels::TILE],
@@ -193,10 +193,15 @@ impl Reader {
         }
     }
 
-    pub(super) fn read(&mut self, scene: &Scene<'_>, start: usize) {
+    pub(super) fn read(&mut self, photographs: &Photographs<'_>, start: usize) {
         for (plane, out) in self.samples.chunks_mut(pixels::TILE).enumerate() {
-            scene.stack.read(plane / scene.bands, plane % scene.bands, start, out);
+            photographs.stack.read(
+                plane / photographs.bands,
+                plane % photographs.bands,
+                start,
+                out,
+            );
         }
-        scene.coordinates(start, &mut self.x, &mut self.y);
+        photographs.coordinates(start, &mut self.x, &mut self.y);
     }
 }

@@ -1,0 +1,143 @@
+//! Passes over all pixels of a painting, tile by tile; sums over tiles are taken in tile order.
+
+use crate::error::Result;
+use crate::pixels::{Run, TILE, tiles};
+
+use super::extract::{Extract, Extraction};
+use super::histogram::Histogram;
+use super::measure::{Measure, Plates};
+use super::pixel::Lobe;
+use super::scale::Gaussian;
+use super::settle::{Settle, Share, Yardstick};
+use super::tile::{Photographs, Reader, State};
+
+/// A fit under way.
+#[derive(Clone, Copy)]
+pub(super) struct Fit<'a> {
+    pub(super) photographs: &'a Photographs<'a>,
+    pub(super) run: &'a Run<'a>,
+    pub(super) yardstick: Yardstick,
+}
+
+impl Fit<'_> {
+    pub(super) fn with_grain(self, grain: f64) -> Self {
+        Self { yardstick: Yardstick { grain, ..self.yardstick }, ..self }
+    }
+
+    pub(super) fn extract(&self, state: &State, extraction: Extraction) -> Result<Histogram> {
+        let photographs = self.photographs;
+        let level = self.run.level;
+        let parts = self.run.map(
+            tiles(photographs.pixels()),
+            || Reader::new(photographs),
+            |reader, (start, _)| {
+                reader.read(photographs, start);
+                let Reader { samples, x, y } = reader;
+                let tile = &state.tile(photographs.status, start);
+                level.run(Extract { photographs, tile, samples, stride: TILE, x, y, extraction })
+            },
+        )?;
+        let mut sum = Histogram::default();
+        for part in &parts {
+            sum.merge(part);
+        }
+        Ok(sum)
+    }
+
+    /// Settles all pixels under a lobe.
+    pub(super) fn settle(
+        &self,
+        from: &State,
+        to: &mut State,
+        lobe: Lobe,
+        steps: usize,
+        restart: bool,
+    ) -> Result<Share> {
+        let (photographs, yardstick) = (self.photographs, self.yardstick);
+        let level = self.run.level;
+        let jobs = tiles(photographs.pixels()).into_iter().zip(to.tiles_mut()).collect();
+        let parts = self.run.map(
+            jobs,
+            || Reader::new(photographs),
+            |reader, ((start, _), out)| {
+                reader.read(photographs, start);
+                let Reader { samples, x, y } = reader;
+                let tile = &from.tile(photographs.status, start);
+                let stride = TILE;
+                level.run(Settle {
+                    photographs,
+                    tile,
+                    out,
+                    samples,
+                    stride,
+                    x,
+                    y,
+                    lobe,
+                    steps,
+                    restart,
+                    yardstick,
+                })
+            },
+        )?;
+        let mut sum = Share::zero();
+        for part in &parts {
+            sum.merge(part);
+        }
+        Ok(sum)
+    }
+
+    /// Sum over the bands of the diffuse colours.
+    pub(super) fn brightness(&self, state: &State) -> Vec<f32> {
+        let pixels = self.photographs.pixels();
+        (0..pixels)
+            .map(|pixel| state.diffuse[pixel..].iter().step_by(pixels).sum::<f32>())
+            .collect()
+    }
+
+    /// Residual, sigma, noise, what is apart, and the doubt about it.
+    pub(super) fn measure(&self, state: &State, lobe: Lobe) -> Result<[Vec<f32>; 5]> {
+        let photographs = self.photographs;
+        let level = self.run.level;
+        let gaussian = Gaussian::of(photographs.bands);
+        let mut maps = [(); 5].map(|()| vec![0.0; photographs.pixels()]);
+        let mut plates = maps.each_mut().map(|map| map.chunks_mut(TILE));
+        let jobs = tiles(photographs.pixels())
+            .into_iter()
+            .filter_map(|(start, _)| {
+                let [residual, sigma, noise, apart, doubt] = plates.each_mut().map(Iterator::next);
+                Some((
+                    start,
+                    Plates {
+                        residual: residual?,
+                        sigma: sigma?,
+                        noise: noise?,
+                        apart: apart?,
+                        doubt: doubt?,
+                    },
+                ))
+            })
+            .collect();
+        self.run.for_each(
+            jobs,
+            || Reader::new(photographs),
+            |reader, (start, out)| {
+                reader.read(photographs, start);
+                let Reader { samples, x, y } = reader;
+                let tile = &state.tile(photographs.status, start);
+                let stride = TILE;
+                level.run(Measure {
+                    photographs,
+                    tile,
+                    out,
+                    samples,
+                    stride,
+                    x,
+                    y,
+                    lobe,
+                    gaussian,
+                });
+            },
+        )?;
+        Ok(maps)
+    }
+}
