@@ -82,6 +82,7 @@ class Pooled(TypedDict):
     covariance: list[list[float]]
     verdict: str
     describes: float
+    converged: bool
     curve: list[list[float]]
     path: list[list[float]]
     normal: NDArray[np.float32]

@@ -201,6 +201,7 @@ def numbers(stack: Stack, sbrdf: Any, reflectance: Any) -> dict[str, Any]:
         "gamma_degrees": float(np.degrees(sbrdf.gamma)),
         "verdict": sbrdf.verdict,
         "describes": sbrdf.describes,
+        "converged": sbrdf.converged,
         "covariance_log_beta_log_gamma": sbrdf.covariance,
         "sigma_degrees_median": _median(np.degrees(sbrdf.sigma)),
         "residual_median": _median(sbrdf.residual),

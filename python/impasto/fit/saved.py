@@ -36,6 +36,7 @@ def sbrdf_fields(maps: SavedMaps) -> dict[str, Any]:
         "curve": maps.array("curve", np.float64, (None, 3)),
         "path": maps.array("path", np.float64, (None, 2)),
         "describes": _scalar(maps, "describes"),
+        "converged": bool(maps.array("converged", np.bool_, ())),
         **{
             name: maps.array(name, np.float32, (height, width))
             for name in ("misfit", "residual", "sigma")

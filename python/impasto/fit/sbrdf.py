@@ -77,6 +77,8 @@ class Sbrdf:
     describes
         Share of the pixels which know their own strength (to 20 %, normal and colours following)
         that agree with the painting's (to 25 % or three standard deviations); NaN if none does.
+    converged
+        Whether the search for the lobe ended by its own tests; False: after its last permitted step.
     misfit
         ``(y, x)`` float32, 0 to 1: by how much of ``beta`` the pixel's own strength differs from
         it beyond three standard deviations; 0 where the photographs cannot tell.
@@ -107,6 +109,7 @@ class Sbrdf:
     curve: NDArray[np.float64]
     path: NDArray[np.float64]
     describes: float
+    converged: bool
     misfit: NDArray[np.float32]
     residual: NDArray[np.float32]
     sigma: NDArray[np.float32]
@@ -195,6 +198,8 @@ class Sbrdf:
                 lobe += f", but only {100 * self.describes:.0f} % of the pixels agree with it"
             elif self.verdict != "fitted":
                 lobe += f" ({self.verdict})"
+        if not self.converged:
+            lobe += "; the search was still under way at its last step"
         return f"<Sbrdf {size}, {100 * share:.1f} % estimated: {lobe}>"
 
 
@@ -387,6 +392,7 @@ def fit_sbrdf(
         curve=np.array(pooled["curve"], dtype=np.float64).reshape(-1, 3),
         path=np.array(pooled["path"], dtype=np.float64).reshape(-1, 2),
         describes=pooled["describes"],
+        converged=pooled["converged"],
         residual=pooled["residual"],
         sigma=pooled["sigma"],
         misfit=pooled["misfit"],

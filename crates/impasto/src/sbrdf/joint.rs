@@ -4,7 +4,7 @@ use core::cell::{Cell, RefCell};
 
 use crate::brdf::torrance_sparrow::sharpness;
 use crate::error::{Error, Result};
-use crate::lm::{self, Normal, Options, Problem};
+use crate::lm::{self, Normal, Options, Outcome, Problem};
 
 use super::passes::Fit;
 use super::pixel::Lobe;
@@ -19,13 +19,13 @@ const STEPS: usize = 3;
 /// Places tried before lost normals are looked for: the lobe is roughly known by then.
 const ROUGH: usize = 3;
 
-/// A cost that falls by a hundred-thousandth has stopped falling. A sample tells so much of beta
-/// that one per cent of error costs some hundredths (the scene of `tests/oracles/pooled.py`: 174
-/// times the error squared): what is left to gain is a few parts in ten thousand of beta.
+/// A cost that falls by a millionth has stopped falling. A sample tells so much of beta that one per
+/// cent of error costs some hundredths (the scene of `tests/oracles/pooled.py`: 174 times the error
+/// squared): what is left to gain is a part in ten thousand of beta.
 const SEARCH: Options = Options {
-    max_iterations: 20,
-    cost: 1e-5,
-    step: 2e-4,
+    max_iterations: 40,
+    cost: 1e-6,
+    step: 2e-5,
     gradient: 1e-8,
     damping: 1e-2,
     memory: 0.0,
@@ -34,11 +34,15 @@ const SEARCH: Options = Options {
 /// A satin varnish, relative to the brightest colour: what to try where the separate fit is misled.
 const SATIN: (f64, f64) = (12.0, 0.15);
 
-/// Smallest share of the model's curvature that the cost is taken to have.
-const SOFTEST: f64 = 0.1;
+/// Smallest share of the model's curvature that the cost is taken to have along a step.
+const SOFTEST: f64 = 0.02;
 
-/// The grain as a share of the squared scale of a typical pixel.
+/// The grain as a share of the squared scale below which this share of the light is.
 const GRAIN: f64 = 0.25;
+const QUANTILE: f64 = 0.25;
+
+/// A grain known to a tenth moves the lobe by a small share of its error.
+const SAME_GRAIN: f64 = 0.1;
 
 /// Times that the grain is taken anew.
 const REFINEMENTS: usize = 8;
@@ -50,6 +54,7 @@ pub(super) struct Found {
     /// (beta, gamma) as they got better.
     pub(super) path: Vec<[f64; 2]>,
     pub(super) yardstick: Yardstick,
+    pub(super) converged: bool,
 }
 
 /// Costs of lobes, with the state of all pixels that goes with the best.
@@ -61,7 +66,6 @@ struct Search<'a> {
     least: Cell<f64>,
     /// The best place, and its equations.
     last: Cell<([f64; 2], Normal<f64, 2>)>,
-    stiffness: Cell<f64>,
     steps: Cell<usize>,
     path: RefCell<Vec<[f64; 2]>>,
     failure: RefCell<Option<Error>>,
@@ -74,7 +78,7 @@ impl Search<'_> {
         let share = self.fit.settle(&best, &mut trial, lobe, self.steps.get(), restart)?;
         self.steps.set(STEPS);
         let mut normal = share.normal(self.fit.yardstick.reference);
-        self.soften(place, &normal);
+        let matrix = self.softened(place, &normal);
         // The rule by which `minimise` accepts a place.
         if normal.cost < self.least.get() {
             core::mem::swap(&mut *best, &mut *trial);
@@ -88,49 +92,59 @@ impl Search<'_> {
                 path.push(here);
             }
         }
-        normal.matrix = normal.matrix.map(|row| row.map(|v| v * self.stiffness.get()));
+        normal.matrix = matrix;
         Ok(normal)
     }
 
-    /// Takes the grain that the best lobe leaves; whether it is finer by half.
+    /// Takes the grain that the best lobe leaves; whether that made a difference.
     fn refine_grain(&mut self) -> bool {
         let last = self.fit.yardstick.grain;
         let grain = grain(&self.fit, self.best.get_mut());
-        let finer = grain < 0.5 * last;
-        if finer {
+        let other = (grain - last).abs() > SAME_GRAIN * last;
+        if other {
             self.fit = self.fit.with_grain(grain);
             // Costs of another grain are no measure for what comes.
             self.least.set(f64::INFINITY);
         }
-        finer
+        other
     }
 
-    /// Learns how stiff the cost is along the last step.
+    /// The equations' matrix, softened along the last step.
     ///
     /// `w J'J` bounds the curvature of a robust scale from above (that is what makes its steps
-    /// safe); where many samples are outliers the cost is up to ten times softer, and steps would
-    /// be as much too short.
-    fn soften(&self, place: [f64; 2], normal: &Normal<f64, 2>) {
+    /// safe); where many samples are outliers, or normals answer to the lobe, the cost is far
+    /// softer in some direction, and steps would be as much too short. How the slopes changed on
+    /// the last step tells the curvature along it (the update of Broyden, Fletcher, Goldfarb and
+    /// Shanno, of one step's memory).
+    fn softened(&self, place: [f64; 2], normal: &Normal<f64, 2>) -> [[f64; 2]; 2] {
         let (from, before) = self.last.get();
-        let (mut fall, mut expected) = (0.0, 0.0);
-        for i in 0..2 {
-            let step = place[i] - from[i];
-            fall = (before.descent[i] - normal.descent[i]).mul_add(step, fall);
-            for j in 0..2 {
-                let other = place[j] - from[j];
-                expected = (step * before.matrix[i.max(j)][i.min(j)]).mul_add(other, expected);
-            }
+        let matrix = normal.matrix;
+        let step: [f64; 2] = core::array::from_fn(|i| place[i] - from[i]);
+        let turn: [f64; 2] = core::array::from_fn(|i| before.descent[i] - normal.descent[i]);
+        let pull: [f64; 2] =
+            core::array::from_fn(|i| (0..2).map(|j| matrix[i.max(j)][i.min(j)] * step[j]).sum());
+        let stiff = step[0].mul_add(pull[0], step[1] * pull[1]);
+        let fall = step[0].mul_add(turn[0], step[1] * turn[1]);
+        if !(stiff > 0.0 && fall < stiff) {
+            return matrix;
         }
-        if expected > 0.0 {
-            self.stiffness.set((fall / expected).clamp(SOFTEST, 1.0));
-        }
+        // Powell's damping: no direction is taken for softer than this.
+        let share =
+            if fall < SOFTEST * stiff { (1.0 - SOFTEST) * stiff / (stiff - fall) } else { 1.0 };
+        let turn: [f64; 2] = core::array::from_fn(|i| share.mul_add(turn[i] - pull[i], pull[i]));
+        let fall = step[0].mul_add(turn[0], step[1] * turn[1]);
+        core::array::from_fn(|i| {
+            core::array::from_fn(|j| {
+                matrix[i][j] - pull[i] * pull[j] / stiff + turn[i] * turn[j] / fall
+            })
+        })
     }
 
-    fn minimise(&self, start: [f64; 2], options: Options) -> Result<[f64; 2]> {
+    fn minimise(&self, start: [f64; 2], options: Options) -> Result<Outcome<f64, 2>> {
         let outcome = lm::minimise(self, start, &bounds(), &options);
         match self.failure.take() {
             Some(error) => Err(error),
-            None => Ok(outcome.parameters),
+            None => Ok(outcome),
         }
     }
 }
@@ -163,7 +177,6 @@ pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found>
         share: Cell::new(Share::zero()),
         least: Cell::new(f64::INFINITY),
         last: Cell::new(([lobe.beta, lobe.log_sharpness], Normal::zero())),
-        stiffness: Cell::new(1.0),
         steps: Cell::new(FIRST_STEPS),
         path: RefCell::new(vec![[lobe.beta, gamma_of(lobe.log_sharpness)]]),
         failure: RefCell::new(None),
@@ -176,41 +189,43 @@ pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found>
         search.steps.set(FIRST_STEPS);
         search.visit(lobe, false)?;
     }
-    search.stiffness.set(1.0);
     let rough = Options { max_iterations: ROUGH, ..SEARCH };
-    let [beta, log_sharpness] = search.minimise(search.last.get().0, rough)?;
+    let [beta, log_sharpness] = search.minimise(search.last.get().0, rough)?.parameters;
     search.refine_grain();
     search.steps.set(FIRST_STEPS);
     search.visit(Lobe { beta, log_sharpness }, true)?;
-    let [mut beta, mut log_sharpness] = search.minimise([beta, log_sharpness], SEARCH)?;
-    // Without noise every better lobe leaves a finer grain.
+    let mut outcome = search.minimise([beta, log_sharpness], SEARCH)?;
+    // Without noise every better lobe leaves less grain.
     for _ in 0..REFINEMENTS {
         if !search.refine_grain() {
             break;
         }
+        let [beta, log_sharpness] = outcome.parameters;
         search.visit(Lobe { beta, log_sharpness }, false)?;
-        [beta, log_sharpness] = search.minimise([beta, log_sharpness], SEARCH)?;
+        outcome = search.minimise(outcome.parameters, SEARCH)?;
     }
     let Search { fit, share, path, .. } = search;
+    let [beta, log_sharpness] = outcome.parameters;
     Ok(Found {
         lobe: Lobe { beta, log_sharpness },
         share: share.get(),
         path: path.into_inner(),
         yardstick: fit.yardstick,
+        converged: outcome.reason.converged(),
     })
 }
 
-/// A quarter of the squared scale of the pixel that half of the painting's light comes from.
+/// A quarter of the squared scale that pixels with a quarter of the painting's light stay below.
 ///
-/// Weighed by light, since dark pixels are those whose few codes hide their noise, however many
-/// there are; by a median, since the model may describe some pixels badly.
+/// Counted by light, since dark pixels are those whose few codes hide their noise, however many
+/// there are; by the lower quartile, since the model may describe most of a painting badly.
 fn grain(fit: &Fit<'_>, state: &State) -> f64 {
     let light = fit.brightness(state);
     let known =
         state.scale.iter().zip(&light).filter(|(scale, light)| (**scale * **light).is_finite());
     let mut known: Vec<(f32, f32)> = known.map(|(&scale, &light)| (scale, light)).collect();
     known.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let mut left = 0.5 * known.iter().map(|&(_, light)| f64::from(light)).sum::<f64>();
+    let mut left = QUANTILE * known.iter().map(|&(_, light)| f64::from(light)).sum::<f64>();
     let typical = known.iter().find(|(_, light)| {
         left -= f64::from(*light);
         left <= 0.0

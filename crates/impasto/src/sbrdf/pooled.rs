@@ -46,6 +46,8 @@ pub struct Pooled {
     pub describes: f64,
     /// What remains of the samples beside the final diffuse part, against phi.
     pub histogram: Histogram,
+    /// Whether the search ended by its own tests, not by its number of steps.
+    pub converged: bool,
     /// (beta, gamma) as they got better, the separate fit first.
     pub path: Vec<[f64; 2]>,
     /// `(3, y, x)`.
@@ -135,6 +137,7 @@ struct Estimate {
     /// Whether the width is left open.
     open: bool,
     path: Vec<[f64; 2]>,
+    converged: bool,
 }
 
 impl Fit<'_> {
@@ -145,18 +148,25 @@ impl Fit<'_> {
         let covariance = (lobe.beta > 0.0 && !first.deficient()[0])
             .then(|| relative(lobe, first.covariance(variance)));
         let path = vec![[lobe.beta, gamma_of(lobe.log_sharpness)]];
-        let estimate = Estimate { lobe, covariance, open: first.deficient()[1], path };
+        let estimate = Estimate {
+            lobe,
+            covariance,
+            open: first.deficient()[1],
+            path,
+            converged: first.reason.converged(),
+        };
         self.report(state, estimate, self.photographs.status.to_vec(), Some(histogram))
     }
 
     /// Pixels whose samples the lobe does not help to explain go back to where they started.
     fn judge_joint(&self, state: State, found: Found, start: &Start<'_>) -> Result<Pooled> {
-        let Found { lobe, share, path, .. } = found;
+        let Found { lobe, share, path, converged, .. } = found;
         let gaussian = Gaussian::of(self.photographs.bands);
         let factor = lm::factor(&share.matrix, 0.0, &[false; 2]);
         let covariance = (lobe.beta > 0.0 && !factor.deficient[0])
             .then(|| relative(lobe, sandwich(&factor, &share.scatter, gaussian.curvature)));
-        let mut estimate = Estimate { lobe, covariance, open: factor.deficient[1], path };
+        let mut estimate =
+            Estimate { lobe, covariance, open: factor.deficient[1], path, converged };
         if !estimate.seen() {
             return self.report(state, estimate, start.status.to_vec(), None);
         }
@@ -227,6 +237,7 @@ impl Fit<'_> {
             verdict,
             describes,
             histogram,
+            converged: estimate.converged,
             path: estimate.path,
             normal: state.normal,
             diffuse: state.diffuse,
