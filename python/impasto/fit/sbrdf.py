@@ -78,7 +78,7 @@ class Sbrdf:
         Share of the pixels which know their own strength (to 20 %, normal and colours following)
         that agree with the painting's (to 25 % or three standard deviations); NaN if none does.
     converged
-        Whether the search for the lobe ended by its own tests; False: after its last permitted step.
+        Whether the search for the lobe ended by its own tests; False: after its last step.
     misfit
         ``(y, x)`` float32, 0 to 1: by how much of ``beta`` the pixel's own strength differs from
         it beyond three standard deviations; 0 where the photographs cannot tell.
