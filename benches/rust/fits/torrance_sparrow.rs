@@ -6,8 +6,8 @@
 use core::f64::consts::LN_2;
 
 use impasto::lm::{Batch, Column, Normal, Outcome, Rows};
-use impasto::math::Real;
-use impasto::math::elementary::exp;
+use impasto::math::elementary::{exp, exp_in_range};
+use impasto::math::{Real, Scalar};
 use levenberg_marquardt::LeastSquaresProblem;
 use nalgebra::{Const, OMatrix, Owned, SVector, U2, Vector2};
 
@@ -124,13 +124,13 @@ impl<const PROJECTED: bool> Batch<f32, 2> for Lanes<PROJECTED> {
 /// Slopes of a lobe of the given strength, and residuals of one of strength `beta`.
 #[inline(always)]
 fn equations<R: Real>(rows: Rows<'_, R>, [beta, log_k]: [R; 2], strength: R) -> Normal<R, 2> {
-    let k = exp(log_k);
+    let (k, floor) = (-exp(log_k), R::splat(R::Scalar::EXP_UNDERFLOW));
     let mut normal = Normal::zero();
     for i in 0..OBSERVATIONS {
-        let exponent = k * rows.get(OBSERVATIONS + i);
-        let lobe = exp(-exponent);
+        let exponent = (k * rows.get(OBSERVATIONS + i)).max(floor);
+        let lobe = exp_in_range(exponent);
         let residual = (-beta).mul_add(lobe, rows.get(i));
-        normal.add([lobe, -(exponent * strength * lobe)], residual);
+        normal.add([lobe, exponent * (strength * lobe)], residual);
     }
     normal
 }

@@ -63,8 +63,24 @@ impl<S: Scalar> Column<'_, S> {
     /// Sets the numbers from the first row on.
     #[inline(always)]
     pub fn fill(&mut self, values: impl IntoIterator<Item = S>) {
-        for (row, value) in self.block.chunks_exact_mut(self.width).zip(values) {
-            row[self.lane] = value;
+        match self.width {
+            16 => self.fill_rows::<16>(values),
+            8 => self.fill_rows::<8>(values),
+            4 => self.fill_rows::<4>(values),
+            width => {
+                for (row, value) in self.block.chunks_exact_mut(width).zip(values) {
+                    row[self.lane] = value;
+                }
+            }
+        }
+    }
+
+    /// [`fill`](Self::fill) where the compiler knows the width, and that the lane lies within.
+    #[inline(always)]
+    fn fill_rows<const WIDTH: usize>(&mut self, values: impl IntoIterator<Item = S>) {
+        let rows = self.block.as_chunks_mut::<WIDTH>().0;
+        for (row, value) in rows.iter_mut().zip(values) {
+            row[self.lane % WIDTH] = value;
         }
     }
 }
@@ -139,9 +155,8 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
         let mut held: [Option<usize>; MAX_LANES] = [None; MAX_LANES];
         let mut search = Search::<S::Lanes<I>, N>::idle(options);
         let mut occupancy = Occupancy::default();
-        let mut busy = 0_i64;
         loop {
-            busy += refill::<S, B, P, I, N>(
+            refill::<S, B, P, I, N>(
                 batch,
                 &mut problems,
                 &mut search,
@@ -161,8 +176,7 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
     }
 }
 
-/// Takes finished problems out of their lanes and puts the next ones in; returns by how many more
-/// lanes are busy.
+/// Takes finished problems out of their lanes and puts the next ones in.
 #[inline(always)]
 fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N: usize>(
     batch: &mut B,
@@ -171,11 +185,10 @@ fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N
     block: &mut [S],
     held: &mut [Option<usize>; MAX_LANES],
     (bounds, options): (&Bounds<S, N>, &Options),
-) -> i64 {
+) {
     let width = S::Lanes::<I>::WIDTH;
-    let mut more = 0;
     if !search.ended() {
-        return more;
+        return;
     }
     let outcomes = search.outcomes(B::COVARIANCE);
     let ended = |lane: usize| outcomes.reason[lane] > S::zero();
@@ -184,11 +197,9 @@ fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N
     for lane in (0..width).filter(|&lane| ended(lane)) {
         if let Some(problem) = held[lane].take() {
             batch.store(problem, &outcomes.lane(lane));
-            more -= 1;
         }
         if let Some(problem) = problems.next() {
             held[lane] = Some(problem);
-            more += 1;
             fresh[lane] = S::one();
             let start = batch.load(problem, &mut Column { block, lane, width });
             for (starts, start) in starts.iter_mut().zip(start) {
@@ -202,5 +213,4 @@ fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N
     }
     let fresh = S::Lanes::<I>::load(&fresh).gt(S::Lanes::<I>::zero());
     search.begin(fresh, start, bounds, options);
-    more
 }

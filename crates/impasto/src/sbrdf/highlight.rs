@@ -10,14 +10,14 @@ use crate::brdf::torrance_sparrow::{GAMMA_MAX, GAMMA_MIN, sharpness};
 use crate::error::{Error, Result};
 use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Reason, Rows, fit};
 use crate::maps::Status;
-use crate::math::elementary::exp;
-use crate::math::{Level, Real};
+use crate::math::elementary::{exp, exp_in_range};
+use crate::math::{Level, Real, Scalar};
 use crate::pixels::{Run, TILE, tiles};
 
 /// Every search starts from this half-width, rad, and the pixel's brightest sample.
 const START: f64 = 0.15;
 
-/// `phi^2` of a sample that does not count: any lobe has vanished there, its slopes, too.
+/// `phi^2` of a sample that does not count: any lobe has vanished there.
 const FAR: f32 = 1e10;
 
 /// Beyond one, the width may be anything: its standard deviation relative to itself.
@@ -248,13 +248,14 @@ impl Batch<f32, 2> for Tile<'_> {
         rows: Rows<'_, R>,
         at: [R; 2],
     ) -> ([R; 2], Normal<R, 2>) {
-        let k = exp(at[1]);
+        let (k, floor) = (-exp(at[1]), R::splat(R::Scalar::EXP_UNDERFLOW));
         let mut normal = Normal::zero();
         for i in 0..self.observations {
-            let exponent = k * rows.get(self.observations + i);
-            let lobe = exp(-exponent);
+            // Beyond the floor a lobe is 1e-38, which adds nothing to any sum.
+            let exponent = (k * rows.get(self.observations + i)).max(floor);
+            let lobe = exp_in_range(exponent);
             let residual = (-at[0]).mul_add(lobe, rows.get(i));
-            normal.add([lobe, -(exponent * lobe)], residual);
+            normal.add([lobe, exponent * lobe], residual);
         }
         normal.project(at, R::zero())
     }
