@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from impasto.bands import Camera
+from impasto.colour._science import science
 from impasto.errors import ArgumentError
 from impasto.simulate.pigments import WAVELENGTHS
 
@@ -24,9 +25,7 @@ def camera(name: str = "rgb") -> Camera:
     aliases = {"tominaga-rgb-camera": "rgb", "tominaga-six-band-adaptation": "six-band"}
     kind = aliases.get(name, name)
     if kind == "rgb":
-        import colour
-
-        curves = colour.MSDS_CAMERA_SENSITIVITIES["Nikon 5100 (NPL)"]
+        curves = science().MSDS_CAMERA_SENSITIVITIES["Nikon 5100 (NPL)"]
         rows = np.array([np.interp(WAVELENGTHS, curves.wavelengths, c) for c in curves.values.T])
         bands: tuple[str, ...] = ("red", "green", "blue")
     elif kind == "six-band":

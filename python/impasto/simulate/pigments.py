@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto.colour import Display, lab_from_xyz, xyz_from_spectrum
+from impasto.colour._science import science
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 
@@ -139,12 +140,10 @@ def _recipes(count: int) -> NDArray[np.float64]:
 
 
 def _charts() -> NDArray[np.float64]:
-    import colour
-
     rows = [
         np.interp(WAVELENGTHS, spectrum.wavelengths, spectrum.values)
         for chart in ("ColorChecker N Ohta", "PMC")
-        for spectrum in colour.SDS_COLOURCHECKERS[chart].values()
+        for spectrum in science().SDS_COLOURCHECKERS[chart].values()
     ]
     return np.asarray(np.clip(np.array(rows), 0.0, 0.98))
 
