@@ -354,6 +354,9 @@ def test_light_intensities(tmp_path: Path) -> None:
     for wrong in (strengths[:3], -strengths, per_band[:, :2]):
         with pytest.raises(impasto.ArgumentError, match="intensities"):
             read_stack(path, intensities=wrong)
+    np.savetxt(tmp_path / "light_intensities.txt", strengths[:3])
+    with pytest.raises(impasto.ArgumentError, match=r"found shape .3,. in .*light_intensities"):
+        read_stack(path)
 
 
 def six_bands(folder: Path, pattern: str, bands: list[str]) -> np.ndarray:

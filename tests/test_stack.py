@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto import ArgumentError, Encoding, GeometryError
+from impasto import ArgumentError, Encoding, GeometryError, simulate
 
 LIGHTS = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.6, 0.8]])
 
@@ -20,6 +20,21 @@ def stack(samples: np.ndarray | None = None, **options: object) -> impasto.Stack
 def test_samples_are_not_copied(dtype: type) -> None:
     samples = np.zeros((3, 2, 4, 5), dtype)
     assert np.shares_memory(stack(samples).samples, samples)
+
+
+def test_what_is_printed_fits_a_line() -> None:
+    capture = simulate.default_capture("tominaga-rgb-camera", size=(24, 20))
+    normals = impasto.fit_normals(capture.stack)
+    sbrdf = impasto.fit_sbrdf(capture.stack, normals=normals)
+    spectra = impasto.fit_reflectance(capture.stack, sbrdf, capture.truth.camera)
+    image = impasto.render(sbrdf, impasto.Scene(LIGHTS[1:]), reflectance=spectra)
+    things = (capture, capture.stack, capture.stack.rig, capture.truth.camera)
+    printed = [repr(thing) for thing in (*things, normals, sbrdf, spectra, image)]
+    assert [line for line in printed if len(line) > 120 or "\n" in line] == []
+    assert printed[1] == "<Stack 9 photographs of 24 x 20 pixels, 3 bands, uint16, linear>"
+    assert printed[2].startswith("<Rig 9 lights, 0 of them near, pixels of 0.2 mm>")
+    assert printed[3] == "<Camera red, green, blue from 380 to 780 nm under 3000 K>"
+    assert "robust, 100.0 % estimated" in printed[4]
 
 
 def test_other_numbers_become_float32() -> None:

@@ -16,7 +16,7 @@ from impasto.errors import ArgumentError
 Integration = Literal["1nm", "sum"]
 
 
-@dataclass(frozen=True, init=False, eq=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class Camera:
     """Band sensitivities and the light that the photographs were taken under.
 
@@ -90,6 +90,13 @@ class Camera:
         set_(self, "bands", names)
         # Refuses, with the band's name, what cannot be normalised by a white board.
         self._weights(self.wavelengths)
+
+    def __repr__(self) -> str:
+        light = self.illuminant
+        under = "a spectrum" if isinstance(light, np.ndarray) else light
+        under = f"{under:g} K" if isinstance(under, float) else under
+        grid = self.wavelengths
+        return f"<Camera {', '.join(self.bands)} from {grid[0]:g} to {grid[-1]:g} nm under {under}>"
 
     @classmethod
     def srgb(cls) -> Camera:

@@ -52,7 +52,7 @@ class SceneArguments:
     background: tuple[float, float, float]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Image:
     """A picture of a painting.
 
@@ -86,6 +86,14 @@ class Image:
     clipped: dict[str, float]
     outside: dict[str, float]
     screen: Display
+
+    def __repr__(self) -> str:
+        height, width = self.coverage.shape
+        clipped = 100 * max(self.clipped.values())
+        return (
+            f"<Image {height} x {width} pixels, exposure {self.exposure:.3g}, "
+            f"{clipped:.1f} % clipped>"
+        )
 
     @property
     def valid(self) -> NDArray[np.bool_]:

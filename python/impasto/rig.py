@@ -85,7 +85,7 @@ class PointLight:
 Light: TypeAlias = DistantLight | PointLight
 
 
-@dataclass(frozen=True, init=False, eq=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class Rig:
     """One light and one view per observation.
 
@@ -128,6 +128,11 @@ class Rig:
 
     def __len__(self) -> int:
         return len(self.lights)
+
+    def __repr__(self) -> str:
+        near = int(self.near.sum())
+        pitch = "" if self.pitch_mm is None else f", pixels of {self.pitch_mm:g} mm"
+        return f"<Rig {len(self)} lights, {near} of them near{pitch}>"
 
     @property
     def directions(self) -> NDArray[np.float64]:

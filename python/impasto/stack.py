@@ -25,7 +25,7 @@ LONGEST_BAND = 200
 """Bytes of a band's name: OpenEXR's channels have at most 255 with what is written before it."""
 
 
-@dataclass(frozen=True, init=False, eq=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class Stack:
     """Samples ``(obs, band, y, x)`` with their rig.
 
@@ -123,6 +123,13 @@ class Stack:
         set_(self, "sources", tuple(Path(path) for path in sources))
         if not (np.isfinite(self.scale) & (self.scale > 0)).all():
             raise ArgumentError(f"scale: expected positive numbers, found {scale}")
+
+    def __repr__(self) -> str:
+        observations, bands, height, width = self.shape
+        return (
+            f"<Stack {observations} photographs of {height} x {width} pixels, {bands} bands, "
+            f"{self.samples.dtype}, {self.encoding.curve}>"
+        )
 
     @property
     def shape(self) -> tuple[int, int, int, int]:

@@ -18,6 +18,7 @@ from impasto.fit.border import (
     thread_count,
 )
 from impasto.stack import Stack
+from impasto.status import Status
 
 Method = Literal["robust", "least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey"]
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -26,7 +27,7 @@ METHODS: tuple[Method, ...] = get_args(Method)
 MOST_STEPS = 1000
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Normals:
     """Normals and albedo, and how far each can be trusted.
 
@@ -68,6 +69,14 @@ class Normals:
     sigma: NDArray[np.float32]
     status: NDArray[np.uint8]
     method: str
+
+    def __repr__(self) -> str:
+        height, width = self.status.shape
+        share = float((self.status < Status.DARK).mean())
+        return (
+            f"<Normals {height} x {width} pixels, {len(self.albedo)} bands, {self.method}, "
+            f"{100 * share:.1f} % estimated>"
+        )
 
 
 def fit_normals(

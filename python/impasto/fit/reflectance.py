@@ -51,7 +51,7 @@ DiffuseSource: TypeAlias = _Sbrdf | _Normals | ArrayLike
 """An ``Sbrdf``, a ``Normals`` or an array ``(band, y, x)``."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Reflectance:
     """Spectral reflectance of every pixel as coefficients of a few basis spectra.
 
@@ -78,6 +78,14 @@ class Reflectance:
     wavelengths: Floats
     status: NDArray[np.uint8]
     info: dict[str, Any]
+
+    def __repr__(self) -> str:
+        count, height, width = self.coefficients.shape
+        grid = self.wavelengths
+        return (
+            f"<Reflectance {height} x {width} pixels, {count} basis spectra from {grid[0]:g} to "
+            f"{grid[-1]:g} nm, {self.info.get('estimator', 'unknown estimator')}>"
+        )
 
     def spectrum(self, y: int, x: int) -> Floats:
         """Reflectance ``(n,)`` of one pixel, unclipped."""

@@ -104,9 +104,9 @@ def build_rig(
     """The rig of the kept observations, and ``(obs, band)`` gains where bands differ."""
     picked: list[Light] = [listed.lights[i] for i in kept]
     gains = None
-    strengths = _strengths(listed, intensities, notebook)
+    strengths, where = _strengths(listed, intensities, notebook)
     if strengths is not None:
-        strengths = _check_strengths(strengths, len(listed.lights), kept, band_count)
+        strengths = _check_strengths(strengths, where, len(listed.lights), kept, band_count)
         if strengths.ndim == 2:
             gains = strengths
         else:
@@ -149,7 +149,7 @@ def _moved(light: Light, dx: float, dy: float) -> Light:
 
 
 def _check_strengths(
-    strengths: NDArray[np.float64], count: int, kept: Sequence[int], band_count: int
+    strengths: NDArray[np.float64], where: str, count: int, kept: Sequence[int], band_count: int
 ) -> NDArray[np.float64]:
     """``(obs,)`` or ``(obs, band)`` of the kept observations."""
     if strengths.ndim == 0:
@@ -157,35 +157,37 @@ def _check_strengths(
     if strengths.ndim > 2 or len(strengths) not in {count, len(kept)}:
         raise ArgumentError(
             f"intensities: expected one row for each of {count} lights, found shape "
-            f"{strengths.shape}"
+            f"{strengths.shape}{where}"
         )
     if not (np.isfinite(strengths) & (strengths > 0)).all():
-        raise ArgumentError("intensities: expected positive numbers only")
+        raise ArgumentError(f"intensities: expected positive numbers only{where}")
     if len(strengths) == count:
         strengths = strengths[list(kept)]
     if strengths.ndim == 2 and bool((strengths == strengths[:, :1]).all()):
         return np.ascontiguousarray(strengths[:, 0])
     if strengths.ndim == 2 and strengths.shape[1] != band_count:
         raise ArgumentError(
-            f"intensities: {strengths.shape[1]} per light, the photographs have {band_count} bands"
+            f"intensities: {strengths.shape[1]} per light{where}, the photographs have "
+            f"{band_count} bands"
         )
     return strengths
 
 
 def _strengths(
     listed: ListedLights, intensities: Any, notebook: Notebook
-) -> NDArray[np.float64] | None:
+) -> tuple[NDArray[np.float64] | None, str]:
+    """The strengths, if any are known, and where they stand, for a complaint."""
     if intensities is None:
         if listed.intensities is not None:
             notebook.say("intensities", listed.source, "light strengths taken from this file")
-            return listed.intensities
+            return listed.intensities, f" in {listed.source}"
         folder = listed.source if listed.source.is_dir() else listed.source.parent
         if not (folder / _STRENGTHS).is_file():
-            return None
+            return None, ""
         intensities = folder / _STRENGTHS
         notebook.say("intensities", intensities, "taken as the strengths of the lights")
     if not isinstance(intensities, str | Path):
-        return np.asarray(intensities, dtype=np.float64)
+        return np.asarray(intensities, dtype=np.float64), ""
     path = Path(intensities)
     rows = [line.replace(",", " ").split() for line in read_text(path).splitlines()]
     try:
@@ -194,4 +196,4 @@ def _strengths(
         raise CorruptInputError(
             path, f"expected one row of numbers for each light ({error})"
         ) from error
-    return table[:, 0] if table.ndim == 2 and table.shape[1] == 1 else table
+    return (table[:, 0] if table.ndim == 2 and table.shape[1] == 1 else table), f" in {path}"
