@@ -162,7 +162,10 @@ def test_the_report_is_plain_data():
         (lambda: xyz_from_coefficients(np.eye(31), GRID[:30], "A"), r"shape \(k, 30\)"),
         (lambda: xyz_from_coefficients(np.ones(31), GRID, "A"), r"shape \(k, 31\)"),
         (lambda: xyz_from_coefficients(np.ones((0, 31)), GRID, "A"), r"shape \(k, 31\)"),
-        (lambda: xyz_from_coefficients(np.full((3, 31), np.nan), GRID, "A"), "not finite"),
+        (
+            lambda: xyz_from_coefficients(np.full((3, 31), np.nan), GRID, "A"),
+            "basis: expected finite",
+        ),
         (lambda: xyz_from_coefficients(np.eye(31), GRID, "A", d=2.0), "d: expected"),
         (lambda: xyz_from_coefficients(np.eye(31), GRID, "A", d=0.5, test="B2"), "test: unknown"),
         (lambda: display_from_coefficients(np.eye(31), GRID, "A", display="crt"), "display: "),

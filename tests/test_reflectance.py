@@ -314,7 +314,7 @@ def test_a_cube_is_made_only_when_asked():
         ({"diffuse": np.ones((2, 1, 1))}, r"diffuse: expected \(3, y, x\).*red, green, blue"),
         ({"diffuse": np.ones((3, 4))}, "diffuse: expected"),
         ({"estimator": "magic"}, "estimator: expected one of"),
-        ({"training": np.ones((5, 7))}, r"training: expected spectra \(N, 61\)"),
+        ({"training": np.ones((5, 7))}, r"training: expected shape \(spectrum, 61\)"),
         ({"training": np.full((5, 61), np.nan)}, "training: .*nan in spectrum 0 at 400 nm"),
         ({"training": np.ones((3, 61))}, "training: a regression needs at least 5"),
         ({"training": np.zeros((9, 61))}, "training: all numbers are 0"),

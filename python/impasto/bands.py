@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from impasto.colour import interpolation_matrix, spectrum
-from impasto.colour.wavelengths import Floats, checked_wavelengths
+from impasto.colour.wavelengths import Floats, checked_spectra, checked_wavelengths
 from impasto.errors import ArgumentError
 
 Integration = Literal["1nm", "sum"]
@@ -62,17 +62,7 @@ class Camera:
         bands: Sequence[str] | None = None,
     ) -> None:
         grid = checked_wavelengths(wavelengths).copy()
-        curves = np.array(sensitivities, dtype=np.float64)
-        if curves.ndim != 2 or curves.shape[1] != grid.size or curves.shape[0] == 0:
-            raise ArgumentError(
-                f"sensitivities: expected shape (band, {grid.size}), found {curves.shape}"
-            )
-        if not np.isfinite(curves).all():
-            band, index = np.argwhere(~np.isfinite(curves))[0]
-            raise ArgumentError(
-                f"sensitivities: expected finite numbers, found {curves[band, index]} in band "
-                f"{band} at {grid[index]:g} nm"
-            )
+        curves = checked_spectra(sensitivities, grid, "sensitivities", "band")
         names = _band_names(len(curves)) if bands is None else tuple(str(name) for name in bands)
         if len(names) != len(curves):
             raise ArgumentError(f"bands: expected {len(curves)} names, found {len(names)}")

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from impasto.colour import interpolation_matrix
 from impasto.colour._science import science
-from impasto.colour.wavelengths import Floats, checked_wavelengths
-from impasto.errors import ArgumentError
+from impasto.colour.wavelengths import Floats, checked_spectra, checked_wavelengths
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -35,17 +34,7 @@ class Training:
 
     def __init__(self, wavelengths: ArrayLike, reflectance: ArrayLike, name: str = "user") -> None:
         grid = checked_wavelengths(wavelengths, "training wavelengths")
-        spectra = np.array(reflectance, dtype=np.float64)
-        if spectra.ndim != 2 or spectra.shape[1] != grid.size or len(spectra) == 0:
-            raise ArgumentError(
-                f"training: expected spectra (N, {grid.size}), found shape {spectra.shape}"
-            )
-        if not np.isfinite(spectra).all():
-            row, column = np.argwhere(~np.isfinite(spectra))[0]
-            raise ArgumentError(
-                f"training: expected finite numbers, found {spectra[row, column]} in spectrum "
-                f"{row} at {grid[column]:g} nm"
-            )
+        spectra = checked_spectra(reflectance, grid, "training", "spectrum")
         spectra.setflags(write=False)
         set_ = object.__setattr__
         set_(self, "wavelengths", grid)

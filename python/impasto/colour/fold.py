@@ -20,7 +20,7 @@ from impasto.colour.display import CHANNELS, Display
 from impasto.colour.illuminants import Illuminant
 from impasto.colour.observers import STANDARD_OBSERVER, White, checked_white, xyz_from_spectrum
 from impasto.colour.session import as_display
-from impasto.colour.wavelengths import Floats, checked_wavelengths
+from impasto.colour.wavelengths import Floats, checked_spectra, checked_wavelengths
 from impasto.errors import ArgumentError
 
 
@@ -208,14 +208,7 @@ def xyz_from_coefficients(
         :func:`adaptation` refuse.
     """
     grid = checked_wavelengths(wavelengths)
-    rows = np.asarray(basis, dtype=np.float64)
-    if rows.ndim != 2 or rows.shape[0] == 0 or rows.shape[1] != grid.size:
-        raise ArgumentError(
-            f"basis: expected shape (k, {grid.size}) for {grid.size} wavelengths, "
-            f"found {rows.shape}"
-        )
-    if not np.isfinite(rows).all():
-        raise ArgumentError("basis: found values that are not finite")
+    rows = checked_spectra(basis, grid, "basis", "k")
     operator = xyz_from_spectrum(grid, illuminant, observer)
     seen = None
     if d is not None:

@@ -43,6 +43,28 @@ def checked_wavelengths(wavelengths: ArrayLike, name: str = "wavelengths") -> Fl
     return grid
 
 
+def checked_spectra(values: ArrayLike, grid: Floats, argument: str, row: str) -> Floats:
+    """A copy of spectra ``(row, n)`` on a grid of ``n`` wavelengths.
+
+    Raises
+    ------
+    ArgumentError
+        Another shape, no spectrum at all, a value that is not finite: the first one is named.
+    """
+    spectra = np.array(values, dtype=np.float64)
+    if spectra.ndim != 2 or spectra.shape[1] != grid.size or len(spectra) == 0:
+        raise ArgumentError(
+            f"{argument}: expected shape ({row}, {grid.size}), found {spectra.shape}"
+        )
+    if not np.isfinite(spectra).all():
+        which, index = np.argwhere(~np.isfinite(spectra))[0]
+        raise ArgumentError(
+            f"{argument}: expected finite numbers, found {spectra[which, index]} in {row} "
+            f"{which} at {grid[index]:g} nm"
+        )
+    return spectra
+
+
 def interpolation_matrix(wavelengths: ArrayLike, at: ArrayLike) -> Floats:
     """The matrix that carries a spectrum from one wavelength grid to another.
 
