@@ -26,6 +26,8 @@ from impasto.rig import DistantLight
 from impasto.scene import Scene
 from impasto.stack import Stack
 
+__all__ = ["SYSTEMS", "System", "get"]
+
 Name = Literal["impasto", "tominaga-rgb-camera", "tominaga-six-band-adaptation"]
 
 Progress = bool | ProgressCallback

@@ -333,9 +333,9 @@ def fit_sbrdf(
 
     Returns
     -------
-    Sbrdf, LobeSbrdf or LafortuneSbrdf
-        Maps and the lobe; with ``pooling="pixel"`` maps of every pixel's lobes, with
-        ``model="lafortune"`` those of Lafortune.
+    Sbrdf
+        Maps and the lobe. With ``pooling="pixel"`` a :class:`LobeSbrdf`, maps of every pixel's
+        lobes; with ``model="lafortune"`` a :class:`LafortuneSbrdf`.
 
     Raises
     ------
