@@ -48,7 +48,7 @@ def test_it_finds_what_scipy_finds() -> None:
             model,
             phi[:, pixel].astype(float),
             samples[:, pixel].astype(float),
-            (found.beta[pixel], found.gamma[pixel]),
+            (float(found.beta[pixel]), float(found.gamma[pixel])),
             ftol=1e-14,
             xtol=1e-14,
         )
@@ -168,7 +168,6 @@ def test_any_shape_behind_the_observations() -> None:
     [
         (np.zeros((16, 2)), np.zeros((16, 3)), r"phi: expected the shape of samples, \(16, 3\)"),
         (np.zeros((16, 0)), np.zeros((16, 0)), r"samples: expected \(obs, ...\) numbers"),
-        (np.float32(0.1), np.float32(0.1), r"samples: expected \(obs, ...\) numbers"),
         (np.zeros((2, 2), complex), np.zeros((2, 2)), "phi: expected an array of real numbers"),
         (np.zeros((2, 2)), [["a", "b"]], "samples: expected an array of real numbers"),
     ],

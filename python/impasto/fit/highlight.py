@@ -87,7 +87,7 @@ def fit_lobe(
         raise ArgumentError(
             f"phi: expected the shape of samples, {values.shape}, found {angles.shape}"
         )
-    if values.ndim < 1 or values.size == 0:
+    if values.size == 0:
         raise ArgumentError(f"samples: expected (obs, ...) numbers, found shape {values.shape}")
     shape = values.shape[1:]
     pixels = values.size // len(values)
