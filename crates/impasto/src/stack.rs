@@ -3,6 +3,7 @@
 use half::f16;
 
 use crate::error::{Error, Result};
+use crate::math::lanes::prefetch;
 
 /// Sizes of a stack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -144,6 +145,22 @@ impl<'a> Stack<'a> {
     pub fn ceiling(&self, observation: usize, band: usize) -> f32 {
         let decode = self.decode[observation * self.shape.bands + band];
         decode.saturation.mul_add(decode.gain, decode.offset)
+    }
+
+    /// Asks for the memory of so many pixels from `start` on, of one photograph and band, that are
+    /// to be read soon.
+    #[inline(always)]
+    pub fn prefetch(&self, observation: usize, band: usize, start: usize, count: usize) {
+        let pixels = self.shape.pixels();
+        let plane = observation * self.shape.bands + band;
+        let (start, end) = (start.min(pixels), (start + count).min(pixels));
+        let range = plane * pixels + start..plane * pixels + end;
+        match self.samples {
+            Samples::U8(s) => prefetch(&s[range]),
+            Samples::U16(s) => prefetch(&s[range]),
+            Samples::F16(s) => prefetch(&s[range]),
+            Samples::F32(s) => prefetch(&s[range]),
+        }
     }
 
     /// Reads linear samples of one photograph and band, for the pixels from `start` on, into

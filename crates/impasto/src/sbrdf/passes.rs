@@ -31,7 +31,7 @@ impl Fit<'_> {
             tiles(photographs.pixels()),
             || Reader::new(photographs),
             |reader, (start, _)| {
-                reader.read(photographs, start);
+                reader.read(photographs, start, level);
                 let Reader { samples, x, y } = reader;
                 let tile = &state.tile(photographs.status, start);
                 level.run(Extract { photographs, tile, samples, stride: TILE, x, y, extraction })
@@ -60,7 +60,7 @@ impl Fit<'_> {
             jobs,
             || Reader::new(photographs),
             |reader, ((start, _), out)| {
-                reader.read(photographs, start);
+                reader.read(photographs, start, level);
                 let Reader { samples, x, y } = reader;
                 let tile = &from.tile(photographs.status, start);
                 let stride = TILE;
@@ -121,7 +121,7 @@ impl Fit<'_> {
             jobs,
             || Reader::new(photographs),
             |reader, (start, out)| {
-                reader.read(photographs, start);
+                reader.read(photographs, start, level);
                 let Reader { samples, x, y } = reader;
                 let tile = &state.tile(photographs.status, start);
                 let stride = TILE;

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::maps::Status;
-use crate::math::{Mask, Real, Vec3};
+use crate::math::{Isa, Kernel, Level, Mask, Real, Vec3};
 use crate::pixels;
 use crate::stack::Stack;
 
@@ -193,15 +193,29 @@ impl Reader {
         }
     }
 
-    pub(super) fn read(&mut self, photographs: &Photographs<'_>, start: usize) {
-        for (plane, out) in self.samples.chunks_mut(pixels::TILE).enumerate() {
-            photographs.stack.read(
-                plane / photographs.bands,
-                plane % photographs.bands,
-                start,
-                out,
-            );
-        }
+    /// Decodes the pixels from `start` on.
+    pub(super) fn read(&mut self, photographs: &Photographs<'_>, start: usize, level: Level) {
+        level.run(Decode { photographs, start, samples: &mut self.samples });
         photographs.coordinates(start, &mut self.x, &mut self.y);
+    }
+}
+
+/// A kernel, for a product-sum outside of one is a call where not every processor of the target
+/// has it.
+struct Decode<'a> {
+    photographs: &'a Photographs<'a>,
+    start: usize,
+    samples: &'a mut [f32],
+}
+
+impl Kernel for Decode<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let bands = self.photographs.bands;
+        for (plane, out) in self.samples.chunks_mut(pixels::TILE).enumerate() {
+            self.photographs.stack.read(plane / bands, plane % bands, self.start, out);
+        }
     }
 }

@@ -6,7 +6,7 @@ use crate::math::{Kernel, Mask, Real};
 use super::Problem;
 use super::lights::{Distant, Lights, Near};
 use super::pixels::Pixels;
-use super::rows::{MAX_LANES, Rows};
+use super::rows::{Aligned, MAX_LANES, Rows};
 use super::tile::Tile;
 
 /// Pixels that are decoded at a time: 16 photographs of them fill the first-level cache.
@@ -16,12 +16,16 @@ const BLOCK: usize = 512;
 /// same lines of the cache.
 const STRIDE: usize = BLOCK + 16;
 
+/// Planes that are asked for ahead of the one that is read: reading four takes as long as memory
+/// does to answer, and of planes that lie a power of two apart a set of the cache holds eight.
+const AHEAD: usize = 4;
+
 /// One block of pixels; one per worker.
 pub(super) struct Scratch {
     /// Linear samples `(obs, band)`.
-    samples: Vec<f32>,
+    samples: Aligned,
     /// Their means over the bands `(obs)`, empty if there is only one band.
-    means: Vec<f32>,
+    means: Aligned,
     /// Coordinates in mm.
     x: Vec<f32>,
     y: Vec<f32>,
@@ -32,8 +36,8 @@ impl Scratch {
         let shape = problem.stack.shape();
         let means = if shape.bands == 1 { 0 } else { shape.observations };
         Self {
-            samples: vec![0.0; shape.observations * shape.bands * STRIDE],
-            means: vec![0.0; means * STRIDE],
+            samples: Aligned::new(shape.observations * shape.bands * STRIDE),
+            means: Aligned::new(means * STRIDE),
             x: vec![0.0; BLOCK],
             y: vec![0.0; BLOCK],
         }
@@ -42,12 +46,17 @@ impl Scratch {
     #[inline(always)]
     fn read<R: Real<Scalar = f32>>(&mut self, problem: &Problem<'_>, start: usize) {
         let bands = problem.stack.shape().bands;
-        for (plane, out) in self.samples.chunks_exact_mut(STRIDE).enumerate() {
+        let planes = problem.stack.shape().observations * bands;
+        for (plane, out) in self.samples.get_mut().chunks_exact_mut(STRIDE).enumerate() {
+            let next = plane + AHEAD;
+            let (next, block) =
+                if next < planes { (next, start) } else { (next % planes, start + BLOCK) };
+            problem.stack.prefetch(next / bands, next % bands, block, BLOCK);
             problem.stack.read(plane / bands, plane % bands, start, &mut out[..BLOCK]);
         }
         let share = R::of(1.0 / bands as f64);
-        for (k, mean) in self.means.chunks_exact_mut(STRIDE).enumerate() {
-            let samples = Rows::new(&self.samples[k * bands * STRIDE..], STRIDE);
+        for (k, mean) in self.means.get_mut().chunks_exact_mut(STRIDE).enumerate() {
+            let samples = Rows::new(&self.samples.get()[k * bands * STRIDE..], STRIDE);
             for at in (0..BLOCK).step_by(R::WIDTH) {
                 let mut sum: R = samples.from(at).at(0);
                 for band in 1..bands {
@@ -77,10 +86,10 @@ impl<'a> Samples<'a> {
     #[inline(always)]
     fn of(scratch: &'a Scratch, problem: &Problem<'_>, at: usize) -> Self {
         let count = problem.stack.shape().bands;
-        let bands = Rows::new(&scratch.samples[at..], STRIDE);
-        let means = if count == 1 { bands } else { Rows::new(&scratch.means[at..], STRIDE) };
+        let bands = Rows::new(&scratch.samples.get()[at..], STRIDE);
+        let means = if count == 1 { bands } else { Rows::new(&scratch.means.get()[at..], STRIDE) };
         let signal = match problem.options.selection {
-            Some(band) => Rows::new(&scratch.samples[band * STRIDE + at..], count * STRIDE),
+            Some(band) => Rows::new(&scratch.samples.get()[band * STRIDE + at..], count * STRIDE),
             None => means,
         };
         Self { bands, means, signal }

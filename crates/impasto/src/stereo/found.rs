@@ -31,18 +31,17 @@ impl<R: Real<Scalar = f32>> Found<R> {
     #[inline(always)]
     pub(super) fn new<L>(
         pixels: &Pixels<R, L>,
-        loss: Loss,
         verdict: &Verdict<R>,
         start: &Solution<R>,
         (normal, length, per_length): (Vec3<R>, R, R),
         squares: R,
     ) -> Self {
-        let freedom = verdict.kept - R::of(3.0);
+        let share = pixels.share;
         let worst = start.matrix.worst_tangent_variance(&start.inverse, normal);
-        let sigma = (squares * worst / freedom).sqrt() * per_length * spread(loss, freedom);
+        let sigma = (squares * worst * share.per_freedom).sqrt() * per_length * share.spread;
         Self {
             normal,
-            residual: (squares / verdict.kept).sqrt(),
+            residual: (squares * share.per_count).sqrt(),
             condition: start.condition,
             sigma,
             status: status(pixels, verdict, start, length),
@@ -56,13 +55,18 @@ impl<R: Real<Scalar = f32>> Found<R> {
     pub(super) fn write<L>(&self, pixels: &Pixels<R, L>, tile: &mut Tile<'_>, at: usize) {
         let nan = R::splat(f32::NAN);
         store_counts(self.used, tile.used, at);
-        let invalid = R::of(pixels.kept.len() as f64) - pixels.valid - pixels.saturated;
+        let all = R::of(pixels.kept.len() as f64);
+        let rejected = if any(all - self.used) { 4 } else { 0 };
+        let invalid = all - pixels.valid - pixels.saturated;
         for (reason, count) in [
             (Rejection::Saturated, pixels.saturated),
             (Rejection::Invalid, invalid),
             (Rejection::Shadow, self.shadow),
             (Rejection::Highlight, self.highlight),
-        ] {
+        ]
+        .into_iter()
+        .take(rejected)
+        {
             if any(count) {
                 store_counts(count, tile.rejected[reason as usize], at);
             }
@@ -132,6 +136,24 @@ fn status<R: Real<Scalar = f32>, L>(
     let few = R::select(clipped, code(Status::Saturated), code(Status::TooFewSamples));
     let few = R::select(seen.gt(zero), few, code(Status::InvalidInput));
     R::select(pixels.valid.ge(three), status, few)
+}
+
+/// What a number of samples says about their sum of squares.
+#[derive(Clone, Copy)]
+pub(super) struct Share<R> {
+    pub(super) count: R,
+    per_count: R,
+    per_freedom: R,
+    spread: R,
+}
+
+impl<R: Real> Share<R> {
+    #[inline(always)]
+    pub(super) fn of(count: R, loss: Loss) -> Self {
+        let freedom = count - R::of(3.0);
+        let (per_count, per_freedom) = (count.recip(), freedom.recip());
+        Self { count, per_count, per_freedom, spread: spread(loss, freedom) }
+    }
 }
 
 /// What turns the standard error of least squares into a standard deviation: half the width of

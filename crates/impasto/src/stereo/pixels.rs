@@ -4,7 +4,7 @@ use crate::math::{Mask, Real, Vec3};
 
 use super::Problem;
 use super::fit::{Samples, Sifted};
-use super::found::Found;
+use super::found::{Found, Share};
 use super::lights::Lights;
 use super::loss::{Absolute, Cauchy, Huber, Loss, Tukey};
 use super::reweigh::Reweigh;
@@ -43,6 +43,8 @@ pub(super) struct Pixels<R: Real, L> {
     /// Number of valid samples, and of clipped ones.
     pub(super) valid: R,
     pub(super) saturated: R,
+    /// Of as many samples as the last pixels kept.
+    pub(super) share: Share<R>,
     /// Every band's albedo.
     pub(super) albedo: Vec<R>,
 }
@@ -67,6 +69,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
             kept: vec![Mask::splat(false); count],
             valid: zero,
             saturated: zero,
+            share: Share::of(zero, problem.loss),
             albedo: vec![zero; shape.bands],
         };
         if let Some(uniform) = &problem.uniform {
@@ -165,7 +168,11 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
         let per_length = length.recip();
         let normal = b.scale(per_length);
         self.follow::<ALL>(bands, normal, length);
-        Found::new(self, self.loss, &verdict, &start, (normal, length, per_length), squares)
+        // Dividing takes time, and the number of kept samples is mostly that of the neighbours.
+        if any(verdict.kept - self.share.count) {
+            self.share = Share::of(verdict.kept, self.loss);
+        }
+        Found::new(self, &verdict, &start, (normal, length, per_length), squares)
     }
 
     /// Which samples the rule keeps.

@@ -1,6 +1,7 @@
 //! Registers in and out of memory.
 
-use crate::math::{Real, lanes};
+use crate::math::Real;
+use crate::math::lanes::{self, LINE};
 
 /// Lanes of the widest registers, which go in pairs.
 pub(super) const MAX_LANES: usize = 2 * lanes::MAX_LANES;
@@ -36,6 +37,30 @@ impl<'a> Rows<'a> {
     }
 }
 
+/// Memory in which no register of whole lanes lies across two lines of the cache.
+pub(super) struct Aligned {
+    values: Vec<f32>,
+    first: usize,
+}
+
+impl Aligned {
+    pub(super) fn new(length: usize) -> Self {
+        let values = vec![0.0; length + LINE / size_of::<f32>()];
+        let first = values.as_ptr().align_offset(LINE).min(LINE / size_of::<f32>());
+        Self { values, first }
+    }
+
+    #[inline(always)]
+    pub(super) fn get(&self) -> &[f32] {
+        &self.values[self.first..]
+    }
+
+    #[inline(always)]
+    pub(super) fn get_mut(&mut self) -> &mut [f32] {
+        &mut self.values[self.first..]
+    }
+}
+
 /// The lanes as an array, zeros behind them.
 #[inline(always)]
 pub(super) fn lanes<R: Real<Scalar = f32>>(value: R) -> [f32; MAX_LANES] {
@@ -58,9 +83,15 @@ pub(super) fn store<R: Real<Scalar = f32>>(value: R, map: &mut [f32], at: usize)
 /// Writes counts: lanes that hold small whole numbers.
 #[inline(always)]
 pub(super) fn store_counts<R: Real<Scalar = f32>>(value: R, map: &mut [u16], at: usize) {
-    let count = R::WIDTH.min(map.len() - at);
-    let lanes = lanes(value);
-    for (out, &lane) in map[at..at + count].iter_mut().zip(&lanes) {
+    let (map, lanes) = (&mut map[at..], lanes(value));
+    if map.len() >= R::WIDTH {
+        // A length that the compiler knows.
+        for (out, &lane) in map[..R::WIDTH].iter_mut().zip(&lanes) {
+            *out = lane as u16;
+        }
+        return;
+    }
+    for (out, &lane) in map.iter_mut().zip(&lanes) {
         *out = lane as u16;
     }
 }

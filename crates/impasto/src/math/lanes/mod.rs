@@ -42,6 +42,22 @@ impl Element for f64 {
 /// Lanes of the widest register (single precision, AVX-512).
 pub const MAX_LANES: usize = 16;
 
+/// Bytes of a line of the cache.
+pub const LINE: usize = 64;
+
+/// Asks for the memory that holds some values; it arrives while other work goes on.
+#[inline(always)]
+pub fn prefetch<T>(values: &[T]) {
+    #[cfg(target_arch = "x86_64")]
+    for line in values.chunks(LINE / size_of::<T>()) {
+        use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: SSE is part of x86-64, and a prefetch reads nothing that the program sees.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = values;
+}
+
 /// A computation that is compiled once per instruction set.
 ///
 /// `run`, and every generic function that it calls, must be `#[inline(always)]`: only inlined
