@@ -86,6 +86,12 @@ def _lafortune(_: Any, **options: Any) -> Arrays:
     return (*arrays(fit), fit.predict(fit.rig.take(range(5))))
 
 
+def _lobes(capture: Any, **options: Any) -> Arrays:
+    # Some tiles of it: the baseline's emulated multiply-add is slow.
+    stack = impasto.Stack(capture.stack.samples[:, :3, :20], lights=capture.stack.rig)
+    return arrays(impasto.fit_sbrdf(stack, pooling="pixel", **options))
+
+
 def _height(capture: Any, **options: Any) -> Arrays:
     return (impasto.integrate_normals(capture.truth.normal, 0.2, **options),)
 
@@ -97,6 +103,7 @@ CALLS: dict[str, Callable[..., Arrays]] = {
     "fit_normals": _normals,
     "fit_sbrdf": _sbrdf,
     "fit_sbrdf lafortune": _lafortune,
+    "fit_sbrdf, pooling='pixel'": _lobes,
     "fit_reflectance": _reflectance,
     "integrate_normals": _height,
 }
@@ -136,11 +143,18 @@ def _long_lafortune(_: Any, **options: Any) -> Arrays:
     return arrays(impasto.fit_sbrdf(wide, model="lafortune", normals=normals, **options))
 
 
+def _long_lobes(capture: Any, **options: Any) -> Arrays:
+    stack = capture.stack
+    wide = impasto.Stack(np.tile(stack.samples[:, :3], (1, 1, 3, 2)), lights=stack.rig)
+    return arrays(impasto.fit_sbrdf(wide, pooling="pixel", normals="least-squares", **options))
+
+
 LONG: dict[str, Callable[..., Arrays]] = {
     "predict": _long_predict,
     "fit_normals": _long_normals,
     "fit_sbrdf": _long_sbrdf,
     "fit_sbrdf lafortune": _long_lafortune,
+    "fit_sbrdf, pooling='pixel'": _long_lobes,
 }
 """Calls that take a second or more on one thread with the baseline's instructions."""
 

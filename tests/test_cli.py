@@ -118,6 +118,26 @@ def test_the_papers_procedure_can_be_asked_for(stack: Path, tmp_path: Path) -> N
     )
 
 
+def test_every_pixel_may_have_lobes_of_its_own(
+    stack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "lobes"
+    words = ["--pooling", "pixel", "--lobes", "1", "--out", str(out), "--quiet"]
+    assert main(["fit", str(stack), *words]) == 0
+    saved = impasto.load_sbrdf(out / "sbrdf.npz")
+    assert isinstance(saved, impasto.LobeSbrdf)
+    assert saved.specular.shape[:2] == (1, 3)
+    names = {"1.R", "1.G", "1.B", "1.gamma", "1.sigma", "lobes", "ambient.R"}
+    with OpenEXR.File(str(out / "lobes.exr"), separate_channels=True) as file:
+        assert names <= set(file.channels())
+    content = json.loads((out / "report.json").read_text())
+    assert content["options"]["pooling"] == "pixel"
+    assert sum(content["results"]["lobes"]) == 32 * 40
+    assert main(["render", str(out), "--out", str(tmp_path / "lit.png"), "--quiet"]) == 0
+    assert main(["info", str(out / "sbrdf.npz")]) == 0
+    assert "per pixel" in capsys.readouterr().out
+
+
 def test_the_overview_is_one_picture_of_everything(fitted: Path) -> None:
     sheet = cv2.imread(str(fitted / "overview.jpg"))
     assert sheet is not None

@@ -130,6 +130,7 @@ def fit_lobes(
     ambient: bool,
     free: bool,
     rounds: int,
+    typical: bool,
     index: float,
     threads: int,
     progress: ProgressCallback | None,

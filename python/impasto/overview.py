@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto.fit.forward import predict
+from impasto.fit.lobes import LobeSbrdf
 from impasto.pictures import (
     Panel,
     Picture,
+    colour_panel,
     contact_sheet,
     curve_panel,
     normal_panel,
@@ -59,7 +61,16 @@ def visible(sbrdf: Any, reflectance: Any = None) -> Any:
     count = len(sbrdf.diffuse)
     if reflectance is not None or count in {1, 3}:
         return sbrdf
-    chosen = np.ascontiguousarray(sbrdf.diffuse[[count - 1, count // 2, 0]])
+    bands = [count - 1, count // 2, 0]
+    chosen = np.ascontiguousarray(sbrdf.diffuse[bands])
+    if isinstance(sbrdf, LobeSbrdf):
+        return replace(
+            sbrdf,
+            diffuse=chosen,
+            specular=sbrdf.specular[:, bands],
+            ambient=sbrdf.ambient[bands],
+            bands=tuple(sbrdf.bands[band] for band in bands),
+        )
     return Visible(sbrdf.normal, chosen, sbrdf.beta, sbrdf.gamma)
 
 
@@ -119,6 +130,14 @@ def diffuse_panel(sbrdf: Any, reflectance: Any = None, *, threads: int | None = 
 
 def trust_panels(sbrdf: Any) -> tuple[Panel, ...]:
     """How far each pixel can be trusted: error, residual, samples, gloss of its own, status."""
+    if isinstance(sbrdf, LobeSbrdf):
+        return (
+            ramp_panel(sbrdf.sigma, "Predicted error of the normal", unit="degrees", scale=DEGREES),
+            ramp_panel(sbrdf.residual, "Residual", unit="% of white", scale=100.0),
+            ramp_panel(sbrdf.gamma[0], "Width of the lobe", unit="degrees", scale=DEGREES),
+            ramp_panel(np.where(sbrdf.status < Status.DARK, sbrdf.lobes, np.nan), "Lobes"),
+            status_panel(sbrdf.status),
+        )
     stereo = sbrdf.normals
     used = np.where(stereo.status == Status.MASKED, np.nan, stereo.used.astype(np.float32))
     return (
@@ -132,6 +151,15 @@ def trust_panels(sbrdf: Any) -> tuple[Panel, ...]:
 
 def gloss_panel(sbrdf: Any) -> Panel:
     """The measured highlight and the lobe fitted to it, over the tilt of the facets."""
+    if isinstance(sbrdf, LobeSbrdf):
+        # What a lobe reflects in all goes with its strength and the square of its width.
+        shown = visible(sbrdf)
+        energy = np.nansum(shown.specular * shown.gamma[:, None] ** 2, axis=0)
+        energy[:, sbrdf.status > Status.DARK] = np.nan
+        known = energy[np.isfinite(energy)]
+        white = float(np.percentile(known, 99.0)) if known.size else 1.0
+        colours = energy if len(energy) == 3 else np.broadcast_to(energy, (3, *energy.shape[1:]))
+        return colour_panel(colours, "Specular colour", white=max(white, 1e-30))
     measured = np.asarray(sbrdf.curve, dtype=np.float64)
     size = sbrdf.status.shape
     if sbrdf.verdict == "no-highlight" or not np.isfinite(sbrdf.gamma):
@@ -178,6 +206,12 @@ def subtitle(sbrdf: Any) -> str:
 
 def gloss_words(sbrdf: Any) -> str:
     """The gloss in words: ``"gloss: beta 11.7, gamma 7.0 degrees"``."""
+    if isinstance(sbrdf, LobeSbrdf):
+        known = np.degrees(sbrdf.gamma[np.isfinite(sbrdf.gamma)])
+        fine = sbrdf.lobes[sbrdf.status < Status.DARK]
+        if not known.size:
+            return "gloss: no highlight found"
+        return f"gloss: {fine.mean():.1f} lobes per pixel, gamma {np.median(known):.3g} degrees"
     if sbrdf.verdict == "no-highlight":
         return "gloss: no highlight found"
     remark = VERDICTS.get(sbrdf.verdict, f", {sbrdf.verdict}")

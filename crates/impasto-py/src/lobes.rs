@@ -34,7 +34,7 @@ pub(crate) struct LobeArrays<'py> {
 /// Every pixel's own lobes, from the maps of photometric stereo.
 #[pyfunction]
 #[pyo3(signature = (
-    stack, normal, diffuse, status, model, lobes, ambient, free, rounds, index, threads, progress
+    stack, normal, diffuse, status, model, lobes, ambient, free, rounds, typical, index, threads, progress
 ))]
 #[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lobes")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
@@ -49,6 +49,7 @@ pub(crate) fn fit_lobes<'py>(
     ambient: bool,
     free: bool,
     rounds: usize,
+    typical: bool,
     index: f64,
     threads: usize,
     progress: Option<Py<PyAny>>,
@@ -58,7 +59,7 @@ pub(crate) fn fit_lobes<'py>(
         diffuse: diffuse.as_slice()?,
         status: status.as_slice()?,
     };
-    let options = LobeOptions { lobes, ambient, normal: free, rounds };
+    let options = LobeOptions { lobes, ambient, normal: free, rounds, typical };
     let call = Call { stack: &stack, start, options, threads, progress: progress.as_ref() };
     if model == "torrance-sparrow" {
         return call.fit(py, TorranceSparrow { index });

@@ -17,7 +17,7 @@ from impasto.cli.photographs import Reading
 from impasto.errors import ArgumentError
 from impasto.fit.normals import Method
 from impasto.fit.reflectance import Estimator
-from impasto.fit.sbrdf import Extraction
+from impasto.fit.sbrdf import Extraction, Pooling
 from impasto.systems import Name
 
 if TYPE_CHECKING:
@@ -35,6 +35,9 @@ def fit(
     extraction: Extraction | None = None,
     joint: Annotated[bool | None, Parameter(negative="--no-joint")] = None,
     index: float | None = None,
+    pooling: Pooling = "painting",
+    lobes: int = 2,
+    ambient: Annotated[bool, Parameter(negative="--no-ambient")] = True,
     camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
     illuminant: str | None = None,
     estimator: Estimator | None = None,
@@ -64,6 +67,13 @@ def fit(
         Fit normals, colours and gloss to all samples together; the papers do not.
     index
         Index of refraction of the varnish; default: 1.45.
+    pooling
+        One gloss for the painting, or lobes of its own for every pixel: gilding, metal leaf,
+        varnish that differs from place to place. The latter needs many lights and no --camera.
+    lobes
+        With --pooling pixel: lobes per pixel at most, 1 to 3.
+    ambient
+        With --pooling pixel: allow for light that comes from everywhere.
     camera
         CSV file of band sensitivities, or "srgb" where the photographs are developed to sRGB
         colours; reflectance spectra are estimated then, and any illuminant can be rendered.
@@ -92,6 +102,12 @@ def fit(
         )
     if system != "impasto" and camera is None:
         raise CycloptsError(msg=f"--system {system} estimates spectra: it needs --camera")
+    if pooling == "pixel" and (camera is not None or system != "impasto"):
+        raise CycloptsError(
+            msg="--pooling pixel goes without --camera and --system: spectra tell nothing of "
+            "lobes with colours, and the papers have none"
+        )
+    own = {"lobes": lobes, "ambient": ambient} if pooling == "pixel" else None
     steps: dict[str, Any] = {"method": method, "extraction": extraction, "joint": joint}
     steps |= {"index": index, "estimator": estimator}
     asked = {name: value for name, value in steps.items() if value is not None}
@@ -104,7 +120,8 @@ def fit(
             photographs = reading.read(stack)
             stage.note = stack_words(photographs)
         tell(stages, photographs)
-        sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads)
+        sbrdf: Any
+        sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads, own)
         with stages.stage("files") as stage:
             write_maps(folder, sbrdf, reflectance)
             if reflectance is not None:
@@ -124,6 +141,8 @@ def fit(
                 **asdict(reading),
                 "system": system,
                 **procedure.options,
+                "pooling": pooling,
+                **(own or {}),
                 "camera": camera,
                 "illuminant": illuminant,
                 "threads": threads,
@@ -189,20 +208,30 @@ def numbers(stack: Stack, sbrdf: Any, reflectance: Any) -> dict[str, Any]:
     """What a report keeps beside the maps."""
     import numpy as np
 
+    from impasto.fit.lobes import LobeSbrdf
     from impasto.report import status_counts
 
+    if isinstance(sbrdf, LobeSbrdf):
+        gloss: dict[str, Any] = {
+            "lobes": [int((sbrdf.lobes == n).sum()) for n in range(len(sbrdf.gamma) + 1)],
+            "gamma_degrees_median": [_median(np.degrees(gamma)) for gamma in sbrdf.gamma],
+        }
+    else:
+        gloss = {
+            "beta": sbrdf.beta,
+            "gamma_degrees": float(np.degrees(sbrdf.gamma)),
+            "verdict": sbrdf.verdict,
+            "describes": sbrdf.describes,
+            "converged": sbrdf.converged,
+            "covariance_log_beta_log_gamma": sbrdf.covariance,
+        }
     return {
         "shape": stack.shape,
         "bands": stack.bands,
         "encoding": {"curve": stack.encoding.curve, "white": stack.encoding.white},
         "status": status_counts(sbrdf.status),
         "normals_status": status_counts(sbrdf.normals.status),
-        "beta": sbrdf.beta,
-        "gamma_degrees": float(np.degrees(sbrdf.gamma)),
-        "verdict": sbrdf.verdict,
-        "describes": sbrdf.describes,
-        "converged": sbrdf.converged,
-        "covariance_log_beta_log_gamma": sbrdf.covariance,
+        **gloss,
         "sigma_degrees_median": _median(np.degrees(sbrdf.sigma)),
         "residual_median": _median(sbrdf.residual),
         "reflectance": None if reflectance is None else reflectance.info,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
+from impasto.fit.lobes import LobeSbrdf
 from impasto.io import write_exr, write_png8, write_png16, write_tiff16
 
 RESULT = "sbrdf.npz"
@@ -24,6 +25,8 @@ def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
     ``normal.png``                16 bits, (n + 1) / 2; black where unknown
     ``diffuse.exr``               linear, white board 1.0; R, G, B or the names of the bands
     ``diffuse.png``, ``.tif``     16 bits: sRGB for one or three bands, else linear TIFF
+    ``lobes.exr``                 with lobes per pixel: ``1.R`` and so on, the strength of lobe 1,
+                                  ``1.gamma`` and ``1.sigma`` in degrees, ``ambient.R``, ``lobes``
     ``trust.exr``                 status, residual, sigma (degrees), misfit of the gloss,
                                   condition, samples used and rejected, by reason
     ``status.png``                8 bits: the codes of :class:`impasto.Status`
@@ -39,6 +42,8 @@ def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
         write_png16(folder / "diffuse.png", _coded(sbrdf.diffuse))
     else:
         write_tiff16(folder / "diffuse.tif", sbrdf.diffuse, attributes={"bands": sbrdf.bands})
+    if isinstance(sbrdf, LobeSbrdf):
+        write_exr(folder / "lobes.exr", _lobes(sbrdf))
     write_exr(folder / "trust.exr", _trust(sbrdf))
     write_png8(folder / "status.png", np.asarray(sbrdf.status, dtype=np.uint8))
     sbrdf.save(folder / RESULT)
@@ -74,8 +79,28 @@ def load_result(folder: Path) -> tuple[Any, Any]:
 
 
 def _channels(sbrdf: Any) -> dict[str, NDArray[np.float32]]:
-    names = {1: ("Y",), 3: ("R", "G", "B")}.get(len(sbrdf.diffuse), sbrdf.bands)
-    return dict(zip(names, sbrdf.diffuse, strict=True))
+    return dict(zip(_band_names(sbrdf), sbrdf.diffuse, strict=True))
+
+
+def _band_names(sbrdf: Any) -> tuple[str, ...]:
+    if len(sbrdf.diffuse) in {1, 3}:
+        return ("Y",) if len(sbrdf.diffuse) == 1 else ("R", "G", "B")
+    return tuple(sbrdf.bands)
+
+
+def _lobes(sbrdf: LobeSbrdf) -> dict[str, NDArray[Any]]:
+    names = _band_names(sbrdf)
+    channels: dict[str, NDArray[Any]] = {
+        f"ambient.{name}": plane for name, plane in zip(names, sbrdf.ambient, strict=True)
+    }
+    for number, strengths in enumerate(sbrdf.specular, start=1):
+        gamma = np.degrees(sbrdf.gamma[number - 1])
+        channels |= {
+            f"{number}.{name}": plane for name, plane in zip(names, strengths, strict=True)
+        }
+        channels[f"{number}.gamma"] = gamma
+        channels[f"{number}.sigma"] = gamma * sbrdf.gamma_sigma[number - 1]
+    return channels | {"lobes": sbrdf.lobes}
 
 
 def _coded(linear: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -90,7 +115,7 @@ def _trust(sbrdf: Any) -> dict[str, NDArray[Any]]:
         "status": sbrdf.status,
         "residual": sbrdf.residual,
         "sigma": np.degrees(sbrdf.sigma),
-        "misfit": sbrdf.misfit,
+        **({} if isinstance(sbrdf, LobeSbrdf) else {"misfit": sbrdf.misfit}),
         "condition": stereo.condition,
         "used": stereo.used,
         **{f"rejected.{name}": p for name, p in zip(reasons, stereo.rejected, strict=True)},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from impasto.bands import Camera
+    from impasto.fit.lobes import LobeSbrdf
     from impasto.fit.reflectance import Reflectance
     from impasto.fit.sbrdf import Sbrdf
     from impasto.stack import Stack
@@ -20,16 +21,34 @@ if TYPE_CHECKING:
 
 
 def measured(
-    stages: Stages, system: System, stack: Stack, camera: Camera | None, threads: int | None
-) -> tuple[Sbrdf, Reflectance | None]:
-    """Normals, gloss and, where the camera is known, spectra."""
+    stages: Stages,
+    system: System,
+    stack: Stack,
+    camera: Camera | None,
+    threads: int | None,
+    lobes: dict[str, Any] | None = None,
+) -> tuple[Sbrdf | LobeSbrdf, Reflectance | None]:
+    """Normals, gloss and, where the camera is known, spectra; ``lobes``: options of pixels' own."""
+    import impasto
     from impasto.overview import gloss_words
 
     with stages.stage("normals") as stage:
         normals = system.fit_normals(stack, threads=threads, progress=stage.advance)
         stage.note = f"{system.method}; {_share_estimated(normals.status)} of the pixels"
     with stages.stage("gloss") as stage:
-        sbrdf = system.fit_sbrdf(stack, normals, threads=threads, progress=stage.advance)
+        sbrdf: Any
+        if lobes is None:
+            sbrdf = system.fit_sbrdf(stack, normals, threads=threads, progress=stage.advance)
+        else:
+            sbrdf = impasto.fit_sbrdf(
+                stack,
+                pooling="pixel",
+                index=system.index,
+                normals=normals,
+                threads=threads,
+                progress=stage.advance,
+                **lobes,
+            )
         stage.note = gloss_words(sbrdf).removeprefix("gloss: ")
     if camera is None:
         return sbrdf, None

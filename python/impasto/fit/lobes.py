@@ -187,6 +187,7 @@ def fit_lobes(
     progress: bool | ProgressCallback,
     free: bool = True,
     rounds: int = 2,
+    typical: bool = True,
 ) -> LobeSbrdf:
     """Lobes of every pixel, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`."""
     with reporting(progress, "lobes") as callback:
@@ -200,6 +201,7 @@ def fit_lobes(
             bool(ambient),
             free,
             rounds,
+            typical,
             index,
             thread_count(threads),
             callback,

@@ -11,7 +11,8 @@ use crate::stack::Stack;
 
 use super::maps::{LobeMaps, MOST_LOBES, Sheet};
 use super::model::{LobeModel, MAX_SHAPES};
-use super::search::{Prior, Search};
+use super::prior::Prior;
+use super::search::Search;
 use super::settle::{COLUMNS, Settle, Settled};
 use super::sight::Sight;
 use super::tile::{Place, TILE, Tile};
@@ -27,6 +28,8 @@ pub struct LobeOptions {
     pub normal: bool,
     /// Rounds in which all bands settle and samples are weighed anew by their residuals.
     pub rounds: usize,
+    /// Whether shapes are drawn towards what is typical of the painting.
+    pub typical: bool,
 }
 
 /// Lobes of every pixel, from the normals of photometric stereo.
@@ -53,44 +56,90 @@ pub fn fit_lobes<M: LobeModel>(
     }
     start.check(shape.pixels(), shape.bands)?;
     let sight = Sight::new(model, rig);
-    let prior = Prior { shapes: [[0.0; MAX_SHAPES]; MOST_LOBES], strength: 0.0 };
-    let fit = Fit { stack, rig, start, sight: &sight, options, prior: &prior, run };
+    let fit = Fit { stack, rig, start, sight: &sight, options, prior: None, run };
+    let prior = if options.typical { Some(fit.typical()?) } else { None };
+    let fit = Fit { prior: prior.as_ref(), ..fit };
     let mut maps = LobeMaps::new(shape.bands, options.lobes, M::NAMES.len(), start.status);
     run.for_each(
         maps.sheets(TILE),
-        || (Tile::new(stack), Settled::new(shape.bands)),
-        |(tile, settled), sheet| fit.tile(tile, settled, sheet),
+        || Scratch::new(stack),
+        |scratch, sheet| {
+            let fine = fit.settle_tile(scratch, sheet.start);
+            fit.write(scratch, &fine, sheet);
+        },
     )?;
     Ok(maps)
 }
 
+/// Tiles that tell what is typical of a painting, at most: some ten thousand pixels.
+const SAMPLED: usize = 40;
+
+/// Share of the usual spread beyond which a shape's error says that the pixel's photographs and
+/// what is typical know equally little: two measurements of equal weight halve the variance.
+const TYPICAL: f32 = core::f32::consts::FRAC_1_SQRT_2;
+
+struct Scratch {
+    tile: Tile,
+    settled: Settled,
+}
+
+impl Scratch {
+    fn new(stack: &Stack<'_>) -> Self {
+        Self { tile: Tile::new(stack), settled: Settled::new(stack.shape().bands) }
+    }
+}
+
+#[derive(Clone, Copy)]
 struct Fit<'a, M: LobeModel> {
     stack: &'a Stack<'a>,
     rig: &'a Rig,
     start: &'a Start<'a>,
     sight: &'a Sight<'a, M>,
     options: &'a LobeOptions,
-    prior: &'a Prior,
+    prior: Option<&'a Prior>,
     run: &'a Run<'a>,
 }
 
 impl<M: LobeModel> Fit<'_, M> {
-    fn tile(&self, tile: &mut Tile, settled: &mut Settled, sheet: Sheet<'_>) {
-        tile.read(self.stack, self.rig, sheet.start, self.start.normal);
-        let status = &self.start.status[tile.start..tile.start + tile.count];
+    /// What is typical of the painting, from tiles spread over it.
+    fn typical(&self) -> Result<Prior> {
+        let tiles = self.stack.shape().pixels().div_ceil(TILE);
+        let starts: Vec<usize> =
+            (0..tiles).step_by(tiles.div_ceil(SAMPLED)).map(|tile| tile * TILE).collect();
+        let places = self.run.map(
+            starts,
+            || Scratch::new(self.stack),
+            |scratch, start| {
+                let fine = self.settle_tile(scratch, start);
+                fine.into_iter().map(|pixel| scratch.tile.places[pixel]).collect::<Vec<_>>()
+            },
+        )?;
+        Ok(Prior::of_places(&self.sight.model, &places.concat()))
+    }
+
+    /// A tile's pixels brought to where they stay; returns those that can be fitted.
+    fn settle_tile(&self, scratch: &mut Scratch, start: usize) -> Vec<usize> {
+        let Scratch { tile, settled } = scratch;
+        tile.read(self.stack, self.rig, start, self.start.normal);
+        let status = &self.start.status[start..start + tile.count];
         let fine: Vec<usize> = (0..tile.count)
             .filter(|&pixel| status[pixel] < Status::Dark.code() && self.supports(tile, pixel, 0))
             .collect();
         self.find(tile, &fine);
         for _ in 0..self.options.rounds {
             if self.run.cancelled() {
-                return;
+                return fine;
             }
             self.settle(tile, settled, true);
             self.refine(tile, &fine);
         }
         self.settle(tile, settled, false);
-        self.write(tile, settled, &fine, sheet);
+        for (place, &variance) in tile.places.iter_mut().zip(&settled.variance) {
+            let scale = variance.sqrt();
+            place.normal_spread *= scale;
+            place.shape_spread = place.shape_spread.map(|spread| spread * scale);
+        }
+        fine
     }
 
     /// Lobes one at a time, on the mean of the bands.
@@ -125,11 +174,19 @@ impl<M: LobeModel> Fit<'_, M> {
                     self.search(tile, &starts, &able, lobes);
                 }
             }
+            // A strength, and a shape that nothing else is known of.
+            let known = self.prior.is_some_and(|prior| prior.knows(lobes));
+            let unknowns = if known { 1 } else { 1 + M::SHAPES };
             for &pixel in &able {
-                if better(&tile.places[pixel], &best[pixel], tile.usable[pixel], 1 + M::SHAPES) {
+                let told = best[pixel].cost > tile.rounding[pixel];
+                if told && better(&tile.places[pixel], &best[pixel], tile.usable[pixel], unknowns) {
                     best[pixel] = tile.places[pixel];
                 }
             }
+        }
+        for place in &mut best {
+            let key = |shape: &[f32; MAX_SHAPES]| self.sight.model.order(*shape);
+            place.shapes[..place.lobes].sort_by(|a, b| key(b).total_cmp(&key(a)));
         }
         tile.places = best;
     }
@@ -160,7 +217,7 @@ impl<M: LobeModel> Fit<'_, M> {
             y: &tile.y,
             ambient: self.options.ambient,
             free: self.options.normal,
-            prior: self.prior,
+            prior: None,
             starts,
             found: &mut tile.places,
             pixels: pixels.iter().copied(),
@@ -218,7 +275,8 @@ impl<M: LobeModel> Fit<'_, M> {
         .run();
     }
 
-    fn write(&self, tile: &Tile, settled: &Settled, fine: &[usize], mut sheet: Sheet<'_>) {
+    fn write(&self, scratch: &Scratch, fine: &[usize], mut sheet: Sheet<'_>) {
+        let Scratch { tile, settled } = scratch;
         let bands = tile.colour.bands;
         let numbers = M::NAMES.len();
         for pixel in 0..tile.count {
@@ -242,7 +300,6 @@ impl<M: LobeModel> Fit<'_, M> {
             let mut order: Vec<usize> = (0..place.lobes).collect();
             let key = |lobe: usize| self.sight.model.order(place.shapes[lobe]);
             order.sort_by(|&a, &b| key(b).total_cmp(&key(a)));
-            let variance = settled.variance[pixel];
             for band in 0..bands {
                 sheet.diffuse[band][pixel] = colour(band, 0);
                 sheet.ambient[band][pixel] = colour(band, COLUMNS - 1);
@@ -257,11 +314,17 @@ impl<M: LobeModel> Fit<'_, M> {
                 for (number, &value) in told[..numbers].iter().enumerate() {
                     sheet.numbers[rank * numbers + number][pixel] = value;
                 }
-                sheet.spread[rank][pixel] = place.shape_spread[lobe] * variance.sqrt();
+                sheet.spread[rank][pixel] = place.shape_spread[lobe];
+            }
+            // The photographs know less of every lobe than what is typical does.
+            let typical = self.sight.model.spreads()[0] as f32 * TYPICAL;
+            let pooled = place.shape_spread[..place.lobes].iter().all(|&s| s > typical);
+            if pooled && place.lobes > 0 && sheet.status[pixel] == Status::Fitted.code() {
+                sheet.status[pixel] = Status::Pooled.code();
             }
             sheet.lobes[pixel] = place.lobes as u8;
             sheet.residual[pixel] = settled.residual[pixel];
-            sheet.sigma[pixel] = place.normal_spread * variance.sqrt();
+            sheet.sigma[pixel] = place.normal_spread;
         }
     }
 }

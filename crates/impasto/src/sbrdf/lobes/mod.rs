@@ -14,6 +14,7 @@ mod colours;
 mod fit;
 mod maps;
 mod model;
+mod prior;
 mod search;
 mod settle;
 mod sight;

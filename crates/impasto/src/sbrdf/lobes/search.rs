@@ -12,21 +12,13 @@ use crate::math::{Level, Real, Vec3};
 use crate::sbrdf::pixel::tangents;
 
 use super::colours::Sums;
-use super::maps::MOST_LOBES;
-use super::model::{LobeModel, MAX_SHAPES, Visit};
+use super::model::{LobeModel, Visit};
+use super::prior::Prior;
 use super::sight::Sight;
 use super::tile::{Place, Plate};
 
 /// Farthest that one search tilts a normal: beyond 1.4 rad there is no surface to be seen.
 const STEEPEST: f64 = 6.0;
-
-/// What is typical of the painting's lobes, and how much that counts.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Prior {
-    pub(super) shapes: [[f32; MAX_SHAPES]; MOST_LOBES],
-    /// 0: not at all.
-    pub(super) strength: f32,
-}
 
 /// One search for many pixels with the same number of lobes.
 pub(super) struct Search<'a, M: LobeModel, I> {
@@ -36,7 +28,8 @@ pub(super) struct Search<'a, M: LobeModel, I> {
     pub(super) y: &'a [f32],
     pub(super) ambient: bool,
     pub(super) free: bool,
-    pub(super) prior: &'a Prior,
+    /// What is typical of the painting; none while that is being found out.
+    pub(super) prior: Option<&'a Prior>,
     /// Where each pixel starts.
     pub(super) starts: &'a [Place],
     /// The best place so far; replaced where the search ends at a smaller cost.
@@ -65,6 +58,13 @@ impl<M: LobeModel, I: Iterator<Item = usize>> Visit for Search<'_, M, I> {
             bounds.upper[unknown] = upper[shape] as f32;
         }
         let record = Lanes::<M, J, K, N>::RECORD;
+        let mut typical = [[0.0; 2]; N];
+        if let Some(prior) = self.prior {
+            for (unknown, typical) in typical.iter_mut().enumerate().skip(2) {
+                let (lobe, shape) = ((unknown - 2) / M::SHAPES, (unknown - 2) % M::SHAPES);
+                *typical = prior.of(&self.sight.model, J, lobe, shape);
+            }
+        }
         let scratch = vec![0.0; record * self.sight.photographs() * crate::math::lanes::MAX_LANES];
         let mut lanes = Lanes::<M, J, K, N> {
             sight: self.sight,
@@ -72,7 +72,7 @@ impl<M: LobeModel, I: Iterator<Item = usize>> Visit for Search<'_, M, I> {
             x: self.x,
             y: self.y,
             barred: core::array::from_fn(|column| column == K - 1 && !self.ambient),
-            prior: self.prior,
+            typical,
             starts: self.starts,
             found: self.found,
             scratch: RefCell::new(scratch),
@@ -87,7 +87,8 @@ struct Lanes<'a, M: LobeModel, const J: usize, const K: usize, const N: usize> {
     x: &'a [f32],
     y: &'a [f32],
     barred: [bool; K],
-    prior: &'a Prior,
+    /// Typical shapes and the inverse of how far from them shapes usually lie, per unknown.
+    typical: [[f32; 2]; N],
     starts: &'a [Place],
     found: &'a mut [Place],
     /// Columns and their derivatives, photograph by photograph, all lanes.
@@ -164,9 +165,8 @@ impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
     fn load(&mut self, pixel: usize, column: &mut Column<'_, f32>) -> [f32; N] {
         let Place { normal: [nx, ny, nz], shapes, cost, .. } = self.starts[pixel];
         let planes = self.plate.planes() as f32;
-        // The prior counts as so many samples of typical residual.
-        let trust =
-            if cost.is_finite() { self.prior.strength * (cost / planes).sqrt() } else { 0.0 };
+        // Residuals as they are now make the unit in which the typical shapes pull.
+        let trust = if cost.is_finite() { (cost / planes).sqrt() } else { 0.0 };
         let rest = [nx, ny, nz, self.x[pixel], self.y[pixel], trust];
         let weights = self.plate.weights_of(pixel);
         column.fill(self.plate.column(pixel).chain(weights).chain(rest));
@@ -248,12 +248,12 @@ impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
             }
         }
         let trust = rest(5);
-        for unknown in 2..N {
-            let (lobe, shape) = ((unknown - 2) / M::SHAPES, (unknown - 2) % M::SHAPES);
-            let residual = trust * (R::splat(self.prior.shapes[lobe][shape]) - at[unknown]);
+        for (unknown, &[typical, inverse]) in self.typical.iter().enumerate().skip(2) {
+            let pull = trust * R::splat(inverse);
+            let residual = pull * (R::splat(typical) - at[unknown]);
             total.cost = residual.mul_add(residual, total.cost);
-            total.descent[unknown] = trust.mul_add(residual, total.descent[unknown]);
-            total.matrix[unknown][unknown] = trust.mul_add(trust, total.matrix[unknown][unknown]);
+            total.descent[unknown] = pull.mul_add(residual, total.descent[unknown]);
+            total.matrix[unknown][unknown] = pull.mul_add(pull, total.matrix[unknown][unknown]);
         }
         total
     }

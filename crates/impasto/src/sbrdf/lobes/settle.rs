@@ -14,7 +14,7 @@ use crate::math::Level;
 pub(super) const COLUMNS: usize = MOST_LOBES + 2;
 
 /// Share of a pixel's mean sample below which noise does not shrink with the light.
-const FLOOR: f64 = 0.02;
+const FLOOR: f64 = 0.1;
 
 /// What stands beside the places of a tile.
 pub(super) struct Settled {
@@ -137,14 +137,17 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
                     shown[photograph * bands + band] = value;
                 }
             }
-            let floor = I::F32::of(FLOOR) * light / used.max(one);
+            // Variances in units of the pixel's mean sample.
+            let mean = light / used.max(one);
+            let unit = I::F32::keep(mean.gt(zero), mean.recip());
+            let noise = |shown: I::F32| (shown * unit).max(I::F32::of(FLOOR));
             let (mut sum, mut plain, mut weighted) = (zero, zero, zero);
             for (plane, &shown) in shown.iter().enumerate() {
                 let (sample, weight, _) = look::<I::F32>(plate, plane, at);
                 let residual = I::F32::keep(weight.gt(zero), sample - shown);
                 plain = residual.mul_add(residual, plain);
                 weighted = (weight * residual).mul_add(residual, weighted);
-                sum = sum + residual.abs() / shown.max(floor).sqrt();
+                sum = sum + residual.abs() / noise(shown).sqrt();
             }
             (plain / used.max(one)).sqrt().store(&mut settled.residual[at..]);
             (weighted / used.max(one)).store(&mut settled.variance[at..]);
@@ -154,13 +157,13 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
                 let bend = I::F32::keep(scale.gt(zero), scale.recip());
                 for (plane, &shown) in shown.iter().enumerate() {
                     let (sample, weight, clipped) = look::<I::F32>(plate, plane, at);
-                    let variance = shown.max(floor);
+                    let variance = noise(shown);
                     let far = (sample - shown) / variance.sqrt() * bend;
                     let fresh = (far.mul_add(far, one).sqrt() * variance).recip();
                     // A clipped sample says that there was at least so much light.
                     let silent = clipped & shown.ge(sample);
                     let known = weight.gt(zero) | clipped;
-                    let fresh = I::F32::keep(known & !silent & variance.gt(zero), fresh);
+                    let fresh = I::F32::keep(known & !silent, fresh);
                     fresh.store(&mut plate.weights[plane * TILE + at..]);
                 }
             }

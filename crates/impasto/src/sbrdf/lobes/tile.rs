@@ -43,7 +43,8 @@ pub(super) struct Plate {
     pub(super) bands: usize,
     /// Linear; `+inf` where clipped, 0 where unusable.
     pub(super) samples: Vec<f32>,
-    /// Inverse of the expected variance; 0 where a sample does not count.
+    /// Inverse of the expected variance in units of the pixel's mean sample: free of scale, so that
+    /// costs go with its square (hard case 28). 0 where a sample does not count.
     pub(super) weights: Vec<f32>,
     /// What a clipped sample reached at least, per (obs, band).
     pub(super) ceilings: Vec<f32>,
@@ -85,8 +86,14 @@ pub(super) struct Tile {
     pub(super) grey: Plate,
     /// Usable photographs per pixel.
     pub(super) usable: Vec<usize>,
+    /// What rounding leaves of the mean of the bands, as a weighted sum of squares.
+    pub(super) rounding: Vec<f32>,
     pub(super) places: Vec<Place>,
 }
+
+/// Of a weighted sum of squares: f32 keeps 24 bits, and a sample shown is a sum of some ten rounded
+/// terms.
+const ROUNDING: f32 = 1.0 / (1_u64 << 40) as f32;
 
 /// Share of a pixel's mean sample below which light is no longer what noise grows with, before
 /// anything is known of the surface.
@@ -106,6 +113,7 @@ impl Tile {
             colour: Plate::new(ceilings, shape.bands),
             grey: Plate::new(vec![f32::INFINITY; shape.observations], 1),
             usable: vec![0; TILE],
+            rounding: vec![0.0; TILE],
             places: Vec::with_capacity(TILE),
         }
     }
@@ -158,7 +166,8 @@ impl Tile {
             self.grey.samples[place] = if whole { grey / bands as f32 } else { 0.0 };
             self.grey.weights[place] = f32::from(u8::from(whole));
         }
-        let floor = FIRST_FLOOR * sum / f32::max(count, 1.0);
+        let mean = sum / f32::max(count, 1.0);
+        let floor = FIRST_FLOOR * mean;
         for plate in [&mut self.colour, &mut self.grey] {
             let samples = plate.samples[pixel..].iter().step_by(TILE);
             for ((weight, &sample), &ceiling) in
@@ -166,8 +175,10 @@ impl Tile {
             {
                 let light = if sample == f32::INFINITY { ceiling } else { sample };
                 let variance = light.max(floor);
-                *weight = if *weight > 0.0 && variance > 0.0 { variance.recip() } else { 0.0 };
+                *weight = if *weight > 0.0 && variance > 0.0 { mean / variance } else { 0.0 };
             }
         }
+        let squares = self.grey.column(pixel).zip(self.grey.weights_of(pixel));
+        self.rounding[pixel] = ROUNDING * squares.map(|(y, weight)| weight * y * y).sum::<f32>();
     }
 }
