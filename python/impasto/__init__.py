@@ -18,6 +18,7 @@ from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import Normals, fit_normals
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
 from impasto.fit.sbrdf import Sbrdf, fit_sbrdf, load_sbrdf
+from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.height import cast_shadows, integrate_normals
 from impasto.io import read_stack
 from impasto.render import Image, display_from_bands, render
@@ -46,6 +47,8 @@ __all__ = [
     "Rig",
     "Sbrdf",
     "Scene",
+    "Segment",
+    "SegmentSbrdf",
     "Stack",
     "Status",
     "Training",

@@ -26,13 +26,14 @@ from impasto.fit.lobes import KIND as LOBES
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count, lobe_fields
 from impasto.fit.normals import Method, Normals, fit_normals
 from impasto.fit.saved import sbrdf_fields
+from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
 from impasto.io.results import read_maps, rig_arrays, write_maps
 from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.status import Status
 
 Model = Literal["torrance-sparrow", "lafortune"]
-Pooling = Literal["painting", "pixel"]
+Pooling = Literal["painting", "segment", "pixel"]
 Extraction = Literal["residual", "maximum", "papers"]
 
 LOBES_OF = {"torrance-sparrow": 2, "lafortune": 3}
@@ -264,11 +265,28 @@ def fit_sbrdf(
 ) -> LafortuneSbrdf: ...
 
 
+@overload
+def fit_sbrdf(
+    stack: Stack,
+    *,
+    model: Literal["torrance-sparrow"] = ...,
+    pooling: Literal["segment"],
+    segments: ArrayLike,
+    extraction: Extraction = ...,
+    joint: bool = ...,
+    index: float = ...,
+    normals: Normals | Method | None = ...,
+    threads: int | None = ...,
+    progress: bool | ProgressCallback = ...,
+) -> SegmentSbrdf: ...
+
+
 def fit_sbrdf(
     stack: Stack,
     *,
     model: Model = "torrance-sparrow",
     pooling: Pooling = "painting",
+    segments: ArrayLike | None = None,
     lobes: int | None = None,
     ambient: bool = True,
     extraction: Extraction = "residual",
@@ -277,7 +295,7 @@ def fit_sbrdf(
     normals: Normals | Method | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
-) -> Sbrdf | LobeSbrdf | LafortuneSbrdf:
+) -> Sbrdf | SegmentSbrdf | LobeSbrdf | LafortuneSbrdf:
     """Estimate normals, diffuse colours and the gloss of a painting.
 
     Photometric stereo first. Then the specular part of the samples gives one (beta, gamma) for
@@ -305,8 +323,12 @@ def fit_sbrdf(
     model
         ``"torrance-sparrow"``, the first two papers', or ``"lafortune"``, the third's.
     pooling
-        ``"painting"``: one Torrance-Sparrow lobe for all pixels. ``"pixel"``: every pixel its own;
-        Lafortune lobes always are.
+        ``"painting"``: one Torrance-Sparrow lobe for all pixels. ``"segment"``: one for every part
+        that ``segments`` tells apart; a part whose pixels do not determine a lobe has the
+        painting's, and says so. ``"pixel"``: every pixel its own; Lafortune lobes always are.
+    segments
+        With ``pooling="segment"``: ``(y, x)`` whole numbers, the same for the pixels of one part;
+        below 0: of none. Every part takes as long as the painting.
     lobes
         Lobes per pixel at most, 1 to 3; default: 2, of Lafortune's 3.
     ambient
@@ -334,13 +356,15 @@ def fit_sbrdf(
     Returns
     -------
     Sbrdf
-        Maps and the lobe. With ``pooling="pixel"`` a :class:`LobeSbrdf`, maps of every pixel's
+        Maps and the lobe. With ``pooling="segment"`` a :class:`SegmentSbrdf`, a lobe for every
+        part; with ``pooling="pixel"`` a :class:`LobeSbrdf`, maps of every pixel's
         lobes; with ``model="lafortune"`` a :class:`LafortuneSbrdf`.
 
     Raises
     ------
     ArgumentError
-        An unknown name, an index outside 1 to 100, lobes outside 1 to 3, normals of another size.
+        An unknown name, an index outside 1 to 100, lobes outside 1 to 3, normals of another size,
+        segments that are no whole numbers ``(y, x)``, or without ``pooling="segment"``.
     GeometryError
         Lights that cannot determine normals.
 
@@ -356,6 +380,12 @@ def fit_sbrdf(
     _one_of(extraction, Extraction, "extraction")
     index = refractive_index(index)
     most = lobe_count(LOBES_OF[model] if lobes is None else lobes)
+    if pooling == "segment":
+        labels = checked_labels(segments, stack.shape[2:])
+    elif segments is not None:
+        raise ArgumentError(f'segments: pooling is {pooling!r}; only "segment" takes them')
+    if pooling == "segment" and model == "lafortune":
+        raise ArgumentError('pooling: Lafortune lobes are fitted pixel by pixel, found "segment"')
     stereo = _stereo(stack, normals, threads, progress)
     if model == "lafortune":
         return fit_lafortune(stack, stereo, lobes=most, threads=threads, progress=progress)
@@ -369,6 +399,20 @@ def fit_sbrdf(
             threads=threads,
             progress=progress,
         )
+    if pooling == "segment":
+
+        def pooled_fit(stereo: Normals) -> Sbrdf:
+            return fit_sbrdf(
+                stack,
+                extraction=extraction,
+                joint=joint,
+                index=index,
+                normals=stereo,
+                threads=threads,
+                progress=progress,
+            )
+
+        return fit_segments(labels, stereo, pooled_fit)
     with reporting(progress, "gloss") as callback:
         pooled = _core.fit_pooled(
             StackArguments.of(stack),
