@@ -42,10 +42,10 @@ docs: $(VENV)/built $(VENV)/extras  ## build the documentation into docs/_build/
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 	@echo "docs: open docs/_build/html/index.html"
 
-bench: $(VENV)/built $(VENV)/extras $(VENV)/peers  ## time the numerics against peers
+bench: $(VENV)/built $(VENV)/extras $(VENV)/peers  ## time the numerics against peers; ratios go to benches/results
 	cargo bench --package impasto-benches --bench numerics
 	$(BIN)/python benches/python/fits.py --record
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest benches/python -q
+	$(BIN)/python -m pytest benches/python -q --record
 
 pictures: $(VENV)/built  ## make the pictures of README and documentation again
 	$(BIN)/python docs/pictures.py

@@ -1,15 +1,15 @@
-"""Normals of a megapixel under sixteen lights, against numpy; lower is better.
+"""Normals of a megapixel under sixteen lights, against numpy.
 
-    OPENBLAS_NUM_THREADS=1 pytest benches/python/test_normals_bench.py
+    pytest benches/python/test_normals_bench.py [--record]
 
-The table's brackets are the ratios within a group. Everything runs on one thread but the last
-group. Photographs are 16-bit codes, as files hold them; numpy converts them to single precision,
-but for the one peer that finds them converted. numpy computes the normals alone, ours also albedo,
-condition, residual, predicted error and status.
+One thread but in the last test. Photographs are 16-bit codes, as files hold them; numpy converts
+them to single precision, but for the one peer that finds them converted. numpy computes the
+normals alone, ours also albedo, condition, residual, predicted error and status.
 """
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -85,41 +85,42 @@ def rank(stack: impasto.Stack) -> np.ndarray:
     return weighted(lights, samples, keep)
 
 
-PEERS = {
-    "least-squares": [pseudo_inverse, lstsq],
-    "threshold": [threshold],
-    "rank": [rank],
-}
-
-
-@pytest.mark.parametrize("method", PEERS)
-def test_impasto(benchmark: Any, stack: impasto.Stack, method: str) -> None:
-    benchmark.group = method
-    call = impasto.fit_normals
-    found = benchmark.pedantic(
-        call, (stack,), {"method": method, "threads": 1}, rounds=5, warmup_rounds=1
-    )
-    expected = PEERS[method][0](stack).reshape(3, SIDE, SIDE)
+def same(found: impasto.Normals, expected: np.ndarray) -> None:
     # Both in single precision; a sample on a rule's very limit may fall on either side of it.
-    apart = np.abs(found.normal - expected).max(axis=0)
+    apart = np.abs(found.normal - expected.reshape(3, SIDE, SIDE)).max(axis=0)
     assert np.percentile(apart, 99) < 1e-4
 
 
-@pytest.mark.parametrize(
-    ("method", "peer"), [(method, peer) for method, of in PEERS.items() for peer in of]
-)
-def test_numpy(benchmark: Any, stack: impasto.Stack, method: str, peer: Any) -> None:
-    benchmark.group = method
-    benchmark.pedantic(peer, (stack,), rounds=3)
+def test_least_squares(versus: Any, stack: impasto.Stack, converted: impasto.Stack) -> None:
+    found = versus(
+        lambda: impasto.fit_normals(stack, method="least-squares", threads=1),
+        {
+            "pinv(L) @ I": lambda: pseudo_inverse(stack),
+            "pinv(L) @ I, samples converted": lambda: pseudo_inverse(converted),
+            "lstsq": lambda: lstsq(stack),
+        },
+        goal={"pinv(L) @ I": 2.5, "lstsq": 50.0},
+        megapixels=SIDE * SIDE / 1e6,
+    )
+    same(found, pseudo_inverse(stack))
 
 
-@pytest.mark.benchmark(group="least-squares")
-def test_numpy_on_converted_samples(benchmark: Any, converted: impasto.Stack) -> None:
-    benchmark.pedantic(pseudo_inverse, (converted,), rounds=3)
+@pytest.mark.parametrize(("method", "peer"), [("threshold", threshold), ("rank", rank)])
+def test_rule(versus: Any, stack: impasto.Stack, method: str, peer: Any) -> None:
+    found = versus(
+        lambda: impasto.fit_normals(stack, method=method, threads=1),
+        {"numpy": lambda: peer(stack)},
+        goal={"numpy": 15.0},
+        megapixels=SIDE * SIDE / 1e6,
+    )
+    same(found, peer(stack))
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_threads(benchmark: Any, stack: impasto.Stack, threads: int) -> None:
-    benchmark.group = "the default method on threads"
-    call = impasto.fit_normals
-    benchmark.pedantic(call, (stack,), {"threads": threads}, rounds=5, warmup_rounds=1)
+def test_two_threads(versus: Any, stack: impasto.Stack) -> None:
+    versus(
+        lambda: impasto.fit_normals(stack, threads=2),
+        {"one thread": lambda: impasto.fit_normals(stack, threads=1)},
+        goal={"one thread": 1.8},
+        megapixels=SIDE * SIDE / 1e6,
+        clock=time.perf_counter,
+    )
