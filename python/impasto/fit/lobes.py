@@ -59,7 +59,8 @@ class LobeSbrdf:
     residual
         ``(y, x)`` float32 root mean square of the residuals, linear light.
     sigma
-        ``(y, x)`` float32 standard deviation of the normal along its worst axis, radians.
+        ``(y, x)`` float32 standard deviation of the normal along its worst axis, radians; at
+        most pi / 2, which says that the photographs leave the normal open.
     status
         ``(y, x)`` uint8, :class:`~impasto.Status`.
     index

@@ -1,6 +1,8 @@
 //! The fit, tile by tile: a search on the mean of the bands finds lobes one at a time, then all
 //! bands settle shapes, normal and weights together.
 
+use core::f32::consts::FRAC_PI_2;
+
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::lm::Options;
@@ -324,7 +326,8 @@ impl<M: LobeModel> Fit<'_, M> {
             }
             sheet.lobes[pixel] = place.lobes as u8;
             sheet.residual[pixel] = settled.residual[pixel];
-            sheet.sigma[pixel] = place.normal_spread;
+            // Case 27: a normal that nothing determines may lie anywhere in the hemisphere.
+            sheet.sigma[pixel] = place.normal_spread.min(FRAC_PI_2);
         }
     }
 }
