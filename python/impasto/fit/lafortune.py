@@ -143,7 +143,7 @@ class LafortuneSbrdf:
         )
 
     def lobe_plot(self, y: int, x: int, stack: Stack | None = None) -> Figure:
-        """Draw a pixel's lobes: :func:`impasto.plots.lobe_plot`."""
+        """Draw a pixel's lobes: as ``impasto.plots.lobe_plot`` does."""
         from impasto.plots import lobe_plot
 
         return lobe_plot(self, y, x, stack)
