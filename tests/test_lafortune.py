@@ -13,7 +13,7 @@ from impasto import Status, simulate
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.simulate.score import normal_error
 from oracles import lafortune_fit as scipy_fit
-from oracles import lobes as oracle
+from oracles import lafortune_forward as oracle
 
 
 @pytest.fixture(scope="module")

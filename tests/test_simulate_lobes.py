@@ -11,7 +11,7 @@ import impasto
 from impasto import simulate
 from impasto.errors import ArgumentError
 from impasto.fit.forward import predict_lobes
-from oracles import lobes as oracle
+from oracles import lafortune_forward as oracle
 
 OFF: dict[str, Any] = {"noise": False, "bits": None, "clip": False}
 

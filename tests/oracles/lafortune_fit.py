@@ -1,9 +1,9 @@
 """Lafortune lobes of one pixel by SciPy, in double precision.
 
-The model is `lobes.py`'s, on the mean of the bands: with a given normal, the sum of squares of
-`y - (N.L) (rho_d + sum A d^n)` over (rho_d, and per lobe A, the angle of (Cxy, Cz), ln n), by
-`scipy.optimize.least_squares` (trust region, bounds rho_d, A >= 0). Which minimum it finds is the
-caller's choice of a start.
+The model is `lafortune_forward.py`'s, on the mean of the bands: with a given normal, the sum of
+squares of `y - (N.L) (rho_d + sum A d^n)` over (rho_d, and per lobe A, the angle of (Cxy, Cz),
+ln n), by `scipy.optimize.least_squares` (trust region; rho_d, A >= 0). Which minimum it finds is
+the caller's choice of a start.
 """
 
 from __future__ import annotations
