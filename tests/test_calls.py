@@ -175,6 +175,17 @@ except KeyboardInterrupt:
 @pytest.mark.skipif(os.name != "posix", reason="SIGINT is sent as on POSIX")
 @pytest.mark.parametrize("name", LONG)
 def test_ctrl_c_stops_a_call_in_the_middle(name: str) -> None:
+    # A signal that falls between two stages has nothing to stop: send another.
+    done, total, waited = next(
+        (stop for stop in (interrupted(name) for _ in range(4)) if stop[0] < stop[1]), (1, 1, 0.0)
+    )
+    assert done < total
+    # A heartbeat of 50 ms and one tile; the rest of the second is for a busy machine.
+    assert waited < 1.0
+
+
+def interrupted(name: str) -> tuple[int, int, float]:
+    """Tiles done, tiles in all, and seconds from the signal to the end of a call."""
     # The slowest instruction set makes the longest call.
     process = subprocess.Popen(
         [sys.executable, "-c", INTERRUPTED, name],
@@ -194,6 +205,4 @@ def test_ctrl_c_stops_a_call_in_the_middle(name: str) -> None:
         process.kill()
         process.wait()
     assert word == "interrupted"
-    assert int(done) < int(total)
-    # A heartbeat of 50 ms and one tile; the rest of the second is for a busy machine.
-    assert waited < 1.0
+    return int(done), int(total), waited
