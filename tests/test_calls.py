@@ -175,13 +175,15 @@ except KeyboardInterrupt:
 @pytest.mark.skipif(os.name != "posix", reason="SIGINT is sent as on POSIX")
 @pytest.mark.parametrize("name", LONG)
 def test_ctrl_c_stops_a_call_in_the_middle(name: str) -> None:
-    # A signal that falls between two stages has nothing to stop: send another.
-    done, total, waited = next(
-        (stop for stop in (interrupted(name) for _ in range(4)) if stop[0] < stop[1]), (1, 1, 0.0)
-    )
-    assert done < total
-    # A heartbeat of 50 ms and one tile; the rest of the second is for a busy machine.
-    assert waited < 1.0
+    # A signal that falls between two stages stops the call all the same, but it does not show
+    # that a stage can be stopped: send another.
+    for _ in range(4):
+        done, total, waited = interrupted(name)
+        # A heartbeat of 50 ms and one tile; the rest of the second is for a busy machine.
+        assert waited < 1.0
+        if done < total:
+            return
+    pytest.fail(f"four signals, and each time all {total} tiles were done")
 
 
 def interrupted(name: str) -> tuple[int, int, float]:

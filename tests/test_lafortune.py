@@ -208,7 +208,6 @@ def test_hard_case_30_few_photographs_have_few_lobes(capture: Any) -> None:
 
 
 def test_the_plot_draws_a_pixel(capture: Any, fit: impasto.LafortuneSbrdf, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
     figure = fit.lobe_plot(5, 6, capture.stack)
     figure.savefig(tmp_path / "lobes.png")
     assert (tmp_path / "lobes.png").stat().st_size > 10_000
