@@ -64,6 +64,7 @@ impl Luminance<'_> {
         let [x, y, z] = self.normals[pixel].map(f64::from);
         let [across, up] = self.places[pixel].map(f64::from);
         let (mut count, mut own, mut pull, mut square) = (0, 0.0_f64, 0.0_f64, 0.0_f64);
+        let mut sides = [Side::default(); 2];
         for (photograph, sample) in self.column::<f64>(pixel).take(self.photographs()).enumerate() {
             if !sample.is_finite() {
                 continue;
@@ -77,10 +78,14 @@ impl Luminance<'_> {
             own = cosine.mul_add(cosine, own);
             pull = cosine.mul_add(sample, pull);
             square = sample.mul_add(sample, square);
+            for (side, sign) in sides.iter_mut().zip([-1.0, 1.0]) {
+                side.add(sign.mul_add(pair.tangential, pair.upright), cosine, sample);
+            }
         }
         let diffuse = if own > 0.0 { (pull / own).max(0.0) } else { 0.0 };
         let cost = (diffuse * own - 2.0 * pull).mul_add(diffuse, square).max(0.0);
-        Plain { count, diffuse, cost, square }
+        let [mirror, retro] = sides.map(|side| side.gain(diffuse, own));
+        Plain { count, diffuse, cost, square, retro: retro > mirror }
     }
 }
 
@@ -91,6 +96,33 @@ pub(super) struct Plain {
     pub(super) cost: f64,
     /// Sum of the squared samples.
     pub(super) square: f64,
+    /// Whether what the diffuse part leaves stands towards the light rather than its mirror image.
+    pub(super) retro: bool,
+}
+
+/// What a broad lobe in one direction would explain.
+#[derive(Clone, Copy, Default)]
+struct Side {
+    own: f64,
+    shared: f64,
+    pull: f64,
+}
+
+impl Side {
+    fn add(&mut self, base: f64, cosine: f64, sample: f64) {
+        let squared = base.max(0.0) * base.max(0.0);
+        let value = squared * squared * cosine;
+        self.own = value.mul_add(value, self.own);
+        self.shared = value.mul_add(cosine, self.shared);
+        self.pull = value.mul_add(sample, self.pull);
+    }
+
+    /// Fall of the cost when the lobe joins a diffuse part whose squares sum up to `own`.
+    fn gain(&self, diffuse: f64, own: f64) -> f64 {
+        let left = (-diffuse).mul_add(self.shared, self.pull).max(0.0);
+        let new = self.own - self.shared * (self.shared / own);
+        if new > 0.0 { left * (left / new) } else { 0.0 }
+    }
 }
 
 /// Lights and views in the precision of a search.

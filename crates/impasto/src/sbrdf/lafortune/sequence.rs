@@ -13,6 +13,9 @@ pub const MOST_LOBES: usize = 3;
 /// Exponents that Snel starts lobes from, in the order in which they are added.
 const STARTS: [f64; MOST_LOBES] = [50.0, 5.0, 20.0];
 
+/// `n` and `n turn` from which a first lobe starts that stands towards the light: `Cxy = Cz`.
+const RETRO: f64 = 5.0;
+
 /// Strength that a lobe starts from, relative to the diffuse surface of least squares; the
 /// diffuse part starts from the same.
 const STRENGTH: f64 = 0.5;
@@ -46,6 +49,8 @@ pub struct Found {
     pub samples: usize,
     /// Whether the samples tell all parameters apart.
     pub distinct: bool,
+    /// Whether the first lobe starts towards the light, not its mirror image (hard case 16).
+    retro: bool,
     floor: f64,
 }
 
@@ -100,7 +105,7 @@ impl Sequence {
         pixels: &[usize],
         stopped: &(dyn Fn() -> bool + Sync),
     ) -> (Vec<Found>, Occupancy) {
-        let mut found: Vec<_> = pixels.iter().map(|&pixel| plain(data, pixel)).collect();
+        let mut found: Vec<_> = pixels.iter().map(|&pixel| self.plain(data, pixel)).collect();
         let mut occupancy = Occupancy::default();
         let mut open: Vec<_> = (0..pixels.len()).collect();
         let search = |options| Search { data, turning: self.turning, level, options, stopped };
@@ -133,25 +138,26 @@ impl Sequence {
         found.iter_mut().for_each(Found::sort);
         (found, occupancy)
     }
+
+    fn plain(&self, data: &Luminance<'_>, pixel: usize) -> Found {
+        let plain = data.plain(pixel);
+        let mut at = [0.0; 1 + 3 * MOST_LOBES];
+        at[0] = plain.diffuse;
+        Found {
+            lobes: 0,
+            at,
+            cost: plain.cost,
+            samples: plain.count,
+            distinct: true,
+            retro: self.turning && plain.retro,
+            floor: plain.square * ROUNDING * ROUNDING,
+        }
+    }
 }
 
 /// Whether so many samples determine so many lobes, with something left over (hard case 30).
 fn room_for(lobes: usize, samples: usize) -> bool {
     samples > 2 + 3 * lobes
-}
-
-fn plain(data: &Luminance<'_>, pixel: usize) -> Found {
-    let plain = data.plain(pixel);
-    let mut at = [0.0; 1 + 3 * MOST_LOBES];
-    at[0] = plain.diffuse;
-    Found {
-        lobes: 0,
-        at,
-        cost: plain.cost,
-        samples: plain.count,
-        distinct: true,
-        floor: plain.square * ROUNDING * ROUNDING,
-    }
 }
 
 /// One lobe more, as strong as a diffuse part that shares the light with it.
@@ -161,10 +167,12 @@ fn with_lobe(found: &Found, exponent: f64) -> Found {
         next.at[0] *= STRENGTH;
     }
     let strength = next.at[0].max(STRENGTH * 0.5 * found.at[0]);
+    let [exponent, turning] =
+        if found.lobes == 0 && found.retro { [RETRO; 2] } else { [exponent, 0.0] };
     let place = 1 + 3 * found.lobes;
     next.at[place..place + 3].copy_from_slice(&[
         strength,
-        0.0,
+        turning,
         exponent.ln().clamp(LOG_EXPONENT[0], LOG_EXPONENT[1]),
     ]);
     next.lobes += 1;

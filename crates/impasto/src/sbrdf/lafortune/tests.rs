@@ -148,8 +148,8 @@ fn hard_case_15_no_strength_is_negative() {
 
 #[test]
 fn hard_case_16_turns_stay_where_lobes_are() {
-    // A mirror lobe and one off the mirror direction, as (Cxy, Cz) of Ngan's paints.
-    for (cxy, cz, n) in [(-1.0, 1.0, 40.0_f64), (-0.65, 0.42, 20.0)] {
+    // Mirror, off-mirror and retro-reflecting lobes: (Cxy, Cz) of Ngan's paints, and of clay.
+    for (cxy, cz, n) in [(-1.0, 1.0, 40.0_f64), (-0.65, 0.42, 20.0), (0.87, 0.8, 5.0)] {
         let [turn, _] = crate::brdf::lafortune::turn_and_log_length(cxy, cz);
         let found = Scene::new(0.0, |_, _| vec![[0.4, turn, n.ln()]], 20).fit(1, false);
         for found in found {
