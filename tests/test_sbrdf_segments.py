@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -109,6 +110,50 @@ def test_numbers_stand_where_the_status_says_so(fitted: impasto.SegmentSbrdf) ->
     for name in ("normal", "residual", "sigma", "misfit"):
         values = getattr(fitted, name)
         np.testing.assert_array_equal(np.isnan(values), np.broadcast_to(lost, values.shape), name)
+
+
+def test_what_is_saved_is_read_again(fitted: impasto.SegmentSbrdf, tmp_path: Path) -> None:
+    path = tmp_path / "painting.npz"
+    fitted.save(path)
+    again = impasto.load_sbrdf(path)
+    assert isinstance(again, impasto.SegmentSbrdf)
+    for one, other in ((again, fitted), (again.painting, fitted.painting)):
+        for name in ("normal", "diffuse", "beta", "gamma", "residual", "sigma", "misfit", "status"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    np.testing.assert_array_equal(again.labels, fitted.labels)
+    assert repr(again) == repr(fitted)
+    for segment, expected in zip(again.segments, fitted.segments, strict=True):
+        for field in dataclasses.fields(segment):
+            value, wanted = getattr(segment, field.name), getattr(expected, field.name)
+            assert type(value) is type(wanted), field.name
+            np.testing.assert_array_equal(value, wanted, err_msg=field.name)
+    # Saved once, not once more with the painting.
+    assert again.painting.normals is again.normals
+    with np.load(path) as file:
+        arrays = dict(file)
+    assert "painting.normals.normal" not in arrays
+    damages = {
+        "segments.beta": arrays["segments.beta"][1:],
+        "segments.covariance": arrays["segments.covariance"][:, :1],
+        "painting.beta": np.array(-1.0),
+        "painting.normal": arrays["painting.normal"][:, 1:],
+        "labels": arrays["labels"].astype(np.float32),
+    }
+    for name, damaged in damages.items():
+        np.savez(path, **{**arrays, name: damaged})
+        with pytest.raises(impasto.CorruptInputError, match=name):
+            impasto.load_sbrdf(path)
+
+
+def test_a_painting_without_segments_is_saved_too(
+    fitted: impasto.SegmentSbrdf, tmp_path: Path
+) -> None:
+    bare = dataclasses.replace(fitted, segments=())
+    bare.save(tmp_path / "bare.npz")
+    again = impasto.load_sbrdf(tmp_path / "bare.npz")
+    assert isinstance(again, impasto.SegmentSbrdf)
+    assert again.segments == ()
+    assert "no segments" in repr(again)
 
 
 def test_wrong_segments_are_refused(capture: simulate.Capture) -> None:

@@ -16,8 +16,10 @@ from impasto.fit.highlight import LobeFit, fit_lobe
 from impasto.fit.lafortune import LafortuneSbrdf
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import Normals, fit_normals
+from impasto.fit.pooled import Sbrdf
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
-from impasto.fit.sbrdf import Sbrdf, fit_sbrdf, load_sbrdf
+from impasto.fit.result import FittedSurface
+from impasto.fit.sbrdf import fit_sbrdf, load_sbrdf
 from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.height import cast_shadows, integrate_normals
 from impasto.io import read_stack
@@ -34,6 +36,7 @@ __all__ = [
     "CorruptInputError",
     "DistantLight",
     "Encoding",
+    "FittedSurface",
     "GeometryError",
     "Image",
     "ImpastoError",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -42,16 +42,6 @@ STEEPEST = 0.7
 """Largest tilt (rad) in the diagram of the gloss: its light still stands 10 degrees high."""
 
 
-@dataclass(frozen=True, eq=False)
-class Visible:
-    """A result whose bands a display can show; see :func:`visible`."""
-
-    normal: NDArray[np.float32]
-    diffuse: NDArray[np.float32]
-    beta: Any
-    gamma: Any
-
-
 def visible(sbrdf: Any, reflectance: Any = None) -> Any:
     """The result as :func:`impasto.render` can show it.
 
@@ -61,17 +51,7 @@ def visible(sbrdf: Any, reflectance: Any = None) -> Any:
     count = len(sbrdf.diffuse)
     if reflectance is not None or count in {1, 3}:
         return sbrdf
-    bands = [count - 1, count // 2, 0]
-    chosen = np.ascontiguousarray(sbrdf.diffuse[bands])
-    if isinstance(sbrdf, LobeSbrdf):
-        return replace(
-            sbrdf,
-            diffuse=chosen,
-            specular=sbrdf.specular[:, bands],
-            ambient=sbrdf.ambient[bands],
-            bands=tuple(sbrdf.bands[band] for band in bands),
-        )
-    return Visible(sbrdf.normal, chosen, sbrdf.beta, sbrdf.gamma)
+    return sbrdf.with_bands([count - 1, count // 2, 0])
 
 
 def overview(
@@ -122,7 +102,7 @@ def diffuse_panel(sbrdf: Any, reflectance: Any = None, *, threads: int | None = 
     flat = np.zeros_like(shown.normal)
     flat[2] = 1.0
     flat[:, np.isnan(shown.normal[2])] = np.nan
-    matte = Visible(flat, shown.diffuse, 0.0, 0.1)
+    matte = SimpleNamespace(normal=flat, diffuse=shown.diffuse, beta=0.0, gamma=0.1)
     scene = Scene([DistantLight((0.0, 0.0, 1.0))], background=UNKNOWN)
     picture = render(matte, scene, reflectance=reflectance, threads=threads).display
     return Panel("Diffuse colour", picture, _colour_note(len(sbrdf.diffuse), reflectance))

@@ -19,8 +19,9 @@ from impasto.bands import Camera
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback
 from impasto.fit.normals import Method, Normals, fit_normals
+from impasto.fit.pooled import Extraction, Sbrdf
 from impasto.fit.reflectance import Estimator, Reflectance, fit_reflectance
-from impasto.fit.sbrdf import Extraction, Sbrdf, fit_sbrdf
+from impasto.fit.sbrdf import fit_sbrdf
 from impasto.render import Image, render
 from impasto.rig import DistantLight
 from impasto.scene import Scene

@@ -16,8 +16,9 @@ from impasto.cli.options import Flag
 from impasto.cli.photographs import Reading
 from impasto.errors import ArgumentError
 from impasto.fit.normals import Method
+from impasto.fit.pooled import Extraction
 from impasto.fit.reflectance import Estimator
-from impasto.fit.sbrdf import Extraction, Pooling
+from impasto.fit.sbrdf import Pooling
 from impasto.systems import Name
 
 if TYPE_CHECKING:

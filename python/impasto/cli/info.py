@@ -101,6 +101,15 @@ def _archive(path: Path) -> dict[str, Any]:
             "gamma_degrees": float(np.median(known)) if known.size else None,
             "index": sbrdf.index,
         }
+    elif isinstance(sbrdf, impasto.SegmentSbrdf):
+        gloss = {
+            "segments": [
+                f"{one.label}: {one.pixels} pixels, beta {one.beta:.4g}, "
+                f"gamma {np.degrees(one.gamma):.3g} degrees, {one.verdict}"
+                for one in sbrdf.segments
+            ],
+            "index": sbrdf.index,
+        }
     else:
         gloss = {
             "verdict": sbrdf.verdict,

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from impasto.bands import Camera
     from impasto.fit.lobes import LobeSbrdf
+    from impasto.fit.pooled import Sbrdf
     from impasto.fit.reflectance import Reflectance
-    from impasto.fit.sbrdf import Sbrdf
     from impasto.stack import Stack
     from impasto.systems import System
 

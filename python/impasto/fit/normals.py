@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 import numpy as np
@@ -17,6 +17,7 @@ from impasto.fit.border import (
     reporting,
     thread_count,
 )
+from impasto.fit.saved import over
 from impasto.stack import Stack
 from impasto.status import Status
 
@@ -60,15 +61,15 @@ class Normals:
         Which samples were left out, as in :func:`fit_normals`.
     """
 
-    normal: NDArray[np.float32]
-    albedo: NDArray[np.float32]
-    used: NDArray[np.uint16]
-    rejected: NDArray[np.uint16]
-    residual: NDArray[np.float32]
-    condition: NDArray[np.float32]
-    sigma: NDArray[np.float32]
-    status: NDArray[np.uint8]
-    method: str
+    normal: NDArray[np.float32] = field(metadata=over("axis", "y", "x"))
+    albedo: NDArray[np.float32] = field(metadata=over("band", "y", "x"))
+    used: NDArray[np.uint16] = field(metadata=over("y", "x", dtype=np.uint16))
+    rejected: NDArray[np.uint16] = field(metadata=over("reason", "y", "x", dtype=np.uint16))
+    residual: NDArray[np.float32] = field(metadata=over("y", "x"))
+    condition: NDArray[np.float32] = field(metadata=over("y", "x"))
+    sigma: NDArray[np.float32] = field(metadata=over("y", "x", unit="rad"))
+    status: NDArray[np.uint8] = field(metadata=over("y", "x", dtype=np.uint8))
+    method: str = field(metadata=over(dtype=np.str_))
 
     def __repr__(self) -> str:
         height, width = self.status.shape

@@ -1,72 +1,105 @@
-"""What a saved fit must hold before it is believed: every array's type, size and range."""
+"""Dataclasses of maps in a file and back: no array is believed before its type and size are seen.
+
+A field says by its metadata (:func:`over`) what its array runs over. Fields that are dataclasses
+themselves stand in the file under their own name: ``normals.albedo``.
+"""
 
 from __future__ import annotations
 
-from dataclasses import fields
+from collections.abc import Collection, Sequence
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.checks import refractive_index
-from impasto.fit.normals import Normals
-from impasto.io.results import SavedMaps, rig_from_arrays
+from impasto.io.results import SavedMaps, rig_arrays
+from impasto.rig import Rig
 
-VERDICTS = ("fitted", "mixed", "no-highlight", "at-bound")
+SIZES = {"axis": 3, "reason": 4, "row": 2, "column": 2, "measured": 3, "parameter": 2}
+"""Dimensions of a size that is always the same."""
 
 
-def sbrdf_fields(maps: SavedMaps) -> dict[str, Any]:
-    """The arguments of :class:`~impasto.Sbrdf`, or a refusal that names file and array."""
-    names = maps.array("bands", np.str_, (None,))
-    bands = tuple(str(name) for name in names)
-    height, width = maps.array("status", np.uint8, (None, None)).shape
-    verdict = str(maps.array("verdict", np.str_, ()))
-    maps.demand("verdict", verdict in VERDICTS, f"is {verdict!r}, none of {', '.join(VERDICTS)}")
-    beta, gamma = _scalar(maps, "beta"), _scalar(maps, "gamma")
-    maps.demand("beta", 0.0 <= beta < np.inf, f"is {beta:g}, not a finite strength from 0 on")
-    maps.demand("gamma", 0.0 < gamma <= 2.0, f"is {gamma:g} rad, not within 0 to 2")
+def over(*dims: str, dtype: type[np.generic] = np.float32, unit: str = "") -> dict[str, Any]:
+    """Metadata of a field: the dimensions of its array, the kind of number and its unit."""
+    return {"dims": dims, "dtype": dtype, "unit": unit}
+
+
+def arrays_of(
+    result: Any, prefix: str = "", *, leave_out: Collection[str] = ()
+) -> dict[str, NDArray[Any]]:
+    """The arrays of a dataclass and of the dataclasses in its fields."""
+    arrays: dict[str, NDArray[Any]] = {}
+    for field in fields(result):
+        name, value = prefix + field.name, getattr(result, field.name)
+        if field.name in leave_out:
+            continue
+        if isinstance(value, Rig):
+            arrays |= rig_arrays(value)
+        elif is_dataclass(value):
+            arrays |= arrays_of(value, f"{name}.")
+        elif "dims" in field.metadata:
+            arrays[name] = np.asarray(value)
+    return arrays
+
+
+def columns_of(rows: Sequence[Any], kind: type[Any], prefix: str) -> dict[str, NDArray[Any]]:
+    """Dataclasses of numbers as one array per field, a row for each."""
     return {
-        "normal": maps.array("normal", np.float32, (3, height, width)),
-        "diffuse": maps.array("diffuse", np.float32, (len(bands), height, width)),
-        "beta": beta,
-        "gamma": gamma,
-        "index": refractive_index(_scalar(maps, "index")),
-        "covariance": maps.array("covariance", np.float64, (2, 2)),
-        "verdict": verdict,
-        "curve": maps.array("curve", np.float64, (None, 3)),
-        "path": maps.array("path", np.float64, (None, 2)),
-        "describes": _scalar(maps, "describes"),
-        "converged": bool(maps.array("converged", np.bool_, ())),
-        **{
-            name: maps.array(name, np.float32, (height, width))
-            for name in ("misfit", "residual", "sigma")
-        },
-        "status": maps.array("status", np.uint8, (height, width)),
-        "normals": saved_normals(maps, len(bands), height, width),
-        "rig": rig_from_arrays(maps),
-        "bands": bands,
+        prefix + field.name: np.array(
+            [getattr(row, field.name) for row in rows], dtype=field.metadata["dtype"]
+        ).reshape(len(rows), *(SIZES[dim] for dim in field.metadata["dims"]))
+        for field in fields(kind)
     }
 
 
-def saved_normals(maps: SavedMaps, bands: int, height: int, width: int) -> Normals:
-    """The photometric stereo that a fit began with."""
-    planes = {"normal": (3,), "albedo": (bands,), "rejected": (4,)}
-    types: dict[str, type[np.generic]] = {
-        "used": np.uint16,
-        "rejected": np.uint16,
-        "status": np.uint8,
-    }
-    stereo: dict[str, NDArray[Any]] = {
-        field.name: maps.array(
-            f"normals.{field.name}",
-            types.get(field.name, np.float32),
-            (*planes.get(field.name, ()), height, width),
+class Reader:
+    """Reads fields whose arrays agree in their sizes.
+
+    Parameters
+    ----------
+    maps
+        An open file; it has ``status (y, x)`` and ``bands (band,)``, which all others are held
+        against.
+    """
+
+    def __init__(self, maps: SavedMaps) -> None:
+        self.maps = maps
+        self.sizes: dict[str, int] = dict(SIZES)
+        self._array("status", {"dims": ("y", "x"), "dtype": np.uint8})
+        self._array("bands", {"dims": ("band",), "dtype": np.str_})
+
+    def fields(self, kind: type[Any], prefix: str = "") -> dict[str, Any]:
+        """What the file holds for the fields of a dataclass that say what they run over."""
+        return {
+            field.name: self._value(prefix + field.name, field.metadata)
+            for field in fields(kind)
+            if "dims" in field.metadata
+        }
+
+    def rows(self, kind: type[Any], prefix: str) -> tuple[Any, ...]:
+        """The dataclasses that :func:`columns_of` took apart."""
+        columns = [
+            self._array(
+                prefix + field.name,
+                {**field.metadata, "dims": (prefix, *field.metadata["dims"])},
+            )
+            for field in fields(kind)
+        ]
+        return tuple(
+            kind(*(entry.item() if entry.ndim == 0 else entry for entry in map(np.asarray, row)))
+            for row in zip(*columns, strict=True)
         )
-        for field in fields(Normals)
-        if field.name != "method"
-    }
-    return Normals(method=str(maps.array("normals.method", np.str_, ())), **stereo)
 
+    def _value(self, name: str, metadata: Any) -> Any:
+        array = self._array(name, metadata)
+        if array.ndim == 0:
+            return array.item()
+        return tuple(array.tolist()) if array.dtype.kind == "U" else array
 
-def _scalar(maps: SavedMaps, name: str) -> float:
-    return float(maps.array(name, np.float64, ()))
+    def _array(self, name: str, metadata: Any) -> NDArray[Any]:
+        """An array of the sizes known so far; what is new of them is known from here on."""
+        wanted = tuple(self.sizes.get(dim) for dim in metadata["dims"])
+        array: NDArray[Any] = self.maps.array(name, metadata["dtype"], wanted)
+        self.sizes |= dict(zip(metadata["dims"], array.shape, strict=True))
+        return array

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
+from impasto.fit.border import ProgressCallback
 from impasto.fit.forward import predict
 from impasto.fit.normals import Normals
+from impasto.fit.pooled import Sbrdf
+from impasto.fit.result import FittedSurface
+from impasto.fit.saved import Reader, arrays_of, columns_of, over
+from impasto.io.results import SavedMaps
 from impasto.rig import Rig
 from impasto.status import Status
-
-if TYPE_CHECKING:
-    from impasto.fit.sbrdf import Sbrdf
 
 FEWEST = 64
 """Pixels that a lobe of their own takes: fewer have too few tilts to sample its flanks."""
@@ -45,50 +47,41 @@ class Segment:
         Whether the lobe is its own; else its pixels do not determine one, and have the painting's.
     """
 
-    label: int
-    pixels: int
-    beta: float
-    gamma: float
-    covariance: NDArray[np.float64]
-    verdict: str
-    own: bool
+    label: int = field(metadata=over(dtype=np.int64))
+    pixels: int = field(metadata=over(dtype=np.int64))
+    beta: float = field(metadata=over(dtype=np.float64))
+    gamma: float = field(metadata=over(dtype=np.float64))
+    covariance: NDArray[np.float64] = field(metadata=over("row", "column", dtype=np.float64))
+    verdict: str = field(metadata=over(dtype=np.str_))
+    own: bool = field(metadata=over(dtype=np.bool_))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SegmentSbrdf:
-    """A painting whose parts have a lobe each; :func:`impasto.render` takes it.
+class SegmentSbrdf(FittedSurface):
+    """A painting whose parts have a lobe each; what every result has: :class:`FittedSurface`.
+
+    NaN stands in the maps, and a ``status``, as in :class:`Sbrdf`, against the lobe that the pixel
+    has; ``POOLED``, too, where a segment has the painting's lobe.
 
     Attributes
     ----------
-    normal
-        ``(3, y, x)`` float32 unit vectors.
-    diffuse
-        ``(band, y, x)`` float32, relative to the white board.
     beta, gamma
         ``(y, x)`` float32: the lobe of every pixel's segment.
-    segments
-        One per label, in the order of their numbers.
+    misfit
+        ``(y, x)`` float32 as in :class:`Sbrdf`.
     labels
         ``(y, x)`` int64 as given; below 0: no segment, the painting's lobe.
-    residual, sigma, misfit
-        ``(y, x)`` float32 as in :class:`Sbrdf`, against the lobe that the pixel has.
-    status
-        ``(y, x)`` uint8, :class:`~impasto.Status`: ``POOLED``, too, where a segment has the
-        painting's lobe. NaN stands in the maps as in :class:`Sbrdf`.
+    segments
+        One :class:`Segment` per label, in the order of their numbers.
     painting
         The fit with one lobe for all.
     """
 
-    normal: NDArray[np.float32]
-    diffuse: NDArray[np.float32]
-    beta: NDArray[np.float32]
-    gamma: NDArray[np.float32]
+    beta: NDArray[np.float32] = field(metadata=over("y", "x"))
+    gamma: NDArray[np.float32] = field(metadata=over("y", "x", unit="rad"))
+    misfit: NDArray[np.float32] = field(metadata=over("y", "x"))
+    labels: NDArray[np.int64] = field(metadata=over("y", "x", dtype=np.int64))
     segments: tuple[Segment, ...]
-    labels: NDArray[np.int64]
-    residual: NDArray[np.float32]
-    sigma: NDArray[np.float32]
-    misfit: NDArray[np.float32]
-    status: NDArray[np.uint8]
     painting: Sbrdf
 
     @property
@@ -96,53 +89,44 @@ class SegmentSbrdf:
         """Index of refraction of the interface."""
         return self.painting.index
 
-    @property
-    def normals(self) -> Normals:
-        """The photometric stereo that the fit began with."""
-        return self.painting.normals
-
-    @property
-    def rig(self) -> Rig:
-        """Who lit and who looked."""
-        return self.painting.rig
-
-    @property
-    def bands(self) -> tuple[str, ...]:
-        """One name per band."""
-        return self.painting.bands
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """``(y, x)``."""
-        return self.painting.shape
-
-    @property
-    def pitch_mm(self) -> float | None:
-        """Width of a pixel on the painting in mm, if known."""
-        return self.painting.pitch_mm
-
-    def predict(
-        self, lights: Any = None, views: ArrayLike | None = None, *, threads: int | None = None
+    def _shown(
+        self, rig: Rig, threads: int | None, progress: bool | ProgressCallback
     ) -> NDArray[np.float32]:
-        """Samples that the surface shows; arguments and result as :meth:`Sbrdf.predict`'s."""
-        rig = Rig(
-            self.rig if lights is None else lights,
-            views=views,
-            pitch_mm=lights.pitch_mm if isinstance(lights, Rig) else self.pitch_mm,
-        )
         return predict(
-            self.normal, self.diffuse, self.beta, self.gamma, rig, index=self.index, threads=threads
+            self.normal,
+            self.diffuse,
+            self.beta,
+            self.gamma,
+            rig,
+            index=self.index,
+            threads=threads,
+            progress=progress,
         )
 
-    def __repr__(self) -> str:
-        height, width = self.shape
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        return (
+            arrays_of(self, leave_out={"painting"})
+            | arrays_of(self.painting, "painting.", leave_out={"normals", "rig"})
+            | columns_of(self.segments, Segment, "segments.")
+        )
+
+    @classmethod
+    def _read(cls, reader: Reader, shared: dict[str, Any]) -> dict[str, Any]:
+        return super()._read(reader, shared) | {
+            "segments": reader.rows(Segment, "segments."),
+            "painting": Sbrdf(**shared, **reader.fields(Sbrdf, "painting.")),
+        }
+
+    def _demand(self, maps: SavedMaps, prefix: str = "") -> None:
+        self.painting._demand(maps, "painting.")
+
+    def _gloss(self) -> str:
         lobes = ", ".join(
             f"{one.label}: beta {one.beta:.4g}, gamma {one.gamma:.4g} rad"
             + ("" if one.own else f" (the painting's; {one.verdict})")
             for one in self.segments
         )
-        size = f"{height} x {width} pixels, {len(self.bands)} bands"
-        return f"<SegmentSbrdf {size}, {len(self.segments)} segments: {lobes}>"
+        return f"{len(self.segments)} segments: {lobes}" if lobes else "no segments"
 
 
 def checked_labels(segments: Any, shape: tuple[int, int]) -> NDArray[np.int64]:
@@ -196,7 +180,15 @@ def fit_segments(
         for name in names:
             maps[name][..., inside] = getattr(own, name)[..., inside]
         maps["beta"][inside], maps["gamma"][inside] = own.beta, own.gamma
-    return SegmentSbrdf(segments=tuple(segments), labels=labels, painting=painting, **maps)
+    return SegmentSbrdf(
+        segments=tuple(segments),
+        labels=labels,
+        painting=painting,
+        normals=painting.normals,
+        rig=painting.rig,
+        bands=painting.bands,
+        **maps,
+    )
 
 
 def _one_segment(

@@ -1,0 +1,55 @@
+"""Results as xarray datasets; xarray is loaded only when one is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from impasto.status import Status
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+    from impasto.fit.result import FittedSurface
+
+
+def dataset_of(surface: FittedSurface) -> Dataset:
+    """See :meth:`impasto.FittedSurface.to_xarray`."""
+    try:
+        import xarray
+    except ImportError as error:
+        raise ImportError(
+            "to_xarray needs xarray, which is not installed: pip install 'impasto[scale]'"
+        ) from error
+    rig = surface.rig
+    variables: dict[str, Any] = {
+        "light": (("observation", "axis"), rig.vectors),
+        "near": (("observation",), rig.near),
+        "intensity": (("observation",), rig.intensities),
+        "view": (("observation", "axis"), rig.views),
+    }
+    numbers: dict[str, Any] = {"kind": surface.kind()}
+    for one in fields(surface):
+        dims = one.metadata.get("dims")
+        if dims is None or one.name == "bands":
+            continue
+        value = getattr(surface, one.name)
+        if not dims:
+            numbers[one.name] = int(value) if isinstance(value, bool) else value
+            continue
+        notes = {"units": one.metadata["unit"]} if one.metadata["unit"] else {}
+        variables[one.name] = (dims, value, notes)
+    # As the CF conventions write an enumeration.
+    variables["status"][2].update(
+        flag_values=np.array([int(status) for status in Status], dtype=np.uint8),
+        flag_meanings=" ".join(status.name.lower() for status in Status),
+    )
+    coordinates: dict[str, Any] = {"band": list(surface.bands), "axis": ["x", "y", "z"]}
+    if surface.pitch_mm is not None:
+        height, width = surface.shape
+        across = (np.arange(width) - (width - 1) / 2) * surface.pitch_mm
+        up = ((height - 1) / 2 - np.arange(height)) * surface.pitch_mm
+        coordinates |= {"x": ("x", across, {"units": "mm"}), "y": ("y", up, {"units": "mm"})}
+    return xarray.Dataset(variables, coords=coordinates, attrs=numbers)

@@ -1,0 +1,163 @@
+"""One lobe for a whole painting, fitted together with all its normals and colours."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto import _core
+from impasto.checks import refractive_index
+from impasto.fit.border import ProgressCallback, StackArguments, reporting, thread_count
+from impasto.fit.forward import predict
+from impasto.fit.normals import Normals
+from impasto.fit.result import FittedSurface
+from impasto.fit.saved import over
+from impasto.io.results import SavedMaps
+from impasto.rig import Rig
+from impasto.stack import Stack
+
+Extraction = Literal["residual", "maximum", "papers"]
+
+VERDICTS = ("fitted", "mixed", "no-highlight", "at-bound")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sbrdf(FittedSurface):
+    """A painting with one lobe for all pixels; what every result has: :class:`FittedSurface`.
+
+    ``residual`` and ``sigma`` of an :attr:`~impasto.Status.EXACT` pixel are NaN where its samples
+    (three lights in one band) are no more than its unknowns. ``sigma`` takes the lobe for known,
+    colours following. ``status`` is that of the normals, and ``POOLED`` where the pixel's samples
+    do not support the lobe: there ``normal`` and ``diffuse`` are those of ``normals``, and the lobe
+    is the painting's only.
+
+    Attributes
+    ----------
+    beta, gamma
+        The painting's lobe (six-band paper eq. 1, RGB paper eq. 9): strength relative to the white
+        board, half-width of the facets in radians. ``beta`` is 0 where no highlight was found.
+    index
+        Index of refraction of the interface.
+    covariance
+        ``(2, 2)`` of (log beta, log gamma); infinite where there is no highlight. From the scatter
+        of the pixels' own votes: it says how well the photographs determine the one lobe that fits
+        all of them best, not how far a pixel's own lobe may be from it (``misfit``).
+    verdict
+        ``"fitted"``; ``"mixed"``: a lobe stands out, but ``describes`` is below 0.8: several
+        varnishes, or gilding; ``"no-highlight"``: nothing stands out of the noise, ``beta`` is 0;
+        ``"at-bound"``: a lobe as sharp as a mirror or as flat as paper.
+    curve
+        ``(n, 3)`` the measured lobe: phi (rad), specular part over its geometry factor, samples.
+    path
+        ``(n, 2)`` beta and gamma as they got better, the separate fit of the papers first.
+    describes
+        Share of the pixels which know their own strength (to 20 %, normal and colours following)
+        that agree with the painting's (to 25 % or three standard deviations); NaN if none does.
+    converged
+        Whether the search for the lobe ended by its own tests; False: after its last step.
+    misfit
+        ``(y, x)`` float32, 0 to 1: by how much of ``beta`` the pixel's own strength differs from
+        it beyond three standard deviations; 0 where the photographs cannot tell.
+    """
+
+    beta: float = field(metadata=over(dtype=np.float64))
+    gamma: float = field(metadata=over(dtype=np.float64))
+    index: float = field(metadata=over(dtype=np.float64))
+    covariance: NDArray[np.float64] = field(metadata=over("row", "column", dtype=np.float64))
+    verdict: str = field(metadata=over(dtype=np.str_))
+    curve: NDArray[np.float64] = field(metadata=over("tilt", "measured", dtype=np.float64))
+    path: NDArray[np.float64] = field(metadata=over("step", "parameter", dtype=np.float64))
+    describes: float = field(metadata=over(dtype=np.float64))
+    converged: bool = field(metadata=over(dtype=np.bool_))
+    misfit: NDArray[np.float32] = field(metadata=over("y", "x"))
+
+    def _shown(
+        self, rig: Rig, threads: int | None, progress: bool | ProgressCallback
+    ) -> NDArray[np.float32]:
+        return predict(
+            self.normal,
+            self.diffuse,
+            self.beta,
+            self.gamma,
+            rig,
+            index=self.index,
+            threads=threads,
+            progress=progress,
+        )
+
+    def _demand(self, maps: SavedMaps, prefix: str = "") -> None:
+        def demand(name: str, holds: bool, problem: str) -> None:
+            maps.demand(prefix + name, holds, problem)
+
+        known = ", ".join(VERDICTS)
+        demand("verdict", self.verdict in VERDICTS, f"is {self.verdict!r}, none of {known}")
+        beta, gamma = self.beta, self.gamma
+        demand("beta", 0.0 <= beta < np.inf, f"is {beta:g}, not a finite strength from 0 on")
+        demand("gamma", 0.0 < gamma <= 2.0, f"is {gamma:g} rad, not within 0 to 2")
+        refractive_index(self.index)
+
+    def _gloss(self) -> str:
+        if self.verdict == "no-highlight":
+            lobe = "no highlight"
+        else:
+            spread = [math.sqrt(self.covariance[i, i]) for i in range(2)]
+            lobe = (
+                f"beta {self.beta:.4g} ± {100 * spread[0]:.1f} %, "
+                f"gamma {self.gamma:.4g} rad ± {100 * spread[1]:.1f} %"
+            )
+            if self.verdict == "mixed":
+                lobe += f", but only {100 * self.describes:.0f} % of the pixels agree with it"
+            elif self.verdict != "fitted":
+                lobe += f" ({self.verdict})"
+        return (
+            lobe if self.converged else f"{lobe}; the search was still under way at its last step"
+        )
+
+
+def fit_pooled(
+    stack: Stack,
+    stereo: Normals,
+    *,
+    extraction: Extraction,
+    joint: bool,
+    index: float,
+    threads: int | None,
+    progress: bool | ProgressCallback,
+) -> Sbrdf:
+    """One lobe, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`."""
+    with reporting(progress, "gloss") as callback:
+        found = _core.fit_pooled(
+            StackArguments.of(stack),
+            np.ascontiguousarray(stereo.normal, dtype=np.float32),
+            np.ascontiguousarray(stereo.albedo, dtype=np.float32),
+            np.ascontiguousarray(stereo.status, dtype=np.uint8),
+            extraction,
+            bool(joint),
+            index,
+            thread_count(threads),
+            callback,
+        )
+    return Sbrdf(
+        normal=found["normal"],
+        diffuse=found["diffuse"],
+        beta=found["beta"],
+        gamma=found["gamma"],
+        index=index,
+        covariance=np.array(found["covariance"], dtype=np.float64),
+        verdict=found["verdict"],
+        curve=np.array(found["curve"], dtype=np.float64).reshape(-1, 3),
+        path=np.array(found["path"], dtype=np.float64).reshape(-1, 2),
+        describes=found["describes"],
+        converged=found["converged"],
+        residual=found["residual"],
+        sigma=found["sigma"],
+        misfit=found["misfit"],
+        status=found["status"],
+        normals=stereo,
+        rig=stack.rig,
+        bands=stack.bands,
+    )

@@ -1,0 +1,218 @@
+"""What every fitted painting holds and can do, whatever its model."""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto.fit.border import ProgressCallback
+from impasto.fit.normals import Normals
+from impasto.fit.saved import Reader, arrays_of, over
+from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
+from impasto.rig import Rig
+from impasto.status import Status
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FittedSurface(ABC):
+    """A painting's surface: what every result of :func:`impasto.fit_sbrdf` holds and can do.
+
+    In every map NaN stands exactly where ``status`` is 16 or more, and where a class says so
+    besides; a :attr:`~impasto.Status.DARK` pixel has no normal, but known colours: 0.
+
+    Attributes
+    ----------
+    normal
+        ``(3, y, x)`` float32 unit vectors: x right, y up, z towards the viewer.
+    diffuse
+        ``(band, y, x)`` float32, relative to the white board.
+    residual
+        ``(y, x)`` float32 root mean square of the residuals, linear light.
+    sigma
+        ``(y, x)`` float32 standard deviation of the normal along its worst axis, radians; noise
+        from the pixel's own residuals.
+    status
+        ``(y, x)`` uint8, :class:`~impasto.Status`.
+    normals
+        The photometric stereo that the fit began with.
+    rig
+        Who lit and who looked.
+    bands
+        One name per band.
+    """
+
+    normal: NDArray[np.float32] = field(metadata=over("axis", "y", "x"))
+    diffuse: NDArray[np.float32] = field(metadata=over("band", "y", "x"))
+    residual: NDArray[np.float32] = field(metadata=over("y", "x"))
+    sigma: NDArray[np.float32] = field(metadata=over("y", "x", unit="rad"))
+    status: NDArray[np.uint8] = field(metadata=over("y", "x", dtype=np.uint8))
+    normals: Normals
+    rig: Rig
+    bands: tuple[str, ...] = field(metadata=over("band", dtype=np.str_))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """``(y, x)``."""
+        height, width = self.status.shape
+        return height, width
+
+    @property
+    def pitch_mm(self) -> float | None:
+        """Width of a pixel on the painting in mm, if known."""
+        return self.rig.pitch_mm
+
+    def predict(
+        self,
+        lights: Any = None,
+        views: ArrayLike | None = None,
+        *,
+        threads: int | None = None,
+        progress: bool | ProgressCallback = False,
+    ) -> NDArray[np.float32]:
+        """Samples that the surface shows, white board 1.0.
+
+        Parameters
+        ----------
+        lights
+            ``(obs, 3)`` directions, a sequence of :class:`~impasto.DistantLight` and
+            :class:`~impasto.PointLight`, or a :class:`~impasto.Rig`; default: the rig's own.
+        views
+            ``(obs, 3)`` or ``(3,)`` directions to the eye; default: those of the rig, frontal for
+            lights without one.
+        threads, progress
+            None means every allowed core; a bool or a callable ``(done, total)``.
+
+        Returns
+        -------
+        ndarray
+            ``(obs, band, y, x)`` float32; NaN where the normal is. An ambient part is that of the
+            photographs, times the light's intensity.
+        """
+        rig = Rig(
+            self.rig if lights is None else lights,
+            views=views,
+            pitch_mm=lights.pitch_mm if isinstance(lights, Rig) else self.pitch_mm,
+        )
+        return self._shown(rig, threads, progress)
+
+    def with_bands(self, chosen: Sequence[int]) -> Self:
+        """The surface in some of its bands, by number; ``normals`` keeps all of them."""
+        planes: dict[str, Any] = {
+            one.name: np.take(getattr(self, one.name), chosen, axis=dims.index("band"))
+            for one in fields(self)
+            if "band" in (dims := one.metadata.get("dims", ())) and one.name != "bands"
+        }
+        return replace(self, bands=tuple(self.bands[band] for band in chosen), **planes)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an ``.npz``, for :func:`impasto.load_sbrdf`; it appears whole or not at all.
+
+        Raises
+        ------
+        ArgumentError
+            Another suffix.
+        """
+        write_maps(path, self.kind(), self._arrays())
+
+    def to_xarray(self) -> Dataset:
+        """Every map of the model over named dimensions, for xarray.
+
+        Returns
+        -------
+        xarray.Dataset
+            Maps under their own names over ``y``, ``x``, ``band``, ``axis`` and, where there are
+            any, ``lobe``; NaN as in the maps. ``x`` and ``y`` have coordinates in mm (origin in the
+            middle of the painting, y up) if the width of a pixel is known. ``light`` and ``view``
+            are the rig's, ``(observation, axis)``: directions, or positions in mm where ``near``.
+            Single numbers are attributes.
+
+        Raises
+        ------
+        ImportError
+            xarray is not installed.
+        """
+        from impasto.fit.dataset import dataset_of
+
+        return dataset_of(self)
+
+    def __repr__(self) -> str:
+        height, width = self.shape
+        share = 100 * float((self.status < Status.DARK).mean())
+        size = f"{height} x {width} pixels, {len(self.bands)} bands"
+        return f"<{type(self).__name__} {size}, {share:.1f} % estimated: {self._gloss()}>"
+
+    @classmethod
+    def kind(cls) -> str:
+        """Says in a saved file what it holds."""
+        return f"impasto.{cls.__name__}"
+
+    @classmethod
+    def from_maps(cls, maps: SavedMaps) -> Self:
+        """What a file holds, or a refusal that names the file and the array."""
+        reader = Reader(maps)
+        normals = Normals(**reader.fields(Normals, "normals."))
+        found = cls(**cls._read(reader, {"normals": normals, "rig": rig_from_arrays(maps)}))
+        found._demand(maps)
+        return found
+
+    @classmethod
+    def _read(cls, reader: Reader, shared: dict[str, Any]) -> dict[str, Any]:
+        """All fields; ``shared`` are those that every result has and no array is."""
+        return shared | reader.fields(cls)
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        """What is saved."""
+        return arrays_of(self)
+
+    @abstractmethod
+    def _demand(self, maps: SavedMaps, prefix: str = "") -> None:
+        """Refuse a file whose numbers lie outside of their range; names begin with ``prefix``."""
+
+    @abstractmethod
+    def _shown(
+        self, rig: Rig, threads: int | None, progress: bool | ProgressCallback
+    ) -> NDArray[np.float32]:
+        """What :meth:`predict` returns."""
+
+    @abstractmethod
+    def _gloss(self) -> str:
+        """The gloss in a few words."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LobedSurface(FittedSurface):
+    """A painting whose pixels have lobes of their own, of any model.
+
+    A lobe that a pixel does not have (``lobes``) has a ``specular`` of 0 and no shape (NaN).
+
+    Attributes
+    ----------
+    specular
+        ``(lobe, band, y, x)`` float32 strength of each lobe in each band, from 0 on.
+    lobes
+        ``(y, x)`` uint8: how many lobes the photographs support.
+    """
+
+    SHAPE: ClassVar[tuple[str, ...]]
+    """The maps ``(lobe, y, x)`` that make a lobe's shape."""
+
+    specular: NDArray[np.float32] = field(metadata=over("lobe", "band", "y", "x"))
+    lobes: NDArray[np.uint8] = field(metadata=over("y", "x", dtype=np.uint8))
+
+    def _gloss(self) -> str:
+        fine = self.lobes[self.status < Status.DARK]
+        shares = [
+            f"{100 * count / fine.size:.0f} % with {lobes or 'no'} lobe{'s' * (lobes != 1)}"
+            for lobes, count in enumerate(np.bincount(fine))
+            if count
+        ]
+        return ", ".join(shares) or "none"
