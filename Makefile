@@ -45,6 +45,7 @@ docs: $(VENV)/built $(VENV)/extras  ## build the documentation into docs/_build/
 bench: $(VENV)/built $(VENV)/extras $(VENV)/peers  ## time the numerics against peers; ratios go to benches/results
 	cargo bench --package impasto-benches --bench numerics
 	$(BIN)/python benches/python/fits.py --record
+	$(BIN)/python benches/python/lobes.py --record
 	$(BIN)/python -m pytest benches/python -q --record
 
 pictures: $(VENV)/built  ## make the pictures of README and documentation again

@@ -51,3 +51,14 @@ def test_the_words_about_accuracy_are_true_of_the_recorded_run() -> None:
     assert round(max(rows[case]["beta %"] for rows in (six, rgb) for case in curves)) == 7
     assert [round(rows[distant]["normal deg"], 1) for rows in (six, rgb)] == [1.4, 2.4]
     assert round(rgb[distant]["beta %"], 1) == 2.5
+
+
+def test_the_words_about_lobes_of_every_pixel_are_true_of_the_recorded_run() -> None:
+    recorded = json.loads((pages.ROOT / "benches/results/lobes.json").read_text("utf-8"))
+    for table in ("normals", "materials"):
+        rows = {row["method"]: row for row in recorded[table]}
+        for error in ("median deg", "mean deg", "p95 deg"):
+            assert rows["fit_sbrdf, pixel"][error] < rows["robust"][error], (table, error)
+            if table == "normals":
+                assert rows["fit_sbrdf, painting"][error] < rows["robust"][error], error
+    assert rows["fit_sbrdf, pixel"]["worse than robust on"] == 0
