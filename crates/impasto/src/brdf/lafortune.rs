@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn hard_case_16_the_gauge_changes_nothing() {
+    fn hard_case_16_scale_of_the_axes() {
         let scene = (unit(0.1, 0.2, 1.0), unit(0.3, -0.2, 0.8), unit(-0.2, 0.1, 0.9));
         let (n, l, v) = scene;
         for (cxy, cz, exponent) in [(0.87, -2.71, 4.0), (-0.66, 0.4, 27.0), (-1.0, 1.0, 900.0)] {

@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn hard_case_8_small_angles_keep_their_digits_in_single_precision() {
+    fn hard_case_8_facet_angle_near_0() {
         let up = Vec3::new(0.0_f32, 0.0, 1.0);
         let facet = Facet::between(up, up, 1.45);
         for i in 1..3000 {

@@ -75,7 +75,7 @@ fn worst<S: Scalar>(smallest: f64) -> (f64, String) {
 }
 
 #[test]
-fn hard_case_11_published_lobes_hold_in_single_precision() {
+fn hard_case_11_exponents_to_16_600() {
     let (error, at) = worst::<f32>(1e-36);
     // exp itself is within 2e-7, the sum and the rounded result add 6e-8 each.
     assert!(error < 4e-7, "{error:e} {at}");
@@ -86,6 +86,34 @@ fn published_lobes_hold_in_double_precision() {
     let (error, at) = worst::<f64>(1e-300);
     // The table's decimals are rounded to doubles: cxy and cz by 1.1e-16, which n multiplies.
     assert!(error < 2.0 * 1.1e-16 * 16_600.0, "{error:e} {at}");
+}
+
+#[test]
+fn hard_case_12_sharp_lobe_near_its_peak() {
+    for exponent in [50.0, 500.0, 5000.0, 16_600.0_f64] {
+        let lobe = Sharp::<f32>::new(0.0, -1.0, 1.0, exponent);
+        let mut worst: f64 = 0.0;
+        for i in 0..2000 {
+            let t = f64::from(i);
+            let view = Vec3::new(0.3 * (0.7 * t).sin(), 0.4 * (1.1 * t).cos(), 1.0).normalised();
+            let normal = Vec3::new(0.2 * (0.3 * t).cos(), 0.2 * (0.9 * t).sin(), 1.0).normalised();
+            // The mirror direction, and off it by up to five widths of 1 / sqrt n.
+            let mirror = normal.scale(2.0 * normal.dot(view)) - view;
+            let off = mirror.cross(Vec3::new((2.1 * t).sin(), (2.1 * t).cos(), 0.3)).normalised();
+            let light = (mirror + off.scale(t / 2000.0 * 5.0 / exponent.sqrt())).normalised();
+            let [n, l, v] = [normal, light, view].map(cast::<f32>);
+            // What directions as rounded as they are give in double precision, whose own error is
+            // n 2e-16 = 4e-12. Lengths are off 1 by roundings: the base says so, too.
+            let [exact_n, exact_l, exact_v] =
+                [n, l, v].map(|u| Vec3::new(f64::from(u.x), f64::from(u.y), f64::from(u.z)));
+            let upright = exact_n.dot(exact_l) * exact_n.dot(exact_v);
+            let base = 2.0 * upright - exact_l.dot(exact_v);
+            let expected = (exponent * base.ln()).exp();
+            worst = worst.max((f64::from(lobe.value(n, l, v)) / expected - 1.0).abs());
+        }
+        // Below 1e-6, where one rounding of d alone would cost 6e-8 n: 1e-3.
+        assert!(worst < 1e-6, "{exponent}: {worst:e}");
+    }
 }
 
 /// The form that fits use, in single precision, from rounded products.

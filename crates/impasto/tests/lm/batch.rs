@@ -121,10 +121,10 @@ fn samples(count: usize) -> Vec<[f64; SAMPLES]> {
         .collect()
 }
 
-type Bits = Vec<(Vec<u64>, Reason, usize)>;
+pub(crate) type Bits = Vec<(Vec<u64>, Reason, usize)>;
 
-fn bits<S: Scalar>(outcomes: &[Option<Outcome<S, 4>>]) -> Bits {
-    let of = |outcome: &Outcome<S, 4>| {
+pub(crate) fn bits<S: Scalar, const N: usize>(outcomes: &[Option<Outcome<S, N>>]) -> Bits {
+    let of = |outcome: &Outcome<S, N>| {
         let normal = &outcome.normal;
         let numbers = outcome.parameters.iter().chain([&normal.cost]).chain(&normal.descent);
         let numbers = numbers.chain(normal.matrix.iter().flatten());
@@ -134,7 +134,7 @@ fn bits<S: Scalar>(outcomes: &[Option<Outcome<S, 4>>]) -> Bits {
 }
 
 /// Compares without printing thousands of numbers.
-fn same(found: &Bits, expected: &Bits, what: &str) {
+pub(crate) fn same(found: &Bits, expected: &Bits, what: &str) {
     assert_eq!(found.len(), expected.len(), "{what}");
     for (n, (found, expected)) in found.iter().zip(expected).enumerate() {
         assert_eq!(found, expected, "{what}, problem {n}");

@@ -5,4 +5,5 @@ mod batch;
 mod dual;
 mod hard;
 mod mgh;
+mod models;
 mod nist;
