@@ -321,6 +321,27 @@ def test_case_30_hardly_more_photographs_than_unknowns(count: int) -> None:
     assert (found.lobes <= max(0, (count - 5) // 2)).all()
 
 
+def test_case_24_shadows_count_as_little_as_if_they_were_left_out(scene: Any) -> None:
+    t, rig, stack = scene
+    # A wall on the left that lights below 45 degrees do not get over: a sixth of the photographs.
+    # No ambient light: beside it shadows on dark paint would be as bright as its lit samples.
+    low, left = rig.directions[:, 2] < np.sqrt(0.5), rig.directions[:, 0] < -0.5
+    walled = low & left
+    assert 8 <= walled.sum() <= 12
+    shadowed, left_out = (np.array(stack.samples, np.float64) for _ in range(2))
+    shadowed -= t["ambient"]
+    left_out -= t["ambient"]
+    shadowed[walled] = 0.0
+    left_out[walled] = np.nan
+    fits = [
+        impasto.fit_sbrdf(impasto.Stack(some, lights=rig), pooling="pixel", lobes=2)
+        for some in (shadowed, left_out)
+    ]
+    # What shadows do to the normal is less than what noise does, three deviations of it.
+    apart = np.radians(angle(fits[0].normal, fits[1].normal))
+    assert np.mean(apart < 3.0 * fits[1].sigma) > 0.95
+
+
 def test_case_31_one_gross_outlier() -> None:
     t, values = small()
     noisy = (values + np.random.default_rng(9).normal(0.0, 0.002, values.shape)).astype(np.float32)

@@ -95,7 +95,6 @@ KINDS = pytest.mark.parametrize("make", [pooled, segmented, facets, lafortune])
 
 @KINDS
 def test_every_map_stands_in_the_dataset(make: Any) -> None:
-    pytest.importorskip("xarray", reason="xarray is not installed (pip install impasto[scale])")
     surface = make()
     dataset = surface.to_xarray()
     maps = {
@@ -120,7 +119,6 @@ def test_every_map_stands_in_the_dataset(make: Any) -> None:
 
 
 def test_single_numbers_are_attributes_and_bands_are_picked_by_name() -> None:
-    pytest.importorskip("xarray", reason="xarray is not installed (pip install impasto[scale])")
     dataset = pooled().to_xarray()
     assert (dataset.attrs["beta"], dataset.attrs["verdict"]) == (1.5, "fitted")
     assert dataset["curve"].shape == (7, 3)
@@ -131,7 +129,6 @@ def test_single_numbers_are_attributes_and_bands_are_picked_by_name() -> None:
 
 def test_a_file_of_netcdf_takes_every_attribute() -> None:
     """Attributes are numbers, texts or arrays: NetCDF knows no truth values and no None."""
-    pytest.importorskip("xarray", reason="xarray is not installed (pip install impasto[scale])")
     for make in (pooled, segmented, facets, lafortune):
         for value in make().to_xarray().attrs.values():
             assert isinstance(value, str | int | float)

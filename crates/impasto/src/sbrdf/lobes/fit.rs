@@ -122,7 +122,7 @@ impl<M: LobeModel> Fit<'_, M> {
     /// A tile's pixels brought to where they stay; returns those that can be fitted.
     fn settle_tile(&self, scratch: &mut Scratch, start: usize) -> Vec<usize> {
         let Scratch { tile, settled } = scratch;
-        tile.read(self.stack, self.rig, start, self.start.normal);
+        tile.read(self.stack, self.rig, start, self.start);
         let status = &self.start.status[start..start + tile.count];
         let fine: Vec<usize> = (0..tile.count)
             .filter(|&pixel| status[pixel] < Status::Dark.code() && self.supports(tile, pixel, 0))

@@ -90,6 +90,7 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
         let barred = core::array::from_fn(|column| column == K - 1 && !ambient);
         let mut columns = vec![[zero; K]; photographs];
         let mut shown = vec![zero; plate.planes()];
+        let mut matt = vec![zero; plate.planes()];
         let mut at = 0;
         while at < places.len() {
             let normal = Vec3::new(
@@ -135,6 +136,7 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
                         value = colour.mul_add(*column, value);
                     }
                     shown[photograph * bands + band] = value;
+                    matt[photograph * bands + band] = columns[0] * colours[0];
                 }
             }
             // Variances in units of the pixel's mean sample.
@@ -155,11 +157,15 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
                 // Beyond the mean absolute residual, residuals count by their size, not its square.
                 let scale = sum / used.max(one);
                 let bend = I::F32::keep(scale.gt(zero), scale.recip());
-                for (plane, &shown) in shown.iter().enumerate() {
+                for (plane, (&shown, &matt)) in shown.iter().zip(&matt).enumerate() {
                     let (sample, weight, clipped) = look::<I::F32>(plate, plane, at);
                     let variance = noise(shown);
                     let far = (sample - shown) / variance.sqrt() * bend;
-                    let fresh = (far.mul_add(far, one).sqrt() * variance).recip();
+                    let tail = far.mul_add(far, one);
+                    let fresh = (tail.sqrt() * variance).recip();
+                    // Less light than the diffuse part alone would show is a shadow (hard case 24).
+                    let lit = (sample / matt).max(tail.recip());
+                    let fresh = I::F32::select(matt.gt(sample), fresh * lit * lit, fresh);
                     // A clipped sample says that there was at least so much light.
                     let silent = clipped & shown.ge(sample);
                     let known = weight.gt(zero) | clipped;

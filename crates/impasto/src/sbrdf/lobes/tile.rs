@@ -1,6 +1,8 @@
 //! A tile's samples and weights, and where its pixels stand.
 
 use crate::geometry::Rig;
+use crate::math::Vec3;
+use crate::sbrdf::Start;
 use crate::stack::Stack;
 
 use super::maps::MOST_LOBES;
@@ -119,7 +121,7 @@ impl Tile {
     }
 
     /// Takes up the pixels from `start` on, at the normals `(3, y, x)`.
-    pub(super) fn read(&mut self, stack: &Stack<'_>, rig: &Rig, start: usize, normals: &[f32]) {
+    pub(super) fn read(&mut self, stack: &Stack<'_>, rig: &Rig, start: usize, known: &Start<'_>) {
         let pixels = stack.shape().pixels();
         let bands = self.colour.bands;
         self.start = start;
@@ -130,9 +132,31 @@ impl Tile {
         }
         self.places.clear();
         for pixel in 0..self.count {
-            let normal = [0, 1, 2].map(|axis| normals[axis * pixels + start + pixel]);
+            let normal = [0, 1, 2].map(|axis| known.normal[axis * pixels + start + pixel]);
             self.places.push(Place::new(normal));
             self.weigh(pixel);
+            let colours: Vec<f32> =
+                (0..bands).map(|band| known.diffuse[band * pixels + start + pixel]).collect();
+            self.shade(rig, pixel, &colours);
+        }
+    }
+
+    /// Takes weight from samples that have less light than the surface of photometric stereo, which
+    /// are shadows (hard case 24).
+    fn shade(&mut self, rig: &Rig, pixel: usize, colours: &[f32]) {
+        let [nx, ny, nz] = self.places[pixel].normal;
+        let normal = Vec3::new(nx, ny, nz);
+        let bands = colours.len();
+        let mean = colours.iter().sum::<f32>() / bands as f32;
+        for (photograph, light) in rig.lights().iter().enumerate() {
+            let (towards, irradiance) = light.at(self.x[pixel], self.y[pixel]);
+            let matt = normal.dot(towards).max(0.0) * irradiance;
+            for (band, &colour) in colours.iter().enumerate() {
+                let place = (photograph * bands + band) * TILE + pixel;
+                self.colour.weights[place] *= lit(self.colour.samples[place], matt * colour);
+            }
+            let place = photograph * TILE + pixel;
+            self.grey.weights[place] *= lit(self.grey.samples[place], matt * mean);
         }
     }
 
@@ -180,5 +204,15 @@ impl Tile {
         }
         let squares = self.grey.column(pixel).zip(self.grey.weights_of(pixel));
         self.rounding[pixel] = ROUNDING * squares.map(|(y, weight)| weight * y * y).sum::<f32>();
+    }
+}
+
+/// Share of a first weight that a sample keeps beside what a diffuse surface would show.
+fn lit(sample: f32, matt: f32) -> f32 {
+    if matt > sample {
+        let share = sample.max(0.0) / matt;
+        share * share * share
+    } else {
+        1.0
     }
 }
