@@ -101,6 +101,9 @@ const ROUNDING: f32 = 1.0 / (1_u64 << 40) as f32;
 /// anything is known of the surface.
 const FIRST_FLOOR: f32 = 0.1;
 
+/// Share of a pixel's colour below which samples tell no shadow from noise.
+const SHADE: f32 = 0.03;
+
 impl Tile {
     pub(super) fn new(stack: &Stack<'_>) -> Self {
         let shape = stack.shape();
@@ -148,15 +151,18 @@ impl Tile {
         let normal = Vec3::new(nx, ny, nz);
         let bands = colours.len();
         let mean = colours.iter().sum::<f32>() / bands as f32;
+        let floor = SHADE * mean;
         for (photograph, light) in rig.lights().iter().enumerate() {
             let (towards, irradiance) = light.at(self.x[pixel], self.y[pixel]);
             let matt = normal.dot(towards).max(0.0) * irradiance;
             for (band, &colour) in colours.iter().enumerate() {
                 let place = (photograph * bands + band) * TILE + pixel;
-                self.colour.weights[place] *= lit(self.colour.samples[place], matt * colour);
+                let sample = self.colour.samples[place];
+                self.colour.weights[place] *= lit(sample + floor, matt.mul_add(colour, floor));
             }
             let place = photograph * TILE + pixel;
-            self.grey.weights[place] *= lit(self.grey.samples[place], matt * mean);
+            let sample = self.grey.samples[place];
+            self.grey.weights[place] *= lit(sample + floor, matt.mul_add(mean, floor));
         }
     }
 
