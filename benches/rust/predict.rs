@@ -6,7 +6,7 @@ use core::sync::atomic::AtomicBool;
 use divan::{Bencher, counter::ItemsCount};
 use impasto::math::Level;
 use impasto::pixels::{Progress, Run};
-use impasto::sbrdf::{Coats, Surface, predict};
+use impasto::sbrdf::{Lobe, Parameter, Strength, Surface, TorranceSparrow, predict};
 
 use crate::painting::{LIGHTS, SIDE, diffuse, normal, rig};
 
@@ -26,9 +26,12 @@ fn impasto(bencher: Bencher<'_, '_>, level: Level) {
     let surface = Surface {
         normal: &normal,
         diffuse: &diffuse,
-        beta: Coats::Uniform(&[BETA]),
-        gamma: Coats::Uniform(&[GAMMA]),
-        index: f64::from(INDEX),
+        model: TorranceSparrow { index: f64::from(INDEX) },
+        lobes: vec![Lobe {
+            strength: Strength::Neutral(Parameter::Everywhere(BETA)),
+            shape: vec![Parameter::Everywhere(GAMMA)],
+        }],
+        ambient: None,
     };
     let (cancel, progress) = (AtomicBool::new(false), Progress::default());
     let run = Run { pool: None, level, cancel: &cancel, progress: &progress };

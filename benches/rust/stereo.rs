@@ -4,7 +4,7 @@
 use divan::{Bencher, counter::ItemsCount};
 use impasto::geometry::Rig;
 use impasto::pixels::serially;
-use impasto::sbrdf::{Coats, Surface, predict};
+use impasto::sbrdf::{Lobe, Parameter, Strength, Surface, TorranceSparrow, predict};
 use impasto::stack::{Decode, Samples, Shape, Stack};
 use impasto::stereo::{Maps, Method, Options, fit_normals};
 use nalgebra::{Matrix3, Vector3};
@@ -34,9 +34,12 @@ fn photographs(rig: &Rig) -> Vec<u16> {
     let surface = Surface {
         normal: &normal,
         diffuse: &diffuse,
-        beta: Coats::Uniform(&[12.0]),
-        gamma: Coats::Uniform(&[0.12]),
-        index: 1.45,
+        model: TorranceSparrow { index: 1.45 },
+        lobes: vec![Lobe {
+            strength: Strength::Neutral(Parameter::Everywhere(12.0)),
+            shape: vec![Parameter::Everywhere(0.12)],
+        }],
+        ambient: None,
     };
     let mut samples = vec![0.0; LIGHTS * PIXELS];
     serially(|run| predict(&surface, rig, &[0.6; LIGHTS], &mut samples, run)).expect("it fits");

@@ -8,10 +8,11 @@ from typing import Any, TypedDict, final, type_check_only
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.fit.border import ProgressCallback, RigArguments, StackArguments
+from impasto.fit.border import ProgressCallback, RigArguments, StackArguments, StartArguments
 from impasto.fit.highlight import LobeFit
 from impasto.fit.normals import Normals
-from impasto.render import SceneArguments, SurfaceArguments
+from impasto.fit.surface import SurfaceArguments
+from impasto.render import SceneArguments
 
 @type_check_only
 class BuildInfo(TypedDict):
@@ -28,23 +29,7 @@ def build_info() -> BuildInfo: ...
 # Reflection models (crates/impasto-py/src/sbrdf.rs)
 
 def predict(
-    normal: NDArray[np.float32],
-    diffuse: NDArray[np.float32],
-    beta: NDArray[np.float32],
-    gamma: NDArray[np.float32],
-    index: float,
-    rig: RigArguments,
-    intensities: NDArray[np.float64],
-    threads: int,
-    progress: ProgressCallback | None,
-) -> NDArray[np.float32]: ...
-def predict_lobes(
-    normal: NDArray[np.float32],
-    diffuse: NDArray[np.float32],
-    specular: NDArray[np.float32],
-    cxy: NDArray[np.float32],
-    cz: NDArray[np.float32],
-    exponent: NDArray[np.float32],
+    surface: SurfaceArguments,
     rig: RigArguments,
     intensities: NDArray[np.float64],
     threads: int,
@@ -67,9 +52,7 @@ class LafortuneMaps(TypedDict):
 
 def fit_lafortune(
     stack: StackArguments,
-    normal: NDArray[np.float32],
-    diffuse: NDArray[np.float32],
-    status: NDArray[np.uint8],
+    start: StartArguments,
     lobes: int,
     threads: int,
     progress: ProgressCallback | None,
@@ -94,9 +77,7 @@ class Pooled(TypedDict):
 
 def fit_pooled(
     stack: StackArguments,
-    normal: NDArray[np.float32],
-    diffuse: NDArray[np.float32],
-    status: NDArray[np.uint8],
+    start: StartArguments,
     extraction: str,
     joint: bool,
     index: float,
@@ -122,9 +103,7 @@ class Lobes(TypedDict):
 
 def fit_lobes(
     stack: StackArguments,
-    normal: NDArray[np.float32],
-    diffuse: NDArray[np.float32],
-    status: NDArray[np.uint8],
+    start: StartArguments,
     model: str,
     lobes: int,
     ambient: bool,
@@ -225,6 +204,7 @@ def linear_from_bands(
 ) -> NDArray[np.float32]: ...
 def render(
     surface: SurfaceArguments,
+    height: NDArray[np.float32] | None,
     scene: SceneArguments,
     threads: int,
     progress: ProgressCallback | None,

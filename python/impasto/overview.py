@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.fit.forward import predict
-from impasto.fit.lobes import LobeSbrdf
+from impasto.fit.lafortune import LafortuneSbrdf
+from impasto.fit.result import LobedSurface, median
+from impasto.fit.segments import SegmentSbrdf
 from impasto.pictures import (
     Panel,
     Picture,
@@ -110,11 +112,11 @@ def diffuse_panel(sbrdf: Any, reflectance: Any = None, *, threads: int | None = 
 
 def trust_panels(sbrdf: Any) -> tuple[Panel, ...]:
     """How far each pixel can be trusted: error, residual, samples, gloss of its own, status."""
-    if isinstance(sbrdf, LobeSbrdf):
+    if isinstance(sbrdf, LobedSurface):
         return (
             ramp_panel(sbrdf.sigma, "Predicted error of the normal", unit="degrees", scale=DEGREES),
             ramp_panel(sbrdf.residual, "Residual", unit="% of white", scale=100.0),
-            ramp_panel(sbrdf.gamma[0], "Width of the lobe", unit="degrees", scale=DEGREES),
+            ramp_panel(sbrdf.width[0], "Width of the lobe", unit="degrees", scale=DEGREES),
             ramp_panel(np.where(sbrdf.status < Status.DARK, sbrdf.lobes, np.nan), "Lobes"),
             status_panel(sbrdf.status),
         )
@@ -131,10 +133,12 @@ def trust_panels(sbrdf: Any) -> tuple[Panel, ...]:
 
 def gloss_panel(sbrdf: Any) -> Panel:
     """The measured highlight and the lobe fitted to it, over the tilt of the facets."""
-    if isinstance(sbrdf, LobeSbrdf):
+    if isinstance(sbrdf, SegmentSbrdf):
+        return ramp_panel(sbrdf.gamma, "Width of the lobe", unit="degrees", scale=DEGREES)
+    if isinstance(sbrdf, LobedSurface):
         # What a lobe reflects in all goes with its strength and the square of its width.
         shown = visible(sbrdf)
-        energy = np.nansum(shown.specular * shown.gamma[:, None] ** 2, axis=0)
+        energy = np.nansum(shown.specular * shown.width[:, None] ** 2, axis=0)
         energy[:, sbrdf.status > Status.DARK] = np.nan
         known = energy[np.isfinite(energy)]
         white = float(np.percentile(known, 99.0)) if known.size else 1.0
@@ -186,12 +190,16 @@ def subtitle(sbrdf: Any) -> str:
 
 def gloss_words(sbrdf: Any) -> str:
     """The gloss in words: ``"gloss: beta 11.7, gamma 7.0 degrees"``."""
-    if isinstance(sbrdf, LobeSbrdf):
-        known = np.degrees(sbrdf.gamma[np.isfinite(sbrdf.gamma)])
+    if isinstance(sbrdf, LobedSurface):
         fine = sbrdf.lobes[sbrdf.status < Status.DARK]
-        if not known.size:
+        if not fine.any():
             return "gloss: no highlight found"
-        return f"gloss: {fine.mean():.1f} lobes per pixel, gamma {np.median(known):.3g} degrees"
+        width = median(np.degrees(sbrdf.width))
+        kind = "Lafortune lobes" if isinstance(sbrdf, LafortuneSbrdf) else "lobes"
+        return f"gloss: {fine.mean():.1f} {kind} per pixel, {width:.3g} degrees wide"
+    if isinstance(sbrdf, SegmentSbrdf):
+        own = sum(one.own for one in sbrdf.segments)
+        return f"gloss: {own} of {len(sbrdf.segments)} segments have a lobe of their own"
     if sbrdf.verdict == "no-highlight":
         return "gloss: no highlight found"
     remark = VERDICTS.get(sbrdf.verdict, f", {sbrdf.verdict}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
+from impasto.checks import refractive_index
 from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_from_spectrum
 from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.border import ProgressCallback, RigArguments, reporting, thread_count
-from impasto.fit.lobes import LobeSbrdf
+from impasto.fit.result import FittedSurface
+from impasto.fit.surface import SurfaceArguments
 from impasto.height import integrate_normals
 from impasto.rig import PointLight, Rig
 from impasto.scene import Scene
@@ -23,21 +25,6 @@ CELLS = 2048
 """Cells of the tone curve's table; the numerics fix the number."""
 MIXING_GRID = np.arange(360.0, 831.0)
 """nm, for the sum of several illuminants."""
-
-
-@dataclass(frozen=True)
-class SurfaceArguments:
-    """A painting's maps, checked and C-contiguous."""
-
-    normal: NDArray[np.float32]
-    coefficients: NDArray[np.float32]
-    beta: NDArray[np.float32]
-    gamma: NDArray[np.float32]
-    index: float
-    height: NDArray[np.float32] | None
-    specular: NDArray[np.float32] | None = None
-    widths: NDArray[np.float32] | None = None
-    ambient: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True)
@@ -138,7 +125,7 @@ def render(
     camera: Any = None,
     height: ArrayLike | None = None,
     pitch_mm: float | None = None,
-    index: float = 1.45,
+    index: float | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Image:
@@ -164,7 +151,7 @@ def render(
     pitch_mm
         Width of a pixel; default: the painting's own. Needed by point lights only.
     index
-        Index of refraction of the interface.
+        Index of refraction of the interface; default: what the fit was made with, else 1.45.
     threads, progress
         As everywhere: None means every allowed core; a bool or a callable ``(done, total)``.
 
@@ -175,12 +162,6 @@ def render(
     GeometryError
         A point light, and no width of a pixel.
     """
-    normal = np.ascontiguousarray(sbrdf.normal, dtype=np.float32)
-    if normal.ndim != 3 or normal.shape[0] != 3:
-        raise ArgumentError(f"sbrdf: expected a normal (3, y, x), found shape {normal.shape}")
-    size = normal.shape[1:]
-    if not (np.isfinite(index) and index >= 1.0):
-        raise ArgumentError(f"index: expected a refractive index from 1 on, found {index!r}")
     pitch = getattr(sbrdf, "pitch_mm", None) if pitch_mm is None else pitch_mm
     if pitch is None and any(isinstance(light, PointLight) for light in scene.lights):
         raise GeometryError("pitch_mm: point lights need the width of a pixel on the painting")
@@ -191,11 +172,10 @@ def render(
         reflectance = fit_reflectance(None, sbrdf, camera)
     if reflectance is None and hasattr(sbrdf, "basis"):
         reflectance = sbrdf
-    coefficients = _planes(sbrdf.diffuse if reflectance is None else reflectance.coefficients, size)
-    relief = _relief(sbrdf, normal, height, pitch, threads) if scene.shadows else None
-    surface = _surface(sbrdf, normal, coefficients, float(index), relief)
+    surface = _surface(sbrdf, reflectance, index)
+    relief = _relief(sbrdf, surface.normal, height, pitch, threads) if scene.shadows else None
 
-    diffuse, interface, which, white = _colours(scene, reflectance, len(coefficients))
+    diffuse, interface, which, white = _colours(scene, reflectance, len(surface.diffuse))
     exposure = scene.exposure
     if exposure is None:
         exposure = white_scale_of(white, scene.display).scale
@@ -212,7 +192,7 @@ def render(
     )
     workers = thread_count(threads)
     with reporting(progress, "rendering") as callback:
-        xyz, coverage = _core.render(surface, arguments, workers, callback)
+        xyz, coverage = _core.render(surface, relief, arguments, workers, callback)
     matrix = np.ascontiguousarray(to_display.T)
     linear = _core.linear_from_bands(xyz, matrix, workers)
     display, below, above = _core.display_from_bands(xyz, matrix, _table(scene.display), 8, workers)
@@ -275,32 +255,25 @@ def _table(display: Display) -> NDArray[np.float32]:
     )
 
 
-def _surface(
-    sbrdf: Any,
-    normal: NDArray[np.float32],
-    coefficients: NDArray[np.float32],
-    index: float,
-    relief: NDArray[np.float32] | None,
-) -> SurfaceArguments:
-    """Coats without a colour, or lobes with one."""
-    size = normal.shape[1:]
-    if isinstance(sbrdf, LobeSbrdf):
-        if coefficients.shape != sbrdf.diffuse.shape:
-            raise ArgumentError(
-                "reflectance: the lobes of pooling='pixel' have strengths per band, which spectra "
-                "do not tell; leave camera= and reflectance= out"
-            )
-        none = np.zeros((0, 1, 1), dtype=np.float32)
-        lobes = (sbrdf.specular, sbrdf.gamma, sbrdf.ambient)
-        specular, gamma, ambient = (np.ascontiguousarray(map_, np.float32) for map_ in lobes)
-        return SurfaceArguments(
-            normal, coefficients, none, none, sbrdf.index, relief, specular, gamma, ambient
+def _surface(sbrdf: Any, reflectance: Any, index: float | None) -> SurfaceArguments:
+    """The maps to be lit; with a reflectance its coefficients are the colours."""
+    size = np.shape(sbrdf.normal)[1:]
+    if np.ndim(sbrdf.normal) != 3:
+        raise ArgumentError(
+            f"sbrdf: expected a normal (3, y, x), found shape {np.shape(sbrdf.normal)}"
         )
-    beta = _coats(sbrdf.beta, size, "beta")
-    gamma = _coats(sbrdf.gamma, size, "gamma")
-    if len(beta) != len(gamma):
-        raise ArgumentError(f"beta: {len(beta)} coats, but gamma has {len(gamma)}")
-    return SurfaceArguments(normal, coefficients, beta, gamma, index, relief)
+    colours = sbrdf.diffuse if reflectance is None else _planes(reflectance.coefficients, size)
+    if not isinstance(sbrdf, FittedSurface):
+        n = 1.45 if index is None else index
+        return SurfaceArguments.of_coats(sbrdf.normal, colours, sbrdf.beta, sbrdf.gamma, n)
+    surface = sbrdf.surface()
+    if reflectance is not None and surface.tinted:
+        raise ArgumentError(
+            f"reflectance: the lobes of a {type(sbrdf).__name__} have strengths per band, which "
+            "spectra do not tell; leave camera= and reflectance= out"
+        )
+    n = surface.index if index is None else refractive_index(index)
+    return replace(surface, diffuse=colours, index=n)
 
 
 def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:
@@ -310,20 +283,6 @@ def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:
             f"reflectance: expected coefficients (k, {size[0]}, {size[1]}), found {planes.shape}"
         )
     return planes
-
-
-def _coats(values: Any, size: tuple[int, ...], name: str) -> NDArray[np.float32]:
-    """``(coat, y, x)``, or ``(coat, 1, 1)`` for one number per coat."""
-    array = np.asarray(values, dtype=np.float32)
-    if array.ndim < 2:
-        array = array.reshape(-1, 1, 1)
-    elif array.ndim == 2:
-        array = array[None]
-    if array.ndim != 3 or array.shape[1:] not in {(1, 1), size}:
-        raise ArgumentError(
-            f"{name}: expected a number, (y, x) or one of these per coat, found shape {array.shape}"
-        )
-    return np.ascontiguousarray(array)
 
 
 def _relief(

@@ -1,12 +1,16 @@
 //! Numpy's memory as the numerics' borrowed types, and maps back as arrays.
 
 use half::f16;
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4};
+use numpy::{
+    Element, IntoPyArray, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1,
+    PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4,
+};
 use pyo3::prelude::*;
 
 use impasto::geometry::{Grid, Light, Rig};
 use impasto::maps::Status;
 use impasto::math::Vec3;
+use impasto::sbrdf::Start;
 use impasto::stack::{Decode, Samples, Shape, Stack};
 use impasto::{Error, Result};
 
@@ -37,6 +41,17 @@ pub(crate) struct RigArguments<'py> {
     /// (obs, 3).
     views: PyReadonlyArray2<'py, f64>,
     pub(crate) pitch_mm: f64,
+}
+
+/// What `impasto.fit.border.StartArguments` holds: the maps of photometric stereo.
+#[derive(FromPyObject)]
+pub(crate) struct StartArguments<'py> {
+    /// (3, y, x).
+    normal: PyReadonlyArray3<'py, f32>,
+    /// (band, y, x).
+    diffuse: PyReadonlyArray3<'py, f32>,
+    /// (y, x).
+    status: PyReadonlyArray2<'py, u8>,
 }
 
 #[derive(FromPyObject)]
@@ -115,6 +130,59 @@ impl RigArguments<'_> {
             })
             .collect();
         Rig::new(lights, vectors(&self.views), Grid { width, height, pitch: self.pitch_mm })
+    }
+}
+
+impl StartArguments<'_> {
+    /// The numerics' view of the maps.
+    pub(crate) fn start(&self) -> Result<Start<'_>> {
+        Ok(Start {
+            normal: contiguous("normal", self.normal.as_slice())?,
+            diffuse: contiguous("diffuse", self.diffuse.as_slice())?,
+            status: contiguous("status", self.status.as_slice())?,
+        })
+    }
+}
+
+/// The size of a painting, on which maps become arrays.
+#[derive(Clone, Copy)]
+pub(crate) struct Size {
+    pub(crate) height: usize,
+    pub(crate) width: usize,
+}
+
+impl Size {
+    pub(crate) fn of(shape: Shape) -> Self {
+        Self { height: shape.height, width: shape.width }
+    }
+
+    /// `(y, x)`.
+    pub(crate) fn map<T: Element>(
+        self,
+        py: Python<'_>,
+        values: Vec<T>,
+    ) -> PyResult<Bound<'_, PyArray2<T>>> {
+        values.into_pyarray(py).reshape([self.height, self.width])
+    }
+
+    /// `(planes, y, x)`.
+    pub(crate) fn planes<T: Element>(
+        self,
+        py: Python<'_>,
+        values: Vec<T>,
+        planes: usize,
+    ) -> PyResult<Bound<'_, PyArray3<T>>> {
+        values.into_pyarray(py).reshape([planes, self.height, self.width])
+    }
+
+    /// `(sets, planes, y, x)`.
+    pub(crate) fn sets<T: Element>(
+        self,
+        py: Python<'_>,
+        values: Vec<T>,
+        [sets, planes]: [usize; 2],
+    ) -> PyResult<Bound<'_, PyArray4<T>>> {
+        values.into_pyarray(py).reshape([sets, planes, self.height, self.width])
     }
 }
 

@@ -1,15 +1,12 @@
 //! Lafortune lobes of every pixel.
 
-use numpy::{
-    IntoPyArray, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
-};
+use numpy::{PyArray2, PyArray3, PyArray4};
 use pyo3::prelude::*;
 
 use impasto::Error;
-use impasto::sbrdf::Start;
 use impasto::sbrdf::lafortune::LafortuneOptions;
 
-use crate::arrays::StackArguments;
+use crate::arrays::{Size, StackArguments, StartArguments};
 use crate::{errors, run};
 
 /// Maps; meanings stand in `impasto.LafortuneSbrdf`.
@@ -30,15 +27,11 @@ pub(crate) struct Maps<'py> {
 
 /// Snel's three passes, from the maps of photometric stereo.
 #[pyfunction]
-#[pyo3(signature = (stack, normal, diffuse, status, lobes, threads, progress))]
-#[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lafortune")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
 pub(crate) fn fit_lafortune<'py>(
     py: Python<'py>,
     stack: StackArguments<'py>,
-    normal: PyReadonlyArray3<'py, f32>,
-    diffuse: PyReadonlyArray3<'py, f32>,
-    status: PyReadonlyArray2<'py, u8>,
+    start: StartArguments<'py>,
     lobes: usize,
     threads: usize,
     progress: Option<Py<PyAny>>,
@@ -46,31 +39,24 @@ pub(crate) fn fit_lafortune<'py>(
     let refuse = |error: Error| errors::to_python(py, &error);
     let decode = stack.decode();
     let samples = stack.stack(&decode).map_err(refuse)?;
-    let shape = samples.shape();
-    let (height, width, bands) = (shape.height, shape.width, shape.bands);
-    let rig = stack.rig.rig(height, width).map_err(refuse)?;
-    let start = Start {
-        normal: normal.as_slice()?,
-        diffuse: diffuse.as_slice()?,
-        status: status.as_slice()?,
-    };
+    let (size, bands) = (Size::of(samples.shape()), samples.shape().bands);
+    let rig = stack.rig.rig(size.height, size.width).map_err(refuse)?;
+    let start = start.start().map_err(refuse)?;
     let maps = run::call(py, threads, progress.as_ref(), |run| {
         let options = LafortuneOptions { lobes };
         impasto::sbrdf::lafortune::fit_lafortune(&samples, &rig, &start, options, run)
     })?;
-    let map = |values: Vec<f32>| values.into_pyarray(py).reshape([height, width]);
-    let planes = |values: Vec<f32>, n| values.into_pyarray(py).reshape([n, height, width]);
     Ok(Maps {
-        normal: planes(maps.normal, 3)?,
-        diffuse: planes(maps.diffuse, bands)?,
-        specular: maps.specular.into_pyarray(py).reshape([lobes, bands, height, width])?,
-        cxy: planes(maps.cxy, lobes)?,
-        cz: planes(maps.cz, lobes)?,
-        exponent: planes(maps.exponent, lobes)?,
-        lobes: maps.lobes.into_pyarray(py).reshape([height, width])?,
-        residual: map(maps.residual)?,
-        sigma: map(maps.sigma)?,
-        status: maps.status.into_pyarray(py).reshape([height, width])?,
+        normal: size.planes(py, maps.normal, 3)?,
+        diffuse: size.planes(py, maps.diffuse, bands)?,
+        specular: size.sets(py, maps.specular, [lobes, bands])?,
+        cxy: size.planes(py, maps.cxy, lobes)?,
+        cz: size.planes(py, maps.cz, lobes)?,
+        exponent: size.planes(py, maps.exponent, lobes)?,
+        lobes: size.map(py, maps.lobes)?,
+        residual: size.map(py, maps.residual)?,
+        sigma: size.map(py, maps.sigma)?,
+        status: size.map(py, maps.status)?,
         views_differ: maps.views_differ,
     })
 }

@@ -16,6 +16,7 @@ mod run;
 mod sbrdf;
 mod spectral;
 mod stereo;
+mod surface;
 
 /// How the extension was built and what it runs on.
 #[pyfunction]
@@ -48,7 +49,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(lafortune::fit_lafortune, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::fit_pooled, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::predict, module)?)?;
-    module.add_function(wrap_pyfunction!(sbrdf::predict_lobes, module)?)?;
     module.add_function(wrap_pyfunction!(stereo::fit_normals, module)?)?;
     module.add_function(wrap_pyfunction!(spectral::spectral_estimator, module)?)?;
     module.add_class::<spectral::SpectralEstimator>()?;

@@ -1,14 +1,12 @@
 //! Lobes of every pixel.
 
-use numpy::{
-    IntoPyArray, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
-};
+use numpy::{PyArray2, PyArray3, PyArray4};
 use pyo3::prelude::*;
 
-use impasto::Error;
-use impasto::sbrdf::{LobeModel, LobeOptions, Start, TorranceSparrow};
+use impasto::sbrdf::{LobeModel, LobeOptions};
 
-use crate::arrays::StackArguments;
+use crate::arrays::{Size, StackArguments, StartArguments};
+use crate::surface::with_model;
 use crate::{errors, run};
 
 /// Maps of the fit; meanings stand in `impasto.LobeSbrdf`.
@@ -34,16 +32,14 @@ pub(crate) struct LobeArrays<'py> {
 /// Every pixel's own lobes, from the maps of photometric stereo.
 #[pyfunction]
 #[pyo3(signature = (
-    stack, normal, diffuse, status, model, lobes, ambient, free, rounds, typical, index, threads, progress
+    stack, start, model, lobes, ambient, free, rounds, typical, index, threads, progress
 ))]
 #[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lobes")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
 pub(crate) fn fit_lobes<'py>(
     py: Python<'py>,
     stack: StackArguments<'py>,
-    normal: PyReadonlyArray3<'py, f32>,
-    diffuse: PyReadonlyArray3<'py, f32>,
-    status: PyReadonlyArray2<'py, u8>,
+    start: StartArguments<'py>,
     model: &str,
     lobes: usize,
     ambient: bool,
@@ -54,23 +50,15 @@ pub(crate) fn fit_lobes<'py>(
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<LobeArrays<'py>> {
-    let start = Start {
-        normal: normal.as_slice()?,
-        diffuse: diffuse.as_slice()?,
-        status: status.as_slice()?,
-    };
     let options = LobeOptions { lobes, ambient, normal: free, rounds, typical };
-    let call = Call { stack: &stack, start, options, threads, progress: progress.as_ref() };
-    if model == "torrance-sparrow" {
-        return call.fit(py, TorranceSparrow { index });
-    }
-    let problem = format!("there is none called {model:?}");
-    Err(errors::to_python(py, &Error::argument("model", problem)))
+    let call = Call { stack: &stack, start: &start, options, threads, progress: progress.as_ref() };
+    with_model!(model, index, |model| call.fit(py, model)?)
+        .map_err(|error| errors::to_python(py, &error))
 }
 
 struct Call<'a, 'py> {
     stack: &'a StackArguments<'py>,
-    start: Start<'a>,
+    start: &'a StartArguments<'py>,
     options: LobeOptions,
     threads: usize,
     progress: Option<&'a Py<PyAny>>,
@@ -82,28 +70,25 @@ impl Call<'_, '_> {
         let refuse = |error| errors::to_python(py, &error);
         let decode = stack.decode();
         let samples = stack.stack(&decode).map_err(refuse)?;
-        let shape = samples.shape();
-        let (height, width, bands) = (shape.height, shape.width, shape.bands);
-        let rig = stack.rig.rig(height, width).map_err(refuse)?;
+        let (size, bands) = (Size::of(samples.shape()), samples.shape().bands);
+        let rig = stack.rig.rig(size.height, size.width).map_err(refuse)?;
+        let start = start.start().map_err(refuse)?;
         let maps = run::call(py, threads, progress, |run| {
             impasto::sbrdf::fit_lobes(&samples, &rig, &start, model, &options, run)
         })?;
         let lobes = options.lobes;
-        let map = |values: Vec<f32>| values.into_pyarray(py).reshape([height, width]);
-        let planes = |values: Vec<f32>, n| values.into_pyarray(py).reshape([n, height, width]);
-        let sets = |values: Vec<f32>, n| values.into_pyarray(py).reshape([lobes, n, height, width]);
         Ok(LobeArrays {
-            normal: planes(maps.normal, 3)?,
-            diffuse: planes(maps.diffuse, bands)?,
-            ambient: planes(maps.ambient, bands)?,
-            specular: sets(maps.specular, bands)?,
+            normal: size.planes(py, maps.normal, 3)?,
+            diffuse: size.planes(py, maps.diffuse, bands)?,
+            ambient: size.planes(py, maps.ambient, bands)?,
+            specular: size.sets(py, maps.specular, [lobes, bands])?,
             names: M::NAMES,
-            numbers: sets(maps.numbers, M::NAMES.len())?,
-            spread: planes(maps.spread, lobes)?,
-            lobes: maps.lobes.into_pyarray(py).reshape([height, width])?,
-            residual: map(maps.residual)?,
-            sigma: map(maps.sigma)?,
-            status: maps.status.into_pyarray(py).reshape([height, width])?,
+            numbers: size.sets(py, maps.numbers, [lobes, M::NAMES.len()])?,
+            spread: size.planes(py, maps.spread, lobes)?,
+            lobes: size.map(py, maps.lobes)?,
+            residual: size.map(py, maps.residual)?,
+            sigma: size.map(py, maps.sigma)?,
+            status: size.map(py, maps.status)?,
         })
     }
 }

@@ -4,7 +4,7 @@
 
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArray3, PyReadonlyArray4, PyUntypedArrayMethods,
+    PyReadonlyArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
@@ -13,33 +13,14 @@ use impasto::geometry::{Grid, Light};
 use impasto::math::Vec3;
 use impasto::relight::curve::Curve;
 use impasto::relight::show::{Codes, codes_from_planes, linear_from_planes};
-use impasto::relight::{self, Coat, Parameter, Surface, Tinted};
+use impasto::relight::{self, Picture, Relief};
+use impasto::sbrdf::LobeModel;
 use impasto::scene::{Colour, Lamp, Scene};
 
-use crate::arrays::RigArguments;
+use crate::arrays::{RigArguments, Size};
 use crate::errors::to_python;
 use crate::run;
-
-/// What `impasto.render.SurfaceArguments` holds: every array C-contiguous.
-#[derive(FromPyObject)]
-pub(crate) struct SurfaceArguments<'py> {
-    /// (3, y, x).
-    normal: PyReadonlyArray3<'py, f32>,
-    /// (k, y, x).
-    coefficients: PyReadonlyArray3<'py, f32>,
-    /// (coat, y, x) or (coat, 1, 1).
-    beta: PyReadonlyArray3<'py, f32>,
-    gamma: PyReadonlyArray3<'py, f32>,
-    index: f64,
-    /// (lobe, k, y, x): strengths of lobes with a colour of their own.
-    specular: Option<PyReadonlyArray4<'py, f32>>,
-    /// (lobe, y, x) or (lobe, 1, 1).
-    widths: Option<PyReadonlyArray3<'py, f32>>,
-    /// (k, y, x).
-    ambient: Option<PyReadonlyArray3<'py, f32>>,
-    /// (y, x), mm: given, shadows are cast.
-    height: Option<PyReadonlyArray2<'py, f32>>,
-}
+use crate::surface::{SurfaceArguments, with_model};
 
 /// What `impasto.render.SceneArguments` holds.
 #[derive(FromPyObject)]
@@ -82,56 +63,6 @@ fn slice<'a, T: numpy::Element, D: numpy::ndarray::Dimension>(
     array.as_slice().map_err(|error| Error::argument(name, error.to_string()))
 }
 
-fn parameters<'a>(
-    name: &'static str,
-    array: &'a PyReadonlyArray3<'_, f32>,
-) -> impasto::Result<Vec<Parameter<'a>>> {
-    let pixels = array.shape()[1] * array.shape()[2];
-    let parameter = |map: &'a [f32]| match map {
-        [value] => Parameter::Everywhere(*value),
-        map => Parameter::Map(map),
-    };
-    Ok(slice(name, array)?.chunks_exact(pixels.max(1)).map(parameter).collect())
-}
-
-impl SurfaceArguments<'_> {
-    fn grid(&self, pitch: f64) -> Grid {
-        let shape = self.normal.shape();
-        Grid { height: shape[1], width: shape[2], pitch }
-    }
-
-    fn surface(&self, pitch: f64) -> impasto::Result<Surface<'_>> {
-        let beta = parameters("beta", &self.beta)?;
-        let gamma = parameters("gamma", &self.gamma)?;
-        let coats = beta.into_iter().zip(gamma).map(|(beta, gamma)| Coat {
-            beta,
-            gamma,
-            index: self.index,
-        });
-        let mut tinted = Vec::new();
-        if let (Some(specular), Some(widths)) = (&self.specular, &self.widths) {
-            let lobe: usize = specular.shape()[1..].iter().product();
-            let strengths = slice("specular", specular)?.chunks_exact(lobe.max(1));
-            tinted.extend(
-                strengths.zip(parameters("gamma", widths)?).map(|(strength, gamma)| Tinted {
-                    strength,
-                    gamma,
-                    index: self.index,
-                }),
-            );
-        }
-        Ok(Surface {
-            grid: self.grid(pitch),
-            normal: slice("normal", &self.normal)?,
-            coefficients: slice("coefficients", &self.coefficients)?,
-            coats: coats.collect(),
-            tinted,
-            ambient: self.ambient.as_ref().map(|map| slice("ambient", map)).transpose()?,
-            height: self.height.as_ref().map(|height| slice("height", height)).transpose()?,
-        })
-    }
-}
-
 type Seen<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
 
 /// Light of a scene: (3, y, x) and coverage (y, x).
@@ -139,22 +70,46 @@ type Seen<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
 pub(crate) fn render<'py>(
     py: Python<'py>,
     surface: SurfaceArguments<'py>,
+    height: Option<PyReadonlyArray2<'py, f32>>,
     scene: SceneArguments<'py>,
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Seen<'py>> {
-    let pitch = scene.rig.pitch_mm;
-    let background = scene.background;
-    let lit = scene.scene(surface.grid(pitch)).map_err(|error| to_python(py, &error))?;
-    let maps = surface.surface(pitch).map_err(|error| to_python(py, &error))?;
-    let picture = run::call(py, threads, progress.as_ref(), |run| {
-        relight::render(&maps, &lit, background, run)
-    })?;
-    let (height, width) = (picture.grid.height, picture.grid.width);
-    Ok((
-        picture.light.into_pyarray(py).reshape([3, height, width])?,
-        picture.coverage.into_pyarray(py).reshape([height, width])?,
-    ))
+    let refuse = |error: Error| to_python(py, &error);
+    let grid = surface.grid(scene.rig.pitch_mm);
+    let height = height.as_ref().map(|map| slice("height", map)).transpose().map_err(refuse)?;
+    let view = View {
+        surface: &surface,
+        relief: Relief { grid, height },
+        scene: &scene.scene(grid).map_err(refuse)?,
+        background: scene.background,
+        threads,
+        progress: progress.as_ref(),
+    };
+    let picture = with_model!(surface.model.as_str(), surface.index, |model| view
+        .render(py, model)?)
+    .map_err(refuse)?;
+    let size = Size { height: picture.grid.height, width: picture.grid.width };
+    Ok((size.planes(py, picture.light, 3)?, size.map(py, picture.coverage)?))
+}
+
+/// A call of [`render`] before the model of the lobes is known.
+struct View<'a, 'py> {
+    surface: &'a SurfaceArguments<'py>,
+    relief: Relief<'a>,
+    scene: &'a Scene,
+    background: [f32; 3],
+    threads: usize,
+    progress: Option<&'a Py<PyAny>>,
+}
+
+impl View<'_, '_> {
+    fn render<M: LobeModel>(self, py: Python<'_>, model: M) -> PyResult<Picture> {
+        let maps = self.surface.surface(model).map_err(|error| to_python(py, &error))?;
+        run::call(py, self.threads, self.progress, |run| {
+            relight::render(&maps, self.relief, self.scene, self.background, run)
+        })
+    }
 }
 
 /// `(3, y, x)` linear light from `(k, y, x)` planes and `(k, 3)` matrix columns.

@@ -1,113 +1,63 @@
 //! Reflection models: samples that a surface shows, and the pooled fit.
 
-use numpy::{
-    IntoPyArray, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArray3, PyReadonlyArray4, PyUntypedArrayMethods,
-};
+use numpy::{PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use impasto::Error;
-use impasto::sbrdf::{Coats, Extraction, LobeSurface, PooledOptions, Start, Surface};
+use impasto::geometry::Rig;
+use impasto::sbrdf::{Extraction, LobeModel, PooledOptions};
 
-use crate::arrays::{RigArguments, StackArguments};
+use crate::arrays::{RigArguments, Size, StackArguments, StartArguments};
+use crate::surface::{SurfaceArguments, with_model};
 use crate::{errors, run};
-
-/// One number per coat, or one map per coat.
-#[derive(FromPyObject)]
-pub(crate) enum CoatArray<'py> {
-    #[pyo3(transparent)]
-    Uniform(PyReadonlyArray1<'py, f32>),
-    #[pyo3(transparent)]
-    Maps(PyReadonlyArray3<'py, f32>),
-}
-
-impl CoatArray<'_> {
-    fn coats(&self) -> PyResult<Coats<'_>> {
-        Ok(match self {
-            Self::Uniform(values) => Coats::Uniform(values.as_slice()?),
-            Self::Maps(values) => Coats::Maps(values.as_slice()?),
-        })
-    }
-}
 
 /// Samples `(obs, band, y, x)` that a surface shows.
 #[pyfunction]
-#[pyo3(signature = (normal, diffuse, beta, gamma, index, rig, intensities, threads, progress))]
-#[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.forward")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
 pub(crate) fn predict<'py>(
     py: Python<'py>,
-    normal: PyReadonlyArray3<'py, f32>,
-    diffuse: PyReadonlyArray3<'py, f32>,
-    beta: CoatArray<'py>,
-    gamma: CoatArray<'py>,
-    index: f64,
+    surface: SurfaceArguments<'py>,
     rig: RigArguments<'py>,
     intensities: PyReadonlyArray1<'py, f64>,
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyArray4<f32>>> {
-    let [bands, height, width] = [0, 1, 2].map(|axis| diffuse.shape()[axis]);
-    let rig = rig.rig(height, width).map_err(|error| errors::to_python(py, &error))?;
+    let refuse = |error: Error| errors::to_python(py, &error);
+    let [bands, height, width] = surface.shape();
+    let rig = rig.rig(height, width).map_err(refuse)?;
     let samples = PyArray4::zeros(py, [rig.observations(), bands, height, width], false);
-    {
-        let surface = Surface {
-            normal: normal.as_slice()?,
-            diffuse: diffuse.as_slice()?,
-            beta: beta.coats()?,
-            gamma: gamma.coats()?,
-            index,
-        };
-        let intensities = intensities.as_slice()?;
-        let mut out = samples.readwrite();
-        let out = out.as_slice_mut()?;
-        run::call(py, threads, progress.as_ref(), |run| {
-            impasto::sbrdf::predict(&surface, &rig, intensities, out, run)
-        })?;
-    }
+    let mut out = samples.readwrite();
+    let shown = Shown {
+        surface: &surface,
+        rig: &rig,
+        intensities: intensities.as_slice()?,
+        out: out.as_slice_mut()?,
+        threads,
+        progress: progress.as_ref(),
+    };
+    with_model!(surface.model.as_str(), surface.index, |model| shown.predict(py, model)?)
+        .map_err(refuse)?;
+    drop(out);
     Ok(samples)
 }
 
-/// Samples `(obs, band, y, x)` that a surface of Lafortune lobes shows.
-#[pyfunction]
-#[pyo3(signature = (
-    normal, diffuse, specular, cxy, cz, exponent, rig, intensities, threads, progress
-))]
-#[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.forward")]
-#[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
-pub(crate) fn predict_lobes<'py>(
-    py: Python<'py>,
-    normal: PyReadonlyArray3<'py, f32>,
-    diffuse: PyReadonlyArray3<'py, f32>,
-    specular: PyReadonlyArray4<'py, f32>,
-    cxy: PyReadonlyArray3<'py, f32>,
-    cz: PyReadonlyArray3<'py, f32>,
-    exponent: PyReadonlyArray3<'py, f32>,
-    rig: RigArguments<'py>,
-    intensities: PyReadonlyArray1<'py, f64>,
+/// A call of [`predict`] before its model is known.
+struct Shown<'a, 'py> {
+    surface: &'a SurfaceArguments<'py>,
+    rig: &'a Rig,
+    intensities: &'a [f64],
+    out: &'a mut [f32],
     threads: usize,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<Bound<'py, PyArray4<f32>>> {
-    let [bands, height, width] = [0, 1, 2].map(|axis| diffuse.shape()[axis]);
-    let rig = rig.rig(height, width).map_err(|error| errors::to_python(py, &error))?;
-    let samples = PyArray4::zeros(py, [rig.observations(), bands, height, width], false);
-    {
-        let surface = LobeSurface {
-            normal: normal.as_slice()?,
-            diffuse: diffuse.as_slice()?,
-            specular: specular.as_slice()?,
-            cxy: cxy.as_slice()?,
-            cz: cz.as_slice()?,
-            exponent: exponent.as_slice()?,
-        };
-        let intensities = intensities.as_slice()?;
-        let mut out = samples.readwrite();
-        let out = out.as_slice_mut()?;
-        run::call(py, threads, progress.as_ref(), |run| {
-            impasto::sbrdf::predict_lobes(&surface, &rig, intensities, out, run)
-        })?;
+    progress: Option<&'a Py<PyAny>>,
+}
+
+impl Shown<'_, '_> {
+    fn predict<M: LobeModel>(self, py: Python<'_>, model: M) -> PyResult<()> {
+        let surface = self.surface.surface(model).map_err(|error| errors::to_python(py, &error))?;
+        run::call(py, self.threads, self.progress, |run| {
+            impasto::sbrdf::predict(&surface, self.rig, self.intensities, self.out, run)
+        })
     }
-    Ok(samples)
 }
 
 /// Points of the measured lobe that go to Python.
@@ -135,16 +85,14 @@ pub(crate) struct Pooled<'py> {
 /// One lobe for the whole painting, from the maps of photometric stereo.
 #[pyfunction]
 #[pyo3(signature = (
-    stack, normal, diffuse, status, extraction, joint, index, threads, progress
+    stack, start, extraction, joint, index, threads, progress
 ))]
 #[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.sbrdf")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
 pub(crate) fn fit_pooled<'py>(
     py: Python<'py>,
     stack: StackArguments<'py>,
-    normal: PyReadonlyArray3<'py, f32>,
-    diffuse: PyReadonlyArray3<'py, f32>,
-    status: PyReadonlyArray2<'py, u8>,
+    start: StartArguments<'py>,
     extraction: &str,
     joint: bool,
     index: f64,
@@ -164,19 +112,12 @@ pub(crate) fn fit_pooled<'py>(
     let options = PooledOptions { extraction, joint, index };
     let decode = stack.decode();
     let samples = stack.stack(&decode).map_err(refuse)?;
-    let shape = samples.shape();
-    let (height, width, bands) = (shape.height, shape.width, shape.bands);
-    let rig = stack.rig.rig(height, width).map_err(refuse)?;
-    let start = Start {
-        normal: normal.as_slice()?,
-        diffuse: diffuse.as_slice()?,
-        status: status.as_slice()?,
-    };
+    let (size, bands) = (Size::of(samples.shape()), samples.shape().bands);
+    let rig = stack.rig.rig(size.height, size.width).map_err(refuse)?;
+    let start = start.start().map_err(refuse)?;
     let pooled = run::call(py, threads, progress.as_ref(), |run| {
         impasto::sbrdf::fit_pooled(&samples, &rig, &start, &options, run)
     })?;
-    let map = |values: Vec<f32>| values.into_pyarray(py).reshape([height, width]);
-    let planes = |values: Vec<f32>, n| values.into_pyarray(py).reshape([n, height, width]);
     Ok(Pooled {
         beta: pooled.beta,
         gamma: pooled.gamma,
@@ -186,11 +127,11 @@ pub(crate) fn fit_pooled<'py>(
         converged: pooled.converged,
         curve: pooled.histogram.curve(CURVE_POINTS),
         path: pooled.path,
-        normal: planes(pooled.normal, 3)?,
-        diffuse: planes(pooled.diffuse, bands)?,
-        residual: map(pooled.residual)?,
-        sigma: map(pooled.sigma)?,
-        misfit: map(pooled.misfit)?,
-        status: pooled.status.into_pyarray(py).reshape([height, width])?,
+        normal: size.planes(py, pooled.normal, 3)?,
+        diffuse: size.planes(py, pooled.diffuse, bands)?,
+        residual: size.map(py, pooled.residual)?,
+        sigma: size.map(py, pooled.sigma)?,
+        misfit: size.map(py, pooled.misfit)?,
+        status: size.map(py, pooled.status)?,
     })
 }

@@ -16,7 +16,7 @@ from impasto.errors import CorruptInputError, ImpastoError, InternalError
 
 ARGUMENTS = (
     "adaptation|bands|camera|dark|display|encoding|estimator|exposure|illuminant|images|index|"
-    "intensities|lights|mask|method|pattern|pitch_mm|region|saturation|size|strict|threads|view|"
+    "intensities|lights|lobes|mask|method|pattern|pitch_mm|region|saturation|size|strict|threads|view|"
     "white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``."""

@@ -11,6 +11,7 @@ from rich.markup import escape
 
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
+from impasto.cli.gloss import Gloss
 from impasto.cli.measuring import measured
 from impasto.cli.options import Flag
 from impasto.cli.photographs import Reading
@@ -18,10 +19,10 @@ from impasto.errors import ArgumentError
 from impasto.fit.normals import Method
 from impasto.fit.pooled import Extraction
 from impasto.fit.reflectance import Estimator
-from impasto.fit.sbrdf import Pooling
 from impasto.systems import Name
 
 if TYPE_CHECKING:
+    from impasto.fit.result import FittedSurface
     from impasto.stack import Stack
 
 
@@ -31,14 +32,12 @@ def fit(
     *,
     out: Path,
     reading: Reading | None = None,
+    gloss: Gloss | None = None,
     system: Name = "impasto",
     method: Method | None = None,
     extraction: Extraction | None = None,
     joint: Annotated[bool | None, Parameter(negative="--no-joint")] = None,
     index: float | None = None,
-    pooling: Pooling = "painting",
-    lobes: int = 2,
-    ambient: Annotated[bool, Parameter(negative="--no-ambient")] = True,
     camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
     illuminant: str | None = None,
     estimator: Estimator | None = None,
@@ -68,13 +67,6 @@ def fit(
         Fit normals, colours and gloss to all samples together; the papers do not.
     index
         Index of refraction of the varnish; default: 1.45.
-    pooling
-        One gloss for the painting, or lobes of its own for every pixel: gilding, metal leaf,
-        varnish that differs from place to place. The latter needs many lights and no --camera.
-    lobes
-        With --pooling pixel: lobes per pixel at most, 1 to 3.
-    ambient
-        With --pooling pixel: allow for light that comes from everywhere.
     camera
         CSV file of band sensitivities, or "srgb" where the photographs are developed to sRGB
         colours; reflectance spectra are estimated then, and any illuminant can be rendered.
@@ -103,25 +95,23 @@ def fit(
         )
     if system != "impasto" and camera is None:
         raise CycloptsError(msg=f"--system {system} estimates spectra: it needs --camera")
-    if pooling == "pixel" and (camera is not None or system != "impasto"):
-        raise CycloptsError(
-            msg="--pooling pixel goes without --camera and --system: spectra tell nothing of "
-            "lobes with colours, and the papers have none"
-        )
-    own = {"lobes": lobes, "ambient": ambient} if pooling == "pixel" else None
     steps: dict[str, Any] = {"method": method, "extraction": extraction, "joint": joint}
     steps |= {"index": index, "estimator": estimator}
+    gloss = Gloss() if gloss is None else gloss
+    gloss.check(system=system, camera=camera, steps=steps)
     asked = {name: value for name, value in steps.items() if value is not None}
     procedure = replace(systems.get(system), **asked)
     reading = Reading() if reading is None else reading
+    labels = [] if gloss.segments is None else [gloss.segments]
+    inputs = [*reading.paths(stack), *labels]
     stages = Stages(quiet=quiet)
-    with result_folder(out, inputs=reading.paths(stack), force=force) as folder:
+    with result_folder(out, inputs=inputs, force=force) as folder:
         lens = None if camera is None else camera_of(camera, illuminant)
         with stages.stage("photographs") as stage:
             photographs = reading.read(stack)
             stage.note = stack_words(photographs)
         tell(stages, photographs)
-        sbrdf: Any
+        own = gloss.options(photographs, reading.region)
         sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads, own)
         with stages.stage("files") as stage:
             write_maps(folder, sbrdf, reflectance)
@@ -136,14 +126,13 @@ def fit(
             stage.note = str(out)
         content = report(
             "fit",
-            inputs=photographs.sources,
+            inputs=[*photographs.sources, *labels],
             options={
                 "stack": stack,
                 **asdict(reading),
                 "system": system,
                 **procedure.options,
-                "pooling": pooling,
-                **(own or {}),
+                **gloss.asked,
                 "camera": camera,
                 "illuminant": illuminant,
                 "threads": threads,
@@ -205,42 +194,21 @@ def painting_name(stack: Path) -> str:
     )
 
 
-def numbers(stack: Stack, sbrdf: Any, reflectance: Any) -> dict[str, Any]:
+def numbers(stack: Stack, sbrdf: FittedSurface, reflectance: Any) -> dict[str, Any]:
     """What a report keeps beside the maps."""
     import numpy as np
 
-    from impasto.fit.lobes import LobeSbrdf
+    from impasto.fit.result import median
     from impasto.report import status_counts
 
-    if isinstance(sbrdf, LobeSbrdf):
-        gloss: dict[str, Any] = {
-            "lobes": [int((sbrdf.lobes == n).sum()) for n in range(len(sbrdf.gamma) + 1)],
-            "gamma_degrees_median": [_median(np.degrees(gamma)) for gamma in sbrdf.gamma],
-        }
-    else:
-        gloss = {
-            "beta": sbrdf.beta,
-            "gamma_degrees": float(np.degrees(sbrdf.gamma)),
-            "verdict": sbrdf.verdict,
-            "describes": sbrdf.describes,
-            "converged": sbrdf.converged,
-            "covariance_log_beta_log_gamma": sbrdf.covariance,
-        }
     return {
         "shape": stack.shape,
         "bands": stack.bands,
         "encoding": {"curve": stack.encoding.curve, "white": stack.encoding.white},
         "status": status_counts(sbrdf.status),
         "normals_status": status_counts(sbrdf.normals.status),
-        **gloss,
-        "sigma_degrees_median": _median(np.degrees(sbrdf.sigma)),
-        "residual_median": _median(sbrdf.residual),
+        **sbrdf.report(),
+        "sigma_degrees_median": median(np.degrees(sbrdf.sigma)),
+        "residual_median": median(sbrdf.residual),
         "reflectance": None if reflectance is None else reflectance.info,
     }
-
-
-def _median(plane: Any) -> float:
-    import numpy as np
-
-    known = plane[np.isfinite(plane)]
-    return float(np.median(known)) if known.size else float("nan")

@@ -65,7 +65,8 @@ def _result(path: Path) -> dict[str, Any]:
     if report.get("inputs"):
         facts["inputs"] = _few([entry["file"] for entry in report["inputs"]])
     facts["status"] = _counts(results.get("status", {}))
-    for name in ("verdict", "beta", "gamma_degrees", "sigma_degrees_median", "residual_median"):
+    facts |= _gloss(results)
+    for name in ("sigma_degrees_median", "residual_median"):
         if name in results:
             facts[name] = results[name]
     facts |= {f"truth_{key}": value for key, value in results.get("truth", {}).items()}
@@ -79,52 +80,38 @@ def _result(path: Path) -> dict[str, Any]:
 
 
 def _archive(path: Path) -> dict[str, Any]:
-    import numpy as np
-
     import impasto
     from impasto.cli.fit import band_words
     from impasto.report import status_counts
 
     sbrdf = impasto.load_sbrdf(path)
     bands, rows, columns = sbrdf.diffuse.shape
-    if isinstance(sbrdf, impasto.LafortuneSbrdf):
-        per_pixel = float(sbrdf.lobes[sbrdf.status < impasto.Status.DARK].mean())
-        gloss: dict[str, Any] = {
-            "verdict": sbrdf.verdict,
-            "lobes": f"{per_pixel:.2f} Lafortune lobes per pixel",
-        }
-    elif isinstance(sbrdf, impasto.LobeSbrdf):
-        known = np.degrees(sbrdf.gamma[np.isfinite(sbrdf.gamma)])
-        per_pixel = float(sbrdf.lobes[sbrdf.status < impasto.Status.DARK].mean())
-        gloss = {
-            "lobes": f"{per_pixel:.2f} lobes per pixel",
-            "gamma_degrees": float(np.median(known)) if known.size else None,
-            "index": sbrdf.index,
-        }
-    elif isinstance(sbrdf, impasto.SegmentSbrdf):
-        gloss = {
-            "segments": [
-                f"{one.label}: {one.pixels} pixels, beta {one.beta:.4g}, "
-                f"gamma {np.degrees(one.gamma):.3g} degrees, {one.verdict}"
-                for one in sbrdf.segments
-            ],
-            "index": sbrdf.index,
-        }
-    else:
-        gloss = {
-            "verdict": sbrdf.verdict,
-            "beta": sbrdf.beta,
-            "gamma_degrees": float(np.degrees(sbrdf.gamma)),
-            "index": sbrdf.index,
-        }
     return {
         "size": f"{columns} x {rows} pixels, {band_words(bands)}",
         "bands": ", ".join(sbrdf.bands),
         "lights": len(sbrdf.rig),
         "normals": sbrdf.normals.method,
         "status": _counts(status_counts(sbrdf.status)),
-        **gloss,
+        **_gloss(sbrdf.report()),
     }
+
+
+def _gloss(numbers: dict[str, Any]) -> dict[str, Any]:
+    """The gloss of a result's report, whatever its model."""
+    names = ("verdict", "beta", "gamma_degrees", "index")
+    facts = {name: numbers[name] for name in names if name in numbers}
+    if "lobes_per_pixel" in numbers:
+        facts["lobes"] = f"{_number(numbers['lobes_per_pixel'])} lobes per pixel"
+    for name in ("width_degrees_median", "exponent_median"):
+        if name in numbers:
+            facts[name] = ", ".join(_number(value) for value in numbers[name])
+    if "segments" in numbers:
+        facts["segments"] = [
+            f"{one['label']}: {one['pixels']} pixels, beta {one['beta']:.4g}, gamma "
+            f"{one['gamma_degrees']:.3g} degrees, {one['verdict']}"
+            for one in numbers["segments"]
+        ]
+    return facts
 
 
 def _compared(folder: Path, outputs: list[dict[str, Any]]) -> tuple[list[str], list[str]]:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.fit.lobes import LobeSbrdf
+from impasto.fit.result import LobedSurface
+from impasto.fit.segments import SegmentSbrdf
 from impasto.io import write_exr, write_png8, write_png16, write_tiff16
 
 RESULT = "sbrdf.npz"
@@ -26,7 +28,9 @@ def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
     ``diffuse.exr``               linear, white board 1.0; R, G, B or the names of the bands
     ``diffuse.png``, ``.tif``     16 bits: sRGB for one or three bands, else linear TIFF
     ``lobes.exr``                 with lobes per pixel: ``1.R`` and so on, the strength of lobe 1,
-                                  ``1.gamma`` and ``1.sigma`` in degrees, ``ambient.R``, ``lobes``
+                                  ``1.gamma`` and ``1.sigma`` in degrees, ``ambient.R``, ``lobes``;
+                                  of Lafortune's ``1.cxy``, ``1.cz`` and ``1.exponent``
+    ``gloss.exr``                 with lobes per segment: ``beta``, and ``gamma`` in degrees
     ``trust.exr``                 status, residual, sigma (degrees), misfit of the gloss,
                                   condition, samples used and rejected, by reason
     ``status.png``                8 bits: the codes of :class:`impasto.Status`
@@ -42,8 +46,10 @@ def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
         write_png16(folder / "diffuse.png", _coded(sbrdf.diffuse))
     else:
         write_tiff16(folder / "diffuse.tif", sbrdf.diffuse, attributes={"bands": sbrdf.bands})
-    if isinstance(sbrdf, LobeSbrdf):
+    if isinstance(sbrdf, LobedSurface):
         write_exr(folder / "lobes.exr", _lobes(sbrdf))
+    if isinstance(sbrdf, SegmentSbrdf):
+        write_exr(folder / "gloss.exr", _segments(sbrdf))
     write_exr(folder / "trust.exr", _trust(sbrdf))
     write_png8(folder / "status.png", np.asarray(sbrdf.status, dtype=np.uint8))
     sbrdf.save(folder / RESULT)
@@ -88,19 +94,24 @@ def _band_names(sbrdf: Any) -> tuple[str, ...]:
     return tuple(sbrdf.bands)
 
 
-def _lobes(sbrdf: LobeSbrdf) -> dict[str, NDArray[Any]]:
+def _lobes(sbrdf: LobedSurface) -> dict[str, NDArray[Any]]:
     names = _band_names(sbrdf)
-    channels: dict[str, NDArray[Any]] = {
-        f"ambient.{name}": plane for name, plane in zip(names, sbrdf.ambient, strict=True)
-    }
+    channels: dict[str, NDArray[Any]] = {"lobes": sbrdf.lobes}
     for number, strengths in enumerate(sbrdf.specular, start=1):
-        gamma = np.degrees(sbrdf.gamma[number - 1])
-        channels |= {
-            f"{number}.{name}": plane for name, plane in zip(names, strengths, strict=True)
-        }
-        channels[f"{number}.gamma"] = gamma
-        channels[f"{number}.sigma"] = gamma * sbrdf.gamma_sigma[number - 1]
-    return channels | {"lobes": sbrdf.lobes}
+        shape = {name: getattr(sbrdf, name)[number - 1] for name in sbrdf.SHAPE}
+        if isinstance(sbrdf, LobeSbrdf):
+            shape["gamma"] = np.degrees(shape["gamma"])
+            shape["sigma"] = shape["gamma"] * sbrdf.gamma_sigma[number - 1]
+        shape |= dict(zip(names, strengths, strict=True))
+        channels |= {f"{number}.{name}": plane for name, plane in shape.items()}
+    if isinstance(sbrdf, LobeSbrdf):
+        ambient = zip(names, sbrdf.ambient, strict=True)
+        channels |= {f"ambient.{name}": plane for name, plane in ambient}
+    return channels
+
+
+def _segments(sbrdf: SegmentSbrdf) -> dict[str, NDArray[Any]]:
+    return {"beta": sbrdf.beta, "gamma": np.degrees(sbrdf.gamma)}
 
 
 def _coded(linear: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -115,7 +126,7 @@ def _trust(sbrdf: Any) -> dict[str, NDArray[Any]]:
         "status": sbrdf.status,
         "residual": sbrdf.residual,
         "sigma": np.degrees(sbrdf.sigma),
-        **({} if isinstance(sbrdf, LobeSbrdf) else {"misfit": sbrdf.misfit}),
+        **({} if isinstance(sbrdf, LobedSurface) else {"misfit": sbrdf.misfit}),
         "condition": stereo.condition,
         "used": stereo.used,
         **{f"rejected.{name}": p for name, p in zip(reasons, stereo.rejected, strict=True)},

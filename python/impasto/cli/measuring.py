@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from impasto.bands import Camera
-    from impasto.fit.lobes import LobeSbrdf
-    from impasto.fit.pooled import Sbrdf
     from impasto.fit.reflectance import Reflectance
     from impasto.stack import Stack
     from impasto.systems import System
@@ -26,9 +24,13 @@ def measured(
     stack: Stack,
     camera: Camera | None,
     threads: int | None,
-    lobes: dict[str, Any] | None = None,
-) -> tuple[Sbrdf | LobeSbrdf, Reflectance | None]:
-    """Normals, gloss and, where the camera is known, spectra; ``lobes``: options of pixels' own."""
+    gloss: dict[str, Any] | None = None,
+) -> tuple[Any, Reflectance | None]:
+    """Normals, gloss and, where the camera is known, spectra.
+
+    ``gloss`` holds arguments of :func:`impasto.fit_sbrdf` where the system's own gloss is not what
+    is asked for.
+    """
     import impasto
     from impasto.overview import gloss_words
 
@@ -37,18 +39,19 @@ def measured(
         stage.note = f"{system.method}; {_share_estimated(normals.status)} of the pixels"
     with stages.stage("gloss") as stage:
         sbrdf: Any
-        if lobes is None:
-            sbrdf = system.fit_sbrdf(stack, normals, threads=threads, progress=stage.advance)
-        else:
+        if gloss:
             sbrdf = impasto.fit_sbrdf(
                 stack,
-                pooling="pixel",
+                extraction=system.extraction,
+                joint=system.joint,
                 index=system.index,
                 normals=normals,
                 threads=threads,
                 progress=stage.advance,
-                **lobes,
+                **gloss,
             )
+        else:
+            sbrdf = system.fit_sbrdf(stack, normals, threads=threads, progress=stage.advance)
         stage.note = gloss_words(sbrdf).removeprefix("gloss: ")
     if camera is None:
         return sbrdf, None

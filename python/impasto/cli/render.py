@@ -105,7 +105,6 @@ def render(
             scene,
             reflectance=reflectance,
             pitch_mm=sbrdf.rig.pitch_mm if pitch is None else pitch,
-            index=sbrdf.index,
             threads=threads,
             progress=stage.advance,
         )

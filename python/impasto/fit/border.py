@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 from impasto.errors import ArgumentError
 from impasto.rig import Rig
 from impasto.stack import Stack
+
+if TYPE_CHECKING:
+    from impasto.fit.normals import Normals
 
 ProgressCallback: TypeAlias = Callable[[int, int], object]
 """Called with (tiles done, tiles in all), at most about twenty times a second."""
@@ -77,6 +80,24 @@ class StackArguments:
             ),
             mask=stack.mask,
             rig=RigArguments.of(stack.rig),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class StartArguments:
+    """What photometric stereo found, as plain arrays: where a fit of the gloss begins."""
+
+    normal: NDArray[np.float32]
+    diffuse: NDArray[np.float32]
+    status: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, stereo: Normals) -> StartArguments:
+        """The maps, copied only where they are not contiguous."""
+        return cls(
+            normal=np.ascontiguousarray(stereo.normal, dtype=np.float32),
+            diffuse=np.ascontiguousarray(stereo.albedo, dtype=np.float32),
+            status=np.ascontiguousarray(stereo.status, dtype=np.uint8),
         )
 
 

@@ -1,4 +1,4 @@
-"""What a surface shows under given lights: eq. 1 and 9 of the papers, forwards."""
+"""What a surface shows under given lights: the papers' reflection models, forwards."""
 
 from __future__ import annotations
 
@@ -6,10 +6,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto.checks import refractive_index
-from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, RigArguments, reporting, thread_count
+from impasto.fit.surface import SurfaceArguments
 from impasto.rig import Rig
+
+
+def shown(
+    surface: SurfaceArguments,
+    rig: Rig,
+    *,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> NDArray[np.float32]:
+    """Samples ``(obs, band, y, x)`` of a surface, white board 1.0; NaN where its normal is."""
+    with reporting(progress, "predict") as callback:
+        return _core.predict(
+            surface, RigArguments.of(rig), rig.intensities, thread_count(threads), callback
+        )
 
 
 def predict(
@@ -49,26 +62,8 @@ def predict(
     ndarray
         ``(obs, band, y, x)`` float32.
     """
-    normal = np.ascontiguousarray(normal, dtype=np.float32)
-    diffuse = np.ascontiguousarray(diffuse, dtype=np.float32)
-    if diffuse.ndim != 3 or 0 in diffuse.shape:
-        raise ArgumentError(f"diffuse: expected (band, y, x), found shape {diffuse.shape}")
-    size = diffuse.shape[1:]
-    if normal.shape != (3, *size):
-        raise ArgumentError(f"normal: expected shape {(3, *size)}, found {normal.shape}")
-    index = refractive_index(index)
-    with reporting(progress, "predict") as callback:
-        return _core.predict(
-            normal,
-            diffuse,
-            _coats(beta, size, "beta"),
-            _coats(gamma, size, "gamma"),
-            index,
-            RigArguments.of(rig),
-            rig.intensities,
-            thread_count(threads),
-            callback,
-        )
+    surface = SurfaceArguments.of_coats(normal, diffuse, beta, gamma, index)
+    return shown(surface, rig, threads=threads, progress=progress)
 
 
 def predict_lobes(
@@ -109,37 +104,6 @@ def predict_lobes(
     ndarray
         ``(obs, band, y, x)`` float32.
     """
-    normal, diffuse, specular, cxy, cz, exponent = (
-        np.ascontiguousarray(map_, dtype=np.float32)
-        for map_ in (normal, diffuse, specular, cxy, cz, exponent)
-    )
-    if diffuse.ndim != 3 or 0 in diffuse.shape:
-        raise ArgumentError(f"diffuse: expected (band, y, x), found shape {diffuse.shape}")
-    size = diffuse.shape[1:]
-    lobes = exponent.shape[:1] or (0,)
-    for name, map_, shape in (
-        ("normal", normal, (3, *size)),
-        ("specular", specular, (*lobes, *diffuse.shape)),
-        ("cxy", cxy, (*lobes, *size)),
-        ("cz", cz, (*lobes, *size)),
-        ("exponent", exponent, (*lobes, *size)),
-    ):
-        if map_.shape != shape:
-            raise ArgumentError(f"{name}: expected shape {shape}, found {map_.shape}")
-    with reporting(progress, "predict") as callback:
-        return _core.predict_lobes(
-            normal, diffuse, specular, cxy, cz, exponent,
-            RigArguments.of(rig), rig.intensities, thread_count(threads), callback,
-        )  # fmt: skip
-
-
-def _coats(values: ArrayLike, size: tuple[int, ...], name: str) -> NDArray[np.float32]:
-    array = np.asarray(values, dtype=np.float32)
-    if array.ndim == 2:
-        array = array[None]
-    array = np.ascontiguousarray(np.atleast_1d(array))
-    if array.ndim == 1 or array.shape[1:] == size:
-        return array
-    raise ArgumentError(
-        f"{name}: expected a number, (coat,), {size} or (coat, *{size}), found {array.shape}"
-    )
+    shape = {"cxy": cxy, "cz": cz, "exponent": exponent}
+    surface = SurfaceArguments.of_lobes(normal, diffuse, specular, shape, model="lafortune")
+    return shown(surface, rig, threads=threads, progress=progress)

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
-from impasto.fit.border import ProgressCallback, StackArguments, reporting, thread_count
-from impasto.fit.forward import predict_lobes
+from impasto.fit.border import (
+    ProgressCallback,
+    StackArguments,
+    StartArguments,
+    reporting,
+    thread_count,
+)
 from impasto.fit.normals import Normals
-from impasto.fit.result import LobedSurface
+from impasto.fit.result import LobedSurface, median, shared_fields
 from impasto.fit.saved import over
+from impasto.fit.surface import LobeModel
 from impasto.io.results import SavedMaps
-from impasto.rig import Rig
 from impasto.stack import Stack
 
 if TYPE_CHECKING:
@@ -54,6 +59,7 @@ class LafortuneSbrdf(LobedSurface):
         lobes are Phong's (``cxy = -1``, ``cz = 1``).
     """
 
+    MODEL: ClassVar[LobeModel] = "lafortune"
     SHAPE: ClassVar[tuple[str, ...]] = ("cxy", "cz", "exponent")
 
     cxy: NDArray[np.float32] = field(metadata=over("lobe", "y", "x"))
@@ -67,20 +73,19 @@ class LafortuneSbrdf(LobedSurface):
 
         return lobe_plot(self, y, x, stack)
 
-    def _shown(
-        self, rig: Rig, threads: int | None, progress: bool | ProgressCallback
-    ) -> NDArray[np.float32]:
-        return predict_lobes(
-            self.normal,
-            self.diffuse,
-            self.specular,
-            self.cxy,
-            self.cz,
-            self.exponent,
-            rig,
-            threads=threads,
-            progress=progress,
-        )
+    @property
+    def width(self) -> NDArray[np.float32]:
+        """``(lobe, y, x)`` radians: half the angle at which a Phong lobe so sharp has halved.
+
+        The highlight turns by twice the tilt of a facet: comparable with the ``gamma`` of
+        Torrance-Sparrow lobes. NaN where there is no lobe.
+        """
+        return np.asarray(0.5 * np.arccos(0.5 ** (1.0 / self.exponent)), dtype=np.float32)
+
+    def report(self) -> dict[str, Any]:
+        """Plain numbers of the gloss for a report file."""
+        exponents = [median(plane) for plane in self.exponent]
+        return {**super().report(), "exponent_median": exponents, "verdict": self.verdict}
 
     def _demand(self, maps: SavedMaps, prefix: str = "") -> None:
         known = ", ".join(VERDICTS)
@@ -105,26 +110,17 @@ def fit_lafortune(
     with reporting(progress, "lobes") as callback:
         found = _core.fit_lafortune(
             StackArguments.of(stack),
-            np.ascontiguousarray(stereo.normal, dtype=np.float32),
-            np.ascontiguousarray(stereo.albedo, dtype=np.float32),
-            np.ascontiguousarray(stereo.status, dtype=np.uint8),
+            StartArguments.of(stereo),
             int(lobes),
             thread_count(threads),
             callback,
         )
     return LafortuneSbrdf(
-        normal=found["normal"],
-        diffuse=found["diffuse"],
+        **shared_fields(found, stack, stereo),
         specular=found["specular"],
         cxy=found["cxy"],
         cz=found["cz"],
         exponent=found["exponent"],
         lobes=found["lobes"],
-        residual=found["residual"],
-        sigma=found["sigma"],
-        status=found["status"],
         verdict="fitted" if found["views_differ"] else "one-view",
-        normals=stereo,
-        rig=stack.rig,
-        bands=stack.bands,
     )

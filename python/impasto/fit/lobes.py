@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,13 +11,18 @@ from numpy.typing import NDArray
 from impasto import _core
 from impasto.checks import refractive_index
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback, StackArguments, reporting, thread_count
-from impasto.fit.forward import predict
+from impasto.fit.border import (
+    ProgressCallback,
+    StackArguments,
+    StartArguments,
+    reporting,
+    thread_count,
+)
 from impasto.fit.normals import Normals
-from impasto.fit.result import LobedSurface
+from impasto.fit.result import LobedSurface, shared_fields
 from impasto.fit.saved import over
+from impasto.fit.surface import LobeModel, SurfaceArguments
 from impasto.io.results import SavedMaps
-from impasto.rig import Rig
 from impasto.stack import Stack
 
 MOST_LOBES = 3
@@ -51,6 +56,7 @@ class LobeSbrdf(LobedSurface):
         Index of refraction of the interface.
     """
 
+    MODEL: ClassVar[LobeModel] = "torrance-sparrow"
     SHAPE: ClassVar[tuple[str, ...]] = ("gamma",)
 
     ambient: NDArray[np.float32] = field(metadata=over("band", "y", "x"))
@@ -58,25 +64,19 @@ class LobeSbrdf(LobedSurface):
     gamma_sigma: NDArray[np.float32] = field(metadata=over("lobe", "y", "x"))
     index: float = field(metadata=over(dtype=np.float64))
 
-    def _shown(
-        self, rig: Rig, threads: int | None, progress: bool | ProgressCallback
-    ) -> NDArray[np.float32]:
-        # A lobe that a pixel does not have shows nothing, whatever its width.
-        gamma = np.where(np.isnan(self.gamma), np.float32(1.0), self.gamma)
-        shown = np.empty((len(rig.lights), len(self.bands), *self.shape), np.float32)
-        for band in range(len(self.bands)):
-            shown[:, band] = predict(
-                self.normal,
-                self.diffuse[band : band + 1],
-                self.specular[:, band],
-                gamma,
-                rig,
-                index=self.index,
-                threads=threads,
-                progress=progress,
-            )[:, 0]
-        shown += rig.intensities.astype(np.float32)[:, None, None, None] * self.ambient
-        return shown
+    def surface(self) -> SurfaceArguments:
+        """The painting with every pixel's lobes and what is ambient, ready to be lit."""
+        ambient = np.ascontiguousarray(self.ambient, dtype=np.float32)
+        return replace(super().surface(), index=self.index, ambient=ambient)
+
+    @property
+    def width(self) -> NDArray[np.float32]:
+        """``gamma``, by the name that lobes of all models have."""
+        return self.gamma
+
+    def report(self) -> dict[str, Any]:
+        """Plain numbers of the gloss for a report file."""
+        return {**super().report(), "index": self.index}
 
     def _demand(self, maps: SavedMaps, prefix: str = "") -> None:
         refractive_index(self.index)
@@ -99,9 +99,7 @@ def fit_lobes(
     with reporting(progress, "lobes") as callback:
         found = _core.fit_lobes(
             StackArguments.of(stack),
-            np.ascontiguousarray(stereo.normal, dtype=np.float32),
-            np.ascontiguousarray(stereo.albedo, dtype=np.float32),
-            np.ascontiguousarray(stereo.status, dtype=np.uint8),
+            StartArguments.of(stereo),
             "torrance-sparrow",
             lobes,
             bool(ambient),
@@ -113,20 +111,13 @@ def fit_lobes(
             callback,
         )
     return LobeSbrdf(
-        normal=found["normal"],
-        diffuse=found["diffuse"],
+        **shared_fields(found, stack, stereo),
         ambient=found["ambient"],
         specular=found["specular"],
         gamma=found["numbers"][:, 0],
         gamma_sigma=found["spread"],
         lobes=found["lobes"],
-        residual=found["residual"],
-        sigma=found["sigma"],
-        status=found["status"],
         index=index,
-        normals=stereo,
-        rig=stack.rig,
-        bands=stack.bands,
     )
 
 

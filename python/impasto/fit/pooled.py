@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
 from impasto.checks import refractive_index
-from impasto.fit.border import ProgressCallback, StackArguments, reporting, thread_count
-from impasto.fit.forward import predict
+from impasto.fit.border import (
+    ProgressCallback,
+    StackArguments,
+    StartArguments,
+    reporting,
+    thread_count,
+)
 from impasto.fit.normals import Normals
-from impasto.fit.result import FittedSurface
+from impasto.fit.result import FittedSurface, shared_fields
 from impasto.fit.saved import over
+from impasto.fit.surface import SurfaceArguments
 from impasto.io.results import SavedMaps
-from impasto.rig import Rig
 from impasto.stack import Stack
 
 Extraction = Literal["residual", "maximum", "papers"]
@@ -75,19 +80,23 @@ class Sbrdf(FittedSurface):
     converged: bool = field(metadata=over(dtype=np.bool_))
     misfit: NDArray[np.float32] = field(metadata=over("y", "x"))
 
-    def _shown(
-        self, rig: Rig, threads: int | None, progress: bool | ProgressCallback
-    ) -> NDArray[np.float32]:
-        return predict(
-            self.normal,
-            self.diffuse,
-            self.beta,
-            self.gamma,
-            rig,
-            index=self.index,
-            threads=threads,
-            progress=progress,
+    def surface(self) -> SurfaceArguments:
+        """The painting with its one lobe, ready to be lit."""
+        return SurfaceArguments.of_coats(
+            self.normal, self.diffuse, self.beta, self.gamma, self.index
         )
+
+    def report(self) -> dict[str, Any]:
+        """Plain numbers of the gloss for a report file."""
+        return {
+            "beta": self.beta,
+            "gamma_degrees": math.degrees(self.gamma),
+            "index": self.index,
+            "verdict": self.verdict,
+            "describes": self.describes,
+            "converged": self.converged,
+            "covariance_log_beta_log_gamma": self.covariance,
+        }
 
     def _demand(self, maps: SavedMaps, prefix: str = "") -> None:
         def demand(name: str, holds: bool, problem: str) -> None:
@@ -132,9 +141,7 @@ def fit_pooled(
     with reporting(progress, "gloss") as callback:
         found = _core.fit_pooled(
             StackArguments.of(stack),
-            np.ascontiguousarray(stereo.normal, dtype=np.float32),
-            np.ascontiguousarray(stereo.albedo, dtype=np.float32),
-            np.ascontiguousarray(stereo.status, dtype=np.uint8),
+            StartArguments.of(stereo),
             extraction,
             bool(joint),
             index,
@@ -142,8 +149,7 @@ def fit_pooled(
             callback,
         )
     return Sbrdf(
-        normal=found["normal"],
-        diffuse=found["diffuse"],
+        **shared_fields(found, stack, stereo),
         beta=found["beta"],
         gamma=found["gamma"],
         index=index,
@@ -153,11 +159,5 @@ def fit_pooled(
         path=np.array(found["path"], dtype=np.float64).reshape(-1, 2),
         describes=found["describes"],
         converged=found["converged"],
-        residual=found["residual"],
-        sigma=found["sigma"],
         misfit=found["misfit"],
-        status=found["status"],
-        normals=stereo,
-        rig=stack.rig,
-        bands=stack.bands,
     )

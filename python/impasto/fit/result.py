@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -12,10 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto.fit.border import ProgressCallback
+from impasto.fit.forward import shown
 from impasto.fit.normals import Normals
 from impasto.fit.saved import Reader, arrays_of, over
+from impasto.fit.surface import LobeModel, SurfaceArguments
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
 from impasto.rig import Rig
+from impasto.stack import Stack
 from impasto.status import Status
 
 if TYPE_CHECKING:
@@ -102,7 +105,7 @@ class FittedSurface(ABC):
             views=views,
             pitch_mm=lights.pitch_mm if isinstance(lights, Rig) else self.pitch_mm,
         )
-        return self._shown(rig, threads, progress)
+        return shown(self.surface(), rig, threads=threads, progress=progress)
 
     def with_bands(self, chosen: Sequence[int]) -> Self:
         """The surface in some of its bands, by number; ``normals`` keeps all of them."""
@@ -144,6 +147,10 @@ class FittedSurface(ABC):
 
         return dataset_of(self)
 
+    @abstractmethod
+    def report(self) -> dict[str, Any]:
+        """Plain numbers of the gloss for a report file."""
+
     def __repr__(self) -> str:
         height, width = self.shape
         share = 100 * float((self.status < Status.DARK).mean())
@@ -178,10 +185,8 @@ class FittedSurface(ABC):
         """Refuse a file whose numbers lie outside of their range; names begin with ``prefix``."""
 
     @abstractmethod
-    def _shown(
-        self, rig: Rig, threads: int | None, progress: bool | ProgressCallback
-    ) -> NDArray[np.float32]:
-        """What :meth:`predict` returns."""
+    def surface(self) -> SurfaceArguments:
+        """The maps, ready to be lit by :meth:`predict` and :func:`impasto.render`."""
 
     @abstractmethod
     def _gloss(self) -> str:
@@ -202,11 +207,35 @@ class LobedSurface(FittedSurface):
         ``(y, x)`` uint8: how many lobes the photographs support.
     """
 
+    MODEL: ClassVar[LobeModel]
     SHAPE: ClassVar[tuple[str, ...]]
     """The maps ``(lobe, y, x)`` that make a lobe's shape."""
 
     specular: NDArray[np.float32] = field(metadata=over("lobe", "band", "y", "x"))
     lobes: NDArray[np.uint8] = field(metadata=over("y", "x", dtype=np.uint8))
+
+    def surface(self) -> SurfaceArguments:
+        """The painting with every pixel's lobes, ready to be lit."""
+        return SurfaceArguments.of_lobes(
+            self.normal,
+            self.diffuse,
+            self.specular,
+            {name: getattr(self, name) for name in self.SHAPE},
+            model=self.MODEL,
+        )
+
+    @property
+    @abstractmethod
+    def width(self) -> NDArray[np.float32]:
+        """``(lobe, y, x)`` tilt of the facets at which their number has halved, radians."""
+
+    def report(self) -> dict[str, Any]:  # noqa: D102
+        fine = self.lobes[self.status < Status.DARK]
+        return {
+            "lobes": np.bincount(self.lobes.ravel(), minlength=len(self.specular) + 1).tolist(),
+            "lobes_per_pixel": float(fine.mean()) if fine.size else float("nan"),
+            "width_degrees_median": [median(np.degrees(plane)) for plane in self.width],
+        }
 
     def _gloss(self) -> str:
         fine = self.lobes[self.status < Status.DARK]
@@ -216,3 +245,15 @@ class LobedSurface(FittedSurface):
             if count
         ]
         return ", ".join(shares) or "none"
+
+
+def shared_fields(found: Mapping[str, Any], stack: Stack, stereo: Normals) -> dict[str, Any]:
+    """The fields of :class:`FittedSurface` from what the numerics found."""
+    maps = {name: found[name] for name in ("normal", "diffuse", "residual", "sigma", "status")}
+    return {**maps, "normals": stereo, "rig": stack.rig, "bands": stack.bands}
+
+
+def median(plane: NDArray[Any]) -> float:
+    """The median of the numbers of a map; NaN where there is none."""
+    known = plane[np.isfinite(plane)]
+    return float(np.median(known)) if known.size else float("nan")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,14 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback
-from impasto.fit.forward import predict
 from impasto.fit.normals import Normals
 from impasto.fit.pooled import Sbrdf
 from impasto.fit.result import FittedSurface
 from impasto.fit.saved import Reader, arrays_of, columns_of, over
+from impasto.fit.surface import SurfaceArguments
 from impasto.io.results import SavedMaps
-from impasto.rig import Rig
 from impasto.status import Status
 
 FEWEST = 64
@@ -89,19 +88,28 @@ class SegmentSbrdf(FittedSurface):
         """Index of refraction of the interface."""
         return self.painting.index
 
-    def _shown(
-        self, rig: Rig, threads: int | None, progress: bool | ProgressCallback
-    ) -> NDArray[np.float32]:
-        return predict(
-            self.normal,
-            self.diffuse,
-            self.beta,
-            self.gamma,
-            rig,
-            index=self.index,
-            threads=threads,
-            progress=progress,
+    def surface(self) -> SurfaceArguments:
+        """The painting with a lobe per segment, ready to be lit."""
+        return SurfaceArguments.of_coats(
+            self.normal, self.diffuse, self.beta, self.gamma, self.index
         )
+
+    def report(self) -> dict[str, Any]:
+        """Plain numbers of the gloss for a report file."""
+        return {
+            "index": self.index,
+            "segments": [
+                {
+                    "label": one.label,
+                    "pixels": one.pixels,
+                    "beta": one.beta,
+                    "gamma_degrees": math.degrees(one.gamma),
+                    "verdict": one.verdict,
+                    "own": one.own,
+                }
+                for one in self.segments
+            ],
+        }
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         return (

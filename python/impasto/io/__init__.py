@@ -5,6 +5,7 @@ from impasto.io.cameras import read_camera, write_camera
 from impasto.io.files import atomic_bytes, atomic_path
 from impasto.io.headers import ImageHeader, read_header
 from impasto.io.images import read_image
+from impasto.io.labels import read_labels
 from impasto.io.lights import LightFile, read_lights
 from impasto.io.lp import write_lights
 from impasto.io.notes import Note
@@ -31,6 +32,7 @@ __all__ = [
     "read_camera",
     "read_header",
     "read_image",
+    "read_labels",
     "read_lights",
     "read_stack",
     "write_camera",

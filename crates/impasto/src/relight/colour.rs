@@ -2,6 +2,7 @@
 
 use super::block::{BLOCK, Block, Plane, copied};
 use crate::math::{Isa, Real};
+use crate::sbrdf::scaled;
 use crate::scene::{Colour, Lamp};
 
 /// Adds `matrix @ coefficients * diffuse + interface * specular`, and clears both for the next
@@ -27,7 +28,8 @@ pub(crate) fn colour<I: Isa>(block: &mut Block, coefficients: &[Plane], colour: 
     block.specular.fill(0.0);
 }
 
-/// Adds `matrix @ coefficients * value`, coefficients `(k, y, x)`.
+/// Adds `matrix @ coefficients * value`, coefficients `(k, y, x)`; where one is 0, whatever the
+/// value.
 #[inline(always)]
 pub(crate) fn shine<I: Isa>(
     block: &mut Block,
@@ -41,7 +43,7 @@ pub(crate) fn shine<I: Isa>(
     for (number, column) in colour.diffuse.iter().enumerate() {
         copied(coefficients, number * pixels + start, count, &mut plane);
         for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
-            let shown = I::F32::load(&plane[lane..]) * I::F32::load(&value[lane..]);
+            let shown = scaled(I::F32::load(&plane[lane..]), I::F32::load(&value[lane..]));
             for (light, &weight) in block.light.iter_mut().zip(column) {
                 let sum = I::F32::load(&light[lane..]);
                 shown.mul_add(I::F32::of(weight), sum).store(&mut light[lane..]);

@@ -2,7 +2,7 @@
 //!
 //! Pixels go through a list of stages, block by block; what a scene does not call for is not in
 //! the list ([`Effects`]). Per lamp: its irradiance, [`shadow`], the diffuse term, the interface
-//! term of every coat; per illuminant: colour, as one matrix. The whole picture then goes through
+//! term of every lobe; per illuminant: colour, as one matrix. The whole picture then goes through
 //! the [`view`] if it is slanted, and to the display ([`show`]).
 
 use crate::effects::Effects;
@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::geometry::{Grid, Light};
 use crate::math::{Isa, Kernel};
 use crate::pixels::{Run, TILE};
+use crate::sbrdf::{Lobe, LobeModel, Surface};
 use crate::scene::{Colour, Lamp, Scene};
 
 mod block;
@@ -23,52 +24,11 @@ pub mod view;
 
 use block::{BLOCK, Block, Plane, copied};
 
-/// One number for the whole painting, or a map `(y, x)`.
+/// Where a painting's pixels lie.
 #[derive(Clone, Copy, Debug)]
-pub enum Parameter<'a> {
-    /// The same everywhere.
-    Everywhere(f32),
-    /// One per pixel.
-    Map(&'a [f32]),
-}
-
-/// A coat of varnish or the paint's own surface: one Torrance-Sparrow lobe.
-#[derive(Clone, Copy, Debug)]
-pub struct Coat<'a> {
-    /// Strength.
-    pub beta: Parameter<'a>,
-    /// Half-width of the facets' tilt, radians.
-    pub gamma: Parameter<'a>,
-    /// Index of refraction.
-    pub index: f64,
-}
-
-/// A lobe with a strength per reflectance coefficient: gilding, metal leaf, bronzing.
-#[derive(Clone, Copy, Debug)]
-pub struct Tinted<'a> {
-    /// Strength `(k, y, x)`.
-    pub strength: &'a [f32],
-    /// Half-width of the facets' tilt, radians; of no account where the strength is 0.
-    pub gamma: Parameter<'a>,
-    /// Index of refraction.
-    pub index: f64,
-}
-
-/// The maps of a painting.
-#[derive(Clone, Debug)]
-pub struct Surface<'a> {
-    /// Where the pixels lie.
+pub struct Relief<'a> {
+    /// Columns, rows and the width of a pixel.
     pub grid: Grid,
-    /// Unit normals `(3, y, x)`, NaN where unknown.
-    pub normal: &'a [f32],
-    /// Reflectance coefficients `(k, y, x)`, NaN where unknown.
-    pub coefficients: &'a [f32],
-    /// One entry per interface; none for a matte painting.
-    pub coats: Vec<Coat<'a>>,
-    /// Lobes of the material's own colour.
-    pub tinted: Vec<Tinted<'a>>,
-    /// Coefficients `(k, y, x)` of what the surface shows whatever a lamp's direction.
-    pub ambient: Option<&'a [f32]>,
     /// Height in mm, `(y, x)`: given, shadows are cast.
     pub height: Option<&'a [f32]>,
 }
@@ -88,8 +48,7 @@ enum Stage<'a> {
     Reach(&'a Lamp),
     Shadow(Vec<f32>),
     Diffuse(&'a Lamp),
-    Specular(&'a Lamp, Coat<'a>),
-    Tinted(&'a Lamp, Tinted<'a>, &'a Colour),
+    Specular(&'a Lamp, &'a Lobe<'a>, &'a Colour),
     Ambient(&'a Lamp, &'a [f32], &'a Colour),
     Colour(&'a Colour),
 }
@@ -98,16 +57,21 @@ enum Stage<'a> {
 ///
 /// # Errors
 /// If sizes disagree, or the caller cancels.
-pub fn render(
-    surface: &Surface<'_>,
+pub fn render<M: LobeModel>(
+    surface: &Surface<'_, M>,
+    relief: Relief<'_>,
     scene: &Scene,
     background: [f32; 3],
     run: &Run<'_>,
 ) -> Result<Picture> {
-    check(surface, scene)?;
-    let effects = Effects::of(scene, !surface.coats.is_empty(), surface.height.is_some());
-    let stages = stages(surface, scene, effects, run)?;
-    let pixels = surface.grid.width * surface.grid.height;
+    let grid = relief.grid;
+    let pixels = grid.width * grid.height;
+    if surface.bands(pixels)? != scene.coefficients() {
+        let problem = format!("expected {} planes of the painting's size", scene.coefficients());
+        return Err(Error::argument("coefficients", problem));
+    }
+    let effects = Effects::of(scene, !surface.lobes.is_empty(), relief.height.is_some());
+    let stages = stages(surface, relief, scene, effects, run)?;
     let (mut light, mut coverage) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
     let (red, rest) = light.split_at_mut(pixels);
     let (green, blue) = rest.split_at_mut(pixels);
@@ -128,6 +92,7 @@ pub fn render(
             let view = scene.view();
             run.level.run(Shade {
                 surface,
+                grid,
                 stages: &stages,
                 view,
                 background,
@@ -140,42 +105,16 @@ pub fn render(
         },
     )?;
     if !effects.slanted_view {
-        return Ok(Picture { light, coverage, grid: surface.grid });
+        return Ok(Picture { light, coverage, grid });
     }
-    let projection = view::Projection::new(scene.view(), surface.grid);
+    let projection = view::Projection::new(scene.view(), grid);
     let (light, coverage) = projection.resample(&light, &coverage, background, run)?;
     Ok(Picture { light, coverage, grid: projection.picture })
 }
 
-fn check(surface: &Surface<'_>, scene: &Scene) -> Result<()> {
-    let pixels = surface.grid.width * surface.grid.height;
-    if pixels == 0 || surface.normal.len() != 3 * pixels {
-        return Err(Error::argument("normal", "expected shape (3, y, x)"));
-    }
-    if surface.coefficients.len() != scene.coefficients() * pixels {
-        let problem = format!("expected {} planes of the painting's size", scene.coefficients());
-        return Err(Error::argument("coefficients", problem));
-    }
-    let fits = |parameter: Parameter<'_>| match parameter {
-        Parameter::Everywhere(_) => true,
-        Parameter::Map(map) => map.len() == pixels,
-    };
-    let planes = scene.coefficients() * pixels;
-    let whole = |tinted: &Tinted<'_>| tinted.strength.len() == planes && fits(tinted.gamma);
-    if !surface.tinted.iter().all(whole) {
-        return Err(Error::argument("specular", "expected (k, y, x) and gamma a number or (y, x)"));
-    }
-    if surface.ambient.is_some_and(|ambient| ambient.len() != planes) {
-        return Err(Error::argument("ambient", "expected (k, y, x)"));
-    }
-    if !surface.coats.iter().all(|coat| fits(coat.beta) && fits(coat.gamma)) {
-        return Err(Error::argument("beta", "beta and gamma are numbers or maps (y, x)"));
-    }
-    Ok(())
-}
-
-fn stages<'a>(
-    surface: &Surface<'a>,
+fn stages<'a, M>(
+    surface: &'a Surface<'a, M>,
+    relief: Relief<'_>,
     scene: &'a Scene,
     effects: Effects,
     run: &Run<'_>,
@@ -184,16 +123,15 @@ fn stages<'a>(
     for (index, colour) in scene.colours().iter().enumerate() {
         for lamp in scene.lamps().iter().filter(|lamp| lamp.colour == index) {
             stages.push(Stage::Reach(lamp));
-            if let (true, Some(relief)) = (effects.cast_shadows, surface.height) {
-                let visible = shadow::cast_shadows(relief, surface.grid, &lamp.light, run)?;
+            if let (true, Some(height)) = (effects.cast_shadows, relief.height) {
+                let visible = shadow::cast_shadows(height, relief.grid, &lamp.light, run)?;
                 stages.push(Stage::Shadow(visible));
             }
             stages.push(Stage::Diffuse(lamp));
             if effects.specular {
-                stages.extend(surface.coats.iter().map(|&coat| Stage::Specular(lamp, coat)));
+                let specular = |lobe| Stage::Specular(lamp, lobe, colour);
+                stages.extend(surface.lobes.iter().map(specular));
             }
-            let tinted = |&tinted| Stage::Tinted(lamp, tinted, colour);
-            stages.extend(surface.tinted.iter().map(tinted));
             stages.extend(surface.ambient.map(|ambient| Stage::Ambient(lamp, ambient, colour)));
         }
         stages.push(Stage::Colour(colour));
@@ -202,8 +140,9 @@ fn stages<'a>(
 }
 
 /// One tile through all stages.
-struct Shade<'a, 's> {
-    surface: &'a Surface<'a>,
+struct Shade<'a, 's, M> {
+    surface: &'a Surface<'a, M>,
+    grid: Grid,
     stages: &'a [Stage<'s>],
     view: crate::math::Vec3<f64>,
     background: [f32; 3],
@@ -214,13 +153,13 @@ struct Shade<'a, 's> {
     coverage: &'a mut [f32],
 }
 
-impl Kernel for Shade<'_, '_> {
+impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
     type Output = ();
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { surface, stages, view, background, block, coefficients, start, .. } = self;
-        let pixels = surface.grid.width * surface.grid.height;
+        let Self { surface, grid, stages, view, background, block, coefficients, start, .. } = self;
+        let pixels = grid.width * grid.height;
         let light = self.light;
         let near = |stage: &Stage<'_>| matches!(stage, Stage::Reach(lamp) if matches!(lamp.light, Light::Point { .. }));
         let needs_place = stages.iter().any(near);
@@ -232,10 +171,10 @@ impl Kernel for Shade<'_, '_> {
                 copied(surface.normal, axis * pixels + at, count, plane);
             }
             for (k, plane) in coefficients.iter_mut().enumerate() {
-                copied(surface.coefficients, k * pixels + at, count, plane);
+                copied(surface.diffuse, k * pixels + at, count, plane);
             }
             if needs_place {
-                surface.grid.coordinates(at, &mut block.x, &mut block.y);
+                grid.coordinates(at, &mut block.x, &mut block.y);
             }
             block.light = [[0.0; BLOCK]; 3];
             block.diffuse.fill(0.0);
@@ -249,11 +188,9 @@ impl Kernel for Shade<'_, '_> {
                         }
                     }
                     Stage::Diffuse(lamp) => diffuse::diffuse::<I>(block, lamp),
-                    Stage::Specular(lamp, coat) => {
-                        specular::specular::<I>(block, lamp, coat, view, (at, count));
-                    }
-                    Stage::Tinted(lamp, tinted, colour) => {
-                        specular::tinted::<I>(block, lamp, tinted, colour, view, (at, count));
+                    Stage::Specular(lamp, lobe, colour) => {
+                        let lobe = (&surface.model, *lobe);
+                        specular::specular::<I, M>(block, lamp, lobe, colour, view, (at, count));
                     }
                     Stage::Ambient(lamp, ambient, colour) => {
                         colour::ambient::<I>(block, lamp, ambient, colour, (at, count));

@@ -3,60 +3,48 @@
 use super::block::{BLOCK, Block, Plane, copied};
 use super::colour::shine;
 use super::diffuse::normal;
-use super::{Coat, Parameter, Tinted};
-use crate::brdf::torrance_sparrow::{Facet, sharpness};
 use crate::math::{Isa, Real, Vec3};
+use crate::sbrdf::{Lobe, LobeModel, MAX_NUMBERS, Parameter, Strength, scaled, unit};
 use crate::scene::{Colour, Lamp};
 
-/// Adds the lamp's `beta D F G / (N.V) E` of one coat.
+/// Adds what one lobe reflects of the lamp: to the light that has the lamp's colour, or, coloured
+/// as the lobe's strengths are, to the light of all colours.
 #[inline(always)]
-pub(crate) fn specular<I: Isa>(
+pub(crate) fn specular<I: Isa, M: LobeModel>(
     block: &mut Block,
     lamp: &Lamp,
-    coat: &Coat<'_>,
-    view: Vec3<f64>,
-    (start, count): (usize, usize),
-) {
-    let (mut beta, mut gamma) = ([0.0; BLOCK], [0.0; BLOCK]);
-    parameter(coat.beta, start, count, &mut beta);
-    parameter(coat.gamma, start, count, &mut gamma);
-    let (view, index) = (view.splat::<I::F32>(), I::F32::of(coat.index));
-    for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
-        let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
-        let (direction, _) = lamp.light.at(x, y);
-        let glint = Facet::between(direction, view, index).on(normal::<I>(block, lane));
-        let (beta, gamma) = (I::F32::load(&beta[lane..]), I::F32::load(&gamma[lane..]));
-        let value = glint.value(beta, sharpness(gamma));
-        // An unknown gamma of a coat that is there must stay unknown; `sharpness` bounds it.
-        let known = gamma.le(gamma) | beta.le(I::F32::zero());
-        let value = I::F32::select(known, value, gamma);
-        let sum = I::F32::load(&block.specular[lane..]);
-        value.mul_add(I::F32::load(&block.reach[lane..]), sum).store(&mut block.specular[lane..]);
-    }
-}
-
-/// Adds the lamp's `D F G / (N.V) E` of one tinted lobe, coloured as its strengths are.
-#[inline(always)]
-pub(crate) fn tinted<I: Isa>(
-    block: &mut Block,
-    lamp: &Lamp,
-    lobe: &Tinted<'_>,
+    (model, lobe): (&M, &Lobe<'_>),
     colour: &Colour,
     view: Vec3<f64>,
     (start, count): (usize, usize),
 ) {
-    let (mut gamma, mut value) = ([0.0; BLOCK], [0.0; BLOCK]);
-    parameter(lobe.gamma, start, count, &mut gamma);
-    let (view, index) = (view.splat::<I::F32>(), I::F32::of(lobe.index));
+    let mut shape = [[0.0; BLOCK]; MAX_NUMBERS];
+    for (plane, &number) in shape.iter_mut().zip(&lobe.shape) {
+        parameter(number, start, count, plane);
+    }
+    let view = view.splat::<I::F32>();
+    let mut value = [0.0; BLOCK];
     for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
         let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
         let (direction, _) = lamp.light.at(x, y);
-        let glint = Facet::between(direction, view, index).on(normal::<I>(block, lane));
-        // Where there is no lobe its gamma is NaN and `sharpness` gives some number: times 0.
-        let shown = glint.value(I::F32::one(), sharpness(I::F32::load(&gamma[lane..])));
+        let numbers = shape.each_ref().map(|plane| I::F32::load(&plane[lane..]));
+        let shown = unit(model, numbers, &model.pair(direction, view), normal::<I>(block, lane));
         (shown * I::F32::load(&block.reach[lane..])).store(&mut value[lane..]);
     }
-    shine::<I>(block, &value, lobe.strength, colour, (start, count));
+    match lobe.strength {
+        Strength::Tinted(strengths) => {
+            shine::<I>(block, &value, strengths, colour, (start, count));
+        }
+        Strength::Neutral(strength) => {
+            let mut strengths = [0.0; BLOCK];
+            parameter(strength, start, count, &mut strengths);
+            for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
+                let at = |plane: &Plane| I::F32::load(&plane[lane..]);
+                let sum = at(&block.specular) + scaled(at(&strengths), at(&value));
+                sum.store(&mut block.specular[lane..]);
+            }
+        }
+    }
 }
 
 #[inline(always)]

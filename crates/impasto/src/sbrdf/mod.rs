@@ -17,21 +17,22 @@ mod passes;
 mod pixel;
 mod pooled;
 mod predict;
-mod predict_lobes;
 mod scale;
 mod settle;
 mod subset;
+mod surface;
 mod tile;
 mod verdict;
 
 pub use extract::Extraction;
 pub use highlight::{HighlightMaps, Highlights, fit_lobe};
 pub use lobes::{
-    LobeMaps, LobeModel, LobeOptions, MAX_SHAPES, MOST_LOBES, Slope, TorranceSparrow, Visit,
-    fit_lobes,
+    Lafortune, LobeMaps, LobeModel, LobeOptions, MAX_NUMBERS, MAX_SHAPES, MOST_LOBES, Slope,
+    TorranceSparrow, Visit, fit_lobes,
 };
 pub use pooled::{Pooled, PooledOptions, fit_pooled};
-pub use predict::{Coats, Surface, predict};
-pub use predict_lobes::{LobeSurface, predict_lobes};
+pub use predict::predict;
+pub use surface::{Lobe, Parameter, Strength, Surface};
+pub(crate) use surface::{scaled, unit};
 pub use tile::Start;
 pub use verdict::Verdict;

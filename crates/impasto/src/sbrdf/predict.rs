@@ -1,7 +1,7 @@
-//! Samples that a surface would show: eq. 1 of the six-band paper, eq. 9 of the RGB-camera paper.
+//! Samples that a surface would show: eq. 1 of the six-band paper, eq. 9 of the RGB-camera paper,
+//! eq. 3 of the third.
 
 use crate::brdf::lambert;
-use crate::brdf::torrance_sparrow::{Facet, sharpness};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::math::lanes::Isa;
@@ -9,64 +9,18 @@ use crate::math::{Kernel, Real, Vec3};
 use crate::pixels::{Run, TILE, tiles};
 
 use super::lanes::{load, store};
-
-/// Parameters of the interface reflection, coat by coat.
-#[derive(Clone, Copy, Debug)]
-pub enum Coats<'a> {
-    /// `(coat,)`: one number per coat for the whole painting.
-    Uniform(&'a [f32]),
-    /// `(coat, y, x)`.
-    Maps(&'a [f32]),
-}
-
-impl Coats<'_> {
-    fn count(&self, pixels: usize) -> usize {
-        match self {
-            Self::Uniform(values) => values.len(),
-            Self::Maps(values) => values.len() / pixels,
-        }
-    }
-
-    fn fits(&self, coats: usize, pixels: usize) -> bool {
-        match self {
-            Self::Uniform(values) => values.len() == coats,
-            Self::Maps(values) => values.len() == coats * pixels,
-        }
-    }
-
-    #[inline(always)]
-    fn at<R: Real<Scalar = f32>>(&self, coat: usize, pixels: usize, pixel: usize) -> R {
-        match self {
-            Self::Uniform(values) => R::splat(values[coat]),
-            Self::Maps(values) => load(&values[coat * pixels..(coat + 1) * pixels], pixel),
-        }
-    }
-}
-
-/// A painting's surface as maps.
-#[derive(Clone, Copy, Debug)]
-pub struct Surface<'a> {
-    /// `(3, y, x)` unit vectors.
-    pub normal: &'a [f32],
-    /// `(band, y, x)` diffuse reflectance relative to the white board.
-    pub diffuse: &'a [f32],
-    /// Strength of each coat.
-    pub beta: Coats<'a>,
-    /// Half-width of each coat's facets, rad.
-    pub gamma: Coats<'a>,
-    /// Index of refraction of the coats.
-    pub index: f64,
-}
+use super::lobes::{LobeModel, Sight};
+use super::surface::{Parameter, Strength, Surface, scaled, unit};
 
 /// Writes the samples `(obs, band, y, x)` that a surface shows, white board 1.0: per light
-/// `intensity * irradiance * ((N.L) S + sum over coats of beta D F G / (N.V))`, 0 where the surface
-/// turns away from the light, without interface reflection where it turns away from the view, NaN
-/// where the normal or the diffuse reflectance is.
+/// `intensity * (irradiance * ((N.L) S + sum over lobes of their strength times what the model
+/// says) + ambient)`, 0 where the surface turns away from the light, without lobes where it turns
+/// away from the view, NaN where the normal or the diffuse reflectance is.
 ///
 /// # Errors
 /// If a map's size does not fit the rig's grid, or the run is cancelled.
-pub fn predict(
-    surface: &Surface<'_>,
+pub fn predict<M: LobeModel>(
+    surface: &Surface<'_, M>,
     rig: &Rig,
     intensities: &[f64],
     out: &mut [f32],
@@ -75,47 +29,43 @@ pub fn predict(
     let grid = rig.grid();
     let pixels = grid.width * grid.height;
     let observations = rig.observations();
-    let bands = surface.diffuse.len() / pixels.max(1);
-    let coats = surface.beta.count(pixels.max(1));
+    let bands = surface.bands(pixels)?;
     let sizes = [
-        ("normal", surface.normal.len() == 3 * pixels),
-        ("diffuse", surface.diffuse.len() == bands * pixels && bands > 0),
-        ("beta", surface.beta.fits(coats, pixels)),
-        ("gamma", surface.gamma.fits(coats, pixels)),
         ("intensities", intensities.len() == observations),
-        ("out", out.len() == observations * bands * pixels && pixels > 0),
+        ("out", out.len() == observations * bands * pixels),
     ];
     if let Some((name, _)) = sizes.iter().find(|(_, fits)| !fits) {
         let problem = format!(
-            "its size does not fit {} x {} pixels, {bands} bands, {coats} coats and \
-             {observations} lights",
+            "its size does not fit {} x {} pixels, {bands} bands and {observations} lights",
             grid.height, grid.width
         );
         return Err(Error::argument(name, problem));
     }
+    let sight = Sight::new(surface.model, rig);
     let level = run.level;
     run.for_each(
         jobs(out, bands, pixels),
         || (vec![0.0; TILE], vec![0.0; TILE]),
         |(x, y), job| {
             grid.coordinates(job.start, &mut x[..job.count], &mut y[..job.count]);
+            let near = !rig.lights()[job.observation].is_distant();
             let intensity = intensities[job.observation] as f32;
-            level.run(Predict { surface, rig, coats, pixels, intensity, x, y, job });
+            level.run(Predict { surface, sight: &sight, near, pixels, intensity, x, y, job });
         },
     )
 }
 
 /// One tile of one observation.
-pub(super) struct Job<'a> {
-    pub(super) observation: usize,
-    pub(super) start: usize,
-    pub(super) count: usize,
+struct Job<'a> {
+    observation: usize,
+    start: usize,
+    count: usize,
     /// The tile in every band.
-    pub(super) out: Vec<&'a mut [f32]>,
+    out: Vec<&'a mut [f32]>,
 }
 
 /// Cuts `(obs, band, y, x)` into tiles of observations.
-pub(super) fn jobs(out: &mut [f32], bands: usize, pixels: usize) -> Vec<Job<'_>> {
+fn jobs(out: &mut [f32], bands: usize, pixels: usize) -> Vec<Job<'_>> {
     let mut jobs = Vec::new();
     for (observation, planes) in out.chunks_mut(bands * pixels).enumerate() {
         let mut planes: Vec<_> = planes.chunks_mut(pixels).map(|p| p.chunks_mut(TILE)).collect();
@@ -127,10 +77,11 @@ pub(super) fn jobs(out: &mut [f32], bands: usize, pixels: usize) -> Vec<Job<'_>>
     jobs
 }
 
-struct Predict<'a, 'b> {
-    surface: &'a Surface<'a>,
-    rig: &'a Rig,
-    coats: usize,
+struct Predict<'a, 'b, M: LobeModel> {
+    surface: &'a Surface<'a, M>,
+    sight: &'a Sight<'a, M>,
+    /// Whether the light's direction differs from pixel to pixel.
+    near: bool,
     pixels: usize,
     intensity: f32,
     x: &'a [f32],
@@ -138,21 +89,22 @@ struct Predict<'a, 'b> {
     job: Job<'b>,
 }
 
-impl Kernel for Predict<'_, '_> {
+impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
     type Output = ();
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { surface, rig, coats, pixels, intensity, x, y, mut job } = self;
-        let view = rig.views()[job.observation].splat::<I::F32>();
-        let light = rig.lights()[job.observation];
-        let index = I::F32::of(surface.index);
+        let Self { surface, sight, near, pixels, intensity, x, y, mut job } = self;
         let zero = I::F32::zero();
-        let (mut towards, mut irradiance) = light.at(zero, zero);
-        let mut facet = Facet::between(towards, view, index);
         let plane = |map: &'_ [f32], number: usize, pixel: usize| -> I::F32 {
             load(&map[number * pixels..(number + 1) * pixels], pixel)
         };
+        let number = |parameter: Parameter<'_>, pixel: usize| match parameter {
+            Parameter::Everywhere(value) => I::F32::splat(value),
+            Parameter::Map(map) => load(map, pixel),
+        };
+        let mut units = vec![zero; surface.lobes.len()];
+        let (mut towards, mut irradiance, mut pair) = sight.at(job.observation, zero, zero);
         let mut at = 0;
         while at < job.count {
             let pixel = job.start + at;
@@ -161,25 +113,37 @@ impl Kernel for Predict<'_, '_> {
                 plane(surface.normal, 1, pixel),
                 plane(surface.normal, 2, pixel),
             );
-            if !light.is_distant() {
-                (towards, irradiance) =
-                    light.at(load(&x[..job.count], at), load(&y[..job.count], at));
-                facet = Facet::between(towards, view, index);
+            if near {
+                let (x, y) = (load(&x[..job.count], at), load(&y[..job.count], at));
+                (towards, irradiance, pair) = sight.at(job.observation, x, y);
             }
-            let glint = facet.on(normal);
-            let mut specular = zero;
-            for coat in 0..coats {
-                let beta = surface.beta.at::<I::F32>(coat, pixels, pixel);
-                let gamma = surface.gamma.at::<I::F32>(coat, pixels, pixel);
-                specular = specular + glint.value(beta, sharpness(gamma));
+            let mut neutral = zero;
+            for (lobe, value) in surface.lobes.iter().zip(&mut units) {
+                let shape = core::array::from_fn(|at| {
+                    lobe.shape.get(at).map_or(zero, |&parameter| number(parameter, pixel))
+                });
+                *value = unit(&surface.model, shape, &pair, normal);
+                if let Strength::Neutral(strength) = lobe.strength {
+                    neutral = neutral + scaled(number(strength, pixel), *value);
+                }
             }
             let cosine = lambert::cosine(normal, towards);
-            let scale = irradiance * I::F32::splat(intensity);
+            let intensity = I::F32::splat(intensity);
+            let scale = irradiance * intensity;
             let known = (normal.x + normal.y + normal.z).is_finite();
             for (band, out) in job.out.iter_mut().enumerate() {
                 let diffuse = plane(surface.diffuse, band, pixel);
-                let radiance = diffuse.mul_add(cosine, specular) * scale;
-                store(I::F32::select(known, radiance, I::F32::of(f64::NAN)), out, at);
+                let mut radiance = diffuse.mul_add(cosine, neutral);
+                for (lobe, &value) in surface.lobes.iter().zip(&units) {
+                    if let Strength::Tinted(map) = lobe.strength {
+                        radiance = radiance + scaled(plane(map, band, pixel), value);
+                    }
+                }
+                let mut shown = radiance * scale;
+                if let Some(ambient) = surface.ambient {
+                    shown = plane(ambient, band, pixel).mul_add(intensity, shown);
+                }
+                store(I::F32::select(known, shown, I::F32::of(f64::NAN)), out, at);
             }
             at += I::F32::WIDTH;
         }
@@ -192,42 +156,48 @@ mod tests {
     use crate::geometry::{Grid, Light};
     use crate::math::Level;
     use crate::pixels::{Pool, Progress};
+    use crate::sbrdf::{Lafortune, Lobe, TorranceSparrow};
     use core::sync::atomic::AtomicBool;
 
-    #[test]
-    fn every_level_and_thread_count_gives_the_same_bits() {
-        // Odd sizes: tiles and registers end in the middle of rows.
-        let grid = Grid { width: 131, height: 67, pitch: 0.5 };
-        let pixels = grid.width * grid.height;
-        let mut normal = vec![0.0_f32; 3 * pixels];
-        for pixel in 0..pixels {
+    /// Odd sizes: tiles and registers end in the middle of rows.
+    const GRID: Grid = Grid { width: 131, height: 67, pitch: 0.5 };
+    const PIXELS: usize = GRID.width * GRID.height;
+
+    fn every_level_and_thread_count_gives_the_same_bits<M: LobeModel>(
+        model: M,
+        shape: &[Parameter<'_>],
+    ) {
+        let mut normal = vec![0.0_f32; 3 * PIXELS];
+        for pixel in 0..PIXELS {
             let t = pixel as f64;
             let n = Vec3::new(0.3 * (t * 0.71).sin(), 0.3 * (t * 0.37).cos(), 1.0).normalised();
             normal[pixel] = n.x as f32;
-            normal[pixels + pixel] = n.y as f32;
-            normal[2 * pixels + pixel] = n.z as f32;
+            normal[PIXELS + pixel] = n.y as f32;
+            normal[2 * PIXELS + pixel] = n.z as f32;
         }
         normal[77] = f32::NAN;
         let diffuse: Vec<f32> =
-            (0..2 * pixels).map(|i| 0.3 + (i as f32 * 0.1).sin() * 0.2).collect();
-        let gamma: Vec<f32> = (0..pixels).map(|i| 0.1 + (i % 7) as f32 * 0.02).collect();
+            (0..2 * PIXELS).map(|i| 0.3 + (i as f32 * 0.1).sin() * 0.2).collect();
+        let gold: Vec<f32> = (0..2 * PIXELS).map(|i| (i % 5) as f32).collect();
         let lights = vec![
             Light::Distant(Vec3::new(0.6, 0.0, 0.8)),
             Light::Point { position: Vec3::new(-30.0, 20.0, 60.0), falloff: true },
         ];
-        let rig = Rig::new(lights, vec![Vec3::new(0.0, 0.0, 1.0); 2], grid).unwrap();
+        let rig = Rig::new(lights, vec![Vec3::new(0.0, 0.0, 1.0); 2], GRID).unwrap();
+        let lobe = |strength| Lobe { strength, shape: shape.to_vec() };
+        let varnish = Strength::Neutral(Parameter::Everywhere(12.0));
         let surface = Surface {
             normal: &normal,
             diffuse: &diffuse,
-            beta: Coats::Uniform(&[12.0]),
-            gamma: Coats::Maps(&gamma),
-            index: 1.45,
+            model,
+            lobes: vec![lobe(varnish), lobe(Strength::Tinted(&gold))],
+            ambient: Some(&diffuse),
         };
         let bits = |level: Level, threads: usize| {
             let pool = Pool::new(threads).unwrap();
             let (cancel, progress) = (AtomicBool::new(false), Progress::default());
             let run = Run { pool: Some(&pool), level, cancel: &cancel, progress: &progress };
-            let mut out = vec![0.0; 4 * pixels];
+            let mut out = vec![0.0; 4 * PIXELS];
             predict(&surface, &rig, &[1.0, 0.7], &mut out, &run).unwrap();
             out.into_iter().map(f32::to_bits).collect::<Vec<_>>()
         };
@@ -239,5 +209,20 @@ mod tests {
         }
         let nan = expected.iter().filter(|&&bits| f32::from_bits(bits).is_nan()).count();
         assert_eq!(nan, 4, "one pixel without a normal, in two photographs of two bands");
+    }
+
+    #[test]
+    fn torrance_sparrow_lobes() {
+        let gamma: Vec<f32> = (0..PIXELS).map(|i| 0.1 + (i % 7) as f32 * 0.02).collect();
+        let model = TorranceSparrow { index: 1.45 };
+        every_level_and_thread_count_gives_the_same_bits(model, &[Parameter::Map(&gamma)]);
+    }
+
+    #[test]
+    fn lafortune_lobes() {
+        let exponent: Vec<f32> = (0..PIXELS).map(|i| 2.0 + (i % 7) as f32 * 9.0).collect();
+        let shape = [-1.1, 0.9].map(Parameter::Everywhere);
+        let shape = [shape[0], shape[1], Parameter::Map(&exponent)];
+        every_level_and_thread_count_gives_the_same_bits(Lafortune, &shape);
     }
 }

@@ -12,6 +12,7 @@
 
 mod colours;
 mod fit;
+mod lafortune;
 mod maps;
 mod model;
 mod prior;
@@ -22,6 +23,8 @@ mod tile;
 mod torrance_sparrow;
 
 pub use fit::{LobeOptions, fit_lobes};
+pub use lafortune::Lafortune;
 pub use maps::{LobeMaps, MOST_LOBES};
-pub use model::{LobeModel, MAX_SHAPES, Slope, Visit};
+pub use model::{LobeModel, MAX_NUMBERS, MAX_SHAPES, Slope, Visit};
+pub(super) use sight::Sight;
 pub use torrance_sparrow::TorranceSparrow;

@@ -6,14 +6,14 @@ use crate::math::{Real, Vec3};
 use super::model::LobeModel;
 
 /// A rig, and what a model knows of its pairs before any pixel is looked at.
-pub(super) struct Sight<'a, M: LobeModel> {
+pub(in crate::sbrdf) struct Sight<'a, M: LobeModel> {
     pub(super) model: M,
     rig: &'a Rig,
     pairs: Vec<M::Pair<f64>>,
 }
 
 impl<'a, M: LobeModel> Sight<'a, M> {
-    pub(super) fn new(model: M, rig: &'a Rig) -> Self {
+    pub(in crate::sbrdf) fn new(model: M, rig: &'a Rig) -> Self {
         let pairs = rig
             .lights()
             .iter()
@@ -34,7 +34,12 @@ impl<'a, M: LobeModel> Sight<'a, M> {
 
     /// Direction to the light, irradiance and the pair, from the points `(x, y, 0)`.
     #[inline(always)]
-    pub(super) fn at<R: Real>(&self, photograph: usize, x: R, y: R) -> (Vec3<R>, R, M::Pair<R>) {
+    pub(in crate::sbrdf) fn at<R: Real>(
+        &self,
+        photograph: usize,
+        x: R,
+        y: R,
+    ) -> (Vec3<R>, R, M::Pair<R>) {
         let light = self.rig.lights()[photograph];
         let (towards, irradiance) = light.at(x, y);
         let pair = if light.is_distant() {

@@ -2,11 +2,11 @@
 
 use core::f64::consts::LN_2;
 
-use crate::brdf::torrance_sparrow::{Facet, GAMMA_MAX, GAMMA_MIN};
+use crate::brdf::torrance_sparrow::{Facet, GAMMA_MAX, GAMMA_MIN, sharpness};
 use crate::math::elementary::exp;
 use crate::math::{Real, Vec3};
 
-use super::model::{LobeModel, MAX_SHAPES, Slope, Visit};
+use super::model::{LobeModel, MAX_NUMBERS, MAX_SHAPES, Slope, Visit};
 
 /// Lobes of facets under an interface of one index of refraction.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +39,10 @@ impl LobeModel for TorranceSparrow {
     #[inline(always)]
     fn lobe<R: Real>(&self, [log_sharpness, _]: [R; MAX_SHAPES]) -> R {
         exp(log_sharpness)
+    }
+    #[inline(always)]
+    fn told<R: Real>(&self, [gamma, ..]: [R; MAX_NUMBERS]) -> R {
+        sharpness(gamma)
     }
     #[inline(always)]
     fn value<R: Real>(&self, sharpness: &R, pair: &Facet<R>, normal: Vec3<R>) -> R {

@@ -1,0 +1,112 @@
+//! A painting's maps, and the model of its lobes by name.
+
+use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use impasto::geometry::Grid;
+use impasto::sbrdf::{Lobe, Parameter, Strength, Surface};
+use impasto::{Error, Result};
+
+use crate::arrays::contiguous;
+
+/// What `impasto.fit.surface.SurfaceArguments` holds: every array C-contiguous.
+#[derive(FromPyObject)]
+pub(crate) struct SurfaceArguments<'py> {
+    /// (3, y, x).
+    normal: PyReadonlyArray3<'py, f32>,
+    /// (k, y, x).
+    diffuse: PyReadonlyArray3<'py, f32>,
+    /// Its name; see [`with_model`].
+    pub(crate) model: String,
+    pub(crate) index: f64,
+    lobes: Vec<LobeArguments<'py>>,
+    /// (k, y, x).
+    ambient: Option<PyReadonlyArray3<'py, f32>>,
+}
+
+/// What `impasto.fit.surface.LobeArguments` holds.
+#[derive(FromPyObject)]
+struct LobeArguments<'py> {
+    /// (k, y, x) where the lobe has a colour of its own.
+    strength: NumberArray<'py>,
+    shape: Vec<NumberArray<'py>>,
+}
+
+#[derive(FromPyObject)]
+enum NumberArray<'py> {
+    #[pyo3(transparent)]
+    Map(PyReadonlyArray2<'py, f32>),
+    #[pyo3(transparent)]
+    Planes(PyReadonlyArray3<'py, f32>),
+    #[pyo3(transparent)]
+    Everywhere(f32),
+}
+
+/// Calls a generic function with the model of a name.
+macro_rules! with_model {
+    ($name:expr, $index:expr, |$model:ident| $call:expr) => {
+        match $name {
+            "torrance-sparrow" => {
+                let $model = impasto::sbrdf::TorranceSparrow { index: $index };
+                Ok($call)
+            }
+            "lafortune" => {
+                let $model = impasto::sbrdf::Lafortune;
+                Ok($call)
+            }
+            other => {
+                Err(impasto::Error::argument("model", format!("there is none called {other:?}")))
+            }
+        }
+    };
+}
+pub(crate) use with_model;
+
+impl SurfaceArguments<'_> {
+    /// Bands, rows and columns.
+    pub(crate) fn shape(&self) -> [usize; 3] {
+        [0, 1, 2].map(|axis| self.diffuse.shape()[axis])
+    }
+
+    pub(crate) fn grid(&self, pitch: f64) -> Grid {
+        let [_, height, width] = self.shape();
+        Grid { width, height, pitch }
+    }
+
+    /// The numerics' view of the maps.
+    pub(crate) fn surface<M>(&self, model: M) -> Result<Surface<'_, M>> {
+        let planes = |map| self::planes("ambient", map);
+        Ok(Surface {
+            normal: self::planes("normal", &self.normal)?,
+            diffuse: self::planes("diffuse", &self.diffuse)?,
+            model,
+            lobes: self.lobes.iter().map(LobeArguments::lobe).collect::<Result<_>>()?,
+            ambient: self.ambient.as_ref().map(planes).transpose()?,
+        })
+    }
+}
+
+impl LobeArguments<'_> {
+    fn lobe(&self) -> Result<Lobe<'_>> {
+        let strength = match &self.strength {
+            NumberArray::Planes(map) => Strength::Tinted(planes("strength", map)?),
+            number => Strength::Neutral(number.parameter("strength")?),
+        };
+        let shape = self.shape.iter().map(|number| number.parameter("shape"));
+        Ok(Lobe { strength, shape: shape.collect::<Result<_>>()? })
+    }
+}
+
+impl NumberArray<'_> {
+    fn parameter(&self, name: &'static str) -> Result<Parameter<'_>> {
+        match self {
+            Self::Everywhere(value) => Ok(Parameter::Everywhere(*value)),
+            Self::Map(map) => Ok(Parameter::Map(contiguous(name, map.as_slice())?)),
+            Self::Planes(_) => Err(Error::argument(name, "expected a number or (y, x)")),
+        }
+    }
+}
+
+fn planes<'a>(name: &'static str, map: &'a PyReadonlyArray3<'_, f32>) -> Result<&'a [f32]> {
+    contiguous(name, map.as_slice())
+}

@@ -1,0 +1,56 @@
+"""Parts of a painting, told apart in a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.errors import ArgumentError
+from impasto.io.images import read_image
+
+MOST_PARTS = 256
+"""More colours than that are a blurred or compressed picture, not parts."""
+
+
+def read_labels(path: str | Path) -> NDArray[np.int64]:
+    """Read the parts of a painting from a picture in which each has a grey or colour of its own.
+
+    Parameters
+    ----------
+    path
+        PNG or TIFF of 8 or 16 bits. JPEG blurs the borders: its colours are too many.
+
+    Returns
+    -------
+    ndarray
+        ``(y, x)`` for ``fit_sbrdf(segments=)``: the grey code, or red, green and blue as the digits
+        of one number (in base 256 where codes have 8 bits); -1, of no part, where the picture is
+        black.
+
+    Raises
+    ------
+    ArgumentError
+        Not found, all black, more than 256 colours, or no whole numbers.
+    CorruptInputError
+        Truncated, damaged or no picture at all.
+    """
+    planes = read_image(path)
+    if planes.dtype.kind != "u":
+        raise ArgumentError(
+            f"{path}: holds {planes.dtype}; parts are told apart by whole codes, as in a PNG"
+        )
+    base = np.iinfo(planes.dtype).max + 1
+    labels = np.zeros(planes.shape[1:], dtype=np.int64)
+    for plane in planes:
+        labels = labels * base + plane
+    count = np.count_nonzero(np.unique(labels))
+    if count == 0:
+        raise ArgumentError(f"{path}: is black all over, and black is of no part")
+    if count > MOST_PARTS:
+        raise ArgumentError(
+            f"{path}: has {count} colours, for at most {MOST_PARTS} parts; save it as a PNG, "
+            "painted without soft edges"
+        )
+    return np.where(labels == 0, np.int64(-1), labels)

@@ -1,0 +1,213 @@
+"""Pictures and predictions of lobes: every model through the same stages.
+
+The oracle of Lafortune lobes is ``oracles/lafortune_forward.py``, float64 numpy written from the
+papers with a tangent frame and plain powers.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import impasto
+from impasto import DistantLight, PointLight, Scene, Status, simulate
+from impasto.fit.forward import shown
+from impasto.fit.surface import SurfaceArguments
+from oracles import lafortune_forward as oracle
+
+SIZE = (23, 37)
+LIGHT = (0.25, 0.15, 0.955)
+SLANTED = (0.3, -0.2, 0.93)
+
+
+def shared(rng: np.random.Generator) -> dict[str, Any]:
+    normal = rng.normal(0, 0.15, (3, *SIZE))
+    normal[2] = 1.0
+    normal = (normal / np.linalg.norm(normal, axis=0)).astype(np.float32)
+    status = np.zeros(SIZE, np.uint8)
+    status[2, 3], status[4, 5] = Status.MASKED, Status.DARK
+    plane = np.zeros(SIZE, np.float32)
+    stereo = impasto.Normals(
+        normal=normal,
+        albedo=np.zeros((3, *SIZE), np.float32),
+        used=np.zeros(SIZE, np.uint16),
+        rejected=np.zeros((4, *SIZE), np.uint16),
+        residual=plane,
+        condition=plane,
+        sigma=plane,
+        status=status,
+        method="robust",
+    )
+    diffuse = rng.uniform(0.05, 0.6, (3, *SIZE)).astype(np.float32)
+    specular = rng.uniform(0.0, 0.5, (2, 3, *SIZE)).astype(np.float32)
+    lobes = rng.integers(0, 3, SIZE).astype(np.uint8)
+    specular[:, :, 4, 5], diffuse[:, 4, 5], lobes[4, 5] = 0.0, 0.0, 0
+    for lobe in range(2):
+        specular[lobe, :, lobes <= lobe] = 0.0
+    normal[:, status >= 16] = np.nan
+    specular[:, :, 2, 3] = diffuse[:, 2, 3] = np.nan
+    return {
+        "normal": normal,
+        "diffuse": diffuse,
+        "specular": specular,
+        "lobes": lobes,
+        "residual": plane,
+        "sigma": plane,
+        "status": status,
+        "normals": stereo,
+        "rig": impasto.Rig([LIGHT], pitch_mm=0.3),
+        "bands": ("R", "G", "B"),
+    }
+
+
+@pytest.fixture(scope="module")
+def lafortune() -> impasto.LafortuneSbrdf:
+    rng = np.random.default_rng(11)
+    maps = shared(rng)
+    exponent = rng.uniform(3.0, 60.0, (2, *SIZE))
+    turn = rng.uniform(-1.5, 1.5, (2, *SIZE)) / exponent
+    psi = 2.0 * np.arctan(turn)
+    shape = {"cxy": np.sin(psi) - np.cos(psi), "cz": np.sin(psi) + np.cos(psi)}
+    shape = {
+        name: map_.astype(np.float32) for name, map_ in (shape | {"exponent": exponent}).items()
+    }
+    for map_ in shape.values():
+        for lobe in range(2):
+            map_[lobe][maps["lobes"] <= lobe] = np.nan
+    return impasto.LafortuneSbrdf(**maps, **shape, verdict="fitted")
+
+
+@pytest.fixture(scope="module")
+def facets() -> impasto.LobeSbrdf:
+    rng = np.random.default_rng(12)
+    maps = shared(rng)
+    maps["specular"] *= 20.0  # times a Fresnel reflectance of 0.05
+    gamma = rng.uniform(0.08, 0.4, (2, *SIZE)).astype(np.float32)
+    for lobe in range(2):
+        gamma[lobe][maps["lobes"] <= lobe] = np.nan
+    ambient = rng.uniform(0.0, 0.02, (3, *SIZE)).astype(np.float32)
+    ambient[:, 2, 3] = np.nan
+    return impasto.LobeSbrdf(**maps, gamma=gamma, gamma_sigma=gamma, ambient=ambient, index=1.6)
+
+
+def known(surface: Any) -> Any:
+    return surface.status < Status.DARK
+
+
+@pytest.mark.parametrize("kind", ["lafortune", "facets"])
+@pytest.mark.parametrize(
+    "light", [DistantLight(LIGHT, 0.8), PointLight((20.0, 15.0, 60.0), 0.9)], ids=["far", "near"]
+)
+def test_a_picture_is_what_is_predicted(kind: str, light: Any, request: Any) -> None:
+    surface = request.getfixturevalue(kind)
+    picture = impasto.render(surface, Scene([light], exposure=1.0))
+    expected = surface.predict([light])[0]
+    assert np.isnan(expected[:, ~known(surface)]).all()
+    assert np.isfinite(expected[:, known(surface)]).all()
+    # Bands are linear sRGB: to XYZ and back in single precision is a few roundings of 6e-8, times
+    # the largest entries of the two matrices, 1 and 3.2, with sums of up to 2.
+    np.testing.assert_allclose(
+        picture.linear[:, known(surface)], expected[:, known(surface)], rtol=0, atol=4e-6
+    )
+    np.testing.assert_array_equal(picture.coverage == 1.0, known(surface))
+    lobes = (
+        expected
+        - impasto.fit.forward.predict(
+            surface.normal, surface.diffuse, 0.0, 0.1, impasto.Rig([light], pitch_mm=0.3)
+        )[0]
+    )
+    assert np.nanmax(lobes) > 0.05, "lobes are seen"
+
+
+@pytest.mark.parametrize("view", [(0.0, 0.0, 1.0), SLANTED], ids=["front", "slanted"])
+def test_lafortune_lobes_are_the_papers(lafortune: impasto.LafortuneSbrdf, view: Any) -> None:
+    fine = known(lafortune)
+    shape = {name: np.nan_to_num(getattr(lafortune, name), nan=1.0) for name in lafortune.SHAPE}
+    expected = oracle.radiance(
+        lafortune.normal, lafortune.diffuse, lafortune.specular, **shape, light=LIGHT, view=view
+    )
+    found = lafortune.predict([LIGHT], views=[view])[0]
+    # d is rounded to 6e-8 a few times, and its power n <= 60 multiplies that: 60 * 3 * 6e-8.
+    np.testing.assert_allclose(found[:, fine], expected[:, fine], rtol=1.1e-5, atol=0)
+
+
+def test_lamps_add_up(lafortune: impasto.LafortuneSbrdf) -> None:
+    lights = [DistantLight(LIGHT), PointLight((-20.0, 5.0, 50.0), 0.7)]
+    one, two, both = (
+        impasto.render(lafortune, Scene(chosen, exposure=1.0)).xyz
+        for chosen in (lights[:1], lights[1:], lights)
+    )
+    fine = known(lafortune)
+    np.testing.assert_allclose(both[:, fine], (one + two)[:, fine], rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize("kind", ["lafortune", "facets"])
+def test_threads_change_nothing(kind: str, request: Any) -> None:
+    surface = request.getfixturevalue(kind)
+    scene = Scene([DistantLight(LIGHT)], view=SLANTED)
+    one, three = (impasto.render(surface, scene, threads=n) for n in (1, 3))
+    assert one.xyz.tobytes() == three.xyz.tobytes()
+    assert surface.predict(threads=1).tobytes() == surface.predict(threads=3).tobytes()
+
+
+def test_a_slanted_view_and_shadows_take_lobes_too(lafortune: impasto.LafortuneSbrdf) -> None:
+    scene = Scene([DistantLight((0.9, 0.0, 0.44))], view=SLANTED, shadows=True)
+    picture = impasto.render(lafortune, scene)
+    assert picture.coverage.shape[1] < SIZE[1]
+    assert picture.valid.mean() > 0.8
+
+
+def test_a_fit_of_the_third_paper_is_rendered() -> None:
+    """The whole way: photographs of Snel's rig, the three passes, a picture."""
+    painting = simulate.painting(seed=4, size=(16, 18), varnish="patches")
+    capture = simulate.capture(painting, "snel-lafortune", "rgb", model="lafortune")
+    rig = capture.stack.rig
+    sbrdf = impasto.fit_sbrdf(capture.stack.take(range(0, len(rig), 5)), model="lafortune")
+    picture = impasto.render(sbrdf, Scene([DistantLight(LIGHT)], exposure=1.0))
+    truth = oracle.radiance(
+        capture.truth.normal,
+        capture.truth.diffuse,
+        light=LIGHT,
+        view=(0, 0, 1),
+        **vars(capture.truth.lobes),
+    )
+    # Highlights are the hard part: at most pixels the picture is within a hundredth of white.
+    assert np.median(np.abs(picture.linear - truth)) < 0.01
+
+
+def test_the_index_is_that_of_the_fit(facets: impasto.LobeSbrdf) -> None:
+    scene = Scene([DistantLight(LIGHT)], exposure=1.0)
+    own = impasto.render(facets, scene).xyz
+    assert own.tobytes() == impasto.render(facets, scene, index=1.6).xyz.tobytes()
+    assert own.tobytes() != impasto.render(facets, scene, index=1.45).xyz.tobytes()
+    with pytest.raises(impasto.ArgumentError, match="index"):
+        impasto.render(facets, scene, index=0.5)
+
+
+@pytest.mark.parametrize("kind", ["lafortune", "facets"])
+def test_spectra_tell_nothing_of_coloured_lobes(kind: str, request: Any) -> None:
+    surface = request.getfixturevalue(kind)
+    with pytest.raises(impasto.ArgumentError, match=type(surface).__name__):
+        impasto.render(surface, Scene([DistantLight(LIGHT)]), camera=impasto.Camera.srgb())
+
+
+def test_wrong_surfaces_are_refused(lafortune: impasto.LafortuneSbrdf) -> None:
+    maps = (lafortune.normal, lafortune.diffuse)
+    shape = {name: getattr(lafortune, name) for name in lafortune.SHAPE}
+
+    def surface(shape: dict[str, Any], model: Any = "lafortune", **more: Any) -> SurfaceArguments:
+        return SurfaceArguments.of_lobes(*maps, lafortune.specular, shape, model=model, **more)
+
+    with pytest.raises(impasto.ArgumentError, match="cz"):
+        surface({**shape, "cz": shape["cz"][:1]})
+    with pytest.raises(impasto.ArgumentError, match="ambient"):
+        surface(shape, ambient=np.zeros((3, 2, 2)))
+    # What only the numerics know: how many numbers a shape of the model has, and which there are.
+    too_few = surface({"cxy": shape["cxy"], "cz": shape["cz"]})
+    with pytest.raises(impasto.ArgumentError, match="shape of a lobe"):
+        shown(too_few, lafortune.rig)
+    unknown = surface(shape, "phong")
+    with pytest.raises(impasto.ArgumentError, match=r"model.*phong"):
+        shown(unknown, lafortune.rig)
