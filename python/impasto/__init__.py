@@ -21,6 +21,7 @@ from impasto.fit.reflectance import Reflectance, fit_reflectance, white_correcte
 from impasto.fit.result import FittedSurface
 from impasto.fit.sbrdf import fit_sbrdf, load_sbrdf
 from impasto.fit.segments import Segment, SegmentSbrdf
+from impasto.fit.strengths import Strengths, fit_strengths
 from impasto.height import cast_shadows, integrate_normals
 from impasto.io import read_stack
 from impasto.render import Image, display_from_bands, render
@@ -54,6 +55,7 @@ __all__ = [
     "SegmentSbrdf",
     "Stack",
     "Status",
+    "Strengths",
     "Training",
     "cast_shadows",
     "colour",
@@ -62,6 +64,7 @@ __all__ = [
     "fit_normals",
     "fit_reflectance",
     "fit_sbrdf",
+    "fit_strengths",
     "integrate_normals",
     "load_sbrdf",
     "read_stack",
