@@ -96,9 +96,11 @@ class Lobes(TypedDict):
     names: list[str]
     numbers: NDArray[np.float32]
     spread: NDArray[np.float32]
+    tinted: NDArray[np.uint8]
     lobes: NDArray[np.uint8]
     residual: NDArray[np.float32]
     sigma: NDArray[np.float32]
+    converged: NDArray[np.uint8]
     status: NDArray[np.uint8]
 
 def fit_lobes(

@@ -23,9 +23,11 @@ pub(crate) struct LobeArrays<'py> {
     numbers: Bound<'py, PyArray4<f32>>,
     /// (lobe, y, x).
     spread: Bound<'py, PyArray3<f32>>,
+    tinted: Bound<'py, PyArray3<u8>>,
     lobes: Bound<'py, PyArray2<u8>>,
     residual: Bound<'py, PyArray2<f32>>,
     sigma: Bound<'py, PyArray2<f32>>,
+    converged: Bound<'py, PyArray2<u8>>,
     status: Bound<'py, PyArray2<u8>>,
 }
 
@@ -85,9 +87,11 @@ impl Call<'_, '_> {
             names: M::NAMES,
             numbers: size.sets(py, maps.numbers, [lobes, M::NAMES.len()])?,
             spread: size.planes(py, maps.spread, lobes)?,
+            tinted: size.planes(py, maps.tinted, lobes)?,
             lobes: size.map(py, maps.lobes)?,
             residual: size.map(py, maps.residual)?,
             sigma: size.map(py, maps.sigma)?,
+            converged: size.map(py, maps.converged)?,
             status: size.map(py, maps.status)?,
         })
     }

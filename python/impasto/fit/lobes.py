@@ -52,6 +52,12 @@ class LobeSbrdf(LobedSurface):
         ``(lobe, y, x)`` float32: half-width of the lobe's facets, radians; narrowest first.
     gamma_sigma
         ``(lobe, y, x)`` float32: standard deviation of log gamma.
+    tinted
+        ``(lobe, y, x)`` bool: whether the photographs ask for a strength per band (gold, bronzing);
+        False where one strength serves all of them (varnish), or the pixel has no such lobe.
+    converged
+        ``(y, x)`` bool: whether the pixel's last search ended by its own tests; False where its
+        iterations were used up, and where nothing is estimated.
     index
         Index of refraction of the interface.
     """
@@ -62,6 +68,8 @@ class LobeSbrdf(LobedSurface):
     ambient: NDArray[np.float32] = field(metadata=over("band", "y", "x"))
     gamma: NDArray[np.float32] = field(metadata=over("lobe", "y", "x", unit="rad"))
     gamma_sigma: NDArray[np.float32] = field(metadata=over("lobe", "y", "x"))
+    tinted: NDArray[np.bool_] = field(metadata=over("lobe", "y", "x", dtype=np.bool_))
+    converged: NDArray[np.bool_] = field(metadata=over("y", "x", dtype=np.bool_))
     index: float = field(metadata=over(dtype=np.float64))
 
     def surface(self) -> SurfaceArguments:
@@ -116,7 +124,9 @@ def fit_lobes(
         specular=found["specular"],
         gamma=found["numbers"][:, 0],
         gamma_sigma=found["spread"],
+        tinted=found["tinted"].view(np.bool_),
         lobes=found["lobes"],
+        converged=found["converged"].view(np.bool_),
         index=index,
     )
 

@@ -38,6 +38,42 @@ impl<R: Real, const K: usize> Sums<R, K> {
         }
     }
 
+    /// The sums that are left once a column has this strength in the chosen lanes; there it has
+    /// nothing more to say.
+    #[inline(always)]
+    pub(super) fn hold(&self, column: usize, strength: R, chosen: R::Mask) -> Self {
+        let mut left = *self;
+        for i in 0..K {
+            let shared = self.entry(i, column);
+            left.right[i] = R::keep(chosen, -strength).mul_add(shared, self.right[i]);
+            let (row, other) = if i >= column { (i, column) } else { (column, i) };
+            left.gram[row][other] = R::keep(!chosen, shared);
+        }
+        left.right[column] = R::keep(!chosen, self.right[column]);
+        left
+    }
+
+    /// With a column at 0 and the others' best colours: what a little of the column would gain
+    /// (half the slope of the sum of squares), and how that falls with more of it.
+    #[inline(always)]
+    pub(super) fn pull(&self, column: usize, barred: &[bool; K]) -> [R; 2] {
+        let others = self.hold(column, R::zero(), R::Mask::splat(true)).solve(barred);
+        let shared: [R; K] =
+            core::array::from_fn(|i| if i == column { R::zero() } else { self.entry(i, column) });
+        let follow = others.factor.solve(&shared);
+        let (mut gain, mut fall) = (self.right[column], self.gram[column][column]);
+        for ((&shared, &other), &follow) in shared.iter().zip(&others.values).zip(&follow) {
+            gain = (-shared).mul_add(other, gain);
+            fall = (-shared).mul_add(follow, fall);
+        }
+        [gain, fall]
+    }
+
+    #[inline(always)]
+    fn entry(&self, i: usize, j: usize) -> R {
+        if i >= j { self.gram[i][j] } else { self.gram[j][i] }
+    }
+
     /// The colours that leave the smallest residuals, none negative; the columns in `barred` stay
     /// 0. Block principal pivoting (Portugal, Judice and Vicente 1994): columns change sides all
     /// at once as long as that helps, then one at a time (Murty), which always ends.
@@ -60,8 +96,7 @@ impl<R: Real, const K: usize> Sums<R, K> {
             for i in 0..K {
                 let mut slope = self.right[i];
                 for (j, &value) in values.iter().enumerate() {
-                    let entry = if i >= j { self.gram[i][j] } else { self.gram[j][i] };
-                    slope = (-entry).mul_add(value, slope);
+                    slope = (-self.entry(i, j)).mul_add(value, slope);
                 }
                 let reach = R::of(FLAT) * (self.gram[i][i] * self.square).sqrt();
                 let wanted = held[i] & !never[i] & slope.gt(reach);
@@ -144,6 +179,24 @@ mod tests {
             let best = exhaustive(&sums);
             assert!(gain(&found.values) >= best - 1e-9 * sums.square, "{round}");
         }
+    }
+
+    #[test]
+    fn a_column_is_held_where_its_best_strength_is_found() {
+        let mut sums = Sums::<f64, 3>::zero();
+        for i in 0..9 {
+            let t = f64::from(i);
+            // The third column pulls below 0 and stays there.
+            sums.add(&[1.0, t, t * t], 1.0 + 0.1 * t, 2.0 + 3.0 * t - 0.2 * t * t);
+        }
+        let free = sums.solve(&[false; 3]).values;
+        assert!(free[1] > 0.0 && free[2] == 0.0);
+        let [gain, fall] = sums.pull(1, &[false; 3]);
+        let best = gain / fall;
+        assert!((best / free[1] - 1.0).abs() < 1e-12, "{best} {}", free[1]);
+        let held = sums.hold(1, best, true).solve(&[false; 3]).values;
+        assert!((held[0] / free[0] - 1.0).abs() < 1e-10 && held[1] == 0.0 && held[2] == 0.0);
+        assert_eq!(sums.hold(1, best, false).solve(&[false; 3]).values, free);
     }
 
     #[test]

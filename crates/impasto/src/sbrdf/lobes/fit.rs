@@ -240,6 +240,7 @@ impl<M: LobeModel> Fit<'_, M> {
         let starts = tile.places.clone();
         for place in &mut tile.places {
             place.cost = f32::INFINITY;
+            place.converged = false;
         }
         for lobes in 0..=self.options.lobes {
             Search {
@@ -311,6 +312,8 @@ impl<M: LobeModel> Fit<'_, M> {
                 }
             }
             for (rank, &lobe) in order.iter().enumerate() {
+                let tinted = bands > 1 && settled.neutral[lobe * TILE + pixel] == 0.0;
+                sheet.tinted[rank][pixel] = u8::from(tinted);
                 let mut told = [0.0; 4];
                 self.sight.model.report(place.shapes[lobe], &mut told[..numbers]);
                 for (number, &value) in told[..numbers].iter().enumerate() {
@@ -325,6 +328,7 @@ impl<M: LobeModel> Fit<'_, M> {
                 sheet.status[pixel] = Status::Pooled.code();
             }
             sheet.lobes[pixel] = place.lobes as u8;
+            sheet.converged[pixel] = u8::from(place.converged);
             sheet.residual[pixel] = settled.residual[pixel];
             // Case 27: a normal that nothing determines may lie anywhere in the hemisphere.
             sheet.sigma[pixel] = place.normal_spread.min(FRAC_PI_2);

@@ -18,12 +18,16 @@ pub struct LobeMaps {
     pub numbers: Vec<f32>,
     /// `(lobe, y, x)` standard deviation of the first number of a lobe's shape.
     pub spread: Vec<f32>,
+    /// `(lobe, y, x)` 1 where a lobe's strengths differ from band to band, 0 where one will do.
+    pub tinted: Vec<u8>,
     /// `(y, x)` how many lobes.
     pub lobes: Vec<u8>,
     /// `(y, x)` root mean square of the residuals, linear light.
     pub residual: Vec<f32>,
     /// `(y, x)` standard deviation of the normal along its worst axis, rad.
     pub sigma: Vec<f32>,
+    /// `(y, x)` 1 where the search ended by its own tests, 0 where its iterations were used up.
+    pub converged: Vec<u8>,
     /// `(y, x)` [`Status`](crate::maps::Status) codes.
     pub status: Vec<u8>,
 }
@@ -37,9 +41,11 @@ pub(super) struct Sheet<'a> {
     pub(super) specular: Vec<&'a mut [f32]>,
     pub(super) numbers: Vec<&'a mut [f32]>,
     pub(super) spread: Vec<&'a mut [f32]>,
+    pub(super) tinted: Vec<&'a mut [u8]>,
     pub(super) lobes: &'a mut [u8],
     pub(super) residual: &'a mut [f32],
     pub(super) sigma: &'a mut [f32],
+    pub(super) converged: &'a mut [u8],
     pub(super) status: &'a mut [u8],
 }
 
@@ -55,9 +61,11 @@ impl LobeMaps {
             specular: unknown(lobes * bands),
             numbers: unknown(lobes * numbers),
             spread: unknown(lobes),
+            tinted: vec![0; lobes * pixels],
             lobes: vec![0; pixels],
             residual: unknown(1),
             sigma: unknown(1),
+            converged: vec![0; pixels],
             status: status.to_vec(),
         }
     }
@@ -73,7 +81,9 @@ impl LobeMaps {
         let mut spread = cut(&mut self.spread, pixels, tile);
         let mut residual = self.residual.chunks_mut(tile);
         let mut sigma = self.sigma.chunks_mut(tile);
+        let mut tinted = cut(&mut self.tinted, pixels, tile);
         let mut lobes = self.lobes.chunks_mut(tile);
+        let mut converged = self.converged.chunks_mut(tile);
         self.status
             .chunks_mut(tile)
             .enumerate()
@@ -85,9 +95,11 @@ impl LobeMaps {
                 specular: take(&mut specular),
                 numbers: take(&mut numbers),
                 spread: take(&mut spread),
+                tinted: take(&mut tinted),
                 lobes: lobes.next().unwrap_or_default(),
                 residual: residual.next().unwrap_or_default(),
                 sigma: sigma.next().unwrap_or_default(),
+                converged: converged.next().unwrap_or_default(),
                 status,
             })
             .collect()
@@ -95,11 +107,11 @@ impl LobeMaps {
 }
 
 /// The planes of a map, each in tiles.
-fn cut(map: &mut [f32], pixels: usize, tile: usize) -> Vec<core::slice::ChunksMut<'_, f32>> {
+fn cut<T>(map: &mut [T], pixels: usize, tile: usize) -> Vec<core::slice::ChunksMut<'_, T>> {
     map.chunks_mut(pixels).map(|plane| plane.chunks_mut(tile)).collect()
 }
 
 /// The next tile of every plane.
-fn take<'a>(planes: &mut [core::slice::ChunksMut<'a, f32>]) -> Vec<&'a mut [f32]> {
+fn take<'a, T>(planes: &mut [core::slice::ChunksMut<'a, T>]) -> Vec<&'a mut [T]> {
     planes.iter_mut().filter_map(Iterator::next).collect()
 }

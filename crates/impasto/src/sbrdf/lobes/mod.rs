@@ -15,6 +15,7 @@ mod fit;
 mod lafortune;
 mod maps;
 mod model;
+mod neutral;
 mod prior;
 mod search;
 mod settle;

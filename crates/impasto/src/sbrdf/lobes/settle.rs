@@ -1,14 +1,15 @@
 //! Colours where the shapes are known, what they leave, and what the samples are worth after it.
 
+use crate::math::elementary::{exp, ln};
 use crate::math::lanes::{Isa, MAX_LANES};
-use crate::math::{Kernel, Real, Vec3};
+use crate::math::{Kernel, Level, Real, Vec3};
 
 use super::colours::Sums;
 use super::maps::MOST_LOBES;
 use super::model::{LobeModel, MAX_SHAPES, Visit};
+use super::neutral::Judge;
 use super::sight::Sight;
-use super::tile::{Place, Plate, TILE};
-use crate::math::Level;
+use super::tile::{Place, Plate, ROUNDING, TILE};
 
 /// Columns of [`Settled::colours`]: diffuse, lobes, ambient.
 pub(super) const COLUMNS: usize = MOST_LOBES + 2;
@@ -24,6 +25,8 @@ pub(super) struct Settled {
     pub(super) residual: Vec<f32>,
     /// Weighted mean square of the residuals.
     pub(super) variance: Vec<f32>,
+    /// `(lobe, pixel)`: 1 where the lobe has one strength in all bands.
+    pub(super) neutral: Vec<f32>,
 }
 
 impl Settled {
@@ -32,6 +35,7 @@ impl Settled {
             colours: vec![0.0; bands * COLUMNS * TILE],
             residual: vec![0.0; TILE],
             variance: vec![0.0; TILE],
+            neutral: vec![0.0; MOST_LOBES * TILE],
         }
     }
 }
@@ -43,7 +47,7 @@ pub(super) struct Settle<'a, M: LobeModel> {
     pub(super) y: &'a [f32],
     pub(super) places: &'a [Place],
     pub(super) ambient: bool,
-    /// Weights are renewed by the residuals.
+    /// Weights are renewed by the residuals; else this is the end, and lobes may turn out neutral.
     pub(super) reweigh: bool,
     pub(super) plate: &'a mut Plate,
     pub(super) settled: &'a mut Settled,
@@ -91,6 +95,8 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
         let mut columns = vec![[zero; K]; photographs];
         let mut shown = vec![zero; plate.planes()];
         let mut matt = vec![zero; plate.planes()];
+        let mut sums = vec![Sums::<I::F32, K>::zero(); bands];
+        let mut colours = vec![[zero; K]; bands];
         let mut at = 0;
         while at < places.len() {
             let normal = Vec3::new(
@@ -117,25 +123,36 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
                 columns[K - 1] = one;
             }
             let (mut light, mut used) = (zero, zero);
-            for band in 0..bands {
-                let mut sums = Sums::<I::F32, K>::zero();
+            for (band, sums) in sums.iter_mut().enumerate() {
+                *sums = Sums::zero();
                 for (photograph, columns) in columns.iter().enumerate() {
                     let (sample, weight, _) = look::<I::F32>(plate, photograph * bands + band, at);
                     sums.add(columns, weight, sample);
                     light = light + I::F32::keep(weight.gt(zero), sample);
                     used = used + I::F32::keep(weight.gt(zero), one);
                 }
-                let colours = sums.solve(&barred).values;
+                colours[band] = sums.solve(&barred).values;
+            }
+            if !reweigh && bands > 1 {
+                // BIC, for the strengths of all bands but one.
+                let spared = I::F32::of((bands - 1) as f64) * ln(used.max(one)) / used.max(one);
+                let none = vec![[zero; K]; bands];
+                let light = cost::<I::F32, K>(plate, &columns, &none, at);
+                let rounding = I::F32::splat(ROUNDING) * light;
+                let judge = Judge { price: exp(spared), rounding };
+                let left = |colours: &[[I::F32; K]]| cost(plate, &columns, colours, at);
+                let neutral = judge.settle::<J, K>(&mut sums, &barred, &mut colours, left);
+                for (lobe, &neutral) in neutral.iter().enumerate() {
+                    I::F32::keep(neutral, one).store(&mut settled.neutral[lobe * TILE + at..]);
+                }
+            }
+            for (band, colours) in colours.iter().enumerate() {
                 for (column, colour) in colours.iter().enumerate() {
                     let column = if column == K - 1 { COLUMNS - 1 } else { column };
                     colour.store(&mut settled.colours[(band * COLUMNS + column) * TILE + at..]);
                 }
                 for (photograph, columns) in columns.iter().enumerate() {
-                    let mut value = zero;
-                    for (column, colour) in columns.iter().zip(colours) {
-                        value = colour.mul_add(*column, value);
-                    }
-                    shown[photograph * bands + band] = value;
+                    shown[photograph * bands + band] = light_of(columns, colours);
                     matt[photograph * bands + band] = columns[0] * colours[0];
                 }
             }
@@ -176,6 +193,35 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
             at += I::F32::WIDTH;
         }
     }
+}
+
+/// What columns of these colours show.
+#[inline(always)]
+fn light_of<R: Real, const K: usize>(columns: &[R; K], colours: &[R; K]) -> R {
+    let mut light = R::zero();
+    for (&column, &colour) in columns.iter().zip(colours) {
+        light = colour.mul_add(column, light);
+    }
+    light
+}
+
+/// Weighted sum of squares that colours leave, band after band.
+#[inline(always)]
+fn cost<R: Real<Scalar = f32>, const K: usize>(
+    plate: &Plate,
+    columns: &[[R; K]],
+    colours: &[[R; K]],
+    at: usize,
+) -> R {
+    let mut cost = R::zero();
+    for (photograph, columns) in columns.iter().enumerate() {
+        for (band, colours) in colours.iter().enumerate() {
+            let (sample, weight, _) = look::<R>(plate, photograph * plate.bands + band, at);
+            let residual = R::keep(weight.gt(R::zero()), sample - light_of(columns, colours));
+            cost = (weight * residual).mul_add(residual, cost);
+        }
+    }
+    cost
 }
 
 /// Sample, weight and whether the sample is clipped (then it is what it reached at least).

@@ -25,6 +25,8 @@ pub(super) struct Place {
     /// for residuals of unit variance.
     pub(super) normal_spread: f32,
     pub(super) shape_spread: [f32; MOST_LOBES],
+    /// Whether the last search ended by its own tests.
+    pub(super) converged: bool,
 }
 
 impl Place {
@@ -36,6 +38,7 @@ impl Place {
             cost: f32::INFINITY,
             normal_spread: f32::NAN,
             shape_spread: [f32::NAN; MOST_LOBES],
+            converged: false,
         }
     }
 }
@@ -95,7 +98,7 @@ pub(super) struct Tile {
 
 /// Of a weighted sum of squares: f32 keeps 24 bits, and a sample shown is a sum of some ten rounded
 /// terms.
-const ROUNDING: f32 = 1.0 / (1_u64 << 40) as f32;
+pub(super) const ROUNDING: f32 = 1.0 / (1_u64 << 40) as f32;
 
 /// Share of a pixel's mean sample below which light is no longer what noise grows with, before
 /// anything is known of the surface.

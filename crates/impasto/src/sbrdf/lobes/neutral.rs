@@ -1,0 +1,128 @@
+//! Whether a lobe is neutral, as an interface reflects, or tinted, as metal does.
+//!
+//! A neutral lobe has one strength in all bands. Its shape and the normal stay where the search
+//! left them; its strength is the least-squares solution over all bands, everything else that
+//! enters linearly following in each band. Lobes are judged in their order, each beside the
+//! neutral ones before it.
+
+use crate::math::{Mask, Real};
+
+use super::colours::Sums;
+
+/// What a pixel's strengths are judged by.
+pub(super) struct Judge<R> {
+    /// How many times the weighted sum of squares one strength for all bands may leave.
+    pub(super) price: R,
+    /// Weighted sum of squares that rounding leaves.
+    pub(super) rounding: R,
+}
+
+impl<R: Real> Judge<R> {
+    /// Gives the lobes one strength each, lane by lane, where that suits the samples; returns where.
+    /// `colours` are the best of each band in `sums`, `cost` the sum of squares that some leave.
+    #[inline(always)]
+    pub(super) fn settle<const J: usize, const K: usize>(
+        &self,
+        sums: &mut [Sums<R, K>],
+        barred: &[bool; K],
+        colours: &mut [[R; K]],
+        cost: impl Fn(&[[R; K]]) -> R,
+    ) -> [R::Mask; J] {
+        let zero = R::zero();
+        let mut neutral = [R::Mask::splat(false); J];
+        let mut shared = [zero; K];
+        let mut least = cost(colours);
+        for (column, neutral) in (1..).zip(&mut neutral) {
+            let (mut gain, mut fall) = (zero, zero);
+            for sums in sums.iter() {
+                let [more, less] = sums.pull(column, barred);
+                gain = gain + more;
+                fall = fall + less;
+            }
+            // A lobe that the pixel lacks, or that nothing wants, is neither.
+            let wanted = gain.gt(zero) & fall.gt(zero);
+            let strength = R::keep(wanted, gain / fall);
+            let everywhere = R::Mask::splat(true);
+            let mut trial = vec![[zero; K]; sums.len()];
+            for (trial, sums) in trial.iter_mut().zip(sums.iter()) {
+                *trial = sums.hold(column, strength, everywhere).solve(barred).values;
+                trial[column] = strength;
+                for (trial, &shared) in trial.iter_mut().zip(&shared) {
+                    *trial = *trial + shared;
+                }
+            }
+            let left = cost(&trial);
+            let suits = wanted & left.le(self.price * least.max(self.rounding));
+            for ((sums, colours), trial) in sums.iter_mut().zip(colours.iter_mut()).zip(&trial) {
+                *sums = sums.hold(column, strength, suits);
+                for (colour, &trial) in colours.iter_mut().zip(trial) {
+                    *colour = R::select(suits, trial, *colour);
+                }
+            }
+            shared[column] = R::keep(suits, strength);
+            least = R::select(suits, left, least);
+            *neutral = suits;
+        }
+        neutral
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three bands of a lobe beside a diffuse term; strengths as given, samples off by `noise`.
+    fn judge(strengths: [f64; 3], noise: f64) -> (bool, [[f64; 3]; 3]) {
+        let mut seed = 7_u64;
+        let mut random = move || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963);
+            (seed >> 40) as f64 / f64::from(1 << 24) - 0.5
+        };
+        let rows = 40;
+        let columns: Vec<[f64; 3]> = (0..rows)
+            .map(|i| {
+                let t = f64::from(i) / f64::from(rows);
+                [1.0 - 0.5 * t, (-20.0 * (t - 0.4) * (t - 0.4)).exp(), 1.0]
+            })
+            .collect();
+        let samples = strengths.map(|strength| {
+            columns
+                .iter()
+                .map(|c| 0.3 * c[0] + strength * c[1] + noise * random())
+                .collect::<Vec<_>>()
+        });
+        let mut sums = [Sums::<f64, 3>::zero(); 3];
+        for (sums, samples) in sums.iter_mut().zip(&samples) {
+            columns.iter().zip(samples).for_each(|(c, &y)| sums.add(c, 1.0, y));
+        }
+        let barred = [false, false, true];
+        let mut colours = sums.map(|sums| sums.solve(&barred).values);
+        let cost = |colours: &[[f64; 3]]| {
+            let mut cost = 0.0;
+            for (colours, samples) in colours.iter().zip(&samples) {
+                for (c, y) in columns.iter().zip(samples) {
+                    let shown: f64 = colours.iter().zip(c).map(|(a, b)| a * b).sum();
+                    cost += (y - shown) * (y - shown);
+                }
+            }
+            cost
+        };
+        let m = f64::from(3 * rows);
+        let judge = Judge { price: (2.0 * m.ln() / m).exp(), rounding: 1e-20 };
+        let [neutral] = judge.settle::<1, 3>(&mut sums, &barred, &mut colours, cost);
+        (neutral, colours)
+    }
+
+    #[test]
+    fn equal_strengths_are_one_and_gold_keeps_its_colour() {
+        for noise in [0.0, 0.01] {
+            let (neutral, colours) = judge([2.0; 3], noise);
+            assert!(neutral);
+            let apart = noise.max(1e-12);
+            assert!(colours.iter().all(|c| c[1] == colours[0][1] && (c[1] - 2.0).abs() < apart));
+            let (neutral, colours) = judge([2.0, 1.5, 0.7], noise);
+            assert!(!neutral);
+            assert!((colours[2][1] - 0.7).abs() < noise.max(1e-12));
+        }
+    }
+}
