@@ -81,7 +81,13 @@ def lobed() -> dict[str, Any]:
 def facets() -> impasto.LobeSbrdf:
     gamma = number(2, *SIZE)
     return impasto.LobeSbrdf(
-        **lobed(), ambient=number(3, *SIZE), gamma=gamma, gamma_sigma=gamma, index=1.5
+        **lobed(),
+        ambient=number(3, *SIZE),
+        gamma=gamma,
+        gamma_sigma=gamma,
+        tinted=gamma > 0.5,
+        converged=np.ones(SIZE, dtype=np.bool_),
+        index=1.5,
     )
 
 

@@ -54,8 +54,8 @@ def strengths(stack: Stack, specimen: Specimen) -> list[Finding]:
             "warning",
             f"{counted(len(off), 'photograph')} of odd brightness, relative to the others: "
             f"{told}{more}",
-            "if the lamp or the exposure differed, say so with intensities= (one number per light), "
-            "photograph a white board under each light (white=) or estimate it "
+            "if the lamp or the exposure differed, say so with intensities= (one number per "
+            "light), photograph a white board under each light (white=) or estimate it "
             "(impasto.fit_strengths); if not, the direction of that light is wrong",
             tuple(sorted(off.tolist())),
             numbers=numbers,
