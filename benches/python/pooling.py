@@ -12,6 +12,7 @@ of both beside it.
 from __future__ import annotations
 
 import argparse
+import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,10 +52,21 @@ def icon(data: Path) -> Subject:
     return Subject("icon", impasto.read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb"))
 
 
+def angles(angle: np.ndarray | None) -> dict[str, float | None]:
+    """Of the normals to the truth, degrees; None where that is not known."""
+    names = ("normal deg, median", "normal deg, mean", "normal deg, p95")
+    if angle is None:
+        return dict.fromkeys(names)
+    known = angle[np.isfinite(angle)]
+    measures = np.median(known), known.mean(), np.percentile(known, 95)
+    return dict(zip(names, map(float, measures), strict=True))
+
+
 def compared(subject: Subject) -> tuple[list[dict[str, Any]], list[Panel]]:
     """A row per fit, and the maps of both."""
     stack = subject.stack
-    count = stack.shape[0]
+    count, _, *size = stack.shape
+    pixels = math.prod(size)
     held = np.arange(0, count, FOLDS)
     train = np.setdiff1d(np.arange(count), held)
     truth = np.rint(stack.encode(np.array([stack.linear(i) for i in held])))
@@ -68,15 +80,10 @@ def compared(subject: Subject) -> tuple[list[dict[str, Any]], list[Panel]]:
         row = {"subject": subject.name, "fit": name, "mean dB": float(psnr(shown, truth).mean())}
         residual = np.abs(np.clip(shown, 0.0, 255.0) - truth).mean(axis=(0, 1))
         maps.append((found.normal, residual))
-        if subject.normal is not None:
-            angle = normal_error(found.normal, subject.normal)
+        angle = None if subject.normal is None else normal_error(found.normal, subject.normal)
+        if angle is not None:
             maps[-1] += (angle,)
-            row |= {
-                "normal deg, median": float(np.nanmedian(angle)),
-                "normal deg, mean": float(np.nanmean(angle)),
-                "normal deg, p95": float(np.nanpercentile(angle, 95)),
-            }
-        rows.append(row | {"CPU seconds per megapixel": took / found.status.size * 1e6})
+        rows.append(row | angles(angle) | {"CPU seconds per megapixel": took / pixels * 1e6})
     middle = stack.linear(int(held[len(held) // 2]))
     first = [
         colour_panel(middle, "Held-out photograph", note=subject.name),
