@@ -1,0 +1,222 @@
+"""How long Ctrl-C takes to stop every long call.
+
+    python benches/python/interrupt.py [--record]
+
+Each call runs in a process of its own on a painting of a megapixel or more, again and again, on one
+thread and on two. SIGINT is sent at five moments; the time from there to ``KeyboardInterrupt``
+counts: a heartbeat of 50 ms at most, and what the call is in the middle of. The promise is 200 ms.
+On a machine that others use the processor time that a thread got meanwhile tells more: what the
+call still did, without the waiting for a processor.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from record import run_info, show, write
+
+import impasto
+from impasto import simulate
+from impasto.fit.forward import predict
+
+SIZE = (1024, 1024)
+MOMENTS = (0.2, 0.6, 1.1, 1.9, 3.1)
+"""Seconds from the call's beginning to the signal."""
+
+
+def painting(lights: int = 32) -> tuple[impasto.Stack, Any]:
+    """A megapixel of a tiled small painting under many lights, and its normals."""
+    rng = np.random.default_rng(1)
+    directions = rng.normal((0.0, 0.0, 1.2), (0.6, 0.6, 0.1), (lights, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    rig = impasto.Rig(directions)
+    normal = np.concatenate([rng.normal(0.0, 0.15, (2, 64, 64)), np.ones((1, 64, 64))])
+    normal = (normal / np.linalg.norm(normal, axis=0)).astype(np.float32)
+    diffuse = rng.uniform(0.1, 0.6, (3, 64, 64)).astype(np.float32)
+    small = predict(normal, diffuse, 10.0, 0.15, rig)
+    small += 0.003 * rng.standard_normal(small.shape).astype(np.float32)
+    times = (SIZE[0] // 64, SIZE[1] // 64)
+    stack = impasto.Stack(np.tile(small, (1, 1, *times)), lights=rig)
+    return stack, np.tile(normal, (1, *times))
+
+
+def views() -> impasto.Stack:
+    """Two hundred photographs from as many views."""
+    rig = simulate.rig("snel-lafortune").take(range(0, 770, 4))
+    small = simulate.capture(simulate.painting(seed=4, size=(32, 32)), rig, "rgb").stack
+    samples = np.tile(small.samples, (1, 1, 16, 16))
+    return impasto.Stack(samples, lights=small.rig)
+
+
+def surface() -> Any:
+    """What is rendered: four megapixels with relief."""
+    rows, columns = (2 * side for side in SIZE)
+    x, y = np.meshgrid(np.arange(columns), np.arange(rows))
+    height = np.float32(0.3) * np.sin(x / 9.0) * np.cos(y / 13.0)
+    slopes = np.gradient(height)
+    normal = np.stack([-slopes[1], slopes[0], np.ones_like(height)])
+    normal /= np.linalg.norm(normal, axis=0)
+    diffuse = np.full((3, rows, columns), 0.4, np.float32)
+    return normal.astype(np.float32), diffuse, height.astype(np.float32)
+
+
+def calls() -> dict[str, Callable[[], Callable[..., Any]]]:
+    """Name to a function that makes ready and returns the call, with ``threads=``."""
+
+    def normals(method: Any) -> Callable[[], Callable[..., Any]]:
+        def ready() -> Callable[..., Any]:
+            stack = painting()[0]
+            return lambda **o: impasto.fit_normals(stack, method=method, **o)
+
+        return ready
+
+    def sbrdf(**options: Any) -> Callable[[], Callable[..., Any]]:
+        def ready() -> Callable[..., Any]:
+            stack = painting()[0]
+            if options.get("pooling") == "segment":
+                options["segments"] = np.arange(SIZE[0])[:, None] // 256 * np.ones(SIZE[1], int)
+            return lambda **o: impasto.fit_sbrdf(stack, **options, **o)
+
+        return ready
+
+    def lafortune() -> Callable[..., Any]:
+        stack = views()
+        return lambda **o: impasto.fit_sbrdf(stack, model="lafortune", **o)
+
+    def lobe() -> Callable[..., Any]:
+        rng = np.random.default_rng(2)
+        phi = rng.uniform(0.0, 0.6, (16, 4 * SIZE[0] * SIZE[1])).astype(np.float32)
+        samples = 100.0 * np.exp(-20.0 * phi**2)
+        return lambda **o: impasto.fit_lobe(phi, samples, **o)
+
+    def shown() -> Callable[..., Any]:
+        normal, diffuse, _ = surface()
+        lights = simulate.rig("tominaga-six-band-adaptation")
+        return lambda **o: predict(normal, diffuse, 10.0, 0.15, lights, **o)
+
+    def rendered() -> Callable[..., Any]:
+        from types import SimpleNamespace
+
+        normal, diffuse, height = surface()
+        beta, gamma = (np.full(height.shape, v, np.float32) for v in (10.0, 0.15))
+        thing = SimpleNamespace(
+            normal=normal, diffuse=diffuse, beta=beta, gamma=gamma, pitch_mm=0.1
+        )
+        scene = impasto.Scene(
+            [impasto.DistantLight((0.7, 0.4, 0.3)), impasto.PointLight((30.0, 10.0, 40.0))],
+            view=(0.3, -0.2, 1.0),
+            shadows=True,
+        )
+        return lambda **o: impasto.render(thing, scene, height=height, **o)
+
+    def heights() -> Callable[..., Any]:
+        normal = surface()[0]
+        return lambda **o: impasto.integrate_normals(normal, 0.1, **o)
+
+    return {
+        "fit_normals, robust": normals("rank"),
+        "fit_normals, tukey": normals("tukey"),
+        "fit_sbrdf, painting": sbrdf(),
+        "fit_sbrdf, segment": sbrdf(pooling="segment"),
+        "fit_sbrdf, pixel": sbrdf(pooling="pixel"),
+        "fit_sbrdf, lafortune": lafortune,
+        "fit_lobe": lobe,
+        "predict": shown,
+        "render": rendered,
+        "integrate_normals": heights,
+    }
+
+
+def child(name: str, threads: int) -> None:
+    """Runs the call again and again until it is interrupted; one line per interruption."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    call = calls()[name]()
+    print("ready", flush=True)
+    for line in sys.stdin:
+        if line.strip() == "end":
+            return
+        print("begun", flush=True)
+        try:
+            while True:
+                call(threads=threads)
+        except KeyboardInterrupt:
+            print(time.monotonic(), time.process_time(), flush=True)
+
+
+def measure(name: str, threads: int) -> dict[str, Any]:
+    """The waits of one call."""
+    process = subprocess.Popen(
+        [sys.executable, __file__, "--child", name, str(threads)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdin is not None
+    assert process.stdout is not None
+    waits, busy = [], []
+    try:
+        assert process.stdout.readline() == "ready\n"
+        for moment in MOMENTS:
+            process.stdin.write("go\n")
+            process.stdin.flush()
+            assert process.stdout.readline() == "begun\n"
+            time.sleep(moment)
+            used = processor(process.pid)
+            sent = time.monotonic()
+            process.send_signal(signal.SIGINT)
+            stopped, after = map(float, process.stdout.readline().split())
+            waits.append(stopped - sent)
+            busy.append(after - used)
+        process.communicate("end\n", timeout=60)
+    finally:
+        process.kill()
+        process.wait()
+    return {
+        "call": name,
+        "threads": threads,
+        "median_ms": round(1e3 * float(np.median(waits)), 1),
+        "worst_ms": round(1e3 * max(waits), 1),
+        "worst_busy_ms": round(1e3 * max(busy) / threads, 1),
+    }
+
+
+def processor(pid: int) -> float:
+    """Seconds that a process has computed (Linux)."""
+    numbers = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rsplit(")", 1)[1].split()
+    return (int(numbers[11]) + int(numbers[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--record", action="store_true", help="write benches/results/interrupt.json"
+    )
+    parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
+    parser.add_argument("--only", help="names that contain this")
+    arguments = parser.parse_args()
+    if arguments.child:
+        return child(arguments.child[0], int(arguments.child[1]))
+    rows = [
+        measure(name, threads)
+        for name in calls()
+        if arguments.only is None or arguments.only in name
+        for threads in (1, 2)
+    ]
+    show("From Ctrl-C to KeyboardInterrupt, milliseconds", rows)
+    if arguments.record:
+        content = {"run": run_info("python benches/python/interrupt.py --record"), "waits": rows}
+        print(f"\nwrote {write('interrupt.json', content)}")
+    return None
+
+
+if __name__ == "__main__":
+    main()
