@@ -89,7 +89,15 @@ def facets() -> impasto.LobeSbrdf:
         gamma[lobe][maps["lobes"] <= lobe] = np.nan
     ambient = rng.uniform(0.0, 0.02, (3, *SIZE)).astype(np.float32)
     ambient[:, 2, 3] = np.nan
-    return impasto.LobeSbrdf(**maps, gamma=gamma, gamma_sigma=gamma, ambient=ambient, index=1.6)
+    return impasto.LobeSbrdf(
+        **maps,
+        gamma=gamma,
+        gamma_sigma=gamma,
+        ambient=ambient,
+        tinted=np.isfinite(gamma),
+        converged=maps["status"] < Status.DARK,
+        index=1.6,
+    )
 
 
 def known(surface: Any) -> Any:
