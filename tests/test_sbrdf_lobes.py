@@ -362,9 +362,9 @@ def test_the_search_ends_where_scipy_ends(scene: Any) -> None:
         lobes=1,
         ambient=True,
         index=1.45,
+        effort=impasto.Effort(rounds=0),
         threads=1,
         progress=False,
-        rounds=0,
         typical=False,
     )
     rows, columns = np.unravel_index(np.arange(0, SHAPE[0] * SHAPE[1], 11), SHAPE)

@@ -20,11 +20,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-from peers import WEIGHTS, robust_lambert
 from record import RESULTS, data_folder, run_info, show, write
 
 import impasto
 from impasto.pictures import contact_sheet, ramp_panel
+from impasto.study.peers import WEIGHTS, robust_lambert
 
 FOLDS = 6
 OURS = "impasto, one lobe per painting"

@@ -4,6 +4,7 @@ import warnings as _warnings
 
 from impasto import _core, colour, systems
 from impasto.bands import Camera
+from impasto.effort import Effort
 from impasto.encoding import Encoding
 from impasto.errors import (
     ArgumentError,
@@ -29,6 +30,7 @@ from impasto.rig import DistantLight, PointLight, Rig
 from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status
+from impasto.suggest import Suggestion, suggest_effort
 from impasto.training import Training
 
 __all__ = [
@@ -36,6 +38,7 @@ __all__ = [
     "Camera",
     "CorruptInputError",
     "DistantLight",
+    "Effort",
     "Encoding",
     "FittedSurface",
     "GeometryError",
@@ -56,6 +59,7 @@ __all__ = [
     "Stack",
     "Status",
     "Strengths",
+    "Suggestion",
     "Training",
     "cast_shadows",
     "colour",
@@ -69,6 +73,7 @@ __all__ = [
     "load_sbrdf",
     "read_stack",
     "render",
+    "suggest_effort",
     "systems",
     "white_corrected",
 ]

@@ -83,6 +83,7 @@ def fit_pooled(
     index: float,
     threads: int,
     progress: ProgressCallback | None,
+    pixels: int,
 ) -> Pooled: ...
 
 # Lobes of every pixel (crates/impasto-py/src/lobes.rs)
@@ -112,6 +113,7 @@ def fit_lobes(
     free: bool,
     rounds: int,
     typical: bool,
+    iterations: int,
     index: float,
     threads: int,
     progress: ProgressCallback | None,

@@ -85,7 +85,7 @@ pub(crate) struct Pooled<'py> {
 /// One lobe for the whole painting, from the maps of photometric stereo.
 #[pyfunction]
 #[pyo3(signature = (
-    stack, start, extraction, joint, index, threads, progress
+    stack, start, extraction, joint, index, pixels, threads, progress
 ))]
 #[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.sbrdf")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
@@ -96,6 +96,7 @@ pub(crate) fn fit_pooled<'py>(
     extraction: &str,
     joint: bool,
     index: f64,
+    pixels: usize,
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Pooled<'py>> {
@@ -109,7 +110,7 @@ pub(crate) fn fit_pooled<'py>(
             return Err(refuse(Error::argument("extraction", problem)));
         }
     };
-    let options = PooledOptions { extraction, joint, index };
+    let options = PooledOptions { extraction, joint, index, pixels };
     let decode = stack.decode();
     let samples = stack.stack(&decode).map_err(refuse)?;
     let (size, bands) = (Size::of(samples.shape()), samples.shape().bands);

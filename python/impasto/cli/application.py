@@ -37,6 +37,7 @@ def application() -> App:
     app.command("impasto.cli.fit:fit", help="Measure a painting from its photographs.")
     app.command("impasto.cli.render:render", help="Light a fitted painting and save the picture.")
     app.command("impasto.cli.doctor:doctor", help="Check photographs before they are used.")
+    app.command("impasto.cli.study:study", help="Measure what accuracy costs in time.")
     app.command("impasto.cli.info:info", help="Say what is installed, or what a result holds.")
     return app
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from impasto import _core
 from impasto.checks import refractive_index
+from impasto.effort import Effort
 from impasto.errors import ArgumentError
 from impasto.fit.border import (
     ProgressCallback,
@@ -97,10 +98,10 @@ def fit_lobes(
     lobes: int,
     ambient: bool,
     index: float,
+    effort: Effort,
     threads: int | None,
     progress: bool | ProgressCallback,
     free: bool = True,
-    rounds: int = 2,
     typical: bool = True,
 ) -> LobeSbrdf:
     """Lobes of every pixel, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`."""
@@ -112,8 +113,9 @@ def fit_lobes(
             lobes,
             bool(ambient),
             free,
-            rounds,
+            effort.rounds,
             typical,
+            effort.iterations,
             index,
             thread_count(threads),
             callback,

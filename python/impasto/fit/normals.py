@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
+from impasto.effort import EffortLike, resolved
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.border import (
     ProgressCallback,
@@ -90,6 +91,7 @@ def fit_normals(
     w2: float = 0.1,
     steps: int | None = None,
     selection: int | str | None = None,
+    effort: EffortLike = "standard",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Normals:
@@ -126,10 +128,13 @@ def fit_normals(
     w1, w2
         Thresholds relative to the pixel's mean.
     steps
-        Steps of reweighting; default: 5 for ``"robust"``, 30 for ``"l1"``, 20 for the others.
+        Steps of reweighting; default: those of the effort for ``"robust"``, 30 for ``"l1"``, 20 for
+        the others.
     selection
         The band (its name or number) that normals are solved from, ``"green"`` in the papers;
         default: the mean of the bands. What is left out is always decided on the mean.
+    effort
+        ``"draft"``, ``"standard"``, ``"reference"`` or an :class:`Effort`.
     threads, progress
         As everywhere: None means every allowed core; a bool or a callable ``(done, total)``.
 
@@ -157,6 +162,9 @@ def fit_normals(
         and 0 <= steps <= MOST_STEPS
     ):
         raise ArgumentError(f"steps: expected a number from 0 to {MOST_STEPS}, found {steps!r}")
+    effort = resolved(effort)
+    if steps is None and method == "robust":
+        steps = effort.stereo
     arguments = StackArguments.of(stack)
     _check_side(stack)
     normals = _empty(stack, method)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from impasto import _core
 from impasto.checks import refractive_index
+from impasto.effort import Effort
 from impasto.fit.border import (
     ProgressCallback,
     StackArguments,
@@ -134,6 +135,7 @@ def fit_pooled(
     extraction: Extraction,
     joint: bool,
     index: float,
+    effort: Effort,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Sbrdf:
@@ -145,6 +147,7 @@ def fit_pooled(
             extraction,
             bool(joint),
             index,
+            effort.pixels,
             thread_count(threads),
             callback,
         )

@@ -8,6 +8,7 @@ from typing import Any, Literal, TypedDict, Unpack, get_args, overload
 from numpy.typing import ArrayLike
 
 from impasto.checks import refractive_index
+from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback
 from impasto.fit.lafortune import LafortuneSbrdf, fit_lafortune
@@ -46,6 +47,7 @@ class Common(TypedDict, total=False):
     """Options of every fit."""
 
     normals: Normals | Method | None
+    effort: EffortLike
     threads: int | None
     progress: bool | ProgressCallback
 
@@ -107,6 +109,7 @@ def fit_sbrdf(
     joint: bool = True,
     index: float = 1.45,
     normals: Normals | Method | None = None,
+    effort: EffortLike = "standard",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Sbrdf | SegmentSbrdf | LobeSbrdf | LafortuneSbrdf:
@@ -161,6 +164,9 @@ def fit_sbrdf(
     normals
         What :func:`impasto.fit_normals` returned, or the name of one of its methods; default:
         its own default.
+    effort
+        ``"draft"``, ``"standard"``, ``"reference"`` or an :class:`Effort`: how far the fit goes.
+        Lafortune lobes are always fitted to their end.
     threads
         None means every allowed core.
     progress
@@ -193,6 +199,7 @@ def fit_sbrdf(
     _one_of(pooling, Pooling, "pooling")
     _one_of(extraction, Extraction, "extraction")
     index = refractive_index(index)
+    effort = resolved(effort)
     most = lobe_count(LOBES_OF[model] if lobes is None else lobes)
     if pooling == "segment":
         labels = checked_labels(segments, stack.shape[2:])
@@ -208,11 +215,12 @@ def fit_sbrdf(
             extraction=extraction,
             joint=joint,
             index=index,
+            effort=effort,
             threads=threads,
             progress=progress,
         )
 
-    stereo = _stereo(stack, normals, threads, progress)
+    stereo = _stereo(stack, normals, effort, threads, progress)
     if model == "lafortune":
         return fit_lafortune(stack, stereo, lobes=most, threads=threads, progress=progress)
     if pooling == "pixel":
@@ -222,6 +230,7 @@ def fit_sbrdf(
             lobes=most,
             ambient=ambient,
             index=index,
+            effort=effort,
             threads=threads,
             progress=progress,
         )
@@ -231,13 +240,14 @@ def fit_sbrdf(
 def _stereo(
     stack: Stack,
     normals: Normals | Method | None,
+    effort: Effort,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Normals:
     if normals is None:
-        return fit_normals(stack, threads=threads, progress=progress)
+        return fit_normals(stack, effort=effort, threads=threads, progress=progress)
     if isinstance(normals, str):
-        return fit_normals(stack, method=normals, threads=threads, progress=progress)
+        return fit_normals(stack, method=normals, effort=effort, threads=threads, progress=progress)
     if not isinstance(normals, Normals):
         raise ArgumentError(
             "normals: expected what impasto.fit_normals returns, the name of one of its methods "

@@ -28,6 +28,8 @@ pub struct PooledOptions {
     pub joint: bool,
     /// Index of refraction.
     pub index: f64,
+    /// Pixels that the joint search looks at, at most, about.
+    pub pixels: usize,
 }
 
 /// The painting's lobe and the maps that go with it.
@@ -102,7 +104,7 @@ pub fn fit_pooled(
     if !options.joint {
         return fit.judge_separate(state, &first);
     }
-    let subset = Subset::gather(&photographs, start, run)?;
+    let subset = Subset::gather(&photographs, start, options.pixels, run)?;
     if subset.len() == 0 {
         return fit.judge_separate(state, &first);
     }

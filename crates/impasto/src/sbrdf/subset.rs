@@ -2,7 +2,7 @@
 //!
 //! Two numbers need no gigapixel: sixty thousand pixels know beta and gamma to a thousandth. The
 //! search therefore visits a subset, gathered and decoded once; all pixels settle under what it
-//! found. Up to [`PIXELS`] the subset is the painting.
+//! found. A painting of fewer pixels than are asked for is its own subset.
 
 use crate::error::Result;
 use crate::maps::Status;
@@ -10,9 +10,6 @@ use crate::pixels::{Run, TILE, tiles};
 use crate::stack::{Decode, Samples, Shape, Stack};
 
 use super::tile::{Photographs, Start};
-
-/// Pixels at most, about.
-const PIXELS: usize = 1 << 16;
 
 /// Samples at most, about: a quarter of a gibibyte. Many photographs of fewer pixels know as much.
 const SAMPLES: usize = 1 << 26;
@@ -33,13 +30,14 @@ pub(super) struct Subset {
 }
 
 impl Subset {
-    /// Gathers pixels whose normals were estimated.
+    /// Gathers pixels whose normals were estimated, about `most` of them.
     pub(super) fn gather(
         photographs: &Photographs<'_>,
         start: &Start<'_>,
+        most: usize,
         run: &Run<'_>,
     ) -> Result<Self> {
-        let picks = pick(photographs);
+        let picks = pick(photographs, most);
         let shape = Shape { height: 1, width: picks.len(), ..photographs.stack.shape() };
         let mut samples = vec![0.0; shape.samples()];
         let planes = samples.chunks_mut(picks.len().max(1)).enumerate().collect();
@@ -110,11 +108,11 @@ impl Subset {
 
 /// Pixels in the order of the image: all, or runs of neighbours chosen by a hash of their number
 /// (a fixed stride could follow the weave of a canvas).
-fn pick(photographs: &Photographs<'_>) -> Vec<usize> {
+fn pick(photographs: &Photographs<'_>, most: usize) -> Vec<usize> {
     let estimated = |&pixel: &usize| photographs.status[pixel] < Status::Dark.code();
     let all = (0..photographs.pixels()).filter(estimated).count();
     let planes = photographs.bands * photographs.rig.observations();
-    let most = PIXELS.min(SAMPLES / planes.max(1)).max(RUN);
+    let most = most.min(SAMPLES / planes.max(1)).max(RUN);
     let share = most as f64 / all.max(1) as f64;
     let threshold = if share >= 1.0 { u64::MAX } else { (share * u64::MAX as f64) as u64 };
     (0..photographs.pixels())

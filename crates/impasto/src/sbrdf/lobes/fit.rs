@@ -32,6 +32,8 @@ pub struct LobeOptions {
     pub rounds: usize,
     /// Whether shapes are drawn towards what is typical of the painting.
     pub typical: bool,
+    /// Steps of a search at most.
+    pub iterations: usize,
 }
 
 /// Lobes of every pixel, from the normals of photometric stereo.
@@ -225,7 +227,7 @@ impl<M: LobeModel> Fit<'_, M> {
             pixels: pixels.iter().copied(),
             lobes,
             options: &Options {
-                max_iterations: 30,
+                max_iterations: self.options.iterations,
                 damping: 1e-2,
                 cost: 1e-4,
                 ..Options::single()
@@ -255,7 +257,7 @@ impl<M: LobeModel> Fit<'_, M> {
                 found: &mut tile.places,
                 pixels: fine.iter().copied().filter(|&pixel| starts[pixel].lobes == lobes),
                 lobes,
-                options: &Options { max_iterations: 30, ..Options::single() },
+                options: &Options { max_iterations: self.options.iterations, ..Options::single() },
                 level: self.run.level,
             }
             .run();

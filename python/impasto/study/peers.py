@@ -8,10 +8,14 @@ each is a matrix of weights ``(held, train)``.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from impasto.rig import Rig
+from impasto.stack import Stack
 
 Array: TypeAlias = NDArray[np.floating[Any]]
 Weights: TypeAlias = Callable[[Array, Array], Array]
@@ -65,7 +69,7 @@ def thin_plate(train: Array, held: Array) -> Array:
 
     def kernel(a: Array, b: Array) -> Array:
         squared = ((a[:, None] - b[None]) ** 2).sum(axis=2)
-        return 0.5 * squared * np.log(np.where(squared > 0, squared, 1.0))
+        return np.asarray(0.5 * squared * np.log(np.where(squared > 0, squared, 1.0)))
 
     def trend(light: Array) -> Array:
         return np.column_stack([np.ones(len(light)), light])
@@ -94,7 +98,7 @@ def robust_lambert(train: Array, held: Array, linear: Array, steps: int = 10) ->
     One normal per pixel from the mean of the bands, by iteratively reweighted least squares, then
     each band's albedo with the same weights. Clipped samples (not finite) do not count.
     """
-    usable = np.isfinite(linear).all(axis=1)
+    usable = np.asarray(np.isfinite(linear).all(axis=1))
     linear = np.where(usable[:, None], linear, 0.0)
     grey = linear.mean(axis=1)
     weight = usable.astype(np.float64)
@@ -113,4 +117,48 @@ def robust_lambert(train: Array, held: Array, linear: Array, steps: int = 10) ->
     energy = (weight * cosine**2).sum(axis=0) + 1e-30
     albedo = np.einsum("oyx,obyx,oyx->byx", weight, linear, cosine, optimize=True) / energy
     normal = np.moveaxis(vector[..., 0], 2, 0) / norm
-    return np.maximum(np.einsum("oi,iyx->oyx", held, normal), 0.0)[:, None] * albedo
+    return np.asarray(np.maximum(np.einsum("oi,iyx->oyx", held, normal), 0.0)[:, None] * albedo)
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What a method of this file makes of a stack: it knows no normals, and leaves no pixel out."""
+
+    weights: Weights
+    train: Array
+    samples: Array
+    normal: None = None
+
+    @property
+    def status(self) -> NDArray[np.uint8]:
+        """``(y, x)``, all fitted."""
+        return np.zeros(self.samples.shape[2:], np.uint8)
+
+    def predict(self, lights: Rig) -> Array:
+        """``(obs, band, y, x)``."""
+        weights = self.weights(self.train, lights.directions) * lights.intensities[:, None]
+        shown = weights @ self.samples.reshape(len(self.samples), -1)
+        return np.asarray(shown.reshape(len(weights), *self.samples.shape[1:]))
+
+
+def light_of(stack: Stack) -> Array:
+    """``(obs, band, y, x)`` per unit of intensity; clipped samples are full scale."""
+    full = (np.asarray(stack.saturation) - stack.black) * stack.scale
+    light = np.array([stack.linear(i) for i in range(len(stack.rig))], np.float32)
+    clipped = np.minimum(light, full[:, None, None].astype(np.float32))
+    return np.asarray(clipped / stack.rig.intensities[:, None, None, None].astype(np.float32))
+
+
+def _peer(weights: Weights) -> Callable[[Stack, int | None], Shown]:
+    def fit(stack: Stack, threads: int | None) -> Shown:
+        del threads
+        shown = Shown(weights, stack.rig.directions, light_of(stack))
+        # What interpolates has nothing to fit: it costs what it takes to show one photograph.
+        shown.predict(stack.rig.take([0]))
+        return shown
+
+    return fit
+
+
+PEERS = {name: _peer(weights) for name, weights in WEIGHTS.items() if name != "Lambert"}
+"""Fits ``(stack, threads)`` by name."""

@@ -1,0 +1,42 @@
+"""The study of time against accuracy, recorded for the documentation.
+
+    python benches/python/study.py [--data DIR] [--out DIR]
+
+Runs ``impasto study`` (it goes on where it was interrupted), records benches/results/study.json,
+draws the figures of docs/accuracy-and-time.md into docs/_static and sets that page's tables. The
+presets in python/impasto/effort.py are those that the table "derived" says: a test compares them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from pages import set_tables
+from record import ROOT, data_folder, write
+
+from impasto.study import run
+from impasto.study.figures import draw
+from impasto.study.tables import tables
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--data", type=Path, default=data_folder())
+    parser.add_argument("--out", type=Path, default=ROOT / "study", help="where runs are kept")
+    options = parser.parse_args()
+
+    def advance(done: int, total: int, name: str) -> None:
+        print(f"{done}/{total} {name}", file=sys.stderr)
+
+    found = run(options.out, data=options.data, advance=advance)
+    found["run"] = {"command": "python benches/python/study.py"} | found["run"]
+    write("study.json", found | tables(found["rows"]))
+    for path in draw(found, ROOT / "docs" / "_static", prefix="study-"):
+        print(path.relative_to(ROOT))
+    set_tables(ROOT / "docs" / "accuracy-and-time.md")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,105 @@
+"""``impasto study``."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from impasto.cli import console
+from impasto.cli.codes import Exit
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+Flag = Annotated[bool, Parameter(negative="")]
+
+
+def study(
+    *,
+    out: Path = Path("study"),
+    data: Path | None = None,
+    quick: Flag = False,
+    seed: int = 0,
+    threads: int | None = None,
+    repeats: int = 2,
+    figures: bool = True,
+    quiet: Flag = False,
+) -> int:
+    """Measure what accuracy costs in time on this machine, and draw it.
+
+    Every setting is fitted to every data set. What is measured is kept run by run: the same command
+    goes on where it was interrupted. Writes study.json, study.md and the figures.
+
+    Parameters
+    ----------
+    out
+        Folder.
+    data
+        Folder of real photographs and of measured materials; default: $IMPASTO_DATA, else none.
+    quick
+        Few settings on small pictures, in less than two minutes.
+    seed
+        Of paintings and noise.
+    threads
+        Threads of the fits; default: every allowed core.
+    repeats
+        How often every fit is timed; the least counts.
+    figures
+        Draw the figures (needs matplotlib).
+    quiet
+        No progress, no table.
+    """
+    from impasto.study import run, write
+    from impasto.study.tables import tables
+
+    if data is None and os.environ.get("IMPASTO_DATA"):
+        data = Path(os.environ["IMPASTO_DATA"])
+    words = console.stderr()
+    start = time.perf_counter()
+    with _bar(words, quiet) as progress:
+        task = progress.add_task("", total=None)
+
+        def advance(done: int, total: int, name: str) -> None:
+            progress.update(task, completed=done, total=total, description=name)
+
+        found = run(
+            out, data=data, quick=quick, seed=seed, threads=threads, repeats=repeats,
+            advance=advance,
+        )  # fmt: skip
+    written = write(found, out, figures=figures)
+    if not quiet:
+        _say(words, found, time.perf_counter() - start)
+        print_table(tables(found["rows"])["presets"])
+        words.print(f"[dim]{out}: {', '.join(path.name for path in written)}[/]")
+    return Exit.OK
+
+
+def print_table(table: list[dict[str, Any]]) -> None:
+    """A table on stdout."""
+    from impasto.study.tables import text
+
+    console.stdout().print(text(table), markup=False)
+
+
+def _say(words: Console, found: dict[str, Any], seconds: float) -> None:
+    words.print(f"{len(found['rows'])} runs, {seconds:.0f} s", style="dim")
+    for name, reason in found["missing"].items():
+        words.print(f"without {name}: {reason}", style="yellow", markup=False)
+    for reason in found["skipped"]:
+        words.print(f"without {reason}", style="yellow", markup=False)
+
+
+def _bar(words: Console, quiet: bool) -> Progress:
+    columns = (
+        BarColumn(40, complete_style="cyan", finished_style="cyan"),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}"),
+    )
+    hidden = quiet or not words.is_terminal
+    return Progress(*columns, console=words, transient=True, disable=hidden)

@@ -1,0 +1,79 @@
+"""What a fit may cost: the one knob between time and accuracy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from impasto.errors import ArgumentError
+
+Preset = Literal["draft", "standard", "reference"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How far a fit goes; the defaults are those of ``"standard"``.
+
+    Nothing here changes what is fitted, only how well: a larger number costs time, and never
+    changes a pixel's number of unknowns. :doc:`accuracy-and-time` shows what each costs and gives.
+
+    Parameters
+    ----------
+    stereo
+        Steps of reweighting in photometric stereo (``method="robust"``), 0 to 1000.
+    pixels
+        Pixels at most, about, among which the painting's one lobe is looked for
+        (``pooling="painting"``): its error falls with their root, the time of the search grows
+        with them, up to the size of the painting.
+    rounds
+        Rounds in which all bands settle together and samples are weighed anew by what is left of
+        them (``pooling="pixel"``); 0: the search on the mean of the bands is all there is, and no
+        sample is doubted.
+    iterations
+        Steps at most of each of a pixel's searches (``pooling="pixel"``), at least 1.
+
+    Raises
+    ------
+    ArgumentError
+        A number outside its range.
+    """
+
+    stereo: int = 5
+    pixels: int = 1 << 16
+    rounds: int = 2
+    iterations: int = 4
+
+    def __post_init__(self) -> None:
+        least = {"stereo": 0, "pixels": 1, "rounds": 0, "iterations": 1}
+        for name, low in least.items():
+            value = getattr(self, name)
+            whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+            high = 1000 if name == "stereo" else np.iinfo(np.int32).max
+            if not (whole and low <= value <= high):
+                raise ArgumentError(f"{name}: expected {low} to {high}, found {value!r}")
+            object.__setattr__(self, name, int(value))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Names and numbers."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+
+EffortLike: TypeAlias = Effort | Preset
+
+PRESETS: dict[str, Effort] = {
+    "draft": Effort(pixels=1 << 12, rounds=0),
+    "standard": Effort(),
+    "reference": Effort(pixels=1 << 18, rounds=4),
+}
+
+
+def resolved(effort: EffortLike) -> Effort:
+    """The numbers behind a name."""
+    if isinstance(effort, Effort):
+        return effort
+    if effort not in get_args(Preset):
+        names = ", ".join(map(repr, get_args(Preset)))
+        raise ArgumentError(f"effort: expected {names} or an Effort, found {effort!r}")
+    return PRESETS[effort]

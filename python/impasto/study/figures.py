@@ -1,0 +1,92 @@
+"""The figures: vector and PNG, readable in print and by colour-blind readers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from impasto.study import panels
+from impasto.study.tables import of_knob
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DPI = 150
+STYLE = {
+    "font.size": 8.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#808080",
+    "axes.linewidth": 0.7,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.labelcolor": "#303030",
+    "xtick.color": "#606060",
+    "ytick.color": "#606060",
+    "xtick.minor.size": 0,
+    "ytick.minor.size": 0,
+    "svg.fonttype": "none",
+    # Ids of clip paths from a constant, not from chance: the same figure is the same file.
+    "svg.hashsalt": "impasto",
+}
+
+Panel = Callable[[Any, dict[str, Any], str], None]
+FIGURES: dict[str, tuple[tuple[str, ...], Panel]] = {
+    "front": (("pooling",), panels.front),
+    "normals": (("normals",), panels.normals),
+    "lights": (("lights",), panels.lights),
+    "steps": (("effort",), panels.steps),
+    "views": (("views",), panels.views),
+}
+"""Name of the file: the knobs that it shows, and what draws one data set."""
+
+
+def draw(found: dict[str, Any], out: Path, *, prefix: str = "") -> list[Path]:
+    """Draw every figure that a study has rows for.
+
+    Parameters
+    ----------
+    found
+        What :func:`impasto.study.run` returned.
+    out
+        A folder that is there.
+    prefix
+        What the files' names begin with.
+
+    Returns
+    -------
+    list
+        Paths of SVG and PNG files.
+    """
+    import matplotlib as mpl
+
+    # No date: the same figure is the same file.
+    formats: dict[str, dict[str, Any]] = {".svg": {"metadata": {"Date": None}}, ".png": {}}
+    written = []
+    for name, (knobs, panel) in FIGURES.items():
+        rows = of_knob(found["rows"], *knobs)
+        if name == "normals":
+            rows = [row for row in rows if row["error"]["normal"] is not None]
+        sets = list(dict.fromkeys(row["data"] for row in rows))
+        if not sets:
+            continue
+        with mpl.rc_context(STYLE):
+            figure = _figure(found, sets, panel)
+            for suffix, more in formats.items():
+                path = out / f"{prefix}{name}{suffix}"
+                figure.savefig(path, dpi=DPI, **more)
+                written.append(path)
+    return written
+
+
+def _figure(found: dict[str, Any], sets: Sequence[str], panel: Panel) -> Figure:
+    from matplotlib.figure import Figure
+
+    columns = min(len(sets), 3)
+    rows = -(-len(sets) // columns)
+    wide = 3.3 * columns if columns > 1 else 4.6
+    figure = Figure(figsize=(wide, 2.9 * rows), layout="constrained")
+    for place, data in enumerate(sets):
+        panel(figure.add_subplot(rows, columns, place + 1), found, data)
+    return figure

@@ -1,0 +1,48 @@
+"""Our own fits, as settings call them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import impasto
+from impasto.fit.forward import predict
+from impasto.fit.normals import Method, Normals
+from impasto.rig import Rig
+from impasto.stack import Stack
+from impasto.study.measure import Fitted
+
+
+def sbrdf(stack: Stack, threads: int | None, **options: Any) -> Fitted:
+    """Whatever :func:`impasto.fit_sbrdf` makes of the options."""
+    fitted: Fitted = impasto.fit_sbrdf(stack, threads=threads, **options)
+    return fitted
+
+
+@dataclass(frozen=True, eq=False)
+class Matte:
+    """A surface without gloss, from photometric stereo alone."""
+
+    normals: Normals
+
+    @property
+    def normal(self) -> NDArray[np.float32]:
+        """``(3, y, x)``."""
+        return self.normals.normal
+
+    @property
+    def status(self) -> NDArray[np.uint8]:
+        """``(y, x)``."""
+        return self.normals.status
+
+    def predict(self, lights: Rig) -> NDArray[np.float32]:
+        """``(obs, band, y, x)``."""
+        return predict(self.normals.normal, self.normals.albedo, 0.0, 1.0, lights)
+
+
+def lambert(stack: Stack, threads: int | None, *, method: Method) -> Fitted:
+    """Photometric stereo alone."""
+    return Matte(impasto.fit_normals(stack, method=method, threads=threads))

@@ -1,0 +1,119 @@
+"""The front of time against error, its knee, and the presets that are taken from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from impasto.effort import Effort
+
+Row: TypeAlias = dict[str, Any]
+
+ERROR = "relative"
+"""What fronts are drawn of: root mean square error of relighting."""
+JUDGED = ("relative", "colour", "normal")
+"""What presets are judged by, all together: highlights alone would rule the first."""
+NEAR_BEST = 1.01
+"""``reference`` is the cheapest within one per cent of the best."""
+PIXELS = {"draft": 1 << 12, "standard": 1 << 16, "reference": 1 << 18}
+"""Sixty thousand pixels know the painting's beta and gamma to a thousandth, a sixteenth of them to
+four, four times as many to half of one."""
+DRAFT = 8.0
+"""``draft`` is so many times as fast as ``standard``, where the front reaches that far."""
+
+
+def front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Numbers of the points that no other beats in both coordinates, the cheapest first."""
+    best = float("inf")
+    kept = []
+    for index in sorted(range(len(points)), key=lambda i: points[i]):
+        if points[index][1] < best:
+            best = points[index][1]
+            kept.append(index)
+    return kept
+
+
+def knee(points: Sequence[tuple[float, float]]) -> int:
+    """Number of the point farthest below the chord of a front, on logarithmic axes.
+
+    Before it a little time buys much; behind it much time buys little.
+    """
+    logs = np.log(np.asarray(points, dtype=np.float64))
+    span = logs[-1] - logs[0]
+    if len(points) < 3 or not (span[0] > 0.0 and span[1] < 0.0):
+        return len(points) - 1
+    along = (logs - logs[0]) / span
+    # Both run from 0 to 1: how much of the gain is had, less how much of the time is spent.
+    return int((along[:, 1] - along[:, 0]).argmax())
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """A setting over all data sets: geometric means of its seconds and of its errors."""
+
+    setting: str
+    options: Row
+    seconds: float
+    error: float
+
+
+def rungs(rows: Iterable[Row]) -> list[Rung]:
+    """Settings of some rows that were measured on every data set that any of them was on."""
+    by_setting: dict[str, dict[str, Row]] = {}
+    for row in rows:
+        by_setting.setdefault(row["setting"], {})[row["data"]] = row
+    everywhere = set().union(*by_setting.values()) if by_setting else set()
+    return [
+        Rung(
+            setting,
+            next(iter(found.values()))["options"],
+            _mean([row["cost"]["cpu"] for row in found.values()]),
+            _mean([score(row) for row in found.values()]),
+        )
+        for setting, found in by_setting.items()
+        if found.keys() == everywhere
+    ]
+
+
+def score(row: Row) -> float:
+    """Geometric mean of a row's errors: relighting, colours and, where they are known, normals."""
+    errors = [row["error"][name] for name in JUDGED]
+    return _mean([error for error in errors if error is not None])
+
+
+def _mean(values: Sequence[float]) -> float:
+    return float(np.exp(np.log(values).mean()))
+
+
+def chosen(candidates: Sequence[Rung]) -> dict[str, Rung]:
+    """``draft``, ``standard`` and ``reference`` among some rungs.
+
+    ``standard`` is the knee of their front, ``reference`` the cheapest rung within 1 % of the best
+    error, ``draft`` the slowest that is 8 times as fast as ``standard``, else the fastest of all.
+    None of them is beaten by a rung that is both faster and better: all lie on the front.
+    """
+    points = [(rung.seconds, rung.error) for rung in candidates]
+    line = [candidates[i] for i in front(points)]
+    standard = line[knee([(rung.seconds, rung.error) for rung in line])]
+    good = NEAR_BEST * line[-1].error
+    reference = next(rung for rung in line if rung.error <= good)
+    if reference.seconds < standard.seconds:
+        standard = reference
+    fast = [rung for rung in line if DRAFT * rung.seconds <= standard.seconds]
+    return {"draft": (fast or line[:1])[-1], "standard": standard, "reference": reference}
+
+
+def presets(rows: Iterable[Row]) -> dict[str, Effort]:
+    """The efforts that a study's rows call for.
+
+    ``pixels`` is no result of the study, whose pictures are smaller: a lobe's error falls with the
+    root of the pixels that it is looked for among (:data:`PIXELS`).
+    """
+    grid = chosen(rungs(row for row in rows if row["knob"] == "effort"))
+    return {
+        name: Effort(**rung.options["effort"] | {"pixels": PIXELS[name]})
+        for name, rung in grid.items()
+    }

@@ -1,0 +1,159 @@
+"""What a fit costs, and how far it is from photographs and normals that it did not see."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.colour import delta_e, lab_from_xyz
+from impasto.encoding import Encoding
+from impasto.rig import Rig
+from impasto.simulate.score import normal_error
+from impasto.status import Status
+from impasto.study.specimens import Specimen
+
+T = TypeVar("T")
+
+CODES = Encoding("srgb", 255.0)
+"""On which decibels are counted."""
+
+XYZ_FROM_SRGB = np.array(
+    [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+)
+"""IEC 61966-2-1: colours are compared as if the three bands were those of a display."""
+
+COMPARED = 50_000
+"""Pixels whose colours are compared, at most: colour differences are slower than most fits."""
+
+
+class Fitted(Protocol):
+    """What every fit, ours or a peer's, can be asked for."""
+
+    @property
+    def normal(self) -> NDArray[Any] | None:
+        """``(3, y, x)``; None where the method knows none."""
+
+    @property
+    def status(self) -> NDArray[np.uint8]:
+        """``(y, x)``."""
+
+    def predict(self, lights: Rig) -> NDArray[Any]:
+        """``(obs, band, y, x)`` linear light."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Per megapixel of one photograph's size.
+
+    Attributes
+    ----------
+    cpu, wall
+        Seconds of all threads together, and on the clock; the least of some runs.
+    memory
+        MiB that the fit took beyond what was held before it, at its peak; None where the system
+        does not say. Of the run itself, not per megapixel.
+    """
+
+    cpu: float
+    wall: float
+    memory: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Against photographs that were held out, and the true normals.
+
+    Attributes
+    ----------
+    relative
+        Root mean square error of the held-out photographs over their root mean square, both cut
+        off where the camera is. A pixel that was not estimated counts as black.
+    psnr
+        Decibels on 8-bit sRGB codes: the mean over the photographs.
+    colour
+        Mean CIEDE2000 of the held-out photographs.
+    normal, normal_p95
+        Degrees, mean and 95th percentile; None where the truth is unknown.
+    flagged
+        Share of the pixels whose status is not ``FITTED``.
+    """
+
+    relative: float
+    psnr: float
+    colour: float
+    normal: float | None
+    normal_p95: float | None
+    flagged: float
+
+
+def timed(fit: Callable[[], T], megapixels: float, repeats: int) -> tuple[T, Cost]:
+    """Run a fit some times: its result, and the least that it cost."""
+    cpu, wall, peaks = [], [], []
+    for _ in range(repeats):
+        before = _reset_peak()
+        clocks = time.process_time(), time.perf_counter()
+        result = fit()
+        cpu.append(time.process_time() - clocks[0])
+        wall.append(time.perf_counter() - clocks[1])
+        after = _resident("VmHWM")
+        if before is not None and after is not None:
+            peaks.append(after - before)
+    memory = min(peaks) if peaks else None
+    return result, Cost(min(cpu) / megapixels, min(wall) / megapixels, memory)
+
+
+def _reset_peak() -> float | None:
+    """Forget the peak of this process's memory (Linux only); MiB that it holds now."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    except OSError:
+        return None
+    return _resident("VmRSS")
+
+
+def _resident(field: str) -> float | None:
+    try:
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return None
+    for line in lines:
+        if line.startswith(field + ":"):
+            return int(line.split()[1]) / 1024.0
+    return None
+
+
+def compared(fitted: Fitted, specimen: Specimen) -> Errors:
+    """How far a fit is from what it did not see."""
+    top = 1.0 / specimen.exposure
+    shown = np.clip(np.nan_to_num(fitted.predict(specimen.rig), nan=0.0), 0.0, top)
+    held = np.clip(specimen.held, 0.0, top)
+    error = shown.astype(np.float64) - held
+    relative = np.sqrt((error**2).mean() / (held.astype(np.float64) ** 2).mean())
+    codes = CODES.encode(shown * specimen.exposure) - CODES.encode(held * specimen.exposure)
+    squared = (codes.astype(np.float64) ** 2).mean(axis=(1, 2, 3))
+    angles = None
+    if specimen.normal is not None and fitted.normal is not None:
+        angles = normal_error(fitted.normal, specimen.normal).astype(np.float64)
+        # What was not estimated is not left out: a right angle says that nothing is known.
+        angles = np.nan_to_num(angles, nan=90.0)
+    return Errors(
+        relative=float(relative),
+        psnr=float((10.0 * np.log10(255.0**2 / np.maximum(squared, 1e-12))).mean()),
+        colour=_colour_difference(shown * specimen.exposure, held * specimen.exposure),
+        normal=None if angles is None else float(angles.mean()),
+        normal_p95=None if angles is None else float(np.percentile(angles, 95)),
+        flagged=float((fitted.status != Status.FITTED).mean()),
+    )
+
+
+def _colour_difference(shown: NDArray[Any], held: NDArray[Any]) -> float:
+    flat = [np.moveaxis(images, 1, 0).reshape(3, -1) for images in (shown, held)]
+    step = max(1, flat[0].shape[1] // COMPARED)
+    first, second = (lab_from_xyz(XYZ_FROM_SRGB @ image[:, ::step]) for image in flat)
+    return float(delta_e(first, second).mean())

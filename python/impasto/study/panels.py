@@ -1,0 +1,156 @@
+"""What stands in one panel of a figure: one data set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from impasto.study.choices import CHOICES
+from impasto.study.front import ERROR, Row, knee
+from impasto.study.tables import SETS, fits_of, front_of, of_knob, points, preset_rows
+
+# Okabe and Ito 2008: told apart by colour-blind readers, and in grey by their lightness.
+BLUE, ORANGE, GREEN, BLACK, FAINT = "#0072b2", "#d55e00", "#009e73", "#202020", "#b8b8b8"
+SHADES = ("#a9cfe6", "#56a0d0", "#0072b2", "#003a5c")
+MARKS: dict[str, str] = {"draft": "v", "standard": "o", "reference": "^"}
+SHORT: dict[str, str] = {
+    "RBF, normalised Gaussian": "RBF, Gaussian",
+    "RBF, thin plate": "RBF, thin plate",
+    "MINPACK, one lobe": "MINPACK",
+}
+
+
+def _dress(axes: Any, data: str, across: str, up: str) -> None:
+    axes.set_title(SETS[data])
+    axes.set_xlabel(across)
+    axes.set_ylabel(up)
+    axes.grid(color="#e6e6e6", lw=0.6)
+    axes.set_axisbelow(True)
+
+
+def _plain(axis: Any) -> None:
+    """0.1, 1, 10 and what lies between where there is room, rather than powers of ten."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    low, high = sorted(axis.get_view_interval())
+    subs = (1.0, 2.0, 5.0) if high / low < 100.0 else (1.0,)
+    axis.set_major_locator(LogLocator(subs=subs))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def _logarithmic(axes: Any) -> None:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    _plain(axes.xaxis)
+    _plain(axes.yaxis)
+
+
+def front(axes: Any, found: Row, data: str) -> None:
+    """Error against time: all fits, their front, its knee, the presets, and peers."""
+    rows = found["rows"]
+    axes.scatter(*zip(*_percent(fits_of(rows, data)), strict=True), s=7, color=FAINT, lw=0)
+    corners = _percent(front_of(rows, data))
+    axes.plot(*zip(*corners, strict=True), color=BLUE, lw=1.3, zorder=2)
+    here = corners[knee(corners)]
+    axes.plot(*here, "o", ms=11, mfc="none", mec=BLUE, mew=1.1)
+    _note(axes, "knee", here, BLUE, (9, -9))
+    for name, row in preset_rows(rows):
+        if row["data"] == data:
+            mark = MARKS.get(name.split(", ")[-1], "D")
+            fill = BLUE if row["knob"] == "effort" else "white"
+            axes.plot(*_percent([row])[0], mark, ms=5, mfc=fill, mec=BLUE, mew=1.0, zorder=3)
+    for row in of_knob(rows, "peer"):
+        if row["data"] == data:
+            at = _percent([row])[0]
+            axes.plot(*at, "s", ms=4.5, color=ORANGE, zorder=3)
+            name = str(row["setting"])
+            _note(axes, SHORT.get(name, name), at, ORANGE, (5, 3))
+    _dress(axes, data, "CPU seconds per megapixel", "error of relighting, %")
+    _logarithmic(axes)
+    axes.margins(x=0.12, y=0.12)
+
+
+def _percent(rows: Sequence[Row]) -> list[tuple[float, float]]:
+    return [(seconds, 100.0 * error) for seconds, error in points(rows)]
+
+
+def _note(axes: Any, words: str, at: tuple[float, float], colour: str, by: tuple[int, int]) -> None:
+    axes.annotate(
+        words, at, xytext=by, textcoords="offset points", color=colour, fontsize=7,
+        annotation_clip=False,
+    )  # fmt: skip
+
+
+def normals(axes: Any, found: Row, data: str) -> None:
+    """Degrees against microseconds per pixel: photometric stereo, and the joint fit."""
+    alone = [(row["setting"], row) for row in of_knob(found["rows"], "normals")]
+    for name, row in alone + preset_rows(found["rows"]):
+        if row["data"] == data:
+            at = (row["cost"]["cpu"], row["error"]["normal"])
+            colour = BLACK if row["knob"] == "normals" else BLUE
+            axes.plot(*at, MARKS.get(name.split(", ")[-1], "o"), ms=5, color=colour)
+            _note(axes, name, at, colour, (5, 3))
+    _dress(axes, data, "CPU microseconds per pixel", "error of the normals, degrees")
+    _logarithmic(axes)
+    axes.margins(x=0.2, y=0.12)
+
+
+def _curve(axes: Any, rows: Sequence[Row], up: Any, style: str, colour: str, label: str) -> None:
+    ordered = sorted(rows, key=lambda row: row["number"])
+    places = [row["number"] for row in ordered]
+    axes.plot(places, [up(row) for row in ordered], style, ms=4, color=colour, lw=1.2, label=label)
+
+
+def lights(axes: Any, found: Row, data: str) -> None:
+    """Error against the number of lights, chosen at random and spread."""
+    rows = [row for row in of_knob(found["rows"], "lights") if row["data"] == data]
+    truth = rows[0]["error"]["normal"] is not None
+    for choice, style, colour in zip(CHOICES, ("s--", "o-"), (ORANGE, BLUE), strict=True):
+        some = [row for row in rows if row["setting"].endswith(choice)]
+        if truth:
+            _curve(axes, some, lambda row: row["error"]["normal"], style, colour, choice)
+        else:
+            _curve(axes, some, lambda row: 100 * row["error"][ERROR], style, colour, choice)
+    bound = [row for row in rows if "bound" in row and row["setting"].endswith(CHOICES[-1])]
+    if bound:
+        _curve(axes, bound, lambda row: row["bound"], ":", BLACK, "Cramér-Rao, spread")
+    up = "error of the normals, degrees" if truth else "error of relighting, %"
+    _dress(axes, data, "lights", up)
+    _logarithmic(axes)
+    axes.legend(frameon=False, fontsize=7)
+
+
+def steps(axes: Any, found: Row, data: str) -> None:
+    """Error against the steps that a search may take, a line for every number of rounds."""
+    rows = [row for row in of_knob(found["rows"], "effort") if row["data"] == data]
+    by_rounds: dict[int, list[Row]] = {}
+    for row in rows:
+        effort = row["options"]["effort"]
+        by_rounds.setdefault(effort["rounds"], []).append(row | {"number": effort["iterations"]})
+    # One hue from light to dark: more rounds are more of the same.
+    for shade, (rounds, some) in zip(SHADES, sorted(by_rounds.items()), strict=False):
+        label = f"{rounds} round{'s' * (rounds != 1)}"
+        _curve(axes, some, lambda row: 100.0 * row["error"][ERROR], "o-", shade, label)
+    _dress(axes, data, "steps of a search, at most", "error of relighting, %")
+    _logarithmic(axes)
+    axes.legend(frameon=False, fontsize=7)
+
+
+def views(axes: Any, found: Row, data: str) -> None:
+    """Decibels lost with photographs left out, of a rig of hundreds of views."""
+    rows = [row for row in of_knob(found["rows"], "views") if row["data"] == data]
+    full = max(rows, key=lambda row: row["number"])
+    for choice, style, colour in zip(CHOICES, ("s--", "o-"), (ORANGE, BLUE), strict=True):
+        some = [row for row in rows if row["setting"].endswith(choice)]
+        loss = lambda row: full["error"]["psnr"] - row["error"]["psnr"]  # noqa: E731
+        _curve(axes, [*some, full], loss, style, colour, choice)
+    axes.axhline(1.0, color=FAINT, lw=0.8)
+    low, high = full["number"] / 100.0, full["number"] / 40.0
+    axes.axvspan(low, high, color="#f0f0f0", lw=0)
+    _note(axes, "claimed: 1 dB at 1/100 to 1/40", (low, 1.0), "#606060", (2, 4))
+    _dress(axes, data, "photographs", "decibels lost")
+    axes.set_xscale("log")
+    _plain(axes.xaxis)
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    axes.legend(frameon=False, fontsize=7)

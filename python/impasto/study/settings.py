@@ -1,0 +1,140 @@
+"""The settings that are compared: a plain list, one fit each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, TypeAlias, get_args
+
+import numpy as np
+
+from impasto.effort import PRESETS, Effort
+from impasto.fit.normals import Method
+from impasto.stack import Stack
+from impasto.study import choices, fits, minpack, peers
+from impasto.study.measure import Fitted
+
+Fit: TypeAlias = Callable[[Stack, int | None], Fitted]
+Prepare: TypeAlias = Callable[[Stack, int], Stack]
+
+VIEWS = "770 views"
+SIMULATED = ("own model", "shifted gamma", "ABC")
+ONE_VIEW = (*SIMULATED, "icon")
+COUNTS = (6, 9, 14, 24, 48)
+"""Lights that are kept."""
+VIEW_COUNTS = (12, 18, 35, 70, 175, 350)
+"""Photographs that are kept of 700: a hundredth to a half."""
+PER_PIXEL = {"pooling": "pixel"}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One fit to be measured.
+
+    Attributes
+    ----------
+    knob
+        What is turned: settings of one knob make one ladder.
+    name
+        Unique within the knob.
+    fit
+        ``(stack, threads)``, timed.
+    on
+        Data sets that it is meant for.
+    prepare
+        ``(stack, seed)``, before the clock runs: fewer lights, fewer bits.
+    options
+        What :func:`impasto.fit_sbrdf` is given, the effort as its numbers; empty for anything else.
+    number
+        Where the setting stands on the knob's scale.
+    stride
+        Every so many pixels along both axes are fitted: what is too slow for all of them.
+    """
+
+    knob: str
+    name: str
+    fit: Fit
+    on: tuple[str, ...]
+    prepare: Prepare = choices.everything
+    options: dict[str, Any] = field(default_factory=dict)
+    number: float | None = None
+    stride: int = 1
+
+    @property
+    def peer(self) -> bool:
+        """Whether it is somebody else's."""
+        return self.knob == "peer"
+
+
+def settings(*, quick: bool = False) -> list[Setting]:
+    """All of them, or of every knob a few; the presets always."""
+    every = list(_all())
+    if not quick:
+        return every
+    knobs: dict[str, list[Setting]] = {}
+    for setting in every:
+        knobs.setdefault(setting.knob, []).append(setting)
+    few = [setting for rungs in knobs.values() for setting in _spread(rungs, 3)]
+    return [setting for setting in every if setting in few or _named(setting)]
+
+
+def _named(setting: Setting) -> bool:
+    effort = setting.options.get("effort")
+    same = [effort == preset.to_dict() | {"pixels": Effort().pixels} for preset in PRESETS.values()]
+    return setting.knob == "pooling" or (setting.knob == "effort" and any(same))
+
+
+def _spread(rungs: list[Setting], count: int) -> list[Setting]:
+    places = np.linspace(0, len(rungs) - 1, min(count, len(rungs))).round().astype(int)
+    return [rungs[place] for place in places]
+
+
+def _sbrdf(knob: str, name: str, on: tuple[str, ...], /, **more: Any) -> Setting:
+    keep = {key: more.pop(key) for key in ("prepare", "number") if key in more}
+    options = {k: v.to_dict() if isinstance(v, Effort) else v for k, v in more.items()}
+    return Setting(knob, name, partial(fits.sbrdf, **more), on, options=options, **keep)
+
+
+def _all() -> Iterator[Setting]:
+    yield from _efforts()
+    for lobes in (1, 2, 3):
+        name = f"{lobes} lobe{'s' * (lobes > 1)}"
+        yield _sbrdf("lobes", name, ONE_VIEW, **PER_PIXEL, lobes=lobes, number=lobes)
+        yield _sbrdf("lobes", f"Lafortune, {name}", (VIEWS,), model="lafortune", lobes=lobes)
+    yield _sbrdf("lobes", "no ambient light", ONE_VIEW, **PER_PIXEL, ambient=False)
+    for choice in choices.CHOICES:
+        for count in COUNTS:
+            yield _sbrdf(
+                "lights", f"{count} {choice}", ONE_VIEW, **PER_PIXEL, number=count,
+                prepare=partial(choices.fewer, count=count, choice=choice),
+            )  # fmt: skip
+        for count in VIEW_COUNTS:
+            yield _sbrdf(
+                "views", f"{count} {choice}", (VIEWS,), model="lafortune", number=count,
+                prepare=partial(choices.fewer, count=count, choice=choice),
+            )  # fmt: skip
+    yield _sbrdf("views", "all", (VIEWS,), model="lafortune", number=700)
+    for sort in choices.SORTS:
+        prepare = partial(choices.recoded, sort=sort)
+        yield _sbrdf("bits", sort, SIMULATED, **PER_PIXEL, prepare=prepare)
+    for method in get_args(Method):
+        yield Setting("normals", method, partial(fits.lambert, method=method), ONE_VIEW)
+    for name, fit in peers.PEERS.items():
+        yield Setting("peer", name, fit, ONE_VIEW)
+    yield Setting("peer", "MINPACK, one lobe", minpack.fit, ONE_VIEW, stride=minpack.STRIDE)
+
+
+def _efforts() -> Iterator[Setting]:
+    """The grid that presets are taken from, and what presets do not turn."""
+    for rounds in (0, 1, 2, 4):
+        for iterations in (1, 2, 3, 4, 6, 10, 30):
+            effort = Effort(rounds=rounds, iterations=iterations)
+            name = f"{rounds} rounds, {iterations} steps"
+            yield _sbrdf("effort", name, ONE_VIEW, **PER_PIXEL, effort=effort)
+    yield _sbrdf("pooling", "one lobe, as the papers have it", ONE_VIEW, joint=False)
+    yield _sbrdf("pooling", "one lobe", ONE_VIEW)
+    yield _sbrdf("pooling", "Lafortune", (VIEWS,), model="lafortune")
+    for pixels in (1 << 8, 1 << 10):
+        effort = Effort(pixels=pixels)
+        yield _sbrdf("pixels", f"{pixels} pixels", ONE_VIEW, effort=effort, number=pixels)

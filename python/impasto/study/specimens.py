@@ -1,0 +1,199 @@
+"""The fixed data that settings are compared on: photographs to fit, and photographs held out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.errors import ArgumentError
+from impasto.rig import Rig
+from impasto.simulate import capture, painting
+from impasto.simulate import rig as rig_named
+from impasto.simulate.photography import Model, Truth
+from impasto.stack import Stack
+from impasto.study.materials import MODELS, forward_of
+
+LIGHTS = 60
+"""Of the simulated dome; one in five is held out."""
+LOWEST = 25.0
+"""Degrees of elevation of its lowest light."""
+HELD = 5
+"""One photograph in so many is held out."""
+FEWEST_VIEWS = 11
+"""The same for the rig of 770 views, whose held-out photographs are the slowest to compare."""
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """One data set.
+
+    Attributes
+    ----------
+    name, title
+        A word for programs and a line for people.
+    stack
+        What may be fitted.
+    rig
+        Who lit and saw the photographs that are held out.
+    held
+        ``(obs, band, y, x)`` float32 linear light of those, without noise where it is simulated.
+    exposure
+        Share of full scale of a white board: a camera sees no light beyond ``1 / exposure``.
+    normal
+        ``(3, y, x)`` true normals; None where nobody knows them.
+    truth
+        All there is to know, where the photographs follow the model that is fitted.
+    """
+
+    name: str
+    title: str
+    stack: Stack
+    rig: Rig
+    held: NDArray[np.float32]
+    exposure: float
+    normal: NDArray[np.float32] | None
+    truth: Truth | None = None
+
+    @property
+    def megapixels(self) -> float:
+        """Size of a photograph."""
+        return self.stack.shape[2] * self.stack.shape[3] / 1e6
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How to make a specimen, and what it needs."""
+
+    name: str
+    title: str
+    make: Callable[[Recipe, Sizes, int, Path | None], Specimen]
+    needs: str | None = None
+    """A file below the folder of real data."""
+    views: bool = False
+    """Whether every photograph has a view of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """Edge lengths in pixels: of simulated paintings, of those from 770 views, of the icon."""
+
+    painting: int = 48
+    views: int = 16
+    icon: int = 48
+
+
+QUICK = Sizes(painting=32, views=8, icon=40)
+FULL = Sizes()
+
+
+def dome(count: int = LIGHTS) -> NDArray[np.float64]:
+    """``(obs, 3)`` directions over a dome, in an order of which every stretch is spread evenly.
+
+    Equal areas by height and azimuth, from the additive sequence of the plastic number (Roberts
+    2018), in which neither the first few nor every fifth lie in a ring.
+    """
+    plastic = 1.32471795724474602596
+    turn = np.arange(1, count + 1)
+    low = np.sin(np.radians(LOWEST))
+    z = low + (1.0 - low) * ((0.5 + turn / plastic) % 1.0)
+    azimuth = 2.0 * np.pi * ((0.5 + turn / plastic**2) % 1.0)
+    across = np.sqrt(1.0 - z * z)
+    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z], axis=1)
+
+
+def _split(count: int, step: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    held = np.arange(step // 2, count, step)
+    return np.setdiff1d(np.arange(count), held), held
+
+
+def _simulated(recipe: Recipe, sizes: Sizes, seed: int, folder: Path | None) -> Specimen:
+    size = sizes.views if recipe.views else sizes.painting
+    forward = None
+    if recipe.needs is not None and folder is not None:
+        forward = forward_of((folder / recipe.needs).parent, recipe.name)
+    scene = painting(seed, (size, size), varnish="patches", relief=1.0 if recipe.views else 1.5)
+    rig = rig_named("snel-lafortune") if recipe.views else Rig(dome())
+    train, held = _split(len(rig), FEWEST_VIEWS if recipe.views else HELD)
+    model: Model = "lafortune" if recipe.views else "torrance-sparrow"
+    shadows = recipe.needs is not None
+    photographs = capture(
+        scene, rig.take(train), "rgb", model=model, forward=forward, shadows=shadows, seed=seed
+    )
+    # Unlike the fitted photographs without noise, rounding or clipping: errors are the fit's own.
+    truth = capture(
+        scene, rig.take(held), "rgb", model=model, forward=forward, shadows=shadows,
+        noise=False, bits=None, clip=False,
+    ).stack  # fmt: skip
+    return Specimen(
+        recipe.name, recipe.title, photographs.stack, truth.rig,
+        np.array([truth.linear(i) for i in range(len(truth.rig))]),
+        photographs.truth.exposure, photographs.truth.normal,
+        photographs.truth if forward is None and not recipe.views else None,
+    )  # fmt: skip
+
+
+def _icon(recipe: Recipe, sizes: Sizes, seed: int, folder: Path | None) -> Specimen:
+    from impasto.io import read_stack
+
+    del seed
+    assert folder is not None
+    assert recipe.needs is not None
+    stack = read_stack(folder / recipe.needs, encoding="srgb")
+    height, width = stack.shape[2:]
+    top, left = (height - sizes.icon) // 2, (width - sizes.icon) // 2
+    window = np.s_[:, :, top : top + sizes.icon, left : left + sizes.icon]
+    stack = Stack(
+        stack.samples[window], lights=stack.rig, bands=stack.bands, saturation=stack.saturation,
+        scale=stack.scale, black=stack.black, encoding=stack.encoding,
+    )  # fmt: skip
+    train, held = _split(len(stack.rig), HELD + 1)
+    shown = np.array([stack.linear(i) for i in held])
+    return Specimen(
+        recipe.name, recipe.title, stack.take(train), stack.rig.take(held),
+        np.nan_to_num(shown, posinf=1.0), 1.0, None,
+    )  # fmt: skip
+
+
+RECIPES = (
+    Recipe("own model", "simulated, our own model, 48 lights", _simulated),
+    *(
+        Recipe(model, f"measured paints ({model}), shadows, 48 lights", _simulated, f"brdf/{file}")
+        for model, (file, _) in MODELS.items()
+    ),
+    Recipe("icon", "photographs of a gilded icon, 60 lights", _icon, "icon_rti/dirs.lp"),
+    Recipe("770 views", "simulated, Lafortune lobes, 700 views", _simulated, views=True),
+)
+
+
+def specimens(
+    sizes: Sizes, seed: int, folder: Path | None
+) -> tuple[dict[str, Callable[[], Specimen]], dict[str, str]]:
+    """What can be made, to be made when it is wanted; and why the rest cannot.
+
+    Parameters
+    ----------
+    sizes
+        In pixels.
+    seed
+        Of paintings and noise.
+    folder
+        Real data; None: none.
+    """
+    if folder is not None and not folder.is_dir():
+        raise ArgumentError(f"data: there is no folder {folder}")
+    made: dict[str, Callable[[], Specimen]] = {}
+    missing: dict[str, str] = {}
+    for recipe in RECIPES:
+        if recipe.needs is not None and (folder is None or not (folder / recipe.needs).is_file()):
+            missing[recipe.name] = f"{recipe.needs} is not at hand (it is not part of impasto)"
+            continue
+
+        def make(recipe: Recipe = recipe) -> Specimen:
+            return recipe.make(recipe, sizes, seed, folder)
+
+        made[recipe.name] = make
+    return made, missing

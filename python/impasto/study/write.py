@@ -1,0 +1,55 @@
+"""A study as files: everything in one JSON, the tables as a page, the figures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from impasto.study.tables import markdown, tables
+
+TITLES = {
+    "presets": "What each preset costs and gives",
+    "halving": "The best fit in half the time, and what it is off by",
+    "derived": "The presets that these numbers call for",
+    "front": "Fits that no other beats in both time and error",
+    "effort": "Rounds and steps",
+    "pixels": "Pixels that the painting's lobe is looked for among",
+    "lobes": "Lobes",
+    "lights": "Lights",
+    "bits": "Numbers that the samples are stored in",
+    "normals": "Photometric stereo alone",
+    "views": "Photographs of 770 views",
+    "peer": "Peers",
+}
+
+
+def write(found: dict[str, Any], out: Path, *, figures: bool = True) -> list[Path]:
+    """Write ``study.json``, ``study.md`` and the figures (SVG and PNG).
+
+    Parameters
+    ----------
+    found
+        What :func:`impasto.study.run` returned.
+    out
+        A folder that is there.
+    figures
+        Whether to draw; needs matplotlib.
+
+    Returns
+    -------
+    list
+        Paths of what was written.
+    """
+    made = tables(found["rows"])
+    whole = out / "study.json"
+    whole.write_text(json.dumps(found | made, indent=1) + "\n", encoding="utf-8")
+    page = out / "study.md"
+    parts = [f"## {TITLES[name]}\n\n{markdown(table)}\n" for name, table in made.items()]
+    page.write_text("\n".join(["# What accuracy costs in time\n", *parts]), encoding="utf-8")
+    written = [whole, page]
+    if figures:
+        from impasto.study.figures import draw
+
+        written += draw(found, out)
+    return written

@@ -1,0 +1,242 @@
+"""Which fit to ask for: tried on a little of the stack, for an error or for a time."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.effort import PRESETS
+from impasto.errors import ArgumentError
+from impasto.fit.sbrdf import fit_sbrdf
+from impasto.rig import Rig
+from impasto.stack import Stack
+
+LADDER: tuple[dict[str, Any], ...] = (
+    {"joint": False},
+    {"effort": "standard"},
+    {"pooling": "pixel", "effort": "draft"},
+    {"pooling": "pixel", "effort": "standard"},
+    {"pooling": "pixel", "effort": "reference"},
+)
+"""What is tried where all photographs have one view: the settings that lie on a measured front."""
+
+VIEWS: tuple[dict[str, Any], ...] = ({"model": "lafortune"},)
+"""What is tried besides where they have many."""
+
+PIXELS = 4096
+"""Pixels of the trial, about."""
+HELD = 6
+"""One photograph in so many is held out."""
+FEWEST = 8
+"""Photographs that a trial needs: fewer cannot spare one."""
+ONE_VIEW = 0.05
+"""Views that differ by less, in radians, are one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One setting, tried.
+
+    Attributes
+    ----------
+    options
+        For :func:`impasto.fit_sbrdf`.
+    seconds
+        What it will take for the whole stack, on the clock.
+    error
+        Root mean square error of photographs that were held out, over their root mean square.
+    """
+
+    options: dict[str, Any]
+    seconds: float
+    error: float
+
+
+@dataclass(frozen=True, slots=True)
+class Suggestion:
+    """What :func:`suggest_effort` found.
+
+    Attributes
+    ----------
+    options
+        For :func:`impasto.fit_sbrdf`: ``fit_sbrdf(stack, **suggestion.options)``.
+    seconds, error
+        What to expect of it.
+    met
+        Whether what was asked for can be had.
+    tried
+        Every trial, the fastest first.
+    """
+
+    options: dict[str, Any]
+    seconds: float
+    error: float
+    met: bool
+    tried: tuple[Trial, ...]
+
+    def __str__(self) -> str:
+        words = ", ".join(f"{name}={value!r}" for name, value in self.options.items())
+        met = "" if self.met else ", which is the nearest to what was asked for"
+        return (
+            f"fit_sbrdf(stack, {words}) will take {_duration(self.seconds)} here and relight with "
+            f"an error of {100 * self.error:.2g} %{met}."
+        )
+
+
+def suggest_effort(
+    stack: Stack,
+    *,
+    error: float | None = None,
+    seconds: float | None = None,
+    threads: int | None = None,
+) -> Suggestion:
+    """Find the cheapest fit that meets an error, or the best that meets a time.
+
+    Every setting that lies on the front of the recorded study is tried on some four thousand
+    pixels of this stack, with one photograph in six held out: what it costs on this machine, and
+    how far the held-out photographs are from what it expects.
+
+    Parameters
+    ----------
+    stack
+        The photographs; at least eight.
+    error
+        Largest root mean square error of relighting, as a share of the photographs' root mean
+        square: 0.05 is five per cent. Noise of the photographs is part of it.
+    seconds
+        Longest time on the clock.
+    threads
+        Of the fit that is to come; None means every allowed core.
+
+    Returns
+    -------
+    Suggestion
+        With both ``error`` and ``seconds``: the cheapest that meets both. Where nothing meets
+        them, the nearest, and ``met`` is False. ``print`` shows it in a sentence.
+
+    Raises
+    ------
+    ArgumentError
+        Neither error nor seconds, one that is not above 0, or fewer than eight photographs.
+    """
+    for name, value in (("error", error), ("seconds", seconds)):
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise ArgumentError(f"{name}: expected a number above 0, found {value!r}")
+    if error is None and seconds is None:
+        raise ArgumentError("error: say the largest error, or in seconds= the longest time")
+    count = len(stack.rig)
+    if count < FEWEST:
+        raise ArgumentError(f"stack: a trial needs {FEWEST} photographs, found {count}")
+    trials = _trials(stack, threads)
+    tried = tuple(sorted(trials, key=lambda trial: trial.seconds))
+    good = [t for t in tried if error is None or t.error <= error]
+    fast = [t for t in tried if seconds is None or t.seconds <= seconds]
+    both = [t for t in good if t in fast]
+    if both:
+        best = min(both, key=lambda t: t.error) if error is None else both[0]
+    elif fast and error is not None:
+        best = min(fast, key=lambda t: t.error)
+    else:
+        best = tried[0]
+    return Suggestion(best.options, best.seconds, best.error, bool(both), tried)
+
+
+def _trials(stack: Stack, threads: int | None) -> list[Trial]:
+    height, width = stack.shape[2:]
+    stride = max(1, math.ceil(math.sqrt(height * width / PIXELS)))
+    part = thinned(stack, stride)
+    held = np.arange(HELD // 2, len(stack.rig), HELD)
+    train = np.setdiff1d(np.arange(len(stack.rig)), held)
+    shown = part.take(held)
+    truth = np.array([shown.linear(i) for i in range(len(held))])
+    known = part.take(train)
+    views = stack.rig.views
+    many = bool((views @ views[0] < math.cos(ONE_VIEW)).any())
+    ladder = VIEWS + LADDER if many else LADDER
+    # Time grows with the pixels and, nearly, with the photographs.
+    more = len(stack.rig) / len(train)
+    return [_trial(known, shown.rig, truth, options, stack, more, threads) for options in ladder]
+
+
+def _trial(
+    known: Stack,
+    rig: Rig,
+    truth: NDArray[np.float32],
+    options: dict[str, Any],
+    stack: Stack,
+    more: float,
+    threads: int | None,
+) -> Trial:
+    pixels = stack.shape[2] * stack.shape[3]
+    few = known.shape[2] * known.shape[3]
+
+    fitted: Any = None
+
+    def seconds(**options: Any) -> float:
+        nonlocal fitted
+        start = time.perf_counter()
+        fitted = fit_sbrdf(known, threads=threads, **options)
+        return time.perf_counter() - start
+
+    if options.keys() == {"effort"}:
+        # The painting's lobe is looked for among so many pixels at most; with a quarter of them
+        # what is left is what every pixel takes.
+        effort = PRESETS[options["effort"]]
+        quarter = seconds(effort=replace(effort, pixels=max(few // 4, 1)))
+        took = seconds(effort=replace(effort, pixels=few))
+        search = max(took - quarter, 0.0) * 4.0 / 3.0
+        took = search * min(pixels, effort.pixels) / few + (took - search) * pixels / few
+    else:
+        took = seconds(**options) * pixels / few
+    return Trial(options, took * more, relative_error(fitted.predict(rig), truth))
+
+
+def relative_error(shown: NDArray[Any], truth: NDArray[Any]) -> float:
+    """Root mean square of the differences over that of the truth.
+
+    What the fit does not know counts as black; what the photographs do not know (NaN, or clipped:
+    +inf) does not count.
+    """
+    seen = np.isfinite(truth)
+    expected = np.nan_to_num(shown, nan=0.0)[seen].astype(np.float64)
+    real = truth[seen].astype(np.float64)
+    return float(np.sqrt(((expected - real) ** 2).sum() / (real**2).sum()))
+
+
+def thinned(stack: Stack, stride: int) -> Stack:
+    """Every so many pixels along both axes, each as wide as all those it stands for."""
+    if stride == 1:
+        return stack
+    window = every(stack.shape[2:], stride)
+    pitch = stack.rig.pitch_mm
+    return Stack(
+        np.ascontiguousarray(stack.samples[window]),
+        lights=Rig(stack.rig, pitch_mm=None if pitch is None else pitch * stride),
+        bands=stack.bands,
+        mask=None if stack.mask is None else stack.mask[window],
+        saturation=stack.saturation,
+        scale=stack.scale,
+        black=stack.black,
+        encoding=stack.encoding,
+        names=stack.names,
+    )
+
+
+def every(shape: tuple[int, int], stride: int) -> Any:
+    """The index of every so many pixels of an image.
+
+    As far from the one edge as from the other: near lamps see the middle where it was.
+    """
+    top, left = ((size - 1) % stride // 2 for size in shape)
+    return np.s_[..., top::stride, left::stride]
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90.0:
+        return f"{seconds:.2g} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400.0 else f"{seconds / 3600:.1f} h"

@@ -1,0 +1,131 @@
+"""Effort: the one knob, its presets, and the suggestion of one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import impasto
+from impasto import Effort, simulate
+from impasto.effort import PRESETS
+from impasto.study import specimens
+from impasto.suggest import every, relative_error, thinned
+
+
+@pytest.fixture(scope="module")
+def stack() -> impasto.Stack:
+    """48 lights on a painting with three varnishes."""
+    painting = simulate.painting(5, (24, 24), varnish="patches")
+    return simulate.capture(painting, impasto.Rig(specimens.dome(48)), "rgb").stack
+
+
+@pytest.mark.parametrize("options", [{}, {"pooling": "pixel"}], ids=["painting", "pixel"])
+def test_standard_is_the_default_by_name_and_by_number(
+    stack: impasto.Stack, options: dict[str, Any]
+) -> None:
+    fits = [
+        impasto.fit_sbrdf(stack, **options, **effort)
+        for effort in ({}, {"effort": "standard"}, {"effort": PRESETS["standard"]})
+    ]
+    for other in fits[1:]:
+        np.testing.assert_array_equal(other.normal, fits[0].normal)
+        np.testing.assert_array_equal(other.diffuse, fits[0].diffuse)
+
+
+def test_every_number_of_an_effort_is_used(stack: impasto.Stack) -> None:
+    base = Effort()
+    others = {
+        "stereo": (Effort(stereo=0), {"pooling": "pixel"}),
+        "pixels": (Effort(pixels=64), {}),
+        "rounds": (Effort(rounds=0), {"pooling": "pixel"}),
+        "iterations": (Effort(iterations=1), {"pooling": "pixel"}),
+    }
+    assert others.keys() == base.to_dict().keys()
+    for name, (effort, options) in others.items():
+        fits = [impasto.fit_sbrdf(stack, effort=e, **options).normal for e in (base, effort)]
+        assert not np.array_equal(fits[0], fits[1], equal_nan=True), name
+
+
+def test_photometric_stereo_takes_its_steps_from_the_effort(stack: impasto.Stack) -> None:
+    by_effort = impasto.fit_normals(stack, effort=Effort(stereo=2))
+    np.testing.assert_array_equal(by_effort.normal, impasto.fit_normals(stack, steps=2).normal)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"rounds": -1}, "rounds: expected 0 to"),
+        ({"iterations": 0}, "iterations: expected 1 to"),
+        ({"pixels": 1.5}, "pixels: expected 1 to"),
+        ({"stereo": 1001}, "stereo: expected 0 to 1000, found 1001"),
+    ],
+)
+def test_efforts_that_make_no_sense(wrong: dict[str, Any], words: str) -> None:
+    with pytest.raises(impasto.ArgumentError, match=words):
+        Effort(**wrong)
+
+
+def test_unknown_efforts_are_named(stack: impasto.Stack) -> None:
+    words = "effort: expected 'draft', 'standard', 'reference' or an Effort, found 'best'"
+    for fit in (impasto.fit_sbrdf, impasto.fit_normals):
+        with pytest.raises(impasto.ArgumentError, match=words):
+            fit(stack, effort="best")  # type: ignore[arg-type]
+
+
+# --- suggestions
+
+
+def test_a_suggestion_meets_an_error(stack: impasto.Stack) -> None:
+    loose, tight = (impasto.suggest_effort(stack, error=error) for error in (0.9, 1e-4))
+    assert loose.met
+    assert loose.options == loose.tried[0].options
+    assert not tight.met
+    assert tight.error == min(trial.error for trial in tight.tried)
+    assert "nearest to what was asked for" in str(tight)
+    assert "fit_sbrdf(stack, " in str(loose)
+
+
+def test_a_suggestion_meets_a_time(stack: impasto.Stack) -> None:
+    long, short = (impasto.suggest_effort(stack, seconds=s) for s in (1e6, 1e-9))
+    assert long.met
+    assert long.error == min(trial.error for trial in long.tried)
+    assert not short.met
+    assert short.options == short.tried[0].options
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({}, "error: say the largest error"),
+        ({"error": 0.0}, "error: expected a number above 0"),
+        ({"seconds": float("nan")}, "seconds: expected a number above 0"),
+    ],
+)
+def test_suggestions_that_cannot_be_made(
+    stack: impasto.Stack, wrong: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(impasto.ArgumentError, match=words):
+        impasto.suggest_effort(stack, **wrong)
+
+
+def test_a_trial_needs_photographs_to_spare(stack: impasto.Stack) -> None:
+    with pytest.raises(impasto.ArgumentError, match="a trial needs 8 photographs, found 7"):
+        impasto.suggest_effort(stack.take(range(7)), error=0.1)
+
+
+def test_a_thinned_stack_keeps_its_middle() -> None:
+    """Every third of eleven pixels: 1, 4, 7, 10 would lean to one edge, 0 to 9 to the other."""
+    seen = np.arange(11)[every((11, 11), 3)[1]]
+    assert seen.tolist() == [0, 3, 6, 9]
+    assert np.arange(13)[every((13, 13), 3)[1]].tolist() == [0, 3, 6, 9, 12]
+    near = impasto.Rig([impasto.PointLight((0.0, 0.0, 100.0 + i)) for i in range(3)], pitch_mm=0.5)
+    whole = impasto.Stack(np.ones((3, 1, 13, 13), np.float32), lights=near)
+    assert thinned(whole, 3).rig.pitch_mm == 1.5
+
+
+def test_what_photographs_do_not_know_does_not_count() -> None:
+    truth = np.array([1.0, 2.0, np.inf, np.nan])
+    assert relative_error(np.array([1.0, 2.0, 0.0, 5.0]), truth) == 0.0
+    assert relative_error(np.array([np.nan, 2.0, 0.0, 5.0]), truth) == pytest.approx(0.2**0.5)

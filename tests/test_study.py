@@ -1,0 +1,239 @@
+"""The study of time against accuracy: fronts, data, the sweep and what it writes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import impasto
+from impasto import simulate, study
+from impasto.cli import main
+from impasto.study import choices, front, materials, measure, minpack, specimens, tables
+from impasto.study.bound import normal_bound
+from impasto.study.record import RUNS
+
+SIZES = specimens.Sizes(painting=24, views=6, icon=24)
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """The few settings of ``--quick`` on pictures that are smaller still; nothing but simulated."""
+    out = tmp_path_factory.mktemp("study")
+    return out, study.run(out, quick=True, sizes=SIZES, repeats=1)
+
+
+# --- fronts
+
+
+def test_the_front_is_what_nothing_beats() -> None:
+    points = [(1.0, 9.0), (2.0, 9.0), (2.0, 4.0), (3.0, 5.0), (4.0, 4.0), (5.0, 1.0)]
+    assert front.front(points) == [0, 2, 5]
+
+
+def test_the_knee_is_where_time_stops_buying() -> None:
+    # Error falls by 10 for the first doubling of time, by 2 per cent for each of the others.
+    assert front.knee([(1.0, 10.0), (2.0, 1.0), (4.0, 0.98), (8.0, 0.96)]) == 1
+    assert front.knee([(1.0, 1.0)]) == 0
+
+
+def test_presets_lie_on_the_front() -> None:
+    rng = np.random.default_rng(3)
+    rungs = [
+        front.Rung(f"{i}", {}, float(t), float(e))
+        for i, (t, e) in enumerate(zip(*np.exp(rng.normal(size=(2, 200))), strict=True))
+    ]
+    found = front.chosen(rungs)
+    for rung in found.values():
+        assert not any(r.seconds < rung.seconds and r.error < rung.error for r in rungs)
+    best = min(rung.error for rung in rungs)
+    assert found["reference"].error <= 1.01 * best
+    assert found["draft"].seconds * 8 <= found["standard"].seconds or not any(
+        r.seconds < found["draft"].seconds for r in rungs
+    )
+
+
+# --- data
+
+
+def test_no_stretch_of_the_dome_lies_in_a_ring() -> None:
+    for lights in (specimens.dome()[:6], specimens.dome()[::5]):
+        assert np.allclose(np.linalg.norm(lights, axis=1), 1.0)
+        assert lights[:, 2].min() >= np.sin(np.radians(specimens.LOWEST))
+        # Lights in one ring would leave the third singular value of their differences at 0.
+        assert np.linalg.svd(lights - lights.mean(axis=0))[1][2] > 0.25
+
+
+def test_two_measurements_of_a_material_agree(data: Path) -> None:
+    """The two tables fit the same measured materials: beside the highlight they must agree.
+
+    To a factor of 1.6: that is what the fits themselves differ by (their residuals are some ten
+    per cent, of darker materials more); a lost pi or cosine would be a factor of two or three.
+    """
+    angle = np.radians(np.array([12.0, 20.0, 30.0]))
+    cosines = [np.full(3, np.cos(np.radians(30.0)))] * 2
+    for name in materials.MATERIALS:
+        both = []
+        for file, reflect in materials.MODELS.values():
+            row = materials.read_materials(data / "brdf" / file)[name]
+            both.append(reflect(row, *cosines, np.cos(angle), cosines[0]).mean())
+        assert 1 / 1.6 < both[0] / both[1] < 1.6, name
+
+
+def test_measured_materials_are_reciprocal(data: Path) -> None:
+    n_l, n_v, n_h, l_h = (np.array([c]) for c in (0.9, 0.6, 0.97, 0.8))
+    for file, reflect in materials.MODELS.values():
+        row = materials.read_materials(data / "brdf" / file)["white-paint"]
+        there, back = reflect(row, n_l, n_v, n_h, l_h), reflect(row, n_v, n_l, n_h, l_h)
+        # The same products in another order: a few roundings apart.
+        assert np.allclose(there, back, rtol=1e-12)
+
+
+def test_missing_data_is_said(tmp_path: Path) -> None:
+    made, missing = specimens.specimens(SIZES, 0, None)
+    assert sorted(made) == ["770 views", "own model"]
+    assert "icon_rti/dirs.lp" in missing["icon"]
+    with pytest.raises(impasto.ArgumentError, match="data: there is no folder"):
+        specimens.specimens(SIZES, 0, tmp_path / "nowhere")
+
+
+def test_a_spread_choice_is_more_even_than_chance() -> None:
+    lights = specimens.dome()
+
+    def nearest(picked: Any) -> float:
+        apart = np.linalg.norm(lights[picked][:, None] - lights[picked][None], axis=2)
+        return float(apart[apart > 0].min())
+
+    chance = max(nearest(np.random.default_rng(i).permutation(60)[:12]) for i in range(20))
+    assert nearest(choices.spread(lights, 12)) > chance
+
+
+@pytest.mark.parametrize("sort", choices.SORTS)
+def test_recoded_photographs_show_the_same_light(sort: str) -> None:
+    stack = simulate.default_capture("tominaga-rgb-camera", size=(16, 16)).stack
+    other = choices.recoded(stack, 0, sort=sort)
+    first, second = (np.array([s.linear(i) for i in range(9)]) for s in (stack, other))
+    clipped = ~np.isfinite(first)
+    assert not np.isfinite(second[clipped]).any()
+    # Half a code of 8 bits of full scale (1 / 0.6), of float16 half a part in 1024 of the light.
+    full = 1.0 / 0.6
+    bound = {"8-bit linear": full / 510, "8-bit sRGB": 0.011 * full, "float16": full / 2048}
+    fine = np.isfinite(second) & ~clipped
+    assert np.abs(first - second)[fine].max() <= 1.001 * bound.get(sort, 0.0)
+
+
+# --- measures
+
+
+def test_a_perfect_fit_has_no_error() -> None:
+    made, _ = specimens.specimens(SIZES, 0, None)
+    specimen = made["own model"]()
+
+    class Perfect:
+        normal = specimen.normal
+        status = np.zeros(specimen.stack.shape[2:], np.uint8)
+
+        def predict(self, lights: Any) -> Any:
+            del lights
+            return specimen.held
+
+    errors = measure.compared(Perfect(), specimen)
+    assert (errors.relative, errors.colour, errors.flagged) == (0.0, 0.0, 0.0)
+    assert errors.normal == pytest.approx(0.0, abs=1e-4)
+    Perfect.predict = lambda self, lights: np.full_like(specimen.held, np.nan)  # type: ignore[method-assign]
+    assert measure.compared(Perfect(), specimen).relative == 1.0
+
+
+def test_the_peer_s_radiance_is_the_papers() -> None:
+    """``minpack.radiance`` against ``impasto``'s own, which has oracles elsewhere.
+
+    In float32 near the horizon a sample is known to some 1e-5 of its size.
+    """
+    rig = impasto.Rig(specimens.dome(12))
+    normal = np.array([0.1, -0.2, 1.0]) / np.linalg.norm([0.1, -0.2, 1.0])
+    base = minpack.base_of(normal)
+    unknowns = np.array([0.0, 0.0, 0.2, 0.3, 0.4, 8.0, np.log(0.12)])
+    mine = minpack.radiance(rig, unknowns, base, 3)
+    planes = normal.astype(np.float32)[:, None, None]
+    diffuse = np.array([0.2, 0.3, 0.4], np.float32)[:, None, None]
+    theirs = impasto.fit.forward.predict(planes, diffuse, 8.0, 0.12, rig)[:, :, 0, 0]
+    assert np.allclose(mine, theirs, rtol=3e-5, atol=1e-6)
+
+
+def test_the_bound_falls_with_the_root_of_the_photographs() -> None:
+    """Every photograph twice holds twice the information."""
+    made, _ = specimens.specimens(SIZES, 0, None)
+    specimen = made["own model"]()
+    assert specimen.truth is not None
+    once, twice = (
+        normal_bound(specimen.truth, specimen.stack.rig.take([*range(16)] * count))
+        for count in (1, 2)
+    )
+    # Sums of products in another order: rounding of float64, times the condition of 7 unknowns.
+    assert once / twice == pytest.approx(np.sqrt(2.0), rel=1e-6)
+
+
+# --- the sweep
+
+
+def test_no_fit_beats_the_bound(quick: tuple[Path, dict[str, Any]]) -> None:
+    rows = [row for row in quick[1]["rows"] if "bound" in row]
+    assert rows
+    for row in rows:
+        assert row["error"]["normal"] > 0.9 * row["bound"], row["setting"]
+
+
+def test_the_same_seed_gives_the_same_errors(
+    quick: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    again = study.run(tmp_path, quick=True, sizes=SIZES, repeats=1, threads=1)
+    first = [(row["data"], row["setting"], row["error"]) for row in quick[1]["rows"]]
+    assert first == [(row["data"], row["setting"], row["error"]) for row in again["rows"]]
+
+
+def test_an_interrupted_study_goes_on(quick: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    lines = (quick[0] / RUNS).read_text("utf-8").splitlines()
+    cut = tmp_path / RUNS
+    # The last but one is whole, the last was being written.
+    cut.write_text("\n".join(lines[:-1]) + "\n" + lines[-1][:40], encoding="utf-8")
+    told: list[str] = []
+    again = study.run(
+        tmp_path, quick=True, sizes=SIZES, repeats=1, advance=lambda *words: told.append(words[2])
+    )
+    assert len(cut.read_text("utf-8").splitlines()) == len(lines)
+    costs = [row["cost"] for row in quick[1]["rows"]]
+    assert [row["cost"] for row in again["rows"]][:-1] == costs[:-1]
+    with pytest.raises(impasto.ArgumentError, match="another study"):
+        study.run(tmp_path, quick=True, sizes=SIZES, seed=1)
+
+
+def test_everything_is_written(quick: tuple[Path, dict[str, Any]]) -> None:
+    out, found = quick
+    names = {path.name for path in study.write(found, out)}
+    assert {"study.json", "study.md", "front.svg", "front.png", "lights.svg", "views.svg"} <= names
+    kept = json.loads((out / "study.json").read_text("utf-8"))
+    assert kept["run"]["seed"] == 0
+    assert {"processor", "commit", "simd"} <= kept["run"].keys()
+    assert kept["presets"] == json.loads(json.dumps(tables.tables(found["rows"])["presets"]))
+    before = (out / "front.svg").read_bytes()
+    study.write(found, out)
+    assert (out / "front.svg").read_bytes() == before
+
+
+def test_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("impasto.study.sweep.QUICK", specimens.Sizes(painting=16, views=4, icon=16))
+    monkeypatch.delenv("IMPASTO_DATA", raising=False)
+    out = tmp_path / "found"
+    command = ["study", "--quick", "--out", str(out), "--repeats", "1", "--no-figures"]
+    assert main(command) == 0
+    said = capsys.readouterr()
+    assert "pixels' own, standard" in said.out
+    assert "without icon" in said.err
+    assert {path.name for path in out.iterdir()} == {RUNS, "study.json", "study.md"}
+    assert main(["study", "--quick", "--out", str(out), "--seed", "1"]) == 1
+    assert "another study" in capsys.readouterr().err
