@@ -1,6 +1,6 @@
 """The study of time against accuracy, recorded for the documentation.
 
-    python benches/python/study.py [--data DIR] [--out DIR]
+    python benches/python/study.py [--data DIR] [--out DIR] [--redraw]
 
 Runs ``impasto study`` (it goes on where it was interrupted), records benches/results/study.json,
 draws the figures of docs/accuracy-and-time.md into docs/_static and sets that page's tables. The
@@ -18,6 +18,7 @@ from record import ROOT, data_folder, write
 
 from impasto.study import run
 from impasto.study.figures import draw
+from impasto.study.record import Journal
 from impasto.study.tables import tables
 
 
@@ -25,12 +26,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--data", type=Path, default=data_folder())
     parser.add_argument("--out", type=Path, default=ROOT / "study", help="where runs are kept")
+    parser.add_argument("--redraw", action="store_true", help="run nothing: tables and figures")
     options = parser.parse_args()
 
     def advance(done: int, total: int, name: str) -> None:
         print(f"{done}/{total} {name}", file=sys.stderr)
 
-    found = run(options.out, data=options.data, advance=advance)
+    if options.redraw:
+        found = Journal(options.out).found()
+    else:
+        found = run(options.out, data=options.data, advance=advance)
     found["run"] = {"command": "python benches/python/study.py"} | found["run"]
     write("study.json", found | tables(found["rows"]))
     for path in draw(found, ROOT / "docs" / "_static", prefix="study-"):

@@ -81,9 +81,9 @@ def fit_pooled(
     extraction: str,
     joint: bool,
     index: float,
+    pixels: int,
     threads: int,
     progress: ProgressCallback | None,
-    pixels: int,
 ) -> Pooled: ...
 
 # Lobes of every pixel (crates/impasto-py/src/lobes.rs)

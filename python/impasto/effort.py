@@ -43,7 +43,7 @@ class Effort:
     stereo: int = 5
     pixels: int = 1 << 16
     rounds: int = 2
-    iterations: int = 4
+    iterations: int = 30
 
     def __post_init__(self) -> None:
         least = {"stereo": 0, "pixels": 1, "rounds": 0, "iterations": 1}
@@ -63,7 +63,7 @@ class Effort:
 EffortLike: TypeAlias = Effort | Preset
 
 PRESETS: dict[str, Effort] = {
-    "draft": Effort(pixels=1 << 12, rounds=0),
+    "draft": Effort(pixels=1 << 12, rounds=0, iterations=1),
     "standard": Effort(),
     "reference": Effort(pixels=1 << 18, rounds=4),
 }

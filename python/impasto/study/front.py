@@ -16,13 +16,13 @@ ERROR = "relative"
 """What fronts are drawn of: root mean square error of relighting."""
 JUDGED = ("relative", "colour", "normal")
 """What presets are judged by, all together: highlights alone would rule the first."""
-NEAR_BEST = 1.01
-"""``reference`` is the cheapest within one per cent of the best."""
+NEAR_BEST = 1.02
+"""``standard`` is the cheapest within two per cent of the best."""
 PIXELS = {"draft": 1 << 12, "standard": 1 << 16, "reference": 1 << 18}
 """Sixty thousand pixels know the painting's beta and gamma to a thousandth, a sixteenth of them to
 four, four times as many to half of one."""
-DRAFT = 8.0
-"""``draft`` is so many times as fast as ``standard``, where the front reaches that far."""
+DRAFT = (1 / 8, 1 / 2)
+"""Shares of the time of ``standard`` that ``draft`` may take; the first that anything keeps to."""
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[int]:
@@ -91,19 +91,21 @@ def _mean(values: Sequence[float]) -> float:
 def chosen(candidates: Sequence[Rung]) -> dict[str, Rung]:
     """``draft``, ``standard`` and ``reference`` among some rungs.
 
-    ``standard`` is the knee of their front, ``reference`` the cheapest rung within 1 % of the best
-    error, ``draft`` the slowest that is 8 times as fast as ``standard``, else the fastest of all.
-    None of them is beaten by a rung that is both faster and better: all lie on the front.
+    ``reference`` has the least error, ``standard`` is the cheapest whose error is within 2 % of
+    that, ``draft`` the best of those that take at most an eighth of the time of ``standard``;
+    where nothing is so fast, at most half of it; else the fastest of all. All three lie on the
+    front: no rung is both faster and better.
     """
-    points = [(rung.seconds, rung.error) for rung in candidates]
-    line = [candidates[i] for i in front(points)]
-    standard = line[knee([(rung.seconds, rung.error) for rung in line])]
-    good = NEAR_BEST * line[-1].error
-    reference = next(rung for rung in line if rung.error <= good)
-    if reference.seconds < standard.seconds:
-        standard = reference
-    fast = [rung for rung in line if DRAFT * rung.seconds <= standard.seconds]
-    return {"draft": (fast or line[:1])[-1], "standard": standard, "reference": reference}
+    line = [candidates[i] for i in front([(rung.seconds, rung.error) for rung in candidates])]
+    reference = line[-1]
+    standard = next(rung for rung in line if rung.error <= NEAR_BEST * reference.error)
+    draft = line[0]
+    for share in DRAFT:
+        fast = [rung for rung in line if rung.seconds <= share * standard.seconds]
+        if fast:
+            draft = fast[-1]
+            break
+    return {"draft": draft, "standard": standard, "reference": reference}
 
 
 def presets(rows: Iterable[Row]) -> dict[str, Effort]:

@@ -12,6 +12,12 @@ from impasto.study.tables import SETS, fits_of, front_of, of_knob, points, prese
 # Okabe and Ito 2008: told apart by colour-blind readers, and in grey by their lightness.
 BLUE, ORANGE, GREEN, BLACK, FAINT = "#0072b2", "#d55e00", "#009e73", "#202020", "#b8b8b8"
 SHADES = ("#a9cfe6", "#56a0d0", "#0072b2", "#003a5c")
+BY = {
+    "pixels' own, standard": (-88, -11), "pixels' own, reference": (-94, 4), "one lobe": (-16, 6),
+    "pixels' own, draft": (-40, 6), "l1": (-9, 3), "rank": (-21, -2), "huber": (5, 6),
+    "cauchy": (6, -1), "tukey": (6, -8), "robust": (-9, -11), "threshold": (-14, -11),
+}  # fmt: skip
+"""Where names stand beside their points, in points of the type."""
 MARKS: dict[str, str] = {"draft": "v", "standard": "o", "reference": "^"}
 SHORT: dict[str, str] = {
     "RBF, normalised Gaussian": "RBF, Gaussian",
@@ -60,12 +66,13 @@ def front(axes: Any, found: Row, data: str) -> None:
             mark = MARKS.get(name.split(", ")[-1], "D")
             fill = BLUE if row["knob"] == "effort" else "white"
             axes.plot(*_percent([row])[0], mark, ms=5, mfc=fill, mec=BLUE, mew=1.0, zorder=3)
-    for row in of_knob(rows, "peer"):
-        if row["data"] == data:
-            at = _percent([row])[0]
-            axes.plot(*at, "s", ms=4.5, color=ORANGE, zorder=3)
-            name = str(row["setting"])
-            _note(axes, SHORT.get(name, name), at, ORANGE, (5, 3))
+    peers = [row for row in of_knob(rows, "peer") if row["data"] == data]
+    # Those who interpolate stand close together: their names one below the other.
+    for place, row in enumerate(sorted(peers, key=lambda row: -float(row["error"][ERROR]))):
+        at, name = _percent([row])[0], str(row["setting"])
+        axes.plot(*at, "s", ms=4.5, color=ORANGE, zorder=3)
+        by = (-10, 7) if name.startswith("MINPACK") else (6, 10 - 7 * place)
+        _note(axes, SHORT.get(name, name), at, ORANGE, by)
     _dress(axes, data, "CPU seconds per megapixel", "error of relighting, %")
     _logarithmic(axes)
     axes.margins(x=0.12, y=0.12)
@@ -86,11 +93,12 @@ def normals(axes: Any, found: Row, data: str) -> None:
     """Degrees against microseconds per pixel: photometric stereo, and the joint fit."""
     alone = [(row["setting"], row) for row in of_knob(found["rows"], "normals")]
     for name, row in alone + preset_rows(found["rows"]):
-        if row["data"] == data:
+        # The papers' fit of a lobe leaves the normals as photometric stereo has them.
+        if row["data"] == data and row["options"].get("joint", True):
             at = (row["cost"]["cpu"], row["error"]["normal"])
             colour = BLACK if row["knob"] == "normals" else BLUE
             axes.plot(*at, MARKS.get(name.split(", ")[-1], "o"), ms=5, color=colour)
-            _note(axes, name, at, colour, (5, 3))
+            _note(axes, name, at, colour, BY.get(name, (5, 2)))
     _dress(axes, data, "CPU microseconds per pixel", "error of the normals, degrees")
     _logarithmic(axes)
     axes.margins(x=0.2, y=0.12)

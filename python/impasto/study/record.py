@@ -7,7 +7,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -70,27 +70,50 @@ class Journal:
     ----------
     folder
         Made if it is not there.
+    head
+        What the runs have in common: under ``run`` what ran where.
     terms
-        What a run depends on (sizes, seed, version): runs of other terms are refused.
+        Names of what must be the same under ``run`` for a study to go on. None: the folder holds a
+        study, which is only read.
     """
 
-    def __init__(self, folder: Path, terms: dict[str, Any]) -> None:
+    def __init__(
+        self, folder: Path, head: dict[str, Any] | None = None, terms: Sequence[str] = ()
+    ) -> None:
         self.path = folder / RUNS
         self.runs: dict[tuple[str, str, str], dict[str, Any]] = {}
-        folder.mkdir(parents=True, exist_ok=True)
-        if self.path.exists():
-            lines = list(self._lines())
-            if not lines or lines[0] != terms:
-                raise ArgumentError(
-                    f"out: {self.path} holds runs of another study (another seed, size, version "
-                    "or data); choose another folder or remove that file"
-                )
-            self.runs = {key_of(run): run for run in lines[1:]}
+        head = None if head is None else {"schema": SCHEMA} | head
+        if head is not None and not self.path.exists():
+            folder.mkdir(parents=True, exist_ok=True)
+            self.path.write_text(json.dumps(head) + "\n", encoding="utf-8")
+        first, *runs = list(self._lines()) or [{}]
+        self.head = first
+        if first.get("schema") != SCHEMA:
+            raise CorruptInputError(self.path, "is no journal of a study that this version knows")
+        if head is not None:
+            for term in terms:
+                was, now = first["run"].get(term), head["run"][term]
+                if was != now:
+                    raise ArgumentError(
+                        f"out: {self.path} holds runs of another study ({term} {was!r}, now "
+                        f"{now!r}); choose another folder or remove that file"
+                    )
             # A last line that was cut off by an interruption is written anew.
-            whole = [json.dumps(line) for line in lines]
+            whole = [json.dumps(line) for line in (first, *runs)]
             self.path.write_text("\n".join(whole) + "\n", encoding="utf-8")
-        else:
-            self.path.write_text(json.dumps(terms) + "\n", encoding="utf-8")
+        self.runs = {key_of(run): run for run in runs}
+
+    def found(self) -> dict[str, Any]:
+        """``run``, ``missing``, ``skipped`` (settings and why), ``rows``."""
+        rows = list(self.runs.values())
+        skipped = sorted({f"{r['setting']}: {r['skipped']}" for r in rows if "skipped" in r})
+        measured = [row for row in rows if "skipped" not in row]
+        return {
+            "run": self.head["run"],
+            "missing": self.head["missing"],
+            "skipped": skipped,
+            "rows": measured,
+        }
 
     def _lines(self) -> Iterator[dict[str, Any]]:
         lines = self.path.read_text(encoding="utf-8").splitlines()

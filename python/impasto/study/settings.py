@@ -91,7 +91,7 @@ def _spread(rungs: list[Setting], count: int) -> list[Setting]:
 
 
 def _sbrdf(knob: str, name: str, on: tuple[str, ...], /, **more: Any) -> Setting:
-    keep = {key: more.pop(key) for key in ("prepare", "number") if key in more}
+    keep = {key: more.pop(key) for key in ("prepare", "number", "stride") if key in more}
     options = {k: v.to_dict() if isinstance(v, Effort) else v for k, v in more.items()}
     return Setting(knob, name, partial(fits.sbrdf, **more), on, options=options, **keep)
 
@@ -123,6 +123,7 @@ def _all() -> Iterator[Setting]:
     for name, fit in peers.PEERS.items():
         yield Setting("peer", name, fit, ONE_VIEW)
     yield Setting("peer", "MINPACK, one lobe", minpack.fit, ONE_VIEW, stride=minpack.STRIDE)
+    yield _sbrdf("sample", "ours, MINPACK's pixels", ONE_VIEW, **PER_PIXEL, stride=minpack.STRIDE)
 
 
 def _efforts() -> Iterator[Setting]:

@@ -10,7 +10,7 @@ from typing import Any
 from impasto.errors import GeometryError
 from impasto.study.bound import normal_bound
 from impasto.study.measure import compared, timed
-from impasto.study.record import SCHEMA, Journal, run_info
+from impasto.study.record import Journal, run_info
 from impasto.study.settings import Setting, settings
 from impasto.study.specimens import FULL, QUICK, Sizes, Specimen, specimens
 from impasto.suggest import every, thinned
@@ -65,30 +65,21 @@ def run(
     """
     sizes = sizes or (QUICK if quick else FULL)
     made, missing = specimens(sizes, seed, data)
-    info = run_info()
-    terms = {"schema": SCHEMA, "seed": seed, "quick": quick, "sizes": asdict(sizes)}
-    terms |= {key: info[key] for key in ("commit", "impasto", "simd")}
-    journal = Journal(out, terms)
+    info = run_info() | {"seed": seed, "quick": quick, "sizes": asdict(sizes)}
+    terms = ("commit", "impasto", "simd", "seed", "quick", "sizes")
+    journal = Journal(out, {"run": info | {"threads": threads}, "missing": missing}, terms)
     chosen = [s for s in settings(quick=quick) if knobs is None or s.knob in knobs]
     jobs = [(name, setting) for name in made for setting in chosen if name in setting.on]
     specimen: Specimen | None = None
     for done, (name, setting) in enumerate(jobs):
-        key = (name, setting.knob, setting.name)
         advance(done, len(jobs), f"{name}: {setting.name}")
-        if key in journal.runs:
+        if (name, setting.knob, setting.name) in journal.runs:
             continue
         if specimen is None or specimen.name != name:
             specimen = made[name]()
         journal.add(_measured(setting, specimen, seed, threads, repeats))
     advance(len(jobs), len(jobs), "")
-    wanted = [(name, setting.knob, setting.name) for name, setting in jobs]
-    rows = [journal.runs[key] for key in wanted]
-    return {
-        "run": info | {"seed": seed, "quick": quick, "sizes": asdict(sizes), "threads": threads},
-        "missing": missing,
-        "skipped": sorted({f"{r['setting']}: {r['skipped']}" for r in rows if "skipped" in r}),
-        "rows": [row for row in rows if "skipped" not in row],
-    }
+    return journal.found()
 
 
 def _measured(

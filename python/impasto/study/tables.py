@@ -19,7 +19,7 @@ SETS = {
 }
 """Data sets in the words of the tables."""
 
-LADDERS = ("effort", "pixels", "lobes", "lights", "bits", "normals", "views", "peer")
+LADDERS = ("effort", "pixels", "lobes", "lights", "bits", "normals", "views")
 """Knobs whose settings make a table each."""
 
 
@@ -30,6 +30,8 @@ def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
         "front": [_line(row) for row in _best(rows)],
         "halving": _halving(rows),
         "derived": _derived(rows),
+        "unbeaten": [_line(row) for row in unbeaten(rows)],
+        "peer": [_line(row) for data in SETS for row in _of_set(rows, data, "peer", "sample")],
     }
     for knob in LADDERS:
         made[knob] = [_line(row) for row in of_knob(rows, knob)]
@@ -39,6 +41,10 @@ def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
 def of_knob(rows: Sequence[Row], *knobs: str) -> list[Row]:
     """Rows of some knobs."""
     return [row for row in rows if row["knob"] in knobs]
+
+
+def _of_set(rows: Sequence[Row], data: str, *knobs: str) -> list[Row]:
+    return [row for row in of_knob(rows, *knobs) if row["data"] == data]
 
 
 def fits_of(rows: Sequence[Row], data: str) -> list[Row]:
@@ -76,6 +82,16 @@ def preset_rows(rows: Sequence[Row]) -> list[tuple[str, Row]]:
             if row["options"]["effort"] | {"pixels": preset.pixels} == preset.to_dict():
                 named.append((f"pixels' own, {name}", row))
     return named
+
+
+def unbeaten(rows: Sequence[Row]) -> list[Row]:
+    """Peers that no fit of ours beats in both time and error."""
+
+    def beaten(peer: Row) -> bool:
+        (seconds, error), *_ = points([peer])
+        return any(s <= seconds and e <= error for s, e in points(fits_of(rows, peer["data"])))
+
+    return [peer for peer in of_knob(rows, "peer") if not beaten(peer)]
 
 
 def _line(row: Row, name: str | None = None) -> Row:
