@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn hard_case_23_opposed_light_and_view_face_somewhere() {
+    fn light_and_view_that_oppose_each_other_face_somewhere() {
         let light = unit(0.6, 0.0, 0.8);
         let pair = Lafortune.pair(light, light.scale(-1.0));
         assert!((Lafortune.facing(&pair).length() - 1.0).abs() < 1e-15);
