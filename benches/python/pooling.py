@@ -12,8 +12,6 @@ of both beside it.
 from __future__ import annotations
 
 import argparse
-import math
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -65,17 +63,14 @@ def angles(angle: np.ndarray | None) -> dict[str, float | None]:
 def compared(subject: Subject) -> tuple[list[dict[str, Any]], list[Panel]]:
     """A row per fit, and the maps of both."""
     stack = subject.stack
-    count, _, *size = stack.shape
-    pixels = math.prod(size)
+    count = stack.shape[0]
     held = np.arange(0, count, FOLDS)
     train = np.setdiff1d(np.arange(count), held)
     truth = np.rint(stack.encode(np.array([stack.linear(i) for i in held])))
     rows: list[dict[str, Any]] = []
     maps: list[tuple[np.ndarray, ...]] = []
     for pooling, name in FITS.items():
-        start = time.process_time()
         found = impasto.fit_sbrdf(stack.take(train), pooling=pooling)
-        took = time.process_time() - start
         shown = stack.encode(np.nan_to_num(found.predict(stack.take(held).rig), nan=0.0))
         row = {"subject": subject.name, "fit": name, "mean dB": float(psnr(shown, truth).mean())}
         residual = np.abs(np.clip(shown, 0.0, 255.0) - truth).mean(axis=(0, 1))
@@ -83,7 +78,7 @@ def compared(subject: Subject) -> tuple[list[dict[str, Any]], list[Panel]]:
         angle = None if subject.normal is None else normal_error(found.normal, subject.normal)
         if angle is not None:
             maps[-1] += (angle,)
-        rows.append(row | angles(angle) | {"CPU seconds per megapixel": took / pixels * 1e6})
+        rows.append(row | angles(angle))
     middle = stack.linear(int(held[len(held) // 2]))
     first = [
         colour_panel(middle, "Held-out photograph", note=subject.name),
