@@ -35,9 +35,9 @@ fn unit(random: &mut Random, spread: f64) -> Vec3<f64> {
 
 impl Scene {
     /// Half the views about the mirror direction of the flat painting, as far as slopes of 0.15
-    /// turn it; noise of 0.005.
-    pub(crate) fn new(pixels: usize, observations: usize, lobes: usize) -> Self {
-        let mut random = Random(observations as u64);
+    /// turn it; noise of 0.005. Another seed is another sample.
+    pub(crate) fn new(pixels: usize, observations: usize, lobes: usize, seed: u64) -> Self {
+        let mut random = Random(observations as u64 + seed);
         let directions = (0..observations)
             .map(|i| {
                 let light = unit(&mut random, 0.6);

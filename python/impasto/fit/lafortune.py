@@ -40,9 +40,9 @@ class LafortuneSbrdf(LobedSurface):
     et al. 2002, the strength stands apart: ``cxy**2 + cz**2 = 2``, so that Phong's mirror lobe is
     (-1, 1) and ``specular`` its peak.
 
-    What every result has: :class:`FittedSurface`. ``normal`` is where a cosine lobe points that
-    was fitted to the mean of the bands, with a diffuse term; ``sigma`` is NaN where it is that of
-    photometric stereo.
+    What every result has: :class:`FittedSurface`. ``normal`` was searched for together with the
+    lobes, on the mean of the bands, from where a cosine lobe points; ``sigma`` is NaN where it is
+    that of photometric stereo. Gross outliers are left out, of ``residual`` too.
 
     Attributes
     ----------

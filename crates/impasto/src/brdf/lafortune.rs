@@ -38,14 +38,15 @@ const LOG_POWER_MAX: f64 = 40.0;
 /// processors are slow at.
 const LOG_POWER_MIN: f64 = -60.0;
 
-/// A light and a view against a normal: all that an isotropic lobe sees of them.
+/// A light and a view against a normal: all that an isotropic lobe sees of them. From behind the
+/// surface no lobe shows: both products are then 0.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair<R> {
     /// `(N.L)(N.V)`.
     pub upright: R,
     /// `L.V - (N.L)(N.V)`.
     pub tangential: R,
-    /// `N.L`, 0 where light or view stands behind the surface.
+    /// `N.L`, 0 where the light stands behind the surface.
     pub cosine: R,
 }
 
@@ -56,9 +57,13 @@ impl<R: Real> Pair<R> {
     pub fn against(normal: Vec3<R>, light: Vec3<R>, view: Vec3<R>, light_view: R) -> Self {
         let (n_l, n_v) = (normal.dot(light), normal.dot(view));
         let upright = n_l * n_v;
-        // Hard case 24: no light from behind, no sight from behind (false for NaN).
-        let faces = n_l.min(n_v).gt(R::zero());
-        Self { upright, tangential: light_view - upright, cosine: R::keep(faces, n_l) }
+        // Hard case 24: no light from behind, no highlight seen from behind (false for NaN).
+        let (lit, seen) = (n_l.gt(R::zero()), n_v.gt(R::zero()));
+        Self {
+            upright: R::keep(seen, upright),
+            tangential: R::keep(seen, light_view - upright),
+            cosine: R::keep(lit, n_l),
+        }
     }
 }
 

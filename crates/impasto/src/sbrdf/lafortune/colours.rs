@@ -2,22 +2,15 @@
 
 use crate::brdf::lafortune::{Lobe, Pair};
 use crate::geometry::Rig;
-use crate::lm::factor;
-use crate::math::lanes::Isa;
-use crate::math::{Kernel, Mask, Real, Vec3};
+use crate::math::lanes::{Isa, MAX_LANES};
+use crate::math::{Kernel, Real, Vec3};
+use crate::sbrdf::lobes::Sums;
 
 use super::fit::{Scratch, TILE};
-use super::sequence::{Found, MOST_LOBES};
+use super::found::{Found, MOST_LOBES};
 
 /// Diffuse part and lobes.
-const COLUMNS: usize = 1 + MOST_LOBES;
-
-/// Rounds of the active set: columns leave and return at most so often (a column that returned and
-/// left again stays out).
-const ROUNDS: usize = 2 * COLUMNS;
-
-/// Slope of a column at 0, relative to what it could pull, below which it stays there.
-const FLAT: f64 = 1e-5;
+pub(super) const COLUMNS: usize = 1 + MOST_LOBES;
 
 /// Strengths of a tile.
 pub(super) struct Tints {
@@ -61,52 +54,24 @@ impl Kernel for Colours<'_> {
         let bands = tints.values.len() / (COLUMNS * tints.pixels);
         let mut columns = vec![[I::F32::zero(); COLUMNS]; rig.observations()];
         for (pixels, found) in fine.chunks(width).zip(found.chunks(width)) {
-            // Lanes beyond the last pixel repeat it.
-            let pixel = |lane: usize| pixels[lane.min(pixels.len() - 1)];
-            let gather = |of: &dyn Fn(usize) -> f32| -> I::F32 {
-                let mut lanes = [0.0; 16];
-                for (lane, value) in lanes.iter_mut().enumerate().take(width) {
-                    *value = of(lane);
-                }
-                I::F32::load(&lanes)
-            };
-            let normal = [0, 1, 2].map(|axis| gather(&|lane| scratch.normals[pixel(lane)][axis]));
-            let normal = Vec3::new(normal[0], normal[1], normal[2]);
-            let place = [0, 1].map(|axis| gather(&|lane| scratch.places[pixel(lane)][axis]));
-            let lobes: [_; MOST_LOBES] = core::array::from_fn(|lobe| {
-                let number = |i: usize| {
-                    gather(&|lane| {
-                        let found = &found[lane.min(found.len() - 1)];
-                        if lobe < found.lobes { found.shape(lobe)[i] as f32 } else { 0.0 }
-                    })
-                };
-                let [cxy, cz, exponent] = [number(0), number(1), number(2)];
-                // A lobe that is not there has the exponent 0 and shows nothing.
-                let there = exponent.gt(I::F32::zero());
-                let strength = I::F32::keep(there, I::F32::one());
-                Lobe::of_coefficients(strength, cxy, cz, exponent)
-            });
+            let facets = Facets::<I::F32>::new(scratch, pixels, found);
             for (photograph, columns) in columns.iter_mut().enumerate() {
-                let view = rig.views()[photograph].splat();
-                let (light, irradiance) = rig.lights()[photograph].at(place[0], place[1]);
-                let pair = Pair::against(normal, light, view, light.dot(view));
-                let cosine = pair.cosine * irradiance;
-                columns[0] = cosine;
-                for (column, lobe) in columns[1..].iter_mut().zip(&lobes) {
-                    *column = cosine * lobe.value(&pair);
-                }
+                *columns = facets.columns(rig, photograph);
             }
             let (mut square, mut count) = (I::F32::zero(), I::F32::zero());
             for band in 0..bands {
-                let sample = |photograph: usize| {
+                let sample = |photograph: usize| -> I::F32 {
                     let plane = (photograph * bands + band) * TILE;
-                    gather(&|lane| scratch.samples[plane + pixel(lane)])
+                    gather(pixels, |_, pixel| scratch.samples[plane + pixel])
                 };
                 let mut sums = Sums::zero();
                 for (photograph, columns) in columns.iter().enumerate() {
-                    sums.add(columns, sample(photograph));
+                    let sample = sample(photograph);
+                    let counts = sample.is_finite();
+                    let weight = I::F32::keep(counts, I::F32::one());
+                    sums.add(columns, weight, I::F32::keep(counts, sample));
                 }
-                let colours = sums.solve();
+                let colours = sums.solve(&[false; COLUMNS]).values;
                 for (photograph, columns) in columns.iter().enumerate() {
                     let sample = sample(photograph);
                     let mut residual = sample;
@@ -119,14 +84,14 @@ impl Kernel for Colours<'_> {
                     count = count + I::F32::keep(counts, I::F32::one());
                 }
                 for (column, colour) in colours.into_iter().enumerate() {
-                    let mut lanes = [0.0; 16];
+                    let mut lanes = [0.0; MAX_LANES];
                     colour.store(&mut lanes);
                     for (&pixel, &value) in pixels.iter().zip(&lanes) {
                         tints.values[(band * COLUMNS + column) * tints.pixels + pixel] = value;
                     }
                 }
             }
-            let mut lanes = [0.0; 16];
+            let mut lanes = [0.0; MAX_LANES];
             (square / count).sqrt().store(&mut lanes);
             for (&pixel, &value) in pixels.iter().zip(&lanes) {
                 tints.residual[pixel] = value;
@@ -135,66 +100,61 @@ impl Kernel for Colours<'_> {
     }
 }
 
-/// Sums over a band's samples: `c c'` (lower triangle), `c y` and `y y`.
-struct Sums<R> {
-    gram: [[R; COLUMNS]; COLUMNS],
-    right: [R; COLUMNS],
-    square: R,
+/// One number of each of some pixels, told their places among them and in the tile; lanes beyond
+/// the last pixel repeat it.
+#[inline(always)]
+pub(super) fn gather<R: Real<Scalar = f32>>(
+    pixels: &[usize],
+    of: impl Fn(usize, usize) -> f32,
+) -> R {
+    let mut lanes = [0.0; MAX_LANES];
+    for (lane, value) in lanes.iter_mut().enumerate().take(R::WIDTH) {
+        let place = lane.min(pixels.len() - 1);
+        *value = of(place, pixels[place]);
+    }
+    R::load(&lanes)
 }
 
-impl<R: Real> Sums<R> {
+/// Pixels side by side in registers, with lobes of strength 1.
+pub(super) struct Facets<R> {
+    normal: Vec3<R>,
+    place: [R; 2],
+    lobes: [Lobe<R>; MOST_LOBES],
+}
+
+impl<R: Real<Scalar = f32>> Facets<R> {
     #[inline(always)]
-    fn zero() -> Self {
-        let o = R::zero();
-        Self { gram: [[o; COLUMNS]; COLUMNS], right: [o; COLUMNS], square: o }
+    pub(super) fn new(scratch: &Scratch, pixels: &[usize], found: &[Found]) -> Self {
+        let normal = [0, 1, 2].map(|axis| gather(pixels, |_, pixel| scratch.normals[pixel][axis]));
+        let lobes = core::array::from_fn(|lobe| {
+            let [cxy, cz, exponent] = [0, 1, 2].map(|i| {
+                gather::<R>(pixels, |place, _| {
+                    let found = &found[place];
+                    if lobe < found.lobes { found.shape(lobe)[i] as f32 } else { 0.0 }
+                })
+            });
+            // A lobe that is not there has the exponent 0 and shows nothing.
+            let strength = R::keep(exponent.gt(R::zero()), R::one());
+            Lobe::of_coefficients(strength, cxy, cz, exponent)
+        });
+        Self {
+            normal: Vec3::new(normal[0], normal[1], normal[2]),
+            place: [0, 1].map(|axis| gather(pixels, |_, pixel| scratch.places[pixel][axis])),
+            lobes,
+        }
     }
 
-    /// Adds a sample, unless it does not count.
+    /// What a diffuse part of 1 and each lobe show in a photograph.
     #[inline(always)]
-    fn add(&mut self, columns: &[R; COLUMNS], sample: R) {
-        let counts = sample.is_finite();
-        let sample = R::keep(counts, sample);
-        self.square = sample.mul_add(sample, self.square);
-        for (i, &column) in columns.iter().enumerate() {
-            let column = R::keep(counts, column);
-            self.right[i] = column.mul_add(sample, self.right[i]);
-            for (j, &other) in columns.iter().enumerate().take(i + 1) {
-                self.gram[i][j] = column.mul_add(other, self.gram[i][j]);
-            }
+    pub(super) fn columns(&self, rig: &Rig, photograph: usize) -> [R; COLUMNS] {
+        let view = rig.views()[photograph].splat();
+        let (light, irradiance) = rig.lights()[photograph].at(self.place[0], self.place[1]);
+        let pair = Pair::against(self.normal, light, view, light.dot(view));
+        let cosine = pair.cosine * irradiance;
+        let mut columns = [cosine; COLUMNS];
+        for (column, lobe) in columns[1..].iter_mut().zip(&self.lobes) {
+            *column = cosine * lobe.value(&pair);
         }
-    }
-
-    /// The strengths that leave the smallest residuals, none negative (hard case 15): a column
-    /// whose strength would be negative leaves, one that pulls comes back.
-    #[inline(always)]
-    fn solve(&self) -> [R; COLUMNS] {
-        let zero = R::zero();
-        let mut held = [R::Mask::splat(false); COLUMNS];
-        for (i, held) in held.iter_mut().enumerate() {
-            *held = !self.gram[i][i].gt(zero);
-        }
-        let mut returned = held;
-        let mut values = [zero; COLUMNS];
-        for _ in 0..ROUNDS {
-            values = factor(&self.gram, zero, &held).solve(&self.right);
-            let mut settled = true;
-            for i in 0..COLUMNS {
-                let mut slope = self.right[i];
-                for (j, &value) in values.iter().enumerate() {
-                    let entry = if i >= j { self.gram[i][j] } else { self.gram[j][i] };
-                    slope = (-entry).mul_add(value, slope);
-                }
-                let reach = R::of(FLAT) * (self.gram[i][i] * self.square).sqrt();
-                let leaves = !held[i] & values[i].lt(zero);
-                let comes = held[i] & slope.gt(reach) & !returned[i];
-                returned[i] = returned[i] | comes;
-                held[i] = (held[i] | leaves) & !comes;
-                settled &= !(leaves | comes).any();
-            }
-            if settled {
-                break;
-            }
-        }
-        values.map(|value| value.max(zero))
+        columns
     }
 }

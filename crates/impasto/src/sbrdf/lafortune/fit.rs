@@ -11,10 +11,12 @@ use crate::sbrdf::tile::Start;
 use crate::stack::Stack;
 
 use super::colours::{Colours, Tints};
+use super::found::{Found, MOST_LOBES};
 use super::luminance::Luminance;
 use super::maps::{LafortuneMaps, Sheet};
 use super::normal::{Facing, fit_normal};
-use super::sequence::{Found, MOST_LOBES, Sequence};
+use super::sequence::Sequence;
+use super::settle::Settle;
 
 /// Pixels of a tile: enough for lanes to refill many times, few enough that 770 photographs of
 /// three bands take 6 MB.
@@ -88,8 +90,11 @@ struct Fit<'a> {
 pub(super) struct Scratch {
     /// `(obs, band, pixel)` linear.
     pub(super) samples: Vec<f32>,
-    /// `(obs, pixel)` their means over the bands.
-    means: Vec<f32>,
+    /// `(obs, pixel)` their means over the bands; not finite where a band's sample is not, as where
+    /// it clipped (hard case 3).
+    pub(super) means: Vec<f32>,
+    /// The means that count, NaN for the others.
+    pub(super) kept: Vec<f32>,
     x: Vec<f32>,
     y: Vec<f32>,
     pub(super) places: Vec<[f32; 2]>,
@@ -102,10 +107,35 @@ impl Scratch {
         Self {
             samples: vec![0.0; shape.observations * shape.bands * TILE],
             means: vec![0.0; shape.observations * TILE],
+            kept: vec![0.0; shape.observations * TILE],
             x: vec![0.0; TILE],
             y: vec![0.0; TILE],
             places: vec![[0.0; 2]; TILE],
             normals: vec![[0.0; 3]; TILE],
+        }
+    }
+
+    pub(super) fn luminance<'a>(&'a self, rig: &'a Rig) -> Luminance<'a> {
+        Luminance {
+            rig,
+            samples: &self.kept,
+            stride: TILE,
+            normals: &self.normals,
+            places: &self.places,
+        }
+    }
+
+    /// Leaves a photograph that a pixel does not count out of all its bands.
+    fn leave_out(&mut self, pixels: &[usize]) {
+        let bands = self.samples.len() / self.means.len();
+        for (photograph, (means, kept)) in
+            self.means.chunks(TILE).zip(self.kept.chunks(TILE)).enumerate()
+        {
+            for &pixel in pixels.iter().filter(|&&p| means[p].is_finite() && kept[p].is_nan()) {
+                for band in 0..bands {
+                    self.samples[(photograph * bands + band) * TILE + pixel] = f32::NAN;
+                }
+            }
         }
     }
 }
@@ -133,8 +163,19 @@ impl Fit<'_> {
         if self.sequence.turning {
             self.face(level, scratch, &fine, &mut sheet, stopped);
         }
-        let data = luminance(self.rig, scratch);
-        let (found, _) = self.sequence.fit(level, &data, &fine, stopped);
+        let data = scratch.luminance(self.rig);
+        let (mut found, _) = self.sequence.fit(level, &data, &fine, stopped);
+        let mut settle = Settle {
+            rig: self.rig,
+            sequence: &self.sequence,
+            level,
+            scratch,
+            fine: &fine,
+            sigma: sheet.sigma,
+            stopped,
+        };
+        settle.run(&mut found);
+        scratch.leave_out(&fine);
         self.write(scratch, &fine, &found, sheet);
     }
 
@@ -147,7 +188,7 @@ impl Fit<'_> {
         sheet: &mut Sheet<'_>,
         stopped: &(dyn Fn() -> bool + Sync),
     ) {
-        let data = luminance(self.rig, scratch);
+        let data = scratch.luminance(self.rig);
         let facing = fit_normal(level, &data, fine, &self.sequence.options, stopped);
         for (&pixel, Facing { normal, sigma, .. }) in fine.iter().zip(facing) {
             scratch.normals[pixel] = normal;
@@ -182,16 +223,6 @@ impl Fit<'_> {
     }
 }
 
-fn luminance<'a>(rig: &'a Rig, scratch: &'a Scratch) -> Luminance<'a> {
-    Luminance {
-        rig,
-        samples: &scratch.means,
-        stride: TILE,
-        normals: &scratch.normals,
-        places: &scratch.places,
-    }
-}
-
 /// Decodes a tile.
 struct Read<'a> {
     stack: &'a Stack<'a>,
@@ -222,5 +253,6 @@ impl Kernel for Read<'_> {
                 *mean *= share;
             }
         }
+        scratch.kept.copy_from_slice(&scratch.means);
     }
 }

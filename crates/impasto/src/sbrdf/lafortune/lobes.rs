@@ -9,15 +9,27 @@ use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, ROWS
 use crate::math::elementary::exp;
 use crate::math::{Element, Level, Real, Vec3};
 
+use super::found::MOST_LOBES;
 use super::luminance::{Luminance, Sights};
-use super::sequence::MOST_LOBES;
 
 /// `ln n` of the widest and of the sharpest lobe: n = 1/2 is broader than a cosine, 22,000 sharper
 /// than any that was measured.
 pub(super) const LOG_EXPONENT: [f64; 2] = [-core::f64::consts::LN_2, 10.0];
 
 /// Largest `n |turn|`; measured lobes have up to 6.
-const TURN: f64 = 8.0;
+pub(super) const TURN: f64 = 8.0;
+
+/// Bounds of a search whose first unknowns are others.
+pub(super) fn bounds<S: Element, const N: usize>(others: usize, turning: bool) -> Bounds<S, N> {
+    let mut bounds = Bounds { lower: [S::zero(); N], upper: [S::MAX; N] };
+    let turn = if turning { TURN } else { 0.0 };
+    for unknown in (others + 1..N).step_by(3) {
+        bounds.lower[unknown + 1] = S::from_f64(-turn);
+        bounds.upper[unknown + 1] = S::from_f64(turn);
+        [bounds.lower[unknown + 2], bounds.upper[unknown + 2]] = LOG_EXPONENT.map(S::from_f64);
+    }
+    bounds
+}
 
 /// A search for some pixels of [`Luminance`].
 pub(super) struct Search<'a> {
@@ -26,6 +38,8 @@ pub(super) struct Search<'a> {
     pub(super) turning: bool,
     pub(super) level: Level,
     pub(super) options: &'a Options,
+    /// How many photographs are looked at.
+    pub(super) photographs: usize,
     /// Asked before a pixel is taken up: whether to leave the rest.
     pub(super) stopped: &'a (dyn Fn() -> bool + Sync),
 }
@@ -38,15 +52,8 @@ impl Search<'_> {
         start: impl Fn(usize) -> [f64; N],
         store: impl FnMut(usize, &Outcome<S, N>),
     ) -> Occupancy {
-        let mut bounds = Bounds { lower: [S::zero(); N], upper: [S::MAX; N] };
-        let turn = if self.turning { TURN } else { 0.0 };
-        for lobe in 0..(N - 1) / 3 {
-            let unknown = 1 + 3 * lobe;
-            bounds.lower[unknown + 1] = S::from_f64(-turn);
-            bounds.upper[unknown + 1] = S::from_f64(turn);
-            [bounds.lower[unknown + 2], bounds.upper[unknown + 2]] = LOG_EXPONENT.map(S::from_f64);
-        }
-        let sights = Sights::<S>::new(self.data.rig);
+        let bounds = bounds::<S, N>(0, self.turning);
+        let sights = Sights::<S>::some(self.data.rig, self.photographs);
         let mut lanes = Lanes { data: self.data, sights, pixels, start, store };
         let problems = (0..pixels.len()).take_while(|_| !(self.stopped)());
         fit(self.level, &mut lanes, problems, &bounds, self.options)
@@ -68,10 +75,10 @@ where
     T: FnMut(usize, &Outcome<S, N>),
 {
     fn rows(&self) -> usize {
-        self.data.rows()
+        self.sights.rows()
     }
     fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N] {
-        column.fill(self.data.column(self.pixels[problem]));
+        column.fill(self.data.column(self.pixels[problem], &self.sights));
         (self.start)(problem).map(S::from_f64)
     }
     #[inline(always)]

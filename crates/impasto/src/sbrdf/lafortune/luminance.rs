@@ -4,6 +4,9 @@ use crate::brdf::lafortune::Pair;
 use crate::geometry::{Light, Rig};
 use crate::math::{Element, Real, Vec3};
 
+/// Squared length of the sum of two directions that are opposite to each other, to a thousandth.
+const OPPOSITE: f64 = 1e-6;
+
 /// Luminances of some pixels under all lights and from all views of a rig.
 #[derive(Clone, Copy, Debug)]
 pub struct Luminance<'a> {
@@ -25,22 +28,24 @@ impl Luminance<'_> {
         self.rig.observations()
     }
 
-    /// Numbers in a column: samples, then the pixel's normal and place.
-    pub(super) fn rows(&self) -> usize {
-        self.photographs() + 5
+    /// A pixel's column: its samples in the photographs of `sights`, its normal and its place.
+    pub(super) fn column<S: Element>(
+        &self,
+        pixel: usize,
+        sights: &Sights<'_, S>,
+    ) -> impl Iterator<Item = S> {
+        let samples = sights.numbers.iter().map(move |number| number * self.stride + pixel);
+        let samples = samples.map(|place| self.samples[place]);
+        samples
+            .chain(self.normals[pixel])
+            .chain(self.places[pixel])
+            .map(|value| S::from_f64(f64::from(value)))
     }
 
-    /// A pixel's column.
-    pub(super) fn column<S: Element>(&self, pixel: usize) -> impl Iterator<Item = S> {
-        let samples = self.samples[pixel..].iter().step_by(self.stride).take(self.photographs());
-        let [normal, place] = [&self.normals[pixel][..], &self.places[pixel][..]];
-        samples.chain(normal).chain(place).map(|&value| S::from_f64(f64::from(value)))
-    }
-
-    /// How many of a pixel's samples count.
-    pub(super) fn count(&self, pixel: usize) -> usize {
-        let samples = self.samples[pixel..].iter().step_by(self.stride).take(self.photographs());
-        samples.filter(|sample| sample.is_finite()).count()
+    /// How many of a pixel's samples count, among some photographs.
+    pub(super) fn count<S>(&self, pixel: usize, sights: &Sights<'_, S>) -> usize {
+        let sample = |number: &&usize| self.samples[**number * self.stride + pixel].is_finite();
+        sights.numbers.iter().filter(sample).count()
     }
 
     /// The normal that mirrors the light of the brightest photograph into its view; one that
@@ -52,8 +57,11 @@ impl Luminance<'_> {
         for (photograph, &sample) in samples.enumerate() {
             if sample > peak {
                 let (towards, _) = self.rig.lights()[photograph].at(across, up);
-                peak = sample;
-                facing = towards + self.rig.views()[photograph];
+                let between = towards + self.rig.views()[photograph];
+                // Hard case 23: no normal mirrors a light into the view opposite to it.
+                if between.dot(between) > OPPOSITE {
+                    (peak, facing) = (sample, between);
+                }
             }
         }
         facing.normalised().array().map(|v| v as f32)
@@ -65,7 +73,8 @@ impl Luminance<'_> {
         let [across, up] = self.places[pixel].map(f64::from);
         let (mut count, mut own, mut pull, mut square) = (0, 0.0_f64, 0.0_f64, 0.0_f64);
         let mut sides = [Side::default(); 2];
-        for (photograph, sample) in self.column::<f64>(pixel).take(self.photographs()).enumerate() {
+        let samples = self.samples[pixel..].iter().step_by(self.stride).take(self.photographs());
+        for (photograph, sample) in samples.map(|&sample| f64::from(sample)).enumerate() {
             if !sample.is_finite() {
                 continue;
             }
@@ -125,9 +134,11 @@ impl Side {
     }
 }
 
-/// Lights and views in the precision of a search.
+/// Lights and views of some photographs, in the precision of a search.
 pub(super) struct Sights<'a, S> {
     rig: &'a Rig,
+    /// Which photographs.
+    numbers: Vec<usize>,
     /// Light, view and their product, as one number each.
     distant: Vec<[S; 7]>,
     /// Whether every light is.
@@ -135,20 +146,29 @@ pub(super) struct Sights<'a, S> {
 }
 
 impl<'a, S: Element> Sights<'a, S> {
-    pub(super) fn new(rig: &'a Rig) -> Self {
-        let numbers = |(light, view): (&Light, &Vec3<f64>)| {
-            let l = light.direction();
-            [l.x, l.y, l.z, view.x, view.y, view.z, l.dot(*view)].map(S::from_f64)
-        };
-        Self {
-            rig,
-            distant: rig.lights().iter().zip(rig.views()).map(numbers).collect(),
-            all_distant: rig.is_distant(),
-        }
+    /// All photographs.
+    pub(super) fn all(rig: &'a Rig) -> Self {
+        Self::some(rig, rig.observations())
+    }
+
+    /// So many photographs, spread evenly over the order in which they were taken. An uneven
+    /// number keeps step with no pattern of the rig.
+    pub(super) fn some(rig: &'a Rig, count: usize) -> Self {
+        let numbers: Vec<_> = (0..count).map(|i| i * rig.observations() / count).collect();
+        let distant = numbers.iter().map(|&number| {
+            let (l, v) = (rig.lights()[number].direction(), rig.views()[number]);
+            [l.x, l.y, l.z, v.x, v.y, v.z, l.dot(v)].map(S::from_f64)
+        });
+        Self { rig, distant: distant.collect(), numbers, all_distant: rig.is_distant() }
     }
 
     pub(super) fn len(&self) -> usize {
-        self.distant.len()
+        self.numbers.len()
+    }
+
+    /// Numbers in a pixel's column.
+    pub(super) fn rows(&self) -> usize {
+        self.len() + 5
     }
 
     /// Light, view and their product, and the irradiance, seen from `(x, y)`.
@@ -161,7 +181,7 @@ impl<'a, S: Element> Sights<'a, S> {
         let [lx, ly, lz, vx, vy, vz, light_view] = self.distant[photograph];
         let view = Vec3::new(R::splat(vx), R::splat(vy), R::splat(vz));
         if !self.all_distant
-            && let light @ Light::Point { .. } = self.rig.lights()[photograph]
+            && let light @ Light::Point { .. } = self.rig.lights()[self.numbers[photograph]]
         {
             let (towards, irradiance) = light.at(x, y);
             return (towards, view, towards.dot(view), irradiance);

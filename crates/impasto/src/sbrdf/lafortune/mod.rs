@@ -3,7 +3,9 @@
 //! 1. [`normal`]: a cosine lobe and a diffuse term about a free normal, on the luminance (the mean
 //!    of the bands);
 //! 2. [`sequence`]: with that normal, lobes on the luminance, one more at a time as long as the
-//!    Bayesian information criterion falls;
+//!    Bayesian information criterion falls. A cosine lobe leans with lobes that lean: normal and
+//!    lobes are then searched for together ([`turned`]) and, where the normal was wrong or samples
+//!    are gross [`outliers`], lobes added anew ([`settle`]);
 //! 3. colours: with those shapes, what enters linearly, band by band, by non-negative least
 //!    squares.
 //!
@@ -13,17 +15,22 @@
 
 mod colours;
 mod fit;
+mod found;
 mod lobes;
 mod luminance;
 mod maps;
 mod normal;
+mod outliers;
 mod sequence;
+mod settle;
+mod turned;
 
 pub use fit::{LafortuneOptions, fit_lafortune};
+pub use found::{Found, MOST_LOBES};
 pub use luminance::Luminance;
 pub use maps::LafortuneMaps;
 pub use normal::{Facing, fit_normal};
-pub use sequence::{Found, MOST_LOBES, Sequence};
+pub use sequence::Sequence;
 
 #[cfg(test)]
 mod tests;

@@ -10,7 +10,7 @@ use super::luminance::{Luminance, Sights};
 const START: f64 = 20.0;
 
 /// Steepest slope: 84 degrees.
-const STEEPEST: f32 = 10.0;
+pub(super) const STEEPEST: f32 = 10.0;
 
 /// Where a pixel faces.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,7 +41,7 @@ pub fn fit_normal(
         .iter()
         .map(|&pixel| Facing { normal: data.normals[pixel], sigma: f32::NAN, cost: f32::NAN })
         .collect();
-    let sights = Sights::new(data.rig);
+    let sights = Sights::all(data.rig);
     let place = usize::MAX;
     let mut lanes =
         Lanes { data, sights, pixels, best: vec![(f32::INFINITY, place); pixels.len()], found };
@@ -65,11 +65,11 @@ struct Lanes<'a> {
 
 impl Batch<f32, PARAMETERS> for Lanes<'_> {
     fn rows(&self) -> usize {
-        self.data.rows()
+        self.sights.rows()
     }
     fn load(&mut self, problem: usize, column: &mut Column<'_, f32>) -> [f32; PARAMETERS] {
         let pixel = self.pixels[problem / STARTS];
-        column.fill(self.data.column(pixel));
+        column.fill(self.data.column(pixel, &self.sights));
         let [x, y, z] = match problem % STARTS {
             0 => [0.0, 0.0, 1.0],
             1 => self.data.normals[pixel],
@@ -103,20 +103,27 @@ impl Batch<f32, PARAMETERS> for Lanes<'_> {
     fn store(&mut self, problem: usize, outcome: &Outcome<f32, PARAMETERS>) {
         let (place, start) = (problem / STARTS, problem % STARTS);
         let cost = outcome.normal.cost;
-        let free = self.data.count(self.pixels[place]) as f32 - PARAMETERS as f32;
+        let free = self.data.count(self.pixels[place], &self.sights) as f32 - PARAMETERS as f32;
         // Lanes end in any order: of equal costs the first start's counts.
         if !outcome.reason.converged() || free < 1.0 || (cost, start) >= self.best[place] {
             return;
         }
-        let Vec3 { x, y, z } = CosineLobe::new(outcome.parameters).normal;
         let covariance = outcome.covariance(cost / free);
-        let (pp, pq, qq) = (covariance[3][3], covariance[4][3], covariance[4][4]);
-        let (middle, half) = (0.5 * (pp + qq), 0.5 * (pp - qq));
-        // A change of slope turns the normal by at most its cosine.
-        let sigma = (middle + half.mul_add(half, pq * pq).sqrt()).sqrt() * z;
-        if sigma.is_finite() {
+        let tilts = [covariance[3][3], covariance[4][3], covariance[4][4]];
+        let [.., p, q] = outcome.parameters;
+        let facing = facing([p, q], tilts, cost);
+        if facing.sigma.is_finite() {
             self.best[place] = (cost, start);
-            self.found[place] = Facing { normal: [x, y, z], sigma, cost };
+            self.found[place] = facing;
         }
     }
+}
+
+/// Where slopes face, with the variances `pp`, `pq`, `qq` of the slopes.
+pub(super) fn facing([p, q]: [f32; 2], [pp, pq, qq]: [f32; 3], cost: f32) -> Facing {
+    let Vec3 { x, y, z } = Vec3::new(-p, -q, 1.0).normalised();
+    let (middle, half) = (0.5 * (pp + qq), 0.5 * (pp - qq));
+    // A change of slope turns the normal by at most its cosine.
+    let sigma = (middle + half.mul_add(half, pq * pq).sqrt()).sqrt() * z;
+    Facing { normal: [x, y, z], sigma, cost }
 }

@@ -1,20 +1,25 @@
 //! Snel's second pass: lobes added one at a time.
 
-use crate::brdf::lafortune::coefficients;
 use crate::lm::{Occupancy, Options, Outcome};
 use crate::math::{Element, Level};
 
+use super::found::{Found, MOST_LOBES};
 use super::lobes::{LOG_EXPONENT, Search};
-use super::luminance::Luminance;
+use super::luminance::{Luminance, Sights};
 
-/// Most lobes of a pixel.
-pub const MOST_LOBES: usize = 3;
-
-/// Exponents that Snel starts lobes from, in the order in which they are added.
-const STARTS: [f64; MOST_LOBES] = [50.0, 5.0, 20.0];
+/// Exponents that Snel starts lobes from, in the order in which they are added, and two more
+/// orders for pixels whose lobes look odd.
+const STARTS: [[f64; MOST_LOBES]; 3] = [[50.0, 5.0, 20.0], [20.0, 50.0, 5.0], [5.0, 20.0, 50.0]];
 
 /// `n` and `n turn` from which a first lobe starts that stands towards the light: `Cxy = Cz`.
 const RETRO: f64 = 5.0;
+
+/// Photographs that all but a pixel's last lobe are looked for in, if there are twice as many.
+const SOME: usize = 151;
+
+/// How closely a lobe is searched for that another joins: a cost to a thousandth is one to 0.7 in
+/// the criterion of 700 samples, and a lobe costs 20.
+pub(super) const ROUGH: f64 = 1e-3;
 
 /// Strength that a lobe starts from, relative to the diffuse surface of least squares; the
 /// diffuse part starts from the same.
@@ -36,64 +41,6 @@ pub struct Sequence {
     pub options: Options,
 }
 
-/// What was found for a pixel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found {
-    /// How many lobes.
-    pub lobes: usize,
-    /// Diffuse part, then (strength, n times turn, ln n) of every lobe, the sharpest first.
-    pub at: [f64; 1 + 3 * MOST_LOBES],
-    /// Sum of squared residuals.
-    pub cost: f64,
-    /// Samples that counted.
-    pub samples: usize,
-    /// Whether the samples tell all parameters apart.
-    pub distinct: bool,
-    /// Whether the first lobe starts towards the light, not its mirror image (hard case 16).
-    retro: bool,
-    floor: f64,
-}
-
-impl Found {
-    /// Schwarz's criterion, `m ln(C / m) + p ln m`.
-    #[must_use]
-    pub fn bic(&self) -> f64 {
-        let m = self.samples as f64;
-        let unknowns = (1 + 3 * self.lobes) as f64;
-        m.mul_add((self.cost.max(self.floor) / m).ln(), unknowns * m.ln())
-    }
-
-    /// `[strength, n times turn, ln n]` of a lobe.
-    #[must_use]
-    pub fn lobe(&self, number: usize) -> [f64; 3] {
-        core::array::from_fn(|i| self.at[1 + 3 * number + i])
-    }
-
-    /// `[Cxy, Cz, n]` of a lobe.
-    #[must_use]
-    pub fn shape(&self, number: usize) -> [f64; 3] {
-        let [_, turning, log_exponent] = self.lobe(number);
-        let exponent = log_exponent.exp();
-        let [cxy, cz] = coefficients(turning / exponent);
-        [cxy, cz, exponent]
-    }
-
-    /// Whether every lobe is one: lit, and sharper than what the diffuse part describes (hard
-    /// cases 13 and 15).
-    fn whole(&self) -> bool {
-        (0..self.lobes).map(|j| self.lobe(j)).all(|[a, _, n]| a > 0.0 && n > 0.0)
-    }
-
-    /// The sharpest lobe first.
-    fn sort(&mut self) {
-        let mut lobes: Vec<_> = (0..self.lobes).map(|j| self.lobe(j)).collect();
-        lobes.sort_by(|a, b| b[2].total_cmp(&a[2]));
-        for (j, lobe) in lobes.into_iter().enumerate() {
-            self.at[1 + 3 * j..4 + 3 * j].copy_from_slice(&lobe);
-        }
-    }
-}
-
 impl Sequence {
     /// Fits some pixels; the answers stand in their order.
     ///
@@ -105,38 +52,21 @@ impl Sequence {
         pixels: &[usize],
         stopped: &(dyn Fn() -> bool + Sync),
     ) -> (Vec<Found>, Occupancy) {
-        let mut found: Vec<_> = pixels.iter().map(|&pixel| self.plain(data, pixel)).collect();
-        let mut occupancy = Occupancy::default();
-        let mut open: Vec<_> = (0..pixels.len()).collect();
-        let search = |options| Search { data, turning: self.turning, level, options, stopped };
-        // A cost to a thousandth is one to 0.7 in the criterion of 700 samples; a lobe costs 20.
-        let rough = Options { cost: 1e-3, step: 1e-3, gradient: 1e-3, ..self.options };
-        for lobes in 1..=self.lobes.min(MOST_LOBES) {
-            open.retain(|&i| room_for(lobes, found[i].samples) && found[i].at[0] > 0.0);
-            let options = if lobes == self.lobes { &self.options } else { &rough };
-            let mut trial = found.clone();
-            for &i in &open {
-                trial[i] = with_lobe(&found[i], STARTS[lobes - 1]);
-            }
-            add(&mut occupancy, refine::<f32>(&search(options), pixels, &open, &mut trial));
-            open.retain(|&i| {
-                let better = !self.select || (trial[i].whole() && trial[i].bic() < found[i].bic());
-                if better {
-                    found[i] = trial[i];
+        let mut adding =
+            Adding { sequence: self, level, data, stopped, occupancy: Occupancy::default() };
+        let [first, others @ ..] = STARTS;
+        let mut found = adding.lobes(pixels, first);
+        for starts in others {
+            let doubtful: Vec<_> = (0..pixels.len()).filter(|&i| found[i].doubtful()).collect();
+            let again: Vec<_> = doubtful.iter().map(|&i| pixels[i]).collect();
+            for (i, other) in doubtful.into_iter().zip(adding.lobes(&again, starts)) {
+                if other.bic() < found[i].bic() {
+                    found[i] = other;
                 }
-                better
-            });
-        }
-        let ended = (0..pixels.len())
-            .filter(|&i| (1..self.lobes).contains(&found[i].lobes))
-            .collect::<Vec<_>>();
-        for lobes in 1..self.lobes {
-            let these: Vec<_> =
-                ended.iter().copied().filter(|&i| found[i].lobes == lobes).collect();
-            add(&mut occupancy, refine::<f32>(&search(&self.options), pixels, &these, &mut found));
+            }
         }
         found.iter_mut().for_each(Found::sort);
-        (found, occupancy)
+        (found, adding.occupancy)
     }
 
     fn plain(&self, data: &Luminance<'_>, pixel: usize) -> Found {
@@ -148,11 +78,102 @@ impl Sequence {
             at,
             cost: plain.cost,
             samples: plain.count,
-            distinct: true,
+            photographs: data.photographs(),
             retro: self.turning && plain.retro,
             floor: plain.square * ROUNDING * ROUNDING,
         }
     }
+}
+
+/// Lobes being added to some pixels.
+struct Adding<'a> {
+    sequence: &'a Sequence,
+    level: Level,
+    data: &'a Luminance<'a>,
+    stopped: &'a (dyn Fn() -> bool + Sync),
+    occupancy: Occupancy,
+}
+
+impl Adding<'_> {
+    /// Adds lobes to pixels without any, from exponents in the given order.
+    fn lobes(&mut self, pixels: &[usize], starts: [f64; MOST_LOBES]) -> Vec<Found> {
+        let Sequence { lobes: most, select, ref options, .. } = *self.sequence;
+        let all = self.data.photographs();
+        let some = some(all);
+        let (rough, sure) = (to(ROUGH, options), to(0.1 * ROUGH, options));
+        let mut found: Vec<_> =
+            pixels.iter().map(|&pixel| self.sequence.plain(self.data, pixel)).collect();
+        let mut open: Vec<_> = (0..pixels.len()).collect();
+        for lobes in 1..=most.min(MOST_LOBES) {
+            open.retain(|&i| room_for(lobes, found[i].samples) && found[i].at[0] > 0.0);
+            let mut trial = found.clone();
+            for &i in &open {
+                trial[i] = with_lobe(&found[i], starts[lobes - 1]);
+            }
+            let options = if lobes == most && some == all { options } else { &rough };
+            self.refine(options, some, pixels, &open, &mut trial);
+            if select {
+                // What some photographs leave open all of them decide.
+                let unclear = |these: &[Found], i: usize| {
+                    these[i].photographs < all && !trial[i].clearly_better(&found[i])
+                };
+                let [before, after] = [&found, &trial].map(|these| -> Vec<_> {
+                    open.iter().copied().filter(|&i| unclear(these, i)).collect()
+                });
+                self.refine(&sure, all, pixels, &before, &mut found);
+                self.refine(&sure, all, pixels, &after, &mut trial);
+            }
+            open.retain(|&i| {
+                let (next, last) = (&trial[i], &found[i]);
+                // What is unclear both know from all photographs by now.
+                let lower = next.clearly_better(last) || next.bic() < last.bic();
+                let better = !select || (next.whole() && lower);
+                if better {
+                    found[i] = trial[i];
+                }
+                better
+            });
+        }
+        // Where the search ended it begins: long first steps.
+        let last = Options { damping: 1e-2, ..*options };
+        for lobes in 1..=if some == all { most - 1 } else { most } {
+            let these: Vec<_> = (0..pixels.len()).filter(|&i| found[i].lobes == lobes).collect();
+            self.refine(&last, all, pixels, &these, &mut found);
+        }
+        found
+    }
+
+    /// Searches on from where some pixels, all with as many lobes, stand.
+    fn refine(
+        &mut self,
+        options: &Options,
+        photographs: usize,
+        pixels: &[usize],
+        which: &[usize],
+        found: &mut [Found],
+    ) {
+        let Self { level, data, stopped, .. } = *self;
+        let turning = self.sequence.turning;
+        let search = Search { data, turning, level, options, photographs, stopped };
+        let more = match which.first().map_or(0, |&i| found[i].lobes) {
+            0 => return,
+            1 => refine::<f32, 4>(&search, pixels, which, found),
+            2 => refine::<f32, 7>(&search, pixels, which, found),
+            _ => refine::<f32, 10>(&search, pixels, which, found),
+        };
+        self.occupancy.lanes += more.lanes;
+        self.occupancy.useful += more.useful;
+    }
+}
+
+/// How many of the photographs a first look takes.
+pub(super) fn some(all: usize) -> usize {
+    if all >= 2 * SOME { SOME } else { all }
+}
+
+/// A search that stops at another tolerance.
+pub(super) fn to(tolerance: f64, options: &Options) -> Options {
+    Options { cost: tolerance, step: tolerance, gradient: tolerance, ..*options }
 }
 
 /// Whether so many samples determine so many lobes, with something left over (hard case 30).
@@ -179,28 +200,15 @@ fn with_lobe(found: &Found, exponent: f64) -> Found {
     next
 }
 
-/// Searches on from where some pixels, all with as many lobes, stand.
-fn refine<S: Element>(
-    search: &Search<'_>,
-    pixels: &[usize],
-    which: &[usize],
-    found: &mut [Found],
-) -> Occupancy {
-    match which.first().map_or(0, |&i| found[i].lobes) {
-        0 => Occupancy::default(),
-        1 => refine_some::<S, 4>(search, pixels, which, found),
-        2 => refine_some::<S, 7>(search, pixels, which, found),
-        _ => refine_some::<S, 10>(search, pixels, which, found),
-    }
-}
-
-fn refine_some<S: Element, const N: usize>(
+fn refine<S: Element, const N: usize>(
     search: &Search<'_>,
     pixels: &[usize],
     which: &[usize],
     found: &mut [Found],
 ) -> Occupancy {
     let chosen: Vec<_> = which.iter().map(|&i| pixels[i]).collect();
+    let sights = Sights::<f32>::some(search.data.rig, search.photographs);
+    let counts: Vec<_> = chosen.iter().map(|&pixel| search.data.count(pixel, &sights)).collect();
     let starts: Vec<[f64; N]> =
         which.iter().map(|&i| core::array::from_fn(|p| found[i].at[p])).collect();
     search.run(
@@ -212,12 +220,8 @@ fn refine_some<S: Element, const N: usize>(
                 *at = parameter.to_f64();
             }
             found.cost = outcome.normal.cost.to_f64();
-            found.distinct = !outcome.deficient().contains(&true);
+            found.samples = counts[problem];
+            found.photographs = search.photographs;
         },
     )
-}
-
-fn add(sum: &mut Occupancy, more: Occupancy) {
-    sum.lanes += more.lanes;
-    sum.useful += more.useful;
 }

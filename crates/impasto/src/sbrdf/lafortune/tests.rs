@@ -177,6 +177,70 @@ fn hard_case_9_and_26_dark_and_missing_samples_weigh_nothing() {
 }
 
 #[test]
+fn hard_case_14_two_lobes_of_one_are_searched_on_in_double_precision() {
+    // The light of one lobe in two equal ones: single precision meets a singular matrix.
+    let one = |_: usize, _: &mut Random| vec![[0.4, 0.0, 20.0_f64.ln()]];
+    let scene = Scene::new(0.005, one, 20);
+    let single = scene.fit(1, false);
+    let mut double: Vec<_> = single
+        .iter()
+        .map(|found| {
+            let mut twice = *found;
+            twice.at[1] *= 0.5;
+            twice.at.copy_within(1..4, 4);
+            Found { lobes: 2, cost: f64::MAX, ..twice }
+        })
+        .collect();
+    let pixels: Vec<usize> = (0..20).collect();
+    let options = Options::single();
+    let data = scene.luminance();
+    let level = Level::detect();
+    turned::turn(level, &data, &pixels, &mut double, &options, OBSERVATIONS, &|| false);
+    for (single, double) in single.iter().zip(&double) {
+        assert!(double.at.iter().all(|value| value.is_finite()));
+        // More is free than in the search on the known normal: no more is left.
+        assert!(double.cost <= 1.0001 * single.cost, "{} {}", double.cost, single.cost);
+        assert!(double.bic() > single.bic(), "and it is not worth a lobe");
+    }
+}
+
+#[test]
+fn hard_case_23_a_light_opposite_the_view_turns_no_normal() {
+    let mut scene = Scene::new(0.005, three, 20);
+    let grazing = Vec3::new(1.0, 0.0, 0.01).normalised();
+    let (mut lights, mut views) = (scene.rig.lights().to_vec(), scene.rig.views().to_vec());
+    lights.push(Light::Distant(grazing));
+    views.push(Vec3::new(-grazing.x, -grazing.y, -grazing.z));
+    scene.rig = Rig::new(lights, views, Grid { width: 20, height: 1, pitch: 1.0 }).unwrap();
+    // As bright as nothing else: no half vector may be made of it.
+    scene.samples.extend([100.0; 20]);
+    let pixels: Vec<usize> = (0..20).collect();
+    let data = scene.luminance();
+    for pixel in 0..20 {
+        assert!(data.brightest(pixel).iter().all(|v| v.is_finite()));
+    }
+    let options = Options::single();
+    let facing = fit_normal(Level::detect(), &data, &pixels, &options, &|| false);
+    assert!(facing.iter().all(|f| f.normal.iter().all(|v| v.is_finite())));
+    for found in scene.fit(3, true) {
+        assert!(found.at.iter().all(|v| v.is_finite()) && found.cost.is_finite());
+    }
+}
+
+#[test]
+fn hard_case_24_a_view_from_behind_shows_the_diffuse_part_alone() {
+    let normal = Vec3::new(0.6, 0.0, 0.8);
+    let (light, view) = (Vec3::new(0.0, 0.0, 1.0), Vec3::new(-0.9, 0.0, 0.19_f64.sqrt()));
+    assert!(normal.dot(view) < 0.0);
+    let pair = Pair::against(normal, light, view, light.dot(view));
+    assert!((pair.cosine - 0.8).abs() < 1e-15);
+    for turn in [0.0, 0.3, 1.0] {
+        let gradient = Lobe::new(0.5, turn, 0.5).gradient(&pair);
+        assert_eq!([gradient.value, gradient.amplitude, gradient.normal], [0.0; 3]);
+    }
+}
+
+#[test]
 fn every_level_finds_the_same_bits() {
     let scene = Scene::new(0.005, three, 40);
     let expected = scene.fit_on(Level::Baseline, 3, true);

@@ -11,7 +11,7 @@ const FLAT: f64 = 1e-5;
 
 /// Sums over a band's samples: `gram = sum w c c'` (lower triangle) and `right = sum w c y`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sums<R, const K: usize> {
+pub(in crate::sbrdf) struct Sums<R, const K: usize> {
     gram: [[R; K]; K],
     right: [R; K],
     square: R,
@@ -19,14 +19,14 @@ pub(super) struct Sums<R, const K: usize> {
 
 impl<R: Real, const K: usize> Sums<R, K> {
     #[inline(always)]
-    pub(super) fn zero() -> Self {
+    pub(in crate::sbrdf) fn zero() -> Self {
         Self { gram: [[R::zero(); K]; K], right: [R::zero(); K], square: R::zero() }
     }
 
     /// Adds a sample with its columns.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
-    pub(super) fn add(&mut self, columns: &[R; K], weight: R, sample: R) {
+    pub(in crate::sbrdf) fn add(&mut self, columns: &[R; K], weight: R, sample: R) {
         let pull = weight * sample;
         self.square = pull.mul_add(sample, self.square);
         for i in 0..K {
@@ -78,7 +78,7 @@ impl<R: Real, const K: usize> Sums<R, K> {
     /// 0. Block principal pivoting (Portugal, Judice and Vicente 1994): columns change sides all
     /// at once as long as that helps, then one at a time (Murty), which always ends.
     #[inline(always)]
-    pub(super) fn solve(&self, barred: &[bool; K]) -> Colours<R, K> {
+    pub(in crate::sbrdf) fn solve(&self, barred: &[bool; K]) -> Colours<R, K> {
         let zero = R::zero();
         let mut held = [R::Mask::splat(false); K];
         for ((held, barred), (i, row)) in
@@ -124,8 +124,8 @@ impl<R: Real, const K: usize> Sums<R, K> {
 
 /// A band's colours: diffuse, one per lobe, ambient.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Colours<R: Real, const K: usize> {
-    pub(super) values: [R; K],
+pub(in crate::sbrdf) struct Colours<R: Real, const K: usize> {
+    pub(in crate::sbrdf) values: [R; K],
     /// Of the columns that are free.
     pub(super) factor: Factor<R, K>,
 }

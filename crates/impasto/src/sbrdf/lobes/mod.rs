@@ -23,6 +23,7 @@ mod sight;
 mod tile;
 mod torrance_sparrow;
 
+pub(in crate::sbrdf) use colours::Sums;
 pub use fit::{LobeOptions, fit_lobes};
 pub use lafortune::Lafortune;
 pub use maps::{LobeMaps, MOST_LOBES};

@@ -1,0 +1,94 @@
+//! Samples that have nothing to do with the surface (hard case 31).
+
+use crate::geometry::Rig;
+use crate::math::lanes::{Isa, MAX_LANES};
+use crate::math::{Kernel, Real};
+
+use super::colours::{COLUMNS, Facets, gather};
+use super::fit::{Scratch, TILE};
+use super::found::Found;
+
+/// Standard deviations that a gross outlier is off by, the deviation told by the median of the
+/// residuals' sizes; noise of 770 samples reaches 6 in one pixel of 600,000.
+const GROSS: f64 = 6.0;
+
+/// A normal deviation over the median size.
+const PER_MEDIAN: f64 = 1.4826;
+
+/// What a gross outlier is also off by, relative to the larger of sample and fit. Lobes describe
+/// the bright and few samples of a sharp highlight to some percent, which may be many deviations
+/// of the rest: they stay.
+const SHARE: f32 = 0.5;
+
+/// Weighs the samples of some pixels anew: 0 where one is grossly off what lobes say, else 1. The
+/// answers say whether a pixel's choice of samples changed; its cost is then that of the choice.
+pub(super) struct Outliers<'a> {
+    pub(super) rig: &'a Rig,
+    pub(super) scratch: &'a mut Scratch,
+    pub(super) pixels: &'a [usize],
+    pub(super) found: &'a mut [Found],
+}
+
+impl Kernel for Outliers<'_> {
+    type Output = Vec<bool>;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Vec<bool> {
+        let Self { rig, scratch, pixels, found } = self;
+        let width = I::F32::WIDTH;
+        let mut off = vec![[[0.0_f32; MAX_LANES]; 2]; rig.observations()];
+        let mut sizes = Vec::with_capacity(rig.observations());
+        let mut changed = Vec::with_capacity(pixels.len());
+        for (pixels, found) in pixels.chunks(width).zip(found.chunks_mut(width)) {
+            let facets = Facets::<I::F32>::new(scratch, pixels, found);
+            let strengths: [I::F32; COLUMNS] = core::array::from_fn(|column| {
+                gather(pixels, |place, _| found[place].strength(column) as f32)
+            });
+            for (photograph, [residuals, shares]) in off.iter_mut().enumerate() {
+                let plane = &scratch.means[photograph * TILE..];
+                let sample: I::F32 = gather(pixels, |_, pixel| plane[pixel]);
+                let mut shown = I::F32::zero();
+                for (column, strength) in facets.columns(rig, photograph).into_iter().zip(strengths)
+                {
+                    shown = column.mul_add(strength, shown);
+                }
+                (sample - shown).store(residuals);
+                (I::F32::splat(SHARE) * sample.max(shown)).store(shares);
+            }
+            for (lane, (&pixel, found)) in pixels.iter().zip(found).enumerate() {
+                sizes.clear();
+                sizes.extend(off.iter().map(|[r, _]| r[lane].abs()).filter(|r| r.is_finite()));
+                let limit = limit(&mut sizes, found);
+                let (mut cost, mut samples, mut new) = (0.0_f64, 0, false);
+                for (photograph, [residuals, shares]) in off.iter().enumerate() {
+                    let residual = residuals[lane];
+                    let gross = residual.abs() > limit && residual.abs() > shares[lane];
+                    let place = photograph * TILE + pixel;
+                    let sample = if gross { f32::NAN } else { scratch.means[place] };
+                    new |= sample.is_finite() != scratch.kept[place].is_finite();
+                    scratch.kept[place] = sample;
+                    if sample.is_finite() {
+                        cost = f64::from(residual).mul_add(f64::from(residual), cost);
+                        samples += 1;
+                    }
+                }
+                if new {
+                    (found.cost, found.samples) = (cost, samples);
+                }
+                changed.push(new);
+            }
+        }
+        changed
+    }
+}
+
+/// The size that gross outliers exceed.
+fn limit(sizes: &mut [f32], found: &Found) -> f32 {
+    if sizes.is_empty() {
+        return f32::INFINITY;
+    }
+    let middle = sizes.len() / 2;
+    let (_, &mut median, _) = sizes.select_nth_unstable_by(middle, f32::total_cmp);
+    // Rounding is no outlier where there is no noise.
+    (GROSS * PER_MEDIAN * f64::from(median)).max(found.floor.sqrt()) as f32
+}

@@ -1,0 +1,235 @@
+//! Normal and lobes together, from where the first two passes left them.
+//!
+//! A cosine lobe stands in for lobes that lean away from the mirror direction: the normal that it
+//! finds leans with them. Once lobes are known, everything but their number is free, on the same
+//! samples.
+
+use crate::brdf::lafortune::{Lobe, Pair};
+use crate::lm::{Batch, Column, Normal, Options, Outcome, ROWS, Rows, fit};
+use crate::math::elementary::exp;
+use crate::math::{Element, Level, Real, Vec3};
+
+use super::found::{Found, MOST_LOBES};
+use super::lobes::bounds;
+use super::luminance::{Luminance, Sights};
+use super::normal::{Facing, STEEPEST, facing};
+
+/// How double precision goes on where single precision met a matrix that it could not tell from a
+/// singular one, or did not get to an end.
+const POLISH: Options = Options {
+    max_iterations: 100,
+    cost: 1e-9,
+    step: 1e-7,
+    gradient: 1e-7,
+    damping: 1e-2,
+    memory: 0.0,
+};
+
+/// Searches on for normal and lobes of some pixels at once; `found` takes what is better, and the
+/// answers, in its order, say where pixels face: nothing where nothing better was found.
+pub(super) fn turn(
+    level: Level,
+    data: &Luminance<'_>,
+    pixels: &[usize],
+    found: &mut [Found],
+    options: &Options,
+    photographs: usize,
+    stopped: &(dyn Fn() -> bool + Sync),
+) -> Vec<Option<Facing>> {
+    let facing = &mut *vec![None; pixels.len()];
+    let mut turn = Turn { level, data, pixels, found, facing, options, photographs, stopped };
+    turn.run::<6>();
+    turn.run::<9>();
+    turn.run::<12>();
+    facing.to_vec()
+}
+
+struct Turn<'a> {
+    level: Level,
+    data: &'a Luminance<'a>,
+    pixels: &'a [usize],
+    found: &'a mut [Found],
+    facing: &'a mut [Option<Facing>],
+    options: &'a Options,
+    photographs: usize,
+    stopped: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl Turn<'_> {
+    /// The pixels with `N / 3 - 1` lobes.
+    fn run<const N: usize>(&mut self) {
+        let lobes = N / 3 - 1;
+        let these: Vec<_> =
+            (0..self.pixels.len()).filter(|&i| self.found[i].lobes == lobes).collect();
+        let doubtful = self.search::<f32, N>(&these, self.options);
+        self.search::<f64, N>(&doubtful, &POLISH);
+    }
+
+    /// Searches on and returns whose equations the precision could not solve.
+    fn search<S: Element, const N: usize>(
+        &mut self,
+        these: &[usize],
+        options: &Options,
+    ) -> Vec<usize> {
+        // Two slopes, then what a search on a known normal has.
+        let mut bounds = bounds::<S, N>(2, true);
+        let steepest = S::from_f64(STEEPEST.into());
+        for slope in 0..2 {
+            (bounds.lower[slope], bounds.upper[slope]) = (-steepest, steepest);
+        }
+        let problems = (0..these.len()).take_while(|_| !(self.stopped)());
+        let mut lanes = Lanes::<S, N> {
+            data: self.data,
+            sights: Sights::some(self.data.rig, self.photographs),
+            pixels: self.pixels,
+            these,
+            found: self.found,
+            facing: self.facing,
+            doubtful: Vec::new(),
+        };
+        fit(self.level, &mut lanes, problems, &bounds, options);
+        let mut doubtful = lanes.doubtful;
+        doubtful.sort_unstable();
+        doubtful
+    }
+}
+
+struct Lanes<'a, S, const N: usize> {
+    data: &'a Luminance<'a>,
+    sights: Sights<'a, S>,
+    pixels: &'a [usize],
+    these: &'a [usize],
+    found: &'a mut [Found],
+    facing: &'a mut [Option<Facing>],
+    doubtful: Vec<usize>,
+}
+
+impl<S: Element, const N: usize> Batch<S, N> for Lanes<'_, S, N> {
+    const COVARIANCE: bool = true;
+
+    fn rows(&self) -> usize {
+        self.sights.rows()
+    }
+    fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N] {
+        let i = self.these[problem];
+        let pixel = self.pixels[i];
+        column.fill(self.data.column(pixel, &self.sights));
+        let [x, y, z] = self.facing[i].map_or(self.data.normals[pixel], |facing| facing.normal);
+        let slope = |v: f32| (-v / z.max(0.1)).clamp(-STEEPEST, STEEPEST).into();
+        core::array::from_fn(|unknown| match unknown {
+            0 => S::from_f64(slope(x)),
+            1 => S::from_f64(slope(y)),
+            _ => S::from_f64(self.found[i].at[unknown - 2]),
+        })
+    }
+    #[inline(always)]
+    fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
+        let (zero, count) = (R::zero(), self.sights.len());
+        let place = [rows.get(count + 3), rows.get(count + 4)];
+        let model = Model::new(&at);
+        let mut normal = Normal::zero();
+        let mut slopes = [[zero; N]; ROWS];
+        let mut residuals = [zero; ROWS];
+        let mut photograph = 0;
+        while photograph < count {
+            let end = (photograph + ROWS).min(count);
+            for k in photograph..end {
+                let sample = rows.get(k);
+                let (light, view, light_view, irradiance) = self.sights.at(k, place);
+                let (value, slope) = model.gradient(light, view, light_view);
+                let counts = sample.is_finite();
+                let share = R::keep(counts, irradiance);
+                slopes[k - photograph] = slope.map(|slope| slope * share);
+                residuals[k - photograph] = R::keep(counts, (-value).mul_add(share, sample));
+            }
+            for k in end - photograph..ROWS {
+                (slopes[k], residuals[k]) = ([zero; N], zero);
+            }
+            normal.add_rows(&slopes, &residuals);
+            photograph = end;
+        }
+        normal
+    }
+    fn store(&mut self, problem: usize, outcome: &Outcome<S, N>) {
+        let i = self.these[problem];
+        if !outcome.reason.converged() || outcome.deficient().contains(&true) {
+            self.doubtful.push(i);
+        }
+        let samples = self.data.count(self.pixels[i], &self.sights);
+        let free = samples as f64 - N as f64;
+        let cost = outcome.normal.cost.to_f64();
+        if free < 1.0 || cost >= self.found[i].cost {
+            return;
+        }
+        let covariance = outcome.covariance(S::from_f64(cost / free));
+        let tilts = [covariance[0][0], covariance[1][0], covariance[1][1]];
+        let [p, q] = [0, 1].map(|slope| outcome.parameters[slope].to_f64() as f32);
+        let facing = facing([p, q], tilts.map(|tilt| tilt.to_f64() as f32), cost as f32);
+        if facing.sigma.is_finite() {
+            self.facing[i] = Some(facing);
+            (self.found[i].cost, self.found[i].samples) = (cost, samples);
+            for (at, &value) in self.found[i].at.iter_mut().zip(&outcome.parameters[2..]) {
+                *at = value.to_f64();
+            }
+            self.found[i].sort();
+        }
+    }
+}
+
+/// Lobes about a normal of slopes p and q.
+struct Model<R, const N: usize> {
+    normal: Vec3<R>,
+    upright: R,
+    diffuse: R,
+    lobes: [Lobe<R>; MOST_LOBES],
+    turns: [R; MOST_LOBES],
+    widths: [R; MOST_LOBES],
+}
+
+impl<R: Real, const N: usize> Model<R, N> {
+    #[inline(always)]
+    fn new(at: &[R; N]) -> Self {
+        let (zero, p, q) = (R::zero(), at[0], at[1]);
+        let upright = q.mul_add(q, p.mul_add(p, R::one())).sqrt().recip();
+        let mut model = Self {
+            normal: Vec3::new(-(p * upright), -(q * upright), upright),
+            upright,
+            diffuse: at[2],
+            lobes: [Lobe::new(zero, zero, zero); MOST_LOBES],
+            turns: [zero; MOST_LOBES],
+            widths: [zero; MOST_LOBES],
+        };
+        for j in 0..N / 3 - 1 {
+            model.widths[j] = exp(-at[5 + 3 * j]);
+            model.turns[j] = at[4 + 3 * j] * model.widths[j];
+            model.lobes[j] = Lobe::new(at[3 + 3 * j], model.turns[j], at[5 + 3 * j]);
+        }
+        model
+    }
+
+    /// Radiance under unit irradiance, and its derivatives.
+    #[inline(always)]
+    fn gradient(&self, light: Vec3<R>, view: Vec3<R>, light_view: R) -> (R, [R; N]) {
+        let pair = Pair::against(self.normal, light, view, light_view);
+        let mut slope = [R::zero(); N];
+        let (mut reflectance, mut bend) = (self.diffuse, R::zero());
+        for j in 0..N / 3 - 1 {
+            let g = self.lobes[j].gradient(&pair);
+            reflectance = reflectance + g.value;
+            bend = bend + g.normal;
+            slope[3 + 3 * j] = pair.cosine * g.amplitude;
+            slope[4 + 3 * j] = pair.cosine * g.turn * self.widths[j];
+            slope[5 + 3 * j] = pair.cosine * (-self.turns[j]).mul_add(g.turn, g.log_exponent);
+        }
+        slope[2] = pair.cosine;
+        // d/dN = f L + (N.L) df/dN, along (N.V) L + (N.L) V, as in the cosine lobe.
+        let bend = pair.cosine * bend;
+        let along = light.scale(bend.mul_add(self.normal.dot(view), reflectance));
+        let along = view.mul_add(bend * pair.cosine, along);
+        let inward = along.dot(self.normal);
+        let lit = pair.cosine.gt(R::zero());
+        slope[0] = R::keep(lit, self.normal.x.mul_add(inward, -along.x) * self.upright);
+        slope[1] = R::keep(lit, self.normal.y.mul_add(inward, -along.y) * self.upright);
+        (pair.cosine * reflectance, slope)
+    }
+}
