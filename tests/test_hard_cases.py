@@ -570,7 +570,7 @@ def test_case_30_few_samples(name: str, count: int) -> None:
 
 @pytest.mark.parametrize("name", ["stereo", "pooled", "pixel"])
 def test_case_31_one_gross_outlier(name: str) -> None:
-    # Lafortune's passes are plain least squares: no name of theirs here.
+    # Lafortune's passes have their own in test_lafortune_hard_cases.py.
     way = PASSES[name]
     for level in (0.9, 5.0):
 
