@@ -1,5 +1,7 @@
 //! The search itself, on any kind of number: a state, a judgement and a step.
 
+use core::array::from_fn;
+
 use super::cholesky::factor_damped;
 use super::minimise::Inverse;
 use super::{Bounds, Normal, Outcome, Reason};
@@ -245,9 +247,10 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
             normal,
             reason,
             iterations: (self.passes[lane].to_f64() as usize).saturating_sub(1),
+            // By index: `map` would copy every lane of every entry to get at one.
             inverse: inverse.map(|(matrix, deficient)| Inverse {
-                matrix: matrix.map(|row| row.map(|entry| entry[lane])),
-                deficient: deficient.map(|doubt| doubt[lane] > S::zero()),
+                matrix: from_fn(|i| from_fn(|j| matrix[i][j][lane])),
+                deficient: from_fn(|i| deficient[i][lane] > S::zero()),
             }),
         }
     }
