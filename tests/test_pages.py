@@ -28,6 +28,36 @@ def test_the_accuracy_page_has_its_tables() -> None:
     assert "accuracy" in [page.stem for page in WITH_TABLES]
 
 
+def test_the_words_about_time_are_true_of_the_recorded_run() -> None:
+    """What docs/accuracy-and-time.md says between its tables."""
+    recorded = json.loads((pages.ROOT / "benches/results/study.json").read_text("utf-8"))
+    by_data: dict[str, dict[str, dict[str, float]]] = {}
+    for row in recorded["presets"]:
+        by_data.setdefault(row["data"], {})[row["setting"]] = row
+    views = {row["setting"]: row["dB"] for row in recorded["views"]}
+    del by_data["770 views, Lafortune"]
+    for data, rows in by_data.items():
+        own = {name: rows[f"pixels' own, {name}"] for name in ("draft", "standard", "reference")}
+        assert own["standard"]["dB"] > rows["one lobe"]["dB"]
+        assert 0.15 < own["draft"]["CPU s"] / own["standard"]["CPU s"] < 0.45
+        assert abs(own["reference"]["dB"] - own["standard"]["dB"]) < 0.5
+        if data.startswith("measured"):
+            assert 2 < own["standard"]["dB"] - own["draft"]["dB"] < 5
+            assert 1.5 < own["draft"]["normal deg"] / own["standard"]["normal deg"] < 2.5
+        if "icon" in data:
+            assert own["draft"]["dB"] > own["standard"]["dB"] - 0.2
+        else:
+            assert own["standard"]["dB"] - rows["one lobe"]["dB"] > 4.5
+    loss = {name: views["all"] - decibels for name, decibels in views.items()}
+    kept = {175: 1, 70: 7, 35: 13}
+    assert {count: round(loss[f"{count} random"]) for count in kept} == kept
+    assert loss["18 random"] > 30
+    assert min(loss[f"{count} spread"] for count in (70, 175, 350)) > loss["70 random"]
+    effort = {(row["data"], row["setting"]): row["relative %"] for row in recorded["effort"]}
+    for data in by_data:
+        assert effort[data, "2 rounds, 4 steps"] < 1.03 * effort[data, "2 rounds, 30 steps"]
+
+
 def test_the_words_about_accuracy_are_true_of_the_recorded_run() -> None:
     """What docs/accuracy.md says below its tables, sentence by sentence."""
     recorded = json.loads((pages.ROOT / "benches/results/accuracy.json").read_text("utf-8"))

@@ -193,18 +193,30 @@ def _trial(
         took = search * min(pixels, effort.pixels) / few + (took - search) * pixels / few
     else:
         took = seconds(**options) * pixels / few
-    return Trial(options, took * more, relative_error(fitted.predict(rig), truth))
+    error = relative_error(fitted.predict(rig), truth, full_scale(known))
+    return Trial(options, took * more, error)
 
 
-def relative_error(shown: NDArray[Any], truth: NDArray[Any]) -> float:
-    """Root mean square of the differences over that of the truth.
+def full_scale(stack: Stack) -> NDArray[np.float32]:
+    """``(band, 1, 1)`` linear light from which the camera sees no more; infinite if unknown."""
+    if stack.saturation is None:
+        return np.full((stack.shape[1], 1, 1), np.inf, np.float32)
+    top = (stack.saturation - stack.black) * stack.scale
+    return np.asarray(top[:, None, None], dtype=np.float32)
 
-    What the fit does not know counts as black; what the photographs do not know (NaN, or clipped:
-    +inf) does not count.
+
+def relative_error(
+    shown: NDArray[Any], truth: NDArray[Any], top: NDArray[np.float32] | float = np.inf
+) -> float:
+    """Root mean square of the differences over that of the truth, both cut off at ``top``.
+
+    What the fit does not know counts as black; what the photographs do not know (NaN, or +inf
+    without a ``top``) does not count.
     """
-    seen = np.isfinite(truth)
-    expected = np.nan_to_num(shown, nan=0.0)[seen].astype(np.float64)
-    real = truth[seen].astype(np.float64)
+    real = np.minimum(truth, top).astype(np.float64)
+    seen = np.isfinite(real)
+    expected = np.clip(np.nan_to_num(shown, nan=0.0, posinf=np.inf), 0.0, top)[seen]
+    real = real[seen]
     return float(np.sqrt(((expected - real) ** 2).sum() / (real**2).sum()))
 
 
