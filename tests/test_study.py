@@ -237,4 +237,7 @@ def test_the_command(
     assert "without icon" in said.err
     assert {path.name for path in out.iterdir()} == {RUNS, "study.json", "study.md"}
     assert main(["study", "--quick", "--out", str(out), "--seed", "1"]) == 1
-    assert "another study" in capsys.readouterr().err
+    assert "--out: " in (words := capsys.readouterr().err)
+    assert "another study (seed 0, now 1)" in words
+    assert main(["study", "--quick", "--out", str(out), "--repeats", "0"]) == 1
+    assert "--repeats: expected at least 1, found 0" in capsys.readouterr().err

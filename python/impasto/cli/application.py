@@ -15,8 +15,9 @@ from impasto.cli.codes import Exit
 from impasto.errors import CorruptInputError, ImpastoError, InternalError
 
 ARGUMENTS = (
-    "adaptation|bands|camera|dark|display|encoding|estimator|exposure|illuminant|images|index|"
-    "intensities|lights|lobes|mask|method|pattern|pitch_mm|region|saturation|size|strict|threads|view|"
+    "adaptation|bands|camera|dark|data|display|encoding|estimator|exposure|illuminant|images|index|"
+    "intensities|lights|lobes|mask|method|out|pattern|pitch_mm|region|repeats|saturation|seed|size|"
+    "strict|threads|view|"
     "white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``."""

@@ -7,7 +7,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from impasto.errors import GeometryError
+from impasto.errors import ArgumentError, GeometryError
+from impasto.simulate.fields import check_seed
 from impasto.study.bound import normal_bound
 from impasto.study.measure import compared, timed
 from impasto.study.record import Journal, run_info
@@ -62,7 +63,15 @@ def run(
     dict
         ``run`` (machine, commit, seed, sizes), ``missing`` (data sets and why), ``skipped``
         (settings and why), ``rows``.
+
+    Raises
+    ------
+    ArgumentError
+        A folder that holds another study, no folder of data, or a number that makes no sense.
     """
+    if not (isinstance(repeats, int) and repeats >= 1):
+        raise ArgumentError(f"repeats: expected at least 1, found {repeats!r}")
+    check_seed(seed)
     sizes = sizes or (QUICK if quick else FULL)
     made, missing = specimens(sizes, seed, data)
     info = run_info() | {"seed": seed, "quick": quick, "sizes": asdict(sizes)}
