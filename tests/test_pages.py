@@ -92,3 +92,15 @@ def test_the_words_about_lobes_of_every_pixel_are_true_of_the_recorded_run() -> 
             if table == "normals":
                 assert rows["fit_sbrdf, painting"][error] < rows["robust"][error], error
     assert rows["fit_sbrdf, pixel"]["worse than robust on"] == 0
+
+
+def test_the_words_about_the_lamps_of_the_icon_are_true_of_the_recorded_run() -> None:
+    recorded = json.loads((pages.ROOT / "benches/results/lamps.json").read_text("utf-8"))
+    score = {(row["method"], row["lamps"]): row["mean dB"] for row in recorded["rows"]}
+    fitted = {(row["method"], row["lamps"]): row["fitted dB"] for row in recorded["rows"]}
+    own = "impasto, up to two lobes per pixel"
+    given, shown = score[own, "as given"], score[own, "fitted and shown"]
+    assert shown - given > 2.0
+    assert shown > 32.5
+    # "Most of what two lobes could not describe": a factor of two in squares is 3 dB.
+    assert fitted[own, "fitted"] - fitted[own, "as given"] > 3.0
