@@ -53,20 +53,22 @@ impl<R: Real, const K: usize> Sums<R, K> {
         left
     }
 
-    /// With a column at 0 and the others' best colours: what a little of the column would gain
-    /// (half the slope of the sum of squares), and how that falls with more of it.
+    /// What a column pulls at 0 (half the slope of the sum of squares) and how that falls with more
+    /// of it, the columns that these best colours leave free following: their quotient is the best
+    /// strength.
     #[inline(always)]
-    pub(super) fn pull(&self, column: usize, barred: &[bool; K]) -> [R; 2] {
-        let others = self.hold(column, R::zero(), R::Mask::splat(true)).solve(barred);
-        let shared: [R; K] =
-            core::array::from_fn(|i| if i == column { R::zero() } else { self.entry(i, column) });
-        let follow = others.factor.solve(&shared);
-        let (mut gain, mut fall) = (self.right[column], self.gram[column][column]);
-        for ((&shared, &other), &follow) in shared.iter().zip(&others.values).zip(&follow) {
-            gain = (-shared).mul_add(other, gain);
+    pub(super) fn pull(&self, column: usize, best: &[R; K]) -> [R; 2] {
+        let zero = R::zero();
+        let mut held = best.map(|colour| !colour.gt(zero));
+        held[column] = R::Mask::splat(true);
+        let shared: [R; K] = core::array::from_fn(|i| self.entry(i, column));
+        let follow = factor(&self.gram, zero, &held).solve(&shared);
+        let (mut fall, mut slope) = (shared[column], self.right[column]);
+        for ((&shared, &best), &follow) in shared.iter().zip(best).zip(&follow) {
             fall = (-shared).mul_add(follow, fall);
+            slope = (-shared).mul_add(best, slope);
         }
-        [gain, fall]
+        [fall.mul_add(best[column], slope), fall]
     }
 
     #[inline(always)]
@@ -191,7 +193,7 @@ mod tests {
         }
         let free = sums.solve(&[false; 3]).values;
         assert!(free[1] > 0.0 && free[2] == 0.0);
-        let [gain, fall] = sums.pull(1, &[false; 3]);
+        let [gain, fall] = sums.pull(1, &free);
         let best = gain / fall;
         assert!((best / free[1] - 1.0).abs() < 1e-12, "{best} {}", free[1]);
         let held = sums.hold(1, best, true).solve(&[false; 3]).values;

@@ -34,8 +34,8 @@ impl<R: Real> Judge<R> {
         let mut least = cost(colours);
         for (column, neutral) in (1..).zip(&mut neutral) {
             let (mut gain, mut fall) = (zero, zero);
-            for sums in sums.iter() {
-                let [more, less] = sums.pull(column, barred);
+            for (sums, colours) in sums.iter().zip(colours.iter()) {
+                let [more, less] = sums.pull(column, colours);
                 gain = gain + more;
                 fall = fall + less;
             }
