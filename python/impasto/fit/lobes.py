@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from impasto import _core
 from impasto.checks import refractive_index
-from impasto.effort import Effort
+from impasto.effort import PRESETS, Effort
 from impasto.errors import ArgumentError
 from impasto.fit.border import (
     ProgressCallback,
@@ -98,9 +98,9 @@ def fit_lobes(
     lobes: int,
     ambient: bool,
     index: float,
-    effort: Effort,
     threads: int | None,
     progress: bool | ProgressCallback,
+    effort: Effort = PRESETS["standard"],
     free: bool = True,
     typical: bool = True,
 ) -> LobeSbrdf:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.effort import PRESETS
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, reporting
 from impasto.fit.lobes import fit_lobes
@@ -149,7 +148,6 @@ def fit_strengths(
                 lobes=lobes,
                 ambient=True,
                 index=index,
-                effort=PRESETS["standard"],
                 threads=threads,
                 progress=False,
             )
