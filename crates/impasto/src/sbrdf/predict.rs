@@ -104,6 +104,12 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
             Parameter::Map(map) => load(map, pixel),
         };
         let mut units = vec![zero; surface.lobes.len()];
+        let tinted: Vec<(usize, &[f32])> = (surface.lobes.iter().enumerate())
+            .filter_map(|(lobe, of)| match of.strength {
+                Strength::Tinted(map) => Some((lobe, map)),
+                Strength::Neutral(_) => None,
+            })
+            .collect();
         let (mut towards, mut irradiance, mut pair) = sight.at(job.observation, zero, zero);
         let mut at = 0;
         while at < job.count {
@@ -134,10 +140,8 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
             for (band, out) in job.out.iter_mut().enumerate() {
                 let diffuse = plane(surface.diffuse, band, pixel);
                 let mut radiance = diffuse.mul_add(cosine, neutral);
-                for (lobe, &value) in surface.lobes.iter().zip(&units) {
-                    if let Strength::Tinted(map) = lobe.strength {
-                        radiance = radiance + scaled(plane(map, band, pixel), value);
-                    }
+                for &(lobe, map) in &tinted {
+                    radiance = radiance + scaled(plane(map, band, pixel), units[lobe]);
                 }
                 let mut shown = radiance * scale;
                 if let Some(ambient) = surface.ambient {
