@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import impasto
+from impasto import simulate
 from impasto.fit.lobes import fit_lobes
 from impasto.status import Status
 from oracles import forward as oracle
@@ -319,6 +320,19 @@ def test_case_30_hardly_more_photographs_than_unknowns(count: int) -> None:
     lost = (found.status == Status.TOO_FEW_SAMPLES).mean()
     assert lost == (1.0 if count <= 4 else 0.0)
     assert (found.lobes <= max(0, (count - 5) // 2)).all()
+
+
+def test_case_4_no_lobe_has_its_peak_where_no_photograph_looked() -> None:
+    # In a handful of these pixels the outermost slope of a narrow lobe would fit one odd sample;
+    # lights beside it would then show what no camera can take.
+    rig = impasto.Rig(lights(48))
+    capture = simulate.capture(simulate.painting(41, (72, 72)), rig, "rgb")
+    held = np.arange(0, 48, 6)
+    found = impasto.fit_sbrdf(
+        capture.stack.take(np.setdiff1d(np.arange(48), held)), pooling="pixel"
+    )
+    seen = max(capture.stack.linear(photograph).max() for photograph in held)
+    assert found.predict(rig.take(held)).max() < 3.0 * seen
 
 
 def test_case_24_shadows_count_as_little_as_if_they_were_left_out(scene: Any) -> None:

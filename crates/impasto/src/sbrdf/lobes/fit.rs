@@ -15,6 +15,7 @@ use super::maps::{LobeMaps, MOST_LOBES, Sheet};
 use super::model::{LobeModel, MAX_SHAPES};
 use super::prior::Prior;
 use super::search::Search;
+use super::seen::{drop_unseen, sees};
 use super::settle::{COLUMNS, Settle, Settled};
 use super::sight::Sight;
 use super::tile::{Place, TILE, Tile};
@@ -136,6 +137,7 @@ impl<M: LobeModel> Fit<'_, M> {
             }
             self.settle(tile, settled, true);
             self.refine(tile, &fine);
+            drop_unseen(self.sight, tile, &fine);
         }
         self.settle(tile, settled, false);
         for (place, &variance) in tile.places.iter_mut().zip(&settled.variance) {
@@ -183,8 +185,12 @@ impl<M: LobeModel> Fit<'_, M> {
             let unknowns = if known { 1 } else { 1 + M::SHAPES };
             for &pixel in &able {
                 let told = best[pixel].cost > tile.rounding[pixel];
-                if told && better(&tile.places[pixel], &best[pixel], tile.usable[pixel], unknowns) {
-                    best[pixel] = tile.places[pixel];
+                let more = &tile.places[pixel];
+                if told
+                    && better(more, &best[pixel], tile.usable[pixel], unknowns)
+                    && (0..lobes).all(|lobe| sees(self.sight, tile, pixel, lobe))
+                {
+                    best[pixel] = *more;
                 }
             }
         }

@@ -18,6 +18,7 @@ mod model;
 mod neutral;
 mod prior;
 mod search;
+mod seen;
 mod settle;
 mod sight;
 mod tile;

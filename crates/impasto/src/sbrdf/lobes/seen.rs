@@ -1,0 +1,54 @@
+//! Which lobes the photographs show, and which they only seem to ask for.
+//!
+//! A narrow lobe beside one odd sample fits it with its outermost slope. Its peak, where no
+//! photograph looked, may then be as high as anything: another light would find it there.
+
+use crate::math::Vec3;
+
+use super::model::LobeModel;
+use super::sight::Sight;
+use super::tile::{Place, TILE, Tile};
+
+/// Least share of its peak that a lobe must reach in some photograph: at two and a half of its
+/// half-widths. There, eight percent of the width already change the strength by a factor of two.
+const SEEN: f64 = 1.0 / 64.0;
+
+/// Whether a pixel's lobe stands out in the photograph nearest to its peak: else its strength
+/// would be a guess (hard case 4).
+pub(super) fn sees<M: LobeModel>(
+    sight: &Sight<'_, M>,
+    tile: &Tile,
+    pixel: usize,
+    lobe: usize,
+) -> bool {
+    let Place { normal, shapes, .. } = &tile.places[pixel];
+    let [nx, ny, nz] = normal.map(f64::from);
+    let normal = Vec3::new(nx, ny, nz);
+    let [x, y] = [&tile.x, &tile.y].map(|axis| f64::from(axis[pixel]));
+    let model = &sight.model;
+    let nearest = (0..sight.photographs())
+        .filter(|photograph| tile.grey.weights[photograph * TILE + pixel] > 0.0)
+        .map(|photograph| {
+            let (_, _, pair) = sight.at::<f64>(photograph, x, y);
+            (model.facing(&pair), pair)
+        })
+        .max_by(|(a, _), (b, _)| a.dot(normal).total_cmp(&b.dot(normal)));
+    nearest.is_some_and(|(facing, pair)| {
+        let lobe = model.lobe(shapes[lobe].map(f64::from));
+        model.value(&lobe, &pair, normal) >= SEEN * model.value(&lobe, &pair, facing)
+    })
+}
+
+/// Leaves out lobes that no photograph shows any more, their shapes having moved.
+pub(super) fn drop_unseen<M: LobeModel>(sight: &Sight<'_, M>, tile: &mut Tile, fine: &[usize]) {
+    for &pixel in fine {
+        let before = tile.places[pixel];
+        let mut place = Place { lobes: 0, ..before };
+        for lobe in (0..before.lobes).filter(|&lobe| sees(sight, tile, pixel, lobe)) {
+            place.shapes[place.lobes] = before.shapes[lobe];
+            place.shape_spread[place.lobes] = before.shape_spread[lobe];
+            place.lobes += 1;
+        }
+        tile.places[pixel] = place;
+    }
+}
