@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -155,7 +156,7 @@ def test_xarray_is_not_imported_unless_used() -> None:
 
 
 @KINDS
-def test_some_bands_are_a_surface_again(make: Any) -> None:
+def test_some_bands_are_a_surface_again(make: Any, tmp_path: Path) -> None:
     surface = make()
     some = surface.with_bands([2, 0])
     assert some.bands == ("band2", "band0")
@@ -164,3 +165,7 @@ def test_some_bands_are_a_surface_again(make: Any) -> None:
         np.testing.assert_array_equal(some.specular, surface.specular[:, [2, 0]])
         np.testing.assert_array_equal(some.ambient, surface.ambient[[2, 0]])
     assert some.normal is surface.normal
+    some.save(tmp_path / "some.npz")
+    read = impasto.load_sbrdf(tmp_path / "some.npz")
+    assert read.bands == some.bands
+    np.testing.assert_array_equal(read.diffuse, some.diffuse)

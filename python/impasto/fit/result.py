@@ -108,13 +108,15 @@ class FittedSurface(ABC):
         return shown(self.surface(), rig, threads=threads, progress=progress)
 
     def with_bands(self, chosen: Sequence[int]) -> Self:
-        """The surface in some of its bands, by number; ``normals`` keeps all of them."""
+        """The surface in some of its bands, by number."""
         planes: dict[str, Any] = {
             one.name: np.take(getattr(self, one.name), chosen, axis=dims.index("band"))
             for one in fields(self)
             if "band" in (dims := one.metadata.get("dims", ())) and one.name != "bands"
         }
-        return replace(self, bands=tuple(self.bands[band] for band in chosen), **planes)
+        normals = replace(self.normals, albedo=np.take(self.normals.albedo, chosen, axis=0))
+        bands = tuple(self.bands[band] for band in chosen)
+        return replace(self, bands=bands, normals=normals, **planes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz``, for :func:`impasto.load_sbrdf`; it appears whole or not at all.

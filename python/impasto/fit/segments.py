@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +87,10 @@ class SegmentSbrdf(FittedSurface):
     def index(self) -> float:
         """Index of refraction of the interface."""
         return self.painting.index
+
+    def with_bands(self, chosen: Sequence[int]) -> Self:
+        """The surface in some of its bands, by number."""
+        return replace(super().with_bands(chosen), painting=self.painting.with_bands(chosen))
 
     def surface(self) -> SurfaceArguments:
         """The painting with a lobe per segment, ready to be lit."""

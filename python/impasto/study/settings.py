@@ -122,7 +122,7 @@ def _all() -> Iterator[Setting]:
         yield Setting("normals", method, partial(fits.lambert, method=method), ONE_VIEW)
     for name, fit in peers.PEERS.items():
         yield Setting("peer", name, fit, ONE_VIEW)
-    yield Setting("peer", "MINPACK, one lobe", minpack.fit, ONE_VIEW, stride=minpack.STRIDE)
+    yield Setting("peer", minpack.NAME, minpack.fit, ONE_VIEW, stride=minpack.STRIDE)
     yield _sbrdf("sample", "ours, MINPACK's pixels", ONE_VIEW, **PER_PIXEL, stride=minpack.STRIDE)
 
 

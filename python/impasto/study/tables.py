@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from impasto.effort import PRESETS
+from impasto.study import minpack
 from impasto.study.front import ERROR, Row, front, presets
 
 SETS = {
@@ -89,7 +90,11 @@ def unbeaten(rows: Sequence[Row]) -> list[Row]:
 
     def beaten(peer: Row) -> bool:
         (seconds, error), *_ = points([peer])
-        return any(s <= seconds and e <= error for s, e in points(fits_of(rows, peer["data"])))
+        data = peer["data"]
+        # MINPACK sees a sample of the pixels: so does the fit that it is compared with.
+        sampled = peer["setting"] == minpack.NAME
+        rivals = _of_set(rows, data, "sample") if sampled else fits_of(rows, data)
+        return any(s <= seconds and e <= error for s, e in points(rivals))
 
     return [peer for peer in of_knob(rows, "peer") if not beaten(peer)]
 

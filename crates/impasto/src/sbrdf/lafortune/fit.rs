@@ -198,6 +198,11 @@ impl Fit<'_> {
 
     fn write(&self, scratch: &Scratch, fine: &[usize], found: &[Found], mut sheet: Sheet<'_>) {
         let bands = self.stack.shape().bands;
+        // Of a pixel without light this much is known: it reflects none.
+        for pixel in (0..sheet.status.len()).filter(|&p| sheet.status[p] == Status::Dark.code()) {
+            let colours = [&mut sheet.diffuse, &mut sheet.specular];
+            colours.into_iter().flatten().for_each(|plane| plane[pixel] = 0.0);
+        }
         let mut tints = Tints::new(bands, scratch.places.len());
         self.run.level.run(Colours { rig: self.rig, scratch, fine, found, tints: &mut tints });
         for (&pixel, found) in fine.iter().zip(found) {

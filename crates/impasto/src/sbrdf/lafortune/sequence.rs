@@ -55,14 +55,17 @@ impl Sequence {
         let mut adding =
             Adding { sequence: self, level, data, stopped, occupancy: Occupancy::default() };
         let [first, others @ ..] = STARTS;
-        let mut found = adding.lobes(pixels, first);
+        let mut found = adding.lobes(pixels, first, &self.options);
         for starts in others {
             let doubtful: Vec<_> = (0..pixels.len()).filter(|&i| found[i].doubtful()).collect();
             let again: Vec<_> = doubtful.iter().map(|&i| pixels[i]).collect();
-            for (i, other) in doubtful.into_iter().zip(adding.lobes(&again, starts)) {
-                if other.bic() < found[i].bic() {
-                    found[i] = other;
-                }
+            let mut other = adding.lobes(&again, starts, &to(ROUGH, &self.options));
+            // Few of them are better: only those are worth the last digits.
+            let better: Vec<_> =
+                (0..again.len()).filter(|&j| other[j].bic() < found[doubtful[j]].bic()).collect();
+            adding.finish(&self.options, &again, &better, &mut other);
+            for j in better {
+                found[doubtful[j]] = other[j];
             }
         }
         found.iter_mut().for_each(Found::sort);
@@ -95,9 +98,15 @@ struct Adding<'a> {
 }
 
 impl Adding<'_> {
-    /// Adds lobes to pixels without any, from exponents in the given order.
-    fn lobes(&mut self, pixels: &[usize], starts: [f64; MOST_LOBES]) -> Vec<Found> {
-        let Sequence { lobes: most, select, ref options, .. } = *self.sequence;
+    /// Adds lobes to pixels without any, from exponents in the given order; `options` say when the
+    /// last search stops.
+    fn lobes(
+        &mut self,
+        pixels: &[usize],
+        starts: [f64; MOST_LOBES],
+        options: &Options,
+    ) -> Vec<Found> {
+        let Sequence { lobes: most, select, .. } = *self.sequence;
         let all = self.data.photographs();
         let some = some(all);
         let (rough, sure) = (to(ROUGH, options), to(0.1 * ROUGH, options));
@@ -134,13 +143,27 @@ impl Adding<'_> {
                 better
             });
         }
+        let open: Vec<_> =
+            (0..pixels.len()).filter(|&i| some < all || found[i].lobes < most).collect();
+        self.finish(options, pixels, &open, &mut found);
+        found
+    }
+
+    /// Searches on from where some pixels stand, in all photographs.
+    fn finish(
+        &mut self,
+        options: &Options,
+        pixels: &[usize],
+        which: &[usize],
+        found: &mut [Found],
+    ) {
         // Where the search ended it begins: long first steps.
         let last = Options { damping: 1e-2, ..*options };
-        for lobes in 1..=if some == all { most - 1 } else { most } {
-            let these: Vec<_> = (0..pixels.len()).filter(|&i| found[i].lobes == lobes).collect();
-            self.refine(&last, all, pixels, &these, &mut found);
+        for lobes in 1..=self.sequence.lobes {
+            let these: Vec<_> =
+                which.iter().copied().filter(|&i| found[i].lobes == lobes).collect();
+            self.refine(&last, self.data.photographs(), pixels, &these, found);
         }
-        found
     }
 
     /// Searches on from where some pixels, all with as many lobes, stand.

@@ -73,7 +73,8 @@ pub fn fit_lobes<M: LobeModel>(
             fit.write(scratch, &fine, sheet);
         },
     )?;
-    Ok(maps)
+    // The last tiles may have been left before their end.
+    if run.cancelled() { Err(Error::Cancelled) } else { Ok(maps) }
 }
 
 /// Tiles that tell what is typical of a painting, at most: some ten thousand pixels.
