@@ -147,7 +147,8 @@ def fit_sbrdf(
         With ``pooling="segment"``: ``(y, x)`` whole numbers, the same for the pixels of one part;
         below 0: of none. Every part takes as long as the painting.
     lobes
-        Lobes per pixel at most, 1 to 3; default: 2, of Lafortune's 3.
+        Lobes per pixel at most, 1 to 3; default: 2, of Lafortune's 3. Only where every pixel has
+        lobes of its own.
     ambient
         With ``pooling="pixel"``: whether every pixel has a constant per band for light that comes
         from everywhere, as between the facets of a relief.
@@ -171,7 +172,7 @@ def fit_sbrdf(
         None means every allowed core.
     progress
         True: a bar on stderr; or a callable ``(done, total)`` in tiles, which starts anew for
-        each of the two stages.
+        each of the two stages, and with segments for every segment.
 
     Returns
     -------
@@ -183,7 +184,8 @@ def fit_sbrdf(
     Raises
     ------
     ArgumentError
-        An unknown name, an index outside 1 to 100, lobes outside 1 to 3, normals of another size,
+        An unknown name, an index outside 1 to 100, lobes outside 1 to 3 or for a fit that has one,
+        normals of another size,
         segments that are no whole numbers ``(y, x)``, or without ``pooling="segment"``.
     GeometryError
         Lights that cannot determine normals.
@@ -201,6 +203,10 @@ def fit_sbrdf(
     index = refractive_index(index)
     effort = resolved(effort)
     most = lobe_count(LOBES_OF[model] if lobes is None else lobes)
+    if lobes is not None and model == "torrance-sparrow" and pooling != "pixel":
+        raise ArgumentError(
+            f'lobes: pooling is {pooling!r}, which has one; only "pixel" takes {lobes!r}'
+        )
     if pooling == "segment":
         labels = checked_labels(segments, stack.shape[2:])
     elif segments is not None:
