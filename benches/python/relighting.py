@@ -18,11 +18,11 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from record import RESULTS, data_folder, run_info, show, write
 
 import impasto
+from impasto.io import write_jpeg
 from impasto.pictures import contact_sheet, ramp_panel
 from impasto.study.peers import WEIGHTS, robust_lambert
 
@@ -42,7 +42,6 @@ STORED = {
 }
 """Numbers kept per pixel of three bands; a normal and an albedo per band count as 6, two lobes as 8
 and the ambient part as 3."""
-BEST = [cv2.IMWRITE_PNG_COMPRESSION, 9]
 PICTURED = {
     OURS: "one lobe per painting",
     PIXEL: "own lobes per pixel",
@@ -158,7 +157,7 @@ def main() -> None:
             {"run": run_info(command), "seed": None, "folds": FOLDS} | {"rows": rows},
         )
         sheet = picture(residuals, rows)
-        cv2.imwrite(str(RESULTS / "relighting.png"), np.ascontiguousarray(sheet[..., ::-1]), BEST)
+        write_jpeg(RESULTS / "relighting.jpg", sheet, quality=88)
 
 
 if __name__ == "__main__":
