@@ -4,10 +4,10 @@
     python benches/python/fits.py [--record]
 
 The pixels have beta 50 to 200, gamma 0.06 to 0.36, angles to 0.57 rad, noise of 1 % of beta. Every
-side gets the same samples, angles and start (the largest sample, gamma 0.15), and one thread; peers
-stop at relative tolerances of 1e-5, ours at its defaults, which are finer. A peer gets as many
-pixels as it fits in about a second; rounds of both sides alternate, the median of their ratios of
-processor times counts, and compilers are warm. A peer that is not installed is left out by name.
+side gets the same samples, angles and start (the largest sample, gamma 0.15), relative tolerances
+of 1e-5 and one thread. A peer gets as many pixels as it fits in about a second; rounds of both
+sides alternate, the median of their ratios of processor times counts, and compilers are warm. A
+peer that is not installed is left out by name.
 """
 
 from __future__ import annotations
