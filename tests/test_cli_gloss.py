@@ -14,7 +14,7 @@ import impasto
 from impasto import simulate
 from impasto.cli import main
 from impasto.cli.options import Angles
-from impasto.io import write_exr, write_stack
+from impasto.io import read_stack, write_exr, write_stack
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,9 @@ def test_every_pixel_may_have_lobes_of_its_own(
     with OpenEXR.File(str(out / "lobes.exr"), separate_channels=True) as file:
         assert names <= set(file.channels())
     content = json.loads((out / "report.json").read_text())
-    assert content["options"]["pooling"] == "pixel"
+    told = content["options"]
+    assert (told["pooling"], told["lobes"], told["ambient"]) == ("pixel", 1, True)
+    assert "extraction" not in told
     assert sum(content["results"]["lobes"]) == 32 * 40
     assert main(["render", str(out), "--out", str(tmp_path / "lit.png"), "--quiet"]) == 0
     assert main(["info", str(out / "sbrdf.npz")]) == 0
@@ -75,6 +77,18 @@ def test_lobes_of_lafortune_are_fitted_and_rendered(
         printed = capsys.readouterr().out
         assert "lobes per pixel" in printed
         assert "one-view" in printed
+
+
+def test_the_effort_of_all_fits_can_be_chosen(stack: Path, tmp_path: Path) -> None:
+    out, draft = tmp_path / "lobes", impasto.effort.PRESETS["draft"]
+    words = f"fit {stack} --pooling pixel --effort draft --out {out} --quiet"
+    assert main(words.split()) == 0
+    assert json.loads((out / "report.json").read_text())["options"]["effort"] == "draft"
+    saved = impasto.load_sbrdf(out / "sbrdf.npz")
+    expected = impasto.fit_sbrdf(read_stack(stack), pooling="pixel", effort=draft)
+    np.testing.assert_array_equal(saved.normal, expected.normal)
+    usual = impasto.fit_sbrdf(read_stack(stack), pooling="pixel")
+    assert not np.array_equal(saved.normal, usual.normal, equal_nan=True)
 
 
 @pytest.fixture(scope="module")
@@ -163,6 +177,9 @@ def mistakes(stack: Path) -> dict[str, str]:
         ("--pooling brush", 2, "--pooling"),
         ("--lobes 2", 2, "--lobes goes with --pooling pixel"),
         ("--no-ambient", 2, "--ambient goes with --pooling pixel"),
+        ("--model lafortune --ambient", 2, "--model lafortune has no --ambient"),
+        ("--model lafortune --pooling painting", 2, "without --pooling painting"),
+        ("--effort best", 2, "--effort"),
         ("--segments {small}", 2, "--pooling segment"),
         ("--pooling segment", 2, "needs --segments, a picture"),
         ("--model lafortune --pooling segment", 2, "--pooling segment"),

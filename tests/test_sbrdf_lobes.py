@@ -150,11 +150,6 @@ def test_a_wrong_number_of_lobes_is_refused(scene: Any, lobes: Any) -> None:
         impasto.fit_sbrdf(scene[2], pooling="pixel", lobes=lobes)
 
 
-def test_lobes_are_refused_where_there_is_one(scene: Any) -> None:
-    with pytest.raises(impasto.ArgumentError, match="lobes: pooling is 'painting'"):
-        impasto.fit_sbrdf(scene[2], lobes=2)
-
-
 def test_a_picture_shows_gold_as_gold(scene: Any, fitted: impasto.LobeSbrdf) -> None:
     light = np.array([0.15, 0.1, 1.0])
     picture = impasto.render(

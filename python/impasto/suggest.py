@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from impasto.effort import PRESETS
 from impasto.errors import ArgumentError
+from impasto.fit.border import checked_stack
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.rig import Rig
 from impasto.stack import Stack
@@ -130,8 +131,7 @@ def suggest_effort(
             raise ArgumentError(f"{name}: expected a number above 0, found {value!r}")
     if error is None and seconds is None:
         raise ArgumentError("error: say the largest error, or in seconds= the longest time")
-    if not isinstance(stack, Stack):
-        raise ArgumentError(f"stack: expected an impasto.Stack, found {type(stack).__name__}")
+    checked_stack(stack)
     count = len(stack.rig)
     if count < FEWEST:
         raise ArgumentError(f"stack: a trial needs {FEWEST} photographs, found {count}")

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Literal, get_args
 
 from impasto.bands import Camera
+from impasto.effort import EffortLike
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback
 from impasto.fit.normals import Method, Normals, fit_normals
@@ -51,6 +52,8 @@ class System:
         Of :func:`impasto.fit_normals`.
     model, pooling, extraction, joint, index
         Of :func:`impasto.fit_sbrdf`.
+    effort
+        Of both.
     estimator, rank
         Of :func:`impasto.fit_reflectance`.
     pictures
@@ -70,6 +73,7 @@ class System:
     extraction: Extraction = "residual"
     joint: bool = True
     index: float = 1.45
+    effort: EffortLike = "standard"
     estimator: Estimator = "root-polynomial"
     rank: int | None = None
     pictures: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -129,6 +133,7 @@ class System:
             w1=self.w1,
             w2=self.w2,
             selection=self.selection,
+            effort=self.effort,
             threads=threads,
             progress=progress,
         )
@@ -150,6 +155,7 @@ class System:
             joint=self.joint,
             index=self.index,
             normals=normals,
+            effort=self.effort,
             threads=threads,
             progress=progress,
         )

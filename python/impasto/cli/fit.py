@@ -11,12 +11,14 @@ from rich.markup import escape
 
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
-from impasto.cli.gloss import Gloss
+from impasto.cli.gloss import Gloss, with_labels
 from impasto.cli.measuring import measured
 from impasto.cli.options import Flag
 from impasto.cli.photographs import Reading
+from impasto.effort import Preset
 from impasto.errors import ArgumentError
 from impasto.fit.normals import Method
+from impasto.fit.options import takers
 from impasto.fit.pooled import Extraction
 from impasto.fit.reflectance import Estimator
 from impasto.systems import Name
@@ -38,6 +40,7 @@ def fit(
     extraction: Extraction | None = None,
     joint: Annotated[bool | None, Parameter(negative="--no-joint")] = None,
     index: float | None = None,
+    effort: Preset | None = None,
     camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
     illuminant: str | None = None,
     estimator: Estimator | None = None,
@@ -67,6 +70,8 @@ def fit(
         Fit normals, colours and gloss to all samples together; the papers do not.
     index
         Index of refraction of the varnish; default: 1.45.
+    effort
+        How far the fits go, between time and accuracy; default: standard.
     camera
         CSV file of band sensitivities, or "srgb" where the photographs are developed to sRGB
         colours; reflectance spectra are estimated then, and any illuminant can be rendered.
@@ -95,12 +100,13 @@ def fit(
         )
     if system != "impasto" and camera is None:
         raise CycloptsError(msg=f"--system {system} estimates spectra: it needs --camera")
-    steps: dict[str, Any] = {"method": method, "extraction": extraction, "joint": joint}
-    steps |= {"index": index, "estimator": estimator}
+    steps: dict[str, Any] = {"extraction": extraction, "joint": joint, "index": index}
     gloss = Gloss() if gloss is None else gloss
     gloss.check(system=system, camera=camera, steps=steps)
+    steps |= {"method": method, "estimator": estimator, "effort": effort}
     asked = {name: value for name, value in steps.items() if value is not None}
     procedure = replace(systems.get(system), **asked)
+    own = gloss.options(procedure)
     reading = Reading() if reading is None else reading
     labels = [] if gloss.segments is None else [gloss.segments]
     inputs = [*reading.paths(stack), *labels]
@@ -111,8 +117,8 @@ def fit(
             photographs = reading.read(stack)
             stage.note = stack_words(photographs)
         tell(stages, photographs)
-        own = gloss.options(photographs, reading.region)
-        sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads, own)
+        told = with_labels(own, photographs, reading.region)
+        sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads, told)
         with stages.stage("files") as stage:
             write_maps(folder, sbrdf, reflectance)
             if reflectance is not None:
@@ -131,8 +137,8 @@ def fit(
                 "stack": stack,
                 **asdict(reading),
                 "system": system,
-                **procedure.options,
-                **gloss.asked,
+                **{name: value for name, value in procedure.options.items() if not takers(name)},
+                **own,
                 "camera": camera,
                 "illuminant": illuminant,
                 "threads": threads,

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import CycloptsError, Group, Parameter
 
 from impasto.errors import ArgumentError
-from impasto.fit.sbrdf import Model, Pooling
+from impasto.fit.options import FitKind, Model, Pooling, fit_kind, takers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from impasto.stack import Stack
+    from impasto.systems import System
 
 GROUP = Group("Gloss", sort_key=2)
 
@@ -44,75 +45,64 @@ class Gloss:
     ambient: Annotated[bool | None, Parameter(negative="--no-ambient")] = None
     """With --pooling pixel: allow for light that comes from everywhere; default: yes."""
 
-    @property
-    def of_pixels(self) -> bool:
-        """Whether every pixel has lobes of its own."""
-        return self.pooling == "pixel" or self.model == "lafortune"
-
-    @property
-    def word(self) -> str:
-        """The option that makes it other than the usual."""
-        lafortune = self.model == "lafortune"
-        return "--model lafortune" if lafortune else f"--pooling {self.pooling}"
-
-    @property
-    def asked(self) -> dict[str, Any]:
-        """What was asked for, for the report."""
-        return {name: value for name, value in asdict(self).items() if value is not None}
-
     def check(self, *, system: str, camera: str | None, steps: dict[str, Any]) -> None:
-        """Refuse what does not go together; ``steps`` are options of the pooled fit."""
-        if self.model == "lafortune" and self.pooling not in {None, "pixel"}:
+        """Refuse what does not go together; ``steps`` are options of the papers' procedure."""
+        kind = self._kind()
+        word = _in_words(kind)
+        for name in kind.idle({**self._own(), **steps}):
+            others = " or ".join(map(_in_words, takers(name)))
+            raise CycloptsError(msg=f"--{name} goes with {others}: {word} has no --{name}")
+        if "segments" in kind.defaults and self.segments is None:
             raise CycloptsError(
-                msg=f"--model lafortune fits every pixel by itself: it goes without --pooling "
-                f"{self.pooling}"
+                msg=f"{word} needs --segments, a picture in which every segment has a grey or a "
+                "colour of its own"
             )
-        if self.pooling == "segment" and self.segments is None:
+        if system != "impasto" and kind.chosen != ("pooling", "painting"):
             raise CycloptsError(
-                msg="--pooling segment needs --segments, a picture in which every segment has a "
-                "grey or a colour of its own"
+                msg=f"{word} goes without --system: the papers have one gloss per painting"
             )
-        if self.segments is not None and self.pooling != "segment":
-            raise CycloptsError(msg="--segments goes with --pooling segment")
-        if self.lobes is not None and not self.of_pixels:
-            raise CycloptsError(msg="--lobes goes with --pooling pixel or --model lafortune")
-        if self.ambient is not None and (self.pooling != "pixel" or self.model == "lafortune"):
-            raise CycloptsError(msg="--ambient goes with --pooling pixel")
-        if system != "impasto" and (self.of_pixels or self.pooling == "segment"):
+        if camera is not None and "lobes" in kind.defaults:
             raise CycloptsError(
-                msg=f"{self.word} goes without --system: the papers have one gloss per painting"
+                msg=f"{word} goes without --camera: spectra tell nothing of lobes with colours"
             )
-        if camera is not None and self.of_pixels:
-            raise CycloptsError(
-                msg=f"{self.word} goes without --camera: spectra tell nothing of lobes with colours"
-            )
-        idle = {"extraction", "joint"} if self.of_pixels else set()
-        idle |= {"index"} if self.model == "lafortune" else set()
-        for name in sorted(idle):
-            if steps[name] is not None:
-                raise CycloptsError(msg=f"{self.word} has no --{name}")
 
-    def options(self, stack: Stack, region: tuple[int, int, int, int] | None) -> dict[str, Any]:
-        """Arguments of :func:`impasto.fit_sbrdf`; none for the usual gloss."""
-        if not self.of_pixels and self.pooling != "segment":
-            return {}
-        found: dict[str, Any] = {"model": self.model}
-        if self.of_pixels:
-            found |= {"pooling": "pixel"} | ({} if self.lobes is None else {"lobes": self.lobes})
-            found |= {} if self.ambient is None else {"ambient": self.ambient}
-        if self.segments is not None:
-            labels = _labels(self.segments, stack.shape[2:], region)
-            found |= {"pooling": "segment", "segments": labels}
-        return found
+    def options(self, procedure: System) -> dict[str, Any]:
+        """Arguments of :func:`impasto.fit_sbrdf`, none left out; segments are still a picture."""
+        kind = self._kind()
+        given = {**procedure.options, **self._own()}
+        own = kind.complete({name: given[name] for name in kind.defaults})
+        return {"model": kind.model, "pooling": kind.pooling, **own}
+
+    def _kind(self) -> FitKind:
+        try:
+            return fit_kind(self.model, self.pooling)
+        except ArgumentError as error:
+            # Words are checked on the way in: these two do not go together.
+            words = f"--model {self.model} goes without --pooling {self.pooling}"
+            raise CycloptsError(msg=words) from error
+
+    def _own(self) -> dict[str, Any]:
+        return {"segments": self.segments, "lobes": self.lobes, "ambient": self.ambient}
 
 
-def _labels(
-    path: Path, size: tuple[int, int], region: tuple[int, int, int, int] | None
-) -> NDArray[Any]:
+def _in_words(kind: FitKind) -> str:
+    """``--pooling pixel``."""
+    return "--{} {}".format(*kind.chosen)
+
+
+def with_labels(
+    options: dict[str, Any], stack: Stack, region: tuple[int, int, int, int] | None
+) -> dict[str, Any]:
+    """The options with the picture of segments, if there is one, read."""
+    path = options.get("segments")
+    return options if path is None else options | {"segments": _labels(path, stack, region)}
+
+
+def _labels(path: Path, stack: Stack, region: tuple[int, int, int, int] | None) -> NDArray[Any]:
     """The parts that a picture tells apart, in the pixels of the photographs."""
     from impasto.io import read_labels
 
-    labels = read_labels(path)
+    labels, size = read_labels(path), stack.shape[2:]
     rows, columns = labels.shape
     if region is not None:
         top, left, height, width = region

@@ -42,13 +42,11 @@ def measured(
         if gloss:
             sbrdf = impasto.fit_sbrdf(
                 stack,
-                extraction=system.extraction,
-                joint=system.joint,
-                index=system.index,
+                **gloss,
                 normals=normals,
+                effort=system.effort,
                 threads=threads,
                 progress=stage.advance,
-                **gloss,
             )
         else:
             sbrdf = system.fit_sbrdf(stack, normals, threads=threads, progress=stage.advance)

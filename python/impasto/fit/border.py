@@ -63,11 +63,7 @@ class StackArguments:
     @classmethod
     def of(cls, stack: Stack) -> StackArguments:
         """The samples stay where they are; the rest is a few numbers per observation."""
-        if not isinstance(stack, Stack):
-            raise ArgumentError(
-                f"stack: expected an impasto.Stack, found {type(stack).__name__}; make one with "
-                "impasto.read_stack(path) or impasto.Stack(samples, lights=directions)"
-            )
+        checked_stack(stack)
         observations, bands = stack.shape[:2]
         gain = stack.scale[None, :] / stack.rig.intensities[:, None]
         saturation = np.full(bands, np.inf) if stack.saturation is None else stack.saturation
@@ -99,6 +95,16 @@ class StartArguments:
             diffuse=np.ascontiguousarray(stereo.albedo, dtype=np.float32),
             status=np.ascontiguousarray(stereo.status, dtype=np.uint8),
         )
+
+
+def checked_stack(stack: Any) -> Stack:
+    """The stack, or a refusal that says how to make one."""
+    if not isinstance(stack, Stack):
+        raise ArgumentError(
+            f"stack: expected an impasto.Stack, found {type(stack).__name__}; make one with "
+            "impasto.read_stack(path) or impasto.Stack(samples, lights=directions)"
+        )
+    return stack
 
 
 def thread_count(threads: int | None) -> int:

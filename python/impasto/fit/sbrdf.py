@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Literal, TypedDict, Unpack, get_args, overload
+from typing import Literal, TypedDict, Unpack, overload
 
 from numpy.typing import ArrayLike
 
 from impasto.checks import refractive_index
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback
+from impasto.fit.border import ProgressCallback, checked_stack
 from impasto.fit.lafortune import LafortuneSbrdf, fit_lafortune
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count
 from impasto.fit.normals import Method, Normals, fit_normals
+from impasto.fit.options import Model, Pooling, fit_kind, one_of
 from impasto.fit.pooled import Extraction, Sbrdf, fit_pooled
 from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
 from impasto.io.results import read_maps
 from impasto.stack import Stack
-
-Model = Literal["torrance-sparrow", "lafortune"]
-Pooling = Literal["painting", "segment", "pixel"]
-
-LOBES_OF = {"torrance-sparrow": 2, "lafortune": 3}
-"""Lobes that a pixel may have, if nobody says otherwise."""
 
 RESULTS = {kind.kind(): kind for kind in (Sbrdf, SegmentSbrdf, LobeSbrdf, LafortuneSbrdf)}
 """Every kind of result by what its files call it."""
@@ -101,13 +96,13 @@ def fit_sbrdf(
     stack: Stack,
     *,
     model: Model = "torrance-sparrow",
-    pooling: Pooling = "painting",
+    pooling: Pooling | None = None,
     segments: ArrayLike | None = None,
     lobes: int | None = None,
-    ambient: bool = True,
-    extraction: Extraction = "residual",
-    joint: bool = True,
-    index: float = 1.45,
+    ambient: bool | None = None,
+    extraction: Extraction | None = None,
+    joint: bool | None = None,
+    index: float | None = None,
     normals: Normals | Method | None = None,
     effort: EffortLike = "standard",
     threads: int | None = None,
@@ -140,28 +135,28 @@ def fit_sbrdf(
     model
         ``"torrance-sparrow"``, the first two papers', or ``"lafortune"``, the third's.
     pooling
-        ``"painting"``: one Torrance-Sparrow lobe for all pixels. ``"segment"``: one for every part
-        that ``segments`` tells apart; a part whose pixels do not determine a lobe has the
-        painting's, and says so. ``"pixel"``: every pixel its own; Lafortune lobes always are.
+        ``"painting"`` (default): one Torrance-Sparrow lobe for all pixels. ``"segment"``: one for
+        every part that ``segments`` tells apart; a part whose pixels do not determine a lobe has
+        the painting's, and says so. ``"pixel"``: every pixel its own; Lafortune lobes always are.
     segments
         With ``pooling="segment"``: ``(y, x)`` whole numbers, the same for the pixels of one part;
         below 0: of none. Every part takes as long as the painting.
     lobes
-        Lobes per pixel at most, 1 to 3; default: 2, of Lafortune's 3. Only where every pixel has
-        lobes of its own.
+        Where every pixel has lobes of its own: how many at most, 1 to 3; default: 2, of Lafortune's
+        3.
     ambient
         With ``pooling="pixel"``: whether every pixel has a constant per band for light that comes
-        from everywhere, as between the facets of a relief.
+        from everywhere, as between the facets of a relief; default: True.
     extraction
-        Which samples carry the first estimate of the lobe: ``"residual"`` (default): all that are
-        not in shadow, by what the diffuse part leaves; ``"maximum"``: each pixel's brightest
-        photograph; ``"papers"``: the same divided by its geometry factor ``F G / (N.V)``, as eq. 6
-        and 10 are written.
+        Where pixels are pooled: which samples carry the first estimate of the lobe.
+        ``"residual"`` (default): all that are not in shadow, by what the diffuse part leaves;
+        ``"maximum"``: each pixel's brightest photograph; ``"papers"``: the same divided by its
+        geometry factor ``F G / (N.V)``, as eq. 6 and 10 are written.
     joint
-        False stops at that estimate, with the normals and colours of photometric stereo: the
-        papers' procedure.
+        Where pixels are pooled: False stops at that estimate, with the normals and colours of
+        photometric stereo, the papers' procedure; default: True.
     index
-        Index of refraction of the interface; 1.45 in the papers.
+        Index of refraction of a Torrance-Sparrow lobe's interface; default: 1.45, the papers'.
     normals
         What :func:`impasto.fit_normals` returned, or the name of one of its methods; default:
         its own default.
@@ -184,9 +179,8 @@ def fit_sbrdf(
     Raises
     ------
     ArgumentError
-        An unknown name, an index outside 1 to 100, lobes outside 1 to 3 or for a fit that has one,
-        normals of another size,
-        segments that are no whole numbers ``(y, x)``, or without ``pooling="segment"``.
+        An unknown name, an option that the fit does not have, an index outside 1 to 100, lobes
+        outside 1 to 3, normals of another size, or segments that are no whole numbers ``(y, x)``.
     GeometryError
         Lights that cannot determine normals.
 
@@ -197,50 +191,38 @@ def fit_sbrdf(
     E. Jansen, Acquisition and rendering of paintings (section 4). E. Lafortune et al., Non-linear
     approximation of reflectance functions, SIGGRAPH 1997.
     """
-    _one_of(model, Model, "model")
-    _one_of(pooling, Pooling, "pooling")
-    _one_of(extraction, Extraction, "extraction")
-    index = refractive_index(index)
+    checked_stack(stack)
+    options = fit_kind(model, pooling).complete(
+        {
+            "segments": segments,
+            "lobes": lobes,
+            "ambient": ambient,
+            "extraction": extraction,
+            "joint": joint,
+            "index": index,
+        }
+    )
+    if "extraction" in options:
+        one_of(options["extraction"], Extraction, "extraction")
+    if "index" in options:
+        options["index"] = refractive_index(options["index"])
+    if "lobes" in options:
+        options["lobes"] = lobe_count(options["lobes"])
     effort = resolved(effort)
-    most = lobe_count(LOBES_OF[model] if lobes is None else lobes)
-    if lobes is not None and model == "torrance-sparrow" and pooling != "pixel":
-        raise ArgumentError(
-            f'lobes: pooling is {pooling!r}, which has one; only "pixel" takes {lobes!r}'
-        )
-    if pooling == "segment":
-        labels = checked_labels(segments, stack.shape[2:])
-    elif segments is not None:
-        raise ArgumentError(f'segments: pooling is {pooling!r}; only "segment" takes them')
-    if pooling == "segment" and model == "lafortune":
-        raise ArgumentError('pooling: Lafortune lobes are fitted pixel by pixel, found "segment"')
-
-    def pooled(stereo: Normals) -> Sbrdf:
-        return fit_pooled(
-            stack,
-            stereo,
-            extraction=extraction,
-            joint=joint,
-            index=index,
-            effort=effort,
-            threads=threads,
-            progress=progress,
-        )
-
+    labels = None
+    if "segments" in options:
+        labels = checked_labels(options.pop("segments"), stack.shape[2:])
     stereo = _stereo(stack, normals, effort, threads, progress)
     if model == "lafortune":
-        return fit_lafortune(stack, stereo, lobes=most, threads=threads, progress=progress)
-    if pooling == "pixel":
-        return fit_lobes(
-            stack,
-            stereo,
-            lobes=most,
-            ambient=ambient,
-            index=index,
-            effort=effort,
-            threads=threads,
-            progress=progress,
-        )
-    return fit_segments(labels, stereo, pooled) if pooling == "segment" else pooled(stereo)
+        return fit_lafortune(stack, stereo, **options, threads=threads, progress=progress)
+    options |= {"effort": effort, "threads": threads, "progress": progress}
+    if "lobes" in options:
+        return fit_lobes(stack, stereo, **options)
+
+    def pooled(stereo: Normals) -> Sbrdf:
+        return fit_pooled(stack, stereo, **options)
+
+    return pooled(stereo) if labels is None else fit_segments(labels, stereo, pooled)
 
 
 def _stereo(
@@ -266,9 +248,3 @@ def _stereo(
             f"{(bands, height, width)}; fit them to this stack"
         )
     return normals
-
-
-def _one_of(value: Any, names: Any, argument: str) -> None:
-    if value not in get_args(names):
-        expected = " or ".join(map(repr, get_args(names)))
-        raise ArgumentError(f"{argument}: expected {expected}, found {value!r}")

@@ -154,6 +154,11 @@ def checked_labels(segments: Any, shape: tuple[int, int]) -> NDArray[np.int64]:
             f"segments: expected whole numbers of shape {shape}, found {labels.dtype} of shape "
             f"{labels.shape}"
         )
+    most = int(np.iinfo(np.int64).max)
+    if labels.size and int(labels.max()) > most:
+        raise ArgumentError(
+            f"segments: expected labels up to {most}, found {labels.max()}; number the parts anew"
+        )
     return labels.astype(np.int64)
 
 

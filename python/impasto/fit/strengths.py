@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto.checks import refractive_index
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback, reporting
+from impasto.fit.border import ProgressCallback, checked_stack, reporting
 from impasto.fit.lobes import fit_lobes, lobe_count
 from impasto.fit.normals import fit_normals
 from impasto.rig import Light, Rig
@@ -128,8 +128,7 @@ def fit_strengths(
     Semi-calibrated photometric stereo (Cho, Matsushita, Tai and Kweon, CVPR 2016) by alternation,
     with highlights in the model and medians for sums.
     """
-    if not isinstance(stack, Stack):
-        raise ArgumentError(f"stack: expected an impasto.Stack, found {type(stack).__name__}")
+    checked_stack(stack)
     lobes, index = lobe_count(lobes), refractive_index(index)
     count = len(stack.rig)
     if count < FEWEST:

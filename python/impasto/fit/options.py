@@ -1,0 +1,115 @@
+"""Which option belongs to which fit: one table, asked by ``fit_sbrdf`` and by the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from impasto.errors import ArgumentError
+
+Model = Literal["torrance-sparrow", "lafortune"]
+Pooling = Literal["painting", "segment", "pixel"]
+
+
+@dataclass(frozen=True)
+class FitKind:
+    """One of the fits of :func:`impasto.fit_sbrdf`.
+
+    Attributes
+    ----------
+    model, pooling
+        What is fitted, and to what.
+    told_by
+        Which of the two tells it from the other fits.
+    defaults
+        Its own options, and what it takes where nobody says.
+    """
+
+    model: Model
+    pooling: Pooling
+    told_by: Literal["model", "pooling"]
+    defaults: Mapping[str, Any]
+
+    @property
+    def chosen(self) -> tuple[str, str]:
+        """The argument that asks for it, and its value."""
+        return self.told_by, getattr(self, self.told_by)
+
+    def idle(self, given: Mapping[str, Any]) -> list[str]:
+        """The options of other fits that are given; None: not given."""
+        return [
+            name for name, value in given.items() if name not in self.defaults and value is not None
+        ]
+
+    def complete(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Its own options, with their defaults where None is given.
+
+        Raises
+        ------
+        ArgumentError
+            An option of another fit.
+        """
+        for name in self.idle(given):
+            value = given[name]
+            plain = isinstance(value, bool | int | float | str)
+            others = " or ".join(_in_python(other) for other in takers(name))
+            raise ArgumentError(
+                f"{name}: {_in_python(self)} has no such option, found "
+                f"{repr(value) if plain else type(value).__name__}; leave it out, or ask for "
+                f"{others}"
+            )
+        return {
+            name: default if given.get(name) is None else given[name]
+            for name, default in self.defaults.items()
+        }
+
+
+_POOLED = {"extraction": "residual", "joint": True, "index": 1.45}
+
+KINDS = (
+    FitKind("torrance-sparrow", "painting", "pooling", _POOLED),
+    FitKind("torrance-sparrow", "segment", "pooling", {"segments": None} | _POOLED),
+    FitKind("torrance-sparrow", "pixel", "pooling", {"lobes": 2, "ambient": True, "index": 1.45}),
+    FitKind("lafortune", "pixel", "model", {"lobes": 3}),
+)
+"""Every fit there is. Normals, effort, threads and progress are options of all of them."""
+
+_POOLING: Mapping[Model, Pooling] = {"torrance-sparrow": "painting", "lafortune": "pixel"}
+"""How a model's lobes are pooled where nobody says."""
+
+
+def fit_kind(model: Model, pooling: Pooling | None) -> FitKind:
+    """The fit that is asked for.
+
+    Raises
+    ------
+    ArgumentError
+        An unknown name, or two that do not go together.
+    """
+    one_of(model, Model, "model")
+    asked = _POOLING[model] if pooling is None else pooling
+    one_of(asked, Pooling, "pooling")
+    kinds = {kind.pooling: kind for kind in KINDS if kind.model == model}
+    if asked not in kinds:
+        known = " or ".join(map(repr, kinds))
+        raise ArgumentError(f"pooling: model={model!r} goes with {known} only, found {asked!r}")
+    return kinds[asked]
+
+
+def takers(option: str) -> list[FitKind]:
+    """Every fit that has an option."""
+    return [kind for kind in KINDS if option in kind.defaults]
+
+
+def one_of(value: Any, names: Any, argument: str) -> None:
+    """Refuse a word that is none of a ``Literal``."""
+    if value not in get_args(names):
+        expected = " or ".join(map(repr, get_args(names)))
+        raise ArgumentError(f"{argument}: expected {expected}, found {value!r}")
+
+
+def _in_python(kind: FitKind) -> str:
+    """``pooling='pixel'``."""
+    argument, value = kind.chosen
+    return f"{argument}={value!r}"
