@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import subprocess
 import sys
 from pathlib import Path
@@ -62,14 +63,14 @@ def pooled() -> impasto.Sbrdf:
     )
 
 
-def segmented() -> impasto.SegmentSbrdf:
+def segmented(*segments: impasto.Segment) -> impasto.SegmentSbrdf:
     return impasto.SegmentSbrdf(
         **shared(),
         beta=number(*SIZE),
         gamma=number(*SIZE),
         misfit=number(*SIZE),
         labels=np.zeros(SIZE, np.int64),
-        segments=(),
+        segments=segments,
         painting=pooled(),
     )
 
@@ -132,6 +133,26 @@ def test_single_numbers_are_attributes_and_bands_are_picked_by_name() -> None:
     red = dataset["diffuse"].sel(band="band2")
     np.testing.assert_array_equal(red, pooled().diffuse[2])
     assert facets().to_xarray()["gamma"].attrs == {"units": "rad"}
+
+
+def test_segments_are_a_table_by_label() -> None:
+    covariance = np.array([[0.01, 0.002], [0.002, 0.04]])
+    parts = (
+        impasto.Segment(3, 400, 2.5, 0.05, covariance, "fitted", own=True),
+        impasto.Segment(200, 16, 1.5, 0.1, np.diag([np.inf, np.inf]), "too-few", own=False),
+    )
+    dataset = segmented(*parts).to_xarray()
+    gloss = dataset.sel(segment=3)
+    assert (int(gloss["segment_pixels"]), float(gloss["segment_beta"])) == (400, 2.5)
+    np.testing.assert_array_equal(gloss["segment_covariance"], covariance)
+    assert gloss["segment_covariance"].dims == ("row", "column")
+    assert dataset["segment_gamma"].attrs == {"units": "rad"}
+    assert dataset["segment_verdict"].values.tolist() == ["fitted", "too-few"]
+    assert dataset["segment_own"].values.tolist() == [True, False]
+    names = {f"segment_{one.name}" for one in dataclasses.fields(impasto.Segment)}
+    assert names - {"segment_label"} <= set(dataset.data_vars)
+    assert dataset.attrs["index"] == pooled().index
+    assert segmented().to_xarray().sizes["segment"] == 0
 
 
 def test_a_file_of_netcdf_takes_every_attribute() -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from dataclasses import Field, fields
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -13,6 +13,16 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from impasto.fit.result import FittedSurface
+
+
+Variable: TypeAlias = tuple[tuple[str, ...], Any, dict[str, Any]]
+"""Dimensions, values, attributes: as xarray takes them."""
+
+
+def variable(of: Field[Any], values: Any, *first: str) -> Variable:
+    """The values of a field over its dimensions, after those that come ``first``."""
+    unit = of.metadata["unit"]
+    return (*first, *of.metadata["dims"]), values, {"units": unit} if unit else {}
 
 
 def dataset_of(surface: FittedSurface) -> Dataset:
@@ -39,8 +49,7 @@ def dataset_of(surface: FittedSurface) -> Dataset:
         if not dims:
             numbers[one.name] = int(value) if isinstance(value, bool) else value
             continue
-        notes = {"units": one.metadata["unit"]} if one.metadata["unit"] else {}
-        variables[one.name] = (dims, value, notes)
+        variables[one.name] = variable(one, value)
     # As the CF conventions write an enumeration.
     variables["status"][2].update(
         flag_values=np.array([int(status) for status in Status], dtype=np.uint8),

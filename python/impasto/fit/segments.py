@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
+from impasto.fit.dataset import variable
 from impasto.fit.normals import Normals
 from impasto.fit.pooled import Sbrdf
 from impasto.fit.result import FittedSurface
@@ -18,6 +19,9 @@ from impasto.fit.saved import Reader, arrays_of, columns_of, over
 from impasto.fit.surface import SurfaceArguments
 from impasto.io.results import SavedMaps
 from impasto.status import Status
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 FEWEST = 64
 """Pixels that a lobe of their own takes: fewer have too few tilts to sample its flanks."""
@@ -49,7 +53,7 @@ class Segment:
     label: int = field(metadata=over(dtype=np.int64))
     pixels: int = field(metadata=over(dtype=np.int64))
     beta: float = field(metadata=over(dtype=np.float64))
-    gamma: float = field(metadata=over(dtype=np.float64))
+    gamma: float = field(metadata=over(dtype=np.float64, unit="rad"))
     covariance: NDArray[np.float64] = field(metadata=over("row", "column", dtype=np.float64))
     verdict: str = field(metadata=over(dtype=np.str_))
     own: bool = field(metadata=over(dtype=np.bool_))
@@ -96,6 +100,23 @@ class SegmentSbrdf(FittedSurface):
         """The painting with a lobe per segment, ready to be lit."""
         return SurfaceArguments.of_coats(
             self.normal, self.diffuse, self.beta, self.gamma, self.index
+        )
+
+    def to_xarray(self) -> Dataset:
+        """Every map, and the segments as variables over ``segment``, whose coordinate is ``label``.
+
+        ``segment_pixels``, ``segment_beta`` and so on are what :class:`Segment` calls them; all
+        else as for every result: :meth:`FittedSurface.to_xarray`.
+        """
+        dataset = super().to_xarray().assign_attrs(index=self.index)
+        columns = columns_of(self.segments, Segment, "")
+        dataset = dataset.assign_coords(segment=("segment", columns.pop("label")))
+        return dataset.assign(
+            {
+                f"segment_{one.name}": variable(one, columns[one.name], "segment")
+                for one in fields(Segment)
+                if one.name in columns
+            }
         )
 
     def report(self) -> dict[str, Any]:
