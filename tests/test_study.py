@@ -51,7 +51,7 @@ def test_presets_lie_on_the_front() -> None:
         assert not any(r.seconds < rung.seconds and r.error < rung.error for r in rungs)
     best = min(rung.error for rung in rungs)
     assert found["reference"].error == best
-    assert found["standard"].error <= 1.02 * best
+    assert found["standard"].error <= front.NEAR_BEST * best
     assert found["draft"].seconds * 8 <= found["standard"].seconds
     slow = [r for r in rungs if 4 * r.seconds > found["standard"].seconds]
     assert front.chosen(slow)["draft"].seconds * 2 <= found["standard"].seconds
@@ -119,9 +119,12 @@ def test_recoded_photographs_show_the_same_light(sort: str) -> None:
     first, second = (np.array([s.linear(i) for i in range(9)]) for s in (stack, other))
     clipped = ~np.isfinite(first)
     assert not np.isfinite(second[clipped]).any()
-    # Half a code of 8 bits of full scale (1 / 0.6), of float16 half a part in 1024 of the light.
+    # Half a code of full scale (1 / 0.6), of float16 half a part in 1024 of the light.
     full = 1.0 / 0.6
-    bound = {"8-bit linear": full / 510, "8-bit sRGB": 0.011 * full, "float16": full / 2048}
+    bound = {"8-bit sRGB": 0.011 * full, "float16": full / 2048}
+    # And float32's own rounding of light up to that.
+    own = full / 2**24
+    bound |= {f"{bits}-bit linear": 0.5 * full / (2**bits - 1) + own for bits in (8, 12, 16)}
     fine = np.isfinite(second) & ~clipped
     assert np.abs(first - second)[fine].max() <= 1.001 * bound.get(sort, 0.0)
 
@@ -193,22 +196,6 @@ def test_the_same_seed_gives_the_same_errors(
     again = study.run(tmp_path, quick=True, sizes=SIZES, repeats=1, threads=1)
     first = [(row["data"], row["setting"], row["error"]) for row in quick[1]["rows"]]
     assert first == [(row["data"], row["setting"], row["error"]) for row in again["rows"]]
-
-
-def test_an_interrupted_study_goes_on(quick: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
-    lines = (quick[0] / RUNS).read_text("utf-8").splitlines()
-    cut = tmp_path / RUNS
-    # The last but one is whole, the last was being written.
-    cut.write_text("\n".join(lines[:-1]) + "\n" + lines[-1][:40], encoding="utf-8")
-    told: list[str] = []
-    again = study.run(
-        tmp_path, quick=True, sizes=SIZES, repeats=1, advance=lambda *words: told.append(words[2])
-    )
-    assert len(cut.read_text("utf-8").splitlines()) == len(lines)
-    costs = [row["cost"] for row in quick[1]["rows"]]
-    assert [row["cost"] for row in again["rows"]][:-1] == costs[:-1]
-    with pytest.raises(impasto.ArgumentError, match="another study"):
-        study.run(tmp_path, quick=True, sizes=SIZES, seed=1)
 
 
 def test_everything_is_written(quick: tuple[Path, dict[str, Any]]) -> None:

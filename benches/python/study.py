@@ -1,22 +1,25 @@
 """The study of time against accuracy, recorded for the documentation.
 
-    python benches/python/study.py [--data DIR] [--out DIR] [--redraw]
+    python benches/python/study.py [--data DIR] [--out DIR] [--redraw | --presets]
 
 Runs ``impasto study`` (it goes on where it was interrupted), records benches/results/study.json,
-draws the figures of docs/accuracy-and-time.md into docs/_static and sets that page's tables. The
-presets in python/impasto/effort.py are those that the table "derived" says: a test compares them.
+draws the figures of docs/accuracy-and-time.md into docs/_static and sets that page's tables.
+``--presets`` runs nothing: it says which presets the recorded study calls for, what those of
+python/impasto/effort.py are, and whether they keep what they promise; it exits with 1 where they
+do not.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
 
 from pages import set_tables
-from record import ROOT, data_folder, write
+from record import RESULTS, ROOT, data_folder, write
 
-from impasto.study import run
+from impasto.study import presets, run
 from impasto.study.figures import draw
 from impasto.study.record import Journal
 from impasto.study.tables import tables
@@ -27,7 +30,12 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=data_folder())
     parser.add_argument("--out", type=Path, default=ROOT / "study", help="where runs are kept")
     parser.add_argument("--redraw", action="store_true", help="run nothing: tables and figures")
+    parser.add_argument("--presets", action="store_true", help="run nothing: say and check them")
     options = parser.parse_args()
+    if options.presets:
+        rows = json.loads((RESULTS / "study.json").read_text("utf-8"))["rows"]
+        print(presets.explained(rows))
+        sys.exit(not all(check.kept for check in presets.checked(rows)))
 
     def advance(done: int, total: int, name: str) -> None:
         print(f"{done}/{total} {name}", file=sys.stderr)

@@ -76,7 +76,7 @@ def study(
         _say(words, found, time.perf_counter() - start)
         print_table(tables(found["rows"])["presets"])
         words.print(f"[dim]{out}: {', '.join(path.name for path in written)}[/]")
-    return Exit.OK
+    return Exit.PARTIAL if found["failed"] else Exit.OK
 
 
 def print_table(table: list[dict[str, Any]]) -> None:
@@ -92,6 +92,8 @@ def _say(words: Console, found: dict[str, Any], seconds: float) -> None:
         words.print(f"without {name}: {reason}", style="yellow", markup=False)
     for reason in found["skipped"]:
         words.print(f"without {reason}", style="yellow", markup=False)
+    for reason in found["failed"]:
+        words.print(f"failed: {reason}", style="red", markup=False)
 
 
 def _bar(words: Console, quiet: bool) -> Progress:

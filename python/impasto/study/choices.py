@@ -8,10 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.encoding import Encoding
+from impasto.fit.sbrdf import fit_sbrdf
 from impasto.stack import Stack
+from impasto.suggest import full_scale, relative_error, thinned
 
-CHOICES = ("random", "spread")
-SORTS = ("8-bit linear", "8-bit sRGB", "float16", "float32")
+CHOICES = ("random", "spread", "best")
+SORTS = ("8-bit linear", "8-bit sRGB", "12-bit linear", "16-bit linear", "float16", "float32")
+TRIES = 16
+"""Subsets that the best is taken of."""
+JUDGED = 3
+"""Every so many pixels judge a subset."""
 
 
 def everything(stack: Stack, seed: int) -> Stack:
@@ -21,14 +27,33 @@ def everything(stack: Stack, seed: int) -> Stack:
 
 
 def fewer(stack: Stack, seed: int, *, count: int, choice: str) -> Stack:
-    """Some photographs: at random, or spread as evenly as a greedy choice gets."""
+    """Some photographs: at random, spread as evenly as a greedy choice gets, or the best of some.
+
+    The best of :data:`TRIES` random subsets is the one whose fit shows the photographs that it
+    leaves best, among those that may be fitted: it needs them all, so it tells what there is to
+    gain, not how to photograph.
+    """
     total = len(stack.rig)
-    count = min(count, total)
+    rng = np.random.default_rng([seed, count])
     if choice == "random":
-        picked = np.random.default_rng([seed, count]).permutation(total)[:count]
-    else:
+        picked = rng.permutation(total)[:count]
+    elif choice == "spread":
         picked = spread(np.hstack([stack.rig.directions, stack.rig.views]), count)
+    else:
+        tries = [rng.permutation(total) for _ in range(TRIES)]
+        picked = min(tries, key=lambda order: _error(stack, order, count))[:count]
     return stack.take(np.sort(picked))
+
+
+def _error(stack: Stack, order: NDArray[np.intp], count: int) -> float:
+    """Of the photographs after the first ``count``, by a fit of those."""
+    part = thinned(stack, JUDGED)
+    many = len(np.unique(stack.rig.views, axis=0)) > 1
+    options: Any = {"model": "lafortune"} if many else {"pooling": "pixel"}
+    shown = part.take(np.sort(order[count:]))
+    truth = np.array([shown.linear(i) for i in range(len(shown.rig))])
+    fitted = fit_sbrdf(part.take(np.sort(order[:count])), **options)
+    return relative_error(fitted.predict(shown.rig), truth, full_scale(stack))
 
 
 def spread(places: NDArray[Any], count: int) -> NDArray[np.intp]:
@@ -48,13 +73,18 @@ def recoded(stack: Stack, seed: int, *, sort: str) -> Stack:
     # Clipped samples are +inf: full scale in whatever comes.
     light = np.array([stack.linear(i) for i in range(len(stack.rig))])
     white = float((np.asarray(stack.saturation) - stack.black).max() * stack.scale.max())
-    if sort == "8-bit linear":
-        codes = np.rint(np.clip(light / white, 0.0, 1.0) * 255.0).astype(np.uint8)
-        return Stack(codes, lights=stack.rig, bands=stack.bands, scale=white / 255.0)
+    if sort.endswith("bit linear"):
+        top = 2 ** int(sort.partition("-")[0]) - 1
+        codes = np.rint(np.clip(light / white, 0.0, 1.0) * top)
+        kind = np.uint8 if top == 255 else np.uint16
+        return Stack(
+            codes.astype(kind), lights=stack.rig, bands=stack.bands, scale=white / top,
+            saturation=float(top),
+        )  # fmt: skip
     if sort == "8-bit sRGB":
         curve = Encoding("srgb", 255.0)
         decoded = curve.decode(np.rint(curve.encode(light / white))) * np.float32(white)
         full = float(np.float32(white))
         return Stack(decoded, lights=stack.rig, bands=stack.bands, saturation=full)
-    kind = np.float16 if sort == "float16" else np.float32
-    return Stack(light.astype(kind), lights=stack.rig, bands=stack.bands)
+    number = np.float16 if sort == "float16" else np.float32
+    return Stack(light.astype(number), lights=stack.rig, bands=stack.bands)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import impasto
+from impasto.effort import EffortLike
 from impasto.fit.forward import predict
 from impasto.fit.normals import Method, Normals
 from impasto.rig import Rig
@@ -43,6 +44,8 @@ class Matte:
         return predict(self.normals.normal, self.normals.albedo, 0.0, 1.0, lights)
 
 
-def lambert(stack: Stack, threads: int | None, *, method: Method) -> Fitted:
+def lambert(
+    stack: Stack, threads: int | None, *, method: Method, effort: EffortLike = "standard"
+) -> Fitted:
     """Photometric stereo alone."""
-    return Matte(impasto.fit_normals(stack, method=method, threads=threads))
+    return Matte(impasto.fit_normals(stack, method=method, effort=effort, threads=threads))

@@ -1,4 +1,4 @@
-"""The front of time against error, its knee, and the presets that are taken from it."""
+"""The front of time against error, its knee, and what makes a preset of a rung."""
 
 from __future__ import annotations
 
@@ -8,19 +8,16 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from impasto.effort import Effort
-
 Row: TypeAlias = dict[str, Any]
 
 ERROR = "relative"
 """What fronts are drawn of: root mean square error of relighting."""
 JUDGED = ("relative", "colour", "normal")
 """What presets are judged by, all together: highlights alone would rule the first."""
-NEAR_BEST = 1.02
-"""``standard`` is the cheapest within two per cent of the best."""
-PIXELS = {"draft": 1 << 12, "standard": 1 << 16, "reference": 1 << 18}
-"""Sixty thousand pixels know the painting's beta and gamma to a thousandth, a sixteenth of them to
-four, four times as many to half of one."""
+NEAR_BEST = 1.01
+"""``standard`` is the cheapest within one per cent of the best."""
+FLAGGED = 0.01
+"""Share of the pixels that ``standard`` and ``reference`` may flag beyond what they need not."""
 DRAFT = (1 / 8, 1 / 2)
 """Shares of the time of ``standard`` that ``draft`` may take; the first that anything keeps to."""
 
@@ -52,12 +49,23 @@ def knee(points: Sequence[tuple[float, float]]) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Rung:
-    """A setting over all data sets: geometric means of its seconds and of its errors."""
+    """A setting over all data sets.
+
+    Attributes
+    ----------
+    setting, options
+        Which.
+    seconds, error
+        Geometric means of CPU seconds per megapixel and of :func:`score`.
+    flagged
+        Mean share of the pixels that are flagged.
+    """
 
     setting: str
     options: Row
     seconds: float
     error: float
+    flagged: float = 0.0
 
 
 def rungs(rows: Iterable[Row]) -> list[Rung]:
@@ -72,6 +80,7 @@ def rungs(rows: Iterable[Row]) -> list[Rung]:
             next(iter(found.values()))["options"],
             _mean([row["cost"]["cpu"] for row in found.values()]),
             _mean([score(row) for row in found.values()]),
+            float(np.mean([row["error"]["flagged"] for row in found.values()])),
         )
         for setting, found in by_setting.items()
         if found.keys() == everywhere
@@ -91,15 +100,18 @@ def _mean(values: Sequence[float]) -> float:
 def chosen(candidates: Sequence[Rung]) -> dict[str, Rung]:
     """``draft``, ``standard`` and ``reference`` among some rungs.
 
-    ``reference`` has the least error, ``standard`` is the cheapest whose error is within 2 % of
-    that, ``draft`` the best of those that take at most an eighth of the time of ``standard``;
-    where nothing is so fast, at most half of it; else the fastest of all. All three lie on the
-    front: no rung is both faster and better.
+    ``reference`` has the least error of those that flag at most one pixel in a hundred more than
+    they need, ``standard`` is the cheapest of them whose error is within 1 % of that. ``draft`` is
+    the best of all that take at most an eighth of the time of ``standard``; where nothing is so
+    fast, at most half of it; else the knee of what is faster. Among those that each is taken from
+    no rung is both faster and better.
     """
-    line = [candidates[i] for i in front([(rung.seconds, rung.error) for rung in candidates])]
+    least = min(rung.flagged for rung in candidates)
+    line = _front([rung for rung in candidates if rung.flagged <= least + FLAGGED])
     reference = line[-1]
     standard = next(rung for rung in line if rung.error <= NEAR_BEST * reference.error)
-    draft = line[0]
+    line = [rung for rung in _front(candidates) if rung.seconds <= standard.seconds]
+    draft = line[knee([(rung.seconds, rung.error) for rung in line])]
     for share in DRAFT:
         fast = [rung for rung in line if rung.seconds <= share * standard.seconds]
         if fast:
@@ -108,14 +120,5 @@ def chosen(candidates: Sequence[Rung]) -> dict[str, Rung]:
     return {"draft": draft, "standard": standard, "reference": reference}
 
 
-def presets(rows: Iterable[Row]) -> dict[str, Effort]:
-    """The efforts that a study's rows call for.
-
-    ``pixels`` is no result of the study, whose pictures are smaller: a lobe's error falls with the
-    root of the pixels that it is looked for among (:data:`PIXELS`).
-    """
-    grid = chosen(rungs(row for row in rows if row["knob"] == "effort"))
-    return {
-        name: Effort(**rung.options["effort"] | {"pixels": PIXELS[name]})
-        for name, rung in grid.items()
-    }
+def _front(rungs: Sequence[Rung]) -> list[Rung]:
+    return [rungs[i] for i in front([(rung.seconds, rung.error) for rung in rungs])]

@@ -28,6 +28,9 @@ XYZ_FROM_SRGB = np.array(
 )
 """IEC 61966-2-1: colours are compared as if the three bands were those of a display."""
 
+ENOUGH = 0.4
+"""Seconds that all runs but one take together at least: the least of a few is not yet quiet."""
+
 COMPARED = 50_000
 """Pixels whose colours are compared, at most: colour differences are slower than most fits."""
 
@@ -93,9 +96,11 @@ class Errors:
 
 
 def timed(fit: Callable[[], T], megapixels: float, repeats: int) -> tuple[T, Cost]:
-    """Run a fit some times: its result, and the least that it cost."""
-    cpu, wall, peaks = [], [], []
-    for _ in range(repeats):
+    """Run a fit some times, short ones more often: its result, and the least that it cost."""
+    cpu: list[float] = []
+    wall: list[float] = []
+    peaks: list[float] = []
+    while len(cpu) < repeats or sum(wall) < ENOUGH * (repeats - 1):
         before = _reset_peak()
         clocks = time.process_time(), time.perf_counter()
         result = fit()
@@ -106,6 +111,14 @@ def timed(fit: Callable[[], T], megapixels: float, repeats: int) -> tuple[T, Cos
             peaks.append(after - before)
     memory = min(peaks) if peaks else None
     return result, Cost(min(cpu) / megapixels, min(wall) / megapixels, memory)
+
+
+def lobes_of(fitted: Fitted) -> list[float] | None:
+    """Shares of the pixels that have no lobe, one, two ...; None where none is counted."""
+    lobes = getattr(fitted, "lobes", None)
+    if lobes is None:
+        return None
+    return [float(count) / lobes.size for count in np.bincount(lobes.ravel(), minlength=4)]
 
 
 def _reset_peak() -> float | None:

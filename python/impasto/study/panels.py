@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from impasto.study.choices import CHOICES
 from impasto.study.front import ERROR, Row, knee
 from impasto.study.tables import SETS, fits_of, front_of, of_knob, points, preset_rows
 
@@ -18,6 +17,8 @@ BY = {
     "cauchy": (6, -1), "tukey": (6, -8), "robust": (-9, -11), "threshold": (-14, -11),
 }  # fmt: skip
 """Where names stand beside their points, in points of the type."""
+LOOKS = {"random": ("s--", ORANGE), "spread": ("o-", BLUE), "best": ("D:", GREEN)}
+"""Lines of the choices of photographs."""
 MARKS: dict[str, str] = {"draft": "v", "standard": "o", "reference": "^"}
 SHORT: dict[str, str] = {
     "RBF, normalised Gaussian": "RBF, Gaussian",
@@ -111,16 +112,18 @@ def _curve(axes: Any, rows: Sequence[Row], up: Any, style: str, colour: str, lab
 
 
 def lights(axes: Any, found: Row, data: str) -> None:
-    """Error against the number of lights, chosen at random and spread."""
+    """Error against the number of lights, chosen in several ways."""
     rows = [row for row in of_knob(found["rows"], "lights") if row["data"] == data]
     truth = rows[0]["error"]["normal"] is not None
-    for choice, style, colour in zip(CHOICES, ("s--", "o-"), (ORANGE, BLUE), strict=True):
-        some = [row for row in rows if row["setting"].endswith(choice)]
-        if truth:
-            _curve(axes, some, lambda row: row["error"]["normal"], style, colour, choice)
-        else:
-            _curve(axes, some, lambda row: 100 * row["error"][ERROR], style, colour, choice)
-    bound = [row for row in rows if "bound" in row and row["setting"].endswith(CHOICES[-1])]
+
+    def error(row: Row) -> float:
+        found: Row = row["error"]
+        return float(found["normal"] if truth else 100.0 * found[ERROR])
+
+    for choice, (style, colour) in LOOKS.items():
+        some = [row for row in rows if row["setting"].endswith((choice, "all"))]
+        _curve(axes, some, error, style, colour, choice)
+    bound = [row for row in rows if "bound" in row and row["setting"].endswith(("spread", "all"))]
     if bound:
         _curve(axes, bound, lambda row: row["bound"], ":", BLACK, "Cramér-Rao, spread")
     up = "error of the normals, degrees" if truth else "error of relighting, %"
@@ -149,7 +152,7 @@ def views(axes: Any, found: Row, data: str) -> None:
     """Decibels lost with photographs left out, of a rig of hundreds of views."""
     rows = [row for row in of_knob(found["rows"], "views") if row["data"] == data]
     full = max(rows, key=lambda row: row["number"])
-    for choice, style, colour in zip(CHOICES, ("s--", "o-"), (ORANGE, BLUE), strict=True):
+    for choice, (style, colour) in LOOKS.items():
         some = [row for row in rows if row["setting"].endswith(choice)]
         loss = lambda row: full["error"]["psnr"] - row["error"]["psnr"]  # noqa: E731
         _curve(axes, [*some, full], loss, style, colour, choice)

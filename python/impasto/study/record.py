@@ -1,7 +1,13 @@
-"""What ran where: a file of one line per run, so that an interrupted study goes on."""
+"""What ran where: a file of one line per run, so that an interrupted study goes on.
+
+A journal has sections. Each begins with a head: what its runs have in common. A study that goes on
+under what changes its times (another machine, other threads) opens a section of its own and times
+everything anew; back on the first machine it goes on in the sections of that one.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
@@ -16,8 +22,13 @@ import numpy as np
 from impasto import _core
 from impasto.errors import ArgumentError, CorruptInputError
 
-SCHEMA = 1
+SCHEMA = 2
 RUNS = "runs.jsonl"
+
+TERMS = ("commit", "impasto", "seed", "quick", "sizes")
+"""What errors depend on: a folder holds one study of these."""
+CLOCKS = ("processor", "cores", "simd", "python", "numpy", "threads", "repeats", "data")
+"""What times depend on, and which photographs there are."""
 
 
 def run_info() -> dict[str, Any]:
@@ -64,7 +75,7 @@ def _commit() -> str | None:
 
 
 class Journal:
-    """The runs of one study in a folder, one JSON object a line, what they have in common first.
+    """The runs of one study in a folder, one JSON object a line.
 
     Parameters
     ----------
@@ -73,46 +84,64 @@ class Journal:
     head
         What the runs have in common: under ``run`` what ran where.
     terms
-        Names of what must be the same under ``run`` for a study to go on. None: the folder holds a
-        study, which is only read.
+        Names of what must be the same under ``run`` for a study to go on.
+    clocks
+        Names of what must be the same for two runs' times to be compared; runs under others stay in
+        the file, and are left out. Without a ``head`` the folder holds a study, which is only read:
+        its last section and those like it.
     """
 
     def __init__(
-        self, folder: Path, head: dict[str, Any] | None = None, terms: Sequence[str] = ()
+        self,
+        folder: Path,
+        head: dict[str, Any] | None = None,
+        terms: Sequence[str] = (),
+        clocks: Sequence[str] = CLOCKS,
     ) -> None:
         self.path = folder / RUNS
-        self.runs: dict[tuple[str, str, str], dict[str, Any]] = {}
-        head = None if head is None else {"schema": SCHEMA} | head
-        if head is not None and not self.path.exists():
-            folder.mkdir(parents=True, exist_ok=True)
-            self.path.write_text(json.dumps(head) + "\n", encoding="utf-8")
-        first, *runs = list(self._lines()) or [{}]
-        self.head = first
-        if first.get("schema") != SCHEMA:
+        lines = list(self._lines()) if head is None or self.path.exists() else []
+        heads = [line for line in lines if "schema" in line]
+        if lines and (lines[0] not in heads or any(h["schema"] != SCHEMA for h in heads)):
             raise CorruptInputError(self.path, "is no journal of a study that this version knows")
         if head is not None:
-            for term in terms:
-                was, now = first["run"].get(term), head["run"][term]
-                if was != now:
-                    raise ArgumentError(
-                        f"out: {self.path} holds runs of another study ({term} {was!r}, now "
-                        f"{now!r}); choose another folder or remove that file"
-                    )
+            head = {"schema": SCHEMA} | head
+            for was in heads[:1]:
+                self._check(was["run"], head["run"], terms)
+            folder.mkdir(parents=True, exist_ok=True)
+            if not heads or _under(heads[-1], clocks) != _under(head, clocks):
+                lines.append(head)
             # A last line that was cut off by an interruption is written anew.
-            whole = [json.dumps(line) for line in (first, *runs)]
-            self.path.write_text("\n".join(whole) + "\n", encoding="utf-8")
-        self.runs = {key_of(run): run for run in runs}
+            self.path.write_text("".join(json.dumps(line) + "\n" for line in lines), "utf-8")
+        if head is None and not heads:
+            raise CorruptInputError(self.path, "is no journal of a study that this version knows")
+        self.head = head or heads[-1]
+        self.runs: dict[tuple[str, str, str], dict[str, Any]] = {}
+        alike = False
+        for line in lines:
+            if "schema" in line:
+                alike = _under(line, clocks) == _under(self.head, clocks)
+            elif alike:
+                self.runs[key_of(line)] = line
+
+    def _check(self, was: dict[str, Any], now: dict[str, Any], terms: Sequence[str]) -> None:
+        for term in terms:
+            if was.get(term) != now[term]:
+                raise ArgumentError(
+                    f"out: {self.path} holds runs of another study ({term} {was.get(term)!r}, now "
+                    f"{now[term]!r}); choose another folder or remove that file"
+                )
 
     def found(self) -> dict[str, Any]:
-        """``run``, ``missing``, ``skipped`` (settings and why), ``rows``."""
+        """``run``, ``missing``, ``skipped`` and ``failed`` (settings and why), ``rows``."""
         rows = list(self.runs.values())
-        skipped = sorted({f"{r['setting']}: {r['skipped']}" for r in rows if "skipped" in r})
-        measured = [row for row in rows if "skipped" not in row]
         return {
             "run": self.head["run"],
             "missing": self.head["missing"],
-            "skipped": skipped,
-            "rows": measured,
+            "skipped": sorted({f"{r['setting']}: {r['skipped']}" for r in rows if "skipped" in r}),
+            "failed": sorted(
+                {f"{r['setting']} on {r['data']}: {r['failed']}" for r in rows if "failed" in r}
+            ),
+            "rows": [row for row in rows if "cost" in row],
         }
 
     def _lines(self) -> Iterator[dict[str, Any]]:
@@ -130,6 +159,20 @@ class Journal:
         self.runs[key_of(run)] = run
         with self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(run) + "\n")
+
+
+def _under(head: dict[str, Any], terms: Sequence[str]) -> list[Any]:
+    return [head["run"].get(term) for term in terms]
+
+
+def digest(path: Path) -> str:
+    """What tells a file, or all files of a folder, from others: the first 16 digits of SHA-256."""
+    found = hashlib.sha256()
+    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+        if file.is_file():
+            found.update(file.name.encode())
+            found.update(file.read_bytes())
+    return found.hexdigest()[:16]
 
 
 def key_of(run: dict[str, Any]) -> tuple[str, str, str]:

@@ -12,17 +12,20 @@ import numpy as np
 from impasto.effort import PRESETS, Effort
 from impasto.fit.normals import Method
 from impasto.stack import Stack
-from impasto.study import choices, fits, minpack, peers
+from impasto.study import choices, fits, minpack, parts, peers
 from impasto.study.measure import Fitted
+from impasto.study.specimens import Specimen
 
 Fit: TypeAlias = Callable[[Stack, int | None], Fitted]
 Prepare: TypeAlias = Callable[[Stack, int], Stack]
+Part: TypeAlias = Callable[[Specimen], Specimen]
 
 VIEWS = "770 views"
 SIMULATED = ("own model", "shifted gamma", "ABC")
 ONE_VIEW = (*SIMULATED, "icon")
-COUNTS = (6, 9, 14, 24, 48)
-"""Lights that are kept."""
+COUNTS = (6, 9, 14, 24)
+"""Lights that are kept of 48, of the icon's of 60."""
+ALL = 48
 VIEW_COUNTS = (12, 18, 35, 70, 175, 350)
 """Photographs that are kept of 700: a hundredth to a half."""
 PER_PIXEL = {"pooling": "pixel"}
@@ -48,8 +51,8 @@ class Setting:
         What :func:`impasto.fit_sbrdf` is given, the effort as its numbers; empty for anything else.
     number
         Where the setting stands on the knob's scale.
-    stride
-        Every so many pixels along both axes are fitted: what is too slow for all of them.
+    part
+        Which pixels of a data set: all of them, or fewer of what is too slow.
     """
 
     knob: str
@@ -59,7 +62,7 @@ class Setting:
     prepare: Prepare = choices.everything
     options: dict[str, Any] = field(default_factory=dict)
     number: float | None = None
-    stride: int = 1
+    part: Part = parts.whole
 
     @property
     def peer(self) -> bool:
@@ -91,39 +94,26 @@ def _spread(rungs: list[Setting], count: int) -> list[Setting]:
 
 
 def _sbrdf(knob: str, name: str, on: tuple[str, ...], /, **more: Any) -> Setting:
-    keep = {key: more.pop(key) for key in ("prepare", "number", "stride") if key in more}
+    keep = {key: more.pop(key) for key in ("prepare", "number", "part") if key in more}
     options = {k: v.to_dict() if isinstance(v, Effort) else v for k, v in more.items()}
     return Setting(knob, name, partial(fits.sbrdf, **more), on, options=options, **keep)
 
 
 def _all() -> Iterator[Setting]:
     yield from _efforts()
-    for lobes in (1, 2, 3):
-        name = f"{lobes} lobe{'s' * (lobes > 1)}"
-        yield _sbrdf("lobes", name, ONE_VIEW, **PER_PIXEL, lobes=lobes, number=lobes)
-        yield _sbrdf("lobes", f"Lafortune, {name}", (VIEWS,), model="lafortune", lobes=lobes)
-    yield _sbrdf("lobes", "no ambient light", ONE_VIEW, **PER_PIXEL, ambient=False)
-    for choice in choices.CHOICES:
-        for count in COUNTS:
-            yield _sbrdf(
-                "lights", f"{count} {choice}", ONE_VIEW, **PER_PIXEL, number=count,
-                prepare=partial(choices.fewer, count=count, choice=choice),
-            )  # fmt: skip
-        for count in VIEW_COUNTS:
-            yield _sbrdf(
-                "views", f"{count} {choice}", (VIEWS,), model="lafortune", number=count,
-                prepare=partial(choices.fewer, count=count, choice=choice),
-            )  # fmt: skip
-    yield _sbrdf("views", "all", (VIEWS,), model="lafortune", number=700)
+    yield from _lobes()
+    yield from _photographs()
     for sort in choices.SORTS:
         prepare = partial(choices.recoded, sort=sort)
         yield _sbrdf("bits", sort, SIMULATED, **PER_PIXEL, prepare=prepare)
     for method in get_args(Method):
         yield Setting("normals", method, partial(fits.lambert, method=method), ONE_VIEW)
+        yield _sbrdf("starts", method, ONE_VIEW, **PER_PIXEL, normals=method)
     for name, fit in peers.PEERS.items():
         yield Setting("peer", name, fit, ONE_VIEW)
-    yield Setting("peer", minpack.NAME, minpack.fit, ONE_VIEW, stride=minpack.STRIDE)
-    yield _sbrdf("sample", "ours, MINPACK's pixels", ONE_VIEW, **PER_PIXEL, stride=minpack.STRIDE)
+    some = partial(parts.strided, stride=minpack.STRIDE)
+    yield Setting("peer", minpack.NAME, minpack.fit, ONE_VIEW, part=some)
+    yield _sbrdf("sample", "ours, MINPACK's pixels", ONE_VIEW, **PER_PIXEL, part=some)
 
 
 def _efforts() -> Iterator[Setting]:
@@ -139,3 +129,40 @@ def _efforts() -> Iterator[Setting]:
     for pixels in (1 << 8, 1 << 10):
         effort = Effort(pixels=pixels)
         yield _sbrdf("pixels", f"{pixels} pixels", ONE_VIEW, effort=effort, number=pixels)
+    for stereo in (0, 1, 2, 5, 10):
+        fit = partial(fits.lambert, method="robust", effort=Effort(stereo=stereo))
+        yield Setting("stereo", f"{stereo} steps", fit, ONE_VIEW, number=stereo)
+    for start, method in {"off": "least-squares", "on": "robust"}.items():
+        for samples, rounds in {"off": 0, "on": 2}.items():
+            name = f"stereo {start}, samples {samples}"
+            effort = Effort(rounds=rounds)
+            yield _sbrdf("robust", name, ONE_VIEW, **PER_PIXEL, normals=method, effort=effort)
+
+
+def _lobes() -> Iterator[Setting]:
+    """How many a pixel may have: Schwarz's criterion takes fewer where they do not pay."""
+    yield Setting("lobes", "none", partial(fits.lambert, method="robust"), ONE_VIEW, number=0)
+    for lobes in (1, 2, 3):
+        name = f"{lobes} at most"
+        yield _sbrdf("lobes", name, ONE_VIEW, **PER_PIXEL, lobes=lobes, number=lobes)
+        yield _sbrdf("lobes", f"Lafortune, {name}", (VIEWS,), model="lafortune", lobes=lobes)
+    yield _sbrdf("lobes", "2 at most, no ambient light", ONE_VIEW, **PER_PIXEL, ambient=False)
+    for count, name in enumerate(("no lobe", "one lobe", "two lobes")):
+        part = partial(parts.alike, lobes=count)
+        yield _sbrdf("classes", name, ONE_VIEW, **PER_PIXEL, part=part, number=count)
+
+
+def _photographs() -> Iterator[Setting]:
+    for choice in choices.CHOICES:
+        for count in COUNTS:
+            yield _sbrdf(
+                "lights", f"{count} {choice}", ONE_VIEW, **PER_PIXEL, number=count,
+                prepare=partial(choices.fewer, count=count, choice=choice),
+            )  # fmt: skip
+        for count in VIEW_COUNTS:
+            yield _sbrdf(
+                "views", f"{count} {choice}", (VIEWS,), model="lafortune", number=count,
+                prepare=partial(choices.fewer, count=count, choice=choice),
+            )  # fmt: skip
+    yield _sbrdf("lights", "all", ONE_VIEW, **PER_PIXEL, number=ALL)
+    yield _sbrdf("views", "all", (VIEWS,), model="lafortune", number=700)

@@ -16,6 +16,7 @@ from impasto.simulate import rig as rig_named
 from impasto.simulate.photography import Model, Truth
 from impasto.stack import Stack
 from impasto.study.materials import MODELS, forward_of
+from impasto.study.record import digest
 
 LIGHTS = 60
 """Of the simulated dome; one in five is held out."""
@@ -47,6 +48,8 @@ class Specimen:
         ``(3, y, x)`` true normals; None where nobody knows them.
     truth
         All there is to know, where the photographs follow the model that is fitted.
+    share
+        Of the data set's pixels.
     """
 
     name: str
@@ -57,6 +60,7 @@ class Specimen:
     exposure: float
     normal: NDArray[np.float32] | None
     truth: Truth | None = None
+    share: float = 1.0
 
     @property
     def megapixels(self) -> float:
@@ -167,6 +171,16 @@ RECIPES = (
     Recipe("icon", "photographs of a gilded icon, 60 lights", _icon, "icon_rti/dirs.lp"),
     Recipe("770 views", "simulated, Lafortune lobes, 700 views", _simulated, views=True),
 )
+
+
+def digests(folder: Path | None) -> dict[str, str]:
+    """Which real data there are: a digest of what every recipe needs and finds."""
+    found = {}
+    for recipe in RECIPES:
+        if folder is not None and recipe.needs is not None and (folder / recipe.needs).is_file():
+            path = folder / recipe.needs
+            found[recipe.name] = digest(path if path.suffix == ".csv" else path.parent)
+    return found
 
 
 def specimens(

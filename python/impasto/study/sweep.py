@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from impasto.errors import ArgumentError, GeometryError
+from impasto.errors import ArgumentError
 from impasto.simulate.fields import check_seed
+from impasto.study import parts
 from impasto.study.bound import normal_bound
-from impasto.study.measure import compared, timed
-from impasto.study.record import Journal, run_info
+from impasto.study.measure import compared, lobes_of, timed
+from impasto.study.record import TERMS, Journal, run_info
 from impasto.study.settings import Setting, settings
-from impasto.study.specimens import FULL, QUICK, Sizes, Specimen, specimens
-from impasto.suggest import every, thinned
+from impasto.study.specimens import FULL, QUICK, Sizes, Specimen, digests, specimens
 
 Advance = Callable[[int, int, str], None]
 """Told before every run: (done, total, what comes)."""
@@ -40,7 +40,8 @@ def run(
     Parameters
     ----------
     out
-        Folder of the journal; a study that was interrupted goes on there.
+        Folder of the journal; a study that was interrupted goes on there. On another machine, with
+        other threads, repeats or data everything is timed anew: times are never mixed.
     data
         Folder of real photographs and of measured materials; None: simulated data only.
     quick
@@ -62,7 +63,8 @@ def run(
     -------
     dict
         ``run`` (machine, commit, seed, sizes), ``missing`` (data sets and why), ``skipped``
-        (settings and why), ``rows``.
+        (peers that are not installed, pixels that there are none of), ``failed`` (fits that ended
+        in an error; tried again by the next run), ``rows``.
 
     Raises
     ------
@@ -75,14 +77,14 @@ def run(
     sizes = sizes or (QUICK if quick else FULL)
     made, missing = specimens(sizes, seed, data)
     info = run_info() | {"seed": seed, "quick": quick, "sizes": asdict(sizes)}
-    terms = ("commit", "impasto", "simd", "seed", "quick", "sizes")
-    journal = Journal(out, {"run": info | {"threads": threads}, "missing": missing}, terms)
+    info |= {"threads": threads, "repeats": repeats, "data": digests(data)}
+    journal = Journal(out, {"run": info, "missing": missing}, TERMS)
     chosen = [s for s in settings(quick=quick) if knobs is None or s.knob in knobs]
     jobs = [(name, setting) for name in made for setting in chosen if name in setting.on]
     specimen: Specimen | None = None
     for done, (name, setting) in enumerate(jobs):
         advance(done, len(jobs), f"{name}: {setting.name}")
-        if (name, setting.knob, setting.name) in journal.runs:
+        if "failed" not in journal.runs.get((name, setting.knob, setting.name), {"failed": ""}):
             continue
         if specimen is None or specimen.name != name:
             specimen = made[name]()
@@ -101,27 +103,18 @@ def _measured(
         "number": setting.number,
         "options": setting.options,
     }
-    part = strided(specimen, setting.stride)
-    stack = setting.prepare(part.stack, seed)
     try:
+        part = setting.part(specimen)
+        stack = setting.prepare(part.stack, seed)
         fitted, cost = timed(lambda: setting.fit(stack, threads), part.megapixels, repeats)
-    except (ImportError, GeometryError) as error:
-        # A peer that is not installed; lights that are too few.
+        if setting.knob == "lights" and part.truth is not None:
+            row["bound"] = normal_bound(part.truth, stack.rig)
+        row |= {"share": part.share, "lobes": lobes_of(fitted)}
+        return row | {"cost": asdict(cost), "error": asdict(compared(fitted, part))}
+    except parts.NoPixelsError as error:
         return row | {"skipped": str(error)}
-    if setting.knob == "lights" and part.truth is not None:
-        row["bound"] = normal_bound(part.truth, stack.rig)
-    return row | {"cost": asdict(cost), "error": asdict(compared(fitted, part))}
-
-
-def strided(specimen: Specimen, stride: int) -> Specimen:
-    """Every so many pixels of a specimen along both axes."""
-    if stride == 1:
-        return specimen
-    normal = specimen.normal
-    window = every(specimen.stack.shape[2:], stride)
-    return replace(
-        specimen,
-        stack=thinned(specimen.stack, stride),
-        held=specimen.held[window],
-        normal=None if normal is None else normal[window],
-    )
+    except Exception as error:
+        if setting.peer and isinstance(error, ImportError):
+            return row | {"skipped": str(error)}
+        # Whatever a fit of ours refuses here it should have made: the others go on, and it shows.
+        return row | {"failed": f"{type(error).__name__}: {error}"}

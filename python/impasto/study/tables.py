@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from impasto.effort import PRESETS
-from impasto.study import minpack
-from impasto.study.front import ERROR, Row, front, presets
+from impasto.study import minpack, presets
+from impasto.study.front import ERROR, Row, front
 
 SETS = {
     "own model": "simulated, our model",
@@ -20,7 +20,9 @@ SETS = {
 }
 """Data sets in the words of the tables."""
 
-LADDERS = ("effort", "pixels", "lobes", "lights", "bits", "normals", "views")
+LADDERS = (
+    "effort", "pixels", "robust", "stereo", "starts", "lobes", "lights", "bits", "normals", "views",
+)  # fmt: skip
 """Knobs whose settings make a table each."""
 
 
@@ -31,6 +33,8 @@ def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
         "front": [_line(row) for row in _best(rows)],
         "halving": _halving(rows),
         "derived": _derived(rows),
+        "checks": presets.table(rows),
+        "classes": _classes(rows),
         "unbeaten": [_line(row) for row in unbeaten(rows)],
         "peer": [_line(row) for data in SETS for row in _of_set(rows, data, "peer", "sample")],
     }
@@ -50,7 +54,7 @@ def _of_set(rows: Sequence[Row], data: str, *knobs: str) -> list[Row]:
 
 def fits_of(rows: Sequence[Row], data: str) -> list[Row]:
     """Our own fits of a data set to all its photographs: what its front is made of."""
-    knobs = {"effort", "pooling", "pixels", "lobes", "normals"}
+    knobs = {*presets.FAIR, "normals", "stereo"}
     return [row for row in rows if row["data"] == data and row["knob"] in knobs]
 
 
@@ -115,6 +119,25 @@ def _line(row: Row, name: str | None = None) -> Row:
     }
 
 
+def _classes(rows: Sequence[Row]) -> list[Row]:
+    """What pixels that need fewer lobes save, against those that need most of their data set."""
+    lines: list[Row] = []
+    for data in SETS:
+        some = _of_set(rows, data, "classes")
+        most = max((row["cost"]["cpu"] for row in some), default=0.0)
+        lines += [
+            {
+                "data": SETS[data],
+                "pixels": row["setting"],
+                "share %": 100.0 * row["share"],
+                "CPU s": row["cost"]["cpu"],
+                "saved %": 100.0 * (1.0 - row["cost"]["cpu"] / most),
+            }
+            for row in some
+        ]
+    return lines
+
+
 def _halving(rows: Sequence[Row]) -> list[Row]:
     """From each preset of pixels' own lobes: the best fit in at most half of its time."""
     lines = []
@@ -142,7 +165,7 @@ def _halving(rows: Sequence[Row]) -> list[Row]:
 
 def _derived(rows: Sequence[Row]) -> list[Row]:
     try:
-        derived = presets(rows)
+        derived = presets.derived(rows)
     except (StopIteration, IndexError, KeyError):
         return []
     return [{"preset": name} | derived[name].to_dict() for name in PRESETS]

@@ -1,0 +1,68 @@
+"""Which pixels of a data set a setting is measured on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from impasto.fit.sbrdf import fit_sbrdf
+from impasto.stack import Stack
+from impasto.study.specimens import Specimen
+from impasto.suggest import every, thinned
+
+WIDTH = 32
+"""Pixels of a class stand in rows of so many."""
+
+
+class NoPixelsError(Exception):
+    """A data set has no such pixel."""
+
+
+def whole(specimen: Specimen) -> Specimen:
+    """All of them."""
+    return specimen
+
+
+def strided(specimen: Specimen, *, stride: int) -> Specimen:
+    """Every so many along both axes."""
+    normal = specimen.normal
+    window = every(specimen.stack.shape[2:], stride)
+    return replace(
+        specimen,
+        stack=thinned(specimen.stack, stride),
+        held=specimen.held[window],
+        normal=None if normal is None else normal[window],
+    )
+
+
+def alike(specimen: Specimen, *, lobes: int) -> Specimen:
+    """Those that the standard effort gives so many lobes, over and over in a picture as large.
+
+    As many pixels as the whole has, so that what a fit asks of a painting at first weighs as much.
+
+    Raises
+    ------
+    NoPixelsError
+        There are fewer than one in a hundred.
+    """
+    stack = specimen.stack
+    fitted = fit_sbrdf(stack, pooling="pixel")
+    y, x = np.nonzero(fitted.lobes == lobes)
+    count = stack.shape[2] * stack.shape[3]
+    if len(y) < 0.01 * count:
+        raise NoPixelsError(f"{len(y)} of {count} pixels")
+    turns = np.resize(np.arange(len(y)), count // WIDTH * WIDTH).reshape(-1, WIDTH)
+    place = np.s_[..., y[turns], x[turns]]
+    normal = specimen.normal
+    return replace(
+        specimen,
+        stack=Stack(
+            np.ascontiguousarray(stack.samples[place]), lights=stack.rig, bands=stack.bands,
+            saturation=stack.saturation, scale=stack.scale, black=stack.black,
+            encoding=stack.encoding,
+        ),
+        held=specimen.held[place],
+        normal=None if normal is None else normal[place],
+        share=len(y) / count,
+    )  # fmt: skip

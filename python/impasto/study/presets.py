@@ -1,0 +1,144 @@
+"""The efforts that a study calls for, and whether those that have names keep their promises."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+
+from impasto.effort import PRESETS, Effort
+from impasto.study.front import Row, Rung, chosen, rungs
+
+PIXELS = {"draft": 1 << 12, "standard": 1 << 16, "reference": 1 << 18}
+"""Sixty thousand pixels know the painting's beta and gamma to a thousandth, a sixteenth of them to
+four, four times as many to half of one."""
+FAIR = ("effort", "pooling", "pixels", "lobes", "starts", "robust")
+"""Knobs whose settings a preset is held against: fits of ours to all photographs."""
+SAME = 0.05
+"""What is nearer in time and error than that is no better: times of runs differ by as much."""
+BEST = 1.01
+"""``reference`` is within one per cent of the least error."""
+FASTER = 8.0
+"""``draft`` is so many times faster than ``standard``, or nothing as fast is better."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One promise of a preset.
+
+    Attributes
+    ----------
+    preset, promise
+        Whose, and which.
+    found
+        What the study says.
+    kept
+        Whether it is so.
+    """
+
+    preset: str
+    promise: str
+    found: str
+    kept: bool
+
+
+def derived(rows: Iterable[Row]) -> dict[str, Effort]:
+    """The efforts that a study's rows call for.
+
+    ``pixels`` is no result of the study, whose pictures are smaller: a lobe's error falls with the
+    root of the pixels that it is looked for among (:data:`PIXELS`).
+    """
+    grid = chosen(_grid(rows))
+    return {
+        name: Effort(**rung.options["effort"] | {"pixels": PIXELS[name]})
+        for name, rung in grid.items()
+    }
+
+
+def checked(rows: Iterable[Row], presets: Mapping[str, Effort] = PRESETS) -> list[Check]:
+    """Whether presets are where a study's front says that they should be.
+
+    Raises
+    ------
+    KeyError
+        One of them was not measured on every data set; it is named.
+    """
+    rows = list(rows)
+    grid = _grid(rows)
+    own = {name: _rung(grid, name, effort) for name, effort in presets.items()}
+    draft, standard, reference = own["draft"], own["standard"], own["reference"]
+    best = min(grid, key=lambda rung: rung.error)
+    everywhere = {row["data"] for row in rows if row["knob"] == "effort"}
+    fair = [row for row in rows if row["knob"] in FAIR and row["data"] in everywhere]
+    others = rungs(fair)
+    better = _better(others, standard)
+    return [
+        Check(
+            "standard", "nothing is both faster and more accurate by more than 5 %",
+            _said(better, standard), not better,
+        ),
+        Check(
+            "reference", "within 1 % of the least error of any rounds and steps",
+            f"{100.0 * (reference.error / best.error - 1.0):.1f} % above {best.setting}",
+            reference.error <= BEST * best.error,
+        ),
+        Check(
+            "draft", "8 times faster than standard, or nothing as fast is better by more than 5 %",
+            f"{standard.seconds / draft.seconds:.1f} times faster; "
+            + _said(_as_fast(others, draft), draft),
+            standard.seconds >= FASTER * draft.seconds or not _as_fast(others, draft),
+        ),
+    ]  # fmt: skip
+
+
+def table(rows: Iterable[Row]) -> list[Row]:
+    """The checks as rows of a table; none where the presets were not measured."""
+    try:
+        return [asdict(check) for check in checked(rows)]
+    except KeyError:
+        return []
+
+
+def explained(rows: Iterable[Row]) -> str:
+    """What the study calls for beside what the names stand for, and the checks, for people."""
+    rows = list(rows)
+    lines = []
+    for name, effort in derived(rows).items():
+        mark = "as it is" if effort == PRESETS[name] else f"is {PRESETS[name]}"
+        lines.append(f"{name}: {effort} ({mark})")
+    for check in checked(rows):
+        word = "kept" if check.kept else "BROKEN"
+        lines.append(f"{word}: {check.preset}: {check.promise}: {check.found}")
+    return "\n".join(lines)
+
+
+def _grid(rows: Iterable[Row]) -> list[Rung]:
+    return rungs(row for row in rows if row["knob"] == "effort")
+
+
+def _rung(grid: list[Rung], name: str, effort: Effort) -> Rung:
+    for rung in grid:
+        if rung.options["effort"] | {"pixels": effort.pixels} == effort.to_dict():
+            return rung
+    raise KeyError(name)
+
+
+def _better(others: list[Rung], rung: Rung) -> list[Rung]:
+    share = 1.0 - SAME
+    return [
+        o for o in others if o.seconds < share * rung.seconds and o.error < share * rung.error
+    ]  # fmt: skip
+
+
+def _as_fast(others: list[Rung], rung: Rung) -> list[Rung]:
+    share = 1.0 - SAME
+    return [o for o in others if o.seconds <= rung.seconds and o.error < share * rung.error]
+
+
+def _said(better: list[Rung], rung: Rung) -> str:
+    if not better:
+        return "nothing is"
+    most = min(better, key=lambda other: other.error)
+    time, error = (
+        100.0 * (1.0 - a / b) for a, b in ((most.seconds, rung.seconds), (most.error, rung.error))
+    )
+    return f"{most.setting} takes {time:.0f} % less, is off by {error:.0f} % less"

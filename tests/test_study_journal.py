@@ -1,0 +1,123 @@
+"""Studies that are interrupted, moved to another machine, or find a defect."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import impasto
+from impasto import study
+from impasto.cli import main
+from impasto.study import fits, record, specimens, sweep
+from impasto.study.record import RUNS
+
+SIZES = specimens.Sizes(painting=16, views=4, icon=16)
+KNOBS = ("normals", "peer")
+"""Eight fits of ours in milliseconds, and peers: the quick study takes three of either."""
+
+
+def run(out: Path, **more: Any) -> dict[str, Any]:
+    told: list[str] = []
+    options = {"quick": True, "knobs": KNOBS, "sizes": SIZES, "repeats": 1, "threads": 1} | more
+    found = study.run(out, advance=lambda *words: told.append(words[2]), **options)
+    return found | {"told": told}
+
+
+def costs(found: dict[str, Any]) -> dict[str, Any]:
+    return {row["setting"]: row["cost"] for row in found["rows"]}
+
+
+def lines(out: Path) -> list[Any]:
+    return [json.loads(line) for line in (out / RUNS).read_text("utf-8").splitlines()]
+
+
+def test_an_interrupted_study_goes_on(tmp_path: Path) -> None:
+    first = run(tmp_path)
+    journal = tmp_path / RUNS
+    whole = journal.read_text("utf-8").splitlines()
+    # The last but one is whole, the last was being written.
+    journal.write_text("\n".join(whole[:-1]) + "\n" + whole[-1][:40], encoding="utf-8")
+    again = run(tmp_path)
+    assert len(lines(tmp_path)) == len(whole)
+    last = first["rows"][-1]["setting"]
+    for name, cost in costs(first).items():
+        assert (costs(again)[name] == cost) == (name != last)
+    with pytest.raises(impasto.ArgumentError, match="another study"):
+        run(tmp_path, seed=1)
+
+
+@pytest.mark.parametrize("other", [{"repeats": 2}, {"threads": 2}])
+def test_times_under_other_terms_are_never_mixed(tmp_path: Path, other: dict[str, int]) -> None:
+    first, second = run(tmp_path), run(tmp_path, **other)
+    assert costs(first).keys() == costs(second).keys()
+    for name, cost in costs(second).items():
+        assert cost != costs(first)[name]
+    # Back where it began, nothing is timed a third time.
+    before = len(lines(tmp_path))
+    assert costs(run(tmp_path)) == costs(first)
+    assert [line for line in lines(tmp_path)[before:] if "cost" in line] == []
+    # What only reads a folder reads what came last.
+    assert costs(record.Journal(tmp_path).found()) == costs(first)
+
+
+def test_another_machine_times_everything_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = run(tmp_path)
+    here = record.run_info()
+    monkeypatch.setattr(sweep, "run_info", lambda: here | {"processor": "another", "cores": 64})
+    second = run(tmp_path)
+    assert second["run"]["processor"] == "another"
+    assert len(second["rows"]) == len(first["rows"])
+    for name, cost in costs(second).items():
+        assert cost != costs(first)[name]
+    # Errors are a matter of data, seed and code alone.
+    for one, other in zip(first["rows"], second["rows"], strict=True):
+        assert one["error"] == other["error"]
+
+
+def test_other_photographs_are_other_terms(tmp_path: Path) -> None:
+    folder = tmp_path / "data"
+    (folder / "brdf").mkdir(parents=True)
+    (folder / "brdf" / "sgd_100.csv").write_text("material\n", encoding="utf-8")
+    first = specimens.digests(folder)
+    assert list(first) == ["shifted gamma"]
+    (folder / "brdf" / "sgd_100.csv").write_text("materials\n", encoding="utf-8")
+    assert specimens.digests(folder) != first
+    assert specimens.digests(None) == {}
+
+
+def test_a_defect_shows_as_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Not as skipped, which is what a peer is that is not installed; and it is tried again."""
+
+    def refused(*_: Any, **__: Any) -> Any:
+        raise impasto.GeometryError("lights: a defect")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(fits.impasto, "fit_normals", refused)
+        broken.setattr("impasto.study.sweep.QUICK", SIZES)
+        found = run(tmp_path)
+        command = ["study", "--quick", "--out", str(tmp_path / "cli"), "--repeats", "1"]
+        assert main([*command, "--no-figures"]) == 4
+    assert "failed: " in capsys.readouterr().err
+    assert len(found["failed"]) == 3
+    assert all("GeometryError: lights: a defect" in words for words in found["failed"])
+    assert found["skipped"] == []
+    assert {row["knob"] for row in found["rows"]} == {"peer"}
+    again = run(tmp_path)
+    assert again["failed"] == []
+    assert len(again["rows"]) == len(found["rows"]) + 3
+
+
+def test_a_peer_that_is_not_installed_is_skipped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "scipy.optimize", None)
+    found = run(tmp_path)
+    assert [words.split(":")[0] for words in found["skipped"]] == ["MINPACK, one lobe"]
+    assert found["failed"] == []
