@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import impasto
-from impasto import Effort, simulate
+from impasto import Effort, _core, simulate, suggest
 from impasto.effort import PRESETS
 from impasto.study import specimens
 from impasto.suggest import every, full_scale, relative_error, thinned
@@ -113,6 +114,38 @@ def test_suggestions_that_cannot_be_made(
 def test_a_trial_needs_photographs_to_spare(stack: impasto.Stack) -> None:
     with pytest.raises(impasto.ArgumentError, match="a trial needs 8 photographs, found 7"):
         impasto.suggest_effort(stack.take(range(7)), error=0.1)
+
+
+def test_times_are_those_of_the_whole_painting(
+    stack: impasto.Stack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of fits that cost what the real ones do in outline, on a clock that only they move."""
+    now = 0.0
+
+    def cost(pixels: float, options: dict[str, Any]) -> float:
+        effort = options.get("effort", "standard")
+        if options.get("pooling") == "pixel":
+            steps = 1e-5 * PRESETS[effort].iterations
+            return steps * (pixels + min(pixels, _core.TYPICAL_PIXELS))
+        most = effort.pixels if isinstance(effort, Effort) else PRESETS[effort].pixels
+        search = 3e-6 if options.get("joint", True) else 1e-6
+        return 0.02 + 1e-6 * pixels + search * min(pixels, most)
+
+    def fit(part: impasto.Stack, *, threads: int | None, **options: Any) -> Any:
+        nonlocal now
+        now += cost(part.shape[2] * part.shape[3], options)
+        return SimpleNamespace(predict=lambda rig: np.zeros((len(rig), 3, *part.shape[2:])))
+
+    monkeypatch.setattr("impasto.suggest.fit_sbrdf", fit)
+    monkeypatch.setattr("impasto.suggest.time", SimpleNamespace(perf_counter=lambda: now))
+    # 24 x 24 pixels repeated to 288 x 288, of which one in 25 is tried.
+    wide = impasto.Stack(np.tile(stack.samples, (1, 1, 12, 12)), lights=stack.rig)
+    tried = impasto.suggest_effort(wide, seconds=1.0).tried
+    assert len(tried) == len(suggest.LADDER)
+    for trial in tried:
+        # 40 of the 48 photographs are known.
+        expected = cost(288 * 288, trial.options) * 48 / 40
+        assert trial.seconds == pytest.approx(expected, rel=1e-9), trial.options
 
 
 def test_a_thinned_stack_keeps_its_middle() -> None:

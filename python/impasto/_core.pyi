@@ -23,6 +23,7 @@ class BuildInfo(TypedDict):
 STATUS: list[tuple[str, int]]
 CONDITION_LIMIT: float
 RANK_LIMIT: float
+TYPICAL_PIXELS: int
 
 def build_info() -> BuildInfo: ...
 
@@ -57,6 +58,7 @@ def fit_lafortune(
     threads: int,
     progress: ProgressCallback | None,
 ) -> LafortuneMaps: ...
+def views_differ(rig: RigArguments) -> bool: ...
 
 @type_check_only
 class Pooled(TypedDict):
@@ -94,7 +96,6 @@ class Lobes(TypedDict):
     diffuse: NDArray[np.float32]
     ambient: NDArray[np.float32]
     specular: NDArray[np.float32]
-    names: list[str]
     numbers: NDArray[np.float32]
     spread: NDArray[np.float32]
     tinted: NDArray[np.uint8]
@@ -110,7 +111,6 @@ def fit_lobes(
     model: str,
     lobes: int,
     ambient: bool,
-    free: bool,
     rounds: int,
     typical: bool,
     iterations: int,

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.effort import PRESETS
+from impasto import _core
+from impasto.effort import resolved
 from impasto.errors import ArgumentError
-from impasto.fit.border import checked_stack
+from impasto.fit.border import RigArguments, checked_stack
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.rig import Rig
 from impasto.stack import Stack
@@ -35,8 +36,6 @@ HELD = 6
 """One photograph in so many is held out."""
 FEWEST = 8
 """Photographs that a trial needs: fewer cannot spare one."""
-ONE_VIEW = 0.05
-"""Views that differ by less, in radians, are one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +99,7 @@ def suggest_effort(
 
     Every preset, of one lobe per painting and of pixels' own, is tried on some four thousand
     pixels of this stack, with one photograph in six held out: what it costs on this machine, and
-    how far the held-out photographs are from what it expects. Times of pixels' own lobes err to
-    the long side, up to twice: what is typical of a painting is asked of as many pixels again.
+    how far the held-out photographs are from what it expects.
 
     Parameters
     ----------
@@ -158,8 +156,7 @@ def _trials(stack: Stack, threads: int | None) -> list[Trial]:
     shown = part.take(held)
     truth = np.array([shown.linear(i) for i in range(len(held))])
     known = part.take(train)
-    views = stack.rig.views
-    many = bool((views @ views[0] < math.cos(ONE_VIEW)).any())
+    many = _core.views_differ(RigArguments.of(stack.rig))
     ladder = VIEWS + LADDER if many else LADDER
     # Time grows with the pixels and, nearly, with the photographs.
     more = len(stack.rig) / len(train)
@@ -176,28 +173,43 @@ def _trial(
     threads: int | None,
 ) -> Trial:
     pixels = stack.shape[2] * stack.shape[3]
-    few = known.shape[2] * known.shape[3]
-
-    fitted: Any = None
-
-    def seconds(**options: Any) -> float:
-        nonlocal fitted
-        start = time.perf_counter()
-        fitted = fit_sbrdf(known, threads=threads, **options)
-        return time.perf_counter() - start
-
-    if options.keys() == {"effort"}:
-        # The painting's lobe is looked for among so many pixels at most; with a quarter of them
-        # what is left is what every pixel takes.
-        effort = PRESETS[options["effort"]]
-        quarter = seconds(effort=replace(effort, pixels=max(few // 4, 1)))
-        took = seconds(effort=replace(effort, pixels=few))
-        search = max(took - quarter, 0.0) * 4.0 / 3.0
-        took = search * min(pixels, effort.pixels) / few + (took - search) * pixels / few
-    else:
-        took = seconds(**options) * pixels / few
+    fitted, took = _expected(known, options, pixels, threads)
     error = relative_error(fitted.predict(rig), truth, full_scale(known))
     return Trial(options, took * more, error)
+
+
+def _expected(
+    known: Stack, options: dict[str, Any], pixels: int, threads: int | None
+) -> tuple[Any, float]:
+    """A fit of few pixels, and the seconds that so many will take."""
+
+    def timed(stack: Stack, **options: Any) -> tuple[Any, float]:
+        start = time.perf_counter()
+        fitted = fit_sbrdf(stack, threads=threads, **options)
+        return fitted, time.perf_counter() - start
+
+    few = known.shape[2] * known.shape[3]
+    if options.get("model") == "lafortune":
+        fitted, took = timed(known, **options)
+        return fitted, took * pixels / few
+    if options.get("pooling") == "pixel":
+        # What is typical of the painting is asked of some pixels first, by the same search.
+        fitted, took = timed(known, **options)
+        twice = _core.TYPICAL_PIXELS
+        return fitted, took * (pixels + min(pixels, twice)) / (few + min(few, twice))
+    # The painting's lobe is looked for among so many pixels at most; the rest is what every pixel
+    # takes, and what no pixel takes. Three fits, of more or fewer pixels, tell them apart.
+    effort = resolved(options.get("effort", "standard"))
+    part = thinned(known, 2)
+    fewer = part.shape[2] * part.shape[3]
+    fitted, took = timed(known, **options | {"effort": replace(effort, pixels=few)})
+    _, unsearched = timed(known, **options | {"effort": replace(effort, pixels=fewer)})
+    _, least = timed(part, **options | {"effort": replace(effort, pixels=fewer)})
+    more = max(few - fewer, 1)
+    search = max(took - unsearched, 0.0) / more
+    each = max(unsearched - least, 0.0) / more
+    once = max(took - few * (search + each), 0.0)
+    return fitted, once + min(pixels, effort.pixels) * search + pixels * each
 
 
 def full_scale(stack: Stack) -> NDArray[np.float32]:

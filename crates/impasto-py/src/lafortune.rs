@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use impasto::Error;
 use impasto::sbrdf::lafortune::LafortuneOptions;
 
-use crate::arrays::{Size, StackArguments, StartArguments};
+use crate::arrays::{RigArguments, Size, StackArguments, StartArguments};
 use crate::{errors, run};
 
 /// Maps; meanings stand in `impasto.LafortuneSbrdf`.
@@ -23,6 +23,14 @@ pub(crate) struct Maps<'py> {
     sigma: Bound<'py, PyArray2<f32>>,
     status: Bound<'py, PyArray2<u8>>,
     views_differ: bool,
+}
+
+/// Whether a rig's photographs were taken from more than one direction.
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
+pub(crate) fn views_differ(py: Python<'_>, rig: RigArguments<'_>) -> PyResult<bool> {
+    let rig = rig.rig(1, 1).map_err(|error| errors::to_python(py, &error))?;
+    Ok(rig.views_differ())
 }
 
 /// Snel's three passes, from the maps of photometric stereo.

@@ -47,6 +47,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(relight::render, module)?)?;
     module.add_function(wrap_pyfunction!(lobes::fit_lobes, module)?)?;
     module.add_function(wrap_pyfunction!(lafortune::fit_lafortune, module)?)?;
+    module.add_function(wrap_pyfunction!(lafortune::views_differ, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::fit_pooled, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::predict, module)?)?;
     module.add_function(wrap_pyfunction!(stereo::fit_normals, module)?)?;
@@ -54,6 +55,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<spectral::SpectralEstimator>()?;
     module.add("STATUS", arrays::status_names())?;
     module.add("CONDITION_LIMIT", impasto::stereo::CONDITION_LIMIT)?;
+    module.add("TYPICAL_PIXELS", impasto::sbrdf::TYPICAL_PIXELS)?;
     module.add("RANK_LIMIT", impasto::stereo::RANK_LIMIT)?;
     Ok(())
 }

@@ -17,8 +17,6 @@ pub(crate) struct LobeArrays<'py> {
     ambient: Bound<'py, PyArray3<f32>>,
     /// (lobe, band, y, x).
     specular: Bound<'py, PyArray4<f32>>,
-    /// What the model calls the numbers of a shape.
-    names: &'static [&'static str],
     /// (lobe, number, y, x).
     numbers: Bound<'py, PyArray4<f32>>,
     /// (lobe, y, x).
@@ -34,7 +32,7 @@ pub(crate) struct LobeArrays<'py> {
 /// Every pixel's own lobes, from the maps of photometric stereo.
 #[pyfunction]
 #[pyo3(signature = (
-    stack, start, model, lobes, ambient, free, rounds, typical, iterations, index, threads, progress
+    stack, start, model, lobes, ambient, rounds, typical, iterations, index, threads, progress
 ))]
 #[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lobes")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
@@ -45,7 +43,6 @@ pub(crate) fn fit_lobes<'py>(
     model: &str,
     lobes: usize,
     ambient: bool,
-    free: bool,
     rounds: usize,
     typical: bool,
     iterations: usize,
@@ -53,7 +50,7 @@ pub(crate) fn fit_lobes<'py>(
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<LobeArrays<'py>> {
-    let options = LobeOptions { lobes, ambient, normal: free, rounds, typical, iterations };
+    let options = LobeOptions { lobes, ambient, normal: true, rounds, typical, iterations };
     let call = Call { stack: &stack, start: &start, options, threads, progress: progress.as_ref() };
     with_model!(model, index, |model| call.fit(py, model)?)
         .map_err(|error| errors::to_python(py, &error))
@@ -85,7 +82,6 @@ impl Call<'_, '_> {
             diffuse: size.planes(py, maps.diffuse, bands)?,
             ambient: size.planes(py, maps.ambient, bands)?,
             specular: size.sets(py, maps.specular, [lobes, bands])?,
-            names: M::NAMES,
             numbers: size.sets(py, maps.numbers, [lobes, M::NAMES.len()])?,
             spread: size.planes(py, maps.spread, lobes)?,
             tinted: size.planes(py, maps.tinted, lobes)?,

@@ -99,6 +99,10 @@ impl Grid {
     }
 }
 
+/// Views that differ by less, in radians, are one view: what a pixel shows under them then differs
+/// by less than a sharp lobe's own width.
+const ONE_VIEW: f64 = 0.05;
+
 /// One light and one view per observation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
@@ -157,6 +161,12 @@ impl Rig {
     pub fn is_distant(&self) -> bool {
         self.lights.iter().all(Light::is_distant)
     }
+
+    /// Whether photographs were taken from more than one direction.
+    #[must_use]
+    pub fn views_differ(&self) -> bool {
+        self.views.iter().any(|view| view.dot(self.views[0]) < ONE_VIEW.cos())
+    }
 }
 
 #[cfg(test)]
@@ -170,6 +180,19 @@ mod tests {
         // r = 100 sqrt 2: irradiance one half, direction at 45 degrees.
         assert!((irradiance - 0.5).abs() < 1e-15);
         assert!((direction.x + 0.5_f64.sqrt()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn views_differ_from_three_degrees_on() {
+        let grid = Grid { width: 1, height: 1, pitch: 1.0 };
+        let rig = |degrees: f64| {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let views = vec![Vec3::new(0.0, 0.0, 1.0), Vec3::new(sin, 0.0, cos)];
+            Rig::new(vec![Light::Distant(views[0]); 2], views, grid).unwrap()
+        };
+        // 0.05 rad is 2.86 degrees.
+        assert!(!rig(2.8).views_differ());
+        assert!(rig(2.9).views_differ());
     }
 
     #[test]

@@ -101,7 +101,6 @@ def fit_lobes(
     threads: int | None,
     progress: bool | ProgressCallback,
     effort: Effort = PRESETS["standard"],
-    free: bool = True,
     typical: bool = True,
 ) -> LobeSbrdf:
     """Lobes of every pixel, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`."""
@@ -112,7 +111,6 @@ def fit_lobes(
             "torrance-sparrow",
             lobes,
             bool(ambient),
-            free,
             effort.rounds,
             typical,
             effort.iterations,

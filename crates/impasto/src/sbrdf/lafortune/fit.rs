@@ -22,10 +22,6 @@ use super::settle::Settle;
 /// three bands take 6 MB.
 pub(super) const TILE: usize = 512;
 
-/// Views that differ by less, in radians, are one view: what a pixel shows under them then differs
-/// by less than a sharp lobe's own width.
-const ONE_VIEW: f64 = 0.05;
-
 /// How the fit goes about it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LafortuneOptions {
@@ -55,7 +51,7 @@ pub fn fit_lafortune(
         return Err(Error::argument("lobes", problem));
     }
     start.check(shape.pixels(), shape.bands)?;
-    let views_differ = views_differ(rig);
+    let views_differ = rig.views_differ();
     let search = Options { damping: 1.0, max_iterations: 200, ..Options::single() };
     let sequence =
         Sequence { lobes: options.lobes, select: true, turning: views_differ, options: search };
@@ -70,12 +66,6 @@ pub fn fit_lafortune(
     )?;
     // The last tiles may have been left before their end.
     if run.cancelled() { Err(Error::Cancelled) } else { Ok(maps) }
-}
-
-/// Whether photographs were taken from more than one direction.
-fn views_differ(rig: &Rig) -> bool {
-    let views = rig.views();
-    views.iter().any(|view| view.dot(views[0]) < ONE_VIEW.cos())
 }
 
 struct Fit<'a> {

@@ -77,8 +77,11 @@ pub fn fit_lobes<M: LobeModel>(
     if run.cancelled() { Err(Error::Cancelled) } else { Ok(maps) }
 }
 
-/// Tiles that tell what is typical of a painting, at most: some ten thousand pixels.
+/// Tiles that tell what is typical of a painting, at most.
 const SAMPLED: usize = 40;
+
+/// Pixels that are fitted twice, at most: first those that tell what is typical of a painting.
+pub const TYPICAL_PIXELS: usize = SAMPLED * TILE;
 
 /// Share of the usual spread beyond which a shape's error says that the pixel's photographs and
 /// what is typical know equally little: two measurements of equal weight halve the variance.
