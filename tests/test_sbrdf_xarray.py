@@ -166,7 +166,7 @@ def test_a_file_of_netcdf_takes_every_attribute() -> None:
 @KINDS
 def test_without_xarray_the_extra_is_named(make: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(ImportError, match=r"impasto\[scale\]"):
+    with pytest.raises(impasto.MissingExtraError, match=r"impasto\[scale\]"):
         make().to_xarray()
 
 

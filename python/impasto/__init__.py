@@ -12,6 +12,7 @@ from impasto.errors import (
     GeometryError,
     ImpastoError,
     InternalError,
+    MissingExtraError,
 )
 from impasto.fit.highlight import LobeFit, fit_lobe
 from impasto.fit.lafortune import LafortuneSbrdf
@@ -48,6 +49,7 @@ __all__ = [
     "LafortuneSbrdf",
     "LobeFit",
     "LobeSbrdf",
+    "MissingExtraError",
     "Normals",
     "PointLight",
     "Reflectance",

@@ -26,5 +26,9 @@ class CorruptInputError(ImpastoError, ValueError):
         self.problem = problem
 
 
+class MissingExtraError(ImpastoError, ImportError):
+    """A library that the call needs is not installed; the message names its extra."""
+
+
 class InternalError(ImpastoError, RuntimeError):
     """A defect in impasto itself (a panic of the numerics): please report it."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
+from impasto.extras import need
 from impasto.fit.forward import predict_lobes
 from impasto.pictures import BACKGROUND, FAINT, INK
 from impasto.rig import PointLight, Rig
@@ -56,9 +57,10 @@ def lobe_plot(sbrdf: LafortuneSbrdf, y: int, x: int, stack: Stack | None = None)
     ------
     ArgumentError
         A pixel outside the painting or one that was not estimated, or a stack of another size.
-    ImportError
+    MissingExtraError
         matplotlib is not installed.
     """
+    need("matplotlib", "plot", "lobe_plot")
     from matplotlib.figure import Figure
 
     y, x = _pixel(sbrdf, y, x)

@@ -54,9 +54,12 @@ def study(
     quiet
         No progress, no table.
     """
+    from impasto.extras import need
     from impasto.study import run, write
     from impasto.study.tables import tables
 
+    if figures:
+        need("matplotlib", "plot", "the study's figures (--no-figures does without)")
     if data is None and os.environ.get("IMPASTO_DATA"):
         data = Path(os.environ["IMPASTO_DATA"])
     words = console.stderr()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from impasto.extras import need
 from impasto.status import Status
 
 if TYPE_CHECKING:
@@ -27,12 +28,9 @@ def variable(of: Field[Any], values: Any, *first: str) -> Variable:
 
 def dataset_of(surface: FittedSurface) -> Dataset:
     """See :meth:`impasto.FittedSurface.to_xarray`."""
-    try:
-        import xarray
-    except ImportError as error:
-        raise ImportError(
-            "to_xarray needs xarray, which is not installed: pip install 'impasto[scale]'"
-        ) from error
+    need("xarray", "scale", "to_xarray")
+    import xarray
+
     rig = surface.rig
     variables: dict[str, Any] = {
         "light": (("observation", "axis"), rig.vectors),

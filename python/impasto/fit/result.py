@@ -142,7 +142,7 @@ class FittedSurface(ABC):
 
         Raises
         ------
-        ImportError
+        MissingExtraError
             xarray is not installed.
         """
         from impasto.fit.dataset import dataset_of
