@@ -42,7 +42,8 @@ class LafortuneSbrdf(LobedSurface):
 
     What every result has: :class:`FittedSurface`. ``normal`` was searched for together with the
     lobes, on the mean of the bands, from where a cosine lobe points; ``sigma`` is NaN where it is
-    that of photometric stereo. Gross outliers are left out, of ``residual`` too.
+    that of photometric stereo. Gross outliers are left out, of ``residual`` too. Where views
+    differ, pixels are estimated whose lights lie in a plane (``RANK_DEFICIENT`` in ``normals``).
 
     Attributes
     ----------
@@ -50,7 +51,8 @@ class LafortuneSbrdf(LobedSurface):
         ``(lobe, band, y, x)`` float32 strength of each lobe in each band, from 0 on; 0 where a
         pixel has fewer lobes.
     lobes
-        ``(y, x)`` uint8: how many lobes the photographs support.
+        ``(y, x)`` uint8: how many lobes the photographs support. Under no light and view does a
+        lobe reflect more than 64 times what a photograph of the pixel shows of it.
     cxy, cz, exponent
         ``(lobe, y, x)`` float32 shape of each lobe, the sharpest first; NaN where there is none.
     verdict

@@ -94,6 +94,23 @@ pub fn coefficients(turn: f64) -> [f64; 2] {
     direction(turn).0
 }
 
+/// Logarithm of the most light that a lobe of unit strength reflects from anywhere to anywhere,
+/// `(N.L) d^n`.
+///
+/// Of all views with the light at `N.L = a` the best shows `d^2 = Cxy^2 (1 - a^2) + Cz^2 a^2`, with
+/// 0 for a `Cz` below 0. Where `Cz` is the longer one, the best light stands upright; else it stands
+/// lower, the lower the sharper the lobe: `a^2 = Cxy^2 / ((n + 1) (Cxy^2 - Cz^2))`.
+#[must_use]
+pub fn log_peak(turn: f64, log_exponent: f64) -> f64 {
+    let ([cxy, cz], n) = (coefficients(turn), log_exponent.exp());
+    let (flat, upright) = (cxy * cxy, cz.max(0.0) * cz.max(0.0));
+    let steep = (n + 1.0) * (flat - upright);
+    // a^2; 1 for a lobe that is strongest upright.
+    let light = if steep > flat { flat / steep } else { 1.0 };
+    let base = (upright - flat).mul_add(light, flat);
+    0.5 * n.mul_add(base.ln(), light.ln())
+}
+
 /// A lobe in the form that is fast to evaluate.
 #[derive(Clone, Copy, Debug)]
 pub struct Lobe<R> {
@@ -310,6 +327,29 @@ mod tests {
             }
         }
         assert!(lit > 400, "{lit}");
+    }
+
+    #[test]
+    fn no_light_and_view_show_more_than_the_peak() {
+        // Mirror lobes and others, towards the light, off the normal and below the surface.
+        for turning in [0.0, -0.5, -3.0, 2.0, 8.0, -8.0] {
+            for exponent in [0.7_f64, 5.0, 20.0, 900.0] {
+                let turn = turning / exponent;
+                let lobe = Lobe::new(1.0, turn, exponent.ln());
+                let mut most = 0.0_f64;
+                // The best view stands in the light's plane, on either side.
+                for i in 0..401 * 401 * 2 {
+                    let [a, b] = [i / 2 % 401, i / 802].map(|k| f64::from(k) / 400.0);
+                    let side = f64::from(i % 2 * 2 - 1) * ((1.0 - a * a) * (1.0 - b * b)).sqrt();
+                    let pair = Pair { upright: a * b, tangential: side, cosine: a };
+                    most = most.max(a * lobe.value(&pair));
+                }
+                let peak = log_peak(turn, exponent.ln()).exp();
+                assert!(most <= peak * (1.0 + 1e-12), "{turning} {exponent}: {most} {peak}");
+                // A grid of 1 / 400 misses the peak by (n + 1) / 400^2 / 2 of its square.
+                assert!(most > 0.99 * peak, "{turning} {exponent}: {most} {peak}");
+            }
+        }
     }
 
     #[test]

@@ -148,10 +148,14 @@ impl Fit<'_> {
         for (pixel, normal) in scratch.normals[..count].iter_mut().enumerate() {
             *normal = [0, 1, 2].map(|axis| self.start.normal[axis * all + sheet.start + pixel]);
         }
-        let fine: Vec<usize> =
-            (0..count).filter(|&pixel| sheet.status[pixel] < Status::Dark.code()).collect();
+        let mut fine: Vec<usize> = (0..count)
+            .filter(|&pixel| {
+                let status = sheet.status[pixel];
+                status < Status::Dark.code() || self.turns(status)
+            })
+            .collect();
         if self.sequence.turning {
-            self.face(level, scratch, &fine, &mut sheet, stopped);
+            self.face(level, scratch, &mut fine, &mut sheet, stopped);
         }
         let data = scratch.luminance(self.rig);
         let (mut found, _) = self.sequence.fit(level, &data, &fine, stopped);
@@ -169,21 +173,35 @@ impl Fit<'_> {
         self.write(scratch, &fine, &found, sheet);
     }
 
-    /// Turns the pixels to where a cosine lobe says that they face.
+    /// Whether a normal that photometric stereo has not found may be found all the same: its lights
+    /// lay in a plane, once those of highlights were left out; views tell what lights do not.
+    fn turns(&self, status: u8) -> bool {
+        self.sequence.turning && status == Status::RankDeficient.code()
+    }
+
+    /// Turns the pixels to where a cosine lobe says that they face; whose normals are still unknown
+    /// then are left to their statuses.
     fn face(
         &self,
         level: Level,
         scratch: &mut Scratch,
-        fine: &[usize],
+        fine: &mut Vec<usize>,
         sheet: &mut Sheet<'_>,
         stopped: &(dyn Fn() -> bool + Sync),
     ) {
+        for &pixel in fine.iter().filter(|&&pixel| self.turns(sheet.status[pixel])) {
+            scratch.normals[pixel] = [0.0, 0.0, 1.0];
+        }
         let data = scratch.luminance(self.rig);
         let facing = fit_normal(level, &data, fine, &self.sequence.options, stopped);
         for (&pixel, Facing { normal, sigma, .. }) in fine.iter().zip(facing) {
             scratch.normals[pixel] = normal;
             sheet.sigma[pixel] = sigma;
+            if self.turns(sheet.status[pixel]) && sigma.is_finite() {
+                sheet.status[pixel] = Status::Fitted.code();
+            }
         }
+        fine.retain(|&pixel| sheet.status[pixel] < Status::Dark.code());
     }
 
     fn write(&self, scratch: &Scratch, fine: &[usize], found: &[Found], mut sheet: Sheet<'_>) {

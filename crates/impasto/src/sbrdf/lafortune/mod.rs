@@ -21,6 +21,7 @@ mod luminance;
 mod maps;
 mod normal;
 mod outliers;
+mod seen;
 mod sequence;
 mod settle;
 mod turned;

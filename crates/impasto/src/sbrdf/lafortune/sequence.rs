@@ -72,6 +72,22 @@ impl Sequence {
         (found, adding.occupancy)
     }
 
+    /// Searches on from where some pixels stand, on their known normals.
+    pub(super) fn search_on(
+        &self,
+        level: Level,
+        data: &Luminance<'_>,
+        pixels: &[usize],
+        found: &mut [Found],
+        stopped: &(dyn Fn() -> bool + Sync),
+    ) {
+        let mut adding =
+            Adding { sequence: self, level, data, stopped, occupancy: Occupancy::default() };
+        let all: Vec<_> = (0..pixels.len()).collect();
+        adding.finish(&self.options, pixels, &all, found);
+        found.iter_mut().for_each(Found::sort);
+    }
+
     fn plain(&self, data: &Luminance<'_>, pixel: usize) -> Found {
         let plain = data.plain(pixel);
         let mut at = [0.0; 1 + 3 * MOST_LOBES];

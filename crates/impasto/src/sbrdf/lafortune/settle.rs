@@ -1,12 +1,15 @@
 //! Normal, lobes and the choice of samples, in turns until they agree.
 
 use crate::geometry::Rig;
+use crate::lm::Options;
 use crate::math::Level;
 
 use super::fit::Scratch;
 use super::found::Found;
+use super::lobes::Search;
 use super::normal::Facing;
 use super::outliers::Outliers;
+use super::seen::unseen;
 use super::sequence::{ROUGH, Sequence, some, to};
 use super::turned::turn;
 
@@ -46,6 +49,7 @@ impl Settle<'_> {
             these = again;
         }
         self.leave_out(found);
+        self.bound(found);
     }
 
     fn pixels(&self, these: &[usize]) -> Vec<usize> {
@@ -76,24 +80,26 @@ impl Settle<'_> {
         if !self.sequence.turning {
             return vec![None; these.len()];
         }
-        let data = self.scratch.luminance(self.rig);
-        let options = &self.sequence.options;
-        turn(
-            self.level,
-            &data,
-            &self.pixels(these),
-            trial,
-            options,
-            data.photographs(),
-            self.stopped,
-        )
+        self.search(these, trial, &self.sequence.options, self.rig.observations())
     }
 
     /// A first look at what [`free`](Self::free) would find.
     fn glance(&self, these: &[usize], trial: &mut [Found]) {
-        let data = self.scratch.luminance(self.rig);
-        let (rough, some) = (to(ROUGH, &self.sequence.options), some(data.photographs()));
-        turn(self.level, &data, &self.pixels(these), trial, &rough, some, self.stopped);
+        let rough = to(ROUGH, &self.sequence.options);
+        self.search(these, trial, &rough, some(self.rig.observations()));
+    }
+
+    fn search(
+        &self,
+        these: &[usize],
+        trial: &mut [Found],
+        options: &Options,
+        photographs: usize,
+    ) -> Vec<Option<Facing>> {
+        let data = &self.scratch.luminance(self.rig);
+        let (turning, level, stopped) = (self.sequence.turning, self.level, self.stopped);
+        let search = Search { data, turning, level, options, photographs, stopped };
+        turn(&search, &self.pixels(these), trial)
     }
 
     fn face(&mut self, i: usize, facing: Option<Facing>) {
@@ -142,6 +148,26 @@ impl Settle<'_> {
                     found[i] = trial;
                     self.face(i, facing);
                 }
+            }
+        }
+    }
+
+    /// Leaves out lobes whose peaks no photograph shows, one at a time, and searches on for the
+    /// others. Normals stay: what told them are photographs, not what a lobe does elsewhere.
+    fn bound(&self, found: &mut [Found]) {
+        let data = self.scratch.luminance(self.rig);
+        let mut these: Vec<_> = (0..found.len()).collect();
+        while !these.is_empty() {
+            let mut fewer = Vec::new();
+            these.retain(|&i| {
+                let unseen = unseen(&data, self.fine[i], &found[i]);
+                fewer.extend(unseen.map(|lobe| found[i].without(lobe)));
+                unseen.is_some()
+            });
+            let pixels = self.pixels(&these);
+            self.sequence.search_on(self.level, &data, &pixels, &mut fewer, self.stopped);
+            for (&i, fewer) in these.iter().zip(fewer) {
+                found[i] = fewer;
             }
         }
     }

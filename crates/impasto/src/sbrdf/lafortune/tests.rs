@@ -194,8 +194,15 @@ fn hard_case_14_two_lobes_of_one_are_searched_on_in_double_precision() {
     let pixels: Vec<usize> = (0..20).collect();
     let options = Options::single();
     let data = scene.luminance();
-    let level = Level::detect();
-    turned::turn(level, &data, &pixels, &mut double, &options, OBSERVATIONS, &|| false);
+    let search = lobes::Search {
+        data: &data,
+        turning: true,
+        level: Level::detect(),
+        options: &options,
+        photographs: OBSERVATIONS,
+        stopped: &|| false,
+    };
+    turned::turn(&search, &pixels, &mut double);
     for (single, double) in single.iter().zip(&double) {
         assert!(double.at.iter().all(|value| value.is_finite()));
         // More is free than in the search on the known normal: no more is left.

@@ -7,10 +7,10 @@
 use crate::brdf::lafortune::{Lobe, Pair};
 use crate::lm::{Batch, Column, Normal, Options, Outcome, ROWS, Rows, fit};
 use crate::math::elementary::exp;
-use crate::math::{Element, Level, Real, Vec3};
+use crate::math::{Element, Real, Vec3};
 
 use super::found::{Found, MOST_LOBES};
-use super::lobes::bounds;
+use super::lobes::{Search, bounds};
 use super::luminance::{Luminance, Sights};
 use super::normal::{Facing, STEEPEST, facing};
 
@@ -28,16 +28,12 @@ const POLISH: Options = Options {
 /// Searches on for normal and lobes of some pixels at once; `found` takes what is better, and the
 /// answers, in its order, say where pixels face: nothing where nothing better was found.
 pub(super) fn turn(
-    level: Level,
-    data: &Luminance<'_>,
+    search: &Search<'_>,
     pixels: &[usize],
     found: &mut [Found],
-    options: &Options,
-    photographs: usize,
-    stopped: &(dyn Fn() -> bool + Sync),
 ) -> Vec<Option<Facing>> {
     let facing = &mut *vec![None; pixels.len()];
-    let mut turn = Turn { level, data, pixels, found, facing, options, photographs, stopped };
+    let mut turn = Turn { search, pixels, found, facing };
     turn.run::<6>();
     turn.run::<9>();
     turn.run::<12>();
@@ -45,14 +41,10 @@ pub(super) fn turn(
 }
 
 struct Turn<'a> {
-    level: Level,
-    data: &'a Luminance<'a>,
+    search: &'a Search<'a>,
     pixels: &'a [usize],
     found: &'a mut [Found],
     facing: &'a mut [Option<Facing>],
-    options: &'a Options,
-    photographs: usize,
-    stopped: &'a (dyn Fn() -> bool + Sync),
 }
 
 impl Turn<'_> {
@@ -61,7 +53,7 @@ impl Turn<'_> {
         let lobes = N / 3 - 1;
         let these: Vec<_> =
             (0..self.pixels.len()).filter(|&i| self.found[i].lobes == lobes).collect();
-        let doubtful = self.search::<f32, N>(&these, self.options);
+        let doubtful = self.search::<f32, N>(&these, self.search.options);
         self.search::<f64, N>(&doubtful, &POLISH);
     }
 
@@ -71,23 +63,24 @@ impl Turn<'_> {
         these: &[usize],
         options: &Options,
     ) -> Vec<usize> {
+        let Search { data, turning, level, photographs, stopped, .. } = *self.search;
         // Two slopes, then what a search on a known normal has.
-        let mut bounds = bounds::<S, N>(2, true);
+        let mut bounds = bounds::<S, N>(2, turning);
         let steepest = S::from_f64(STEEPEST.into());
         for slope in 0..2 {
             (bounds.lower[slope], bounds.upper[slope]) = (-steepest, steepest);
         }
-        let problems = (0..these.len()).take_while(|_| !(self.stopped)());
+        let problems = (0..these.len()).take_while(|_| !stopped());
         let mut lanes = Lanes::<S, N> {
-            data: self.data,
-            sights: Sights::some(self.data.rig, self.photographs),
+            data,
+            sights: Sights::some(data.rig, photographs),
             pixels: self.pixels,
             these,
             found: self.found,
             facing: self.facing,
             doubtful: Vec::new(),
         };
-        fit(self.level, &mut lanes, problems, &bounds, options);
+        fit(level, &mut lanes, problems, &bounds, options);
         let mut doubtful = lanes.doubtful;
         doubtful.sort_unstable();
         doubtful

@@ -29,5 +29,6 @@ pub use fit::{LobeOptions, TYPICAL_PIXELS, fit_lobes};
 pub use lafortune::Lafortune;
 pub use maps::{LobeMaps, MOST_LOBES};
 pub use model::{LobeModel, MAX_NUMBERS, MAX_SHAPES, Slope, Visit};
+pub(super) use seen::SEEN;
 pub(super) use sight::Sight;
 pub use torrance_sparrow::TorranceSparrow;

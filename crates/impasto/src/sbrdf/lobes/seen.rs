@@ -11,7 +11,7 @@ use super::tile::{Place, TILE, Tile};
 
 /// Least share of its peak that a lobe must reach in some photograph: at two and a half of its
 /// half-widths. There, eight percent of the width already change the strength by a factor of two.
-const SEEN: f64 = 1.0 / 64.0;
+pub(in crate::sbrdf) const SEEN: f64 = 1.0 / 64.0;
 
 /// Whether a pixel's lobe stands out in the photograph nearest to its peak: else its strength
 /// would be a guess (hard case 4).
