@@ -4,6 +4,7 @@
 
 A table stands between ``<!-- table: FILE KEY; column = Heading; ... -->`` and ``<!-- end -->``:
 rows of benches/results/FILE.json under KEY, the named columns, numbers to two or three digits.
+Sentences stand between ``<!-- words: FILE KEY -->`` and ``<!-- end -->``: what is under ``words``.
 ``tests/test_pages.py`` holds the pages to the files.
 """
 
@@ -17,6 +18,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = re.compile(r"(<!-- table: (\S+) (\S+?);(.*?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
+WORDS = re.compile(r"(<!-- words: (\S+) (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
 
 def set_tables(page: Path) -> None:
     """Write a page's tables anew."""
@@ -24,12 +27,21 @@ def set_tables(page: Path) -> None:
 
 
 def with_tables(text: str) -> str:
-    """The page with its tables as benches/results has them."""
+    """The page with its tables and sentences as benches/results has them."""
+    text = WORDS.sub(lambda found: found[1] + _words(*found.group(2, 3)) + found[4], text)
     return TABLE.sub(lambda found: found[1] + _table(*found.group(2, 3, 4)) + found[5], text)
 
 
+def _content(file: str) -> Any:
+    return json.loads((ROOT / "benches" / "results" / f"{file}.json").read_text("utf-8"))
+
+
+def _words(file: str, key: str) -> str:
+    return f"\n{_content(file)['words'][key]}\n\n"
+
+
 def _table(file: str, key: str, columns: str) -> str:
-    content = json.loads((ROOT / "benches" / "results" / f"{file}.json").read_text("utf-8"))
+    content = _content(file)
     pairs = [column.strip().rpartition("=")[::2] for column in columns.split(";")]
     heads = {name.strip(): heading.strip() for name, heading in pairs}
     lines = [" | ".join(heads.values())]

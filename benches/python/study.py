@@ -16,6 +16,7 @@ import json
 import sys
 from pathlib import Path
 
+import kernel_figures
 from pages import set_tables
 from record import RESULTS, ROOT, data_folder, write
 
@@ -23,6 +24,7 @@ from impasto.study import presets, run
 from impasto.study.figures import draw
 from impasto.study.record import Journal
 from impasto.study.tables import tables
+from impasto.study.words import words
 
 
 def main() -> None:
@@ -45,8 +47,10 @@ def main() -> None:
     else:
         found = run(options.out, data=options.data, advance=advance)
     found["run"] = {"command": "python benches/python/study.py"} | found["run"]
-    write("study.json", found | tables(found["rows"]))
-    for path in draw(found, ROOT / "docs" / "_static", prefix="study-"):
+    rows = found["rows"]
+    write("study.json", found | tables(rows) | {"words": words(rows)})
+    static = ROOT / "docs" / "_static"
+    for path in draw(found, static, prefix="study-") + kernel_figures.draw(static):
         print(path.relative_to(ROOT))
     set_tables(ROOT / "docs" / "accuracy-and-time.md")
 

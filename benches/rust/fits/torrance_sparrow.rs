@@ -21,8 +21,8 @@ const LINE: usize = 64;
 /// One pixel: samples and squared angles.
 #[derive(Clone)]
 pub(crate) struct Pixel {
-    y: [f64; OBSERVATIONS],
-    phi_squared: [f64; OBSERVATIONS],
+    pub(crate) y: [f64; OBSERVATIONS],
+    pub(crate) phi_squared: [f64; OBSERVATIONS],
 }
 
 /// Lobes of beta 50 .. 200 and gamma 0.06 .. 0.36, angles to 0.57, noise of 1 % of beta.
@@ -123,7 +123,11 @@ impl<const PROJECTED: bool> Batch<f32, 2> for Lanes<PROJECTED> {
 
 /// Slopes of a lobe of the given strength, and residuals of one of strength `beta`.
 #[inline(always)]
-fn equations<R: Real>(rows: Rows<'_, R>, [beta, log_k]: [R; 2], strength: R) -> Normal<R, 2> {
+pub(crate) fn equations<R: Real>(
+    rows: Rows<'_, R>,
+    [beta, log_k]: [R; 2],
+    strength: R,
+) -> Normal<R, 2> {
     let (k, floor) = (-exp(log_k), R::splat(R::Scalar::EXP_UNDERFLOW));
     let mut normal = Normal::zero();
     for i in 0..OBSERVATIONS {

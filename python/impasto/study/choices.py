@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.encoding import Encoding
+from impasto.errors import GeometryError
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.stack import Stack
 from impasto.suggest import full_scale, relative_error, thinned
@@ -52,7 +53,11 @@ def _error(stack: Stack, order: NDArray[np.intp], count: int) -> float:
     options: Any = {"model": "lafortune"} if many else {"pooling": "pixel"}
     shown = part.take(np.sort(order[count:]))
     truth = np.array([shown.linear(i) for i in range(len(shown.rig))])
-    fitted = fit_sbrdf(part.take(np.sort(order[:count])), **options)
+    try:
+        fitted = fit_sbrdf(part.take(np.sort(order[:count])), **options)
+    except GeometryError:
+        # A dozen lights of a ball joint's may lie in one plane.
+        return np.inf
     return relative_error(fitted.predict(shown.rig), truth, full_scale(stack))
 
 

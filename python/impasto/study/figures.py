@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from impasto.study import panels
 from impasto.study.tables import of_knob
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 DPI = 150
 STYLE = {
@@ -59,34 +56,38 @@ def draw(found: dict[str, Any], out: Path, *, prefix: str = "") -> list[Path]:
     list
         Paths of SVG and PNG files.
     """
-    import matplotlib as mpl
-
-    # No date: the same figure is the same file.
-    formats: dict[str, dict[str, Any]] = {".svg": {"metadata": {"Date": None}}, ".png": {}}
     written = []
     for name, (knobs, panel) in FIGURES.items():
         rows = of_knob(found["rows"], *knobs)
         if name == "normals":
             rows = [row for row in rows if row["error"]["normal"] is not None]
         sets = list(dict.fromkeys(row["data"] for row in rows))
-        if not sets:
-            continue
-        with mpl.rc_context(STYLE):
-            figure = _figure(found, sets, panel)
-            for suffix, more in formats.items():
-                path = out / f"{prefix}{name}{suffix}"
-                figure.savefig(path, dpi=DPI, **more)
-                written.append(path)
+        if sets:
+
+            def paint(axes: list[Any], panel: Panel = panel, sets: list[str] = sets) -> None:
+                for place, data in zip(axes, sets, strict=True):
+                    panel(place, found, data)
+
+            written += save(out / f"{prefix}{name}", len(sets), paint)
     return written
 
 
-def _figure(found: dict[str, Any], sets: Sequence[str], panel: Panel) -> Figure:
+def save(stem: Path, panels: int, paint: Callable[[list[Any]], None]) -> list[Path]:
+    """Write a figure of some panels in a row, or in rows of three, as SVG and PNG."""
+    import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    columns = min(len(sets), 3)
-    rows = -(-len(sets) // columns)
+    # No date: the same figure is the same file.
+    formats: dict[str, dict[str, Any]] = {".svg": {"metadata": {"Date": None}}, ".png": {}}
+    columns = min(panels, 3)
+    rows = -(-panels // columns)
     wide = 3.3 * columns if columns > 1 else 4.6
-    figure = Figure(figsize=(wide, 2.9 * rows), layout="constrained")
-    for place, data in enumerate(sets):
-        panel(figure.add_subplot(rows, columns, place + 1), found, data)
-    return figure
+    written = []
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(wide, 2.9 * rows), layout="constrained")
+        paint([figure.add_subplot(rows, columns, place + 1) for place in range(panels)])
+        for suffix, more in formats.items():
+            path = stem.with_name(stem.name + suffix)
+            figure.savefig(path, dpi=DPI, **more)
+            written.append(path)
+    return written

@@ -27,15 +27,16 @@ SHORT: dict[str, str] = {
 }
 
 
-def _dress(axes: Any, data: str, across: str, up: str) -> None:
-    axes.set_title(SETS[data])
+def dress(axes: Any, data: str, across: str, up: str) -> None:
+    """Title, axes, grid."""
+    axes.set_title(SETS.get(data, data))
     axes.set_xlabel(across)
     axes.set_ylabel(up)
     axes.grid(color="#e6e6e6", lw=0.6)
     axes.set_axisbelow(True)
 
 
-def _plain(axis: Any) -> None:
+def plain(axis: Any) -> None:
     """0.1, 1, 10 and what lies between where there is room, rather than powers of ten."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
@@ -46,11 +47,12 @@ def _plain(axis: Any) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def _logarithmic(axes: Any) -> None:
+def logarithmic(axes: Any) -> None:
+    """Both axes, with plain numbers."""
     axes.set_xscale("log")
     axes.set_yscale("log")
-    _plain(axes.xaxis)
-    _plain(axes.yaxis)
+    plain(axes.xaxis)
+    plain(axes.yaxis)
 
 
 def front(axes: Any, found: Row, data: str) -> None:
@@ -61,7 +63,7 @@ def front(axes: Any, found: Row, data: str) -> None:
     axes.plot(*zip(*corners, strict=True), color=BLUE, lw=1.3, zorder=2)
     here = corners[knee(corners)]
     axes.plot(*here, "o", ms=11, mfc="none", mec=BLUE, mew=1.1)
-    _note(axes, "knee", here, BLUE, (9, -9))
+    note(axes, "knee", here, BLUE, (9, -9))
     for name, row in preset_rows(rows):
         if row["data"] == data:
             mark = MARKS.get(name.split(", ")[-1], "D")
@@ -73,9 +75,9 @@ def front(axes: Any, found: Row, data: str) -> None:
         at, name = _percent([row])[0], str(row["setting"])
         axes.plot(*at, "s", ms=4.5, color=ORANGE, zorder=3)
         by = (-10, 7) if name.startswith("MINPACK") else (6, 10 - 7 * place)
-        _note(axes, SHORT.get(name, name), at, ORANGE, by)
-    _dress(axes, data, "CPU seconds per megapixel", "error of relighting, %")
-    _logarithmic(axes)
+        note(axes, SHORT.get(name, name), at, ORANGE, by)
+    dress(axes, data, "CPU seconds per megapixel", "error of relighting, %")
+    logarithmic(axes)
     axes.margins(x=0.12, y=0.12)
 
 
@@ -83,7 +85,8 @@ def _percent(rows: Sequence[Row]) -> list[tuple[float, float]]:
     return [(seconds, 100.0 * error) for seconds, error in points(rows)]
 
 
-def _note(axes: Any, words: str, at: tuple[float, float], colour: str, by: tuple[int, int]) -> None:
+def note(axes: Any, words: str, at: tuple[float, float], colour: str, by: tuple[int, int]) -> None:
+    """Words beside a point."""
     axes.annotate(
         words, at, xytext=by, textcoords="offset points", color=colour, fontsize=7,
         annotation_clip=False,
@@ -99,9 +102,9 @@ def normals(axes: Any, found: Row, data: str) -> None:
             at = (row["cost"]["cpu"], row["error"]["normal"])
             colour = BLACK if row["knob"] == "normals" else BLUE
             axes.plot(*at, MARKS.get(name.split(", ")[-1], "o"), ms=5, color=colour)
-            _note(axes, name, at, colour, BY.get(name, (5, 2)))
-    _dress(axes, data, "CPU microseconds per pixel", "error of the normals, degrees")
-    _logarithmic(axes)
+            note(axes, name, at, colour, BY.get(name, (5, 2)))
+    dress(axes, data, "CPU microseconds per pixel", "error of the normals, degrees")
+    logarithmic(axes)
     axes.margins(x=0.2, y=0.12)
 
 
@@ -127,8 +130,8 @@ def lights(axes: Any, found: Row, data: str) -> None:
     if bound:
         _curve(axes, bound, lambda row: row["bound"], ":", BLACK, "Cramér-Rao, spread")
     up = "error of the normals, degrees" if truth else "error of relighting, %"
-    _dress(axes, data, "lights", up)
-    _logarithmic(axes)
+    dress(axes, data, "lights", up)
+    logarithmic(axes)
     axes.legend(frameon=False, fontsize=7)
 
 
@@ -143,8 +146,8 @@ def steps(axes: Any, found: Row, data: str) -> None:
     for shade, (rounds, some) in zip(SHADES, sorted(by_rounds.items()), strict=False):
         label = f"{rounds} round{'s' * (rounds != 1)}"
         _curve(axes, some, lambda row: 100.0 * row["error"][ERROR], "o-", shade, label)
-    _dress(axes, data, "steps of a search, at most", "error of relighting, %")
-    _logarithmic(axes)
+    dress(axes, data, "steps of a search, at most", "error of relighting, %")
+    logarithmic(axes)
     axes.legend(frameon=False, fontsize=7)
 
 
@@ -159,9 +162,9 @@ def views(axes: Any, found: Row, data: str) -> None:
     axes.axhline(1.0, color=FAINT, lw=0.8)
     low, high = full["number"] / 100.0, full["number"] / 40.0
     axes.axvspan(low, high, color="#f0f0f0", lw=0)
-    _note(axes, "claimed: 1 dB at 1/100 to 1/40", (low, 1.0), "#606060", (2, 4))
-    _dress(axes, data, "photographs", "decibels lost")
+    note(axes, "claimed: 1 dB at 1/100 to 1/40", (low, 1.0), "#606060", (2, 4))
+    dress(axes, data, "photographs", "decibels lost")
     axes.set_xscale("log")
-    _plain(axes.xaxis)
+    plain(axes.xaxis)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     axes.legend(frameon=False, fontsize=7)

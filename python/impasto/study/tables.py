@@ -29,6 +29,7 @@ LADDERS = (
 def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
     """Every table by its name; numbers stay numbers."""
     made = {
+        "summary": _summary(rows),
         "presets": [_line(row, name) for name, row in preset_rows(rows)],
         "front": [_line(row) for row in _best(rows)],
         "halving": _halving(rows),
@@ -117,6 +118,33 @@ def _line(row: Row, name: str | None = None) -> Row:
         "normal deg": error["normal"],
         "flagged %": 100.0 * error["flagged"],
     }
+
+
+def _summary(rows: Sequence[Row]) -> list[Row]:
+    """What somebody gets by name, over the data sets with one view: a reader decides on it."""
+    by_name: dict[str, dict[str, Row]] = {}
+    for name, row in preset_rows(rows):
+        by_name.setdefault(name, {})[row["data"]] = row
+    everywhere = {row["data"] for row in of_knob(rows, "effort")}
+    lines = []
+    for name, found in by_name.items():
+        if not everywhere or found.keys() != everywhere:
+            continue
+        errors = [row["error"] for row in found.values()]
+        angles = [error["normal"] for error in errors if error["normal"] is not None]
+        seconds = np.exp(np.mean([np.log(row["cost"]["cpu"]) for row in found.values()]))
+        lines.append(
+            {
+                "setting": name,
+                "CPU s": float(seconds),
+                "relative %": 100.0 * float(np.mean([error["relative"] for error in errors])),
+                "dB": float(np.mean([error["psnr"] for error in errors])),
+                "dE00": float(np.mean([error["colour"] for error in errors])),
+                "normal deg": float(np.mean(angles)) if angles else None,
+                "flagged %": 100.0 * float(np.mean([error["flagged"] for error in errors])),
+            }
+        )
+    return sorted(lines, key=lambda line: float(line["CPU s"]))
 
 
 def _classes(rows: Sequence[Row]) -> list[Row]:

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from impasto.study.tables import markdown, tables
+from impasto.study.words import words
 
 TITLES = {
+    "summary": "In the mean of the data sets with one view",
     "presets": "What each preset costs and gives",
     "halving": "The best fit in half the time, and what it is off by",
     "derived": "The presets that these numbers call for",
@@ -49,9 +51,11 @@ def write(found: dict[str, Any], out: Path, *, figures: bool = True) -> list[Pat
     """
     made = tables(found["rows"])
     whole = out / "study.json"
-    whole.write_text(json.dumps(found | made, indent=1) + "\n", encoding="utf-8")
+    said = words(found["rows"])
+    whole.write_text(json.dumps(found | made | {"words": said}, indent=1) + "\n", "utf-8")
     page = out / "study.md"
-    parts = [f"## {TITLES[name]}\n\n{markdown(table)}\n" for name, table in made.items()]
+    parts = [f"{paragraph}\n" for paragraph in said.values()]
+    parts += [f"## {TITLES[name]}\n\n{markdown(table)}\n" for name, table in made.items()]
     page.write_text("\n".join(["# What accuracy costs in time\n", *parts]), encoding="utf-8")
     written = [whole, page]
     if figures:

@@ -1,0 +1,135 @@
+"""Whether `suggest_effort` keeps its word, on stacks that nothing was chosen on.
+
+    python benches/python/suggestions.py [--data DIR] [--stacks 20] [--record]
+
+Twenty simulated paintings (seeds, varnishes, reliefs, sizes and lights that the study does not
+have) and the icon. One photograph in five is kept from the suggestion and from the fit. Asked is
+the geometric mean of the least and the largest error that the ladder was tried with, then of the
+least and the largest time: neither the first nor the last rung can answer both. The fit that was
+suggested is then made of the whole stack. Met is what is at most 15 % above what was asked;
+`foretold` is what came over what the suggestion said to expect, 1 is best.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from record import data_folder, run_info, show, write
+
+import impasto
+from impasto import simulate
+from impasto.study.specimens import dome
+from impasto.suggest import full_scale, relative_error
+
+FIRST_SEED, HELD, SLACK, ROUNDS = 1000, 5, 1.15, 3
+VARNISHES = ("patches", "satin", "gloss", "matte")
+ICON = 160
+"""Pixels of the icon's edge."""
+
+
+def stacks(count: int, data: Path) -> Iterator[tuple[str, impasto.Stack]]:
+    """Names and photographs."""
+    for number in range(count):
+        rng = np.random.default_rng(FIRST_SEED + number)
+        edge, lights = int(rng.integers(64, 129)), int(rng.integers(24, 73))
+        varnish: Any = VARNISHES[number % len(VARNISHES)]
+        scene = simulate.painting(
+            FIRST_SEED + number, (edge, edge), varnish=varnish, relief=float(rng.uniform(0.5, 2.0))
+        )
+        photographs = simulate.capture(
+            scene, impasto.Rig(dome(lights)), "rgb", shadows=bool(number % 3 == 0),
+            seed=FIRST_SEED + number,
+        )  # fmt: skip
+        yield f"{number + 1}: {edge} pixels, {lights} lights, {varnish}", photographs.stack
+    if (data / "icon_rti" / "dirs.lp").is_file():
+        yield "icon", window(impasto.read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb"))
+
+
+def window(stack: impasto.Stack) -> impasto.Stack:
+    """The middle."""
+    top, left = ((size - ICON) // 2 for size in stack.shape[2:])
+    return impasto.Stack(
+        stack.samples[:, :, top : top + ICON, left : left + ICON], lights=stack.rig,
+        bands=stack.bands, saturation=stack.saturation, scale=stack.scale, black=stack.black,
+        encoding=stack.encoding,
+    )  # fmt: skip
+
+
+def checked(stack: impasto.Stack) -> dict[str, float | bool]:
+    """What was asked, what came, whether it is met, and what was foretold."""
+    held = np.arange(HELD // 2, len(stack.rig), HELD)
+    known = stack.take(np.setdiff1d(np.arange(len(stack.rig)), held))
+    shown = stack.take(held)
+    truth = np.array([shown.linear(i) for i in range(len(held))])
+    tried = impasto.suggest_effort(known, error=1e-9).tried
+
+    def middle(values: list[float]) -> float:
+        return math.sqrt(min(values) * max(values))
+
+    asked = {
+        "error": middle([trial.error for trial in tried]),
+        "seconds": middle([trial.seconds for trial in tried]),
+    }
+    row: dict[str, float | bool] = {}
+    for what, value in asked.items():
+        suggestion = impasto.suggest_effort(known, **{what: value})
+        seconds = []
+        for _ in range(ROUNDS if what == "seconds" else 1):
+            start = time.perf_counter()
+            fitted = impasto.fit_sbrdf(known, **suggestion.options)
+            seconds.append(time.perf_counter() - start)
+        came = min(seconds)
+        if what == "error":
+            came = relative_error(fitted.predict(shown.rig), truth, full_scale(stack))
+        foretold = suggestion.error if what == "error" else suggestion.seconds
+        row |= {
+            f"{what} asked": value,
+            f"{what} came": came,
+            f"{what} met": bool(came <= SLACK * value),
+            f"{what} foretold": came / foretold,
+        }
+    return row
+
+
+def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """How many are met, and how near the prophecies are."""
+    found = []
+    for what in ("error", "seconds"):
+        ratios = sorted(row[f"{what} foretold"] for row in rows)
+        found.append(
+            {
+                "asked": what,
+                "met": f"{sum(row[f'{what} met'] for row in rows)} of {len(rows)}",
+                "least": ratios[0],
+                "median": ratios[len(ratios) // 2],
+                "largest": ratios[-1],
+            }
+        )
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--data", type=Path, default=data_folder())
+    parser.add_argument("--stacks", type=int, default=20)
+    parser.add_argument("--record", action="store_true", help="benches/results/suggestions.json")
+    options = parser.parse_args()
+    rows = []
+    for name, stack in stacks(options.stacks, options.data):
+        rows.append({"stack": name} | checked(stack))
+        print(rows[-1], flush=True)
+    show("suggest_effort", rows)
+    show("all of them", summary(rows))
+    if options.record:
+        info = run_info("python benches/python/suggestions.py --record")
+        write("suggestions.json", {"run": info, "rows": rows, "summary": summary(rows)})
+
+
+if __name__ == "__main__":
+    main()

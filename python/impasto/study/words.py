@@ -1,0 +1,218 @@
+"""What a study's rows say, in sentences: every number on the page comes from the record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from impasto.study.front import Row
+from impasto.study.presets import checked
+from impasto.study.tables import SETS, of_knob, preset_rows, unbeaten
+
+VIEWS = "770 views"
+
+
+def words(rows: Sequence[Row]) -> dict[str, str]:
+    """Paragraphs by their names; those that a study has rows for."""
+    made = {}
+    for sentence in (choice, promises, photographs, views, doubt, lobes, classes, bits, peers):
+        try:
+            made[sentence.__name__] = sentence(rows)
+        except (KeyError, ValueError, IndexError):
+            # A quick study, or one of some knobs, has not measured what the paragraph is about.
+            continue
+    return made
+
+
+def _named(rows: Sequence[Row]) -> dict[str, dict[str, Row]]:
+    """Rows by the name that somebody gets them by, and by data set."""
+    found: dict[str, dict[str, Row]] = {}
+    for name, row in preset_rows(rows):
+        found.setdefault(name, {})[row["data"]] = row
+    return found
+
+
+def _differences(one: dict[str, Row], other: dict[str, Row], what: str) -> list[float]:
+    pairs = [(one[d]["error"][what], other[d]["error"][what]) for d in one if d in other]
+    return [a - b for a, b in pairs if a is not None and b is not None]
+
+
+def _ratio(one: dict[str, Row], other: dict[str, Row]) -> float:
+    logs = [np.log(one[d]["cost"]["cpu"] / other[d]["cost"]["cpu"]) for d in one if d in other]
+    if not logs:
+        raise ValueError
+    return float(np.exp(np.mean(logs)))
+
+
+def _span(values: Sequence[float], unit: str, digits: int = 1) -> str:
+    # Rounded first: what is nothing has no sign.
+    low, high = (
+        f"{round(value, digits) + 0.0:+.{digits}f}".replace(f"+{0:.{digits}f}", f"{0:.{digits}f}")
+        for value in (min(values), max(values))
+    )
+    return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
+
+
+def _share(values: Sequence[float]) -> str:
+    low, high = (f"{100.0 * value:.0f}" for value in (min(values), max(values)))
+    return f"{low} %" if low == high else f"{low} to {high} %"
+
+
+def choice(rows: Sequence[Row]) -> str:
+    """Which of what has a name."""
+    named = _named(rows)
+    own = {name: named[f"pixels' own, {name}"] for name in ("draft", "standard", "reference")}
+    painting, standard = named["one lobe"], own["standard"]
+    gains = _differences(standard, painting, "psnr")
+    lines = [
+        f'* `pooling="pixel"` instead of one lobe for the painting: {_span(gains, "dB")} on '
+        f"held-out photographs, {_span(_differences(standard, painting, 'colour'), 'ΔE00', 2)}, "
+        f"normals {_span(_differences(standard, painting, 'normal'), '°', 2)}. With some twenty "
+        "lights or more this is the larger step, "
+        f"{'on every data set' if min(gains) > 0 else 'though not on every data set'}."
+    ]
+    for name in ("draft", "reference"):
+        flagged = [row["error"]["flagged"] for row in own[name].values()]
+        lines.append(
+            f'* `effort="{name}"` instead of `"standard"`: {_ratio(own[name], standard):.2f} '
+            f"times the time, {_span(_differences(own[name], standard, 'psnr'), 'dB')}, "
+            f"{_span(_differences(own[name], standard, 'colour'), 'ΔE00', 2)}, normals "
+            f"{_span(_differences(own[name], standard, 'normal'), '°', 2)}; it flags "
+            f"{_share(flagged)} of the pixels."
+        )
+    return "\n".join(lines)
+
+
+def promises(rows: Sequence[Row]) -> str:
+    """What presets promise, and whether it is so."""
+    lines = []
+    for check in checked(rows):
+        kept = "Kept" if check.kept else "**Not kept**"
+        lines.append(f"* `{check.preset}`: {check.promise}. {kept}: {check.found}.")
+    return "\n".join(lines)
+
+
+def _levels(rows: Sequence[Row], knob: str, setting: str, what: str) -> dict[str, float]:
+    found = {r["data"]: r["error"][what] for r in of_knob(rows, knob) if r["setting"] == setting}
+    if not found:
+        raise KeyError(setting)
+    return found
+
+
+def photographs(rows: Sequence[Row]) -> str:
+    """What lights, and their choice, are worth."""
+    every = _levels(rows, "lights", "all", "psnr")
+    lines = []
+    for count in (24, 14, 9):
+        losses = {}
+        for kind in ("random", "spread", "best"):
+            some = _levels(rows, "lights", f"{count} {kind}", "psnr")
+            losses[kind] = float(np.mean([every[data] - some[data] for data in every]))
+        lines.append(
+            f"{count} lights cost {losses['random']:.1f} dB at random, {losses['spread']:.1f} dB "
+            f"spread, {losses['best']:.1f} dB as the best of sixteen"
+        )
+    return "In the mean of the data sets " + "; ".join(lines) + "."
+
+
+def views(rows: Sequence[Row]) -> str:
+    """Heuberger's claim."""
+    every = _levels(rows, "views", "all", "psnr")[VIEWS]
+    kinds = ("random", "spread", "best")
+
+    def loss(count: int, kind: str) -> float:
+        return every - _levels(rows, "views", f"{count} {kind}", "psnr")[VIEWS]
+
+    cut = {count: min(loss(count, kind) for kind in kinds) for count in (18, 12)}
+    verdict = "it can" if min(cut.values()) <= 1.0 else "it cannot"
+    rest = ", ".join(
+        f"1/{round(700 / count)} {min(loss(count, kind) for kind in kinds):.0f} dB"
+        for count in (350, 175, 70, 35, 18, 12)
+    )
+    return (
+        f"Here {verdict}: by the best of the three choices a share of the photographs costs, "
+        f"against all of them: {rest}. The surface is one that the fit can describe exactly and "
+        f"held-out photographs have no noise: from {every:.0f} dB there is far to fall, where "
+        "photographs of a real painting have a floor."
+    )
+
+
+def doubt(rows: Sequence[Row]) -> str:
+    """What robust weights are worth."""
+    both, none = (
+        {r["data"]: r for r in of_knob(rows, "robust") if r["setting"] == setting}
+        for setting in ("stereo on, samples on", "stereo off, samples off")
+    )
+    time = _ratio(both, none)
+    flagged = [float(np.mean([r["error"]["flagged"] for r in rs.values()])) for rs in (none, both)]
+    return (
+        "Weighing samples by what is left of them (with normals that start from robust "
+        f"photometric stereo) costs {time:.2f} times the time of doing neither, "
+        f"and changes held-out photographs by {_span(_differences(both, none, 'psnr'), 'dB')}, "
+        f"normals by {_span(_differences(both, none, 'normal'), '°', 3)}; pixels that are flagged "
+        f"fall from {100 * flagged[0]:.0f} % to {100 * flagged[1]:.1f} %."
+    )
+
+
+def lobes(rows: Sequence[Row]) -> str:
+    """What a further lobe is worth."""
+    at_most = {
+        n: {r["data"]: r for r in of_knob(rows, "lobes") if r["number"] == n and r["data"] != VIEWS}
+        for n in (0, 1, 2, 3)
+    }
+    lines = [
+        f"{n} at most instead of {n - 1}: {_ratio(at_most[n], at_most[n - 1]):.1f} times the time, "
+        f"{_span(_differences(at_most[n], at_most[n - 1], 'psnr'), 'dB')}"
+        for n in (2, 3)
+    ]
+    matte = _differences(at_most[1], at_most[0], "psnr")
+    return f"The first lobe is worth {_span(matte, 'dB')}; " + "; ".join(lines) + "."
+
+
+def classes(rows: Sequence[Row]) -> str:
+    """What pixels that need fewer lobes save."""
+    by_data: dict[str, dict[str, float]] = {}
+    for row in of_knob(rows, "classes"):
+        by_data.setdefault(row["data"], {})[row["setting"]] = row["cost"]["cpu"]
+    lines = []
+    for name in ("no lobe", "one lobe"):
+        saved = [
+            1.0 - found[name] / found["two lobes"]
+            for found in by_data.values()
+            if name in found and "two lobes" in found
+        ]
+        if saved:
+            lines.append(f"those with {name} save {_share(saved)} of the time")
+    if not lines:
+        raise ValueError
+    return "Against pixels that get two lobes " + ", ".join(lines) + "."
+
+
+def bits(rows: Sequence[Row]) -> str:
+    """What coarser numbers cost."""
+    full = _levels(rows, "bits", "float32", "psnr")
+    lines = []
+    for sort in ("8-bit linear", "8-bit sRGB", "12-bit linear", "float16"):
+        some = _levels(rows, "bits", sort, "psnr")
+        lines.append(f"{sort} {_span([some[data] - full[data] for data in full], 'dB')}")
+    return "Against float32: " + ", ".join(lines) + "."
+
+
+def peers(rows: Sequence[Row]) -> str:
+    """Who is not beaten."""
+    every, left = of_knob(rows, "peer"), unbeaten(rows)
+    if not every:
+        raise ValueError
+    if not left:
+        return "Every peer is beaten: a fit of ours is at least as cheap and at least as accurate."
+    best: Callable[[Row], Any] = lambda row: row["error"]["psnr"]  # noqa: E731
+    lines = []
+    for data in dict.fromkeys(row["data"] for row in left):
+        names = [row["setting"] for row in sorted(left, key=best) if row["data"] == data]
+        lines.append(f"{SETS[data]}: {', '.join(names)}")
+    return (
+        f"{len(every) - len(left)} of {len(every)} are beaten in both time and error; these are "
+        "not: " + "; ".join(lines) + "."
+    )
