@@ -41,16 +41,23 @@ def steps(axes: list[Any]) -> None:
 
 def basins(axes: list[Any]) -> None:
     """Bad pixels against time."""
-    for row in _record("kernels")["strategies"]:
-        name = row["strategy"]
+    rows = _record("kernels")["strategies"]
+    turns = [row for row in rows if "starts" in row["strategy"]]
+    axes[0].plot(*zip(*((r["us"], r["bad"]) for r in turns), strict=True), color=BLACK, lw=0.8)
+    for row in rows:
+        name = row["strategy"].replace("all at once, starts: 1", "all at once, one start")
         colour = ORANGE if "MINPACK" in name else BLUE if "one at a time" in name else BLACK
         at = (row["us"], row["bad"])
         axes[0].plot(*at, "s" if colour == ORANGE else "o", ms=5, color=colour)
-        below = name in ("all at once, f64", "one at a time, BIC")
-        note(axes[0], name, at, colour, (5, -9) if below else (5, 4))
+        by = {"all at once, f64": (4, 5), "all at once, one start": (-14, 7)}.get(name, (6, 3))
+        if row in turns[1:]:
+            name, by = name.rpartition(" ")[2], (-3, -11)
+        note(axes[0], name, at, colour, by)
     dress(axes[0], "Three lobes, 100 samples", "µs per pixel, one thread", "bad pixels, %")
     _across(axes[0])
-    axes[0].set_ylim(bottom=0.0)
+    axes[0].set_yscale("log")
+    axes[0].margins(y=0.15)
+    plain(axes[0].yaxis)
 
 
 def roofline(axes: list[Any]) -> None:
@@ -70,8 +77,9 @@ def roofline(axes: list[Any]) -> None:
     for row in kernels:
         at = (row["flops_per_byte"], row["gflops"])
         axes[0].plot(*at, "o", ms=5, color=BLUE)
-        by = (-30, -12) if "690" in row["kernel"] else (-34, 7)
-        note(axes[0], f"{row['kernel']}: {row['share']:.0f} %", at, BLUE, by)
+        words = f"{row['kernel']}: {row['share']:.0f} %"
+        by = (-88, 3) if "100" in row["kernel"] else (-88, -8) if "690" in row["kernel"] else (6, 3)
+        note(axes[0], words, at, BLUE, by)
     dress(axes[0], "Share of the machine's limits", "operations per byte", "GFLOP/s")
     logarithmic(axes[0])
     axes[0].set_ylim(top=limit["GFLOP/s"] * 2.0)

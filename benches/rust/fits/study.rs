@@ -21,10 +21,17 @@ const CAPS: [usize; 8] = [1, 2, 3, 5, 8, 13, 20, 40];
 
 const ROUNDS: usize = 3;
 
-/// Least seconds of some rounds.
+/// Seconds of a round at least: the system counts processor time in some milliseconds.
+const ENOUGH: f64 = 0.15;
+
+/// Least seconds of some rounds, each of as many turns as last long enough.
 fn least(mut work: impl FnMut()) -> f64 {
     let epoch = Instant::now();
-    (0..ROUNDS).map(|_| timed(epoch, &mut work)).fold(f64::INFINITY, f64::min)
+    work();
+    let turns = (ENOUGH / epoch.elapsed().as_secs_f64()).ceil();
+    let mut round = || (0..turns as usize).for_each(|_| work());
+    let least = (0..ROUNDS).map(|_| timed(epoch, &mut round)).fold(f64::INFINITY, f64::min);
+    least / turns
 }
 
 pub(crate) fn study() {

@@ -12,7 +12,7 @@ from impasto.study.tables import SETS, fits_of, front_of, of_knob, points, prese
 BLUE, ORANGE, GREEN, BLACK, FAINT = "#0072b2", "#d55e00", "#009e73", "#202020", "#b8b8b8"
 SHADES = ("#a9cfe6", "#56a0d0", "#0072b2", "#003a5c")
 BY = {
-    "pixels' own, standard": (-88, -11), "pixels' own, reference": (-94, 4), "one lobe": (-16, 6),
+    "pixels' own, standard": (-88, -11), "pixels' own, reference": (-94, -21), "one lobe": (-16, 6),
     "pixels' own, draft": (-40, 6), "l1": (-9, 3), "rank": (-21, -2), "huber": (5, 6),
     "cauchy": (6, -1), "tukey": (6, -8), "robust": (-9, -11), "threshold": (-14, -11),
 }  # fmt: skip
@@ -76,6 +76,9 @@ def front(axes: Any, found: Row, data: str) -> None:
         axes.plot(*at, "s", ms=4.5, color=ORANGE, zorder=3)
         by = (-10, 7) if name.startswith("MINPACK") else (6, 10 - 7 * place)
         note(axes, SHORT.get(name, name), at, ORANGE, by)
+    for row in of_knob(rows, "sample"):
+        if row["data"] == data:
+            axes.plot(*_percent([row])[0], "s", ms=4.5, mfc="white", mec=BLUE, mew=1.0, zorder=3)
     dress(axes, data, "CPU seconds per megapixel", "error of relighting, %")
     logarithmic(axes)
     axes.margins(x=0.12, y=0.12)
@@ -105,7 +108,7 @@ def normals(axes: Any, found: Row, data: str) -> None:
             note(axes, name, at, colour, BY.get(name, (5, 2)))
     dress(axes, data, "CPU microseconds per pixel", "error of the normals, degrees")
     logarithmic(axes)
-    axes.margins(x=0.2, y=0.12)
+    axes.margins(x=0.2, y=0.22)
 
 
 def _curve(axes: Any, rows: Sequence[Row], up: Any, style: str, colour: str, label: str) -> None:

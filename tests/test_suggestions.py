@@ -1,0 +1,42 @@
+"""The check of `suggest_effort` on stacks that it was not made on, a little of it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benches" / "python"))
+import suggestions
+
+
+def test_errors_that_are_asked_are_met(tmp_path: Path) -> None:
+    """Within 15 %, on two of the twenty; times are recorded, no test asserts them."""
+    for name, stack in suggestions.stacks(2, tmp_path):
+        row = suggestions.checked(stack)
+        assert row["error met"], name
+        assert row["error came"] <= 1.15 * row["error asked"]
+        # Fewer photographs and their noise make a trial's error the larger: no more than twice.
+        assert 0.5 < row["error foretold"] < 1.15
+
+
+def test_the_stacks_are_told_apart_and_the_same_every_time(tmp_path: Path) -> None:
+    first, again = (dict(suggestions.stacks(2, tmp_path)) for _ in range(2))
+    assert first.keys() == again.keys()
+    assert len({stack.shape for stack in first.values()}) == 2
+    for name, stack in first.items():
+        assert (stack.samples == again[name].samples).all()
+
+
+def test_a_summary_counts_what_is_met() -> None:
+    def row(met: bool, ratio: float) -> dict[str, Any]:
+        one = {"met": met, "foretold": ratio}
+        return {f"{w} {key}": value for w in ("error", "seconds") for key, value in one.items()}
+
+    found = suggestions.summary([row(True, 0.9), row(False, 1.3), row(True, 1.0)])
+    assert [line["met"] for line in found] == ["2 of 3", "2 of 3"]
+    assert [found[0][key] for key in ("least", "median", "largest")] == pytest.approx(
+        [0.9, 1.0, 1.3]
+    )
