@@ -5,7 +5,7 @@
 //! is `n turn`, and bounds on it hold for any n.
 
 use crate::brdf::lafortune::{Lobe, Pair};
-use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, ROWS, Rows, fit};
+use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Rows, fit};
 use crate::math::elementary::exp;
 use crate::math::{Element, Level, Real, Vec3};
 
@@ -83,64 +83,44 @@ where
     }
     #[inline(always)]
     fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
-        let (zero, count) = (R::zero(), self.sights.len());
+        let count = self.sights.len();
         let up = Vec3::new(rows.get(count), rows.get(count + 1), rows.get(count + 2));
-        let place = [rows.get(count + 3), rows.get(count + 4)];
-        let shapes = Shapes::<R, N>::new(&at);
-        let mut normal = Normal::zero();
-        let mut slopes = [[zero; N]; ROWS];
-        let mut residuals = [zero; ROWS];
-        let mut photograph = 0;
-        while photograph < count {
-            let end = (photograph + ROWS).min(count);
-            for k in photograph..end {
-                let sample = rows.get(k);
-                let (light, view, light_view, irradiance) = self.sights.at(k, place);
-                let mut pair = Pair::against(up, light, view, light_view);
-                // A sample that does not count is a photograph without light: value and slopes
-                // are 0 (hard case 26).
-                let counts = sample.is_finite();
-                pair.cosine = R::keep(counts, pair.cosine * irradiance);
-                let (value, slope) = shapes.radiance(at[0], &pair);
-                let residual = R::keep(counts, sample - value);
-                if N > 4 {
-                    (slopes[k - photograph], residuals[k - photograph]) = (slope, residual);
-                } else {
-                    normal.add(slope, residual);
-                }
-            }
-            if N > 4 {
-                for k in end - photograph..ROWS {
-                    (slopes[k], residuals[k]) = ([zero; N], zero);
-                }
-                normal.add_rows(&slopes, &residuals);
-            }
-            photograph = end;
-        }
-        normal
+        let shapes = Shapes::new(&at);
+        self.sights.equations(rows, |light, view, light_view, irradiance| {
+            let mut pair = Pair::against(up, light, view, light_view);
+            pair.cosine = pair.cosine * irradiance;
+            let mut slope = [R::zero(); N];
+            let [reflectance, _] = shapes.reflectance(&pair, &mut slope);
+            (pair.cosine * reflectance, slope)
+        })
     }
     fn store(&mut self, problem: usize, outcome: &Outcome<S, N>) {
         (self.store)(problem, outcome);
     }
 }
 
-/// `N / 3` lobes at some parameters.
-struct Shapes<R, const N: usize> {
+/// A diffuse part and lobes at some parameters.
+pub(super) struct Shapes<R> {
+    count: usize,
+    diffuse: R,
     lobes: [Lobe<R>; MOST_LOBES],
     turns: [R; MOST_LOBES],
     widths: [R; MOST_LOBES],
 }
 
-impl<R: Real, const N: usize> Shapes<R, N> {
+impl<R: Real> Shapes<R> {
+    /// From the diffuse strength, and strength, turn times n and `ln n` of each lobe.
     #[inline(always)]
-    fn new(at: &[R; N]) -> Self {
+    pub(super) fn new(at: &[R]) -> Self {
         let zero = R::zero();
         let mut all = Self {
+            count: (at.len() - 1) / 3,
+            diffuse: at[0],
             lobes: [Lobe::new(zero, zero, zero); MOST_LOBES],
             turns: [zero; MOST_LOBES],
             widths: [zero; MOST_LOBES],
         };
-        for j in 0..(N - 1) / 3 {
+        for j in 0..all.count {
             all.widths[j] = exp(-at[3 + 3 * j]);
             all.turns[j] = at[2 + 3 * j] * all.widths[j];
             all.lobes[j] = Lobe::new(at[1 + 3 * j], all.turns[j], at[3 + 3 * j]);
@@ -148,19 +128,21 @@ impl<R: Real, const N: usize> Shapes<R, N> {
         all
     }
 
-    /// Radiance and its derivatives.
+    /// Reflectance and how it changes with the normal ([`Gradient::normal`]
+    /// (crate::brdf::lafortune::Gradient)); `slope` takes the derivatives of radiance in the order
+    /// of the parameters.
     #[inline(always)]
-    fn radiance(&self, diffuse: R, pair: &Pair<R>) -> (R, [R; N]) {
-        let mut slope = [R::zero(); N];
-        let mut reflectance = diffuse;
+    pub(super) fn reflectance(&self, pair: &Pair<R>, slope: &mut [R]) -> [R; 2] {
+        let (mut reflectance, mut bend) = (self.diffuse, R::zero());
         slope[0] = pair.cosine;
-        for j in 0..(N - 1) / 3 {
+        for j in 0..self.count {
             let g = self.lobes[j].gradient(pair);
             reflectance = reflectance + g.value;
+            bend = bend + g.normal;
             slope[1 + 3 * j] = pair.cosine * g.amplitude;
             slope[2 + 3 * j] = pair.cosine * g.turn * self.widths[j];
             slope[3 + 3 * j] = pair.cosine * (-self.turns[j]).mul_add(g.turn, g.log_exponent);
         }
-        (pair.cosine * reflectance, slope)
+        [reflectance, bend]
     }
 }

@@ -2,10 +2,14 @@
 
 use crate::brdf::lafortune::Pair;
 use crate::geometry::{Light, Rig};
+use crate::lm::{Normal, ROWS, Rows};
 use crate::math::{Element, Real, Vec3};
 
 /// Squared length of the sum of two directions that are opposite to each other, to a thousandth.
 const OPPOSITE: f64 = 1e-6;
+
+/// Most unknowns whose matrix stays in registers.
+const IN_REGISTERS: usize = 5;
 
 /// Luminances of some pixels under all lights and from all views of a rig.
 #[derive(Clone, Copy, Debug)]
@@ -171,9 +175,50 @@ impl<'a, S: Element> Sights<'a, S> {
         self.len() + 5
     }
 
+    /// Normal equations of a model against a pixel's column ([`Luminance::column`]): radiance and
+    /// its derivatives from light, view, their product and the irradiance.
+    #[inline(always)]
+    pub(super) fn equations<R: Real<Scalar = S>, const N: usize>(
+        &self,
+        rows: Rows<'_, R>,
+        model: impl Fn(Vec3<R>, Vec3<R>, R, R) -> (R, [R; N]),
+    ) -> Normal<R, N> {
+        let (zero, count) = (R::zero(), self.len());
+        let place = [rows.get(count + 3), rows.get(count + 4)];
+        let mut normal = Normal::zero();
+        let mut slopes = [[zero; N]; ROWS];
+        let mut residuals = [zero; ROWS];
+        let mut photograph = 0;
+        while photograph < count {
+            let end = (photograph + ROWS).min(count);
+            for k in photograph..end {
+                let sample = rows.get(k);
+                let (light, view, light_view, irradiance) = self.at(k, place);
+                // A sample that does not count is a photograph without light: value and slopes
+                // are 0 (hard case 26).
+                let counts = sample.is_finite();
+                let (value, slope) = model(light, view, light_view, R::keep(counts, irradiance));
+                let residual = R::keep(counts, sample - value);
+                if N > IN_REGISTERS {
+                    (slopes[k - photograph], residuals[k - photograph]) = (slope, residual);
+                } else {
+                    normal.add(slope, residual);
+                }
+            }
+            if N > IN_REGISTERS {
+                for k in end - photograph..ROWS {
+                    (slopes[k], residuals[k]) = ([zero; N], zero);
+                }
+                normal.add_rows(&slopes, &residuals);
+            }
+            photograph = end;
+        }
+        normal
+    }
+
     /// Light, view and their product, and the irradiance, seen from `(x, y)`.
     #[inline(always)]
-    pub(super) fn at<R: Real<Scalar = S>>(
+    fn at<R: Real<Scalar = S>>(
         &self,
         photograph: usize,
         [x, y]: [R; 2],

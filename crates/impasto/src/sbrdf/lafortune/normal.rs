@@ -85,20 +85,11 @@ impl Batch<f32, PARAMETERS> for Lanes<'_> {
         rows: Rows<'_, R>,
         at: [R; PARAMETERS],
     ) -> Normal<R, PARAMETERS> {
-        let count = self.sights.len();
-        let place = [rows.get(count + 3), rows.get(count + 4)];
         let model = CosineLobe::new(at);
-        let mut normal = Normal::zero();
-        for photograph in 0..count {
-            let sample = rows.get(photograph);
-            let (light, view, light_view, irradiance) = self.sights.at(photograph, place);
+        self.sights.equations(rows, |light, view, light_view, irradiance| {
             let (value, slope) = model.gradient(light, view, light_view);
-            let counts = sample.is_finite();
-            let share = R::keep(counts, irradiance);
-            let residual = R::keep(counts, (-value).mul_add(share, sample));
-            normal.add(slope.map(|slope| slope * share), residual);
-        }
-        normal
+            (value * irradiance, slope.map(|slope| slope * irradiance))
+        })
     }
     fn store(&mut self, problem: usize, outcome: &Outcome<f32, PARAMETERS>) {
         let (place, start) = (problem / STARTS, problem % STARTS);

@@ -4,13 +4,12 @@
 //! finds leans with them. Once lobes are known, everything but their number is free, on the same
 //! samples.
 
-use crate::brdf::lafortune::{Lobe, Pair};
-use crate::lm::{Batch, Column, Normal, Options, Outcome, ROWS, Rows, fit};
-use crate::math::elementary::exp;
+use crate::brdf::lafortune::Pair;
+use crate::lm::{Batch, Column, Normal, Options, Outcome, Rows, fit};
 use crate::math::{Element, Real, Vec3};
 
-use super::found::{Found, MOST_LOBES};
-use super::lobes::{Search, bounds};
+use super::found::Found;
+use super::lobes::{Search, Shapes, bounds};
 use super::luminance::{Luminance, Sights};
 use super::normal::{Facing, STEEPEST, facing};
 
@@ -117,31 +116,10 @@ impl<S: Element, const N: usize> Batch<S, N> for Lanes<'_, S, N> {
     }
     #[inline(always)]
     fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
-        let (zero, count) = (R::zero(), self.sights.len());
-        let place = [rows.get(count + 3), rows.get(count + 4)];
         let model = Model::new(&at);
-        let mut normal = Normal::zero();
-        let mut slopes = [[zero; N]; ROWS];
-        let mut residuals = [zero; ROWS];
-        let mut photograph = 0;
-        while photograph < count {
-            let end = (photograph + ROWS).min(count);
-            for k in photograph..end {
-                let sample = rows.get(k);
-                let (light, view, light_view, irradiance) = self.sights.at(k, place);
-                let (value, slope) = model.gradient(light, view, light_view);
-                let counts = sample.is_finite();
-                let share = R::keep(counts, irradiance);
-                slopes[k - photograph] = slope.map(|slope| slope * share);
-                residuals[k - photograph] = R::keep(counts, (-value).mul_add(share, sample));
-            }
-            for k in end - photograph..ROWS {
-                (slopes[k], residuals[k]) = ([zero; N], zero);
-            }
-            normal.add_rows(&slopes, &residuals);
-            photograph = end;
-        }
-        normal
+        self.sights.equations(rows, |light, view, light_view, irradiance| {
+            model.gradient(light, view, light_view, irradiance)
+        })
     }
     fn store(&mut self, problem: usize, outcome: &Outcome<S, N>) {
         let i = self.these[problem];
@@ -170,59 +148,42 @@ impl<S: Element, const N: usize> Batch<S, N> for Lanes<'_, S, N> {
 }
 
 /// Lobes about a normal of slopes p and q.
-struct Model<R, const N: usize> {
+struct Model<R> {
     normal: Vec3<R>,
     upright: R,
-    diffuse: R,
-    lobes: [Lobe<R>; MOST_LOBES],
-    turns: [R; MOST_LOBES],
-    widths: [R; MOST_LOBES],
+    shapes: Shapes<R>,
 }
 
-impl<R: Real, const N: usize> Model<R, N> {
+impl<R: Real> Model<R> {
     #[inline(always)]
-    fn new(at: &[R; N]) -> Self {
-        let (zero, p, q) = (R::zero(), at[0], at[1]);
+    fn new<const N: usize>(at: &[R; N]) -> Self {
+        let (p, q) = (at[0], at[1]);
         let upright = q.mul_add(q, p.mul_add(p, R::one())).sqrt().recip();
-        let mut model = Self {
-            normal: Vec3::new(-(p * upright), -(q * upright), upright),
-            upright,
-            diffuse: at[2],
-            lobes: [Lobe::new(zero, zero, zero); MOST_LOBES],
-            turns: [zero; MOST_LOBES],
-            widths: [zero; MOST_LOBES],
-        };
-        for j in 0..N / 3 - 1 {
-            model.widths[j] = exp(-at[5 + 3 * j]);
-            model.turns[j] = at[4 + 3 * j] * model.widths[j];
-            model.lobes[j] = Lobe::new(at[3 + 3 * j], model.turns[j], at[5 + 3 * j]);
-        }
-        model
+        let normal = Vec3::new(-(p * upright), -(q * upright), upright);
+        Self { normal, upright, shapes: Shapes::new(&at[2..]) }
     }
 
-    /// Radiance under unit irradiance, and its derivatives.
+    /// Radiance and its derivatives.
     #[inline(always)]
-    fn gradient(&self, light: Vec3<R>, view: Vec3<R>, light_view: R) -> (R, [R; N]) {
-        let pair = Pair::against(self.normal, light, view, light_view);
+    fn gradient<const N: usize>(
+        &self,
+        light: Vec3<R>,
+        view: Vec3<R>,
+        light_view: R,
+        irradiance: R,
+    ) -> (R, [R; N]) {
+        let mut pair = Pair::against(self.normal, light, view, light_view);
+        pair.cosine = pair.cosine * irradiance;
         let mut slope = [R::zero(); N];
-        let (mut reflectance, mut bend) = (self.diffuse, R::zero());
-        for j in 0..N / 3 - 1 {
-            let g = self.lobes[j].gradient(&pair);
-            reflectance = reflectance + g.value;
-            bend = bend + g.normal;
-            slope[3 + 3 * j] = pair.cosine * g.amplitude;
-            slope[4 + 3 * j] = pair.cosine * g.turn * self.widths[j];
-            slope[5 + 3 * j] = pair.cosine * (-self.turns[j]).mul_add(g.turn, g.log_exponent);
-        }
-        slope[2] = pair.cosine;
+        let [reflectance, bend] = self.shapes.reflectance(&pair, &mut slope[2..]);
         // d/dN = f L + (N.L) df/dN, along (N.V) L + (N.L) V, as in the cosine lobe.
+        let lit = R::keep(pair.cosine.gt(R::zero()), irradiance);
         let bend = pair.cosine * bend;
-        let along = light.scale(bend.mul_add(self.normal.dot(view), reflectance));
-        let along = view.mul_add(bend * pair.cosine, along);
+        let along_light = bend.mul_add(self.normal.dot(view), reflectance * lit);
+        let along = view.mul_add(bend * self.normal.dot(light), light.scale(along_light));
         let inward = along.dot(self.normal);
-        let lit = pair.cosine.gt(R::zero());
-        slope[0] = R::keep(lit, self.normal.x.mul_add(inward, -along.x) * self.upright);
-        slope[1] = R::keep(lit, self.normal.y.mul_add(inward, -along.y) * self.upright);
+        slope[0] = self.normal.x.mul_add(inward, -along.x) * self.upright;
+        slope[1] = self.normal.y.mul_add(inward, -along.y) * self.upright;
         (pair.cosine * reflectance, slope)
     }
 }
