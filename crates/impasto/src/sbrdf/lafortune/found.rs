@@ -9,7 +9,7 @@ pub const MOST_LOBES: usize = 3;
 
 /// Fall of the criterion that no choice of photographs brings about: 151 of them tell the
 /// logarithm of a variance to 0.12, which is 17 in the criterion; six times that.
-const CLEAR: f64 = 100.0;
+pub(super) const CLEAR: f64 = 100.0;
 
 /// Exponents of two lobes that are one, as a ratio, and the strength of one that is none, relative
 /// to the others.
@@ -93,7 +93,8 @@ impl Found {
     }
 
     /// Whether lobes look as they do where a search went astray: two that are one, one that is
-    /// none, one at a bound, or one so sharp or so broad that it may describe noise or a remainder.
+    /// none, one at a bound, one so sharp or so broad that it may describe noise or a remainder, or
+    /// no lobe at all.
     pub(super) fn doubtful(&self) -> bool {
         let most = self.each().map(|lobe| lobe[0]).fold(0.0, f64::max);
         let odd = |[strength, turning, log_exponent]: [f64; 3]| {
@@ -102,7 +103,9 @@ impl Found {
                 || !(ORDINARY[0]..ORDINARY[1]).contains(&log_exponent)
         };
         let alike = |a: usize, b: usize| (self.lobe(a)[2] - self.lobe(b)[2]).abs() < ALIKE.ln();
-        self.each().any(odd) || (1..self.lobes).any(|a| (0..a).any(|b| alike(a, b)))
+        self.lobes == 0
+            || self.each().any(odd)
+            || (1..self.lobes).any(|a| (0..a).any(|b| alike(a, b)))
     }
 
     /// All but one lobe, with a cost that any search undercuts.

@@ -128,9 +128,10 @@ impl<R: Real> Shapes<R> {
         all
     }
 
-    /// Reflectance and how it changes with the normal ([`Gradient::normal`]
-    /// (crate::brdf::lafortune::Gradient)); `slope` takes the derivatives of radiance in the order
-    /// of the parameters.
+    /// Reflectance and how it changes with the normal, as [`Gradient`] has it; `slope` takes the
+    /// derivatives of radiance in the order of the parameters.
+    ///
+    /// [`Gradient`]: crate::brdf::lafortune::Gradient
     #[inline(always)]
     pub(super) fn reflectance(&self, pair: &Pair<R>, slope: &mut [R]) -> [R; 2] {
         let (mut reflectance, mut bend) = (self.diffuse, R::zero());

@@ -55,11 +55,15 @@ impl Sequence {
         let mut adding =
             Adding { sequence: self, level, data, stopped, occupancy: Occupancy::default() };
         let [first, others @ ..] = STARTS;
-        let mut found = adding.lobes(pixels, first, &self.options);
+        let plain = pixels.iter().map(|&pixel| self.plain(data, pixel)).collect();
+        let mut found = adding.lobes(pixels, plain, first, &self.options);
         for starts in others {
             let doubtful: Vec<_> = (0..pixels.len()).filter(|&i| found[i].doubtful()).collect();
             let again: Vec<_> = doubtful.iter().map(|&i| pixels[i]).collect();
-            let mut other = adding.lobes(&again, starts, &to(ROUGH, &self.options));
+            let plain = again.iter().map(|&pixel| self.plain(data, pixel));
+            // These start from the mirror direction wherever the first search did.
+            let plain = plain.map(|plain| Found { retro: false, ..plain }).collect();
+            let mut other = adding.lobes(&again, plain, starts, &to(ROUGH, &self.options));
             // Few of them are better: only those are worth the last digits.
             let better: Vec<_> =
                 (0..again.len()).filter(|&j| other[j].bic() < found[doubtful[j]].bic()).collect();
@@ -119,6 +123,7 @@ impl Adding<'_> {
     fn lobes(
         &mut self,
         pixels: &[usize],
+        mut found: Vec<Found>,
         starts: [f64; MOST_LOBES],
         options: &Options,
     ) -> Vec<Found> {
@@ -126,8 +131,6 @@ impl Adding<'_> {
         let all = self.data.photographs();
         let some = some(all);
         let (rough, sure) = (to(ROUGH, options), to(0.1 * ROUGH, options));
-        let mut found: Vec<_> =
-            pixels.iter().map(|&pixel| self.sequence.plain(self.data, pixel)).collect();
         let mut open: Vec<_> = (0..pixels.len()).collect();
         for lobes in 1..=most.min(MOST_LOBES) {
             open.retain(|&i| room_for(lobes, found[i].samples) && found[i].at[0] > 0.0);
