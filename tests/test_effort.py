@@ -11,8 +11,9 @@ import pytest
 import impasto
 from impasto import Effort, _core, simulate, suggest
 from impasto.effort import PRESETS
+from impasto.relighting import full_scale, relative_error
 from impasto.study import specimens
-from impasto.suggest import every, full_scale, relative_error, thinned
+from impasto.thinning import every, thinned
 
 
 @pytest.fixture(scope="module")
@@ -164,6 +165,15 @@ def test_what_photographs_do_not_know_does_not_count() -> None:
     assert relative_error(np.array([np.nan, 2.0, 0.0, 5.0]), truth) == pytest.approx(0.2**0.5)
     # Beyond full scale a camera tells nothing apart: neither does the error.
     assert relative_error(np.array([1.0, 3.0, 9.0, 5.0]), truth, 2.0) == 0.0
+
+
+def test_an_error_relative_to_nothing() -> None:
+    black, grey = np.zeros(3), np.full(3, 0.5)
+    assert relative_error(black, black) == 0.0
+    assert relative_error(np.full(3, np.nan), black) == 0.0
+    assert relative_error(grey, black) == np.inf
+    assert relative_error(black, grey) == 1.0
+    assert np.isnan(relative_error(grey, np.full(3, np.nan)))
 
 
 def test_a_suggestion_keeps_its_word() -> None:

@@ -15,8 +15,10 @@ from impasto.effort import resolved
 from impasto.errors import ArgumentError
 from impasto.fit.border import RigArguments, checked_stack
 from impasto.fit.sbrdf import fit_sbrdf
+from impasto.relighting import full_scale, relative_error
 from impasto.rig import Rig
 from impasto.stack import Stack
+from impasto.thinning import thinned, thinned_to
 
 LADDER: tuple[dict[str, Any], ...] = (
     {"joint": False},
@@ -148,9 +150,7 @@ def suggest_effort(
 
 
 def _trials(stack: Stack, threads: int | None) -> list[Trial]:
-    height, width = stack.shape[2:]
-    stride = max(1, math.ceil(math.sqrt(height * width / PIXELS)))
-    part = thinned(stack, stride)
+    part = thinned_to(stack, PIXELS)
     held = np.arange(HELD // 2, len(stack.rig), HELD)
     train = np.setdiff1d(np.arange(len(stack.rig)), held)
     shown = part.take(held)
@@ -210,57 +210,6 @@ def _expected(
     each = max(unsearched - least, 0.0) / more
     once = max(took - few * (search + each), 0.0)
     return fitted, once + min(pixels, effort.pixels) * search + pixels * each
-
-
-def full_scale(stack: Stack) -> NDArray[np.float32]:
-    """``(band, 1, 1)`` linear light from which the camera sees no more; infinite if unknown."""
-    if stack.saturation is None:
-        return np.full((stack.shape[1], 1, 1), np.inf, np.float32)
-    top = (stack.saturation - stack.black) * stack.scale
-    return np.asarray(top[:, None, None], dtype=np.float32)
-
-
-def relative_error(
-    shown: NDArray[Any], truth: NDArray[Any], top: NDArray[np.float32] | float = np.inf
-) -> float:
-    """Root mean square of the differences over that of the truth, both cut off at ``top``.
-
-    What the fit does not know counts as black; what the photographs do not know (NaN, or +inf
-    without a ``top``) does not count.
-    """
-    real = np.minimum(truth, top).astype(np.float64)
-    seen = np.isfinite(real)
-    expected = np.clip(np.nan_to_num(shown, nan=0.0, posinf=np.inf), 0.0, top)[seen]
-    real = real[seen]
-    return float(np.sqrt(((expected - real) ** 2).sum() / (real**2).sum()))
-
-
-def thinned(stack: Stack, stride: int) -> Stack:
-    """Every so many pixels along both axes, each as wide as all those it stands for."""
-    if stride == 1:
-        return stack
-    window = every(stack.shape[2:], stride)
-    pitch = stack.rig.pitch_mm
-    return Stack(
-        np.ascontiguousarray(stack.samples[window]),
-        lights=Rig(stack.rig, pitch_mm=None if pitch is None else pitch * stride),
-        bands=stack.bands,
-        mask=None if stack.mask is None else stack.mask[window],
-        saturation=stack.saturation,
-        scale=stack.scale,
-        black=stack.black,
-        encoding=stack.encoding,
-        names=stack.names,
-    )
-
-
-def every(shape: tuple[int, int], stride: int) -> Any:
-    """The index of every so many pixels of an image.
-
-    As far from the one edge as from the other: near lamps see the middle where it was.
-    """
-    top, left = ((size - 1) % stride // 2 for size in shape)
-    return np.s_[..., top::stride, left::stride]
 
 
 def _duration(seconds: float) -> str:

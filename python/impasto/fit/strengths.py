@@ -17,6 +17,7 @@ from impasto.fit.normals import fit_normals
 from impasto.rig import Light, Rig
 from impasto.stack import Stack
 from impasto.status import Status
+from impasto.thinning import thinned_to
 
 FEWEST = 6
 """Lights below which strengths and normals cannot be told apart."""
@@ -136,7 +137,7 @@ def fit_strengths(
             f"stack: strengths need at least {FEWEST} lights, found {count}; "
             "photograph a white board under each light (white=)"
         )
-    few = _specimen(stack)
+    few = thinned_to(stack, _PIXELS)
     samples = np.array([few.linear(photograph) for photograph in range(count)]).mean(axis=1)
     log = np.zeros(count)
     converged = False
@@ -170,19 +171,6 @@ def fit_strengths(
     factor /= np.median(factor)
     rig = _scaled(stack.rig, factor)
     return Strengths(factor=factor, rig=rig, stack=stack._replace(rig=rig), converged=converged)
-
-
-def _specimen(stack: Stack) -> Stack:
-    """Every so-manieth pixel of every so-manieth row."""
-    height, width = stack.shape[2:]
-    step = max(1, int(np.ceil(np.sqrt(height * width / _PIXELS))))
-    pitch = stack.rig.pitch_mm
-    rig = Rig(
-        stack.rig.lights, views=stack.rig.views, pitch_mm=None if pitch is None else pitch * step
-    )
-    mask = None if stack.mask is None else stack.mask[::step, ::step]
-    samples = np.ascontiguousarray(stack.samples[:, :, ::step, ::step])
-    return stack._replace(samples=samples, rig=rig, mask=mask)
 
 
 def _ratios(samples: NDArray[Any], shown: NDArray[Any]) -> NDArray[np.float64]:

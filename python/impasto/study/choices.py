@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from impasto.encoding import Encoding
 from impasto.errors import GeometryError
 from impasto.fit.sbrdf import fit_sbrdf
+from impasto.relighting import full_scale, relative_error
 from impasto.stack import Stack
-from impasto.suggest import full_scale, relative_error, thinned
+from impasto.thinning import thinned
 
 CHOICES = ("random", "spread", "best")
 SORTS = ("8-bit linear", "8-bit sRGB", "12-bit linear", "16-bit linear", "float16", "float32")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from impasto.colour import delta_e, lab_from_xyz
 from impasto.encoding import Encoding
+from impasto.relighting import relative_error
 from impasto.rig import Rig
 from impasto.simulate.score import normal_error
 from impasto.status import Status
@@ -146,8 +147,6 @@ def compared(fitted: Fitted, specimen: Specimen) -> Errors:
     top = 1.0 / specimen.exposure
     shown = np.clip(np.nan_to_num(fitted.predict(specimen.rig), nan=0.0), 0.0, top)
     held = np.clip(specimen.held, 0.0, top)
-    error = shown.astype(np.float64) - held
-    relative = np.sqrt((error**2).mean() / (held.astype(np.float64) ** 2).mean())
     codes = CODES.encode(shown * specimen.exposure) - CODES.encode(held * specimen.exposure)
     squared = (codes.astype(np.float64) ** 2).mean(axis=(1, 2, 3))
     angles = None
@@ -156,7 +155,7 @@ def compared(fitted: Fitted, specimen: Specimen) -> Errors:
         # What was not estimated is not left out: a right angle says that nothing is known.
         angles = np.nan_to_num(angles, nan=90.0)
     return Errors(
-        relative=float(relative),
+        relative=relative_error(shown, held, top),
         psnr=float((10.0 * np.log10(255.0**2 / np.maximum(squared, 1e-12))).mean()),
         colour=_colour_difference(shown * specimen.exposure, held * specimen.exposure),
         normal=None if angles is None else float(angles.mean()),

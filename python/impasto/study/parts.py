@@ -9,7 +9,7 @@ import numpy as np
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.stack import Stack
 from impasto.study.specimens import Specimen
-from impasto.suggest import every, thinned
+from impasto.thinning import every, thinned
 
 WIDTH = 32
 """Pixels of a class stand in rows of so many."""
