@@ -18,16 +18,9 @@ from impasto.fit.lobes import fit_lobes
 from impasto.status import Status
 from oracles import forward as oracle
 from oracles import lobes
+from oracles.rigs import spiral as lights
 
 SHAPE = (13, 37)
-
-
-def lights(count: int = 60) -> Any:
-    """Directions on a spiral over the hemisphere, 10 to 80 degrees from the zenith."""
-    turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
-    z = np.linspace(np.cos(np.radians(10.0)), np.cos(np.radians(80.0)), count)
-    side = np.sqrt(1.0 - z**2)
-    return np.stack([side * np.cos(turn), side * np.sin(turn), z], axis=1)
 
 
 def truth(seed: int = 3) -> dict[str, Any]:

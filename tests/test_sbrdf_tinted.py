@@ -12,7 +12,8 @@ import pytest
 
 import impasto
 from impasto.status import Status
-from test_sbrdf_lobes import SHAPE, lights, samples, truth
+from oracles.rigs import spiral as lights
+from test_sbrdf_lobes import SHAPE, samples, truth
 
 GOLD = np.array([9.0, 6.0, 2.0])[:, None, None]
 

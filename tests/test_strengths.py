@@ -12,18 +12,12 @@ import numpy as np
 import pytest
 
 import impasto
+from impasto.thinning import thinned
 from oracles import forward as oracle
+from oracles.rigs import spiral as lights
 
 SHAPE = (12, 30)
 NOISE = 0.002
-
-
-def lights(count: int = 60) -> Any:
-    """Directions on a spiral over the hemisphere, 10 to 80 degrees from the zenith."""
-    turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
-    z = np.linspace(np.cos(np.radians(10.0)), np.cos(np.radians(80.0)), count)
-    side = np.sqrt(1.0 - z**2)
-    return np.stack([side * np.cos(turn), side * np.sin(turn), z], axis=1)
 
 
 def relief(strength: Any, directions: Any) -> tuple[Any, Any]:
@@ -151,15 +145,7 @@ def test_progress_is_told(scene: Any) -> None:
 def test_the_icon_under_lamps_held_out_is_foretold_better(data: Path) -> None:
     """Photographs held out are foretold better, at every twelfth pixel of two folds."""
     whole = impasto.read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb")
-    samples = whole.samples[:, :, ::12, ::12]
-    stack = impasto.Stack(
-        samples,
-        lights=whole.rig,
-        scale=whole.scale,
-        saturation=whole.saturation,
-        black=whole.black,
-        encoding=whole.encoding,
-    )
+    stack = thinned(whole, 12)
     gain = []
     for fold in (0, 1):
         held = np.arange(fold, 72, 6)

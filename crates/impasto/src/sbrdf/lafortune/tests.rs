@@ -114,6 +114,21 @@ fn three_lobes_leave_only_the_noise() {
 }
 
 #[test]
+fn a_sequence_of_no_lobes_finds_the_diffuse_part_alone() {
+    for select in [false, true] {
+        let glossy = Scene::new(0.0, three, 9).fit(0, select);
+        let matte = Scene::new(0.0, |_, _| Vec::new(), 9).fit(0, select);
+        for found in glossy.iter().chain(&matte) {
+            assert_eq!(found.lobes, 0);
+            assert!(found.at[1..].iter().all(|&number| number == 0.0));
+        }
+        // Samples are singles, 6e-8 each, their sums doubles; what a lobe adds is taken for diffuse.
+        assert!(matte.iter().all(|found| (found.at[0] / 0.3 - 1.0).abs() < 1e-7));
+        assert!(glossy.iter().all(|found| found.at[0] > 0.3));
+    }
+}
+
+#[test]
 fn hard_case_14_one_lobe_is_not_split_in_two() {
     let one = |_: usize, random: &mut Random| {
         vec![[random.between(0.1, 0.6), 0.0, random.between(5.0, 80.0).ln()]]
