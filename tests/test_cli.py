@@ -17,9 +17,8 @@ import OpenEXR
 import pytest
 
 import impasto
-from impasto import simulate
+from command_line import complaint, photographs
 from impasto.cli import main
-from impasto.io import write_stack
 
 SIZE = 48
 PROGRAM = """\
@@ -39,11 +38,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def stack(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Nine RGB photographs in one file."""
-    path = tmp_path_factory.mktemp("stack") / "painting.npz"
-    capture = simulate.default_capture("tominaga-rgb-camera", size=(32, 40))
-    write_stack(path, capture.stack)
-    return path
+    return photographs(tmp_path_factory.mktemp("stack"))
 
 
 @pytest.fixture(scope="module")
@@ -397,12 +392,7 @@ def test_a_mistake_is_one_line_with_its_name(
     mistakes: dict[str, str],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert main([word.format(**mistakes) for word in words.split()]) == code
-    captured = capsys.readouterr()
-    complaint = next(line for line in captured.err.splitlines() if line.startswith("impasto:"))
-    assert told in complaint
-    assert "Traceback" not in captured.err
-    assert captured.out == ""
+    assert told in complaint([word.format(**mistakes) for word in words.split()], code, capsys)
     assert not Path(mistakes["out"]).exists()
     assert [p.name for p in Path(mistakes["tmp"]).iterdir() if p.name.startswith(".")] == []
 

@@ -11,19 +11,15 @@ import OpenEXR
 import pytest
 
 import impasto
-from impasto import simulate
+from command_line import complaint, photographs
 from impasto.cli import main
 from impasto.cli.options import Angles
-from impasto.io import read_stack, write_exr, write_stack
+from impasto.io import read_stack, write_exr
 
 
 @pytest.fixture(scope="module")
 def stack(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Nine RGB photographs in one file."""
-    path = tmp_path_factory.mktemp("stack") / "painting.npz"
-    capture = simulate.default_capture("tominaga-rgb-camera", size=(32, 40))
-    write_stack(path, capture.stack)
-    return path
+    return photographs(tmp_path_factory.mktemp("stack"))
 
 
 def test_every_pixel_may_have_lobes_of_its_own(
@@ -212,10 +208,6 @@ def test_a_mistake_says_what_and_what_to_do(
 ) -> None:
     out = tmp_path / "out"
     words = [word.format(**mistakes) for word in options.split()]
-    assert main(["fit", mistakes["stack"], "--out", str(out), *words]) == code
-    captured = capsys.readouterr()
-    complaint = next(line for line in captured.err.splitlines() if line.startswith("impasto:"))
-    assert told in complaint
-    assert "Traceback" not in captured.err
-    assert captured.out == ""
+    command = ["fit", mistakes["stack"], "--out", str(out), *words]
+    assert told in complaint(command, code, capsys)
     assert list(tmp_path.iterdir()) == []
