@@ -24,8 +24,8 @@ from record import data_folder, run_info, show, write
 
 import impasto
 from impasto import simulate
+from impasto.relighting import full_scale, relative_error
 from impasto.study.specimens import dome
-from impasto.suggest import full_scale, relative_error
 
 FIRST_SEED, HELD, SLACK, ROUNDS = 1000, 5, 1.15, 3
 VARNISHES = ("patches", "satin", "gloss", "matte")

@@ -55,6 +55,7 @@ def fit_lafortune(
     stack: StackArguments,
     start: StartArguments,
     lobes: int,
+    rounds: int,
     threads: int,
     progress: ProgressCallback | None,
 ) -> LafortuneMaps: ...

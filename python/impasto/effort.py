@@ -29,7 +29,8 @@ class Effort:
         with them, up to the size of the painting.
     rounds
         Rounds in which all bands settle together and samples are weighed anew by what is left of
-        them (``pooling="pixel"``); 0: the search on the mean of the bands is all there is, and no
+        them (``pooling="pixel"``); in which Lafortune's outliers are left out and what they had
+        bent is searched for anew. 0: the search on the mean of the bands is all there is, and no
         sample is doubted.
     iterations
         Steps at most of each of a pixel's searches (``pooling="pixel"``), at least 1. Few are

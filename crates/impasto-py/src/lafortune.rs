@@ -41,6 +41,7 @@ pub(crate) fn fit_lafortune<'py>(
     stack: StackArguments<'py>,
     start: StartArguments<'py>,
     lobes: usize,
+    rounds: usize,
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Maps<'py>> {
@@ -51,7 +52,7 @@ pub(crate) fn fit_lafortune<'py>(
     let rig = stack.rig.rig(size.height, size.width).map_err(refuse)?;
     let start = start.start().map_err(refuse)?;
     let maps = run::call(py, threads, progress.as_ref(), |run| {
-        let options = LafortuneOptions { lobes };
+        let options = LafortuneOptions { lobes, rounds };
         impasto::sbrdf::lafortune::fit_lafortune(&samples, &rig, &start, options, run)
     })?;
     Ok(Maps {

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
+from impasto.effort import Effort
 from impasto.fit.border import (
     ProgressCallback,
     StackArguments,
@@ -105,6 +106,7 @@ def fit_lafortune(
     stereo: Normals,
     *,
     lobes: int,
+    effort: Effort,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> LafortuneSbrdf:
@@ -113,7 +115,8 @@ def fit_lafortune(
         found = _core.fit_lafortune(
             StackArguments.of(stack),
             StartArguments.of(stereo),
-            int(lobes),
+            lobes,
+            effort.rounds,
             thread_count(threads),
             callback,
         )

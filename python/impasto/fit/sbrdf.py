@@ -162,7 +162,6 @@ def fit_sbrdf(
         its own default.
     effort
         ``"draft"``, ``"standard"``, ``"reference"`` or an :class:`Effort`: how far the fit goes.
-        Lafortune lobes are always fitted to their end.
     threads
         None means every allowed core.
     progress
@@ -213,9 +212,9 @@ def fit_sbrdf(
     if "segments" in options:
         labels = checked_labels(options.pop("segments"), stack.shape[2:])
     stereo = _stereo(stack, normals, effort, threads, progress)
-    if model == "lafortune":
-        return fit_lafortune(stack, stereo, **options, threads=threads, progress=progress)
     options |= {"effort": effort, "threads": threads, "progress": progress}
+    if model == "lafortune":
+        return fit_lafortune(stack, stereo, **options)
     if "lobes" in options:
         return fit_lobes(stack, stereo, **options)
 

@@ -31,6 +31,8 @@ const LONE: f32 = 1.5;
 pub struct LafortuneOptions {
     /// Lobes per pixel at most, up to [`MOST_LOBES`].
     pub lobes: usize,
+    /// Rounds in which outliers are left out and what they had bent is searched for anew.
+    pub rounds: usize,
 }
 
 /// Lafortune lobes of every pixel, from the normals of photometric stereo.
@@ -59,7 +61,7 @@ pub fn fit_lafortune(
     let search = Options { damping: 1.0, max_iterations: 200, ..Options::single() };
     let sequence =
         Sequence { lobes: options.lobes, select: true, turning: views_differ, options: search };
-    let fit = Fit { stack, rig, start, sequence, run };
+    let fit = Fit { stack, rig, start, sequence, rounds: options.rounds, run };
     let mut maps = LafortuneMaps::new(shape.bands, options.lobes, start.status);
     maps.views_differ = views_differ;
     let stopped = || run.cancelled();
@@ -77,6 +79,7 @@ struct Fit<'a> {
     rig: &'a Rig,
     start: &'a Start<'a>,
     sequence: Sequence,
+    rounds: usize,
     run: &'a Run<'a>,
 }
 
@@ -180,6 +183,7 @@ impl Fit<'_> {
         let mut settle = Settle {
             rig: self.rig,
             sequence: &self.sequence,
+            rounds: self.rounds,
             level,
             scratch,
             fine: &fine,

@@ -13,14 +13,13 @@ use super::seen::unseen;
 use super::sequence::{ROUGH, Sequence, some, to};
 use super::turned::turn;
 
-/// The search for normal and lobes together, and two more for pixels where it turned the normal or
-/// left samples out: two reweightings (hard case 31).
-const ROUNDS: usize = 3;
-
 /// The pixels of a tile that are settled.
 pub(super) struct Settle<'a> {
     pub(super) rig: &'a Rig,
     pub(super) sequence: &'a Sequence,
+    /// Searches besides the first, for pixels where it turned the normal or left samples out: two
+    /// reweightings settle what there is (hard case 31).
+    pub(super) rounds: usize,
     pub(super) level: Level,
     pub(super) scratch: &'a mut Scratch,
     pub(super) fine: &'a [usize],
@@ -34,9 +33,9 @@ impl Settle<'_> {
     pub(super) fn run(&mut self, found: &mut [Found]) {
         let mut these: Vec<_> = (0..found.len()).collect();
         let mut trial = found.to_vec();
-        for round in 0..ROUNDS {
+        for round in 0..=self.rounds {
             let mut again = self.turn(&these, &mut trial, found);
-            if round + 1 == ROUNDS {
+            if round == self.rounds {
                 break;
             }
             again.extend(self.weigh(&these, found));
