@@ -187,8 +187,12 @@ def test_the_bound_falls_with_the_root_of_the_photographs() -> None:
 def test_no_fit_beats_the_bound(quick: tuple[Path, dict[str, Any]]) -> None:
     rows = [row for row in quick[1]["rows"] if "bound" in row]
     assert rows
+    # The bound takes a pixel's two tilts for equally known. Where one is known without error the
+    # mean angle is that of one normal deviate, sqrt(2 / pi) s, and the bound says
+    # sqrt(pi / 2) sqrt(s^2 / 2): it is never too high by more than their quotient, 0.900.
+    least = np.sqrt(2.0 / np.pi) / np.sqrt(np.pi / 4.0)
     for row in rows:
-        assert row["error"]["normal"] > 0.9 * row["bound"], row["setting"]
+        assert row["error"]["normal"] > least * row["bound"], row["setting"]
 
 
 def test_the_same_seed_gives_the_same_errors(
