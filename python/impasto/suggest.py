@@ -36,6 +36,9 @@ PIXELS = 4096
 """Pixels of the trial, about."""
 HELD = 6
 """One photograph in so many is held out."""
+QUIET = 0.3
+"""Seconds that the runs of one trial take together, at least; the least of them counts: the first
+of all waits for threads and memory, any may wait for other programs."""
 FEWEST = 8
 """Photographs that a trial needs: fewer cannot spare one."""
 
@@ -184,19 +187,21 @@ def _expected(
     """A fit of few pixels, and the seconds that so many will take."""
 
     def timed(stack: Stack, **options: Any) -> tuple[Any, float]:
-        start = time.perf_counter()
-        fitted = fit_sbrdf(stack, threads=threads, **options)
-        return fitted, time.perf_counter() - start
+        least, spent = math.inf, 0.0
+        while spent < QUIET:
+            start = time.perf_counter()
+            fitted = fit_sbrdf(stack, threads=threads, **options)
+            took = time.perf_counter() - start
+            least, spent = min(least, took), spent + took
+        return fitted, least
 
     few = known.shape[2] * known.shape[3]
     if options.get("model") == "lafortune":
         fitted, took = timed(known, **options)
         return fitted, took * pixels / few
     if options.get("pooling") == "pixel":
-        # What is typical of the painting is asked of some pixels first, by the same search.
         fitted, took = timed(known, **options)
-        twice = _core.TYPICAL_PIXELS
-        return fitted, took * (pixels + min(pixels, twice)) / (few + min(few, twice))
+        return fitted, took * _searched(pixels) / _searched(few)
     # The painting's lobe is looked for among so many pixels at most; the rest is what every pixel
     # takes, and what no pixel takes. Three fits, of more or fewer pixels, tell them apart.
     effort = resolved(options.get("effort", "standard"))
@@ -210,6 +215,15 @@ def _expected(
     each = max(unsearched - least, 0.0) / more
     once = max(took - few * (search + each), 0.0)
     return fitted, once + min(pixels, effort.pixels) * search + pixels * each
+
+
+def _searched(pixels: int) -> float:
+    """Searches where pixels have lobes of their own.
+
+    What is typical of a painting is asked first, by the same search, of one in so many pixels that
+    they are no more than a certain number.
+    """
+    return pixels * (1.0 + 1.0 / math.ceil(pixels / _core.TYPICAL_PIXELS))
 
 
 def _duration(seconds: float) -> str:
