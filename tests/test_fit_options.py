@@ -82,3 +82,21 @@ def test_lafortune_lobes_are_every_pixels_own(stack: impasto.Stack, pooling: str
 def test_an_array_is_no_stack(options: dict[str, Any]) -> None:
     with pytest.raises(impasto.ArgumentError, match=r"stack: .* found ndarray"):
         fit(np.ones((4, 3, *SIZE)), **options)
+
+
+@pytest.mark.parametrize(("asked", "name"), [({}, "joint"), ({"pooling": "pixel"}, "ambient")])
+@pytest.mark.parametrize("value", ["no", 0, 1.0, [True]])
+def test_only_true_is_true(
+    stack: impasto.Stack, asked: dict[str, Any], name: str, value: Any
+) -> None:
+    with pytest.raises(impasto.ArgumentError, match=f"{name}: expected True or False, found"):
+        fit(stack, **asked, **{name: value})
+    one, other = (fit(stack, **asked, **{name: no}) for no in (False, np.bool_(False)))
+    np.testing.assert_array_equal(one.residual, other.residual)
+
+
+def test_what_cannot_be_fitted_is_refused_before_segments_are_asked_for(
+    stack: impasto.Stack,
+) -> None:
+    with pytest.raises(impasto.ArgumentError, match="pooling: model='lafortune' goes with"):
+        fit(stack, model="lafortune", pooling="segment")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from impasto.errors import ArgumentError
 
@@ -55,6 +55,19 @@ def numbers(values: Any, name: str, expected: str) -> NDArray[np.float64]:
         return found.astype(np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError(f"{name}: expected {expected}, found {values!r}") from error
+
+
+def unmasked(values: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
+    """The entries of an array, and where numpy's own mask leaves them out (None: nowhere)."""
+    masked = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
+    return np.asarray(values), masked if masked is not None and masked.any() else None
+
+
+def truth(value: Any, name: str) -> bool:
+    """True or False, and nothing that Python would take for one of them."""
+    if not isinstance(value, bool | np.bool_):
+        raise ArgumentError(f"{name}: expected True or False, found {value!r}")
+    return bool(value)
 
 
 def refractive_index(value: Any) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.checks import numbers
+from impasto.checks import numbers, unmasked
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.rig import Light, Rig
@@ -193,12 +193,11 @@ class Stack:
 
 def _samples(samples: ArrayLike, *, scaled: bool) -> tuple[NDArray[Any], float | None]:
     """``(obs, band, y, x)`` in a type that is read in place, and the full scale of integers."""
-    masked = np.ma.getmask(samples) if isinstance(samples, np.ma.MaskedArray) else np.ma.nomask
-    array = np.asarray(samples)
+    array, masked = unmasked(samples)
     # The other byte order is the same type.
     array = array.astype(array.dtype.newbyteorder("="), copy=False)
     full = float(np.iinfo(array.dtype).max) if array.dtype in SAMPLE_INTEGERS else None
-    if np.any(masked):
+    if masked is not None:
         array = np.where(masked, np.float32(np.nan), array.astype(np.float32))
     if array.ndim == 3:
         array = array[:, None]

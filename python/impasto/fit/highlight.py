@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
+from impasto.checks import unmasked
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, reporting, thread_count
 
@@ -59,7 +60,8 @@ def fit_lobe(
     phi
         ``(obs, ...)`` angles between normal and half vector, rad; NaN leaves a sample out.
     samples
-        ``(obs, ...)`` specular light; NaN leaves a sample out. C-contiguous float32 arrays are
+        ``(obs, ...)`` specular light; NaN leaves a sample out, and so does numpy's mask of either
+        array. C-contiguous float32 arrays are
         borrowed, others converted.
     threads, progress
         As everywhere: None means every allowed core; a bool or a callable ``(done, total)``.
@@ -114,8 +116,9 @@ def fit_lobe(
 
 def _floats(values: ArrayLike, name: str) -> NDArray[np.float32]:
     """An array of real numbers in single precision; what is beyond its range does not count."""
-    found = np.asarray(values)
+    found, masked = unmasked(values)
     if found.dtype.kind not in "fiu":
         raise ArgumentError(f"{name}: expected an array of real numbers, found {found.dtype}")
     with np.errstate(over="ignore"):
-        return np.ascontiguousarray(found, dtype=np.float32)
+        floats = np.ascontiguousarray(found, dtype=np.float32)
+    return floats if masked is None else np.where(masked, np.float32(np.nan), floats)

@@ -110,7 +110,7 @@ def fit_lobes(
             StartArguments.of(stereo),
             "torrance-sparrow",
             lobes,
-            bool(ambient),
+            ambient,
             effort.rounds,
             typical,
             effort.iterations,

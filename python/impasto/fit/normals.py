@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass, field
-from typing import Literal, get_args
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,23 @@ class Normals:
     sigma: NDArray[np.float32] = field(metadata=over("y", "x", unit="rad"))
     status: NDArray[np.uint8] = field(metadata=over("y", "x", dtype=np.uint8))
     method: str = field(metadata=over(dtype=np.str_))
+
+    def within(self, mask: NDArray[np.bool_]) -> Normals:
+        """The same normals where ``mask (y, x)`` is True; nothing is known, nor counted, outside.
+
+        As if they had been fitted to photographs with this mask.
+        """
+        outside = ~mask
+        if not outside.any():
+            return self
+        known = ("normal", "albedo", "residual", "condition", "sigma")
+        nothing: dict[str, Any] = {
+            **dict.fromkeys(known, np.float32(np.nan)),
+            **dict.fromkeys(("used", "rejected"), np.uint16(0)),
+            "status": np.uint8(Status.MASKED),
+        }
+        maps = {name: np.where(outside, no, getattr(self, name)) for name, no in nothing.items()}
+        return replace(self, **maps)
 
     def __repr__(self) -> str:
         height, width = self.status.shape

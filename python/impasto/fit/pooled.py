@@ -145,7 +145,7 @@ def fit_pooled(
             StackArguments.of(stack),
             StartArguments.of(stereo),
             extraction,
-            bool(joint),
+            joint,
             index,
             effort.pixels,
             thread_count(threads),

@@ -7,7 +7,7 @@ from typing import Literal, TypedDict, Unpack, overload
 
 from numpy.typing import ArrayLike
 
-from impasto.checks import refractive_index
+from impasto.checks import refractive_index, truth
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, checked_stack
@@ -140,7 +140,7 @@ def fit_sbrdf(
         the painting's, and says so. ``"pixel"``: every pixel its own; Lafortune lobes always are.
     segments
         With ``pooling="segment"``: ``(y, x)`` whole numbers, the same for the pixels of one part;
-        below 0: of none. Every part takes as long as the painting.
+        below 0, or masked by numpy: of none. Every part takes as long as the painting.
     lobes
         Where every pixel has lobes of its own: how many at most, 1 to 3; default: 2, of Lafortune's
         3.
@@ -159,7 +159,7 @@ def fit_sbrdf(
         Index of refraction of a Torrance-Sparrow lobe's interface; default: 1.45, the papers'.
     normals
         What :func:`impasto.fit_normals` returned, or the name of one of its methods; default:
-        its own default.
+        its own default. The mask is the stack's, whatever the normals know outside of it.
     effort
         ``"draft"``, ``"standard"``, ``"reference"`` or an :class:`Effort`: how far the fit goes.
     threads
@@ -179,7 +179,8 @@ def fit_sbrdf(
     ------
     ArgumentError
         An unknown name, an option that the fit does not have, an index outside 1 to 100, lobes
-        outside 1 to 3, normals of another size, or segments that are no whole numbers ``(y, x)``.
+        outside 1 to 3, joint or ambient neither True nor False, normals of another size, or
+        segments that are no whole numbers ``(y, x)``.
     GeometryError
         Lights that cannot determine normals.
 
@@ -205,6 +206,9 @@ def fit_sbrdf(
         one_of(options["extraction"], Extraction, "extraction")
     if "index" in options:
         options["index"] = refractive_index(options["index"])
+    for name in ("joint", "ambient"):
+        if name in options:
+            options[name] = truth(options[name], name)
     if "lobes" in options:
         options["lobes"] = lobe_count(options["lobes"])
     effort = resolved(effort)
@@ -246,4 +250,4 @@ def _stereo(
             f"normals: their albedo has the shape {normals.albedo.shape}, the stack needs "
             f"{(bands, height, width)}; fit them to this stack"
         )
-    return normals
+    return normals if stack.mask is None else normals.within(stack.mask)

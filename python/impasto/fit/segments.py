@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.checks import unmasked
 from impasto.errors import ArgumentError
 from impasto.fit.dataset import variable
 from impasto.fit.normals import Normals
@@ -169,18 +170,21 @@ def checked_labels(segments: Any, shape: tuple[int, int]) -> NDArray[np.int64]:
             'segments: pooling="segment" needs a label per pixel, whole numbers (y, x); '
             "below 0: no segment"
         )
-    labels = np.asarray(segments)
+    labels, masked = unmasked(segments)
     if labels.shape != shape or labels.dtype.kind not in "iub":
         raise ArgumentError(
             f"segments: expected whole numbers of shape {shape}, found {labels.dtype} of shape "
             f"{labels.shape}"
         )
+    if masked is not None:
+        labels = np.where(masked, labels.dtype.type(0), labels)
     most = int(np.iinfo(np.int64).max)
     if labels.size and int(labels.max()) > most:
         raise ArgumentError(
             f"segments: expected labels up to {most}, found {labels.max()}; number the parts anew"
         )
-    return labels.astype(np.int64)
+    whole = labels.astype(np.int64)
+    return whole if masked is None else np.where(masked, -1, whole)
 
 
 def fit_segments(

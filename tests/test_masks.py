@@ -1,0 +1,113 @@
+"""The mask of a stack rules, whatever normals, labels or arrays of numpy come with it."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+import impasto
+from impasto import Status
+from oracles import forward
+
+SHAPE = (9, 14)
+FITS: dict[str, dict[str, Any]] = {
+    "painting": {},
+    "segment": {"pooling": "segment", "segments": np.arange(14) // 7 * np.ones(SHAPE, int)},
+    "pixel": {"pooling": "pixel", "lobes": 1},
+    "lafortune": {"model": "lafortune", "lobes": 1},
+}
+
+fit: Any = impasto.fit_sbrdf
+
+
+def photographs() -> tuple[Any, Any]:
+    """Samples of a varnished relief under 24 lights on a spiral, and the lights."""
+    rng = np.random.default_rng(8)
+    turn = np.arange(24) * np.pi * (3.0 - np.sqrt(5.0))
+    z = np.linspace(0.95, 0.3, 24)
+    side = np.sqrt(1.0 - z**2)
+    lights = np.stack([side * np.cos(turn), side * np.sin(turn), z], axis=1)
+    normal = np.concatenate([rng.normal(0.0, 0.15, (2, *SHAPE)), np.ones((1, *SHAPE))])
+    normal /= np.linalg.norm(normal, axis=0)
+    diffuse = rng.uniform(0.1, 0.6, (3, *SHAPE))
+    clean = forward.stack(normal, diffuse, 10.0, 0.15, impasto.Rig(lights))
+    noisy = clean + 0.002 * rng.standard_normal(clean.shape)
+    return noisy.astype(np.float32), lights
+
+
+@pytest.fixture(scope="module")
+def masked() -> tuple[impasto.Stack, impasto.Normals, Any]:
+    """A stack with a mask, normals that know nothing of it, and the mask."""
+    samples, lights = photographs()
+    mask = np.ones(SHAPE, np.bool_)
+    mask[:4] = mask[6, 7] = False
+    stereo = impasto.fit_normals(impasto.Stack(samples, lights=lights))
+    return impasto.Stack(samples, lights=lights, mask=mask), stereo, mask
+
+
+def same(one: Any, other: Any) -> None:
+    """Every number alike, NaN with NaN, in results and the results within them."""
+    for field in fields(one):
+        here, there = getattr(one, field.name), getattr(other, field.name)
+        if is_dataclass(here):
+            same(here, there)
+        elif isinstance(here, np.ndarray):
+            np.testing.assert_array_equal(here, there, field.name)
+
+
+@pytest.mark.parametrize("name", FITS)
+def test_normals_without_the_mask_bring_nothing_back(masked: Any, name: str) -> None:
+    stack, stereo, mask = masked
+    found = fit(stack, normals=stereo, **FITS[name])
+    np.testing.assert_array_equal(found.status == Status.MASKED, ~mask)
+    np.testing.assert_array_equal(np.isnan(found.normal).all(axis=0), found.status >= 16)
+    assert np.isnan(found.predict()[..., ~mask]).all()
+    same(found, fit(stack, **FITS[name]))
+
+
+def test_normals_may_know_less_than_the_stack(masked: Any) -> None:
+    stack, stereo, mask = masked
+    whole = impasto.Stack(stack.samples, lights=stack.rig)
+    found = fit(whole, normals=impasto.fit_normals(stack))
+    np.testing.assert_array_equal(found.status == Status.MASKED, ~mask)
+    everywhere = stereo.within(np.ones(SHAPE, np.bool_))
+    same(everywhere, stereo)
+
+
+def test_a_masked_label_is_of_no_segment(masked: Any) -> None:
+    samples, lights = photographs()
+    stack = impasto.Stack(samples, lights=lights)
+    labels = np.zeros(SHAPE, int)
+    labels[:, 10:] = 5
+    held = np.ma.masked_array(labels, mask=labels == 5)
+    found = fit(stack, pooling="segment", segments=held)
+    np.testing.assert_array_equal(found.labels, np.where(labels == 5, -1, labels))
+    assert [one.label for one in found.segments] == [0]
+    # What stands behind the mask is nobody's business, not even as a number that is too large.
+    held = np.ma.masked_array(np.where(labels == 5, 2**64 - 1, 0).astype(np.uint64), labels == 5)
+    np.testing.assert_array_equal(fit(stack, pooling="segment", segments=held).labels, found.labels)
+
+
+@pytest.mark.parametrize("which", ["phi", "samples"])
+def test_a_masked_sample_of_a_lobe_does_not_count(which: str) -> None:
+    phi = np.linspace(0.0, 0.5, 16)[:, None] * np.ones(3)
+    arrays = {"phi": phi, "samples": 100.0 * np.exp(-np.log(2.0) * phi**2 / 0.2**2)}
+    arrays[which][4, 1] = np.nan
+    expected = impasto.fit_lobe(**arrays)
+    arrays[which][4, 1] = 1e6
+    hidden = np.zeros(phi.shape, np.bool_)
+    hidden[4, 1] = True
+    arrays[which] = np.ma.masked_array(arrays[which], mask=hidden)
+    same(impasto.fit_lobe(**arrays), expected)
+    # Integers have no NaN of their own.
+    arrays[which] = np.ma.masked_array(np.ones(phi.shape, int), mask=True)
+    assert (impasto.fit_lobe(**arrays).status == Status.INVALID_INPUT).all()
+
+
+def test_a_mask_of_numpy_that_hides_nothing_changes_nothing() -> None:
+    samples, lights = photographs()
+    held = impasto.Stack(np.ma.masked_array(samples, mask=False), lights=lights)
+    assert np.shares_memory(held.samples, samples)
