@@ -376,6 +376,21 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         ("render {demo} --illuminant Z9 --out {out}.png", 1, "Z9"),
         ("render {demo} --adaptation 3 --out {out}.png", 1, "adaptation"),
         ("render {demo} --display oscilloscope --out {out}.png", 1, "oscilloscope"),
+        # Numbers are refused before a file is looked for.
+        ("fit {tmp}/nowhere.lp --out {out} --threads 0", 1, "--threads: expected a number from 1"),
+        ("fit {tmp}/nowhere.lp --out {out} --index 0.5", 1, "--index: expected a refractive"),
+        ("fit {tmp}/nowhere.lp --out {out} --pitch 0", 1, "--pitch: expected a positive"),
+        ("fit {tmp}/nowhere.lp --out {out} --region 0 0 0 9", 1, "--region: expected TOP"),
+        ("fit {tmp}/nowhere.lp --out {out} --saturation nan", 1, "--saturation: expected"),
+        ("doctor {tmp}/nowhere.lp --region -1 0 9 9", 1, "--region: expected TOP"),
+        ("render {tmp} --threads 0 --out {out}.png", 1, "--threads"),
+        ("render {tmp} --exposure 0 --out {out}.png", 1, "--exposure: expected a positive"),
+        ("render {tmp} --adaptation 3 --out {out}.png", 1, "--adaptation"),
+        ("render {tmp} --pitch -1 --out {out}.png", 1, "--pitch"),
+        ("demo --out {out} --threads 0", 1, "--threads"),
+        ("study --out {out} --quick --threads 0", 1, "--threads"),
+        # The stack's lights, not the option of that name.
+        ("fit {two} --images {images} --out {out}", 1, "impasto: lights: a normal needs"),
         ("info {tmp}/nowhere", 1, "nowhere"),
         ("info {tmp}", 1, "report.json"),
         ("fit {broken} --out {out}", 3, "light05.tif"),
@@ -450,6 +465,15 @@ def test_progress_and_complaints_leave_stdout_alone(stack: Path, tmp_path: Path)
 def test_quiet_says_nothing(stack: Path, tmp_path: Path) -> None:
     done = run("fit", str(stack), "--out", str(tmp_path / "out"), "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_the_package_runs_as_the_program() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "impasto", "--version"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout.strip()) == (0, impasto.__version__)
+    wrong = [sys.executable, "-m", "impasto", "fitt"]
+    assert subprocess.run(wrong, capture_output=True, check=False).returncode == 2
 
 
 def test_an_ascii_terminal_gets_its_table(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from impasto.io import (
     write_tiff16,
     write_tiff32,
 )
+from impasto.io.npz import write_npz
 
 RNG = np.random.default_rng(4)
 MAP = RNG.normal(size=(3, 21, 34)).astype(np.float32)
@@ -134,3 +135,11 @@ def test_a_jpeg_is_close_to_its_picture(tmp_path: Path) -> None:
     assert np.abs(again - 255.0 * picture).max() < 6
     with pytest.raises(impasto.ArgumentError, match="bands"):
         write_jpeg(tmp_path / "b.jpg", np.zeros((2, 8, 8), np.float32))
+
+
+@pytest.mark.parametrize(
+    ("name", "told"), [("", "found ''$"), ("a.zarr", "found 'a.zarr'; name it a.npz$")]
+)
+def test_a_name_that_is_no_archive_is_refused(name: str, told: str) -> None:
+    with pytest.raises(impasto.ArgumentError, match=told):
+        write_npz(Path(name), {})

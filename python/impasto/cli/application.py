@@ -12,7 +12,7 @@ from cyclopts.exceptions import CycloptsError
 
 from impasto.cli import console
 from impasto.cli.codes import Exit
-from impasto.errors import CorruptInputError, ImpastoError, InternalError
+from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
 ARGUMENTS = (
     "adaptation|bands|camera|dark|data|display|encoding|estimator|exposure|illuminant|images|index|"
@@ -74,7 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return Exit.OK
     except ImpastoError as error:
-        console.complain(_in_options(str(error)))
+        # What the lights of a stack do not determine is no fault of the option --lights.
+        by_nature = isinstance(error, GeometryError) and str(error).startswith("lights:")
+        console.complain(str(error) if by_nature else _in_options(str(error)))
         return Exit.USER_ERROR
     except OSError as error:
         console.complain(_os_words(error))

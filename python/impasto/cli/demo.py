@@ -11,7 +11,7 @@ from rich.table import Table
 from impasto.cli import console
 from impasto.cli.console import Stages
 from impasto.cli.measuring import measured
-from impasto.cli.options import Flag
+from impasto.cli.options import Flag, check_threads
 from impasto.errors import ArgumentError
 from impasto.systems import Name
 
@@ -104,6 +104,7 @@ def demo(
         raise ArgumentError(f"--size: expected at least 16 pixels, found {size}")
     if seed < 0:
         raise ArgumentError(f"--seed: expected a number from 0 on, found {seed}")
+    check_threads(threads)
     if rig is None:
         rig = "tominaga-six-band-adaptation" if system == "impasto" else system
     procedure = systems.get(system)

@@ -55,6 +55,7 @@ def doctor(
     if write is not None and write.exists():
         raise ArgumentError(f"--write: {write} exists already, choose another name")
     reading = Reading() if reading is None else reading
+    reading.check()
     with console.stderr().status("looking at the photographs"):
         try:
             photographs = reading.read(stack)

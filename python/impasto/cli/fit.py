@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import CycloptsError, Parameter
 from rich.markup import escape
 
+from impasto.checks import refractive_index
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.gloss import Gloss, with_labels
 from impasto.cli.measuring import measured
-from impasto.cli.options import Flag
+from impasto.cli.options import Flag, check_threads
 from impasto.cli.photographs import Reading
 from impasto.effort import Preset
 from impasto.errors import ArgumentError
@@ -108,6 +109,10 @@ def fit(
     procedure = replace(systems.get(system), **asked)
     own = gloss.options(procedure)
     reading = Reading() if reading is None else reading
+    reading.check()
+    check_threads(threads)
+    if "index" in own:
+        refractive_index(own["index"])
     labels = [] if gloss.segments is None else [gloss.segments]
     inputs = [*reading.paths(stack), *labels]
     stages = Stages(quiet=quiet)

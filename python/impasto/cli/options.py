@@ -9,6 +9,8 @@ from typing import Annotated, Any, TypeAlias
 
 from cyclopts import Parameter, Token
 
+from impasto.errors import ArgumentError
+
 Position: TypeAlias = tuple[float, float, float]
 
 
@@ -97,6 +99,15 @@ def _word(converter: Any, metavar: str) -> Parameter:
         allow_leading_hyphen=True,
         negative="",
     )
+
+
+def check_threads(threads: int | None) -> None:
+    """Refuse a number of threads before any file is read; that of the environment as well."""
+    from impasto.fit.border import thread_count
+
+    if threads is not None and threads < 1:
+        raise ArgumentError(f"--threads: expected a number from 1 on, found {threads}")
+    thread_count(threads)
 
 
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from impasto.checks import length_mm
 from impasto.cli.options import Flag
 from impasto.errors import ArgumentError
 
@@ -70,6 +72,22 @@ class Reading:
 
     strict: Flag = False
     """Refuse a stack in which anything would have to be repaired."""
+
+    def check(self) -> None:
+        """Refuse numbers that no photographs could make good."""
+        if self.pitch is not None:
+            length_mm(self.pitch, "pitch_mm")
+        if self.region is not None:
+            top, left, height, width = self.region
+            if min(top, left) < 0 or min(height, width) < 1:
+                raise ArgumentError(
+                    "--region: expected TOP and LEFT from 0 on, HEIGHT and WIDTH from 1 on, found "
+                    + " ".join(map(str, self.region))
+                )
+        for code in self.saturation or ():
+            if math.isnan(code):
+                raise ArgumentError("--saturation: expected numbers, found NaN")
+        _dark(self.dark)
 
     def read(self, path: Path) -> Stack:
         """The stack at ``path``."""

@@ -8,8 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
+from impasto.checks import length_mm
 from impasto.cli.console import Stages
-from impasto.cli.options import Angles, Flag, OneDirection, SeveralDirections, SeveralPositions
+from impasto.cli.options import (
+    Angles,
+    Flag,
+    OneDirection,
+    SeveralDirections,
+    SeveralPositions,
+    check_threads,
+)
 from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError
 
@@ -80,7 +88,9 @@ def render(
     if out.suffix.lower() not in {".png", ".exr"}:
         raise ArgumentError(f"--out: expected a name ending in .png or .exr, found {out}")
     stages = Stages(quiet=quiet)
-    sbrdf, reflectance = load_result(result)
+    check_threads(threads)
+    if pitch is not None:
+        length_mm(pitch, "pitch_mm")
     directions = light or (() if point else (Angles(90.0, 45.0),))
     lights: list[Any] = [impasto.DistantLight(angles.direction) for angles in directions]
     lights += [impasto.PointLight(position) for position in point or ()]
@@ -94,6 +104,7 @@ def render(
         exposure=exposure,
         shadows=shadows,
     )
+    sbrdf, reflectance = load_result(result)
     if reflectance is None and (adaptation is not None or scene.illuminants[0] != "D65"):
         raise ArgumentError(
             f"--illuminant: {result} holds no spectra, so only its colours as photographed are "

@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from impasto.cli import console
 from impasto.cli.codes import Exit
+from impasto.cli.options import check_threads
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -58,6 +59,7 @@ def study(
     from impasto.study import run, write
     from impasto.study.tables import tables
 
+    check_threads(threads)
     if figures:
         need("matplotlib", "plot", "the study's figures (--no-figures does without)")
     if data is None and os.environ.get("IMPASTO_DATA"):

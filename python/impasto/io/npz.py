@@ -24,9 +24,8 @@ def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         Another suffix.
     """
     if path.suffix.lower() != ".npz":
-        raise ArgumentError(
-            f"path: expected a name ending in .npz, found {path.name!r}; name it {path.stem}.npz"
-        )
+        hint = f"; name it {path.stem}.npz" if path.name else ""
+        raise ArgumentError(f"path: expected a name ending in .npz, found {path.name!r}{hint}")
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, allow_pickle=False, **dict(arrays))
 
