@@ -121,7 +121,7 @@ def test_two_lamps_in_one_direction_share_a_strength(scene: Any) -> None:
     factor = np.array([1.0, 1.2, 0.8, 1.0, 0.9, 1.1])
     directions = lights(6)
     directions[1] = directions[0]
-    found = impasto.Strengths(factor, impasto.Rig(directions), scene[1], True)
+    found = impasto.Strengths(factor, impasto.Rig(directions), scene[1], True, 0.0 * factor)
     both = found.at(directions[:1]).intensities
     np.testing.assert_allclose(both, np.sqrt(1.2), rtol=1e-6)
 

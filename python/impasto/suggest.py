@@ -127,7 +127,8 @@ def suggest_effort(
     Raises
     ------
     ArgumentError
-        Neither error nor seconds, one that is not above 0, or fewer than eight photographs.
+        Neither error nor seconds, one that is not above 0, fewer than eight photographs, or
+        nothing but black or missing samples.
     """
     for name, value in (("error", error), ("seconds", seconds)):
         if value is not None and not (math.isfinite(value) and value > 0.0):
@@ -159,6 +160,8 @@ def _trials(stack: Stack, threads: int | None) -> list[Trial]:
     shown = part.take(held)
     truth = np.array([shown.linear(i) for i in range(len(held))])
     known = part.take(train)
+    if not (np.isfinite(truth) & (truth > 0.0)).any():
+        raise ArgumentError("stack: a trial needs photographs that show something, found none")
     many = _core.views_differ(RigArguments.of(stack.rig))
     ladder = VIEWS + LADDER if many else LADDER
     # Time grows with the pixels and, nearly, with the photographs.

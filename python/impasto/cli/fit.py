@@ -26,6 +26,7 @@ from impasto.systems import Name
 
 if TYPE_CHECKING:
     from impasto.fit.result import FittedSurface
+    from impasto.fit.strengths import Strengths
     from impasto.stack import Stack
 
 
@@ -36,6 +37,7 @@ def fit(
     out: Path,
     reading: Reading | None = None,
     gloss: Gloss | None = None,
+    strengths: Flag = False,
     system: Name = "impasto",
     method: Method | None = None,
     extraction: Extraction | None = None,
@@ -60,6 +62,9 @@ def fit(
         Light file (.lp) beside its photographs, a folder of both, or an .npz.
     out
         Folder for maps, overview and report.
+    strengths
+        First estimate from the photographs how much light each of them got (at least 6 lights);
+        for lamps that nobody measured, held by hand or in a dome. Takes longer than the fit.
     system
         impasto's own way to measure, or that of one of the papers as it is written, with the
         paper's pictures; those need --camera. The options below change single steps.
@@ -122,6 +127,8 @@ def fit(
             photographs = reading.read(stack)
             stage.note = stack_words(photographs)
         tell(stages, photographs)
+        lamps = estimated_strengths(stages, photographs, threads) if strengths else None
+        photographs = photographs if lamps is None else lamps.stack
         told = with_labels(own, photographs, reading.region)
         sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads, told)
         with stages.stage("files") as stage:
@@ -141,6 +148,7 @@ def fit(
             options={
                 "stack": stack,
                 **asdict(reading),
+                "strengths": strengths,
                 "system": system,
                 **{name: value for name, value in procedure.options.items() if not takers(name)},
                 **own,
@@ -148,7 +156,8 @@ def fit(
                 "illuminant": illuminant,
                 "threads": threads,
             },
-            results=numbers(photographs, sbrdf, reflectance),
+            results=numbers(photographs, sbrdf, reflectance)
+            | ({} if lamps is None else strength_numbers(lamps)),
             timings=stages.timings,
             notes=photographs.notes,
             folder=folder,
@@ -158,12 +167,41 @@ def fit(
     missing = any(note.kind == "missing" for note in photographs.notes)
     if unfinished:
         stages.say(f"[yellow]partial:[/] {unfinished} pixels were not reached")
+    if system == "impasto" and getattr(sbrdf, "verdict", "") == "mixed":
+        stages.say(
+            f"[dim]one lobe describes {100 * sbrdf.describes:.0f} % of the pixels: with some 20 "
+            "lights or more, --pooling pixel (without --camera) gives each its own[/]"
+        )
     nothing = not (sbrdf.status < 16).any()
     if nothing:
         stages.say("[red]no pixel could be measured:[/] impasto doctor says why")
     if missing:
         stages.say("[yellow]partial:[/] listed photographs are missing, the others were used")
     return Exit.PARTIAL if missing or unfinished or nothing else Exit.OK
+
+
+def estimated_strengths(stages: Stages, stack: Stack, threads: int | None) -> Strengths:
+    """What every lamp gave, as a stage of its own."""
+    from impasto.fit.strengths import fit_strengths
+
+    with stages.stage("strengths") as stage:
+        lamps = fit_strengths(stack, threads=threads, progress=stage.advance)
+        low, high = lamps.factor.min(), lamps.factor.max()
+        stage.note = f"{len(lamps.factor)} lights, {low:.2f} to {high:.2f}"
+    if lamps.state:
+        stages.say(f"  {'':14}[dim]{len(lamps.factor)} lights{lamps.state}[/]")
+    return lamps
+
+
+def strength_numbers(lamps: Strengths) -> dict[str, Any]:
+    """What a report keeps of the lamps; ``--intensities`` reads such a column."""
+    return {
+        "strengths": {
+            "factor": lamps.factor,
+            "converged": lamps.converged,
+            "change": lamps.change,
+        }
+    }
 
 
 def camera_of(text: str, illuminant: str | None) -> Any:

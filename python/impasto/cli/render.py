@@ -83,6 +83,7 @@ def render(
     """
     import impasto
     from impasto.cli.maps import load_result
+    from impasto.fit.result import LobedSurface
     from impasto.overview import visible
 
     if out.suffix.lower() not in {".png", ".exr"}:
@@ -106,9 +107,12 @@ def render(
     )
     sbrdf, reflectance = load_result(result)
     if reflectance is None and (adaptation is not None or scene.illuminants[0] != "D65"):
+        known = f"--illuminant: {result} holds no spectra, so only its colours as photographed are "
         raise ArgumentError(
-            f"--illuminant: {result} holds no spectra, so only its colours as photographed are "
-            "known; fit again with --camera to render another light"
+            f"{known}known; pixels' own lobes cannot be shown in another light yet, one gloss for "
+            "the painting can (impasto fit --camera, without --pooling pixel and --model lafortune)"
+            if isinstance(sbrdf, LobedSurface)
+            else f"{known}known; fit again with --camera to render another light"
         )
     with stages.stage("picture") as stage:
         image = impasto.render(

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto import _core
 from impasto.doctor.diagnosis import Finding, named
 from impasto.doctor.lights import angles_between
+from impasto.fit.border import RigArguments
 from impasto.stack import Stack
 
 Floats = NDArray[np.float64]
@@ -60,10 +62,12 @@ def reading(stack: Stack) -> list[Finding]:
 
 
 def duplicates(stack: Stack, likeness: Floats | None) -> list[Finding]:
-    """Photographs that are there twice, byte for byte or saved again."""
+    """Photographs that are there twice: byte for byte or, if all have one view, saved again."""
     exact = _equal_samples(stack)
     found = [_told(stack, group, "the same samples") for group in exact]
-    if likeness is not None and len(likeness) >= _FEWEST:
+    # How alike photographs are is foretold by their lights only where all look from one place.
+    one_view = not _core.views_differ(RigArguments.of(stack.rig))
+    if one_view and likeness is not None and len(likeness) >= _FEWEST:
         seen = {frozenset(pair) for group in exact for pair in _pairs(group)}
         for first, second, times in _alike(stack, likeness):
             if frozenset((first, second)) not in seen:

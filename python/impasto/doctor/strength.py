@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,14 +39,7 @@ def strengths(stack: Stack, specimen: Specimen) -> list[Finding]:
     off = np.flatnonzero((log < -limit) | (log > np.maximum(limit, gloss)))
     numbers = {"gain": np.round(gain / expected, 4).tolist(), "spread": round(spread, 4)}
     if len(off) == 0:
-        return [
-            Finding(
-                "strengths",
-                "ok",
-                f"no light stands out: their strengths scatter by {100 * np.expm1(spread):.0f} %",
-                numbers=numbers,
-            )
-        ]
+        return [_none_stands_out(spread, numbers)]
     off = off[np.argsort(-np.abs(log[off]))]
     told = ", ".join(f"{stack.names[i]} {np.exp(log[i]):.2f}" for i in off[:4].tolist())
     more = f" and {len(off) - 4} more" if len(off) > 4 else ""
@@ -61,6 +56,23 @@ def strengths(stack: Stack, specimen: Specimen) -> list[Finding]:
             numbers=numbers,
         )
     ]
+
+
+def _none_stands_out(spread: float, numbers: dict[str, Any]) -> Finding:
+    """Fine where a lamp that is off by :data:`_OFF` would have stood out, else: nobody can tell."""
+    scatter = f"their strengths scatter by {100 * np.expm1(spread):.0f} %"
+    limit = _SIGMAS * spread
+    if limit <= np.log1p(_OFF):
+        return Finding("strengths", "ok", f"no light stands out: {scatter}", numbers=numbers)
+    return Finding(
+        "strengths",
+        "note",
+        f"cannot tell whether lamps differ: {scatter}, gloss and changing views included, so that "
+        f"only one {np.exp(limit):.2g} times as strong as the others would stand out",
+        "if nobody measured the lamps, impasto.fit_strengths (impasto fit --strengths) estimates "
+        "them with the gloss in its model",
+        numbers=numbers,
+    )
 
 
 def measure_strengths(specimen: Specimen, views: Floats) -> tuple[Floats, Floats] | None:

@@ -120,11 +120,25 @@ class Sbrdf(FittedSurface):
                 f"gamma {self.gamma:.4g} rad ± {100 * spread[1]:.1f} %"
             )
             if self.verdict == "mixed":
-                lobe += f", but only {100 * self.describes:.0f} % of the pixels agree with it"
+                lobe += (
+                    f", but only {100 * self.describes:.0f} % of the pixels agree with it "
+                    '(pooling="pixel" gives each its own)'
+                )
             elif self.verdict != "fitted":
                 lobe += f" ({self.verdict})"
+        return lobe if self.converged else f"{lobe}; {self._under_way()}"
+
+    def _under_way(self) -> str:
+        """How far the search still went in the end, against what the photographs can tell."""
+        words = "the search was still under way at its last step"
+        if len(self.path) < 2 or not (self.path[-2:] > 0.0).all():
+            return words
+        change = np.expm1(np.abs(np.diff(np.log(self.path[-2:]), axis=0)[0]))
+        known = bool((change < np.sqrt(np.diag(self.covariance))).all())
+        advice = "less than their ±: harmless" if known else 'see describes, or pooling="pixel"'
         return (
-            lobe if self.converged else f"{lobe}; the search was still under way at its last step"
+            f"{words}, which changed beta by {100 * change[0]:.1g} % and gamma by "
+            f"{100 * change[1]:.1g} % ({advice})"
         )
 
 

@@ -25,6 +25,9 @@ FEWEST = 6
 _PIXELS = 10_000
 _ROUNDS = 12
 _STILL = 0.005
+_SETTLED, _FEW = 0.01, 0.1
+"""A few lamps that still move by more than one per cent do no harm: going on for twelve rounds more
+on the icon, where they are 4 of 72, turns the normals by less than 0.1 degrees (median)."""
 _STRETCH = 1.5
 """A surface follows wrong strengths part of the way, so that every round finds only a part of what
 is left; a step longer than that by less than 2 cannot diverge where the parts are 0 to 1."""
@@ -45,13 +48,18 @@ class Strengths:
     stack
         The photographs under these lights: what to fit.
     converged
-        Whether the last round changed no factor by more than 0.5 %.
+        Whether the last round changed no factor by more than 0.5 %. Where it did, see ``change``:
+        a few lamps that have not settled do little harm; where they are more than a tenth, call
+        :func:`fit_strengths` again with ``stack``, which goes on from there.
+    change
+        ``(obs,)`` by what share the last round changed each factor: 0.01 is one per cent.
     """
 
     factor: NDArray[np.float64]
     rig: Rig
     stack: Stack
     converged: bool
+    change: NDArray[np.float64]
 
     def at(self, lights: ArrayLike | Sequence[Light] | Rig) -> Rig:
         """Other lights with the strengths that lamps in their directions gave.
@@ -77,8 +85,21 @@ class Strengths:
 
     def __repr__(self) -> str:
         low, high = self.factor.min(), self.factor.max()
-        state = "" if self.converged else ", still changing"
-        return f"<Strengths of {len(self.rig)} lights, {low:.2f} to {high:.2f}{state}>"
+        return f"<Strengths of {len(self.rig)} lights, {low:.2f} to {high:.2f}{self.state}>"
+
+    @property
+    def state(self) -> str:
+        """How far they still changed in the end, in words; empty if they are converged."""
+        if self.converged:
+            return ""
+        size = np.abs(self.change)
+        many = int((size > _SETTLED).sum())
+        few = many <= _FEW * len(size)
+        return (
+            f", {many} of which the last round still changed by more than {100 * _SETTLED:g} % "
+            f"(up to {100 * size.max():.1f} %): "
+            + ("the others have settled" if few else "fit_strengths(lamps.stack) goes on from here")
+        )
 
 
 def fit_strengths(
@@ -139,7 +160,7 @@ def fit_strengths(
         )
     few = thinned_to(stack, _PIXELS)
     samples = np.array([few.linear(photograph) for photograph in range(count)]).mean(axis=1)
-    log = np.zeros(count)
+    log, step = np.zeros(count), np.zeros(count)
     converged = False
     with reporting(progress, "strengths") as tell:
         for done in range(_ROUNDS):
@@ -170,7 +191,13 @@ def fit_strengths(
     factor: NDArray[np.float64] = np.exp(log)
     factor /= np.median(factor)
     rig = _scaled(stack.rig, factor)
-    return Strengths(factor=factor, rig=rig, stack=stack._replace(rig=rig), converged=converged)
+    return Strengths(
+        factor=factor,
+        rig=rig,
+        stack=stack._replace(rig=rig),
+        converged=converged,
+        change=np.expm1(step),
+    )
 
 
 def _ratios(samples: NDArray[Any], shown: NDArray[Any]) -> NDArray[np.float64]:
