@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -125,3 +127,171 @@ def test_advice_on_spectra_does_not_lead_into_a_wall(
     told = said(capsys)
     assert "pixels' own lobes cannot be shown in another light yet" in told
     assert "fit again with --camera" not in told
+
+
+def test_words_out_of_range_are_refused_before_photographs_are_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """There is no such stack: the option is what is wrong first."""
+    words = f"fit {tmp_path / 'none.npz'} --out {tmp_path / 'fit'} --pooling pixel --lobes 5"
+    assert main(words.split()) == 1
+    assert "--lobes: expected 1 to 3 per pixel, found 5" in said(capsys)
+    words = f"fit {tmp_path / 'none.npz'} --out {tmp_path / 'fit'} --index 0.5"
+    assert main(words.split()) == 1
+    assert "--index: expected a refractive index from 1 to 100" in said(capsys)
+
+
+def test_lights_without_photographs_lead_to_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    np.savetxt(tmp_path / "light_directions.txt", simulate.rig("tominaga-rgb-camera").directions)
+    assert main(["fit", str(tmp_path), "--out", str(tmp_path.parent / "fit")]) == 1
+    told = said(capsys)
+    assert "holds no pictures; say where they are with --images" in told
+    assert "remove" not in told
+
+
+def test_ctrl_c_is_one_line_from_the_first_import_on() -> None:
+    program = """\
+import sys
+import impasto
+
+class Interrupted:
+    def find_spec(self, name, path=None, target=None):
+        if name == "cyclopts":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Interrupted())
+from impasto.cli import main
+sys.exit(main(["info"]))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (130, "impasto: interrupted\n")
+
+
+# --- words for programs
+
+
+def test_pictures_with_colours_last_are_refused() -> None:
+    lights = simulate.rig("tominaga-rgb-camera").directions
+    last = np.ones((len(lights), 24, 30, 3), np.float32)
+    with pytest.raises(impasto.ArgumentError, match=r"np\.moveaxis\(samples, -1, 1\)"):
+        impasto.Stack(last, lights=lights)
+    assert impasto.Stack(np.moveaxis(last, -1, 1), lights=lights).shape[1:] == (3, 24, 30)
+    # Spectral cameras' bands have names, and a narrow crop of three bands is fine.
+    named = impasto.Stack(last, lights=lights, bands=[f"{400 + 10 * i} nm" for i in range(24)])
+    assert named.take(range(3)).shape == (3, 24, 30, 3)
+    assert impasto.Stack(np.ones((len(lights), 3, 30, 2)), lights=lights).shape[3] == 2
+
+
+def test_what_is_no_archive_is_called_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = tmp_path / "lobes.png"
+    picture.write_bytes(b"\x89PNG\r\n")
+    with pytest.raises(impasto.CorruptInputError, match=r"lobes\.png: is no \.npz file$"):
+        impasto.load_sbrdf(picture)
+    assert main(f"render {picture} --out {tmp_path / 'a.png'}".split()) == 3
+    assert "pickle" not in said(capsys)
+
+
+def test_a_folder_of_the_command_line_is_loaded(stack: Path, tmp_path: Path) -> None:
+    out = tmp_path / "fit"
+    assert main(f"fit {stack} --out {out} --effort draft --quiet".split()) == 0
+    whole = impasto.load_sbrdf(out)
+    np.testing.assert_array_equal(whole.normal, impasto.load_sbrdf(out / "sbrdf.npz").normal)
+    with pytest.raises(FileNotFoundError):
+        impasto.load_sbrdf(tmp_path)
+
+
+def test_every_fit_is_scored(capture: simulate.Capture) -> None:
+    stack, truth = capture.stack, capture.truth
+    labels = np.zeros(stack.shape[2:], int)
+    fits = [
+        impasto.fit_sbrdf(stack, pooling="pixel"),
+        impasto.fit_sbrdf(stack, pooling="segment", segments=labels),
+        impasto.fit_sbrdf(stack, model="lafortune", lobes=1),
+    ]
+    for fitted in fits:
+        scored = simulate.score(truth, fitted)
+        assert np.isnan([scored.beta, scored.gamma]).all()
+        assert scored.normal_median < 20.0
+    assert np.isfinite(simulate.score(truth, fits[1].painting).gamma)
+
+
+def test_many_segments_have_room_in_a_line(capture: simulate.Capture) -> None:
+    labels = np.arange(32 * 40).reshape(32, 40)
+    fitted = impasto.fit_sbrdf(capture.stack, pooling="segment", segments=labels)
+    assert len(repr(fitted)) < 500
+    assert "and 1276 more" in repr(fitted)
+
+
+def test_nothing_seen_is_not_no_highlight(capture: simulate.Capture) -> None:
+    black = capture.stack._replace(samples=np.zeros_like(capture.stack.samples))
+    fitted = impasto.fit_sbrdf(black)
+    assert fitted.verdict == "too-few"
+    assert "no pixel that could show a highlight" in repr(fitted)
+    whole = impasto.fit_sbrdf(black, pooling="segment", segments=np.zeros((32, 40), int))
+    assert "0: no highlight (the painting's; too-few)" in repr(whole)
+
+
+def test_a_black_background_is_no_damage(data: Path) -> None:
+    balls = data / "two_balls"
+    stack = impasto.read_stack(
+        balls / "Objects", lights=balls / "light_directions.txt", encoding="linear"
+    )
+    assert "blank" not in {finding.code for finding in doctor.examine(stack).findings}
+
+
+def test_a_bar_leaves_nothing_in_a_log(
+    capture: simulate.Capture, capsys: pytest.CaptureFixture[str]
+) -> None:
+    impasto.fit_normals(capture.stack, progress=True)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_place_that_cannot_be_written_is_named(
+    capture: simulate.Capture, stack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "nowhere" / "x.npz"
+    with pytest.raises(FileNotFoundError) as caught:
+        write_stack(path, capture.stack)
+    assert caught.value.filename == str(path)
+    (tmp_path / "file").touch()
+    assert main(f"fit {stack} --out {tmp_path / 'file' / 'fit'} --quiet".split()) == 1
+    assert f"{tmp_path / 'file'}" in said(capsys)
+
+
+@pytest.mark.parametrize(
+    ("option", "near"),
+    [
+        ({"model": "lafortun"}, "lafortune"),
+        ({"pooling": "pixels"}, "pixel"),
+        ({"effort": "standart"}, "standard"),
+        ({"normals": "robustt"}, "robust"),
+    ],
+)
+def test_words_that_are_nearly_right(
+    capture: simulate.Capture, option: dict[str, str], near: str
+) -> None:
+    with pytest.raises(impasto.ArgumentError, match=f"did you mean '{near}'"):
+        impasto.fit_sbrdf(capture.stack, **option)  # type: ignore[call-overload]
+
+
+def test_a_scene_is_told_in_a_line() -> None:
+    scene = impasto.Scene([(0, 0.71, 0.71)], illuminant="A", adaptation=0.56, shadows=True)
+    assert repr(scene) == "<Scene 1 light (A), an eye adapted by 0.56, with shadows, on srgb>"
+    assert repr(scene.display) == "<Display srgb>"
+    assert repr(impasto.Rig([(0, 0, 1)])) == "<Rig 1 light>"
+
+
+def test_a_diagram_says_what_its_lines_are(capture: simulate.Capture) -> None:
+    fitted = impasto.fit_sbrdf(capture.stack, model="lafortune", lobes=1)
+    y, x = np.argwhere(fitted.status < 16)[0].tolist()
+    legend = fitted.lobe_plot(y, x).legends[0]
+    words = [text.get_text() for text in legend.get_texts()]
+    assert {"light", "its mirror"} <= set(words)
+    with pytest.raises(impasto.ArgumentError, match=r"y: expected a whole number, found 3\.5"):
+        fitted.lobe_plot(3.5, 2)  # type: ignore[arg-type]

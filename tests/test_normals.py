@@ -274,7 +274,7 @@ def test_intensities_are_divided_out() -> None:
     ("options", "message"),
     [
         ({"method": "median"}, 'method: expected one of "robust", "least-squares"'),
-        ({"method": "rnak"}, 'did you mean "rank"'),
+        ({"method": "rnak"}, "did you mean 'rank'"),
         ({"low": 0.8, "high": 0.2}, "high: expected more than low = 0.8"),
         ({"low": -0.1}, "low: expected at least 0"),
         ({"high": 1.5}, "high"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,12 @@ are multiplied: a picture would be black or infinite without a word."""
 
 FARTHEST_MM = 1e15
 """Lengths are squared and cubed on the way; this one, a light hour, still leaves room for that."""
+
+
+def suggestion(value: Any, names: Iterable[str]) -> str:
+    """``; did you mean 'robust'?`` for a word that is nearly one of the names, else nothing."""
+    near = difflib.get_close_matches(str(value), list(names), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def number(value: Any, name: str, expected: str) -> float:

@@ -7,6 +7,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from impasto.checks import suggestion
 from impasto.errors import ArgumentError
 
 Preset = Literal["draft", "standard", "reference"]
@@ -79,5 +80,6 @@ def resolved(effort: EffortLike) -> Effort:
         return effort
     if effort not in get_args(Preset):
         names = ", ".join(map(repr, get_args(Preset)))
-        raise ArgumentError(f"effort: expected {names} or an Effort, found {effort!r}")
+        hint = suggestion(effort, get_args(Preset))
+        raise ArgumentError(f"effort: expected {names} or an Effort, found {effort!r}{hint}")
     return PRESETS[effort]

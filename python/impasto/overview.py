@@ -200,6 +200,8 @@ def gloss_words(sbrdf: Any) -> str:
     if isinstance(sbrdf, SegmentSbrdf):
         own = sum(one.own for one in sbrdf.segments)
         return f"gloss: {own} of {len(sbrdf.segments)} segments have a lobe of their own"
+    if sbrdf.verdict == "too-few":
+        return "gloss: no pixel that could show a highlight"
     if sbrdf.verdict == "no-highlight":
         return "gloss: no highlight found"
     remark = VERDICTS.get(sbrdf.verdict, f", {sbrdf.verdict}")

@@ -105,6 +105,8 @@ def lobe_plot(sbrdf: LafortuneSbrdf, y: int, x: int, stack: Stack | None = None)
 
 def _pixel(sbrdf: LafortuneSbrdf, y: int, x: int) -> tuple[int, int]:
     for name, value, size in (("y", y, sbrdf.shape[0]), ("x", x, sbrdf.shape[1])):
+        if isinstance(value, bool) or not isinstance(value, int | np.integer):
+            raise ArgumentError(f"{name}: expected a whole number, found {value!r}")
         if not -size <= value < size:
             raise ArgumentError(f"{name}: {value} is outside a painting of {size}")
     y, x = y % sbrdf.shape[0], x % sbrdf.shape[1]
@@ -206,8 +208,9 @@ def _dress(axes: Axes, incidence: float, top: float) -> None:
     polar.tick_params(colors=_colour(FAINT), labelsize=7)
     polar.grid(color=_colour(FAINT), alpha=0.25, lw=0.6)
     polar.spines[:].set_visible(False)
-    for angle, style in ((-incidence, "-"), (incidence, ":")):
-        polar.plot(2 * [np.radians(angle)], [0.0, top], style, color="#f2d57e", lw=1.0)
+    for angle, style, label in ((-incidence, "-", "light"), (incidence, ":", "its mirror")):
+        line = 2 * [np.radians(angle)]
+        polar.plot(line, [0.0, top], style, color="#f2d57e", lw=1.0, label=label)
     # Beneath the disc: a title of its own would stand as far above as the other half is wide.
     polar.text(
         np.pi, 0.27 * top, f"light at {incidence:.0f}°",

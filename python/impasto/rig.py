@@ -131,8 +131,10 @@ class Rig:
 
     def __repr__(self) -> str:
         near = int(self.near.sum())
+        lights = f"{len(self)} light{'s' * (len(self) != 1)}"
+        close = f", {near} of them near" if near else ""
         pitch = "" if self.pitch_mm is None else f", pixels of {self.pitch_mm:g} mm"
-        return f"<Rig {len(self)} lights, {near} of them near{pitch}>"
+        return f"<Rig {lights}{close}{pitch}>"
 
     @property
     def directions(self) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import FRONTAL, Light, Rig
 
 
-@dataclass(frozen=True, init=False, eq=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class Scene:
     """A painting's surroundings: who lights it, in which light, who looks, and on what.
 
@@ -128,3 +128,17 @@ class Scene:
         set_(self, "exposure", exposure)
         set_(self, "shadows", bool(shadows))
         set_(self, "background", tuple(fill.tolist()))
+
+    def __repr__(self) -> str:
+        lamps = f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"
+        spectra = {
+            one if isinstance(one, str) else "of its own spectrum" for one in self.illuminants
+        }
+        eye = "" if self.adaptation is None else f", an eye adapted by {self.adaptation:g}"
+        x, y, z = self.view
+        side = "" if (x, y) == (0.0, 0.0) else f", seen from ({x:.3g}, {y:.3g}, {z:.3g})"
+        shadows = ", with shadows" if self.shadows else ""
+        return (
+            f"<Scene {lamps} ({', '.join(sorted(spectra))}){eye}{side}{shadows}, "
+            f"on {self.display.name}>"
+        )

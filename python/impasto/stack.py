@@ -21,6 +21,9 @@ SAMPLE_DTYPES = (np.uint8, np.uint16, np.float16, np.float32)
 SAMPLE_INTEGERS = (np.uint8, np.uint16)
 """Those whose largest number is full scale."""
 
+_MOST_LAST, _MOST_UNNAMED = 4, 16
+"""A last axis of at most four beside more bands than filter wheels have is one of colours."""
+
 LONGEST_BAND = 200
 """Bytes of a band's name: OpenEXR's channels have at most 255 with what is written before it."""
 
@@ -45,6 +48,8 @@ class Stack:
         See :class:`Rig`.
     bands
         One name per band; default ``"red", "green", "blue"`` for three, ``"band 0"`` ... else.
+        More than 16 bands of at most 4 pixels' width need names: unnamed, such an array is taken
+        for pictures with colours last, and refused.
     mask
         ``(y, x)`` bool, True where the painting is; default: everywhere.
     saturation
@@ -95,6 +100,12 @@ class Stack:
         array, full = _samples(samples, scaled=scale is not None)
         rig = Rig(lights, views=views, pitch_mm=pitch_mm)
         observations, count, height, width = array.shape
+        if bands is None and width <= _MOST_LAST and count > _MOST_UNNAMED:
+            raise ArgumentError(
+                f"samples: {count} bands of {height} x {width} pixels, found shape {array.shape}: "
+                "is that (obs, y, x, band)? np.moveaxis(samples, -1, 1) makes (obs, band, y, x); "
+                "if not, name the bands (bands=)"
+            )
         if len(rig) != observations:
             raise ArgumentError(
                 f"lights: {observations} observations need {observations} lights, found {len(rig)}"

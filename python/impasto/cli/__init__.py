@@ -13,6 +13,27 @@ Data goes to stdout or into files, progress to stderr. Angles are in degrees. Ex
 ====  ==========================================================
 """
 
-from impasto.cli.application import main
+from __future__ import annotations
+
+from collections.abc import Sequence
 
 __all__ = ["main"]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code.
+
+    Parameters
+    ----------
+    arguments
+        Words after the program's name; default: those of the process.
+    """
+    try:
+        # Half a second of libraries: Ctrl-C may come already now.
+        from impasto.cli import application
+    except KeyboardInterrupt:
+        import os
+
+        os.write(2, b"impasto: interrupted\n")
+        return 130
+    return application.run(arguments)

@@ -43,14 +43,8 @@ def application() -> App:
     return app
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code.
-
-    Parameters
-    ----------
-    arguments
-        Words after the program's name; default: those of the process.
-    """
+def run(arguments: Sequence[str] | None = None) -> int:
+    """What :func:`impasto.cli.main` does once everything is imported."""
     console.make_output_safe()
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.files import as_problem_of
 
 REPORT = "report.json"
 """The file by which a folder is known to be ours; it is written last."""
@@ -42,7 +43,8 @@ def result_folder(out: Path, *, inputs: Iterable[Path] = (), force: bool = False
     earlier = _earlier(out, force)
     _spare(out, inputs)
     out.parent.mkdir(parents=True, exist_ok=True)
-    staging = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}-"))
+    with as_problem_of(out):
+        staging = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}-"))
     try:
         yield staging
         made = sorted(p.relative_to(staging) for p in staging.rglob("*") if p.is_file())

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import CycloptsError, Group, Parameter
 
+from impasto.checks import refractive_index
 from impasto.errors import ArgumentError
+from impasto.fit.lobes import lobe_count
 from impasto.fit.options import FitKind, Model, Pooling, fit_kind, takers
 
 if TYPE_CHECKING:
@@ -52,6 +54,11 @@ class Gloss:
         for name in kind.idle({**self._own(), **steps}):
             others = " or ".join(map(_in_words, takers(name)))
             raise CycloptsError(msg=f"--{name} goes with {others}: {word} has no --{name}")
+        # Numbers out of range, too, before photographs are read.
+        if self.lobes is not None:
+            lobe_count(self.lobes)
+        if steps.get("index") is not None:
+            refractive_index(steps["index"])
         if "segments" in kind.defaults and self.segments is None:
             raise CycloptsError(
                 msg=f"{word} needs --segments, a picture in which every segment has a grey or a "

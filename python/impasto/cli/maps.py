@@ -14,8 +14,8 @@ from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.result import LobedSurface
 from impasto.fit.segments import SegmentSbrdf
 from impasto.io import write_exr, write_png8, write_png16, write_tiff16
+from impasto.io.results import RESULT
 
-RESULT = "sbrdf.npz"
 SPECTRA = "reflectance.npz"
 
 

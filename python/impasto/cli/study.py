@@ -79,6 +79,7 @@ def study(
     written = write(found, out, figures=figures)
     if not quiet:
         _say(words, found, time.perf_counter() - start)
+        words.print("[dim]CPU s: CPU seconds per megapixel[/]")
         print_table(tables(found["rows"])["presets"])
         words.print(f"[dim]{out}: {', '.join(path.name for path in written)}[/]")
     return Exit.PARTIAL if found["failed"] else Exit.OK

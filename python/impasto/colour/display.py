@@ -105,7 +105,7 @@ class Calibration:
     largest_fall: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Display:
     """A display: XYZ to linear light to codes.
 
@@ -130,6 +130,9 @@ class Display:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "linear_from_xyz", np.linalg.inv(self.xyz_from_linear))
+
+    def __repr__(self) -> str:
+        return f"<Display {self.name}{', measured' * (self.calibration is not None)}>"
 
     @classmethod
     def named(cls, name: str) -> Display:

@@ -15,6 +15,8 @@ Floats = NDArray[np.float64]
 
 _TORN = 0.04
 """Share of rows of one value, beyond what is usual in the stack, that means damage."""
+_BESIDE = 0.05
+"""Rows whose brightest sample is usually below this share of the brightest row's show nothing."""
 _PIXELS = 200_000
 """Pixels looked at in each photograph; a larger one is read on an even grid."""
 
@@ -35,7 +37,7 @@ class Exposure:
     peak
         that largest stored value.
     blank
-        ``(obs,)`` share of rows that hold one value throughout.
+        ``(obs,)`` share of rows that hold one value throughout, and show something elsewhere.
     """
 
     clipped: Floats
@@ -58,10 +60,12 @@ class Exposure:
             inside = None
         full, floor = _full_scale(stack), _black_level(stack)
         table = np.full((7, observations, bands), np.nan)
-        blank = np.zeros(observations)
+        rows = range(0, height, step)
+        blank, top = np.zeros((observations, len(rows)), bool), np.zeros((observations, len(rows)))
         for index in range(observations):
             stored = stack.samples[index][grid]
-            blank[index] = (stored == stored[:, :, :1]).all(axis=(0, 2)).mean()
+            blank[index] = (stored == stored[:, :, :1]).all(axis=(0, 2))
+            top[index] = np.nan_to_num(stored).max(axis=(0, 2))
             stored = stored.reshape(bands, -1) if inside is None else stored[:, inside]
             value = linear(stack, stored)
             for band in range(bands):
@@ -69,7 +73,10 @@ class Exposure:
                     stored[band], value[band], float(full[band]), float(floor[band])
                 )
         clipped, dark, missing, median, high, piled, peak = table
-        return cls(clipped, dark, missing, median, high, piled, peak, blank)
+        # Rows beside the painting, black in any photograph, lack nothing where they are blank.
+        usual = np.median(top, axis=0)
+        shown = usual > _BESIDE * usual.max()
+        return cls(clipped, dark, missing, median, high, piled, peak, (blank & shown).mean(axis=1))
 
 
 def _full_scale(stack: Stack) -> Floats:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
+from impasto.checks import suggestion
 from impasto.effort import EffortLike, resolved
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.border import (
@@ -170,8 +170,7 @@ def fit_normals(
     """
     if method not in METHODS:
         known = ", ".join(f'"{name}"' for name in METHODS)
-        near = difflib.get_close_matches(str(method), METHODS, n=1)
-        hint = f'; did you mean "{near[0]}"?' if near else ""
+        hint = suggestion(method, METHODS)
         raise ArgumentError(f"method: expected one of {known}, found {method!r}{hint}")
     if steps is not None and not (
         isinstance(steps, int | np.integer)

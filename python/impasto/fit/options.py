@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
+from impasto.checks import suggestion
 from impasto.errors import ArgumentError
 
 Model = Literal["torrance-sparrow", "lafortune"]
@@ -106,7 +107,8 @@ def one_of(value: Any, names: Any, argument: str) -> None:
     """Refuse a word that is none of a ``Literal``."""
     if value not in get_args(names):
         expected = " or ".join(map(repr, get_args(names)))
-        raise ArgumentError(f"{argument}: expected {expected}, found {value!r}")
+        hint = suggestion(value, get_args(names))
+        raise ArgumentError(f"{argument}: expected {expected}, found {value!r}{hint}")
 
 
 def _in_python(kind: FitKind) -> str:

@@ -25,10 +25,15 @@ from impasto.fit.saved import over
 from impasto.fit.surface import SurfaceArguments
 from impasto.io.results import SavedMaps
 from impasto.stack import Stack
+from impasto.status import Status
 
 Extraction = Literal["residual", "maximum", "papers"]
 
-VERDICTS = ("fitted", "mixed", "no-highlight", "at-bound")
+VERDICTS = ("fitted", "mixed", "no-highlight", "at-bound", "too-few")
+
+
+_WITHOUT = {"no-highlight": "no highlight", "too-few": "no pixel that could show a highlight"}
+"""Verdicts without a lobe, in words."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,7 +60,8 @@ class Sbrdf(FittedSurface):
     verdict
         ``"fitted"``; ``"mixed"``: a lobe stands out, but ``describes`` is below 0.8: several
         varnishes, or gilding; ``"no-highlight"``: nothing stands out of the noise, ``beta`` is 0;
-        ``"at-bound"``: a lobe as sharp as a mirror or as flat as paper.
+        ``"at-bound"``: a lobe as sharp as a mirror or as flat as paper; ``"too-few"``: no pixel was
+        estimated that could have shown one.
     curve
         ``(n, 3)`` the measured lobe: phi (rad), specular part over its geometry factor, samples.
     path
@@ -111,8 +117,8 @@ class Sbrdf(FittedSurface):
         refractive_index(self.index)
 
     def _gloss(self) -> str:
-        if self.verdict == "no-highlight":
-            lobe = "no highlight"
+        if self.verdict in _WITHOUT:
+            lobe = _WITHOUT[self.verdict]
         else:
             spread = [math.sqrt(self.covariance[i, i]) for i in range(2)]
             lobe = (
@@ -171,7 +177,7 @@ def fit_pooled(
         gamma=found["gamma"],
         index=index,
         covariance=np.array(found["covariance"], dtype=np.float64),
-        verdict=found["verdict"],
+        verdict=found["verdict"] if (stereo.status < Status.DARK).any() else "too-few",
         curve=np.array(found["curve"], dtype=np.float64).reshape(-1, 3),
         path=np.array(found["path"], dtype=np.float64).reshape(-1, 2),
         describes=found["describes"],

@@ -10,11 +10,15 @@ from impasto.fit.border import ProgressCallback
 
 @contextmanager
 def bar(description: str) -> Iterator[ProgressCallback]:
-    """A bar on stderr that starts with the first call and is gone at the end."""
+    """A bar on stderr that starts with the first call and is gone at the end; none in a log."""
     from rich.console import Console
     from rich.progress import Progress
 
-    display = Progress(console=Console(stderr=True), transient=True)
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda done, total: None
+        return
+    display = Progress(console=console, transient=True)
     task = display.add_task(description, total=None)
 
     def update(done: int, total: int) -> None:

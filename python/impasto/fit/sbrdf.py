@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import Literal, TypedDict, Unpack, overload
 
 from numpy.typing import ArrayLike
@@ -17,7 +18,7 @@ from impasto.fit.normals import Method, Normals, fit_normals
 from impasto.fit.options import Model, Pooling, fit_kind, one_of
 from impasto.fit.pooled import Extraction, Sbrdf, fit_pooled
 from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
-from impasto.io.results import read_maps
+from impasto.io.results import RESULT, read_maps
 from impasto.stack import Stack
 
 RESULTS = {kind.kind(): kind for kind in (Sbrdf, SegmentSbrdf, LobeSbrdf, LafortuneSbrdf)}
@@ -27,6 +28,11 @@ RESULTS = {kind.kind(): kind for kind in (Sbrdf, SegmentSbrdf, LobeSbrdf, Lafort
 def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf | SegmentSbrdf | LobeSbrdf | LafortuneSbrdf:
     """Read what the ``save`` of any result of :func:`fit_sbrdf` wrote.
 
+    Parameters
+    ----------
+    path
+        The ``.npz``, or the folder that ``impasto fit`` made.
+
     Raises
     ------
     CorruptInputError
@@ -34,7 +40,8 @@ def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf | SegmentSbrdf | LobeSbrdf
     FileNotFoundError
         There is none.
     """
-    with read_maps(path, *RESULTS) as maps:
+    file = Path(path) / RESULT if Path(path).is_dir() else path
+    with read_maps(file, *RESULTS) as maps:
         return RESULTS[maps.kind].from_maps(maps)
 
 
@@ -140,7 +147,8 @@ def fit_sbrdf(
         the painting's, and says so. ``"pixel"``: every pixel its own; Lafortune lobes always are.
     segments
         With ``pooling="segment"``: ``(y, x)`` whole numbers, the same for the pixels of one part;
-        below 0, or masked by numpy: of none. Every part takes as long as the painting.
+        below 0, or masked by numpy: of none. Every part takes as long as the painting: where
+        there are some 20 lights, ``pooling="pixel"`` is the better and the quicker choice.
     lobes
         Where every pixel has lobes of its own: how many at most, 1 to 3; default: 2, of Lafortune's
         3.

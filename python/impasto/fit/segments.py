@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 FEWEST = 64
 """Pixels that a lobe of their own takes: fewer have too few tilts to sample its flanks."""
 
+_SHOWN = 4
+"""Segments that a line has room for."""
+
 KNOWN = 1.0 / 3.0
 """Largest standard deviation of log beta and log gamma of a lobe that is determined."""
 
@@ -155,12 +158,18 @@ class SegmentSbrdf(FittedSurface):
         self.painting._demand(maps, "painting.")
 
     def _gloss(self) -> str:
-        lobes = ", ".join(
-            f"{one.label}: beta {one.beta:.4g}, gamma {one.gamma:.4g} rad"
-            + ("" if one.own else f" (the painting's; {one.verdict})")
-            for one in self.segments
+        if not self.segments:
+            return "no segments"
+        lobes = [f"{one.label}: {_lobe_words(one)}" for one in self.segments[:_SHOWN]]
+        more = len(self.segments) - len(lobes)
+        return f"{len(self.segments)} segments: {', '.join(lobes)}" + f" and {more} more" * (
+            more > 0
         )
-        return f"{len(self.segments)} segments: {lobes}" if lobes else "no segments"
+
+
+def _lobe_words(one: Segment) -> str:
+    lobe = f"beta {one.beta:.4g}, gamma {one.gamma:.4g} rad" if one.beta > 0.0 else "no highlight"
+    return lobe if one.own else f"{lobe} (the painting's; {one.verdict})"
 
 
 def checked_labels(segments: Any, shape: tuple[int, int]) -> NDArray[np.int64]:

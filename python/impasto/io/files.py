@@ -10,6 +10,15 @@ from pathlib import Path
 
 
 @contextmanager
+def as_problem_of(path: Path) -> Iterator[None]:
+    """What the system says of a temporary file is told of the file that was asked for."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+@contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
     """A temporary path beside ``path`` that replaces it when the block ends without an error.
 
@@ -17,9 +26,10 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     After an error the temporary file is gone and an older file of that name is untouched.
     """
     path = Path(path)
-    handle, name = tempfile.mkstemp(
-        dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix or ".tmp"
-    )
+    with as_problem_of(path):
+        handle, name = tempfile.mkstemp(
+            dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix or ".tmp"
+        )
     os.close(handle)
     temporary = Path(name)
     try:

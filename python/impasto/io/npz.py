@@ -40,6 +40,8 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
     CorruptInputError
         It is truncated, damaged or something else.
     """
+    if path.is_file() and not _has_content_of_zip(path):
+        raise CorruptInputError(path, "is no .npz file")
     try:
         # An open file of our own: numpy leaves its handle open when the archive is damaged.
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
@@ -48,3 +50,9 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
         raise
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
         raise CorruptInputError(path, f"cannot be read as .npz ({error})") from error
+
+
+def _has_content_of_zip(path: Path) -> bool:
+    """Whether a file begins as an archive does; numpy takes any other for a pickle."""
+    with path.open("rb") as file:
+        return file.read(2) == b"PK"

@@ -140,7 +140,11 @@ def _by_order(
     if len(pictures) != count:
         raise ArgumentError(
             f"{source}: has {count} lights and no file names, but {folder} holds "
-            f"{len(pictures)} pictures; remove the others or write an .lp file"
+            + (
+                f"{len(pictures)} pictures; remove the others or write an .lp file"
+                if len(pictures) > count
+                else f"{len(pictures) or 'no'} pictures; say where they are with images="
+            )
         )
     notebook.say(
         "match",

@@ -16,6 +16,9 @@ from impasto.io.npz import read_npz, write_npz
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
 from impasto.rig import Rig
 
+RESULT = "sbrdf.npz"
+"""The file of a result folder that holds the whole fit."""
+
 
 class SavedMaps:
     """The arrays of an open file, by name."""

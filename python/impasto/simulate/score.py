@@ -40,7 +40,8 @@ class Score:
         CIEDE2000 of the diffuse colour, by illuminant; empty without a reflectance.
     beta, gamma
         Relative error of the pooled specular parameters against the median of the top coat's.
-        NaN where the painting has no varnish or none was found.
+        NaN where the painting has no varnish or none was found, and for segments' or pixels' own
+        lobes.
     normal_error, colour_error
         Maps ``(y, x)``: degrees, and CIEDE2000 under D65 (None without a reflectance).
     """
@@ -94,8 +95,8 @@ def score(truth: Truth, sbrdf: Any, reflectance: Any = None) -> Score:
         reflectance_rmse=rmse,
         colour_mean=means,
         colour_p95=tails,
-        beta=_relative(sbrdf.beta, truth.beta[0]),
-        gamma=_relative(sbrdf.gamma, truth.gamma[0]),
+        beta=_relative(sbrdf, "beta", truth),
+        gamma=_relative(sbrdf, "gamma", truth),
         normal_error=angle,
         colour_error=daylight,
     )
@@ -141,9 +142,12 @@ def _rmse(painting: Painting, reflectance: Any) -> float:
     return float(np.sqrt(total / count)) if count else float("nan")
 
 
-def _relative(found: float, truth: NDArray[np.float32]) -> float:
-    true = float(np.median(truth))
-    return float("nan") if true == 0.0 else float(found) / true - 1.0
+def _relative(sbrdf: Any, name: str, truth: Truth) -> float:
+    """NaN, too, for a fit that has no such number of the whole painting."""
+    found, true = getattr(sbrdf, name, None), float(np.median(getattr(truth, name)[0]))
+    if found is None or np.ndim(found) > 0 or true == 0.0:
+        return float("nan")
+    return float(found) / true - 1.0
 
 
 def _mean(values: NDArray[Any]) -> float:
