@@ -40,3 +40,12 @@ def test_a_summary_counts_what_is_met() -> None:
     assert [found[0][key] for key in ("least", "median", "largest")] == pytest.approx(
         [0.9, 1.0, 1.3]
     )
+
+
+def test_what_is_missed_is_named() -> None:
+    rows: list[dict[str, Any]] = [
+        {"stack": "1: 64 pixels, 24 lights, satin", "error met": False, "seconds met": True},
+        {"stack": "icon", "error met": True, "seconds met": True},
+    ]
+    assert suggestions.words(rows) == {"missed": "Not kept: error on 64 pixels, 24 lights, satin."}
+    assert suggestions.words(rows[1:]) == {"missed": "It was kept everywhere."}

@@ -14,6 +14,8 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
+from typing import Any
 
 from record import ROOT, show
 
@@ -41,19 +43,27 @@ def count(program: str, side: str, problem: str) -> tuple[int, list[int]]:
     return int(counted[1].replace(",", "")), [int(word) for word in done.stdout.split()]
 
 
-def main() -> None:
+def counted(problems: Sequence[str] = PROBLEMS) -> list[dict[str, Any]]:
+    """Instructions per fit of either side; nothing where valgrind is not installed."""
     if shutil.which("valgrind") is None:
-        sys.exit("instructions: valgrind is not installed")
+        return []
     program = binary()
-    rows = []
-    for problem in sys.argv[1:] or PROBLEMS:
+    rows: list[dict[str, Any]] = []
+    for problem in problems:
         shared, fits = count(program, "neither", problem)
-        sides = [
+        lanes, minpack = (
             (count(program, side, problem)[0] - shared) / made
             for side, made in zip(("lanes", "minpack"), fits, strict=True)
-        ]
-        rows.append({"problem": problem, "lanes": sides[0], "minpack": sides[1]})
-        rows[-1]["ratio"] = sides[1] / sides[0]
+        )
+        row = {"lanes": lanes, "minpack": minpack, "ratio": minpack / lanes}
+        rows.append({"problem": problem} | row)
+    return rows
+
+
+def main() -> None:
+    rows = counted(sys.argv[1:] or PROBLEMS)
+    if not rows:
+        sys.exit("instructions: valgrind is not installed")
     show("Instructions per fit", rows)
 
 

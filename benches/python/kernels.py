@@ -3,7 +3,8 @@
     python benches/python/kernels.py [--record]
 
 Runs `cargo bench --bench fits -- study`, which says more about what is measured, and records
-benches/results/kernels.json. One thread, processor time, the least of three rounds.
+benches/results/kernels.json. One thread, processor time, the least of three rounds; with `--record`
+instructions, too (`benches/python/instructions.py`).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import subprocess
 import sys
 from typing import Any
 
+from instructions import counted
 from record import ROOT, run_info, show, write
 
 KINDS = {"steps": "steps", "strategy": "strategies", "limit": "limits", "kernel": "kernels"}
@@ -59,6 +61,7 @@ def main() -> None:
     for title, rows in found.items():
         show(title, rows)
     if "--record" in sys.argv[1:]:
+        found["instructions"] = counted()
         info = run_info("python benches/python/kernels.py --record")
         write("kernels.json", {"run": info} | found | {"words": words(found)})
 

@@ -114,6 +114,16 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return found
 
 
+def words(rows: list[dict[str, Any]]) -> dict[str, str]:
+    """Which were not met, for documentation."""
+    missed = {
+        what: [row["stack"].split(": ")[-1] for row in rows if not row[f"{what} met"]]
+        for what in ("error", "seconds")
+    }
+    said = [f"{what} on {'; '.join(names)}" for what, names in missed.items() if names]
+    return {"missed": f"Not kept: {'. '.join(said)}." if said else "It was kept everywhere."}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--data", type=Path, default=data_folder())
@@ -128,7 +138,10 @@ def main() -> None:
     show("all of them", summary(rows))
     if options.record:
         info = run_info("python benches/python/suggestions.py --record")
-        write("suggestions.json", {"run": info, "rows": rows, "summary": summary(rows)})
+        write(
+            "suggestions.json",
+            {"run": info, "rows": rows, "summary": summary(rows), "words": words(rows)},
+        )
 
 
 if __name__ == "__main__":
