@@ -49,7 +49,7 @@ def basins(axes: list[Any]) -> None:
         colour = ORANGE if "MINPACK" in name else BLUE if "one at a time" in name else BLACK
         at = (row["us"], row["bad"])
         axes[0].plot(*at, "s" if colour == ORANGE else "o", ms=5, color=colour)
-        by = {"all at once, f64": (4, 5), "all at once, one start": (-14, 7)}.get(name, (6, 3))
+        by = {"all at once, f64": (7, -3), "all at once, one start": (-14, 8)}.get(name, (6, 3))
         if row in turns[1:]:
             name, by = name.rpartition(" ")[2], (-3, -11)
         note(axes[0], name, at, colour, by)
@@ -66,7 +66,7 @@ def roofline(axes: list[Any]) -> None:
     limit = {row["what"]: row["value"] for row in found["limits"]}
     kernels = found["kernels"]
     low = min(row["flops_per_byte"] for row in kernels) / 20.0
-    high = max(row["flops_per_byte"] for row in kernels) * 3.0
+    high = max(row["flops_per_byte"] for row in kernels) * 60.0
     corner = limit["GFLOP/s"] / limit["GB/s"]
     roof = [(x, min(limit["GFLOP/s"], limit["GB/s"] * x)) for x in (low, corner, high)]
     axes[0].plot(*zip(*roof, strict=True), color=FAINT, lw=1.5)
@@ -77,9 +77,12 @@ def roofline(axes: list[Any]) -> None:
     for row in kernels:
         at = (row["flops_per_byte"], row["gflops"])
         axes[0].plot(*at, "o", ms=5, color=BLUE)
-        words = f"{row['kernel']}: {row['share']:.0f} %"
-        by = (-88, 3) if "100" in row["kernel"] else (-88, -8) if "690" in row["kernel"] else (6, 3)
-        note(axes[0], words, at, BLUE, by)
+        # Names of the same model stand on the side where the other's point is not.
+        model = row["kernel"].split(",")[0]
+        alike = [k["gflops"] for k in kernels if k["kernel"].startswith(model)]
+        up = 3 if row["gflops"] == max(alike) else -9
+        by = (-88, up) if model == "Lafortune 1" else (6, up)
+        note(axes[0], f"{row['kernel']}: {row['share']:.0f} %", at, BLUE, by)
     dress(axes[0], "Share of the machine's limits", "operations per byte", "GFLOP/s")
     logarithmic(axes[0])
     axes[0].set_ylim(top=limit["GFLOP/s"] * 2.0)

@@ -35,7 +35,7 @@ class Effort:
         sample is doubted.
     iterations
         Steps at most of each of a pixel's searches (``pooling="pixel"``), at least 1. Few are
-        enough: what photographs hardly determine is better left near where it started. Thirty
+        enough: what photographs hardly determine is better left near where it started. Ten
         bring all but one pixel in a thousand to their end.
 
     Raises
