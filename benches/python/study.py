@@ -26,6 +26,9 @@ from impasto.study.record import Journal
 from impasto.study.tables import tables
 from impasto.study.words import words
 
+REPEATS = 5
+"""Runs of every fit, of short ones more: ratios of their least are to be those of the next run."""
+
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
@@ -45,7 +48,7 @@ def main() -> None:
     if options.redraw:
         found = Journal(options.out).found()
     else:
-        found = run(options.out, data=options.data, advance=advance)
+        found = run(options.out, data=options.data, repeats=REPEATS, advance=advance)
     found["run"] = {"command": "python benches/python/study.py"} | found["run"]
     rows = found["rows"]
     write("study.json", found | tables(rows) | {"words": words(rows)})
