@@ -278,7 +278,7 @@ def test_a_fit_of_nothing_says_so(
     path = tmp_path / "stack.npz"
     write_stack(path, altered(np.full_like(stack().samples, value), saturation=4.0))
     sbrdf = fit_sbrdf(read_stack(path))
-    assert (sbrdf.verdict, sbrdf.beta) == ("no-highlight", 0.0)
+    assert (sbrdf.verdict, sbrdf.beta) == ("too-few", 0.0)
     assert (sbrdf.status >= 16).all()
     assert told(capsys, "fit", path, "--out", tmp_path / "out") == 4
     assert "no pixel could be measured" in told.err

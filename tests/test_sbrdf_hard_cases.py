@@ -40,7 +40,7 @@ def finite_where_estimated(fitted: impasto.Sbrdf) -> bool:
 def test_case_2_all_samples_clipped() -> None:
     samples, rig = scene()
     fitted = impasto.fit_sbrdf(impasto.Stack(samples, lights=rig, saturation=1e-6))
-    assert fitted.verdict == "no-highlight"
+    assert fitted.verdict == "too-few"
     assert (fitted.status == impasto.Status.SATURATED).all()
     assert np.isnan(fitted.normal).all()
 

@@ -366,7 +366,7 @@ def test_cases_19_20_lights_that_determine_nothing(lights: list[int]) -> None:
         return
     check_maps(fitted)
     assert (fitted.status >= 16).all()
-    assert fitted.verdict == "no-highlight"
+    assert fitted.verdict == "too-few"
 
 
 def test_case_22_grazing_lights_and_views() -> None:
@@ -380,7 +380,7 @@ def test_an_all_black_painting_has_no_surface() -> None:
     fitted = impasto.fit_sbrdf(stack_of(np.zeros((16, 3, *SHAPE), np.float32)))
     check_maps(fitted)
     assert (fitted.status == Status.DARK).all()
-    assert fitted.verdict == "no-highlight"
+    assert fitted.verdict == "too-few"
 
 
 # What the lobe describes -----------------------------------------------------------------------

@@ -146,7 +146,7 @@ def gloss_panel(sbrdf: Any) -> Panel:
         return colour_panel(colours, "Specular colour", white=max(white, 1e-30))
     measured = np.asarray(sbrdf.curve, dtype=np.float64)
     size = sbrdf.status.shape
-    if sbrdf.verdict == "no-highlight" or not np.isfinite(sbrdf.gamma):
+    if sbrdf.verdict in {"no-highlight", "too-few"} or not np.isfinite(sbrdf.gamma):
         end = float(measured[:, 0].max()) if len(measured) else 1.0
         line = np.array([[0.0, 0.0], [end, 0.0]])
     else:
