@@ -117,6 +117,52 @@ def test_lamps_in_between_are_interpolated() -> None:
     assert outside.max() <= found.factor.max()
 
 
+@pytest.mark.parametrize("spread", [0.3, 0.5])
+def test_lamps_that_differ_widely(spread: float) -> None:
+    """Log-normal strengths: five times from the strongest to the weakest lamp, and twenty."""
+    log = np.random.default_rng(6).normal(0.0, spread, 60)
+    strength = np.exp(log - np.median(log))
+    _, values = relief(strength, lights())
+    found = impasto.fit_strengths(impasto.Stack(values, lights=lights()))
+    assert found.converged
+    # Foretold ends are within 0.5 % each; the slowest mode, which is a tilt, adds its own.
+    np.testing.assert_allclose(found.factor, strength, rtol=0.02)
+
+
+@pytest.mark.parametrize("power", [-10, 10, 20])
+def test_one_lamp_is_far_off(scene: Any, power: int) -> None:
+    """A lamp a thousand times as strong, or an exposure that somebody forgot."""
+    _, stack, found = scene
+    factor = np.where(np.arange(60) == 17, 2.0**power, 1.0)
+    samples = stack.samples * factor[:, None, None, None].astype(np.float32)
+    other = impasto.fit_strengths(impasto.Stack(samples, lights=lights()))
+    assert other.converged
+    # Noise is scaled with the light: what differs is where the search starts, and ends.
+    np.testing.assert_allclose(other.factor, factor * found.factor, rtol=0.01)
+
+
+def test_rounds_are_as_many_as_asked_for(scene: Any) -> None:
+    _, stack, found = scene
+    one = impasto.fit_strengths(stack, rounds=1)
+    assert not one.converged
+    assert np.abs(one.factor / found.factor - 1.0).max() > 0.02
+    many = impasto.fit_strengths(stack, rounds=50)
+    np.testing.assert_array_equal(many.factor, found.factor)
+    wrong: Any
+    for wrong in (0, 1.5, True, "many"):
+        with pytest.raises(impasto.ArgumentError, match="rounds: expected a number from 1 on"):
+            impasto.fit_strengths(stack, rounds=wrong)
+
+
+def test_the_order_of_photographs_hardly_matters(scene: Any) -> None:
+    """Sums in another order end roundings apart; where a search ends, 0.5 % of a factor."""
+    _, stack, found = scene
+    order = np.random.default_rng(2).permutation(60)
+    other = impasto.fit_strengths(stack.take(order))
+    assert other.converged
+    np.testing.assert_allclose(other.factor, found.factor[order], rtol=0.005)
+
+
 def test_two_lamps_in_one_direction_share_a_strength(scene: Any) -> None:
     factor = np.array([1.0, 1.2, 0.8, 1.0, 0.9, 1.1])
     directions = lights(6)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from impasto.checks import refractive_index
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, checked_stack, reporting
+from impasto.fit.forward import shown
 from impasto.fit.lobes import fit_lobes, lobe_count
 from impasto.fit.normals import fit_normals
+from impasto.fit.surface import SurfaceArguments
 from impasto.rig import Light, Rig
 from impasto.stack import Stack
 from impasto.status import Status
@@ -31,6 +33,15 @@ on the icon, where they are 4 of 72, turns the normals by less than 0.1 degrees 
 _STRETCH = 1.5
 """A surface follows wrong strengths part of the way, so that every round finds only a part of what
 is left; a step longer than that by less than 2 cannot diverge where the parts are 0 to 1."""
+_MEMORY = 3
+"""Rounds that the next step is foretold from: as many slow modes are gone through at once."""
+_RIDGE = 1e-3
+"""Share of the rounds' mean square below which a difference between them is their wavering."""
+_MATTE_ROUNDS = 6
+_GROSS = np.log(2.0)
+"""A lamp that is off by more than this factor hides all others from a fit of lobes."""
+_CLEAR = 0.1
+"""A shorter step than this does not change which lamps are."""
 _DIM = 0.2
 """Share of a pixel's mean light below which shadows tell more than the lamp."""
 
@@ -48,11 +59,15 @@ class Strengths:
     stack
         The photographs under these lights: what to fit.
     converged
-        Whether the last round changed no factor by more than 0.5 %. Where it did, see ``change``:
-        a few lamps that have not settled do little harm; where they are more than a tenth, call
+        Whether no factor was to go further than 0.5 %, as foretold from the last rounds. What is
+        left then is mostly what the model lacks: on simulated paintings under 24 lamps, log-normal
+        with standard deviations of 0.3 and 0.5, the worst factor was off by 1 to 3 %, and by 0.5 to
+        1 % under even lamps. Where it is False, see ``change``: a few lamps that have not settled
+        do little harm; where they are more than a tenth, ask for more ``rounds``, or call
         :func:`fit_strengths` again with ``stack``, which goes on from there.
     change
-        ``(obs,)`` by what share the last round changed each factor: 0.01 is one per cent.
+        ``(obs,)`` by what share the last round, which foretells where they end, changed each
+        factor: 0.01 is one per cent.
     """
 
     factor: NDArray[np.float64]
@@ -107,6 +122,7 @@ def fit_strengths(
     *,
     lobes: int = 2,
     index: float = 1.45,
+    rounds: int = _ROUNDS,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Strengths:
@@ -117,7 +133,10 @@ def fit_strengths(
     the strength of its light. In turn the surface is fitted under the lamps (lobes of every pixel's
     own, :func:`fit_sbrdf` with ``pooling="pixel"``) and each lamp's factor becomes the median, over
     the pixels that it lights without clipping, of sample over expected sample. About 10,000 pixels
-    spread over the painting are used.
+    spread over the painting are used. What remains of such a round shrinks slowly where the surface
+    follows the lamps (tilts for strengths that grow to one side), so that each step is foretold
+    from the last ones (Anderson's mixing), and the search ends where the foretold step is short.
+    Lamps off by more than a factor of two are found first, by a matte surface.
 
     Photographs of a white board say the same directly (``white=`` of
     :func:`~impasto.read_stack`), and better: whatever a model of the surface lacks under a light
@@ -130,6 +149,8 @@ def fit_strengths(
         At least 6 photographs.
     lobes, index
         As for :func:`fit_sbrdf`.
+    rounds
+        Rounds at most, from 1 on; one takes about as long as the fit of 10,000 pixels.
     threads
         None means every allowed core; the result does not depend on it.
     progress
@@ -148,10 +169,12 @@ def fit_strengths(
     Notes
     -----
     Semi-calibrated photometric stereo (Cho, Matsushita, Tai and Kweon, CVPR 2016) by alternation,
-    with highlights in the model and medians for sums.
+    with highlights in the model and medians for sums; accelerated as by Anderson (JACM 12, 1965).
     """
     checked_stack(stack)
     lobes, index = lobe_count(lobes), refractive_index(index)
+    if not isinstance(rounds, int | np.integer) or isinstance(rounds, bool) or rounds < 1:
+        raise ArgumentError(f"rounds: expected a number from 1 on, found {rounds!r}")
     count = len(stack.rig)
     if count < FEWEST:
         raise ArgumentError(
@@ -160,35 +183,52 @@ def fit_strengths(
         )
     few = thinned_to(stack, _PIXELS)
     samples = np.array([few.linear(photograph) for photograph in range(count)]).mean(axis=1)
-    log, step = np.zeros(count), np.zeros(count)
-    converged = False
+
+    def matte(lit: Stack) -> tuple[Any, Any]:
+        found = fit_normals(lit, threads=threads)
+        surface = SurfaceArguments.of_coats(found.normal, found.albedo, 0.0, 1.0, index)
+        return found.status, shown(surface, lit.rig, threads=threads)
+
+    def glossy(lit: Stack) -> tuple[Any, Any]:
+        found = fit_lobes(
+            lit,
+            fit_normals(lit, threads=threads),
+            lobes=lobes,
+            ambient=True,
+            index=index,
+            threads=threads,
+            progress=False,
+        )
+        return found.status, found.predict(threads=threads)
+
+    def told(fit: Callable[[Stack], tuple[Any, Any]], log: NDArray[np.float64]) -> Any:
+        """What a surface that is fitted under some strengths leaves to each of them."""
+        lit = few._replace(rig=_scaled(few.rig, np.exp(log)))
+        status, expected = fit(lit)
+        fine = status < Status.DARK
+        if not fine.any():
+            raise ArgumentError("stack: strengths need pixels that can be fitted, found none")
+        left = _ratios(samples[:, fine], expected.mean(axis=1)[:, fine], lit.rig.intensities)
+        return left - np.median(left)
+
+    search = _Search(np.zeros(count), stretch=1.0)
+    for _ in range(_MATTE_ROUNDS):
+        if np.abs(search.move(told(matte, search.log))).max() < _CLEAR:
+            break
+    gross = np.abs(search.log) > _GROSS
+    search = _Search(np.where(gross, search.log, 0.0), stretch=_STRETCH)
+    step, converged = np.zeros(count), False
     with reporting(progress, "strengths") as tell:
-        for done in range(_ROUNDS):
+        for done in range(rounds):
             if tell is not None:
-                tell(done, _ROUNDS)
-            lit = few._replace(rig=_scaled(few.rig, np.exp(log)))
-            found = fit_lobes(
-                lit,
-                fit_normals(lit, threads=threads),
-                lobes=lobes,
-                ambient=True,
-                index=index,
-                threads=threads,
-                progress=False,
-            )
-            fine = found.status < Status.DARK
-            if not fine.any():
-                raise ArgumentError("stack: strengths need pixels that can be fitted, found none")
-            step = _ratios(samples[:, fine], found.predict(threads=threads).mean(axis=1)[:, fine])
-            step = _STRETCH * (step - np.median(step))
-            log += step
-            log -= np.median(log)
+                tell(done, rounds)
+            step = search.move(told(glossy, search.log))
             converged = bool(np.abs(step).max() < _STILL)
             if converged:
                 break
         if tell is not None:
-            tell(_ROUNDS, _ROUNDS)
-    factor: NDArray[np.float64] = np.exp(log)
+            tell(rounds, rounds)
+    factor: NDArray[np.float64] = np.exp(search.log)
     factor /= np.median(factor)
     rig = _scaled(stack.rig, factor)
     return Strengths(
@@ -200,14 +240,45 @@ def fit_strengths(
     )
 
 
-def _ratios(samples: NDArray[Any], shown: NDArray[Any]) -> NDArray[np.float64]:
+class _Search:
+    """Logarithms of strengths on their way to where a round leaves nothing to them.
+
+    Anderson's mixing (D. G. Anderson, Journal of the ACM 12, 1965): the step that the last rounds
+    foretell if what they left changed linearly with the strengths.
+    """
+
+    def __init__(self, log: NDArray[np.float64], stretch: float) -> None:
+        self.log = log - np.median(log)
+        self._stretch = stretch
+        self._rounds: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+
+    def move(self, left: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Take the step that what a round ``left`` asks for; it is returned."""
+        self._rounds = [*self._rounds[-_MEMORY:], (self.log, left)]
+        step = self._stretch * left
+        if len(self._rounds) > 1:
+            ways, changes = (np.diff(each, axis=0).T for each in zip(*self._rounds, strict=True))
+            # Medians of pixels waver: what two rounds in one direction tell weighs no more.
+            normal = changes.T @ changes
+            normal += _RIDGE * np.trace(normal) / len(normal) * np.eye(len(normal))
+            mixed = np.linalg.lstsq(normal, changes.T @ left, rcond=None)[0]
+            step = step - (ways + self._stretch * changes) @ mixed
+        before, self.log = self.log, self.log + step
+        self.log -= np.median(self.log)
+        return self.log - before
+
+
+def _ratios(
+    samples: NDArray[Any], expected: NDArray[Any], intensities: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """``(obs,)`` logarithms of the lamps' factors; 0 where too few pixels tell."""
-    dim = _DIM * shown.mean(axis=0)
+    even = expected / intensities[:, None]
+    dim = _DIM * even.mean(axis=0)
     log = np.zeros(len(samples))
-    for photograph, (sample, expected) in enumerate(zip(samples, shown, strict=True)):
-        told = np.isfinite(sample) & (sample > 0.0) & (expected > dim)
+    for photograph, (sample, one) in enumerate(zip(samples, expected, strict=True)):
+        told = np.isfinite(sample) & (sample > 0.0) & (even[photograph] > dim)
         if told.any():
-            log[photograph] = float(np.median(np.log(sample[told] / expected[told])))
+            log[photograph] = float(np.median(np.log(sample[told] / one[told])))
     return log
 
 
