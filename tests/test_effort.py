@@ -124,6 +124,9 @@ def test_a_suggestion_meets_a_time(stack: impasto.Stack) -> None:
         ({}, "error: say the largest error"),
         ({"error": 0.0}, "error: expected a number above 0"),
         ({"seconds": float("nan")}, "seconds: expected a number above 0"),
+        ({"error": "5%"}, "error: expected a number above 0, found '5%'"),
+        ({"error": np.array([0.1, 0.2])}, "error: expected a number above 0"),
+        ({"seconds": True}, "seconds: expected a number above 0, found True"),
     ],
 )
 def test_suggestions_that_cannot_be_made(
@@ -136,6 +139,27 @@ def test_suggestions_that_cannot_be_made(
 def test_a_trial_needs_photographs_to_spare(stack: impasto.Stack) -> None:
     with pytest.raises(impasto.ArgumentError, match="a trial needs 8 photographs, found 7"):
         impasto.suggest_effort(stack.take(range(7)), error=0.1)
+
+
+def test_lights_that_lie_in_a_plane_but_for_those_held_out(stack: impasto.Stack) -> None:
+    """One light in six stands apart, and a trial holds out just these."""
+    turn = np.radians(np.linspace(15.0, 165.0, len(stack.rig)))
+    lights = np.stack([np.cos(turn), 0.0 * turn, np.sin(turn)], axis=1)
+    lights[3::6] = (0.0, 0.6, 0.8)
+    flat = impasto.Stack(np.full((len(turn), 1, 4, 4), 0.5, np.float32), lights=lights)
+    impasto.fit_normals(flat)
+    apart = len(lights[3::6])
+    told = rf"{len(turn) - apart} lights lie in one plane.*of {len(turn)} .* {apart} were held out"
+    with pytest.raises(impasto.GeometryError, match=told):
+        impasto.suggest_effort(flat, error=0.1)
+
+
+@pytest.mark.parametrize(
+    ("error", "told"), [(0.0123, "1.2 %"), (0.996, "100 %"), (0.994, "99 %"), (25.0, "2500 %")]
+)
+def test_errors_are_told_in_plain_numbers(error: float, told: str) -> None:
+    found = suggest.Suggestion({"joint": False}, 1.0, error, True, ())
+    assert str(found).endswith(f"an error of {told}.")
 
 
 def test_times_are_those_of_the_whole_painting(

@@ -10,6 +10,7 @@ import pytest
 
 import impasto
 from impasto import Status
+from impasto.thinning import painted, thinned_to
 from oracles import forward
 
 SHAPE = (9, 14)
@@ -111,3 +112,38 @@ def test_a_mask_of_numpy_that_hides_nothing_changes_nothing() -> None:
     samples, lights = photographs()
     held = impasto.Stack(np.ma.masked_array(samples, mask=False), lights=lights)
     assert np.shares_memory(held.samples, samples)
+
+
+def test_a_suggestion_is_for_what_the_mask_leaves() -> None:
+    """As for the photographs cut down to it: what was black outside counted as a miss."""
+    samples, lights = photographs()
+    mask = np.zeros(SHAPE, np.bool_)
+    mask[:, 4:] = True
+    part = impasto.suggest_effort(impasto.Stack(samples, lights=lights, mask=mask), error=0.5)
+    cropped = impasto.suggest_effort(impasto.Stack(samples[..., 4:], lights=lights), error=0.5)
+    assert part.met
+    options, others = ({repr(t.options): t.error for t in s.tried} for s in (part, cropped))
+    assert options.keys() == others.keys()
+    for name, error in options.items():
+        # The same samples of the same pixels; sums over them are in another order.
+        assert error == pytest.approx(others[name], rel=1e-3), name
+
+
+@pytest.mark.parametrize("pattern", ["half", "corner", "lattice"])
+def test_thinning_picks_from_what_the_mask_leaves(pattern: str) -> None:
+    mask = np.zeros((60, 80), np.bool_)
+    if pattern == "half":
+        mask[30:] = True
+    elif pattern == "corner":
+        mask[-8:, -8:] = True
+    else:
+        # Holes at every place of a stride of 2 (from 0 on: 59 and 79 are odd).
+        mask[:] = True
+        mask[::2, ::2] = False
+    whole = impasto.Stack(np.ones((3, 60, 80), np.float32), lights=np.eye(3), mask=mask)
+    few = painted(thinned_to(whole, 1000))
+    assert min(250, painted(whole)) <= few <= painted(whole)
+    if pattern == "half":
+        assert few <= 1000
+    dense = impasto.Stack(whole.samples, lights=np.eye(3))
+    assert painted(thinned_to(dense, 1000)) <= 1000

@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
+from impasto.checks import number
 from impasto.effort import resolved
-from impasto.errors import ArgumentError
+from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.border import RigArguments, checked_stack
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.relighting import full_scale, relative_error
 from impasto.rig import Rig
 from impasto.stack import Stack
-from impasto.thinning import thinned, thinned_to
+from impasto.thinning import painted, thinned, thinned_to
 
 LADDER: tuple[dict[str, Any], ...] = (
     {"joint": False},
@@ -89,7 +90,7 @@ class Suggestion:
         met = "" if self.met else ", which is the nearest to what was asked for"
         return (
             f"fit_sbrdf(stack, {words}) will take {_duration(self.seconds)} here and relight with "
-            f"an error of {100 * self.error:.2g} %{met}."
+            f"an error of {_percent(self.error)}{met}."
         )
 
 
@@ -112,7 +113,8 @@ def suggest_effort(
         The photographs; at least eight.
     error
         Largest root mean square error of relighting, as a share of the photographs' root mean
-        square: 0.05 is five per cent. Noise of the photographs is part of it.
+        square: 0.05 is five per cent. Noise of the photographs is part of it; pixels outside the
+        mask are not, pixels that the fit does not know are.
     seconds
         Longest time on the clock.
     threads
@@ -129,10 +131,14 @@ def suggest_effort(
     ArgumentError
         Neither error nor seconds, one that is not above 0, fewer than eight photographs, or
         nothing but black or missing samples.
+    GeometryError
+        Lights that cannot determine normals without those that are held out.
     """
     for name, value in (("error", error), ("seconds", seconds)):
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise ArgumentError(f"{name}: expected a number above 0, found {value!r}")
+        if value is not None:
+            asked = number(value, name, "a number above 0")
+            if not (math.isfinite(asked) and asked > 0.0):
+                raise ArgumentError(f"{name}: expected a number above 0, found {value!r}")
     if error is None and seconds is None:
         raise ArgumentError("error: say the largest error, or in seconds= the longest time")
     checked_stack(stack)
@@ -159,6 +165,8 @@ def _trials(stack: Stack, threads: int | None) -> list[Trial]:
     train = np.setdiff1d(np.arange(len(stack.rig)), held)
     shown = part.take(held)
     truth = np.array([shown.linear(i) for i in range(len(held))])
+    if part.mask is not None:
+        truth[..., ~part.mask] = np.nan
     known = part.take(train)
     if not (np.isfinite(truth) & (truth > 0.0)).any():
         raise ArgumentError("stack: a trial needs photographs that show something, found none")
@@ -166,7 +174,14 @@ def _trials(stack: Stack, threads: int | None) -> list[Trial]:
     ladder = VIEWS + LADDER if many else LADDER
     # Time grows with the pixels and, nearly, with the photographs.
     more = len(stack.rig) / len(train)
-    return [_trial(known, shown.rig, truth, options, stack, more, threads) for options in ladder]
+    try:
+        return [
+            _trial(known, shown.rig, truth, options, stack, more, threads) for options in ladder
+        ]
+    except GeometryError as refusal:
+        raise GeometryError(
+            f"{refusal} (of {len(stack.rig)} photographs {len(held)} were held out of the trial)"
+        ) from refusal
 
 
 def _trial(
@@ -178,7 +193,7 @@ def _trial(
     more: float,
     threads: int | None,
 ) -> Trial:
-    pixels = stack.shape[2] * stack.shape[3]
+    pixels = painted(stack)
     fitted, took = _expected(known, options, pixels, threads)
     error = relative_error(fitted.predict(rig), truth, full_scale(known))
     return Trial(options, took * more, error)
@@ -198,7 +213,7 @@ def _expected(
             least, spent = min(least, took), spent + took
         return fitted, least
 
-    few = known.shape[2] * known.shape[3]
+    few = painted(known)
     if options.get("model") == "lafortune":
         fitted, took = timed(known, **options)
         return fitted, took * pixels / few
@@ -209,7 +224,7 @@ def _expected(
     # takes, and what no pixel takes. Three fits, of more or fewer pixels, tell them apart.
     effort = resolved(options.get("effort", "standard"))
     part = thinned(known, 2)
-    fewer = part.shape[2] * part.shape[3]
+    fewer = max(painted(part), 1)
     fitted, took = timed(known, **options | {"effort": replace(effort, pixels=few)})
     _, unsearched = timed(known, **options | {"effort": replace(effort, pixels=fewer)})
     _, least = timed(part, **options | {"effort": replace(effort, pixels=fewer)})
@@ -227,6 +242,10 @@ def _searched(pixels: int) -> float:
     they are no more than a certain number.
     """
     return pixels * (1.0 + 1.0 / math.ceil(pixels / _core.TYPICAL_PIXELS))
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"
 
 
 def _duration(seconds: float) -> str:

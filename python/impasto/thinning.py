@@ -25,9 +25,23 @@ def thinned(stack: Stack, stride: int) -> Stack:
 
 
 def thinned_to(stack: Stack, pixels: int) -> Stack:
-    """The stack of about so many pixels, and of no more."""
+    """The stack of about so many pixels of the painting.
+
+    Without a mask they are no more. A mask with a pattern of its own may have its holes where a
+    stride has its places: a shorter one is taken then.
+    """
+    there = painted(stack)
+    for stride in range(max(1, math.ceil(math.sqrt(there / pixels))), 1, -1):
+        part = thinned(stack, stride)
+        if 2 * painted(part) * stride**2 > there:
+            return part
+    return stack
+
+
+def painted(stack: Stack) -> int:
+    """How many pixels the mask leaves."""
     height, width = stack.shape[2:]
-    return thinned(stack, max(1, math.ceil(math.sqrt(height * width / pixels))))
+    return height * width if stack.mask is None else int(np.count_nonzero(stack.mask))
 
 
 def every(shape: tuple[int, int], stride: int) -> Any:
