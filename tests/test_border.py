@@ -47,6 +47,7 @@ def test_a_bar_is_gone_after_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(Live, "start", remember)
+    monkeypatch.setenv("FORCE_COLOR", "1")  # to rich, a terminal: elsewhere there is no bar
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert shown
