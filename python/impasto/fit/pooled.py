@@ -73,7 +73,8 @@ class Sbrdf(FittedSurface):
         Whether the search for the lobe ended by its own tests; False: after its last step.
     misfit
         ``(y, x)`` float32, 0 to 1: by how much of ``beta`` the pixel's own strength differs from
-        it beyond three standard deviations; 0 where the photographs cannot tell.
+        it beyond three standard deviations; 0 where the photographs cannot tell; NaN, as residual
+        and sigma, where as many samples as unknowns leave no noise to judge by (``EXACT``).
     """
 
     beta: float = field(metadata=over(dtype=np.float64))
