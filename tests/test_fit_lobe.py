@@ -96,13 +96,58 @@ def test_a_sample_that_does_not_count_changes_no_bit() -> None:
         assert same(one, fit_lobe(np.vstack([phi, row]), np.vstack([samples, usual])))
 
 
-@pytest.mark.parametrize("power", [-20, -1, 7, 20])
+@pytest.mark.parametrize("power", [-110, -80, -76, -65, -20, -1, 7, 20, 32, 50])
 def test_a_power_of_two_changes_strengths_by_it_and_no_width(power: int) -> None:
     phi, samples = lobes(500)
-    one, other = fit_lobe(phi, samples), fit_lobe(phi, samples * np.float32(2.0**power))
-    assert np.array_equal(one.gamma, other.gamma)
-    assert np.array_equal(one.beta * np.float32(2.0**power), other.beta)
+    scale = np.float32(2.0**power)
+    one, other = fit_lobe(phi, samples), fit_lobe(phi, samples * scale)
     assert np.array_equal(one.status, other.status)
+    assert np.array_equal(one.gamma, other.gamma, equal_nan=True)
+    assert np.array_equal(one.covariance[2], other.covariance[2], equal_nan=True)
+    assert np.array_equal(one.beta * scale, other.beta, equal_nan=True)
+    assert np.array_equal(one.residual * scale, other.residual, equal_nan=True)
+    # Below the smallest normal number a variance is that number: never 0, which would be certainty.
+    exact = np.maximum(one.covariance[0].astype(float) * 4.0**power, np.finfo(np.float32).tiny)
+    assert np.array_equal(exact.astype(np.float32), other.covariance[0], equal_nan=True)
+
+
+@pytest.mark.parametrize("scale", [1e-20, 1e10, 1e15])
+def test_no_scale_ends_where_it_started(scale: float) -> None:
+    phi = np.linspace(0, 0.6, 16)[:, None]
+    found = fit_lobe(phi, model(phi, 3.0, 0.2) * scale)
+    # Samples are rounded to 6e-8, and so is the scaled decimal.
+    assert found.status[0] == Status.FITTED
+    assert found.gamma[0] == pytest.approx(0.2, rel=1e-5)
+    assert found.beta[0] == pytest.approx(3.0 * scale, rel=1e-5)
+    assert found.covariance[0, 0] >= 0.0
+    assert not np.signbit(found.covariance[0, 0])
+
+
+def test_samples_too_large_for_a_variance_say_so() -> None:
+    phi, samples = lobes(50)
+    found = fit_lobe(phi, samples * np.float32(2.0**118))
+    # Strengths of 1e37 and variances of 1e70.
+    assert (found.status == Status.INVALID_INPUT).all()
+    assert np.isnan(found.beta).all()
+    assert np.isnan(found.covariance).all()
+
+
+def test_samples_far_from_the_mirror_tell_no_width_and_nothing_is_infinite() -> None:
+    few = fit_lobe(np.array([1.2199, 1.2346]), np.array([0.7709, 0.4671]))
+    assert few.status in (Status.RANK_DEFICIENT, Status.EXACT)
+    rng = np.random.default_rng(3)
+    near = fit_lobe(np.array([1.0892, 1.3217, 1.0979]), np.array([0.7033, 0.2246, 0.3583]))
+    assert not np.isinf(near.covariance).any()
+    for count in (2, 3, 5):
+        found = fit_lobe(rng.uniform(0.8, 1.5, (count, 20_000)), rng.random((count, 20_000)))
+        assert not (found.status == Status.INVALID_INPUT).any()
+        unknown = found.status >= 16
+        for values in (found.beta, found.gamma, *found.covariance, found.residual):
+            exact = found.status == Status.EXACT
+            loose = values is found.beta or values is found.gamma
+            nan = unknown & (found.status != Status.DARK) if values is found.beta else unknown
+            assert np.array_equal(np.isnan(values), nan if loose else nan | exact)
+            assert not np.isinf(values).any()
 
 
 def test_bad_pixels_have_a_status_and_leave_their_neighbours_alone() -> None:

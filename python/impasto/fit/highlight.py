@@ -25,14 +25,18 @@ class LobeFit:
         ``(...)`` float32, half-width at half maximum of the facets' tilt, rad.
     covariance
         ``(3, ...)`` float32: variance of beta, covariance, variance of gamma, for residuals as
-        large as those found. NaN where the status is ``EXACT``, too.
+        large as those found. NaN where the status is ``EXACT``, too. A variance of beta below
+        1.2e-38, the smallest normal number, is given as that number: an upper limit.
     residual
         ``(...)`` float32, root mean square of the residuals; NaN where the status is ``EXACT``.
     status
         ``(...)`` uint8, see :class:`~impasto.Status`: ``FITTED``; ``EXACT`` (two samples);
         ``ILL_CONDITIONED`` (gamma at its bound of 5e-4 or 1.25 rad, or its standard deviation
         larger than itself); ``DARK`` (no sample is positive, or no lobe helps to explain them);
-        ``RANK_DEFICIENT`` (no sample tells the width); ``TOO_FEW_SAMPLES``; ``INVALID_INPUT``.
+        ``RANK_DEFICIENT`` (no sample tells the width, or all lie so far from the mirror's angle
+        that no number holds the strength or its variance); ``TOO_FEW_SAMPLES``;
+        ``INVALID_INPUT`` (no finite sample, or samples so large, from some 1e19 on, that single
+        precision does not hold the variance of their strength).
     """
 
     beta: NDArray[np.float32]

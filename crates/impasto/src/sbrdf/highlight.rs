@@ -3,6 +3,10 @@
 //! `y = beta exp(-k phi^2)`, `k = ln 2 / gamma^2`: what is left of eq. 9 of the RGB-camera paper
 //! once its diffuse part is taken off and `F G / (N.V)` is one. The amplitude follows the width in
 //! every pass ([`Normal::project`]), so that the search is one of the width alone.
+//!
+//! Every pixel is searched at the scale of its own largest sample, to a power of two, and scaled
+//! back at the end: no square of a sample leaves the range of single precision, and samples scaled
+//! by a power of two give the same lobe to the last bit.
 
 use core::f64::consts::LN_2;
 
@@ -59,7 +63,10 @@ pub struct HighlightMaps<'a> {
 /// Statuses: `Fitted`; `Exact` from two samples (no residual, no covariance); `IllConditioned`
 /// where gamma is at its bound or its standard deviation exceeds itself; `Dark` where no sample is
 /// positive or no lobe helps to explain them (beta 0); `RankDeficient` where the samples determine
-/// no width; `TooFewSamples`, `InvalidInput`.
+/// no width, or all lie so far from the facet's mirror that no number holds the strength or its
+/// variance; `TooFewSamples`; `InvalidInput` where no sample is finite, or where the samples are so
+/// large that single precision does not hold the variance of their strength (from some 1e19 on).
+/// A variance below the smallest normal number (1.2e-38) is given as that number: an upper limit.
 ///
 /// # Errors
 /// If a size does not fit, or the run is cancelled.
@@ -122,9 +129,10 @@ struct Tile<'a> {
     highlights: &'a Highlights<'a>,
     observations: usize,
     job: Job<'a>,
-    /// Samples that count, and the largest of them.
+    /// Samples that count, the largest of them, and the largest of their magnitudes.
     used: Vec<u32>,
     top: Vec<f32>,
+    size: Vec<f32>,
     /// Samples, then squared angles, of the pixels from `staged` on.
     stage: Vec<[f32; STAGE]>,
     staged: usize,
@@ -146,6 +154,7 @@ impl<'a> Tile<'a> {
             job,
             used: vec![0; count],
             top: vec![0.0; count],
+            size: vec![0.0; count],
             stage: vec![[0.0; STAGE]; 2 * observations],
             staged: usize::MAX,
             start: sharpness(START).ln() as f32,
@@ -218,7 +227,7 @@ impl Batch<f32, 2> for Tile<'_> {
             self.level.run(Prepare(self));
         }
         column.fill(self.stage.iter().map(|line| line[lane]));
-        [self.top[problem], self.start]
+        [self.top[problem] * scale_of(self.size[problem]).recip(), self.start]
     }
 
     #[inline(always)]
@@ -249,7 +258,8 @@ impl Batch<f32, 2> for Tile<'_> {
         let [beta, log_sharpness] = outcome.parameters;
         let [strength, width] = outcome.deficient();
         let verdict = match outcome.reason {
-            Reason::NotFinite => Some(Status::InvalidInput),
+            // Samples are finite and near one: the strength is not, for the lobe has vanished.
+            Reason::NotFinite => Some(Status::RankDeficient),
             _ if beta <= 0.0 || strength => Some(Status::Dark),
             _ if width => Some(Status::RankDeficient),
             _ => None,
@@ -270,6 +280,15 @@ impl Batch<f32, 2> for Tile<'_> {
     }
 }
 
+/// The power of two at a magnitude, and the same for any power of two of it. Neither it nor its
+/// reciprocal is subnormal: twice and half the range's ends are near enough.
+#[inline(always)]
+fn scale_of(size: f32) -> f32 {
+    const EXPONENT: u32 = 0x7f80_0000;
+    const ONE: u32 = 1 << 23;
+    f32::from_bits((size.to_bits() & EXPONENT).clamp(ONE, EXPONENT - 2 * ONE))
+}
+
 /// Makes the pixels from `staged` on ready.
 struct Prepare<'t, 'a>(&'t mut Tile<'a>);
 
@@ -278,23 +297,30 @@ impl Kernel for Prepare<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Tile { highlights, observations, job, used, stage, staged, .. } = self.0;
+        let Tile { highlights, observations, job, used, size, stage, staged, .. } = self.0;
         let count = STAGE.min(used.len() - *staged);
+        let mut scales = [0.0; STAGE];
+        for (scale, &size) in scales.iter_mut().zip(&size[*staged..]) {
+            *scale = scale_of(size).recip();
+        }
         let (samples, angles) = stage.split_at_mut(*observations);
         for (i, (sample, angle)) in samples.iter_mut().zip(angles).enumerate() {
             let from = i * highlights.pixels + job.start + *staged;
             let ys = &highlights.samples[from..from + count];
             let phis = &highlights.phi[from..from + count];
-            for (((sample, angle), &y), &phi) in sample.iter_mut().zip(angle).zip(ys).zip(phis) {
+            for ((((sample, angle), &y), &phi), &scale) in
+                sample.iter_mut().zip(angle).zip(ys).zip(phis).zip(&scales)
+            {
                 let counts = y.is_finite() & phi.is_finite();
-                *sample = if counts { y } else { 0.0 };
+                *sample = if counts { y * scale } else { 0.0 };
                 *angle = if counts { (phi * phi).min(FAR) } else { FAR };
             }
         }
     }
 }
 
-/// Counts the samples of every pixel and finds the largest, plane by plane as they lie in memory.
+/// Counts the samples of every pixel and finds the largest, signed and in magnitude, plane by plane
+/// as they lie in memory.
 struct Survey<'t, 'a>(&'t mut Tile<'a>);
 
 impl Kernel for Survey<'_, '_> {
@@ -302,17 +328,22 @@ impl Kernel for Survey<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Tile { highlights, observations, job, used, top, .. } = self.0;
+        let Tile { highlights, observations, job, used, top, size, .. } = self.0;
         for i in 0..*observations {
             let from = i * highlights.pixels + job.start;
             let samples = &highlights.samples[from..from + used.len()];
             let angles = &highlights.phi[from..from + used.len()];
-            for (((&y, &phi), used), top) in
-                samples.iter().zip(angles).zip(used.iter_mut()).zip(top.iter_mut())
+            for ((((&y, &phi), used), top), size) in samples
+                .iter()
+                .zip(angles)
+                .zip(used.iter_mut())
+                .zip(top.iter_mut())
+                .zip(size.iter_mut())
             {
                 let counts = y.is_finite() & phi.is_finite();
                 *used += u32::from(counts);
                 *top = if counts && y > *top { y } else { *top };
+                *size = if counts && y.abs() > *size { y.abs() } else { *size };
             }
         }
     }
@@ -326,12 +357,15 @@ impl Kernel for Finish<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Tile { job, used, .. } = self.0;
+        let Tile { job, used, size, .. } = self.0;
         let count = used.len();
-        let Job { gamma, covariance, residual, status, .. } = job;
+        let Job { beta, gamma, covariance, residual, status, .. } = job;
+        let (betas, sizes) = (&mut beta[..count], &size[..count]);
         let [of_beta, of_both, of_gamma] = covariance.each_mut().map(|plane| &mut plane[..count]);
         let (gammas, residuals, codes) =
             (&mut gamma[..count], &mut residual[..count], &mut status[..count]);
+        let too_far = Status::RankDeficient.code();
+        let too_large = Status::InvalidInput.code();
         for i in 0..count {
             let samples = used[i] as f32;
             // Pixels that were given up hold NaN and their status already.
@@ -347,11 +381,25 @@ impl Kernel for Finish<'_, '_> {
             let open = at_bound || (spread > OPEN * OPEN * gamma * gamma);
             let fitted = if open { Status::IllConditioned } else { Status::Fitted }.code();
             let code = if exact { Status::Exact.code() } else { fitted };
-            gammas[i] = gamma;
-            of_beta[i] *= variance;
-            of_both[i] = of_both[i] * variance * slope;
-            of_gamma[i] = spread;
-            residuals[i] = if exact { f32::NAN } else { (cost / samples).sqrt() };
+            let own = [of_beta[i] * variance, of_both[i] * variance * slope, spread];
+            // One factor at a time: the square of a scale may leave the range that the variance,
+            // far smaller, stays in.
+            let scale = scale_of(sizes[i]);
+            let square = own[0] * scale * scale;
+            let square = if own[0] > 0.0 { square.max(f32::MIN_POSITIVE) } else { square };
+            let whole = [square, own[1] * scale, spread];
+            let beta = betas[i] * scale;
+            let sure = |[b, both, g]: [f32; 3]| exact | (b + both.abs() + g).is_finite();
+            let code = if sure(whole) & beta.is_normal() { code } else { too_large };
+            let code = if sure(own) & betas[i].is_finite() { code } else { too_far };
+            let given = known & (code < Status::Dark.code());
+            let or_nan = |value: f32| if given { value } else { f32::NAN };
+            gammas[i] = or_nan(gamma);
+            of_beta[i] = or_nan(if exact { f32::NAN } else { square });
+            of_both[i] = or_nan(whole[1]);
+            of_gamma[i] = or_nan(spread);
+            residuals[i] = or_nan(if exact { f32::NAN } else { (cost / samples).sqrt() * scale });
+            betas[i] = if known { or_nan(beta) } else { betas[i] };
             codes[i] = if known { code } else { codes[i] };
         }
     }
