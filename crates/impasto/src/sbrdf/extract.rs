@@ -5,6 +5,7 @@ use crate::brdf::torrance_sparrow::Facet;
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
 
+use super::gross::{Limits, Sizes};
 use super::histogram::Histogram;
 use super::lanes::{MAX_LANES, load};
 use super::tile::{Photographs, Tile};
@@ -26,7 +27,35 @@ pub enum Extraction {
 /// Share of its diffuse part below which a sample is a shadow (hard case 24).
 const SHADOW: f64 = 0.5;
 
-pub(super) struct Extract<'a, 'b, 'c> {
+/// What becomes of the specular samples.
+pub(super) trait Sink {
+    /// Takes one: what is specular in it, the model's weight, its angle.
+    fn take(&mut self, specular: f32, weight: f32, phi_squared: f32);
+}
+
+/// How large they are.
+impl Sink for Sizes {
+    fn take(&mut self, specular: f32, weight: f32, phi_squared: f32) {
+        if weight > 0.0 {
+            self.add(specular, phi_squared);
+        }
+    }
+}
+
+/// Sums, to which gross samples contribute no more than others.
+pub(super) struct Tempered<'a> {
+    pub(super) histogram: Histogram,
+    pub(super) limits: &'a Limits,
+}
+
+impl Sink for Tempered<'_> {
+    fn take(&mut self, specular: f32, weight: f32, phi_squared: f32) {
+        let share = self.limits.share(specular, phi_squared);
+        self.histogram.add(specular * share, weight * share, phi_squared);
+    }
+}
+
+pub(super) struct Extract<'a, 'b, 'c, S> {
     pub(super) photographs: &'a Photographs<'a>,
     pub(super) tile: &'c Tile<'b>,
     pub(super) samples: &'a [f32],
@@ -34,19 +63,19 @@ pub(super) struct Extract<'a, 'b, 'c> {
     pub(super) x: &'a [f32],
     pub(super) y: &'a [f32],
     pub(super) extraction: Extraction,
+    pub(super) sink: S,
 }
 
-impl Kernel for Extract<'_, '_, '_> {
-    type Output = Histogram;
+impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
+    type Output = S;
 
     #[inline(always)]
-    fn run<I: Isa>(self) -> Histogram {
-        let Self { photographs, tile, samples, stride, x, y, extraction } = self;
+    fn run<I: Isa>(self) -> S {
+        let Self { photographs, tile, samples, stride, x, y, extraction, mut sink } = self;
         let zero = I::F32::zero();
         let index = I::F32::of(photographs.index);
         let (bands, observations) = (photographs.bands, photographs.rig.observations());
         let share = I::F32::of(1.0 / bands as f64);
-        let mut histogram = Histogram::default();
         let mut found = vec![[[0.0_f32; MAX_LANES]; 4]; observations];
         let mut at = 0;
         while at < tile.count {
@@ -75,18 +104,18 @@ impl Kernel for Extract<'_, '_, '_> {
             }
             for lane in (0..I::F32::WIDTH.min(tile.count - at)).filter(|&l| tile.estimated(at + l))
             {
-                let add = |h: &mut Histogram, f: &[[f32; MAX_LANES]; 4]| {
+                let mut add = |f: &[[f32; MAX_LANES]; 4]| {
                     let (specular, weight) = (f[0][lane], f[1][lane]);
                     if extraction == Extraction::Papers && weight > 0.0 {
-                        h.add(specular / weight, 1.0, f[2][lane]);
+                        sink.take(specular / weight, 1.0, f[2][lane]);
                     } else {
-                        h.add(specular, weight, f[2][lane]);
+                        sink.take(specular, weight, f[2][lane]);
                     }
                 };
                 match extraction {
                     Extraction::Residual => {
                         for found in &found {
-                            add(&mut histogram, found);
+                            add(found);
                         }
                     }
                     Extraction::Maximum | Extraction::Papers => {
@@ -95,13 +124,13 @@ impl Kernel for Extract<'_, '_, '_> {
                             .filter(|found| found[1][lane] > 0.0)
                             .max_by(|a, b| a[3][lane].total_cmp(&b[3][lane]));
                         if let Some(brightest) = brightest {
-                            add(&mut histogram, brightest);
+                            add(brightest);
                         }
                     }
                 }
             }
             at += I::F32::WIDTH;
         }
-        histogram
+        sink
     }
 }

@@ -16,6 +16,11 @@ pub const BINS: usize = 4096;
 /// Angles beyond 1 rad carry no highlight.
 pub const PHI_SQUARED_MAX: f64 = 1.0;
 
+/// Share of its peak below which a lobe is faint: beyond two and a half half-widths. Where all
+/// samples are, a search goes as far as numbers reach: constant samples are the tail of a lobe of
+/// any strength (hard case 27).
+const FAINT: f64 = 0.01;
+
 /// Sums over the samples of each bin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram {
@@ -70,6 +75,13 @@ impl Histogram {
     #[must_use]
     pub fn count(&self) -> f64 {
         self.bins.iter().map(|bin| bin.count).sum()
+    }
+
+    /// Whether any sample lies where such a lobe is not yet faint: strengths are else extrapolated.
+    pub(super) fn shows(&self, log_sharpness: f64) -> bool {
+        let near =
+            |bin: &Bin| bin.ww > 0.0 && (-log_sharpness.exp() * bin.phi_squared()).exp() > FAINT;
+        self.bins.iter().any(near)
     }
 
     /// The measured lobe, coarsened to `parts` points: phi (rad), mean of `y / w` weighted by

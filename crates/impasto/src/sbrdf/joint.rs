@@ -41,6 +41,10 @@ const SOFTEST: f64 = 0.02;
 const GRAIN: f64 = 0.25;
 const QUANTILE: f64 = 0.25;
 
+/// A pixel counts for the light of so many bright ones at most: a lamp in the frame would else be
+/// most of the painting's light.
+const MOST_LIGHT: f64 = 4.0;
+
 /// A grain known to a tenth moves the lobe by a small share of its error.
 const SAME_GRAIN: f64 = 0.1;
 
@@ -217,10 +221,12 @@ pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found>
 
 /// A quarter of the squared scale that pixels with a quarter of the painting's light stay below.
 ///
-/// Counted by light, since dark pixels are those whose few codes hide their noise, however many
+/// Counted by light (of none more than of four bright pixels), since dark pixels are those whose few codes hide their noise, however many
 /// there are; by the lower quartile, since the model may describe most of a painting badly.
 fn grain(fit: &Fit<'_>, state: &State) -> f64 {
-    let light = fit.brightness(state);
+    let most = MOST_LIGHT * fit.photographs.bands as f64 * fit.yardstick.reference;
+    let mut light = fit.brightness(state);
+    light.iter_mut().for_each(|light| *light = light.min(most as f32));
     let known =
         state.scale.iter().zip(&light).filter(|(scale, light)| (**scale * **light).is_finite());
     let mut known: Vec<(f32, f32)> = known.map(|(&scale, &light)| (scale, light)).collect();

@@ -6,6 +6,7 @@
 //! what was found. [`predict`] says what a surface would have shown.
 
 mod extract;
+mod gross;
 mod highlight;
 pub mod histogram;
 mod joint;

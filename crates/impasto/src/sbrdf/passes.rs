@@ -3,13 +3,17 @@
 use crate::error::Result;
 use crate::pixels::{Run, TILE, tiles};
 
-use super::extract::{Extract, Extraction};
+use super::extract::{Extract, Extraction, Sink, Tempered};
+use super::gross::{Limits, Sizes};
 use super::histogram::Histogram;
 use super::measure::{Measure, Plates};
 use super::pixel::Lobe;
 use super::scale::Gaussian;
 use super::settle::{Settle, Share, Yardstick};
 use super::tile::{Photographs, Reader, State};
+
+/// Tiles that tell how large samples are, about.
+const SOME_TILES: usize = 16;
 
 /// A fit under way.
 #[derive(Clone, Copy)]
@@ -24,24 +28,44 @@ impl Fit<'_> {
         Self { yardstick: Yardstick { grain, ..self.yardstick }, ..self }
     }
 
+    /// What is specular in all samples, gross ones tempered.
     pub(super) fn extract(&self, state: &State, extraction: Extraction) -> Result<Histogram> {
+        let all = tiles(self.photographs.pixels());
+        let some = all.iter().copied().step_by(all.len().div_ceil(SOME_TILES)).collect();
+        let mut sizes = Sizes::new();
+        for part in self.gather(state, extraction, some, Sizes::new)? {
+            sizes.merge(&part);
+        }
+        let limits: &Limits = &sizes.limits();
+        let tempered = || Tempered { histogram: Histogram::default(), limits };
+        let mut sum = Histogram::default();
+        for part in self.gather(state, extraction, all, tempered)? {
+            sum.merge(&part.histogram);
+        }
+        Ok(sum)
+    }
+
+    /// The specular samples of some tiles, tile by tile.
+    fn gather<S: Sink + Send>(
+        &self,
+        state: &State,
+        extraction: Extraction,
+        places: Vec<(usize, usize)>,
+        sink: impl Fn() -> S + Sync,
+    ) -> Result<Vec<S>> {
         let photographs = self.photographs;
         let level = self.run.level;
-        let parts = self.run.map(
-            tiles(photographs.pixels()),
+        self.run.map(
+            places,
             || Reader::new(photographs),
             |reader, (start, _)| {
                 reader.read(photographs, start, level);
                 let Reader { samples, x, y } = reader;
                 let tile = &state.tile(photographs.status, start);
-                level.run(Extract { photographs, tile, samples, stride: TILE, x, y, extraction })
+                let (stride, sink) = (TILE, sink());
+                level.run(Extract { photographs, tile, samples, stride, x, y, extraction, sink })
             },
-        )?;
-        let mut sum = Histogram::default();
-        for part in &parts {
-            sum.merge(part);
-        }
-        Ok(sum)
+        )
     }
 
     /// Settles all pixels under a lobe.

@@ -9,6 +9,7 @@ use crate::pixels::Run;
 use crate::stack::Stack;
 
 use super::extract::Extraction;
+use super::gross::Counts;
 use super::histogram::Histogram;
 use super::joint::{FIRST_STEPS, Found, find_lobe};
 use super::passes::Fit;
@@ -96,17 +97,18 @@ pub fn fit_pooled(
     let fit = Fit {
         photographs: &photographs,
         run,
-        yardstick: Yardstick { reference: brightest(start), grain: 0.0 },
+        yardstick: Yardstick { reference: bright(start), grain: 0.0 },
     };
     let state = State::new(start);
-    let first = fit.extract(&state, options.extraction)?.fit();
+    let samples = fit.extract(&state, options.extraction)?;
+    let first = samples.fit();
     let lobe = Lobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
     if !options.joint {
-        return fit.judge_separate(state, &first);
+        return fit.judge_separate(state, &first, &samples);
     }
     let subset = Subset::gather(&photographs, start, options.pixels, run)?;
     if subset.len() == 0 {
-        return fit.judge_separate(state, &first);
+        return fit.judge_separate(state, &first, &samples);
     }
     let found = {
         let stack = subset.stack()?;
@@ -117,10 +119,12 @@ pub fn fit_pooled(
     Fit { yardstick: found.yardstick, ..fit }.judge_joint(state, found, start)
 }
 
-/// The brightest colour: scaling the samples by a power of two scales it exactly.
-fn brightest(start: &Start<'_>) -> f64 {
-    let peak = start.diffuse.iter().fold(0.0_f32, |peak, &v| if v > peak { v } else { peak });
-    if peak > 0.0 && peak.is_finite() { f64::from(peak) } else { 1.0 }
+/// A bright colour, whatever a tenth of the pixels show: a lamp in the frame is no colour. Scaling
+/// the samples by a power of two scales it exactly.
+fn bright(start: &Start<'_>) -> f64 {
+    let mut colours = Counts::new();
+    start.diffuse.iter().for_each(|&colour| colours.add(colour));
+    colours.high().map_or(1.0, f64::from)
 }
 
 pub(super) fn gamma_of(log_sharpness: f64) -> f64 {
@@ -143,11 +147,18 @@ struct Estimate {
 }
 
 impl Fit<'_> {
-    fn judge_separate(&self, state: State, first: &Outcome<f64, 2>) -> Result<Pooled> {
+    /// Judges the lobe that was fitted to `samples`.
+    fn judge_separate(
+        &self,
+        state: State,
+        first: &Outcome<f64, 2>,
+        samples: &Histogram,
+    ) -> Result<Pooled> {
         let lobe = Lobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
         let histogram = self.extract(&state, Extraction::Residual)?;
         let variance = first.normal.cost.max(0.0) / (histogram.count() - 2.0).max(1.0);
-        let covariance = (lobe.beta > 0.0 && !first.deficient()[0])
+        let shown = samples.shows(lobe.log_sharpness);
+        let covariance = (lobe.beta > 0.0 && shown && !first.deficient()[0])
             .then(|| relative(lobe, first.covariance(variance)));
         let path = vec![[lobe.beta, gamma_of(lobe.log_sharpness)]];
         let estimate = Estimate {

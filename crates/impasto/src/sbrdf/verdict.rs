@@ -1,5 +1,7 @@
 //! Whether the painting's lobe describes its pixels.
 
+use super::gross::{CLASSES, class_of};
+
 /// A pixel knows its own strength if its error is below this share of the painting's.
 const KNOWN: f32 = 0.2;
 
@@ -82,15 +84,6 @@ pub(super) fn agreement(
     Agreement { misfit, describes: agree as f64 / known as f64 }
 }
 
-/// Half-octaves of brightness.
-const CLASSES: usize = 512;
-
-/// Two classes per power of two, by the bits of the number: scaling by a power of two moves every
-/// pixel by the same number of classes.
-fn class_of(brightness: f32) -> usize {
-    (brightness.max(0.0).to_bits() >> 22) as usize % CLASSES
-}
-
 /// Lower quartile of the noise of the pixels of each brightness: shot noise grows with light.
 fn noise_of_classes(brightness: &[f32], noise: &[f32]) -> Vec<f32> {
     let mut classes = vec![Vec::new(); CLASSES];
@@ -128,13 +121,5 @@ mod tests {
         assert_eq!(found.misfit[0], 0.0);
         assert!((0.4..=0.5).contains(&found.misfit[3]));
         assert_eq!(found.misfit[1], 0.0);
-    }
-
-    #[test]
-    fn a_power_of_two_moves_every_pixel_alike() {
-        for value in [0.013_f32, 0.5, 0.74, 1.0, 3.9] {
-            assert_eq!(class_of(value * 8.0) - class_of(value), 6);
-        }
-        assert_eq!(class_of(f32::NAN), class_of(0.0));
     }
 }
