@@ -28,7 +28,9 @@ def photographs(seed: int) -> Any:
 
 
 def fit(samples: Any, **options: Any) -> impasto.Sbrdf:
-    return impasto.fit_sbrdf(impasto.Stack(samples, lights=lights()), **options)
+    fitted = impasto.fit_sbrdf(impasto.Stack(samples, lights=lights()), **options)
+    assert isinstance(fitted, impasto.Sbrdf)
+    return fitted
 
 
 @cache

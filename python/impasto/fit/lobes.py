@@ -53,7 +53,7 @@ class LobeSbrdf(LobedSurface):
         ``(lobe, y, x)`` float32: half-width of the lobe's facets, radians; narrowest first.
     gamma_sigma
         ``(lobe, y, x)`` float32: standard deviation of log gamma; NaN, too, where a search that was
-        cut short (``converged``; mostly ``effort="draft"``) left a lobe whose width no sample tells.
+        cut short (``converged``; mostly by ``effort="draft"``) left one whose width nothing tells.
     tinted
         ``(lobe, y, x)`` bool: whether the photographs ask for a strength per band (gold, bronzing);
         False where one strength serves all of them (varnish), or the pixel has no such lobe.
