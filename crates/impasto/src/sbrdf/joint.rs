@@ -226,7 +226,9 @@ pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found>
 fn grain(fit: &Fit<'_>, state: &State) -> f64 {
     let most = MOST_LIGHT * fit.photographs.bands as f64 * fit.yardstick.reference;
     let mut light = fit.brightness(state);
-    light.iter_mut().for_each(|light| *light = light.min(most as f32));
+    for light in &mut light {
+        *light = light.min(most as f32);
+    }
     let known =
         state.scale.iter().zip(&light).filter(|(scale, light)| (**scale * **light).is_finite());
     let mut known: Vec<(f32, f32)> = known.map(|(&scale, &light)| (scale, light)).collect();

@@ -123,7 +123,9 @@ pub fn fit_pooled(
 /// the samples by a power of two scales it exactly.
 fn bright(start: &Start<'_>) -> f64 {
     let mut colours = Counts::new();
-    start.diffuse.iter().for_each(|&colour| colours.add(colour));
+    for &colour in start.diffuse {
+        colours.add(colour);
+    }
     colours.high().map_or(1.0, f64::from)
 }
 
