@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from peers import WEIGHTS
 from record import data_folder, run_info, show, write
 from relighting import FOLDS, psnr
 
 import impasto
+from impasto.study.peers import WEIGHTS
 
 STEP = 3
 PEER = "RBF, thin plate"

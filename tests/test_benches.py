@@ -1,0 +1,29 @@
+"""Benchmarks are run by hand: that they load is all that a test can ask of them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parent.parent / "benches" / "python"
+SCRIPTS = sorted(
+    path.stem
+    for path in FOLDER.glob("*.py")
+    if not path.stem.startswith("test_") and path.stem != "conftest"
+)
+
+
+@pytest.mark.skipif(not FOLDER.is_dir(), reason="the benchmarks are not here")
+def test_every_script_finds_what_it_imports() -> None:
+    assert "fits" in SCRIPTS
+    done = subprocess.run(
+        [sys.executable, "-c", f"import {', '.join(SCRIPTS)}"],
+        cwd=FOLDER,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
