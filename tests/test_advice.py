@@ -95,7 +95,9 @@ def test_nothing_to_try_fits_on_is_refused(capture: simulate.Capture) -> None:
 # --- the command line
 
 
-def test_lamps_are_estimated_by_a_word(stack: Path, tmp_path: Path) -> None:
+def test_lamps_are_estimated_by_a_word(
+    stack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     words = f"fit {stack} --out {tmp_path / 'fit'} --strengths --quiet"
     assert main(words.split()) == 0
     report = json.loads((tmp_path / "fit" / "report.json").read_text(encoding="utf-8"))
@@ -104,6 +106,18 @@ def test_lamps_are_estimated_by_a_word(stack: Path, tmp_path: Path) -> None:
     assert report["results"]["strengths"]["factor"] == found.factor.tolist()
     rig = impasto.load_sbrdf(tmp_path / "fit" / "sbrdf.npz").rig
     np.testing.assert_array_equal(rig.intensities, found.rig.intensities)
+    assert main(["info", str(tmp_path / "fit")]) == 0
+    low, high = found.factor.min(), found.factor.max()
+    assert f"{len(found.factor)} lights, {low:.2f} to {high:.2f}" in capsys.readouterr().out
+
+
+def test_lamps_are_estimated_with_the_lobes_that_are_fitted(stack: Path, tmp_path: Path) -> None:
+    words = "--strengths --pooling pixel --lobes 1 --index 1.6 --quiet"
+    assert main(f"fit {stack} --out {tmp_path / 'fit'} {words}".split()) == 0
+    report = json.loads((tmp_path / "fit" / "report.json").read_text(encoding="utf-8"))
+    found = impasto.fit_strengths(impasto.read_stack(stack), lobes=1, index=1.6)
+    assert report["results"]["strengths"]["factor"] == found.factor.tolist()
+    assert found.factor.tolist() != impasto.fit_strengths(impasto.read_stack(stack)).factor.tolist()
 
 
 def test_one_lobe_for_several_kinds_hints_at_the_pixels_own(

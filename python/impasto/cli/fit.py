@@ -64,7 +64,8 @@ def fit(
         Folder for maps, overview and report.
     strengths
         First estimate from the photographs how much light each of them got (at least 6 lights);
-        for lamps that nobody measured, held by hand or in a dome. Takes longer than the fit.
+        for lamps that nobody measured, held by hand or in a dome. Takes longer than the fit, with
+        lobes of every pixel's own (--lobes, where --pooling pixel has them; else 2).
     system
         impasto's own way to measure, or that of one of the papers as it is written, with the
         paper's pictures; those need --camera. The options below change single steps.
@@ -127,7 +128,7 @@ def fit(
             photographs = reading.read(stack)
             stage.note = stack_words(photographs)
         tell(stages, photographs)
-        lamps = estimated_strengths(stages, photographs, threads) if strengths else None
+        lamps = estimated_strengths(stages, photographs, own, threads) if strengths else None
         photographs = photographs if lamps is None else lamps.stack
         told = with_labels(own, photographs, reading.region)
         sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads, told)
@@ -180,12 +181,17 @@ def fit(
     return Exit.PARTIAL if missing or unfinished or nothing else Exit.OK
 
 
-def estimated_strengths(stages: Stages, stack: Stack, threads: int | None) -> Strengths:
-    """What every lamp gave, as a stage of its own."""
+def estimated_strengths(
+    stages: Stages, stack: Stack, own: dict[str, Any], threads: int | None
+) -> Strengths:
+    """What every lamp gave, as a stage of its own; ``own``: options of the fit that follows."""
     from impasto.fit.strengths import fit_strengths
 
+    # Lafortune lobes are not those that strengths are estimated with: theirs stay as they are.
+    shared = () if own["model"] == "lafortune" else ("lobes", "index")
+    options = {name: own[name] for name in shared if name in own}
     with stages.stage("strengths") as stage:
-        lamps = fit_strengths(stack, threads=threads, progress=stage.advance)
+        lamps = fit_strengths(stack, **options, threads=threads, progress=stage.advance)
         low, high = lamps.factor.min(), lamps.factor.max()
         stage.note = f"{len(lamps.factor)} lights, {low:.2f} to {high:.2f}"
     if lamps.state:

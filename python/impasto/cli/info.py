@@ -64,6 +64,8 @@ def _result(path: Path) -> dict[str, Any]:
         facts["stack"] = f"{observations} of {columns} x {rows} pixels, {band_words(bands)}"
     if report.get("inputs"):
         facts["inputs"] = _few([entry["file"] for entry in report["inputs"]])
+    if "strengths" in results:
+        facts["strengths"] = _strengths(results["strengths"])
     facts["status"] = _counts(results.get("status", {}))
     facts |= _gloss(results)
     for name in ("sigma_degrees_median", "residual_median"):
@@ -112,6 +114,13 @@ def _gloss(numbers: dict[str, Any]) -> dict[str, Any]:
             for one in numbers["segments"]
         ]
     return facts
+
+
+def _strengths(lamps: dict[str, Any]) -> str:
+    """What the lamps gave, as the fit found it."""
+    factor = lamps["factor"]
+    state = "" if lamps["converged"] else ", not settled: see the report"
+    return f"{len(factor)} lights, {min(factor):.2f} to {max(factor):.2f}{state}"
 
 
 def _compared(folder: Path, outputs: list[dict[str, Any]]) -> tuple[list[str], list[str]]:
