@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import impasto
+from impasto import simulate
 from impasto.fit.lobes import fit_lobes
 from impasto.fit.normals import METHODS
 from oracles import forward, lafortune_forward
@@ -257,6 +258,32 @@ def test_a_power_of_two_changes_no_bit_of_a_shape(name: str, seed: int, power: i
         assert one[key].tobytes() == other[key].tobytes(), key
     for key in COLOURS & set(one):
         np.testing.assert_array_equal(np.ldexp(one[key], power), other[key], key)
+
+
+def test_a_power_of_two_changes_no_bit_of_what_photographs_hardly_determine() -> None:
+    # Views that are not those of the photographs: no normal and no lobe fits, and searches end
+    # wherever the last bit of a sum leads them.
+    turns = 2.399963 * np.arange(24)
+    height = 0.95 - 0.65 * (np.arange(24) + 0.5) / 24
+    across = np.sqrt(1.0 - height**2)
+    lights = np.stack([across * np.cos(turns), across * np.sin(turns), height], axis=1)
+    rng = np.random.default_rng(0)
+    views = lights[::-1] * (-1.0, -1.0, 1.0) + 0.2 * rng.normal(size=lights.shape)
+    views[:, 2] = np.abs(views[:, 2]) + 0.2
+    views /= np.linalg.norm(views, axis=1, keepdims=True)
+    painting = simulate.painting(0, (20, 20), varnish="patches")
+    photographs = simulate.capture(painting, impasto.Rig(lights), "rgb").stack
+    linear = np.array([photographs.linear(i) for i in range(24)], np.float32)
+    linear[~np.isfinite(linear)] = np.nan
+    one = lafortune(Scene(linear, lights, views).stack())
+    assert (one.lobes > 0).any()
+    for power in (-40, -20, -1, 1, 20, 40):
+        other = lafortune(Scene(linear, lights, views).scaled(power).stack())
+        for key in ("normal", "cxy", "cz", "exponent", "lobes", "sigma", "status"):
+            assert getattr(one, key).tobytes() == getattr(other, key).tobytes(), (power, key)
+        for key in ("diffuse", "specular", "residual"):
+            scaled = np.ldexp(getattr(one, key), power)
+            np.testing.assert_array_equal(scaled, getattr(other, key), f"{power} {key}")
 
 
 @of_every_fit

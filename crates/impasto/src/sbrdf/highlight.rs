@@ -283,7 +283,7 @@ impl Batch<f32, 2> for Tile<'_> {
 /// The power of two at a magnitude, and the same for any power of two of it. Neither it nor its
 /// reciprocal is subnormal: twice and half the range's ends are near enough.
 #[inline(always)]
-fn scale_of(size: f32) -> f32 {
+pub(super) fn scale_of(size: f32) -> f32 {
     const EXPONENT: u32 = 0x7f80_0000;
     const ONE: u32 = 1 << 23;
     f32::from_bits((size.to_bits() & EXPONENT).clamp(ONE, EXPONENT - 2 * ONE))

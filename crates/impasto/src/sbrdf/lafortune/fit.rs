@@ -1,4 +1,8 @@
 //! The three passes, tile by tile.
+//!
+//! Every pixel is fitted at the scale of its own largest sample, to a power of two, and scaled back
+//! at the end: no square of a sample or of a lobe's tail leaves the range of single precision at one
+//! scale and not at another (hard case 28).
 
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
@@ -7,6 +11,7 @@ use crate::maps::Status;
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Level};
 use crate::pixels::Run;
+use crate::sbrdf::highlight::scale_of;
 use crate::sbrdf::tile::Start;
 use crate::stack::Stack;
 
@@ -85,7 +90,9 @@ struct Fit<'a> {
 
 /// One tile's samples; one per worker.
 pub(super) struct Scratch {
-    /// `(obs, band, pixel)` linear.
+    /// Powers of two that samples were divided by.
+    scales: Vec<f32>,
+    /// `(obs, band, pixel)` linear, at each pixel's own scale, as the next two.
     pub(super) samples: Vec<f32>,
     /// `(obs, pixel)` their means over the bands; not finite where a band's sample is not, as where
     /// it clipped (hard case 3).
@@ -102,6 +109,7 @@ impl Scratch {
     fn new(stack: &Stack<'_>) -> Self {
         let shape = stack.shape();
         Self {
+            scales: vec![1.0; TILE],
             samples: vec![0.0; shape.observations * shape.bands * TILE],
             means: vec![0.0; shape.observations * TILE],
             kept: vec![0.0; shape.observations * TILE],
@@ -271,14 +279,16 @@ impl Fit<'_> {
         let mut tints = Tints::new(bands, scratch.places.len());
         self.run.level.run(Colours { rig: self.rig, scratch, fine, found, tints: &mut tints });
         for (&pixel, found) in fine.iter().zip(found) {
+            let scale = scratch.scales[pixel];
             for (plane, value) in sheet.normal.iter_mut().zip(scratch.normals[pixel]) {
                 plane[pixel] = value;
             }
             for band in 0..bands {
-                sheet.diffuse[band][pixel] = tints.colour(band, 0, pixel);
+                sheet.diffuse[band][pixel] = scale * tints.colour(band, 0, pixel);
                 for lobe in 0..self.sequence.lobes {
-                    sheet.specular[lobe * bands + band][pixel] =
+                    let strength =
                         if lobe < found.lobes { tints.colour(band, 1 + lobe, pixel) } else { 0.0 };
+                    sheet.specular[lobe * bands + band][pixel] = scale * strength;
                 }
             }
             for lobe in 0..found.lobes {
@@ -288,12 +298,12 @@ impl Fit<'_> {
                 sheet.exponent[lobe][pixel] = exponent as f32;
             }
             sheet.lobes[pixel] = found.lobes as u8;
-            sheet.residual[pixel] = tints.residual[pixel];
+            sheet.residual[pixel] = scale * tints.residual[pixel];
         }
     }
 }
 
-/// Decodes a tile.
+/// Decodes a tile and scales its pixels.
 struct Read<'a> {
     stack: &'a Stack<'a>,
     start: usize,
@@ -321,6 +331,20 @@ impl Kernel for Read<'_> {
             }
             for mean in mean {
                 *mean *= share;
+            }
+        }
+        scratch.scales.fill(0.0);
+        for means in scratch.means.chunks_exact(TILE) {
+            for (size, &mean) in scratch.scales.iter_mut().zip(means) {
+                *size = if mean.is_finite() { size.max(mean.abs()) } else { *size };
+            }
+        }
+        scratch.scales.iter_mut().for_each(|size| *size = scale_of(*size));
+        for planes in [&mut scratch.samples, &mut scratch.means] {
+            for plane in planes.chunks_exact_mut(TILE) {
+                for (sample, &scale) in plane.iter_mut().zip(&scratch.scales) {
+                    *sample *= scale.recip();
+                }
             }
         }
         scratch.kept.copy_from_slice(&scratch.means);
