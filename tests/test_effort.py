@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from types import SimpleNamespace
 from typing import Any
 
@@ -142,17 +143,53 @@ def test_a_trial_needs_photographs_to_spare(stack: impasto.Stack) -> None:
         impasto.suggest_effort(stack.take(range(7)), error=0.1)
 
 
-def test_lights_that_lie_in_a_plane_but_for_those_held_out(stack: impasto.Stack) -> None:
-    """One light in six stands apart, and a trial holds out just these."""
+def _arc(stack: impasto.Stack, apart: Any) -> impasto.Stack:
+    """Lights on an arc, but for some that stand apart."""
     turn = np.radians(np.linspace(15.0, 165.0, len(stack.rig)))
     lights = np.stack([np.cos(turn), 0.0 * turn, np.sin(turn)], axis=1)
-    lights[3::6] = (0.0, 0.6, 0.8)
+    lights[apart] = (0.0, 0.6, 0.8)
     flat = impasto.Stack(np.full((len(turn), 1, 4, 4), 0.5, np.float32), lights=lights)
     impasto.fit_normals(flat)
-    apart = len(lights[3::6])
-    told = rf"{len(turn) - apart} lights lie in one plane.*of {len(turn)} .* {apart} were held out"
+    return flat
+
+
+def test_lights_that_lie_in_a_plane_but_for_those_held_out(stack: impasto.Stack) -> None:
+    """Of 144 photographs there is one turn, which holds out all that stand apart."""
+    many = impasto.Stack(np.tile(stack.samples, (3, 1, 1, 1)), lights=[*stack.rig.directions] * 3)
+    flat = _arc(many, np.s_[3::6])
+    told = "120 lights lie in one plane.*of 144 photographs 24 were held out"
     with pytest.raises(impasto.GeometryError, match=told):
         impasto.suggest_effort(flat, error=0.1)
+
+
+def test_a_turn_without_which_lights_lie_in_a_plane_is_passed_over(stack: impasto.Stack) -> None:
+    """The first of three turns holds out all that stand apart; the others tell enough."""
+    assert impasto.suggest_effort(_arc(stack, np.s_[3::6]), error=10.0).met
+
+
+def test_few_photographs_are_held_out_in_turns(
+    stack: impasto.Stack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each once; of many photographs one in six is enough. Never more are fitted than were."""
+    shown: list[int] = []
+
+    def fit(part: impasto.Stack, *, threads: int | None, **options: Any) -> Any:
+        def predict(rig: impasto.Rig) -> Any:
+            shown.append(len(rig))
+            return np.zeros((len(rig), 3, *part.shape[2:]))
+
+        return SimpleNamespace(predict=predict)
+
+    monkeypatch.setattr("impasto.suggest.fit_sbrdf", fit)
+    ticks = itertools.count()
+    monkeypatch.setattr("impasto.suggest.time", SimpleNamespace(perf_counter=lambda: next(ticks)))
+    for count, turns in {8: 6, 20: 6, 23: 6, 24: 6, 29: 5, 36: 4, 48: 3}.items():
+        shown.clear()
+        trials = impasto.suggest_effort(stack.take(range(count)), error=0.1).tried
+        assert len(shown) == turns * len(trials)
+        assert sum(shown) >= min(count, suggest.SHOWN) * len(trials)
+        # Black is off by all there is.
+        assert {trial.error for trial in trials} == {1.0}
 
 
 @pytest.mark.parametrize(

@@ -47,5 +47,9 @@ def test_what_is_missed_is_named() -> None:
         {"stack": "1: 64 pixels, 24 lights, satin", "error met": False, "seconds met": True},
         {"stack": "icon", "error met": True, "seconds met": True},
     ]
-    assert suggestions.words(rows) == {"missed": "Not kept: error on 64 pixels, 24 lights, satin."}
-    assert suggestions.words(rows[1:]) == {"missed": "It was kept everywhere."}
+    rows = [row | {"took": took} for row, took in zip(rows, (2.04, 1.0), strict=True)]
+    assert suggestions.words(rows) == {
+        "missed": "Not kept: error on 64 pixels, 24 lights, satin.",
+        "took": "The suggestion itself took 1.0 to 2.0 s.",
+    }
+    assert suggestions.words(rows[1:])["missed"] == "It was kept everywhere."
