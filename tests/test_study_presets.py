@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from impasto.effort import PRESETS, Effort
@@ -35,8 +36,11 @@ def _row(rounds: int, iterations: int, seconds: float, error: float, flagged: fl
         "setting": f"{rounds} rounds, {iterations} steps",
         "options": {"effort": Effort(rounds=rounds, iterations=iterations).to_dict()},
         "cost": {"cpu": seconds},
-        "error": {"relative": error, "colour": error, "normal": None, "flagged": flagged},
-    }
+        "error": {
+            "relative": error, "colour": error, "psnr": -20.0 * np.log10(error), "normal": None,
+            "normal_p95": None, "flagged": flagged,
+        },
+    }  # fmt: skip
 
 
 def _rows(points: Any = FRONT) -> list[Any]:
@@ -63,8 +67,19 @@ def test_a_draft_is_eight_times_faster_where_something_is() -> None:
     fast = {(0, 4): (8.0, (0.5, 0.4), 0.5), (0, 6): (7.0, (0.6, 0.5), 0.5)}
     assert _numbers(presets.derived(_rows(FRONT | fast)))["draft"] == (0, 6)
     assert 7.0 <= 63.0 / presets.FASTER < 8.0
-    half = {(0, 4): (30.0, (0.5, 0.4), 0.5)}
-    assert _numbers(presets.derived(_rows(FRONT | half)))["draft"] == (0, 4)
+
+
+def test_normals_are_worth_as_much_as_photographs() -> None:
+    """By hand: a fourth of the angle is half of the geometric mean, whatever the photographs."""
+    (row, *_) = _rows()
+    known = row | {"error": row["error"] | {"normal": 0.4, "normal_p95": 1.6}}
+    fourth = row | {"error": row["error"] | {"normal": 0.1, "normal_p95": 0.4}}
+    assert front.score([row]) == pytest.approx(0.28)
+    assert front.score([known]) == pytest.approx(np.sqrt(0.28 * 0.8))
+    assert front.score([fourth]) == pytest.approx(front.score([known]) / 2.0)
+    # A data set whose normals nobody knows says nothing of them, neither good nor bad.
+    assert front.score([known, row]) == pytest.approx(front.score([known]))
+    assert front.score([known], front.JUDGED[:1]) == pytest.approx(0.28)
 
 
 def test_presets_of_a_front_keep_their_promises() -> None:

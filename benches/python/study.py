@@ -4,6 +4,7 @@
 
 Runs ``impasto study`` (it goes on where it was interrupted), records benches/results/study.json,
 draws the figures of docs/accuracy-and-time.md into docs/_static and sets that page's tables.
+``--redraw`` runs nothing: it draws and sets them anew from the rows that are recorded.
 ``--presets`` runs nothing: it says which presets the recorded study calls for, what those of
 python/impasto/effort.py are, and whether they keep what they promise; it exits with 1 where they
 do not.
@@ -15,6 +16,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import kernel_figures
 from pages import set_tables
@@ -22,7 +24,6 @@ from record import RESULTS, ROOT, data_folder, write
 
 from impasto.study import presets, run
 from impasto.study.figures import draw
-from impasto.study.record import Journal
 from impasto.study.tables import tables
 from impasto.study.words import words
 
@@ -34,11 +35,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--data", type=Path, default=data_folder())
     parser.add_argument("--out", type=Path, default=ROOT / "study", help="where runs are kept")
-    parser.add_argument("--redraw", action="store_true", help="run nothing: tables and figures")
+    parser.add_argument("--redraw", action="store_true", help="run nothing: the record, as it is")
     parser.add_argument("--presets", action="store_true", help="run nothing: say and check them")
     options = parser.parse_args()
     if options.presets:
-        rows = json.loads((RESULTS / "study.json").read_text("utf-8"))["rows"]
+        rows = _recorded()["rows"]
         print(presets.explained(rows))
         sys.exit(not all(check.kept for check in presets.checked(rows)))
 
@@ -46,7 +47,7 @@ def main() -> None:
         print(f"{done}/{total} {name}", file=sys.stderr)
 
     if options.redraw:
-        found = Journal(options.out).found()
+        found = _recorded()
     else:
         found = run(options.out, data=options.data, repeats=REPEATS, advance=advance)
     found["run"] = {"command": "python benches/python/study.py"} | found["run"]
@@ -56,6 +57,11 @@ def main() -> None:
     for path in draw(found, static, prefix="study-") + kernel_figures.draw(static):
         print(path.relative_to(ROOT))
     set_tables(ROOT / "docs" / "accuracy-and-time.md")
+
+
+def _recorded() -> dict[str, Any]:
+    content = json.loads((RESULTS / "study.json").read_text("utf-8"))
+    return {name: content[name] for name in ("run", "missing", "skipped", "failed", "rows")}
 
 
 if __name__ == "__main__":

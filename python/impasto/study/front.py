@@ -12,14 +12,15 @@ Row: TypeAlias = dict[str, Any]
 
 ERROR = "relative"
 """What fronts are drawn of: root mean square error of relighting."""
-JUDGED = ("relative", "colour", "normal")
-"""What presets are judged by, all together: highlights alone would rule the first."""
+JUDGED = (("relative", "psnr", "colour"), ("normal", "normal_p95"))
+"""What presets are judged by: held-out photographs and, as much, normals. Neither is a measure of
+the other: highlights rule the photographs, where what a lobe and a normal share hardly shows."""
 NEAR_BEST = 1.01
 """``standard`` is the cheapest within one per cent of the best."""
 FLAGGED = 0.01
 """Share of the pixels that ``standard`` and ``reference`` may flag beyond what they need not."""
-DRAFT = (1 / 8, 1 / 2)
-"""Shares of the time of ``standard`` that ``draft`` may take; the first that anything keeps to."""
+DRAFT = 1 / 8
+"""Share of the time of ``standard`` that ``draft`` may take, where anything keeps to it."""
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[int]:
@@ -55,8 +56,10 @@ class Rung:
     ----------
     setting, options
         Which.
-    seconds, error
-        Geometric means of CPU seconds per megapixel and of :func:`score`.
+    seconds
+        Geometric mean of CPU seconds per megapixel.
+    error, shown
+        :func:`score` of all that is judged, and of held-out photographs alone.
     flagged
         Mean share of the pixels that are flagged.
     """
@@ -65,6 +68,7 @@ class Rung:
     options: Row
     seconds: float
     error: float
+    shown: float = 0.0
     flagged: float = 0.0
 
 
@@ -79,7 +83,8 @@ def rungs(rows: Iterable[Row]) -> list[Rung]:
             setting,
             next(iter(found.values()))["options"],
             _mean([row["cost"]["cpu"] for row in found.values()]),
-            _mean([score(row) for row in found.values()]),
+            score(found.values()),
+            score(found.values(), JUDGED[:1]),
             float(np.mean([row["error"]["flagged"] for row in found.values()])),
         )
         for setting, found in by_setting.items()
@@ -87,10 +92,26 @@ def rungs(rows: Iterable[Row]) -> list[Rung]:
     ]
 
 
-def score(row: Row) -> float:
-    """Geometric mean of a row's errors: relighting, colours and, where they are known, normals."""
-    errors = [row["error"][name] for name in JUDGED]
-    return _mean([error for error in errors if error is not None])
+def score(rows: Iterable[Row], kinds: Sequence[Sequence[str]] = JUDGED) -> float:
+    """Errors of a setting on all data sets as one number, of which ratios mean something.
+
+    The geometric mean of the kinds, each the geometric mean of its errors on the data sets where
+    they are known: a hundredth less of all errors of either kind is worth the same.
+    """
+    rows = list(rows)
+    means = []
+    for names in kinds:
+        known = [_size(row["error"], name) for row in rows for name in names]
+        values = [value for value in known if value is not None]
+        if values:
+            means.append(_mean(values))
+    return _mean(means)
+
+
+def _size(error: Row, name: str) -> float | None:
+    """Decibels as what they are decibels of: the root of the mean square of differences."""
+    value: float | None = error[name]
+    return 10.0 ** (-value / 20.0) if name == "psnr" and value is not None else value
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -103,20 +124,16 @@ def chosen(candidates: Sequence[Rung]) -> dict[str, Rung]:
     ``reference`` has the least error of those that flag at most one pixel in a hundred more than
     they need, ``standard`` is the cheapest of them whose error is within 1 % of that. ``draft`` is
     the best of all that take at most an eighth of the time of ``standard``; where nothing is so
-    fast, at most half of it; else the knee of what is faster. Among those that each is taken from
-    no rung is both faster and better.
+    fast, the knee of what is faster. Among those that each is taken from no rung is both faster and
+    better.
     """
     least = min(rung.flagged for rung in candidates)
     line = _front([rung for rung in candidates if rung.flagged <= least + FLAGGED])
     reference = line[-1]
     standard = next(rung for rung in line if rung.error <= NEAR_BEST * reference.error)
     line = [rung for rung in _front(candidates) if rung.seconds <= standard.seconds]
-    draft = line[knee([(rung.seconds, rung.error) for rung in line])]
-    for share in DRAFT:
-        fast = [rung for rung in line if rung.seconds <= share * standard.seconds]
-        if fast:
-            draft = fast[-1]
-            break
+    fast = [rung for rung in line if rung.seconds <= DRAFT * standard.seconds]
+    draft = fast[-1] if fast else line[knee([(rung.seconds, rung.error) for rung in line])]
     return {"draft": draft, "standard": standard, "reference": reference}
 
 
