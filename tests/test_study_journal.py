@@ -119,5 +119,5 @@ def test_a_peer_that_is_not_installed_is_skipped(
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "scipy.optimize", None)
     found = run(tmp_path)
-    assert [words.split(":")[0] for words in found["skipped"]] == ["MINPACK, one lobe"]
+    assert [words.split(":")[0] for words in found["skipped"]] == ["MINPACK (SciPy), one lobe"]
     assert found["failed"] == []

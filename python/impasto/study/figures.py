@@ -18,6 +18,7 @@ STYLE = {
     "axes.linewidth": 0.7,
     "axes.titlesize": 9,
     "axes.titlelocation": "left",
+    "legend.labelspacing": 0.6,
     "axes.labelcolor": "#303030",
     "xtick.color": "#606060",
     "ytick.color": "#606060",
@@ -73,21 +74,44 @@ def draw(found: dict[str, Any], out: Path, *, prefix: str = "") -> list[Path]:
 
 
 def save(stem: Path, panels: int, paint: Callable[[list[Any]], None]) -> list[Path]:
-    """Write a figure of some panels in a row, or in rows of three, as SVG and PNG."""
+    """Write a figure of some panels, two in a row, as SVG and PNG; as wide as a page's text.
+
+    What the panels' marks mean stands once, in the place that an odd number of panels leaves free,
+    else below them.
+    """
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
     # No date: the same figure is the same file.
     formats: dict[str, dict[str, Any]] = {".svg": {"metadata": {"Date": None}}, ".png": {}}
-    columns = min(panels, 3)
+    columns = min(panels, 2)
     rows = -(-panels // columns)
-    wide = 3.3 * columns if columns > 1 else 4.6
     written = []
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(wide, 2.9 * rows), layout="constrained")
-        paint([figure.add_subplot(rows, columns, place + 1) for place in range(panels)])
+        figure = Figure(figsize=(3.4 * columns if columns > 1 else 4.6, 2.7 * rows + 0.3))
+        figure.set_layout_engine("constrained")
+        axes = [figure.add_subplot(rows, columns, place + 1) for place in range(panels)]
+        paint(axes)
+        _explain(figure, axes, rows * columns)
         for suffix, more in formats.items():
             path = stem.with_name(stem.name + suffix)
             figure.savefig(path, dpi=DPI, **more)
             written.append(path)
     return written
+
+
+def _explain(figure: Any, axes: list[Any], places: int) -> None:
+    """What is labelled in any panel."""
+    known: dict[str, Any] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            known.setdefault(label, handle)
+    if not known:
+        return
+    marks = (list(known.values()), list(known))
+    if places > len(axes):
+        free = figure.add_subplot(axes[0].get_gridspec()[places - 1])
+        free.axis("off")
+        free.legend(*marks, loc="center left", frameon=False, fontsize=8)
+    else:
+        figure.legend(*marks, loc="outside lower center", ncols=4, frameon=False, fontsize=8)

@@ -20,7 +20,7 @@ from impasto.status import Status
 
 Array: TypeAlias = NDArray[np.float64]
 
-NAME = "MINPACK, one lobe"
+NAME = "MINPACK (SciPy), one lobe"
 STRIDE = 8
 """Every so many pixels along both axes: the others would take as long again each."""
 INDEX = 1.45

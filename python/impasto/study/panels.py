@@ -5,26 +5,35 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from impasto.study import minpack
 from impasto.study.front import ERROR, Row, knee
 from impasto.study.tables import SETS, fits_of, front_of, of_knob, points, preset_rows
 
 # Okabe and Ito 2008: told apart by colour-blind readers, and in grey by their lightness.
 BLUE, ORANGE, GREEN, BLACK, FAINT = "#0072b2", "#d55e00", "#009e73", "#202020", "#b8b8b8"
 SHADES = ("#a9cfe6", "#56a0d0", "#0072b2", "#003a5c")
+OURS = "ours, MINPACK's pixels"
 BY = {
-    "pixels' own, standard": (-88, -11), "pixels' own, reference": (-94, -21), "one lobe": (-16, 6),
-    "pixels' own, draft": (-40, 6), "l1": (-9, 3), "rank": (-21, -2), "huber": (5, 6),
-    "cauchy": (6, -1), "tukey": (6, -8), "robust": (-9, -11), "threshold": (-14, -11),
+    "l1": (-9, 3), "rank": (-21, -2), "huber": (5, 6), "cauchy": (6, -1), "tukey": (6, -8),
+    "robust": (3, -10), "threshold": (-14, -12),
 }  # fmt: skip
 """Where names stand beside their points, in points of the type."""
 LOOKS = {"random": ("s--", ORANGE), "spread": ("o-", BLUE), "best": ("D:", GREEN)}
 """Lines of the choices of photographs."""
-MARKS: dict[str, str] = {"draft": "v", "standard": "o", "reference": "^"}
-SHORT: dict[str, str] = {
-    "RBF, normalised Gaussian": "RBF, Gaussian",
-    "RBF, thin plate": "RBF, thin plate",
-    "MINPACK, one lobe": "MINPACK",
+MARKS: dict[str, tuple[str, str]] = {
+    "one lobe, as the papers have it": ("d", "white"),
+    "one lobe": ("D", "white"),
+    "Lafortune": ("s", "white"),
+    "pixels' own, draft": ("v", BLUE),
+    "pixels' own, standard": ("o", BLUE),
+    "pixels' own, reference": ("^", BLUE),
 }
+"""Marks of what somebody gets by name, and their fill."""
+PEERS: dict[str, str] = {
+    "PTM": "s", "HSH": "X", "RBF, normalised Gaussian": "P", "RBF, thin plate": "p",
+    minpack.NAME: "*",
+}  # fmt: skip
+"""Marks of other people's methods."""
 
 
 def dress(axes: Any, data: str, across: str, up: str) -> None:
@@ -58,30 +67,34 @@ def logarithmic(axes: Any) -> None:
 def front(axes: Any, found: Row, data: str) -> None:
     """Error against time: all fits, their front, its knee, the presets, and peers."""
     rows = found["rows"]
-    axes.scatter(*zip(*_percent(fits_of(rows, data)), strict=True), s=7, color=FAINT, lw=0)
+    every = zip(*_percent(fits_of(rows, data)), strict=True)
+    axes.scatter(*every, s=7, color=FAINT, lw=0, label="every fit of ours")
     corners = _percent(front_of(rows, data))
-    axes.plot(*zip(*corners, strict=True), color=BLUE, lw=1.3, zorder=2)
-    here = corners[knee(corners)]
-    axes.plot(*here, "o", ms=11, mfc="none", mec=BLUE, mew=1.1)
-    note(axes, "knee", here, BLUE, (9, -9))
+    axes.plot(*zip(*corners, strict=True), color=BLUE, lw=1.3, zorder=2, label="front")
     for name, row in preset_rows(rows):
         if row["data"] == data:
-            mark = MARKS.get(name.split(", ")[-1], "D")
-            fill = BLUE if row["knob"] == "effort" else "white"
-            axes.plot(*_percent([row])[0], mark, ms=5, mfc=fill, mec=BLUE, mew=1.0, zorder=3)
-    peers = [row for row in of_knob(rows, "peer") if row["data"] == data]
-    # Those who interpolate stand close together: their names one below the other.
-    for place, row in enumerate(sorted(peers, key=lambda row: -float(row["error"][ERROR]))):
-        at, name = _percent([row])[0], str(row["setting"])
-        axes.plot(*at, "s", ms=4.5, color=ORANGE, zorder=3)
-        by = (-10, 7) if name.startswith("MINPACK") else (6, 10 - 7 * place)
-        note(axes, SHORT.get(name, name), at, ORANGE, by)
+            _named(axes, name, _percent([row])[0])
+    place = knee(corners)
+    # One that lies above its chord everywhere has none.
+    if 0 < place < len(corners) - 1:
+        axes.plot(*corners[place], "o", ms=11, mfc="none", mec=BLUE, mew=1.0, ls="", label="knee")
+    for row in of_knob(rows, "peer"):
+        if row["data"] == data:
+            mark = PEERS.get(row["setting"], "s")
+            size = 8 if mark == "*" else 5.5
+            at = _percent([row])[0]
+            axes.plot(*at, mark, ms=size, color=ORANGE, mew=0, ls="", label=row["setting"])
     for row in of_knob(rows, "sample"):
         if row["data"] == data:
-            axes.plot(*_percent([row])[0], "s", ms=4.5, mfc="white", mec=BLUE, mew=1.0, zorder=3)
+            axes.plot(*_percent([row])[0], "*", ms=8, mfc="white", mec=BLUE, ls="", label=OURS)
     dress(axes, data, "CPU seconds per megapixel", "error of relighting, %")
     logarithmic(axes)
     axes.margins(x=0.12, y=0.12)
+
+
+def _named(axes: Any, name: str, at: tuple[float, float]) -> None:
+    mark, fill = MARKS[name]
+    axes.plot(*at, mark, ms=5, mfc=fill, mec=BLUE, mew=1.0, ls="", zorder=3, label=name)
 
 
 def _percent(rows: Sequence[Row]) -> list[tuple[float, float]]:
@@ -98,14 +111,15 @@ def note(axes: Any, words: str, at: tuple[float, float], colour: str, by: tuple[
 
 def normals(axes: Any, found: Row, data: str) -> None:
     """Degrees against microseconds per pixel: photometric stereo, and the joint fit."""
-    alone = [(row["setting"], row) for row in of_knob(found["rows"], "normals")]
-    for name, row in alone + preset_rows(found["rows"]):
+    rows = [row for row in found["rows"] if row["data"] == data]
+    for row in of_knob(rows, "normals"):
+        at = (row["cost"]["cpu"], row["error"]["normal"])
+        axes.plot(*at, "o", ms=4, color=BLACK)
+        note(axes, row["setting"], at, BLACK, BY.get(row["setting"], (5, 2)))
+    for name, row in preset_rows(rows):
         # The papers' fit of a lobe leaves the normals as photometric stereo has them.
-        if row["data"] == data and row["options"].get("joint", True):
-            at = (row["cost"]["cpu"], row["error"]["normal"])
-            colour = BLACK if row["knob"] == "normals" else BLUE
-            axes.plot(*at, MARKS.get(name.split(", ")[-1], "o"), ms=5, color=colour)
-            note(axes, name, at, colour, BY.get(name, (5, 2)))
+        if row["options"].get("joint", True):
+            _named(axes, name, (row["cost"]["cpu"], row["error"]["normal"]))
     dress(axes, data, "CPU microseconds per pixel", "error of the normals, degrees")
     logarithmic(axes)
     axes.margins(x=0.2, y=0.22)
@@ -135,7 +149,6 @@ def lights(axes: Any, found: Row, data: str) -> None:
     up = "error of the normals, degrees" if truth else "error of relighting, %"
     dress(axes, data, "lights", up)
     logarithmic(axes)
-    axes.legend(frameon=False, fontsize=7)
 
 
 def steps(axes: Any, found: Row, data: str) -> None:
@@ -151,7 +164,11 @@ def steps(axes: Any, found: Row, data: str) -> None:
         _curve(axes, some, lambda row: 100.0 * row["error"][ERROR], "o-", shade, label)
     dress(axes, data, "steps of a search, at most", "error of relighting, %")
     logarithmic(axes)
-    axes.legend(frameon=False, fontsize=7)
+    low, high = axes.get_ylim()
+    # Half as much again at least: less is no more than it looks.
+    stretch = max(1.0, (1.5 * low / high) ** 0.5)
+    axes.set_ylim(low / stretch, high * stretch)
+    plain(axes.yaxis)
 
 
 def views(axes: Any, found: Row, data: str) -> None:
@@ -170,4 +187,3 @@ def views(axes: Any, found: Row, data: str) -> None:
     axes.set_xscale("log")
     plain(axes.xaxis)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    axes.legend(frameon=False, fontsize=7)
