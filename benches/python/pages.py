@@ -37,7 +37,8 @@ def _content(file: str) -> Any:
 
 
 def _words(file: str, key: str) -> str:
-    return f"\n{_content(file)['words'][key]}\n\n"
+    # A sentence that a record has no rows for is left out.
+    return f"\n{_content(file)['words'].get(key, '')}\n\n"
 
 
 def _table(file: str, key: str, columns: str) -> str:

@@ -27,8 +27,8 @@ from impasto.study.figures import draw
 from impasto.study.tables import tables
 from impasto.study.words import words
 
-REPEATS = 5
-"""Runs of every fit, of short ones more: ratios of their least are to be those of the next run."""
+REPEATS = 8
+"""Turns in which every fit is timed: ratios of the least are to be those of the next run."""
 
 
 def main() -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -29,8 +29,8 @@ XYZ_FROM_SRGB = np.array(
 )
 """IEC 61966-2-1: colours are compared as if the three bands were those of a display."""
 
-ENOUGH = 0.4
-"""Seconds that all runs but one take together at least: the least of a few is not yet quiet."""
+ENOUGH = 0.1
+"""Seconds that the runs of one turn take together, at least: fits of milliseconds run often."""
 
 COMPARED = 50_000
 """Pixels whose colours are compared, at most: colour differences are slower than most fits."""
@@ -59,14 +59,10 @@ class Cost:
     ----------
     cpu, wall
         Seconds of all threads together, and on the clock; the least of some runs.
-    memory
-        MiB that the fit took beyond what was held before it, at its peak; None where the system
-        does not say. Of the run itself, not per megapixel.
     """
 
     cpu: float
     wall: float
-    memory: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,22 +92,17 @@ class Errors:
     flagged: float
 
 
-def timed(fit: Callable[[], T], megapixels: float, repeats: int) -> tuple[T, Cost]:
-    """Run a fit some times, short ones more often: its result, and the least that it cost."""
-    cpu: list[float] = []
-    wall: list[float] = []
-    peaks: list[float] = []
-    while len(cpu) < repeats or sum(wall) < ENOUGH * (repeats - 1):
-        before = _reset_peak()
+def timed(fit: Callable[[], T], megapixels: float) -> tuple[T, Cost]:
+    """Run a fit, a short one some times: its result, and the least that it cost."""
+    cpu = wall = math.inf
+    spent = 0.0
+    while spent < ENOUGH:
         clocks = time.process_time(), time.perf_counter()
         result = fit()
-        cpu.append(time.process_time() - clocks[0])
-        wall.append(time.perf_counter() - clocks[1])
-        after = _resident("VmHWM")
-        if before is not None and after is not None:
-            peaks.append(after - before)
-    memory = min(peaks) if peaks else None
-    return result, Cost(min(cpu) / megapixels, min(wall) / megapixels, memory)
+        cpu = min(cpu, time.process_time() - clocks[0])
+        took = time.perf_counter() - clocks[1]
+        wall, spent = min(wall, took), spent + took
+    return result, Cost(cpu / megapixels, wall / megapixels)
 
 
 def lobes_of(fitted: Fitted) -> list[float] | None:
@@ -120,26 +111,6 @@ def lobes_of(fitted: Fitted) -> list[float] | None:
     if lobes is None:
         return None
     return [float(count) / lobes.size for count in np.bincount(lobes.ravel(), minlength=4)]
-
-
-def _reset_peak() -> float | None:
-    """Forget the peak of this process's memory (Linux only); MiB that it holds now."""
-    try:
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-    except OSError:
-        return None
-    return _resident("VmRSS")
-
-
-def _resident(field: str) -> float | None:
-    try:
-        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return None
-    for line in lines:
-        if line.startswith(field + ":"):
-            return int(line.split()[1]) / 1024.0
-    return None
 
 
 def compared(fitted: Fitted, specimen: Specimen) -> Errors:

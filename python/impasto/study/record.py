@@ -2,7 +2,8 @@
 
 A journal has sections. Each begins with a head: what its runs have in common. A study that goes on
 under what changes its times (another machine, other threads) opens a section of its own and times
-everything anew; back on the first machine it goes on in the sections of that one.
+everything anew; back on the first machine it goes on in the sections of that one. The first line of
+a run says all of it, each of the others what it took once more.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import numpy as np
 from impasto import _core
 from impasto.errors import ArgumentError, CorruptInputError
 
-SCHEMA = 2
+SCHEMA = 3
 RUNS = "runs.jsonl"
 
 TERMS = ("commit", "impasto", "seed", "quick", "sizes")
@@ -121,7 +122,7 @@ class Journal:
             if "schema" in line:
                 alike = _under(line, clocks) == _under(self.head, clocks)
             elif alike:
-                self.runs[key_of(line)] = line
+                self._note(line)
 
     def _check(self, was: dict[str, Any], now: dict[str, Any], terms: Sequence[str]) -> None:
         for term in terms:
@@ -141,8 +142,13 @@ class Journal:
             "failed": sorted(
                 {f"{r['setting']} on {r['data']}: {r['failed']}" for r in rows if "failed" in r}
             ),
-            "rows": [row for row in rows if "cost" in row],
+            "rows": [_summed(row) for row in rows if "cost" in row],
         }
+
+    def turns(self, run: dict[str, Any]) -> int:
+        """How often a run was timed; whatever is left out for a reason has had all its turns."""
+        known = self.runs.get(key_of(run), {})
+        return sys.maxsize if "skipped" in known else len(known.get("turns", []))
 
     def _lines(self) -> Iterator[dict[str, Any]]:
         lines = self.path.read_text(encoding="utf-8").splitlines()
@@ -156,9 +162,23 @@ class Journal:
 
     def add(self, run: dict[str, Any]) -> None:
         """Note a run; it is on the disk when this returns."""
-        self.runs[key_of(run)] = run
+        self._note(run)
         with self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(run) + "\n")
+
+    def _note(self, run: dict[str, Any]) -> None:
+        if "again" in run:
+            self.runs[key_of(run)]["turns"].append(run["again"])
+        else:
+            self.runs[key_of(run)] = run | ({"turns": [run["cost"]]} if "cost" in run else {})
+
+
+def _summed(run: dict[str, Any]) -> dict[str, Any]:
+    """A run with the least that it cost, and under ``halves`` of every other turn alone (CPU)."""
+    turns = run["turns"]
+    cost = {what: min(turn[what] for turn in turns) for what in run["cost"]}
+    halves = [min(turn["cpu"] for turn in turns[half::2]) for half in (0, 1) if turns[half:]]
+    return {name: run[name] for name in run if name != "turns"} | {"cost": cost, "halves": halves}
 
 
 def _under(head: dict[str, Any], terms: Sequence[str]) -> list[Any]:

@@ -79,10 +79,11 @@ def settings(*, quick: bool = False) -> list[Setting]:
     for setting in every:
         knobs.setdefault(setting.knob, []).append(setting)
     few = [setting for rungs in knobs.values() for setting in _spread(rungs, 3)]
-    return [setting for setting in every if setting in few or _named(setting)]
+    return [setting for setting in every if setting in few or named(setting)]
 
 
-def _named(setting: Setting) -> bool:
+def named(setting: Setting) -> bool:
+    """Whether somebody gets it by name: one lobe, or a preset of pixels' own."""
     effort = setting.options.get("effort")
     same = [effort == preset.to_dict() | {"pixels": Effort().pixels} for preset in PRESETS.values()]
     return setting.knob == "pooling" or (setting.knob == "effort" and any(same))

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from impasto.errors import ArgumentError
 from impasto.simulate.fields import check_seed
+from impasto.stack import Stack
 from impasto.study import parts
 from impasto.study.bound import normal_bound
 from impasto.study.measure import compared, lobes_of, timed
+from impasto.study.memory import per_megapixel
 from impasto.study.record import TERMS, Journal, run_info
-from impasto.study.settings import Setting, settings
+from impasto.study.settings import VIEWS, Setting, named, settings
 from impasto.study.specimens import FULL, QUICK, Sizes, Specimen, digests, specimens
+
+WEIGHED = ("own model", VIEWS)
+"""Data sets on which the memory of what has a name is measured: of others it is the same, sample
+for sample."""
 
 Advance = Callable[[int, int, str], None]
 """Told before every run: (done, total, what comes)."""
@@ -35,7 +42,9 @@ def run(
     """Measure whatever is not yet measured in a folder.
 
     Errors depend on nothing but data, seed and code: two runs give the same, bit for bit. Costs
-    are the least of ``repeats`` runs.
+    are the least of ``repeats`` turns. All fits of a data set take turns: what slows a machine down
+    for some seconds slows them all alike, and their ratios stay. Memory is measured in processes of
+    their own (not by the quick study): a script guards its call by ``if __name__ == "__main__"``.
 
     Parameters
     ----------
@@ -55,8 +64,7 @@ def run(
     threads
         None means every allowed core.
     repeats
-        How often every fit is timed at least; fits of milliseconds are timed more often, for 0.4 s
-        per repeat but the first.
+        How often every fit is timed at least; fits of milliseconds are timed for 0.1 s per turn.
     advance
         Called before every run.
 
@@ -81,41 +89,63 @@ def run(
     info |= {"threads": threads, "repeats": repeats, "data": digests(data)}
     journal = Journal(out, {"run": info, "missing": missing}, TERMS)
     chosen = [s for s in settings(quick=quick) if knobs is None or s.knob in knobs]
-    jobs = [(name, setting) for name in made for setting in chosen if name in setting.on]
-    specimen: Specimen | None = None
-    for done, (name, setting) in enumerate(jobs):
-        advance(done, len(jobs), f"{name}: {setting.name}")
-        if "failed" not in journal.runs.get((name, setting.knob, setting.name), {"failed": ""}):
-            continue
-        if specimen is None or specimen.name != name:
-            specimen = made[name]()
-        journal.add(_measured(setting, specimen, seed, threads, repeats))
-    advance(len(jobs), len(jobs), "")
+    jobs = {name: [setting for setting in chosen if name in setting.on] for name in made}
+    total, done = repeats * sum(map(len, jobs.values())), 0
+    for name, here in jobs.items():
+        desk = _Desk(made[name], seed, threads, weigh=not quick)
+        failed: list[Setting] = []
+        for turn in range(repeats):
+            for setting in here:
+                advance(done, total, f"{name}: {setting.name}")
+                done += 1
+                key = {"data": name, "knob": setting.knob, "setting": setting.name}
+                turns = journal.turns(key)
+                if turns > turn or setting in failed:
+                    continue
+                run = key | desk.measured(setting, first=turns == 0)
+                journal.add(run)
+                if "failed" in run:
+                    failed.append(setting)
+    advance(total, total, "")
     return journal.found()
 
 
-def _measured(
-    setting: Setting, specimen: Specimen, seed: int, threads: int | None, repeats: int
-) -> dict[str, Any]:
-    row: dict[str, Any] = {
-        "data": specimen.name,
-        "knob": setting.knob,
-        "setting": setting.name,
-        "number": setting.number,
-        "options": setting.options,
-    }
-    try:
-        part = setting.part(specimen)
-        stack = setting.prepare(part.stack, seed)
-        fitted, cost = timed(lambda: setting.fit(stack, threads), part.megapixels, repeats)
-        if setting.knob == "lights" and part.truth is not None:
-            row["bound"] = normal_bound(part.truth, stack.rig)
-        row |= {"share": part.share, "lobes": lobes_of(fitted)}
-        return row | {"cost": asdict(cost), "error": asdict(compared(fitted, part))}
-    except parts.NoPixelsError as error:
-        return row | {"skipped": str(error)}
-    except Exception as error:
-        if setting.peer and isinstance(error, ImportError):
-            return row | {"skipped": str(error)}
-        # Whatever a fit of ours refuses here it should have made: the others go on, and it shows.
-        return row | {"failed": f"{type(error).__name__}: {error}"}
+class _Desk:
+    """A data set, and what settings take of it: made once, when it is needed."""
+
+    def __init__(
+        self, make: Callable[[], Specimen], seed: int, threads: int | None, *, weigh: bool
+    ) -> None:
+        self._specimen = cache(make)
+        self._seed, self._threads, self._weigh = seed, threads, weigh
+        self._taken: dict[tuple[str, str], tuple[Specimen, Stack]] = {}
+
+    def _take(self, setting: Setting) -> tuple[Specimen, Stack]:
+        key = (setting.knob, setting.name)
+        if key not in self._taken:
+            part = setting.part(self._specimen())
+            self._taken[key] = part, setting.prepare(part.stack, self._seed)
+        return self._taken[key]
+
+    def measured(self, setting: Setting, *, first: bool) -> dict[str, Any]:
+        """All about a fit, or what it takes once more."""
+        try:
+            part, stack = self._take(setting)
+            fitted, cost = timed(lambda: setting.fit(stack, self._threads), part.megapixels)
+            if not first:
+                return {"again": asdict(cost)}
+            row: dict[str, Any] = {"number": setting.number, "options": setting.options}
+            if setting.knob == "lights" and part.truth is not None:
+                row["bound"] = normal_bound(part.truth, stack.rig)
+            if self._weigh and part.name in WEIGHED and named(setting):
+                row["memory"] = per_megapixel(setting.fit, stack, self._threads)
+            row |= {"share": part.share, "lobes": lobes_of(fitted)}
+            return row | {"cost": asdict(cost), "error": asdict(compared(fitted, part))}
+        except parts.NoPixelsError as error:
+            return {"skipped": str(error)}
+        except Exception as error:
+            if setting.peer and isinstance(error, ImportError):
+                return {"skipped": str(error)}
+            # Whatever a fit of ours refuses here it should have made: the others go on, and it
+            # shows.
+            return {"failed": f"{type(error).__name__}: {error}"}

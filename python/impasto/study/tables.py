@@ -111,7 +111,6 @@ def _line(row: Row, name: str | None = None) -> Row:
         "setting": name or row["setting"],
         "CPU s": cost["cpu"],
         "wall s": cost["wall"],
-        "MiB": cost["memory"],
         "relative %": 100.0 * error["relative"],
         "dB": error["psnr"],
         "dE00": error["colour"],
@@ -137,6 +136,8 @@ def _summary(rows: Sequence[Row]) -> list[Row]:
             {
                 "setting": name,
                 "CPU s": float(seconds),
+                # Of the one data set that it is measured on.
+                "MB": next((row["memory"] for row in found.values() if "memory" in row), None),
                 "relative %": 100.0 * float(np.mean([error["relative"] for error in errors])),
                 "dB": float(np.mean([error["psnr"] for error in errors])),
                 "dE00": float(np.mean([error["colour"] for error in errors])),

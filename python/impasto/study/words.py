@@ -235,7 +235,33 @@ def peers(rows: Sequence[Row]) -> str:
     )
 
 
+def memory(rows: Sequence[Row]) -> str:
+    """What fits need beyond the photographs."""
+    held = {name: row["memory"] for name, row in preset_rows(rows) if row.get("memory")}
+    own, views = held["pixels' own, standard"], held["Lafortune"]
+    return (
+        "MB are megabytes at the peak of a fit per megapixel of one photograph, beyond the "
+        "photographs themselves, of 48 photographs with three bands: what a process of its own "
+        "holds more for a large picture than for a small one. Pixels' own lobes take "
+        f"{own:.0f}, one lobe {held['one lobe']:.0f}, Lafortune lobes of 700 views {views:.0f}."
+    )
+
+
+def again(rows: Sequence[Row]) -> str:
+    """How far times of two halves of the study differ."""
+    pairs = np.array([row["halves"] for row in rows if len(row["halves"]) == 2])
+    ratios = pairs[:, 0] / pairs[:, 1]
+    # Half of the turns may have met a slower machine: ratios of times are what is compared.
+    apart = np.abs(ratios / np.median(ratios) - 1.0)
+    return (
+        f"Of {len(apart)} fits, timed in every other turn and in those between, "
+        f"{100.0 * float((apart <= 0.1).mean()):.0f} % agree within a tenth in proportion to the "
+        f"others, half of them within {100.0 * float(np.median(apart)):.1f} %; the largest "
+        f"difference is {100.0 * float(apart.max()):.0f} %. Errors are the same, bit for bit."
+    )
+
+
 SENTENCES = (
-    choice, promises, photographs, views, doubt, starts, lobes, classes, bits, peers,
+    choice, promises, photographs, views, doubt, starts, lobes, classes, bits, peers, memory, again,
 )  # fmt: skip
 """In the order of the page; each raises where a study has not measured what it is about."""
