@@ -49,9 +49,14 @@ def derived(rows: Iterable[Row]) -> dict[str, Effort]:
     """
     grid = chosen(_grid(rows))
     return {
-        name: Effort(**rung.options["effort"] | {"pixels": PIXELS[name]})
+        name: effort_of(rung.options, PIXELS[name])
         for name, rung in grid.items()
     }
+
+
+def effort_of(options: Row, pixels: int) -> Effort:
+    """What a row was measured with, but for ``pixels``; what it does not name is the default."""
+    return Effort(**options["effort"] | {"pixels": pixels})
 
 
 def checked(rows: Iterable[Row], presets: Mapping[str, Effort] = PRESETS) -> list[Check]:
@@ -124,7 +129,7 @@ def _grid(rows: Iterable[Row]) -> list[Rung]:
 
 def _rung(grid: list[Rung], name: str, effort: Effort) -> Rung:
     for rung in grid:
-        if rung.options["effort"] | {"pixels": effort.pixels} == effort.to_dict():
+        if effort_of(rung.options, effort.pixels) == effort:
             return rung
     raise KeyError(name)
 

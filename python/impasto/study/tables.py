@@ -85,7 +85,7 @@ def preset_rows(rows: Sequence[Row]) -> list[tuple[str, Row]]:
             named.append((row["setting"], row))
             continue
         for name, preset in PRESETS.items():
-            if row["options"]["effort"] | {"pixels": preset.pixels} == preset.to_dict():
+            if presets.effort_of(row["options"], preset.pixels) == preset:
                 named.append((f"pixels' own, {name}", row))
     return named
 
