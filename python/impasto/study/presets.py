@@ -48,10 +48,7 @@ def derived(rows: Iterable[Row]) -> dict[str, Effort]:
     root of the pixels that it is looked for among (:data:`PIXELS`).
     """
     grid = chosen(_grid(rows))
-    return {
-        name: effort_of(rung.options, PIXELS[name])
-        for name, rung in grid.items()
-    }
+    return {name: effort_of(rung.options, PIXELS[name]) for name, rung in grid.items()}
 
 
 def effort_of(options: Row, pixels: int) -> Effort:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from impasto.effort import PRESETS
 from impasto.study.choices import CHOICES
 from impasto.study.front import Row
 from impasto.study.presets import checked
@@ -155,6 +156,25 @@ def doubt(rows: Sequence[Row]) -> str:
     )
 
 
+def steps(rows: Sequence[Row]) -> str:
+    """What more steps are worth, of photographs and of normals."""
+    rounds = PRESETS["standard"].rounds
+    few, many = (
+        {r["data"]: r for r in of_knob(rows, "effort") if r["setting"] == setting}
+        for setting in (f"{rounds} rounds, 2 steps", f"{rounds} rounds, 10 steps")
+    )
+
+    def changed(what: str) -> str:
+        pairs = [(few[data]["error"][what], many[data]["error"][what]) for data in few]
+        return _span([100.0 * (b / a - 1.0) for a, b in pairs if a is not None], "%", 0)
+
+    return (
+        f"With {rounds} rounds ten steps instead of two take {_ratio(many, few):.1f} times the "
+        f"time, and change the error of held-out photographs by {changed('relative')}, that of "
+        f"normals by {changed('normal')}."
+    )
+
+
 def starts(rows: Sequence[Row]) -> str:
     """Whether it matters where the search starts."""
     found = [row["setting"] for row in of_knob(rows, "starts")]
@@ -262,6 +282,7 @@ def again(rows: Sequence[Row]) -> str:
 
 
 SENTENCES = (
-    choice, promises, photographs, views, doubt, starts, lobes, classes, bits, peers, memory, again,
+    choice, promises, photographs, views, doubt, steps, starts, lobes, classes, bits, peers, memory,
+    again,
 )  # fmt: skip
 """In the order of the page; each raises where a study has not measured what it is about."""
