@@ -54,6 +54,7 @@ def test_lobes_of_lafortune_are_fitted_and_rendered(
     assert isinstance(saved, impasto.LafortuneSbrdf)
     assert len(saved.specular) == 1
     names = {"1.R", "1.G", "1.B", "1.cxy", "1.cz", "1.exponent", "lobes"}
+    names |= {f"1.{name}_sigma" for name in ("specular", "direction", "exponent")}
     with OpenEXR.File(str(out / "lobes.exr"), separate_channels=True) as file:
         assert names == set(file.channels())
     content = json.loads((out / "report.json").read_text())

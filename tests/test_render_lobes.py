@@ -76,7 +76,8 @@ def lafortune() -> impasto.LafortuneSbrdf:
     for map_ in shape.values():
         for lobe in range(2):
             map_[lobe][maps["lobes"] <= lobe] = np.nan
-    return impasto.LafortuneSbrdf(**maps, **shape, verdict="fitted")
+    sigmas = dict.fromkeys(("specular_sigma", "direction_sigma", "exponent_sigma"), shape["cz"])
+    return impasto.LafortuneSbrdf(**maps, **shape, **sigmas, verdict="fitted")
 
 
 @pytest.fixture(scope="module")

@@ -95,7 +95,8 @@ def facets() -> impasto.LobeSbrdf:
 
 def lafortune() -> impasto.LafortuneSbrdf:
     shape = number(2, *SIZE)
-    return impasto.LafortuneSbrdf(**lobed(), cxy=shape, cz=shape, exponent=shape, verdict="fitted")
+    names = ("cxy", "cz", "exponent", "specular_sigma", "direction_sigma", "exponent_sigma")
+    return impasto.LafortuneSbrdf(**lobed(), **dict.fromkeys(names, shape), verdict="fitted")
 
 
 KINDS = pytest.mark.parametrize("make", [pooled, segmented, facets, lafortune])

@@ -37,7 +37,8 @@ def lobe_plot(sbrdf: LafortuneSbrdf, y: int, x: int, stack: Stack | None = None)
     A half disc per incidence of the light, the three at which most photographs were taken: a slice
     in the plane of incidence, the pixel's own normal upright, the light from the left. The radius
     is reflectance, the mean over the bands: diffuse part and lobes added up (light line) and each
-    lobe by itself. Dots are the photographs within 6 degrees of the slice, divided by ``(N.L)``.
+    lobe by itself, its exponent with one standard deviation. Dots are the photographs within 6
+    degrees of the slice, divided by ``(N.L)``.
 
     Parameters
     ----------
@@ -82,8 +83,7 @@ def lobe_plot(sbrdf: LafortuneSbrdf, y: int, x: int, stack: Stack | None = None)
         axes.fill(np.radians(angle), lobes[0], color=_colour(FAINT), alpha=0.25, lw=0)
         axes.plot(np.radians(angle), lobes[0], color=_colour(FAINT), lw=0.8, label="diffuse")
         for number, lobe in enumerate(lobes[1:]):
-            exponent = float(sbrdf.exponent[number, y, x])
-            label = f"lobe {number + 1}: n = {exponent:.3g}"
+            label = f"lobe {number + 1}: {_sharpness(sbrdf, number, y, x)}"
             axes.plot(np.radians(angle), lobe, color=LOBES[number], lw=1.4, label=label)
         axes.plot(np.radians(angle), total, color=_colour(INK), lw=1.6, label="all")
         near = (np.abs(light - incidence) < WITHIN) & (beside < WITHIN) & np.isfinite(samples)
@@ -185,6 +185,11 @@ def _slice(
         only[number] = specular[number]
         parts.append(shown(0.0 * diffuse, only))
     return angle, np.sum(parts, axis=0), parts
+
+
+def _sharpness(sbrdf: LafortuneSbrdf, lobe: int, y: int, x: int) -> str:
+    exponent, sigma = (float(m[lobe, y, x]) for m in (sbrdf.exponent, sbrdf.exponent_sigma))
+    return f"n = {exponent:.3g}" + (f" ± {100 * sigma:.2g} %" if np.isfinite(sigma) else "")
 
 
 def _reflectances(stack: Stack, y: int, x: int, light: Angles) -> Angles:

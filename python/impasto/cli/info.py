@@ -104,9 +104,9 @@ def _gloss(numbers: dict[str, Any]) -> dict[str, Any]:
     facts = {name: numbers[name] for name in names if name in numbers}
     if "lobes_per_pixel" in numbers:
         facts["lobes"] = f"{_number(numbers['lobes_per_pixel'])} lobes per pixel"
-    for name in ("width_degrees_median", "exponent_median"):
-        if name in numbers:
-            facts[name] = ", ".join(_number(value) for value in numbers[name])
+    for name, values in numbers.items():
+        if name.endswith("_median") and isinstance(values, list):
+            facts[name] = ", ".join(_number(value) for value in values)
     if "segments" in numbers:
         facts["segments"] = [
             f"{one['label']}: {one['pixels']} pixels, beta {one['beta']:.4g}, gamma "

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
+from impasto.fit.lafortune import LafortuneSbrdf
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.result import LobedSurface
 from impasto.fit.segments import SegmentSbrdf
@@ -29,7 +30,9 @@ def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
     ``diffuse.png``, ``.tif``     16 bits: sRGB for one or three bands, else linear TIFF
     ``lobes.exr``                 with lobes per pixel: ``1.R`` and so on, the strength of lobe 1,
                                   ``1.gamma`` and ``1.sigma`` in degrees, ``ambient.R``, ``lobes``;
-                                  of Lafortune's ``1.cxy``, ``1.cz`` and ``1.exponent``
+                                  of Lafortune's ``1.cxy``, ``1.cz`` and ``1.exponent``, and the
+                                  deviations ``1.specular_sigma``, ``1.direction_sigma`` (degrees)
+                                  and ``1.exponent_sigma``
     ``gloss.exr``                 with lobes per segment: ``beta``, and ``gamma`` in degrees
     ``trust.exr``                 status, residual, sigma (degrees), misfit of the gloss,
                                   condition, samples used and rejected, by reason
@@ -102,6 +105,10 @@ def _lobes(sbrdf: LobedSurface) -> dict[str, NDArray[Any]]:
         if isinstance(sbrdf, LobeSbrdf):
             shape["gamma"] = np.degrees(shape["gamma"])
             shape["sigma"] = shape["gamma"] * sbrdf.gamma_sigma[number - 1]
+        if isinstance(sbrdf, LafortuneSbrdf):
+            shape["specular_sigma"] = sbrdf.specular_sigma[number - 1]
+            shape["direction_sigma"] = np.degrees(sbrdf.direction_sigma[number - 1])
+            shape["exponent_sigma"] = sbrdf.exponent_sigma[number - 1]
         shape |= dict(zip(names, strengths, strict=True))
         channels |= {f"{number}.{name}": plane for name, plane in shape.items()}
     if isinstance(sbrdf, LobeSbrdf):

@@ -56,6 +56,19 @@ class LafortuneSbrdf(LobedSurface):
         lobe reflect more than 64 times what a photograph of the pixel shows of it.
     cxy, cz, exponent
         ``(lobe, y, x)`` float32 shape of each lobe, the sharpest first; NaN where there is none.
+    specular_sigma
+        ``(lobe, y, x)`` float32 standard deviation of ``specular``, the mean of the bands, relative
+        to it. Like the next two it takes noise from the pixel's own residuals and everything else
+        (normal, diffuse part, other lobes) for as unknown as it is; it is NaN where there is no
+        lobe, where there are as many samples as unknowns, and where the samples do not tell: of a
+        number that ended at its bound, or that another one can stand in for to 12 digits.
+    direction_sigma
+        ``(lobe, y, x)`` float32 standard deviation, radians, of the direction of ``(cxy, cz)``:
+        under light at 45 degrees ``specular`` is the most that a lobe reflects into any view of the
+        plane of incidence, and this is how surely that view is known. ``cxy`` deviates by it times
+        ``cz``, ``cz`` by it times ``cxy``. NaN, too, where the direction is given (``"one-view"``).
+    exponent_sigma
+        ``(lobe, y, x)`` float32 standard deviation of log exponent.
     verdict
         ``"fitted"``; ``"one-view"``: all photographs show the painting from one direction, which
         cannot tell a tilted normal from a tilted lobe: normals are those of photometric stereo,
@@ -68,6 +81,9 @@ class LafortuneSbrdf(LobedSurface):
     cxy: NDArray[np.float32] = field(metadata=over("lobe", "y", "x"))
     cz: NDArray[np.float32] = field(metadata=over("lobe", "y", "x"))
     exponent: NDArray[np.float32] = field(metadata=over("lobe", "y", "x"))
+    specular_sigma: NDArray[np.float32] = field(metadata=over("lobe", "y", "x"))
+    direction_sigma: NDArray[np.float32] = field(metadata=over("lobe", "y", "x", unit="rad"))
+    exponent_sigma: NDArray[np.float32] = field(metadata=over("lobe", "y", "x"))
     verdict: str = field(metadata=over(dtype=np.str_))
 
     def lobe_plot(self, y: int, x: int, stack: Stack | None = None) -> Figure:
@@ -87,8 +103,14 @@ class LafortuneSbrdf(LobedSurface):
 
     def report(self) -> dict[str, Any]:
         """Plain numbers of the gloss for a report file."""
-        exponents = [median(plane) for plane in self.exponent]
-        return {**super().report(), "exponent_median": exponents, "verdict": self.verdict}
+        medians = {
+            "exponent_median": self.exponent,
+            "exponent_sigma_median": self.exponent_sigma,
+            "specular_sigma_median": self.specular_sigma,
+            "direction_sigma_degrees_median": np.degrees(self.direction_sigma),
+        }
+        numbers = {name: [median(plane) for plane in map_] for name, map_ in medians.items()}
+        return {**super().report(), **numbers, "verdict": self.verdict}
 
     def _demand(self, maps: SavedMaps, prefix: str = "") -> None:
         known = ", ".join(VERDICTS)
@@ -126,6 +148,9 @@ def fit_lafortune(
         cxy=found["cxy"],
         cz=found["cz"],
         exponent=found["exponent"],
+        specular_sigma=found["specular_sigma"],
+        direction_sigma=found["direction_sigma"],
+        exponent_sigma=found["exponent_sigma"],
         lobes=found["lobes"],
         verdict="fitted" if found["views_differ"] else "one-view",
     )

@@ -22,6 +22,7 @@ use super::maps::{LafortuneMaps, Sheet};
 use super::normal::{Facing, fit_normal};
 use super::sequence::Sequence;
 use super::settle::Settle;
+use super::trust::Trust;
 
 /// Pixels of a tile: enough for lanes to refill many times, few enough that 770 photographs of
 /// three bands take 6 MB.
@@ -199,6 +200,8 @@ impl Fit<'_> {
             stopped,
         };
         settle.run(&mut found);
+        let (data, turning) = (&scratch.luminance(self.rig), self.sequence.turning);
+        Trust { data, turning, pixels: &fine, found: &found, stopped }.write(level, &mut sheet);
         scratch.leave_out(&fine);
         self.write(scratch, &fine, &found, sheet);
     }

@@ -16,6 +16,13 @@ pub struct LafortuneMaps {
     pub cz: Vec<f32>,
     /// `(lobe, y, x)`.
     pub exponent: Vec<f32>,
+    /// `(lobe, y, x)` standard deviation of the strength, the mean of the bands, relative to it; NaN
+    /// where it is not determined, as the next two.
+    pub specular_sigma: Vec<f32>,
+    /// `(lobe, y, x)` standard deviation of the direction of (Cxy, Cz), rad.
+    pub direction_sigma: Vec<f32>,
+    /// `(lobe, y, x)` standard deviation of `ln n`.
+    pub exponent_sigma: Vec<f32>,
     /// `(y, x)` how many lobes.
     pub lobes: Vec<u8>,
     /// `(y, x)` root mean square of the residuals, linear light.
@@ -39,6 +46,9 @@ pub(super) struct Sheet<'a> {
     pub(super) cxy: Vec<&'a mut [f32]>,
     pub(super) cz: Vec<&'a mut [f32]>,
     pub(super) exponent: Vec<&'a mut [f32]>,
+    pub(super) specular_sigma: Vec<&'a mut [f32]>,
+    pub(super) direction_sigma: Vec<&'a mut [f32]>,
+    pub(super) exponent_sigma: Vec<&'a mut [f32]>,
     pub(super) lobes: &'a mut [u8],
     pub(super) residual: &'a mut [f32],
     pub(super) sigma: &'a mut [f32],
@@ -56,6 +66,9 @@ impl LafortuneMaps {
             cxy: unknown(lobes),
             cz: unknown(lobes),
             exponent: unknown(lobes),
+            specular_sigma: unknown(lobes),
+            direction_sigma: unknown(lobes),
+            exponent_sigma: unknown(lobes),
             lobes: vec![0; status.len()],
             residual: unknown(1),
             sigma: unknown(1),
@@ -74,6 +87,9 @@ impl LafortuneMaps {
             &mut self.cxy,
             &mut self.cz,
             &mut self.exponent,
+            &mut self.specular_sigma,
+            &mut self.direction_sigma,
+            &mut self.exponent_sigma,
             &mut self.residual,
             &mut self.sigma,
         ];
@@ -96,6 +112,9 @@ impl LafortuneMaps {
                     cxy: map(),
                     cz: map(),
                     exponent: map(),
+                    specular_sigma: map(),
+                    direction_sigma: map(),
+                    exponent_sigma: map(),
                     residual: map().pop().unwrap_or_default(),
                     sigma: map().pop().unwrap_or_default(),
                     lobes: lobes.next().unwrap_or_default(),

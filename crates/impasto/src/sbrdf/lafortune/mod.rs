@@ -9,6 +9,8 @@
 //! 3. colours: with those shapes, what enters linearly, band by band, by non-negative least
 //!    squares.
 //!
+//! How far what they found can be [`trust`]ed is told last, from the slopes of all unknowns at once.
+//!
 //! All passes compare radiance, `(N.L) f`: samples are never divided by a cosine that the fit is
 //! still to find. Under one view alone, normal and lobe axes cannot be told apart (hard cases 17
 //! and 18): the normal is then given and lobes are Phong's.
@@ -24,6 +26,7 @@ mod outliers;
 mod seen;
 mod sequence;
 mod settle;
+mod trust;
 mod turned;
 
 pub use fit::{LafortuneOptions, fit_lafortune};

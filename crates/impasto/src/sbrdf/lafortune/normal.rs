@@ -70,14 +70,13 @@ impl Batch<f32, PARAMETERS> for Lanes<'_> {
     fn load(&mut self, problem: usize, column: &mut Column<'_, f32>) -> [f32; PARAMETERS] {
         let pixel = self.pixels[problem / STARTS];
         column.fill(self.data.column(pixel, &self.sights));
-        let [x, y, z] = match problem % STARTS {
+        let [p, q] = slopes(match problem % STARTS {
             0 => [0.0, 0.0, 1.0],
             1 => self.data.normals[pixel],
             _ => self.data.brightest(pixel),
-        };
+        });
         let strength = (0.5 * self.data.plain(pixel).diffuse) as f32;
-        let slope = |v: f32| (-v / z.max(0.1)).clamp(-STEEPEST, STEEPEST);
-        [strength, strength, START.ln() as f32, slope(x), slope(y)]
+        [strength, strength, START.ln() as f32, p, q]
     }
     #[inline(always)]
     fn normal<R: Real<Scalar = f32>>(
@@ -108,6 +107,11 @@ impl Batch<f32, PARAMETERS> for Lanes<'_> {
             self.found[place] = facing;
         }
     }
+}
+
+/// The slopes of a normal.
+pub(super) fn slopes([x, y, z]: [f32; 3]) -> [f32; 2] {
+    [x, y].map(|v| (-v / z.max(0.1)).clamp(-STEEPEST, STEEPEST))
 }
 
 /// Where slopes face, with the variances `pp`, `pq`, `qq` of the slopes.

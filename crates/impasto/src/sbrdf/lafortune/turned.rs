@@ -11,7 +11,7 @@ use crate::math::{Element, Real, Vec3};
 use super::found::Found;
 use super::lobes::{Search, Shapes, bounds};
 use super::luminance::{Luminance, Sights};
-use super::normal::{Facing, STEEPEST, facing};
+use super::normal::{Facing, STEEPEST, facing, slopes};
 
 /// How double precision goes on where single precision met a matrix that it could not tell from a
 /// singular one, or did not get to an end.
@@ -106,11 +106,11 @@ impl<S: Element, const N: usize> Batch<S, N> for Lanes<'_, S, N> {
         let i = self.these[problem];
         let pixel = self.pixels[i];
         column.fill(self.data.column(pixel, &self.sights));
-        let [x, y, z] = self.facing[i].map_or(self.data.normals[pixel], |facing| facing.normal);
-        let slope = |v: f32| (-v / z.max(0.1)).clamp(-STEEPEST, STEEPEST).into();
+        let normal = self.facing[i].map_or(self.data.normals[pixel], |facing| facing.normal);
+        let [p, q] = slopes(normal);
         core::array::from_fn(|unknown| match unknown {
-            0 => S::from_f64(slope(x)),
-            1 => S::from_f64(slope(y)),
+            0 => S::from_f64(p.into()),
+            1 => S::from_f64(q.into()),
             _ => S::from_f64(self.found[i].at[unknown - 2]),
         })
     }
@@ -148,7 +148,7 @@ impl<S: Element, const N: usize> Batch<S, N> for Lanes<'_, S, N> {
 }
 
 /// Lobes about a normal of slopes p and q.
-struct Model<R> {
+pub(super) struct Model<R> {
     normal: Vec3<R>,
     upright: R,
     shapes: Shapes<R>,
@@ -156,7 +156,7 @@ struct Model<R> {
 
 impl<R: Real> Model<R> {
     #[inline(always)]
-    fn new<const N: usize>(at: &[R; N]) -> Self {
+    pub(super) fn new<const N: usize>(at: &[R; N]) -> Self {
         let (p, q) = (at[0], at[1]);
         let upright = q.mul_add(q, p.mul_add(p, R::one())).sqrt().recip();
         let normal = Vec3::new(-(p * upright), -(q * upright), upright);
@@ -165,7 +165,7 @@ impl<R: Real> Model<R> {
 
     /// Radiance and its derivatives.
     #[inline(always)]
-    fn gradient<const N: usize>(
+    pub(super) fn gradient<const N: usize>(
         &self,
         light: Vec3<R>,
         view: Vec3<R>,
