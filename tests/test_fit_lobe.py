@@ -123,6 +123,21 @@ def test_no_scale_ends_where_it_started(scale: float) -> None:
     assert not np.signbit(found.covariance[0, 0])
 
 
+def test_no_lobe_that_is_broader_than_its_angles_ends_half_way() -> None:
+    # The first step towards a broad lobe leads beyond the bound of its strength, where the
+    # quadratic model foretells a rise; the cost falls all the same. That must not stop the search.
+    rng = np.random.default_rng(3)
+    pixels = 100_000
+    gamma = rng.uniform(0.05, 1.2, pixels)
+    phi = rng.uniform(0.0, 0.57, (16, pixels))
+    noise = 1e-3 * rng.standard_normal(phi.shape)
+    found = fit_lobe(phi, model(phi, 1.0, gamma) + noise)
+    assert np.isin(found.status, [Status.FITTED, Status.ILL_CONDITIONED]).all()
+    # The minimum lies below what the truth leaves; a search ends within 1e-5 of its cost, its
+    # samples are rounded to 6e-8.
+    assert np.all(found.residual <= 1.001 * np.sqrt((noise**2).mean(axis=0)))
+
+
 def test_samples_too_large_for_a_variance_say_so() -> None:
     phi, samples = lobes(50)
     found = fit_lobe(phi, samples * np.float32(2.0**118))

@@ -31,8 +31,9 @@ class LobeFit:
         ``(...)`` float32, root mean square of the residuals; NaN where the status is ``EXACT``.
     status
         ``(...)`` uint8, see :class:`~impasto.Status`: ``FITTED``; ``EXACT`` (two samples);
-        ``ILL_CONDITIONED`` (gamma at its bound of 5e-4 or 1.25 rad, or its standard deviation
-        larger than itself); ``DARK`` (no sample is positive, or no lobe helps to explain them);
+        ``ILL_CONDITIONED`` (gamma at its bound of 5e-4 or 1.25 rad, its standard deviation
+        larger than itself, or no end of the search within 100 steps); ``DARK`` (no sample is
+        positive, or no lobe helps to explain them);
         ``RANK_DEFICIENT`` (no sample tells the width, or all lie so far from the mirror's angle
         that no number holds the strength or its variance); ``TOO_FEW_SAMPLES``;
         ``INVALID_INPUT`` (no finite sample, or samples so large, from some 1e19 on, that single

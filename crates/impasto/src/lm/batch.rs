@@ -133,6 +133,14 @@ pub fn fit<S: Element, const N: usize>(
     options: &Options,
 ) -> Occupancy {
     let problems = problems.into_iter();
+    if bounds.crossed() {
+        let mut block = vec![S::default(); batch.rows()];
+        for problem in problems {
+            let start = batch.load(problem, &mut Column { block: &mut block, lane: 0, width: 1 });
+            batch.store(problem, &Outcome::nowhere(start));
+        }
+        return Occupancy::default();
+    }
     level.run(Fit { batch, problems, bounds, options, scalar: PhantomData::<S> })
 }
 
@@ -198,7 +206,7 @@ fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N
     let mut fresh = [S::zero(); MAX_LANES];
     for lane in (0..width).filter(|&lane| ended(lane)) {
         if let Some(problem) = held[lane].take() {
-            batch.store(problem, &outcomes.lane(lane));
+            batch.store(problem, &outcomes.lane(lane, bounds, options));
         }
         if let Some(problem) = problems.next() {
             held[lane] = Some(problem);

@@ -10,7 +10,7 @@ pub trait Problem<S: Scalar, const N: usize> {
     fn normal(&self, parameters: [S; N]) -> Normal<S, N>;
 }
 
-/// Box within which parameters stay.
+/// Box within which parameters stay; one whose bounds are equal is held there.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds<S, const N: usize> {
     /// Smallest values.
@@ -26,10 +26,16 @@ impl<S: Scalar, const N: usize> Bounds<S, N> {
         Self { lower: [-S::MAX; N], upper: [S::MAX; N] }
     }
 
+    /// Whether a lower bound lies above its upper one, or either is NaN.
+    pub(super) fn crossed(&self) -> bool {
+        !self.lower.iter().zip(&self.upper).all(|(lower, upper)| lower <= upper)
+    }
+
+    /// The nearest place within; NaN stays NaN, for a lost number is no place.
     #[inline(always)]
     pub(super) fn project<R: Real<Scalar = S>>(&self, mut p: [R; N]) -> [R; N] {
         for ((p, &lower), &upper) in p.iter_mut().zip(&self.lower).zip(&self.upper) {
-            *p = p.max(R::splat(lower)).min(R::splat(upper));
+            *p = R::splat(upper).min(R::splat(lower).max(*p));
         }
         p
     }
@@ -46,7 +52,7 @@ pub struct Options {
     pub step: f64,
     /// Largest cosine between residuals and any column of derivatives.
     pub gradient: f64,
-    /// Damping of the first step, relative to the matrix's diagonal.
+    /// Damping of the first step, relative to the matrix's diagonal; from 0 to 1e10.
     pub damping: f64,
     /// How much of the largest diagonal so far the damping still holds on to: 0 is Marquardt's
     /// scaling, quick where starts are good; 1 is MINPACK's, which does not run away along a
@@ -94,27 +100,39 @@ pub enum Reason {
     Gradient = 3,
     /// All iterations are used up.
     MaxIterations = 4,
-    /// No damping finds a smaller cost: the last place is as good as the numbers allow.
+    /// No damping finds a smaller cost any more: the last place is as good as the numbers, or a kink
+    /// there, allow.
     NoProgress = 5,
-    /// The cost at the start is not finite.
+    /// At the start a parameter is NaN, or the cost or a derivative is not finite.
     NotFinite = 6,
+    /// Damping alone made the steps too small: the slopes promise more than they have kept so far, and
+    /// no step finds it. They are hardly the model's.
+    Stalled = 7,
+    /// There are residuals, but the numbers do not hold their squares: the cost says nothing. Scale
+    /// the samples, or take double precision.
+    Underflow = 8,
+    /// A lower bound lies above its upper one, or is NaN: there is no place to look at.
+    CrossedBounds = 9,
 }
 
 impl Reason {
     /// Every reason, in the order of its number.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 9] = [
         Self::Cost,
         Self::Step,
         Self::Gradient,
         Self::MaxIterations,
         Self::NoProgress,
         Self::NotFinite,
+        Self::Stalled,
+        Self::Underflow,
+        Self::CrossedBounds,
     ];
 
     /// Whether the parameters are a minimum, as far as the numbers can tell.
     #[must_use]
     pub fn converged(self) -> bool {
-        !matches!(self, Self::MaxIterations | Self::NotFinite)
+        matches!(self, Self::Cost | Self::Step | Self::Gradient | Self::NoProgress)
     }
 
     /// The number that stands for the reason in a lane.
@@ -131,9 +149,9 @@ impl Reason {
 /// Where the search ended, and why.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome<S, const N: usize> {
-    /// The best parameters.
+    /// The best parameters; the start, as it was given, where there was none to begin with.
     pub parameters: [S; N],
-    /// Cost, gradient and matrix there.
+    /// Cost, gradient and matrix there; NaN and zeros where the start had none.
     pub normal: Normal<S, N>,
     /// Why it ended.
     pub reason: Reason,
@@ -168,6 +186,17 @@ impl<R: Real, const N: usize> Inverse<R, R::Mask, N> {
 }
 
 impl<S: Scalar, const N: usize> Outcome<S, N> {
+    /// No search, for no place lies within the bounds.
+    pub(super) fn nowhere(start: [S; N]) -> Self {
+        Self {
+            parameters: start,
+            normal: Normal { cost: S::NAN, ..Normal::zero() },
+            reason: Reason::CrossedBounds,
+            iterations: 0,
+            inverse: None,
+        }
+    }
+
     fn inverse(&self) -> Inverse<S, bool, N> {
         self.inverse.unwrap_or_else(|| Inverse::of(&self.normal.matrix))
     }
@@ -196,6 +225,9 @@ pub fn minimise<S: Scalar, const N: usize>(
     bounds: &Bounds<S, N>,
     options: &Options,
 ) -> Outcome<S, N> {
+    if bounds.crossed() {
+        return Outcome::nowhere(start);
+    }
     let mut search = Search::<S, N>::idle(options);
     search.begin(Mask::splat(true), start, bounds, options);
     while search.running() {
@@ -203,5 +235,5 @@ pub fn minimise<S: Scalar, const N: usize>(
         search.judge(search.trial, &next, options);
         search.step(bounds, options);
     }
-    search.outcomes(false).lane(0)
+    search.outcomes(false).lane(0, bounds, options)
 }

@@ -8,7 +8,8 @@
 //!
 //! A step is `(H + damping diag H) s = J' r` with Nielsen's damping, solved by Cholesky's method
 //! scaled to unit diagonal, with a relative floor under its pivots, within bounds. Every test is
-//! relative: scaling data or a parameter by a power of two changes no bit of the path.
+//! relative: scaling data or a parameter by a power of two changes no bit of the path, as long as
+//! the squares of residuals and of derivatives are numbers of the kind in use.
 //!
 //! An exponential decay `a exp(-b t)` through four points:
 //!
@@ -82,6 +83,7 @@
 
 mod batch;
 mod cholesky;
+mod ending;
 mod minimise;
 mod normal;
 mod polish;

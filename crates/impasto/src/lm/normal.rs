@@ -1,6 +1,6 @@
 //! What one pass over the samples hands to the search.
 
-use crate::math::Real;
+use crate::math::{Mask, Real, Scalar};
 
 /// Cost, gradient and Gauss-Newton matrix at one place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,6 +116,24 @@ impl<R: Real, const N: usize> Normal<R, N> {
             }
         }
         (at, self)
+    }
+
+    /// Where residuals lead downhill, but are too small for the numbers to hold their squares.
+    ///
+    /// A cost of 0 alone may be rounding of an exact fit, whose residuals' shares in the columns are
+    /// as large as rounding makes them.
+    #[inline(always)]
+    pub(super) fn underflows(&self) -> R::Mask {
+        let least = R::splat(R::Scalar::MIN_POSITIVE);
+        let root = least.sqrt();
+        let mut steep = R::Mask::splat(false);
+        let mut tiny = self.cost.lt(least);
+        for i in 0..N {
+            let share = self.descent[i].abs();
+            steep = steep | share.gt(R::zero());
+            tiny = tiny & share.le(root * self.matrix[i][i].sqrt().max(root));
+        }
+        steep & tiny
     }
 
     /// The entry of the symmetric matrix.

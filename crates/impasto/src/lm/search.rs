@@ -3,8 +3,9 @@
 use core::array::from_fn;
 
 use super::cholesky::factor_damped;
+use super::ending::Ending;
 use super::minimise::Inverse;
-use super::{Bounds, Normal, Outcome, Reason};
+use super::{Bounds, Normal, Options, Outcome, Reason};
 use crate::math::lanes::MAX_LANES;
 use crate::math::{Mask, Real, Scalar};
 
@@ -26,6 +27,8 @@ pub(super) struct Search<R: Real, const N: usize> {
     gain: R,
     /// Passes judged so far; the first is that of the start.
     passes: R,
+    /// Cost at the start.
+    first: R,
     /// Code of the reason, 0 while the lane is searching.
     reason: R,
 }
@@ -36,20 +39,28 @@ fn tolerance<R: Real>(value: f64) -> R {
     R::of(value).max(R::splat(R::Scalar::EPSILON))
 }
 
+/// Damping of the first step, within its limits.
+#[inline(always)]
+#[allow(clippy::manual_clamp, reason = "what is not a number is no damping")]
+fn damping<R: Real>(options: &Options) -> R {
+    R::of(options.damping.max(0.0).min(DAMPING_MAX))
+}
+
 impl<R: Real, const N: usize> Search<R, N> {
     /// No lane has anything to search.
     #[inline(always)]
-    pub(super) fn idle(options: &super::Options) -> Self {
+    pub(super) fn idle(options: &Options) -> Self {
         let zero = R::zero();
         Self {
             trial: [zero; N],
             place: [zero; N],
             normal: Normal::zero(),
             diagonal: [zero; N],
-            damping: R::of(options.damping),
+            damping: damping(options),
             growth: R::of(2.0),
             gain: zero,
             passes: zero,
+            first: zero,
             reason: Reason::Step.code(),
         }
     }
@@ -61,7 +72,7 @@ impl<R: Real, const N: usize> Search<R, N> {
         fresh: R::Mask,
         start: [R; N],
         bounds: &Bounds<R::Scalar, N>,
-        options: &super::Options,
+        options: &Options,
     ) {
         let start = bounds.project(start);
         for (i, &start) in start.iter().enumerate() {
@@ -69,7 +80,7 @@ impl<R: Real, const N: usize> Search<R, N> {
             self.place[i] = R::select(fresh, start, self.place[i]);
             self.diagonal[i] = R::select(fresh, R::zero(), self.diagonal[i]);
         }
-        self.damping = R::select(fresh, R::of(options.damping), self.damping);
+        self.damping = R::select(fresh, damping(options), self.damping);
         self.growth = R::select(fresh, R::of(2.0), self.growth);
         self.passes = R::select(fresh, R::zero(), self.passes);
         self.reason = R::select(fresh, R::zero(), self.reason);
@@ -83,14 +94,15 @@ impl<R: Real, const N: usize> Search<R, N> {
 
     /// Takes or leaves the places that the pass went to, and sees which lanes are done with it.
     #[inline(always)]
-    pub(super) fn judge(&mut self, place: [R; N], next: &Normal<R, N>, options: &super::Options) {
+    pub(super) fn judge(&mut self, place: [R; N], next: &Normal<R, N>, options: &Options) {
         let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
         let open = self.reason.le(zero);
         let first = self.passes.le(zero);
-        // A place counts only with usable derivatives: no later step may start from Inf or NaN.
+        // A place counts only with usable derivatives: no later step may start from Inf or NaN. Not
+        // every model reads every parameter.
         let mut sum = next.cost;
-        for i in 0..N {
-            sum = sum + next.matrix[i][i] + next.descent[i].abs();
+        for (i, place) in place.iter().enumerate() {
+            sum = place.mul_add(zero, sum + next.matrix[i][i] + next.descent[i].abs());
         }
         let finite = sum.is_finite();
         let fall = self.normal.cost - next.cost;
@@ -103,9 +115,10 @@ impl<R: Real, const N: usize> Search<R, N> {
         for (own, place) in self.place.iter_mut().zip(place) {
             *own = R::select(taken, place, *own);
         }
-        // Nielsen: damping follows how well the quadratic model foretold the fall.
+        // Nielsen: damping follows how well the quadratic model foretold the fall. A step cut short by
+        // bounds may have fallen where the model foretold a rise: no more than where it foretold much.
         let surprise = two * fall / self.gain - one;
-        let factor = (one - surprise * surprise * surprise).max(R::of(1.0 / 3.0));
+        let factor = (one - surprise * surprise * surprise).max(R::of(1.0 / 3.0)).min(two);
         let eased = (self.damping * factor).max(R::splat(R::Scalar::EPSILON));
         // Hard case 32: the clamp keeps the damping finite; the old matrix is still clean.
         let stuck = self.damping.ge(R::of(DAMPING_MAX));
@@ -115,8 +128,14 @@ impl<R: Real, const N: usize> Search<R, N> {
         let growth = R::select(better, two, self.growth * two);
         self.growth = R::select(first, two, growth);
         self.passes = self.passes + one;
+        self.first = R::select(first, next.cost, self.first);
 
         self.end(first & !finite, Reason::NotFinite);
+        // Rare enough for a branch: the search would go on blindfold.
+        let lost = first & next.cost.lt(R::splat(R::Scalar::MIN_POSITIVE));
+        if lost.any() {
+            self.end(lost & next.underflows(), Reason::Underflow);
+        }
         self.end(!first & settled, Reason::Cost);
         self.end(!first & !better & stuck, Reason::NoProgress);
     }
@@ -124,7 +143,7 @@ impl<R: Real, const N: usize> Search<R, N> {
     /// Solves for the next trial places, and sees which lanes need none.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
-    pub(super) fn step(&mut self, bounds: &Bounds<R::Scalar, N>, options: &super::Options) {
+    pub(super) fn step(&mut self, bounds: &Bounds<R::Scalar, N>, options: &Options) {
         let zero = R::zero();
         let Normal { cost, descent, matrix } = &self.normal;
         // A parameter at a bound whose descent leads outside stays where it is.
@@ -184,6 +203,8 @@ impl<R: Real, const N: usize> Search<R, N> {
     /// The state as plain numbers, for whoever takes lanes out.
     #[inline(always)]
     pub(super) fn outcomes(&self, covariance: bool) -> Outcomes<R::Scalar, N> {
+        let tiny = self.normal.cost.lt(R::splat(R::Scalar::MIN_POSITIVE));
+        let doubtful = self.reason.gt(R::zero()) & (tiny | self.damping.gt(R::one()));
         Outcomes {
             place: self.place.map(plain),
             descent: self.normal.descent.map(plain),
@@ -191,6 +212,7 @@ impl<R: Real, const N: usize> Search<R, N> {
             cost: plain(self.normal.cost),
             passes: plain(self.passes),
             reason: plain(self.reason),
+            doubts: doubtful.any().then(|| [self.first, self.damping].map(plain)),
             inverse: covariance.then(|| {
                 let own = Inverse::of(&self.normal.matrix);
                 let doubts = own.deficient.map(|doubt| plain(R::keep(doubt, R::one())));
@@ -216,6 +238,8 @@ pub(super) struct Outcomes<S, const N: usize> {
     cost: [S; MAX_LANES],
     passes: [S; MAX_LANES],
     pub(super) reason: [S; MAX_LANES],
+    /// Costs at the start and dampings, if any ending asks for a second look.
+    doubts: Option<[[S; MAX_LANES]; 2]>,
     /// Inverse matrices, and 1 for every parameter in doubt.
     inverse: Option<(Matrices<S, N>, [[S; MAX_LANES]; N])>,
 }
@@ -225,10 +249,14 @@ type Matrices<S, const N: usize> = [[[S; MAX_LANES]; N]; N];
 impl<S: Scalar, const N: usize> Outcomes<S, N> {
     /// One lane's outcome.
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
-    pub(super) fn lane(&self, lane: usize) -> Outcome<S, N> {
+    pub(super) fn lane(
+        &self,
+        lane: usize,
+        bounds: &Bounds<S, N>,
+        options: &Options,
+    ) -> Outcome<S, N> {
         let mut normal = Normal::zero();
         let mut parameters = [S::zero(); N];
-        let reason = Reason::of_code(self.reason[lane].to_f64());
         normal.cost = self.cost[lane];
         for i in 0..N {
             parameters[i] = self.place[i][lane];
@@ -236,6 +264,13 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
             for j in 0..=i {
                 normal.matrix[i][j] = self.matrix[i][j][lane];
             }
+        }
+        let mut reason = Reason::of_code(self.reason[lane].to_f64());
+        if let Some([first, damping]) = &self.doubts
+            && reason.converged()
+        {
+            let ending = Ending { normal: &normal, parameters: &parameters, bounds, options };
+            reason = ending.doubt(first[lane], damping[lane]).unwrap_or(reason);
         }
         if reason == Reason::NotFinite {
             // Nothing was taken: what the lane holds is another problem's.

@@ -61,7 +61,8 @@ pub struct HighlightMaps<'a> {
 /// Fits (beta, gamma) of every pixel; returns how busy the lanes were.
 ///
 /// Statuses: `Fitted`; `Exact` from two samples (no residual, no covariance); `IllConditioned`
-/// where gamma is at its bound or its standard deviation exceeds itself; `Dark` where no sample is
+/// where gamma is at its bound, its standard deviation exceeds itself or the search has not
+/// converged; `Dark` where no sample is
 /// positive or no lobe helps to explain them (beta 0); `RankDeficient` where the samples determine
 /// no width, or all lie so far from the facet's mirror that no number holds the strength or its
 /// variance; `TooFewSamples`; `InvalidInput` where no sample is finite, or where the samples are so
@@ -276,7 +277,8 @@ impl Batch<f32, 2> for Tile<'_> {
         job.covariance[1][problem] = inverse[1][0];
         job.covariance[2][problem] = inverse[1][1];
         job.residual[problem] = outcome.normal.cost;
-        job.status[problem] = Status::Fitted.code();
+        let sure = outcome.reason.converged();
+        job.status[problem] = if sure { Status::Fitted } else { Status::IllConditioned }.code();
     }
 }
 
@@ -364,12 +366,13 @@ impl Kernel for Finish<'_, '_> {
         let [of_beta, of_both, of_gamma] = covariance.each_mut().map(|plane| &mut plane[..count]);
         let (gammas, residuals, codes) =
             (&mut gamma[..count], &mut residual[..count], &mut status[..count]);
+        let doubtful = Status::IllConditioned.code();
         let too_far = Status::RankDeficient.code();
         let too_large = Status::InvalidInput.code();
         for i in 0..count {
             let samples = used[i] as f32;
             // Pixels that were given up hold NaN and their status already.
-            let known = codes[i] == Status::Fitted.code();
+            let known = codes[i] < Status::Dark.code();
             let exact = samples <= 2.0;
             let cost = residuals[i];
             let gamma = (LN_2 as f32).sqrt() * exp(gammas[i] * -0.5);
@@ -378,7 +381,8 @@ impl Kernel for Finish<'_, '_> {
             let slope = -0.5 * gamma;
             let spread = of_gamma[i] * variance * slope * slope;
             let at_bound = gamma >= 0.999 * GAMMA_MAX as f32 || gamma <= 1.001 * GAMMA_MIN as f32;
-            let open = at_bound || (spread > OPEN * OPEN * gamma * gamma);
+            let wide = spread > OPEN * OPEN * gamma * gamma;
+            let open = at_bound || wide || codes[i] == doubtful;
             let fitted = if open { Status::IllConditioned } else { Status::Fitted }.code();
             let code = if exact { Status::Exact.code() } else { fitted };
             let own = [of_beta[i] * variance, of_both[i] * variance * slope, spread];

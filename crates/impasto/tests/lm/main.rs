@@ -3,6 +3,7 @@
 
 mod batch;
 mod dual;
+mod endings;
 mod hard;
 mod mgh;
 mod models;

@@ -271,7 +271,7 @@ impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
         for (number, &shape) in shapes.iter().enumerate() {
             place.shapes[number / M::SHAPES][number % M::SHAPES] = shape;
         }
-        place.converged = outcome.reason != Reason::MaxIterations;
+        place.converged = outcome.reason.converged();
         let covariance = outcome.covariance(1.0);
         place.normal_spread = worst(covariance[0][0], covariance[1][0], covariance[1][1]);
         for lobe in 0..J {
