@@ -245,6 +245,7 @@ def test_turning_lights_and_eyes_turns_the_normals(
 
 
 SHAPES = {"normal", "gamma", "gamma_sigma", "cxy", "cz", "exponent", "lobes", "sigma", "status"}
+SHAPES |= {"specular_sigma", "direction_sigma", "exponent_sigma"}
 COLOURS = {"albedo", "diffuse", "specular", "ambient", "residual"}
 
 
