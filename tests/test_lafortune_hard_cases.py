@@ -13,6 +13,7 @@ import pytest
 
 import impasto
 from impasto import Status, simulate
+from impasto.simulate.score import normal_error
 from oracles import lafortune_fit as one_pixel
 from oracles import lafortune_forward as oracle
 
@@ -177,3 +178,33 @@ def test_hard_case_31_a_sharp_highlight_is_no_outlier(surface: Surface) -> None:
     fit = fitted(surface, (samples + noise).astype(np.float32))
     peak = fit.specular[0].mean(axis=0)
     assert np.median(np.abs(peak / 3.9 - 1.0)) < 0.1
+
+
+@pytest.mark.parametrize("every", [7, 1])
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_hard_case_31_some_gross_outliers_turn_no_normal(every: int, count: int) -> None:
+    # Flashes of 5 beside 0.1 to 0.6 of paint, elsewhere in every pixel; one to three lobes of their
+    # own, under the whole rig and a seventh of it.
+    painting = simulate.painting(seed=7, size=(12, 14), varnish="patches")
+    capture = simulate.capture(painting, "snel-lafortune")
+    some = capture.stack.take(range(0, 770, every))
+    samples = np.array([some.linear(i) for i in range(len(some.rig))], np.float32)
+    rng = np.random.default_rng(count)
+    spoiled = samples.copy()
+    for y, x in np.ndindex(samples.shape[2:]):
+        spoiled[rng.choice(len(samples), count, replace=False), :, y, x] = 5.0
+    clean, fit = (
+        impasto.fit_sbrdf(impasto.Stack(s, lights=some.rig), model="lafortune")
+        for s in (samples, spoiled)
+    )
+    error, before = (normal_error(f.normal, capture.truth.normal) for f in (fit, clean))
+    # Normals that noise alone brings within 0.04 degrees (median) used to be off by 8 where two of
+    # 110 photographs are gross. Three times a pixel's own error, or 0.1 degrees, is what fewer and
+    # other samples do to it by chance: a twentieth of the photographs changes an estimate by a
+    # quarter of its deviation. One pixel may end in another minimum. Of 110 photographs a hand has
+    # 16 for its five unknowns: five gross ones leave two hands of seven, and those may fail in a
+    # pixel of thirty.
+    turned = error > np.maximum(3.0 * before, 0.1)
+    assert turned.sum() <= (5 if every == 7 else 1)
+    assert np.isclose(np.median(error), np.median(before), rtol=0.25)
+    assert (fit.lobes == clean.lobes).mean() > 0.95

@@ -15,11 +15,12 @@ use crate::sbrdf::highlight::scale_of;
 use crate::sbrdf::tile::Start;
 use crate::stack::Stack;
 
+use super::aside::Aside;
 use super::colours::{Colours, Tints};
-use super::found::{CLEAR, Found, MOST_LOBES};
+use super::found::{Found, MOST_LOBES};
 use super::luminance::Luminance;
 use super::maps::{LafortuneMaps, Sheet};
-use super::normal::{Facing, fit_normal};
+use super::normal::Facing;
 use super::sequence::Sequence;
 use super::settle::Settle;
 use super::trust::Trust;
@@ -27,10 +28,6 @@ use super::trust::Trust;
 /// Pixels of a tile: enough for lanes to refill many times, few enough that 770 photographs of
 /// three bands take 6 MB.
 pub(super) const TILE: usize = 512;
-
-/// How much brighter than all others a photograph is that is looked at twice: from one view of a
-/// rig of hundreds to the next a highlight of n = 60 changes by less.
-const LONE: f32 = 1.5;
 
 /// How the fit goes about it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -131,20 +128,6 @@ impl Scratch {
         }
     }
 
-    /// The photograph in which a pixel is brighter than in any other, by half.
-    fn lone(&self, pixel: usize) -> Option<usize> {
-        let (mut first, mut second) = ((0.0, None), 0.0_f32);
-        for (photograph, &sample) in self.means[pixel..].iter().step_by(TILE).enumerate() {
-            if sample.is_finite() && sample > first.0 {
-                second = first.0;
-                first = (sample, Some(photograph));
-            } else if sample.is_finite() {
-                second = second.max(sample);
-            }
-        }
-        first.1.filter(|_| first.0 > LONE * second)
-    }
-
     /// Leaves a photograph that a pixel does not count out of all its bands.
     fn leave_out(&mut self, pixels: &[usize]) {
         let bands = self.samples.len() / self.means.len();
@@ -225,9 +208,8 @@ impl Fit<'_> {
         for &pixel in fine.iter().filter(|&&pixel| self.turns(sheet.status[pixel])) {
             scratch.normals[pixel] = [0.0, 0.0, 1.0];
         }
-        let data = scratch.luminance(self.rig);
-        let mut facing = fit_normal(level, &data, fine, &self.sequence.options, stopped);
-        self.set_lone_aside(level, scratch, fine, &mut facing, stopped);
+        let options = &self.sequence.options;
+        let facing = Aside { rig: self.rig, options, level, scratch, fine, stopped }.run();
         for (&pixel, Facing { normal, sigma, .. }) in fine.iter().zip(facing) {
             scratch.normals[pixel] = normal;
             sheet.sigma[pixel] = sigma;
@@ -236,40 +218,6 @@ impl Fit<'_> {
             }
         }
         fine.retain(|&pixel| sheet.status[pixel] < Status::Dark.code());
-    }
-
-    /// Leaves a photograph that alone is bright out of a pixel's where that turns the cosine lobe to
-    /// a clearly better place: it turned towards the outlier (hard case 31). What lobes say of it
-    /// then decides ([`Settle`]).
-    fn set_lone_aside(
-        &self,
-        level: Level,
-        scratch: &mut Scratch,
-        fine: &[usize],
-        facing: &mut [Facing],
-        stopped: &(dyn Fn() -> bool + Sync),
-    ) {
-        let lone: Vec<[usize; 2]> = fine
-            .iter()
-            .enumerate()
-            .filter_map(|(i, &pixel)| Some([i, scratch.lone(pixel)?]))
-            .collect();
-        let pixels: Vec<_> = lone.iter().map(|&[i, _]| fine[i]).collect();
-        for &[i, photograph] in &lone {
-            scratch.kept[photograph * TILE + fine[i]] = f32::NAN;
-        }
-        let data = scratch.luminance(self.rig);
-        let without = fit_normal(level, &data, &pixels, &self.sequence.options, stopped);
-        for ([i, photograph], without) in lone.into_iter().zip(without) {
-            let place = photograph * TILE + fine[i];
-            let samples = scratch.means[fine[i]..].iter().step_by(TILE);
-            let count = samples.filter(|sample| sample.is_finite()).count() as f64;
-            if count * f64::from(facing[i].cost / without.cost).ln() > CLEAR {
-                facing[i] = without;
-            } else {
-                scratch.kept[place] = scratch.means[place];
-            }
-        }
     }
 
     fn write(&self, scratch: &Scratch, fine: &[usize], found: &[Found], mut sheet: Sheet<'_>) {

@@ -52,13 +52,13 @@ impl Luminance<'_> {
         sights.numbers.iter().filter(sample).count()
     }
 
-    /// The normal that mirrors the light of the brightest photograph into its view; one that
-    /// clipped is brightest of all.
-    pub(super) fn brightest(&self, pixel: usize) -> [f32; 3] {
+    /// The normal that mirrors the light of the brightest photograph of `sights` into its view; one
+    /// that clipped is brightest of all.
+    pub(super) fn brightest<S>(&self, pixel: usize, sights: &Sights<'_, S>) -> [f32; 3] {
         let [across, up] = self.places[pixel].map(f64::from);
-        let samples = self.samples[pixel..].iter().step_by(self.stride).take(self.photographs());
         let (mut peak, mut facing) = (0.0, Vec3::new(0.0, 0.0, 1.0));
-        for (photograph, &sample) in samples.enumerate() {
+        for &photograph in &sights.numbers {
+            let sample = self.samples[photograph * self.stride + pixel];
             if sample > peak {
                 let (towards, _) = self.rig.lights()[photograph].at(across, up);
                 let between = towards + self.rig.views()[photograph];
@@ -158,7 +158,11 @@ impl<'a, S: Element> Sights<'a, S> {
     /// So many photographs, spread evenly over the order in which they were taken. An uneven
     /// number keeps step with no pattern of the rig.
     pub(super) fn some(rig: &'a Rig, count: usize) -> Self {
-        let numbers: Vec<_> = (0..count).map(|i| i * rig.observations() / count).collect();
+        Self::of(rig, (0..count).map(|i| i * rig.observations() / count).collect())
+    }
+
+    /// These photographs.
+    pub(super) fn of(rig: &'a Rig, numbers: Vec<usize>) -> Self {
         let distant = numbers.iter().map(|&number| {
             let (l, v) = (rig.lights()[number].direction(), rig.views()[number]);
             [l.x, l.y, l.z, v.x, v.y, v.z, l.dot(v)].map(S::from_f64)

@@ -15,6 +15,7 @@
 //! still to find. Under one view alone, normal and lobe axes cannot be told apart (hard cases 17
 //! and 18): the normal is then given and lobes are Phong's.
 
+mod aside;
 mod colours;
 mod fit;
 mod found;

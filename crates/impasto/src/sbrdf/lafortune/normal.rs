@@ -23,6 +23,14 @@ pub struct Facing {
     pub cost: f32,
 }
 
+/// A pixel's cosine lobe.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shine {
+    pub(super) facing: Facing,
+    /// `[rho_d, rho_s, ln n, p, q]`; NaN where no search got anywhere.
+    pub(super) at: [f32; PARAMETERS],
+}
+
 /// What a pixel is searched from: Snel's start, the painting's own plane; the normal that `data`
 /// holds; and the one that mirrors the brightest photograph into its view. A lobe that starts
 /// beside the highlight may find no way to it; the smallest cost counts.
@@ -37,11 +45,26 @@ pub fn fit_normal(
     options: &Options,
     stopped: &(dyn Fn() -> bool + Sync),
 ) -> Vec<Facing> {
+    let found = fit_shine(level, data, Sights::all(data.rig), pixels, options, stopped);
+    found.into_iter().map(|shine| shine.facing).collect()
+}
+
+/// Finds the cosine lobes of some pixels in some photographs.
+pub(super) fn fit_shine(
+    level: Level,
+    data: &Luminance<'_>,
+    sights: Sights<'_, f32>,
+    pixels: &[usize],
+    options: &Options,
+    stopped: &(dyn Fn() -> bool + Sync),
+) -> Vec<Shine> {
     let found = pixels
         .iter()
-        .map(|&pixel| Facing { normal: data.normals[pixel], sigma: f32::NAN, cost: f32::NAN })
+        .map(|&pixel| Shine {
+            facing: Facing { normal: data.normals[pixel], sigma: f32::NAN, cost: f32::NAN },
+            at: [f32::NAN; PARAMETERS],
+        })
         .collect();
-    let sights = Sights::all(data.rig);
     let place = usize::MAX;
     let mut lanes =
         Lanes { data, sights, pixels, best: vec![(f32::INFINITY, place); pixels.len()], found };
@@ -60,7 +83,7 @@ struct Lanes<'a> {
     pixels: &'a [usize],
     /// The smallest cost so far, and the start that led to it.
     best: Vec<(f32, usize)>,
-    found: Vec<Facing>,
+    found: Vec<Shine>,
 }
 
 impl Batch<f32, PARAMETERS> for Lanes<'_> {
@@ -73,7 +96,7 @@ impl Batch<f32, PARAMETERS> for Lanes<'_> {
         let [p, q] = slopes(match problem % STARTS {
             0 => [0.0, 0.0, 1.0],
             1 => self.data.normals[pixel],
-            _ => self.data.brightest(pixel),
+            _ => self.data.brightest(pixel, &self.sights),
         });
         let strength = (0.5 * self.data.plain(pixel).diffuse) as f32;
         [strength, strength, START.ln() as f32, p, q]
@@ -104,7 +127,7 @@ impl Batch<f32, PARAMETERS> for Lanes<'_> {
         let facing = facing([p, q], tilts, cost);
         if facing.sigma.is_finite() {
             self.best[place] = (cost, start);
-            self.found[place] = facing;
+            self.found[place] = Shine { facing, at: outcome.parameters };
         }
     }
 }

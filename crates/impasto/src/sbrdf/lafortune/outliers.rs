@@ -18,7 +18,7 @@ const PER_MEDIAN: f64 = 1.4826;
 /// What a gross outlier is also off by, relative to the larger of sample and fit. Lobes describe
 /// the bright and few samples of a sharp highlight to some percent, which may be many deviations
 /// of the rest: they stay.
-const SHARE: f32 = 0.5;
+pub(super) const SHARE: f32 = 0.5;
 
 /// Weighs the samples of some pixels anew: 0 where one is grossly off what lobes say, else 1. The
 /// answers say whether a pixel's choice of samples changed; its cost is then that of the choice.
@@ -82,13 +82,18 @@ impl Kernel for Outliers<'_> {
     }
 }
 
-/// The size that gross outliers exceed.
+/// The size that gross outliers exceed; `sizes` are in any order afterwards.
 fn limit(sizes: &mut [f32], found: &Found) -> f32 {
+    // Rounding is no outlier where there is no noise.
+    six_deviations(sizes).max(found.floor.sqrt() as f32)
+}
+
+/// Six deviations of residuals of these sizes, by their median.
+pub(super) fn six_deviations(sizes: &mut [f32]) -> f32 {
     if sizes.is_empty() {
         return f32::INFINITY;
     }
     let middle = sizes.len() / 2;
     let (_, &mut median, _) = sizes.select_nth_unstable_by(middle, f32::total_cmp);
-    // Rounding is no outlier where there is no noise.
-    (GROSS * PER_MEDIAN * f64::from(median)).max(found.floor.sqrt()) as f32
+    (GROSS * PER_MEDIAN * f64::from(median)) as f32
 }
