@@ -13,6 +13,10 @@ use super::seen::unseen;
 use super::sequence::{ROUGH, Sequence, some, to};
 use super::turned::turn;
 
+/// Normals that lean further, by their z, are asked whether the painting's own plane is not a better
+/// place to begin from: 30 degrees.
+const LEANING: f32 = 0.866;
+
 /// The pixels of a tile that are settled.
 pub(super) struct Settle<'a> {
     pub(super) rig: &'a Rig,
@@ -35,6 +39,9 @@ impl Settle<'_> {
         let mut trial = found.to_vec();
         for round in 0..=self.rounds {
             let mut again = self.turn(&these, &mut trial, found);
+            if round == 0 {
+                again.extend(self.upright(found));
+            }
             if round == self.rounds {
                 break;
             }
@@ -72,6 +79,35 @@ impl Settle<'_> {
             }
         }
         wrong
+    }
+
+    /// Begins again from the painting's plane where the normal leans far. A cosine lobe so broad
+    /// that it shares the diffuse part's work may fit a matte surface as well from there, or a
+    /// little better, as about its own normal; lobes that fit it there find no way back. What is
+    /// clearly better is kept, and named in the answers.
+    fn upright(&mut self, found: &mut [Found]) -> Vec<usize> {
+        let normal = |i: usize| self.scratch.normals[self.fine[i]];
+        let leaning = (0..found.len()).filter(|&i| normal(i)[2] < LEANING);
+        let these: Vec<_> = leaning.filter(|_| self.sequence.turning).collect();
+        let before: Vec<_> = these.iter().map(|&i| normal(i)).collect();
+        for &i in &these {
+            self.scratch.normals[self.fine[i]] = [0.0, 0.0, 1.0];
+        }
+        let data = self.scratch.luminance(self.rig);
+        let pixels = self.pixels(&these);
+        let mut trial = self.sequence.fit(self.level, &data, &pixels, self.stopped).0;
+        let facing = self.free(&these, &mut trial);
+        let mut better = Vec::new();
+        for (((i, before), trial), facing) in these.into_iter().zip(before).zip(trial).zip(facing) {
+            if facing.is_some() && trial.clearly_better(&found[i]) {
+                found[i] = trial;
+                self.face(i, facing);
+                better.push(i);
+            } else {
+                self.scratch.normals[self.fine[i]] = before;
+            }
+        }
+        better
     }
 
     /// Searches for normals and lobes together, where views tell them apart.
