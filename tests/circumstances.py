@@ -92,6 +92,10 @@ def _lobes(capture: Any, **options: Any) -> Arrays:
     return arrays(impasto.fit_sbrdf(stack, pooling="pixel", **options))
 
 
+def _pyramid(capture: Any, **options: Any) -> Arrays:
+    return _lobes(capture, effort=impasto.Effort(start="pyramid"), **options)
+
+
 def _height(capture: Any, **options: Any) -> Arrays:
     return (impasto.integrate_normals(capture.truth.normal, 0.2, **options),)
 
@@ -104,6 +108,7 @@ CALLS: dict[str, Callable[..., Arrays]] = {
     "fit_sbrdf": _sbrdf,
     "fit_sbrdf lafortune": _lafortune,
     "fit_sbrdf, pooling='pixel'": _lobes,
+    "fit_sbrdf, pooling='pixel', a pyramid": _pyramid,
     "fit_reflectance": _reflectance,
     "integrate_normals": _height,
 }

@@ -44,6 +44,7 @@ def test_every_number_of_an_effort_is_used(stack: impasto.Stack) -> None:
         "pixels": (Effort(pixels=64), {}),
         "rounds": (Effort(rounds=0), {"pooling": "pixel"}),
         "iterations": (Effort(iterations=1), {"pooling": "pixel"}),
+        "start": (Effort(start="pyramid"), {"pooling": "pixel"}),
     }
     assert others.keys() == base.to_dict().keys()
     for name, (effort, options) in others.items():
@@ -83,6 +84,11 @@ def test_photometric_stereo_takes_its_steps_from_the_effort(stack: impasto.Stack
     [
         ({"rounds": -1}, "rounds: expected 0 to"),
         ({"iterations": 0}, "iterations: expected 1 to"),
+        (
+            {"start": "pyramide"},
+            "start: expected 'table' or 'pyramid', found 'pyramide'.*'pyramid'",
+        ),
+        ({"start": None}, "start: expected 'table' or 'pyramid', found None"),
         ({"pixels": 1.5}, "pixels: expected 1 to"),
         ({"stereo": 1001}, "stereo: expected 0 to 1000, found 1001"),
     ],

@@ -120,6 +120,11 @@ def apart(stack: impasto.Stack, threads: int = 1) -> Any:
     return fit_lobes(stack, stereo, lobes=1, **options)  # type: ignore[arg-type]
 
 
+def pyramid(stack: impasto.Stack, **options: Any) -> Any:
+    effort = impasto.Effort(start="pyramid")
+    return impasto.fit_sbrdf(stack, pooling="pixel", lobes=1, effort=effort, **options)
+
+
 def lafortune(stack: impasto.Stack, **options: Any) -> Any:
     return impasto.fit_sbrdf(stack, model="lafortune", lobes=2, **options)
 
@@ -132,7 +137,8 @@ BY_ITSELF = {
 """Every pixel by itself."""
 SHARING = {"painting": painting, "segment": segment, "pixel": pixel}
 """Pixels have something in common."""
-FITS = BY_ITSELF | SHARING
+FITS = BY_ITSELF | SHARING | {"pixel, pyramid": pyramid}
+"""And where each lies in the picture matters, too."""
 
 WHOLE = {f"fit_normals, {m}" for m in ("least-squares", "l1", "huber", "cauchy", "tukey")} | {
     "pixel"

@@ -118,6 +118,7 @@ def fit_lobes(
     rounds: int,
     typical: bool,
     iterations: int,
+    pyramid: bool,
     index: float,
     threads: int,
     progress: ProgressCallback | None,

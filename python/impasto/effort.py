@@ -11,6 +11,7 @@ from impasto.checks import suggestion
 from impasto.errors import ArgumentError
 
 Preset = Literal["draft", "standard", "reference"]
+Origin = Literal["table", "pyramid"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,17 +38,25 @@ class Effort:
         Steps at most of each of a pixel's searches (``pooling="pixel"``), at least 1. Few are
         enough: what photographs hardly determine is better left near where it started. Ten
         bring all but one pixel in a thousand to their end.
+    start
+        Where the searches for a pixel's lobes start (``pooling="pixel"``). ``"table"``: from some
+        fixed widths, one search each, the best is kept; no pixel asks another. ``"pyramid"``: only
+        every fourth pixel of every fourth row goes about it so; the others start from what leaves
+        least of what those about them found, and search as thoroughly only where their fit is much
+        worse. Rows and columns are counted from the picture's corner: a part of a picture may
+        find other lobes than the whole.
 
     Raises
     ------
     ArgumentError
-        A number outside its range.
+        A number outside its range, or an unknown start.
     """
 
     stereo: int = 5
     pixels: int = 1 << 16
     rounds: int = 2
     iterations: int = 3
+    start: Origin = "table"
 
     def __post_init__(self) -> None:
         least = {"stereo": 0, "pixels": 1, "rounds": 0, "iterations": 1}
@@ -58,9 +67,13 @@ class Effort:
             if not (whole and low <= value <= high):
                 raise ArgumentError(f"{name}: expected {low} to {high}, found {value!r}")
             object.__setattr__(self, name, int(value))
+        if self.start not in get_args(Origin):
+            names = " or ".join(map(repr, get_args(Origin)))
+            hint = suggestion(self.start, get_args(Origin))
+            raise ArgumentError(f"start: expected {names}, found {self.start!r}{hint}")
 
     def to_dict(self) -> dict[str, Any]:
-        """Names and numbers."""
+        """What the fields hold, by name."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 

@@ -241,6 +241,8 @@ def _expected(
         return fitted, took * pixels / few
     if options.get("pooling") == "pixel":
         fitted, took = timed(known, **options)
+        if resolved(options.get("effort", "standard")).start == "pyramid":
+            return fitted, took * pixels / few
         return fitted, took * _searched(pixels) / _searched(few)
     # The painting's lobe is looked for among so many pixels at most; the rest is what every pixel
     # takes, and what no pixel takes. Three fits, of more or fewer pixels, tell them apart.

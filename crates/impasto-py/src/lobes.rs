@@ -32,7 +32,7 @@ pub(crate) struct LobeArrays<'py> {
 /// Every pixel's own lobes, from the maps of photometric stereo.
 #[pyfunction]
 #[pyo3(signature = (
-    stack, start, model, lobes, ambient, rounds, typical, iterations, index, threads, progress
+    stack, start, model, lobes, ambient, rounds, typical, iterations, pyramid, index, threads, progress
 ))]
 #[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lobes")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
@@ -46,11 +46,13 @@ pub(crate) fn fit_lobes<'py>(
     rounds: usize,
     typical: bool,
     iterations: usize,
+    pyramid: bool,
     index: f64,
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<LobeArrays<'py>> {
-    let options = LobeOptions { lobes, ambient, normal: true, rounds, typical, iterations };
+    let options =
+        LobeOptions { lobes, ambient, normal: true, rounds, typical, iterations, pyramid };
     let call = Call { stack: &stack, start: &start, options, threads, progress: progress.as_ref() };
     with_model!(model, index, |model| call.fit(py, model)?)
         .map_err(|error| errors::to_python(py, &error))

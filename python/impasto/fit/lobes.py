@@ -115,6 +115,7 @@ def fit_lobes(
             effort.rounds,
             typical,
             effort.iterations,
+            effort.start == "pyramid",
             index,
             thread_count(threads),
             callback,

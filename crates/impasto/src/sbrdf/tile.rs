@@ -51,6 +51,12 @@ pub struct Start<'a> {
 }
 
 impl Start<'_> {
+    /// One pixel's normal.
+    pub(super) fn normal(&self, pixel: usize) -> [f32; 3] {
+        let pixels = self.status.len();
+        [0, 1, 2].map(|axis| self.normal[axis * pixels + pixel])
+    }
+
     pub(super) fn check(&self, pixels: usize, bands: usize) -> Result<()> {
         let sizes = [
             ("normal", self.normal.len(), 3 * pixels),

@@ -71,6 +71,16 @@ impl<R: Real, const K: usize> Sums<R, K> {
         [fall.mul_add(best[column], slope), fall]
     }
 
+    /// What the best colours leave of the sum of squares, to the rounding of that sum.
+    #[inline(always)]
+    pub(super) fn left(&self, best: &[R; K]) -> R {
+        let mut left = self.square;
+        for (&right, &best) in self.right.iter().zip(best) {
+            left = (-right).mul_add(best, left);
+        }
+        left.max(R::zero())
+    }
+
     #[inline(always)]
     fn entry(&self, i: usize, j: usize) -> R {
         if i >= j { self.gram[i][j] } else { self.gram[j][i] }

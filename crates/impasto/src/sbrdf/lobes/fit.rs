@@ -11,17 +11,20 @@ use crate::pixels::Run;
 use crate::sbrdf::Start;
 use crate::stack::Stack;
 
+use super::climb::{Ladder, Trials};
 use super::maps::{LobeMaps, MOST_LOBES, Sheet};
 use super::model::{LobeModel, MAX_SHAPES};
 use super::prior::Prior;
+use super::pyramid::{Node, Pyramid};
 use super::search::Search;
-use super::seen::{drop_unseen, sees};
+use super::seen::drop_unseen;
 use super::settle::{COLUMNS, Settle, Settled};
 use super::sight::Sight;
 use super::tile::{Place, TILE, Tile};
 
 /// How the fit goes about it.
 #[derive(Clone, Copy, Debug)]
+#[allow(clippy::struct_excessive_bools, reason = "switches that know nothing of each other")]
 pub struct LobeOptions {
     /// Lobes per pixel at most, up to [`MOST_LOBES`].
     pub lobes: usize,
@@ -35,6 +38,9 @@ pub struct LobeOptions {
     pub typical: bool,
     /// Steps of a search at most.
     pub iterations: usize,
+    /// Whether most pixels start from what the pixels of a coarse grid found, and only those of the
+    /// grid from all shapes of a table.
+    pub pyramid: bool,
 }
 
 /// Lobes of every pixel, from the normals of photometric stereo.
@@ -61,15 +67,23 @@ pub fn fit_lobes<M: LobeModel>(
     }
     start.check(shape.pixels(), shape.bands)?;
     let sight = Sight::new(model, rig);
-    let fit = Fit { stack, rig, start, sight: &sight, options, prior: None, run };
-    let prior = if options.typical { Some(fit.typical()?) } else { None };
-    let fit = Fit { prior: prior.as_ref(), ..fit };
+    let fit = Fit { stack, rig, start, sight: &sight, options, prior: None, pyramid: None, run };
+    let (pyramid, known) = if options.pyramid {
+        let (pyramid, places) = fit.nodes()?;
+        (Some(pyramid), places)
+    } else if options.typical {
+        (None, fit.sampled()?)
+    } else {
+        (None, Vec::new())
+    };
+    let prior = options.typical.then(|| Prior::of_places(&sight.model, &known));
+    let fit = Fit { prior: prior.as_ref(), pyramid: pyramid.as_ref(), ..fit };
     let mut maps = LobeMaps::new(shape.bands, options.lobes, M::NAMES.len(), start.status);
     run.for_each(
         maps.sheets(TILE),
         || Scratch::new(stack),
         |scratch, sheet| {
-            let fine = fit.settle_tile(scratch, sheet.start);
+            let (fine, _) = fit.settle_pixels(scratch, &fit.tile(sheet.start));
             fit.write(scratch, &fine, sheet);
         },
     )?;
@@ -99,19 +113,20 @@ impl Scratch {
 }
 
 #[derive(Clone, Copy)]
-struct Fit<'a, M: LobeModel> {
+pub(super) struct Fit<'a, M: LobeModel> {
     stack: &'a Stack<'a>,
     rig: &'a Rig,
-    start: &'a Start<'a>,
-    sight: &'a Sight<'a, M>,
-    options: &'a LobeOptions,
-    prior: Option<&'a Prior>,
-    run: &'a Run<'a>,
+    pub(super) start: &'a Start<'a>,
+    pub(super) sight: &'a Sight<'a, M>,
+    pub(super) options: &'a LobeOptions,
+    pub(super) prior: Option<&'a Prior>,
+    pub(super) pyramid: Option<&'a Pyramid>,
+    pub(super) run: &'a Run<'a>,
 }
 
 impl<M: LobeModel> Fit<'_, M> {
-    /// What is typical of the painting, from tiles spread over it.
-    fn typical(&self) -> Result<Prior> {
+    /// Where pixels stay that tell what is typical of the painting, from tiles spread over it.
+    fn sampled(&self) -> Result<Vec<Place>> {
         let tiles = self.stack.shape().pixels().div_ceil(TILE);
         let starts: Vec<usize> =
             (0..tiles).step_by(tiles.div_ceil(SAMPLED)).map(|tile| tile * TILE).collect();
@@ -119,25 +134,59 @@ impl<M: LobeModel> Fit<'_, M> {
             starts,
             || Scratch::new(self.stack),
             |scratch, start| {
-                let fine = self.settle_tile(scratch, start);
+                let (fine, _) = self.settle_pixels(scratch, &self.tile(start));
                 fine.into_iter().map(|pixel| scratch.tile.places[pixel]).collect::<Vec<_>>()
             },
         )?;
-        Ok(Prior::of_places(&self.sight.model, &places.concat()))
+        Ok(places.concat())
     }
 
-    /// A tile's pixels brought to where they stay; returns those that can be fitted.
-    fn settle_tile(&self, scratch: &mut Scratch, start: usize) -> Vec<usize> {
+    /// What the pixels of a coarse grid found, and where they stay.
+    fn nodes(&self) -> Result<(Pyramid, Vec<Place>)> {
+        let shape = self.stack.shape();
+        let grid = Pyramid::grid(shape.width, shape.height);
+        let found = self.run.map(
+            grid.chunks(TILE).collect(),
+            || Scratch::new(self.stack),
+            |scratch, pixels| {
+                let (fine, ladders) = self.settle_pixels(scratch, pixels);
+                let mut nodes = vec![None; pixels.len()];
+                for &pixel in &fine {
+                    let ladder = ladders[pixel];
+                    nodes[pixel] = Some(Node {
+                        ladder,
+                        normal: self.start.normal(pixels[pixel]),
+                        misfit: ladder.top().cost / scratch.tile.rounding[pixel],
+                    });
+                }
+                let places = fine.into_iter().map(|pixel| scratch.tile.places[pixel]);
+                (nodes, places.collect::<Vec<_>>())
+            },
+        )?;
+        let (nodes, places): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+        Ok((Pyramid::new(shape.width, nodes.concat()), places.concat()))
+    }
+
+    /// The pixels of a tile.
+    fn tile(&self, start: usize) -> Vec<usize> {
+        (start..self.stack.shape().pixels().min(start + TILE)).collect()
+    }
+
+    /// Pixels brought to where they stay; returns those that can be fitted, and how they got their
+    /// lobes.
+    fn settle_pixels(&self, scratch: &mut Scratch, pixels: &[usize]) -> (Vec<usize>, Vec<Ladder>) {
         let Scratch { tile, settled } = scratch;
-        tile.read(self.stack, self.rig, start, self.start);
-        let status = &self.start.status[start..start + tile.count];
-        let fine: Vec<usize> = (0..tile.count)
-            .filter(|&pixel| status[pixel] < Status::Dark.code() && self.supports(tile, pixel, 0))
+        tile.read(self.stack, self.rig, pixels, self.start, self.run.level);
+        let status = self.start.status;
+        let fine: Vec<usize> = (0..pixels.len())
+            .filter(|&pixel| {
+                status[pixels[pixel]] < Status::Dark.code() && self.supports(tile, pixel, 0)
+            })
             .collect();
-        self.find(tile, &fine);
+        let ladders = self.find(tile, &fine);
         for _ in 0..self.options.rounds {
             if self.run.cancelled() {
-                return fine;
+                return (fine, ladders);
             }
             self.settle(tile, settled, true);
             self.refine(tile, &fine);
@@ -149,102 +198,21 @@ impl<M: LobeModel> Fit<'_, M> {
             place.normal_spread *= scale;
             place.shape_spread = place.shape_spread.map(|spread| spread * scale);
         }
-        fine
+        (fine, ladders)
     }
 
-    /// Lobes one at a time, on the mean of the bands.
-    fn find(&self, tile: &mut Tile, fine: &[usize]) {
-        let first = tile.places.clone();
-        self.search(tile, &first, fine, 0);
-        let mut best = tile.places.clone();
-        for lobes in 1..=self.options.lobes {
-            let able: Vec<usize> = fine
-                .iter()
-                .copied()
-                .filter(|&pixel| {
-                    self.supports(tile, pixel, lobes) && best[pixel].lobes + 1 == lobes
-                })
-                .collect();
-            let before = best.clone();
-            for place in &mut tile.places {
-                place.cost = f32::INFINITY;
-            }
-            for &shape in self.sight.model.starts() {
-                for facing in [false, true] {
-                    if facing && lobes > 1 {
-                        continue;
-                    }
-                    let mut starts = before.clone();
-                    for &pixel in &able {
-                        starts[pixel].shapes[lobes - 1] = shape.map(|number| number as f32);
-                        if facing {
-                            starts[pixel].normal = self.brightest(tile, pixel);
-                        }
-                    }
-                    self.search(tile, &starts, &able, lobes);
-                }
-            }
-            // A strength, and a shape that nothing else is known of.
-            let known = self.prior.is_some_and(|prior| prior.knows(lobes));
-            let unknowns = if known { 1 } else { 1 + M::SHAPES };
-            for &pixel in &able {
-                let told = best[pixel].cost > tile.rounding[pixel];
-                let more = &tile.places[pixel];
-                if told
-                    && better(more, &best[pixel], tile.usable[pixel], unknowns)
-                    && (0..lobes).all(|lobe| sees(self.sight, tile, pixel, lobe))
-                {
-                    best[pixel] = *more;
-                }
-            }
-        }
-        for place in &mut best {
-            let key = |shape: &[f32; MAX_SHAPES]| self.sight.model.order(*shape);
+    /// Lobes as the mean of the bands asks for them.
+    fn find(&self, tile: &mut Tile, fine: &[usize]) -> Vec<Ladder> {
+        let ladders = match self.pyramid {
+            Some(pyramid) => self.refined(tile, fine, pyramid),
+            None => self.climb(tile, fine, &Trials::Table),
+        };
+        let key = |shape: &[f32; MAX_SHAPES]| self.sight.model.order(*shape);
+        for (place, ladder) in tile.places.iter_mut().zip(&ladders) {
+            *place = *ladder.top();
             place.shapes[..place.lobes].sort_by(|a, b| key(b).total_cmp(&key(a)));
         }
-        tile.places = best;
-    }
-
-    /// Whether a pixel's photographs outnumber the unknowns (hard case 30).
-    fn supports(&self, tile: &Tile, pixel: usize, lobes: usize) -> bool {
-        let others = 1 + 2 * usize::from(self.options.normal) + usize::from(self.options.ambient);
-        tile.usable[pixel] > others + lobes * (1 + M::SHAPES)
-    }
-
-    /// The normal that mirrors the brightest photograph into the view.
-    fn brightest(&self, tile: &Tile, pixel: usize) -> [f32; 3] {
-        let samples = tile.grey.samples[pixel..].iter().step_by(TILE);
-        let mut best = (f32::NEG_INFINITY, 0);
-        for (photograph, &sample) in samples.enumerate() {
-            if sample > best.0 {
-                best = (sample, photograph);
-            }
-        }
-        self.sight.facing(best.1).array().map(|v| v as f32)
-    }
-
-    fn search(&self, tile: &mut Tile, starts: &[Place], pixels: &[usize], lobes: usize) {
-        Search {
-            sight: self.sight,
-            plate: &tile.grey,
-            x: &tile.x,
-            y: &tile.y,
-            ambient: self.options.ambient,
-            free: self.options.normal,
-            prior: None,
-            starts,
-            found: &mut tile.places,
-            pixels: pixels.iter().copied(),
-            lobes,
-            options: &Options {
-                max_iterations: self.options.iterations,
-                damping: 1e-2,
-                cost: 1e-4,
-                ..Options::single()
-            },
-            level: self.run.level,
-        }
-        .run();
+        ladders
     }
 
     /// All bands from where the pixels stand.
@@ -294,7 +262,7 @@ impl<M: LobeModel> Fit<'_, M> {
         let Scratch { tile, settled } = scratch;
         let bands = tile.colour.bands;
         let numbers = M::NAMES.len();
-        for pixel in 0..tile.count {
+        for pixel in 0..tile.pixels.len() {
             if sheet.status[pixel] < Status::Dark.code() && fine.binary_search(&pixel).is_err() {
                 sheet.status[pixel] = Status::TooFewSamples.code();
             }
@@ -346,11 +314,4 @@ impl<M: LobeModel> Fit<'_, M> {
             sheet.sigma[pixel] = place.normal_spread.min(FRAC_PI_2);
         }
     }
-}
-
-/// Whether more lobes are worth their unknowns: BIC, `m ln(C / m) + p ln m`.
-fn better(more: &Place, fewer: &Place, samples: usize, unknowns: usize) -> bool {
-    let m = samples as f32;
-    let gain = m * (fewer.cost.ln() - more.cost.ln());
-    more.lobes > fewer.lobes && gain > unknowns as f32 * m.ln()
 }

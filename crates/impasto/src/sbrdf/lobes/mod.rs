@@ -10,6 +10,7 @@
 //! the normal and a few per lobe, however many bands there are. [`fit_lobes`] goes about it tile
 //! by tile.
 
+mod climb;
 mod colours;
 mod fit;
 mod lafortune;
@@ -17,6 +18,8 @@ mod maps;
 mod model;
 mod neutral;
 mod prior;
+mod pyramid;
+mod score;
 mod search;
 mod seen;
 mod settle;

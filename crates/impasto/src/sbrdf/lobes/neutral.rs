@@ -17,21 +17,28 @@ pub(super) struct Judge<R> {
     pub(super) rounding: R,
 }
 
+/// The sum of squares that some colours leave. No closure: of several calls the compiler makes a
+/// function, which is left without the instructions of the kernel that it was written in.
+pub(super) trait Left<R, const K: usize> {
+    /// From the colours of each band; it must be `#[inline(always)]`.
+    fn left(&self, colours: &[[R; K]]) -> R;
+}
+
 impl<R: Real> Judge<R> {
     /// Gives the lobes one strength each, lane by lane, where that suits the samples; returns where.
-    /// `colours` are the best of each band in `sums`, `cost` the sum of squares that some leave.
+    /// `colours` are the best of each band in `sums`.
     #[inline(always)]
     pub(super) fn settle<const J: usize, const K: usize>(
         &self,
         sums: &mut [Sums<R, K>],
         barred: &[bool; K],
         colours: &mut [[R; K]],
-        cost: impl Fn(&[[R; K]]) -> R,
+        samples: &impl Left<R, K>,
     ) -> [R::Mask; J] {
         let zero = R::zero();
         let mut neutral = [R::Mask::splat(false); J];
         let mut shared = [zero; K];
-        let mut least = cost(colours);
+        let mut least = samples.left(colours);
         for (column, neutral) in (1..).zip(&mut neutral) {
             let (mut gain, mut fall) = (zero, zero);
             for (sums, colours) in sums.iter().zip(colours.iter()) {
@@ -51,7 +58,7 @@ impl<R: Real> Judge<R> {
                     *trial = *trial + shared;
                 }
             }
-            let left = cost(&trial);
+            let left = samples.left(&trial);
             let suits = wanted & left.le(self.price * least.max(self.rounding));
             for ((sums, colours), trial) in sums.iter_mut().zip(colours.iter_mut()).zip(&trial) {
                 *sums = sums.hold(column, strength, suits);
@@ -70,6 +77,24 @@ impl<R: Real> Judge<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    struct Scene {
+        columns: Vec<[f64; 3]>,
+        samples: [Vec<f64>; 3],
+    }
+
+    impl Left<f64, 3> for Scene {
+        fn left(&self, colours: &[[f64; 3]]) -> f64 {
+            let mut left = 0.0;
+            for (colours, samples) in colours.iter().zip(&self.samples) {
+                for (c, y) in self.columns.iter().zip(samples) {
+                    let shown: f64 = colours.iter().zip(c).map(|(a, b)| a * b).sum();
+                    left += (y - shown) * (y - shown);
+                }
+            }
+            left
+        }
+    }
 
     /// Three bands of a lobe beside a diffuse term; strengths as given, samples off by `noise`.
     fn judge(strengths: [f64; 3], noise: f64) -> (bool, [[f64; 3]; 3]) {
@@ -97,19 +122,10 @@ mod tests {
         }
         let barred = [false, false, true];
         let mut colours = sums.map(|sums| sums.solve(&barred).values);
-        let cost = |colours: &[[f64; 3]]| {
-            let mut cost = 0.0;
-            for (colours, samples) in colours.iter().zip(&samples) {
-                for (c, y) in columns.iter().zip(samples) {
-                    let shown: f64 = colours.iter().zip(c).map(|(a, b)| a * b).sum();
-                    cost += (y - shown) * (y - shown);
-                }
-            }
-            cost
-        };
         let m = f64::from(3 * rows);
         let judge = Judge { price: (2.0 * m.ln() / m).exp(), rounding: 1e-20 };
-        let [neutral] = judge.settle::<1, 3>(&mut sums, &barred, &mut colours, cost);
+        let [neutral] =
+            judge.settle::<1, 3>(&mut sums, &barred, &mut colours, &Scene { columns, samples });
         (neutral, colours)
     }
 

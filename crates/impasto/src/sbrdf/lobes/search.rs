@@ -158,6 +158,8 @@ fn tilted<R: Real>(start: Vec3<R>, p: R, q: R) -> (Vec3<R>, [Vec3<R>; 2]) {
 impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
     for Lanes<'_, M, J, K, N>
 {
+    const COVARIANCE: bool = true;
+
     fn rows(&self) -> usize {
         2 * self.plate.planes() + 6
     }

@@ -28,14 +28,13 @@ pub(super) fn sees<M: LobeModel>(
     let model = &sight.model;
     let nearest = (0..sight.photographs())
         .filter(|photograph| tile.grey.weights[photograph * TILE + pixel] > 0.0)
-        .map(|photograph| {
-            let (_, _, pair) = sight.at::<f64>(photograph, x, y);
-            (model.facing(&pair), pair)
-        })
-        .max_by(|(a, _), (b, _)| a.dot(normal).total_cmp(&b.dot(normal)));
-    nearest.is_some_and(|(facing, pair)| {
+        .map(|photograph| (sight.facing_at(photograph, x, y).dot(normal), photograph))
+        .max_by(|(a, _), (b, _)| a.total_cmp(b));
+    nearest.is_some_and(|(_, photograph)| {
+        let (_, _, pair) = sight.at::<f64>(photograph, x, y);
         let lobe = model.lobe(shapes[lobe].map(f64::from));
-        model.value(&lobe, &pair, normal) >= SEEN * model.value(&lobe, &pair, facing)
+        let peak = model.value(&lobe, &pair, model.facing(&pair));
+        model.value(&lobe, &pair, normal) >= SEEN * peak
     })
 }
 

@@ -1,15 +1,15 @@
 //! Colours where the shapes are known, what they leave, and what the samples are worth after it.
 
 use crate::math::elementary::{exp, ln};
-use crate::math::lanes::{Isa, MAX_LANES};
+use crate::math::lanes::Isa;
 use crate::math::{Kernel, Level, Real, Vec3};
 
 use super::colours::Sums;
 use super::maps::MOST_LOBES;
 use super::model::{LobeModel, MAX_SHAPES, Visit};
-use super::neutral::Judge;
+use super::neutral::{Judge, Left};
 use super::sight::Sight;
-use super::tile::{Place, Plate, ROUNDING, TILE};
+use super::tile::{Place, Plate, ROUNDING, TILE, gather};
 
 /// Columns of [`Settled::colours`]: diffuse, lobes, ambient.
 pub(super) const COLUMNS: usize = MOST_LOBES + 2;
@@ -72,16 +72,6 @@ impl<M: LobeModel> Visit for Settle<'_, M> {
 
 struct Pass<'a, M: LobeModel, const J: usize, const K: usize>(Settle<'a, M>);
 
-/// Numbers of the places from `at` on, as lanes; those beyond the last repeat it.
-#[inline(always)]
-fn gather<R: Real<Scalar = f32>>(places: &[Place], at: usize, number: impl Fn(&Place) -> f32) -> R {
-    let mut lanes = [0.0; MAX_LANES];
-    for (lane, value) in lanes.iter_mut().enumerate().take(R::WIDTH) {
-        *value = number(&places[(at + lane).min(places.len() - 1)]);
-    }
-    R::load(&lanes)
-}
-
 impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> {
     type Output = ();
 
@@ -137,11 +127,11 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
                 // BIC, for the strengths of all bands but one.
                 let spared = I::F32::of((bands - 1) as f64) * ln(used.max(one)) / used.max(one);
                 let none = vec![[zero; K]; bands];
-                let light = cost::<I::F32, K>(plate, &columns, &none, at);
+                let samples = Samples { plate: &*plate, columns: &columns, at };
+                let light = samples.left(&none);
                 let rounding = I::F32::splat(ROUNDING) * light;
                 let judge = Judge { price: exp(spared), rounding };
-                let left = |colours: &[[I::F32; K]]| cost(plate, &columns, colours, at);
-                let neutral = judge.settle::<J, K>(&mut sums, &barred, &mut colours, left);
+                let neutral = judge.settle::<J, K>(&mut sums, &barred, &mut colours, &samples);
                 for (lobe, &neutral) in neutral.iter().enumerate() {
                     I::F32::keep(neutral, one).store(&mut settled.neutral[lobe * TILE + at..]);
                 }
@@ -159,14 +149,13 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
             // Variances in units of the pixel's mean sample.
             let mean = light / used.max(one);
             let unit = I::F32::keep(mean.gt(zero), mean.recip());
-            let noise = |shown: I::F32| (shown * unit).max(I::F32::of(FLOOR));
             let (mut sum, mut plain, mut weighted) = (zero, zero, zero);
             for (plane, &shown) in shown.iter().enumerate() {
                 let (sample, weight, _) = look::<I::F32>(plate, plane, at);
                 let residual = I::F32::keep(weight.gt(zero), sample - shown);
                 plain = residual.mul_add(residual, plain);
                 weighted = (weight * residual).mul_add(residual, weighted);
-                sum = sum + residual.abs() / noise(shown).sqrt();
+                sum = sum + residual.abs() / noise(shown * unit).sqrt();
             }
             (plain / used.max(one)).sqrt().store(&mut settled.residual[at..]);
             (weighted / used.max(one)).store(&mut settled.variance[at..]);
@@ -176,7 +165,7 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
                 let bend = I::F32::keep(scale.gt(zero), scale.recip());
                 for (plane, (&shown, &matt)) in shown.iter().zip(&matt).enumerate() {
                     let (sample, weight, clipped) = look::<I::F32>(plate, plane, at);
-                    let variance = noise(shown);
+                    let variance = noise(shown * unit);
                     let far = (sample - shown) / variance.sqrt() * bend;
                     let tail = far.mul_add(far, one);
                     let fresh = (tail.sqrt() * variance).recip();
@@ -195,6 +184,12 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
     }
 }
 
+/// Variance of a sample, both in units of the pixel's mean sample.
+#[inline(always)]
+fn noise<R: Real>(shown: R) -> R {
+    shown.max(R::of(FLOOR))
+}
+
 /// What columns of these colours show.
 #[inline(always)]
 fn light_of<R: Real, const K: usize>(columns: &[R; K], colours: &[R; K]) -> R {
@@ -205,23 +200,27 @@ fn light_of<R: Real, const K: usize>(columns: &[R; K], colours: &[R; K]) -> R {
     light
 }
 
-/// Weighted sum of squares that colours leave, band after band.
-#[inline(always)]
-fn cost<R: Real<Scalar = f32>, const K: usize>(
-    plate: &Plate,
-    columns: &[[R; K]],
-    colours: &[[R; K]],
+/// Samples of some pixels, and what columns they are shown by.
+struct Samples<'a, R, const K: usize> {
+    plate: &'a Plate,
+    columns: &'a [[R; K]],
     at: usize,
-) -> R {
-    let mut cost = R::zero();
-    for (photograph, columns) in columns.iter().enumerate() {
-        for (band, colours) in colours.iter().enumerate() {
-            let (sample, weight, _) = look::<R>(plate, photograph * plate.bands + band, at);
-            let residual = R::keep(weight.gt(R::zero()), sample - light_of(columns, colours));
-            cost = (weight * residual).mul_add(residual, cost);
+}
+
+impl<R: Real<Scalar = f32>, const K: usize> Left<R, K> for Samples<'_, R, K> {
+    #[inline(always)]
+    fn left(&self, colours: &[[R; K]]) -> R {
+        let Self { plate, columns, at } = self;
+        let mut cost = R::zero();
+        for (photograph, columns) in columns.iter().enumerate() {
+            for (band, colours) in colours.iter().enumerate() {
+                let (sample, weight, _) = look::<R>(plate, photograph * plate.bands + band, *at);
+                let residual = R::keep(weight.gt(R::zero()), sample - light_of(columns, colours));
+                cost = (weight * residual).mul_add(residual, cost);
+            }
         }
+        cost
     }
-    cost
 }
 
 /// Sample, weight and whether the sample is clipped (then it is what it reached at least).

@@ -10,17 +10,20 @@ pub(in crate::sbrdf) struct Sight<'a, M: LobeModel> {
     pub(super) model: M,
     rig: &'a Rig,
     pairs: Vec<M::Pair<f64>>,
+    /// Normals that would mirror the pairs.
+    facing: Vec<Vec3<f64>>,
 }
 
 impl<'a, M: LobeModel> Sight<'a, M> {
     pub(in crate::sbrdf) fn new(model: M, rig: &'a Rig) -> Self {
-        let pairs = rig
+        let pairs: Vec<_> = rig
             .lights()
             .iter()
             .zip(rig.views())
             .map(|(light, &view)| model.pair(light.direction(), view))
             .collect();
-        Self { model, rig, pairs }
+        let facing = pairs.iter().map(|pair| model.facing(pair)).collect();
+        Self { model, rig, pairs, facing }
     }
 
     pub(super) fn photographs(&self) -> usize {
@@ -29,7 +32,16 @@ impl<'a, M: LobeModel> Sight<'a, M> {
 
     /// The normal that would mirror a photograph's light into its view.
     pub(super) fn facing(&self, photograph: usize) -> Vec3<f64> {
-        self.model.facing(&self.pairs[photograph])
+        self.facing[photograph]
+    }
+
+    /// The same for the light as the point `(x, y, 0)` has it.
+    pub(super) fn facing_at(&self, photograph: usize, x: f64, y: f64) -> Vec3<f64> {
+        if self.rig.lights()[photograph].is_distant() {
+            self.facing[photograph]
+        } else {
+            self.model.facing(&self.at(photograph, x, y).2)
+        }
     }
 
     /// Direction to the light, irradiance and the pair, from the points `(x, y, 0)`.

@@ -1,7 +1,8 @@
 //! A tile's samples and weights, and where its pixels stand.
 
 use crate::geometry::Rig;
-use crate::math::Vec3;
+use crate::math::lanes::{Isa, MAX_LANES};
+use crate::math::{Kernel, Level, Mask, Real, Vec3};
 use crate::sbrdf::Start;
 use crate::stack::Stack;
 
@@ -11,6 +12,20 @@ use super::model::MAX_SHAPES;
 /// Pixels of a tile: few enough that a cancelled call ends within a moment with hundreds of
 /// photographs, enough for the lanes to refill.
 pub(super) const TILE: usize = 256;
+
+/// Numbers of the places from `at` on, as lanes; those beyond the last repeat it.
+#[inline(always)]
+pub(super) fn gather<R: Real<Scalar = f32>>(
+    places: &[Place],
+    at: usize,
+    number: impl Fn(&Place) -> f32,
+) -> R {
+    let mut lanes = [0.0; MAX_LANES];
+    for (lane, value) in lanes.iter_mut().enumerate().take(R::WIDTH) {
+        *value = number(&places[(at + lane).min(places.len() - 1)]);
+    }
+    R::load(&lanes)
+}
 
 /// Where one pixel stands.
 #[derive(Clone, Copy, Debug)]
@@ -74,6 +89,24 @@ impl Plate {
             .map(|(&s, &ceiling)| if s == f32::INFINITY { ceiling } else { s })
     }
 
+    /// Some pixels' samples of one plane, clipped ones at their ceiling.
+    #[inline(always)]
+    fn light<R: Real<Scalar = f32>>(&self, plane: usize, at: usize) -> R {
+        let sample = R::load(&self.samples[plane * TILE + at..]);
+        let clipped = sample.gt(R::of(f64::from(f32::MAX)));
+        R::select(clipped, R::splat(self.ceilings[plane]), sample)
+    }
+
+    /// Leaves samples a share of their weight beside what a diffuse surface would show.
+    #[inline(always)]
+    fn darken<R: Real<Scalar = f32>>(&mut self, plane: usize, at: usize, matt: R, floor: R) {
+        let sample = R::load(&self.samples[plane * TILE + at..]) + floor;
+        let share = sample.max(R::zero()) / matt;
+        let lit = R::select(matt.gt(sample), share * share * share, R::one());
+        let weights = &mut self.weights[plane * TILE + at..];
+        (R::load(weights) * lit).store(weights);
+    }
+
     /// One pixel's weights.
     pub(super) fn weights_of(&self, pixel: usize) -> impl Iterator<Item = f32> {
         self.weights[pixel..].iter().step_by(TILE).copied()
@@ -82,8 +115,8 @@ impl Plate {
 
 /// All that is known of a tile.
 pub(super) struct Tile {
-    pub(super) start: usize,
-    pub(super) count: usize,
+    /// Which, in the order of the image.
+    pub(super) pixels: Vec<usize>,
     pub(super) x: Vec<f32>,
     pub(super) y: Vec<f32>,
     pub(super) colour: Plate,
@@ -94,6 +127,8 @@ pub(super) struct Tile {
     /// What rounding leaves of the mean of the bands, as a weighted sum of squares.
     pub(super) rounding: Vec<f32>,
     pub(super) places: Vec<Place>,
+    /// Colours of photometric stereo, `(band, pixel)`.
+    matt: Vec<f32>,
 }
 
 /// Of a weighted sum of squares: f32 keeps 24 bits, and a sample shown is a sum of some ten rounded
@@ -102,10 +137,10 @@ pub(super) const ROUNDING: f32 = 1.0 / (1_u64 << 40) as f32;
 
 /// Share of a pixel's mean sample below which light is no longer what noise grows with, before
 /// anything is known of the surface.
-const FIRST_FLOOR: f32 = 0.1;
+const FIRST_FLOOR: f64 = 0.1;
 
 /// Share of a pixel's colour below which samples tell no shadow from noise.
-const SHADE: f32 = 0.03;
+const SHADE: f64 = 0.03;
 
 impl Tile {
     pub(super) fn new(stack: &Stack<'_>) -> Self {
@@ -114,8 +149,7 @@ impl Tile {
             .map(|plane| stack.ceiling(plane / shape.bands, plane % shape.bands))
             .collect();
         Self {
-            start: 0,
-            count: 0,
+            pixels: Vec::with_capacity(TILE),
             x: vec![0.0; TILE],
             y: vec![0.0; TILE],
             colour: Plate::new(ceilings, shape.bands),
@@ -123,105 +157,145 @@ impl Tile {
             usable: vec![0; TILE],
             rounding: vec![0.0; TILE],
             places: Vec::with_capacity(TILE),
+            matt: vec![0.0; shape.bands * TILE],
         }
     }
 
-    /// Takes up the pixels from `start` on, at the normals `(3, y, x)`.
-    pub(super) fn read(&mut self, stack: &Stack<'_>, rig: &Rig, start: usize, known: &Start<'_>) {
+    /// Takes up some pixels, at most [`TILE`], at the normals `(3, y, x)`.
+    pub(super) fn read(
+        &mut self,
+        stack: &Stack<'_>,
+        rig: &Rig,
+        chosen: &[usize],
+        known: &Start<'_>,
+        level: Level,
+    ) {
         let pixels = stack.shape().pixels();
         let bands = self.colour.bands;
-        self.start = start;
-        self.count = TILE.min(pixels - start);
-        rig.grid().coordinates(start, &mut self.x, &mut self.y);
-        for (plane, out) in self.colour.samples.chunks_mut(TILE).enumerate() {
-            stack.read(plane / bands, plane % bands, start, out);
+        self.pixels.clear();
+        self.pixels.extend_from_slice(chosen);
+        let mut at = 0;
+        for run in chosen.chunk_by(|pixel, next| pixel + 1 == *next) {
+            let end = at + run.len();
+            rig.grid().coordinates(run[0], &mut self.x[at..end], &mut self.y[at..end]);
+            for (plane, out) in self.colour.samples.chunks_mut(TILE).enumerate() {
+                stack.read(plane / bands, plane % bands, run[0], &mut out[at..end]);
+            }
+            at = end;
         }
         self.places.clear();
-        for pixel in 0..self.count {
-            let normal = [0, 1, 2].map(|axis| known.normal[axis * pixels + start + pixel]);
-            self.places.push(Place::new(normal));
-            self.weigh(pixel);
-            let colours: Vec<f32> =
-                (0..bands).map(|band| known.diffuse[band * pixels + start + pixel]).collect();
-            self.shade(rig, pixel, &colours);
+        self.places.extend(chosen.iter().map(|&pixel| Place::new(known.normal(pixel))));
+        for (band, colours) in self.matt.chunks_mut(TILE).enumerate() {
+            for (colour, pixel) in colours.iter_mut().zip(chosen) {
+                *colour = known.diffuse[band * pixels + pixel];
+            }
+        }
+        level.run(Weigh { tile: self, rig });
+    }
+}
+
+/// First weights of a tile's pixels.
+struct Weigh<'a> {
+    tile: &'a mut Tile,
+    rig: &'a Rig,
+}
+
+impl Kernel for Weigh<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let Self { tile, rig } = self;
+        for at in (0..tile.places.len()).step_by(I::F32::WIDTH) {
+            tile.weigh::<I::F32>(at);
+            tile.shade::<I::F32>(rig, at);
+        }
+    }
+}
+
+impl Tile {
+    /// Variance proportional to the sample, with a floor.
+    #[inline(always)]
+    fn weigh<R: Real<Scalar = f32>>(&mut self, at: usize) {
+        let (zero, one) = (R::zero(), R::one());
+        let bands = self.colour.bands;
+        let (mut sum, mut count, mut usable) = (zero, zero, zero);
+        for photograph in 0..self.colour.planes() / bands {
+            let (mut grey, mut whole) = (zero, R::Mask::splat(true));
+            for plane in photograph * bands..(photograph + 1) * bands {
+                let light = self.colour.light::<R>(plane, at);
+                // Squares must be numbers, too (hard case 26).
+                let counts = (light * light).is_finite();
+                let place = plane * TILE + at;
+                let sample = R::load(&self.colour.samples[place..]);
+                R::keep(counts, sample).store(&mut self.colour.samples[place..]);
+                R::keep(counts, one).store(&mut self.colour.weights[place..]);
+                sum = sum + R::keep(counts, light);
+                count = count + R::keep(counts, one);
+                grey = grey + R::keep(counts, light);
+                whole = whole & counts;
+            }
+            let place = photograph * TILE + at;
+            usable = usable + R::keep(whole, one);
+            let grey = R::keep(whole, grey / R::of(bands as f64));
+            grey.store(&mut self.grey.samples[place..]);
+            R::keep(whole, one).store(&mut self.grey.weights[place..]);
+        }
+        let mean = sum / count.max(one);
+        let floor = R::of(FIRST_FLOOR) * mean;
+        for plate in [&mut self.colour, &mut self.grey] {
+            for plane in 0..plate.planes() {
+                let variance = plate.light::<R>(plane, at).max(floor);
+                let weights = &mut plate.weights[plane * TILE + at..];
+                let counts = R::load(weights).gt(zero) & variance.gt(zero);
+                R::keep(counts, mean / variance).store(weights);
+            }
+        }
+        let mut squares = zero;
+        for plane in 0..self.grey.planes() {
+            let sample = R::load(&self.grey.samples[plane * TILE + at..]);
+            let weight = R::load(&self.grey.weights[plane * TILE + at..]);
+            squares = (weight * sample).mul_add(sample, squares);
+        }
+        (R::splat(ROUNDING) * squares).store(&mut self.rounding[at..]);
+        let mut numbers = [0.0; MAX_LANES];
+        usable.store(&mut numbers);
+        for (usable, &number) in self.usable[at..].iter_mut().zip(&numbers[..R::WIDTH]) {
+            *usable = number as usize;
         }
     }
 
     /// Takes weight from samples that have less light than the surface of photometric stereo, which
     /// are shadows (hard case 24).
-    fn shade(&mut self, rig: &Rig, pixel: usize, colours: &[f32]) {
-        let [nx, ny, nz] = self.places[pixel].normal;
-        let normal = Vec3::new(nx, ny, nz);
-        let bands = colours.len();
-        let mean = colours.iter().sum::<f32>() / bands as f32;
-        let floor = SHADE * mean;
-        for (photograph, light) in rig.lights().iter().enumerate() {
-            let (towards, irradiance) = light.at(self.x[pixel], self.y[pixel]);
-            let matt = normal.dot(towards).max(0.0) * irradiance;
-            for (band, &colour) in colours.iter().enumerate() {
-                let place = (photograph * bands + band) * TILE + pixel;
-                let sample = self.colour.samples[place];
-                self.colour.weights[place] *= lit(sample + floor, matt.mul_add(colour, floor));
-            }
-            let place = photograph * TILE + pixel;
-            let sample = self.grey.samples[place];
-            self.grey.weights[place] *= lit(sample + floor, matt.mul_add(mean, floor));
-        }
-    }
-
-    /// First weights of a pixel: variance proportional to the sample, with a floor.
-    fn weigh(&mut self, pixel: usize) {
+    #[inline(always)]
+    fn shade<R: Real<Scalar = f32>>(&mut self, rig: &Rig, at: usize) {
+        let zero = R::zero();
         let bands = self.colour.bands;
-        let planes = self.colour.planes();
-        let (mut sum, mut count) = (0.0, 0.0);
-        self.usable[pixel] = 0;
-        for photograph in 0..planes / bands {
-            let (mut grey, mut whole) = (0.0, true);
-            for plane in photograph * bands..(photograph + 1) * bands {
-                let place = plane * TILE + pixel;
-                let sample = &mut self.colour.samples[place];
-                let light =
-                    if *sample == f32::INFINITY { self.colour.ceilings[plane] } else { *sample };
-                // Squares must be numbers, too (hard case 26).
-                let counts = (light * light).is_finite();
-                self.colour.weights[place] = f32::from(u8::from(counts));
-                if counts {
-                    sum += light;
-                    count += 1.0;
-                    grey += light;
-                } else {
-                    *sample = 0.0;
-                    whole = false;
-                }
-            }
-            let place = photograph * TILE + pixel;
-            self.usable[pixel] += usize::from(whole);
-            self.grey.samples[place] = if whole { grey / bands as f32 } else { 0.0 };
-            self.grey.weights[place] = f32::from(u8::from(whole));
+        let normal = Vec3::new(
+            gather::<R>(&self.places, at, |place| place.normal[0]),
+            gather(&self.places, at, |place| place.normal[1]),
+            gather(&self.places, at, |place| place.normal[2]),
+        );
+        let (x, y) = (R::load(&self.x[at..]), R::load(&self.y[at..]));
+        let mut mean = zero;
+        for band in 0..bands {
+            mean = mean + R::load(&self.matt[band * TILE + at..]);
         }
-        let mean = sum / f32::max(count, 1.0);
-        let floor = FIRST_FLOOR * mean;
-        for plate in [&mut self.colour, &mut self.grey] {
-            let samples = plate.samples[pixel..].iter().step_by(TILE);
-            for ((weight, &sample), &ceiling) in
-                plate.weights[pixel..].iter_mut().step_by(TILE).zip(samples).zip(&plate.ceilings)
-            {
-                let light = if sample == f32::INFINITY { ceiling } else { sample };
-                let variance = light.max(floor);
-                *weight = if *weight > 0.0 && variance > 0.0 { mean / variance } else { 0.0 };
+        let mean = mean / R::of(bands as f64);
+        let floor = R::of(SHADE) * mean;
+        for (photograph, light) in rig.lights().iter().enumerate() {
+            let (towards, irradiance) = light.at(x, y);
+            let matt = normal.dot(towards).max(zero) * irradiance;
+            for band in 0..bands {
+                let colour = R::load(&self.matt[band * TILE + at..]);
+                self.colour.darken(
+                    photograph * bands + band,
+                    at,
+                    matt.mul_add(colour, floor),
+                    floor,
+                );
             }
+            self.grey.darken(photograph, at, matt.mul_add(mean, floor), floor);
         }
-        let squares = self.grey.column(pixel).zip(self.grey.weights_of(pixel));
-        self.rounding[pixel] = ROUNDING * squares.map(|(y, weight)| weight * y * y).sum::<f32>();
-    }
-}
-
-/// Share of a first weight that a sample keeps beside what a diffuse surface would show.
-fn lit(sample: f32, matt: f32) -> f32 {
-    if matt > sample {
-        let share = sample.max(0.0) / matt;
-        share * share * share
-    } else {
-        1.0
     }
 }

@@ -1,0 +1,92 @@
+//! What starts leave of the samples before any step: a tenth of what a search from each would cost.
+
+use crate::math::lanes::{Isa, MAX_LANES};
+use crate::math::{Kernel, Level, Real, Vec3};
+
+use super::colours::Sums;
+use super::model::{LobeModel, MAX_SHAPES, Visit};
+use super::sight::Sight;
+use super::tile::{Place, Plate, TILE, gather};
+
+/// One look at a start of some pixels.
+pub(super) struct Score<'a, M: LobeModel> {
+    pub(super) sight: &'a Sight<'a, M>,
+    /// Of one band.
+    pub(super) plate: &'a Plate,
+    pub(super) x: &'a [f32],
+    pub(super) y: &'a [f32],
+    pub(super) ambient: bool,
+    /// A start for every pixel of the tile.
+    pub(super) starts: &'a [Place],
+    /// The best start so far; replaced where another leaves less.
+    pub(super) found: &'a mut [Place],
+    /// Whose starts count, in rising order.
+    pub(super) pixels: &'a [usize],
+    pub(super) lobes: usize,
+    pub(super) level: Level,
+}
+
+impl<M: LobeModel> Score<'_, M> {
+    pub(super) fn run(self) {
+        M::dispatch(self.lobes, self);
+    }
+}
+
+impl<M: LobeModel> Visit for Score<'_, M> {
+    type Output = ();
+
+    fn visit<const J: usize, const K: usize, const N: usize>(self) {
+        let level = self.level;
+        level.run(Pass::<M, J, K>(self));
+    }
+}
+
+struct Pass<'a, M: LobeModel, const J: usize, const K: usize>(Score<'a, M>);
+
+impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let Score { sight, plate, x, y, ambient, starts, found, pixels, .. } = self.0;
+        let zero = I::F32::zero();
+        let barred = core::array::from_fn(|column| column == K - 1 && !ambient);
+        let width = I::F32::WIDTH;
+        for some in pixels.chunk_by(|a, b| a / width == b / width) {
+            let at = some[0] / width * width;
+            let normal = Vec3::new(
+                gather::<I::F32>(starts, at, |p| p.normal[0]),
+                gather(starts, at, |p| p.normal[1]),
+                gather(starts, at, |p| p.normal[2]),
+            );
+            let lobes: [M::Lobe<I::F32>; J] = core::array::from_fn(|j| {
+                let shape: [I::F32; MAX_SHAPES] =
+                    core::array::from_fn(|s| gather(starts, at, |p| p.shapes[j][s]));
+                sight.model.lobe(shape)
+            });
+            let (px, py) = (I::F32::load(&x[at..]), I::F32::load(&y[at..]));
+            let mut sums = Sums::<I::F32, K>::zero();
+            for photograph in 0..sight.photographs() {
+                let (towards, irradiance, pair) = sight.at(photograph, px, py);
+                let cosine = normal.dot(towards);
+                let mut columns = [I::F32::one(); K];
+                columns[0] = I::F32::keep(cosine.gt(zero), cosine * irradiance);
+                for (j, lobe) in lobes.iter().enumerate() {
+                    columns[1 + j] = sight.model.value(lobe, &pair, normal) * irradiance;
+                }
+                let place = photograph * TILE + at;
+                let weight = I::F32::load(&plate.weights[place..]);
+                sums.add(&columns, weight, I::F32::load(&plate.samples[place..]));
+            }
+            let colours = sums.solve(&barred).values;
+            let mut costs = [0.0; MAX_LANES];
+            sums.left(&colours).store(&mut costs);
+            for &pixel in some {
+                let cost = costs[pixel - at];
+                if cost < found[pixel].cost {
+                    found[pixel] = Place { lobes: J, cost, ..starts[pixel] };
+                }
+            }
+        }
+    }
+}
