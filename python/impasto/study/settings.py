@@ -9,7 +9,7 @@ from typing import Any, TypeAlias, get_args
 
 import numpy as np
 
-from impasto.effort import PRESETS, Effort
+from impasto.effort import PRESETS, Effort, Origin
 from impasto.fit.normals import Method
 from impasto.stack import Stack
 from impasto.study import choices, fits, minpack, parts, peers
@@ -110,6 +110,9 @@ def _all() -> Iterator[Setting]:
     for method in get_args(Method):
         yield Setting("normals", method, partial(fits.lambert, method=method), ONE_VIEW)
         yield _sbrdf("starts", method, ONE_VIEW, **PER_PIXEL, normals=method)
+    for start in get_args(Origin):
+        effort = Effort(start=start)
+        yield _sbrdf("searches", start, ONE_VIEW, **PER_PIXEL, effort=effort)
     for name, fit in peers.PEERS.items():
         yield Setting("peer", name, fit, ONE_VIEW)
     some = partial(parts.strided, stride=minpack.STRIDE)

@@ -193,6 +193,20 @@ def starts(rows: Sequence[Row]) -> str:
     )
 
 
+def searches(rows: Sequence[Row]) -> str:
+    """What it is worth to start from what pixels about have found."""
+    pyramid, table = (
+        {r["data"]: r for r in of_knob(rows, "searches") if r["setting"] == setting}
+        for setting in ("pyramid", "table")
+    )
+    return (
+        'Searches that start from what pixels of a coarse grid found (`Effort(start="pyramid")`) '
+        f"take {_ratio(pyramid, table):.2f} times the time of those from a table of widths, and "
+        f"change held-out photographs by {_span(_differences(pyramid, table, 'psnr'), 'dB')}, "
+        f"normals by {_span(_differences(pyramid, table, 'normal'), '°', 3)}."
+    )
+
+
 def lobes(rows: Sequence[Row]) -> str:
     """What a further lobe is worth."""
     at_most = {
@@ -282,7 +296,7 @@ def again(rows: Sequence[Row]) -> str:
 
 
 SENTENCES = (
-    choice, promises, photographs, views, doubt, steps, starts, lobes, classes, bits, peers, memory,
-    again,
+    choice, promises, photographs, views, doubt, steps, starts, searches, lobes, classes, bits,
+    peers, memory, again,
 )  # fmt: skip
 """In the order of the page; each raises where a study has not measured what it is about."""

@@ -22,6 +22,7 @@ TITLES = {
     "robust": "Doubting photographs and samples",
     "stereo": "Steps of reweighting in photometric stereo",
     "starts": "Normals that pixels' own lobes start from",
+    "searches": "What pixels' searches start from",
     "lobes": "Lobes",
     "lights": "Lights",
     "bits": "Numbers that the samples are stored in",
