@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from impasto.effort import Effort
 from impasto.study import minpack
 from impasto.study.front import ERROR, Row, knee
 from impasto.study.tables import SETS, fits_of, front_of, of_knob, points, preset_rows
@@ -156,8 +157,9 @@ def steps(axes: Any, found: Row, data: str) -> None:
     rows = [row for row in of_knob(found["rows"], "effort") if row["data"] == data]
     by_rounds: dict[int, list[Row]] = {}
     for row in rows:
-        effort = row["options"]["effort"]
-        by_rounds.setdefault(effort["rounds"], []).append(row | {"number": effort["iterations"]})
+        effort = Effort(**row["options"]["effort"])
+        if effort.start == "table":
+            by_rounds.setdefault(effort.rounds, []).append(row | {"number": effort.iterations})
     # One hue from light to dark: more rounds are more of the same.
     for shade, (rounds, some) in zip(SHADES, sorted(by_rounds.items()), strict=False):
         label = f"{rounds} round{'s' * (rounds != 1)}"

@@ -11,7 +11,7 @@ from impasto.study.front import Row, Rung, chosen, rungs
 PIXELS = {"draft": 1 << 12, "standard": 1 << 16, "reference": 1 << 18}
 """Sixty thousand pixels know the painting's beta and gamma to a thousandth, a sixteenth of them to
 four, four times as many to half of one."""
-FAIR = ("effort", "pooling", "pixels", "lobes", "starts", "searches", "robust")
+FAIR = ("effort", "pooling", "pixels", "lobes", "starts", "robust")
 """Knobs whose settings a preset is held against: fits of ours to all photographs."""
 SAME = 0.05
 """What is nearer in time and error than that is no better: times of runs differ by as much."""
@@ -39,6 +39,12 @@ class Check:
     promise: str
     found: str
     kept: bool
+
+
+def grid_name(effort: Effort) -> str:
+    """A place on the grid that presets are taken from."""
+    start = "" if effort.start == "table" else f", {effort.start}"
+    return f"{effort.rounds} rounds, {effort.iterations} steps{start}"
 
 
 def derived(rows: Iterable[Row]) -> dict[str, Effort]:

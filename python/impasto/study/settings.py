@@ -14,6 +14,7 @@ from impasto.fit.normals import Method
 from impasto.stack import Stack
 from impasto.study import choices, fits, minpack, parts, peers
 from impasto.study.measure import Fitted
+from impasto.study.presets import grid_name
 from impasto.study.specimens import Specimen
 
 Fit: TypeAlias = Callable[[Stack, int | None], Fitted]
@@ -110,9 +111,6 @@ def _all() -> Iterator[Setting]:
     for method in get_args(Method):
         yield Setting("normals", method, partial(fits.lambert, method=method), ONE_VIEW)
         yield _sbrdf("starts", method, ONE_VIEW, **PER_PIXEL, normals=method)
-    for start in get_args(Origin):
-        effort = Effort(start=start)
-        yield _sbrdf("searches", start, ONE_VIEW, **PER_PIXEL, effort=effort)
     for name, fit in peers.PEERS.items():
         yield Setting("peer", name, fit, ONE_VIEW)
     some = partial(parts.strided, stride=minpack.STRIDE)
@@ -122,11 +120,11 @@ def _all() -> Iterator[Setting]:
 
 def _efforts() -> Iterator[Setting]:
     """The grid that presets are taken from, and what presets do not turn."""
-    for rounds in (0, 1, 2, 4):
-        for iterations in (1, 2, 3, 4, 6, 10, 30):
-            effort = Effort(rounds=rounds, iterations=iterations)
-            name = f"{rounds} rounds, {iterations} steps"
-            yield _sbrdf("effort", name, ONE_VIEW, **PER_PIXEL, effort=effort)
+    for start in get_args(Origin):
+        for rounds in (0, 1, 2, 4):
+            for iterations in (1, 2, 3, 4, 6, 10, 30):
+                effort = Effort(rounds=rounds, iterations=iterations, start=start)
+                yield _sbrdf("effort", grid_name(effort), ONE_VIEW, **PER_PIXEL, effort=effort)
     yield _sbrdf("pooling", "one lobe, as the papers have it", ONE_VIEW, joint=False)
     yield _sbrdf("pooling", "one lobe", ONE_VIEW)
     yield _sbrdf("pooling", "Lafortune", (VIEWS,), model="lafortune")

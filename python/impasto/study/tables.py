@@ -21,8 +21,7 @@ SETS = {
 """Data sets in the words of the tables."""
 
 LADDERS = (
-    "effort", "pixels", "robust", "stereo", "starts", "searches", "lobes", "lights", "bits",
-    "normals", "views",
+    "effort", "pixels", "robust", "stereo", "starts", "lobes", "lights", "bits", "normals", "views",
 )  # fmt: skip
 """Knobs whose settings make a table each."""
 

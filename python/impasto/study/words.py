@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, get_args
 
 import numpy as np
 
-from impasto.effort import PRESETS
+from impasto.effort import PRESETS, Origin
 from impasto.study.choices import CHOICES
 from impasto.study.front import Row
-from impasto.study.presets import checked
+from impasto.study.presets import checked, grid_name
 from impasto.study.tables import SETS, of_knob, preset_rows, unbeaten
 
 VIEWS = "770 views"
@@ -195,9 +196,9 @@ def starts(rows: Sequence[Row]) -> str:
 
 def searches(rows: Sequence[Row]) -> str:
     """What it is worth to start from what pixels about have found."""
-    pyramid, table = (
-        {r["data"]: r for r in of_knob(rows, "searches") if r["setting"] == setting}
-        for setting in ("pyramid", "table")
+    table, pyramid = (
+        {r["data"]: r for r in of_knob(rows, "effort") if r["setting"] == grid_name(effort)}
+        for effort in (replace(PRESETS["standard"], start=start) for start in get_args(Origin))
     )
     return (
         'Searches that start from what pixels of a coarse grid found (`Effort(start="pyramid")`) '
