@@ -156,7 +156,7 @@ impl Aside<'_> {
     fn number(&self, photograph: usize) -> usize {
         let (light, view) =
             (self.rig.lights()[photograph].direction(), self.rig.views()[photograph]);
-        let bits = [light, view].into_iter().flat_map(|v| v.array()).map(f64::to_bits);
+        let bits = [light, view].into_iter().flat_map(Vec3::array).map(f64::to_bits);
         let mix = |hash: u64, bits: u64| (hash.rotate_left(5) ^ bits).wrapping_mul(SHUFFLE);
         (bits.fold(0, mix) >> 32) as usize
     }
