@@ -359,6 +359,19 @@ def test_case_31_one_gross_outlier() -> None:
     assert np.median(np.abs(found.diffuse - t["diffuse"])) < 0.02
 
 
+def test_lobes_that_need_not_be_worth_their_unknowns(scene: Any) -> None:
+    """Without BIC a pixel has as many lobes or more, and more of them than are true."""
+    _, _, stack = scene
+    stereo = impasto.fit_normals(stack)
+    plain: dict[str, Any] = {"ambient": True, "index": 1.45, "threads": 2, "progress": False}
+    one, other = (
+        fit_lobes(stack, stereo, lobes=3, sparing=sparing, **plain) for sparing in (True, False)
+    )
+    fine = one.status < Status.DARK
+    assert (other.lobes[fine] >= one.lobes[fine]).mean() > 0.95
+    assert other.lobes[fine].mean() > one.lobes[fine].mean() + 0.5
+
+
 def test_the_search_ends_where_scipy_ends(scene: Any) -> None:
     """The search on the mean of the bands, before weights are renewed, on every eleventh pixel."""
     _, _, stack = scene

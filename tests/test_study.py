@@ -222,21 +222,29 @@ def test_sentences_say_what_rows_say() -> None:
     def row(name: str, data: str, seconds: float, decibels: float) -> dict[str, Any]:
         error = {"psnr": decibels, "flagged": 0.5}
         return {
-            "knob": "lobes", "number": {"none": 0, "one": 1, "two": 2, "three": 3}[name],
-            "setting": name, "data": data, "cost": {"cpu": seconds}, "error": error,
+            "knob": "lobes", "setting": name, "data": data, "cost": {"cpu": seconds},
+            "error": error,
         }  # fmt: skip
 
     rows = [
         row(name, data, seconds, decibels + more)
-        for name, seconds, decibels in (("none", 1, 20), ("one", 2, 30), ("two", 6, 31.5))
-        for data, more in (("own model", 0.0), ("icon", 2.0 if name == "two" else 0.0))
+        for name, seconds, decibels in (
+            ("none", 1, 20),
+            ("1 at most", 2, 30),
+            ("2 at most", 6, 31.5),
+        )
+        for data, more in (("own model", 0.0), ("icon", 2.0 if name == "2 at most" else 0.0))
     ]
     assert "lobes" not in words(rows)
-    said = words([*rows, row("three", "own model", 6, 31.46), row("three", "icon", 6, 33.5)])
-    assert said == {
-        "lobes": "The first lobe is worth +10.0 dB; 2 at most instead of 1: 3.0 times the time, "
-        "+1.5 to +3.5 dB; 3 at most instead of 2: 1.0 times the time, 0.0 dB."
-    }
+    rows += [row("3 at most", "own model", 6, 31.46), row("3 at most", "icon", 6, 33.5)]
+    at_most = (
+        "The first lobe is worth +10.0 dB; 2 at most instead of 1: 3.0 times the time, "
+        "+1.5 to +3.5 dB; 3 at most instead of 2: 1.0 times the time, 0.0 dB"
+    )
+    assert words(rows) == {"lobes": f"{at_most}."}
+    rows += [row("2 always", "own model", 9, 31.0), row("2 always", "icon", 9, 33.5)]
+    always = "2 always instead of at most: 1.5 times the time, -0.5 to 0.0 dB"
+    assert words(rows) == {"lobes": f"{at_most}; {always}."}
 
 
 def test_the_command(

@@ -117,6 +117,7 @@ def fit_lobes(
     ambient: bool,
     rounds: int,
     typical: bool,
+    sparing: bool,
     iterations: int,
     pyramid: bool,
     index: float,

@@ -32,7 +32,7 @@ pub(crate) struct LobeArrays<'py> {
 /// Every pixel's own lobes, from the maps of photometric stereo.
 #[pyfunction]
 #[pyo3(signature = (
-    stack, start, model, lobes, ambient, rounds, typical, iterations, pyramid, index, threads, progress
+    stack, start, model, lobes, ambient, rounds, typical, sparing, iterations, pyramid, index, threads, progress
 ))]
 #[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lobes")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
@@ -45,6 +45,7 @@ pub(crate) fn fit_lobes<'py>(
     ambient: bool,
     rounds: usize,
     typical: bool,
+    sparing: bool,
     iterations: usize,
     pyramid: bool,
     index: f64,
@@ -52,7 +53,7 @@ pub(crate) fn fit_lobes<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<LobeArrays<'py>> {
     let options =
-        LobeOptions { lobes, ambient, normal: true, rounds, typical, iterations, pyramid };
+        LobeOptions { lobes, ambient, normal: true, rounds, typical, sparing, iterations, pyramid };
     let call = Call { stack: &stack, start: &start, options, threads, progress: progress.as_ref() };
     with_model!(model, index, |model| call.fit(py, model)?)
         .map_err(|error| errors::to_python(py, &error))

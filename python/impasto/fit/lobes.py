@@ -103,8 +103,13 @@ def fit_lobes(
     progress: bool | ProgressCallback,
     effort: Effort = PRESETS["standard"],
     typical: bool = True,
+    sparing: bool = True,
 ) -> LobeSbrdf:
-    """Lobes of every pixel, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`."""
+    """Lobes of every pixel, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`.
+
+    Only here: ``typical=False`` asks no other pixel what is typical of the painting, and
+    ``sparing=False`` gives a pixel every lobe that lowers its cost, worth its unknowns or not.
+    """
     with reporting(progress, "lobes") as callback:
         found = _core.fit_lobes(
             StackArguments.of(stack),
@@ -114,6 +119,7 @@ def fit_lobes(
             ambient,
             effort.rounds,
             typical,
+            sparing,
             effort.iterations,
             effort.start == "pyramid",
             index,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 import impasto
 from impasto.effort import EffortLike
 from impasto.fit.forward import predict
+from impasto.fit.lobes import fit_lobes
 from impasto.fit.normals import Method, Normals
 from impasto.rig import Rig
 from impasto.stack import Stack
@@ -21,6 +22,21 @@ def sbrdf(stack: Stack, threads: int | None, **options: Any) -> Fitted:
     """Whatever :func:`impasto.fit_sbrdf` makes of the options."""
     fitted: Fitted = impasto.fit_sbrdf(stack, threads=threads, **options)
     return fitted
+
+
+def always(stack: Stack, threads: int | None, *, lobes: int) -> Fitted:
+    """So many lobes of pixels' own, worth their unknowns or not."""
+    stereo = impasto.fit_normals(stack, threads=threads)
+    return fit_lobes(
+        stack,
+        stereo,
+        lobes=lobes,
+        ambient=True,
+        index=1.45,
+        threads=threads,
+        progress=False,
+        sparing=False,
+    )
 
 
 @dataclass(frozen=True, eq=False)

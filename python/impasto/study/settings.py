@@ -148,6 +148,8 @@ def _lobes() -> Iterator[Setting]:
         name = f"{lobes} at most"
         yield _sbrdf("lobes", name, ONE_VIEW, **PER_PIXEL, lobes=lobes, number=lobes)
         yield _sbrdf("lobes", f"Lafortune, {name}", (VIEWS,), model="lafortune", lobes=lobes)
+        always = partial(fits.always, lobes=lobes)
+        yield Setting("lobes", f"{lobes} always", always, ONE_VIEW, number=lobes)
     yield _sbrdf("lobes", "2 at most, no ambient light", ONE_VIEW, **PER_PIXEL, ambient=False)
     for count, name in enumerate(("no lobe", "one lobe", "two lobes")):
         part = partial(parts.alike, lobes=count)

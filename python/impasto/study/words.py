@@ -210,16 +210,23 @@ def searches(rows: Sequence[Row]) -> str:
 
 def lobes(rows: Sequence[Row]) -> str:
     """What a further lobe is worth."""
-    at_most = {
-        n: {r["data"]: r for r in of_knob(rows, "lobes") if r["number"] == n and r["data"] != VIEWS}
-        for n in (0, 1, 2, 3)
-    }
+
+    def named(name: str) -> dict[str, Row]:
+        return {r["data"]: r for r in of_knob(rows, "lobes") if r["setting"] == name}
+
+    at_most = [named("none"), *(named(f"{n} at most") for n in (1, 2, 3))]
     lines = [
         f"{n} at most instead of {n - 1}: {_ratio(at_most[n], at_most[n - 1]):.1f} times the time, "
         f"{_span(_differences(at_most[n], at_most[n - 1], 'psnr'), 'dB')}"
         for n in (2, 3)
     ]
     matte = _differences(at_most[1], at_most[0], "psnr")
+    lines += [
+        f"{n} always instead of at most: {_ratio(always, at_most[n]):.1f} times the time, "
+        f"{_span(_differences(always, at_most[n], 'psnr'), 'dB')}"
+        for n in (1, 2, 3)
+        if (always := named(f"{n} always"))
+    ]
     return f"The first lobe is worth {_span(matte, 'dB')}; " + "; ".join(lines) + "."
 
 

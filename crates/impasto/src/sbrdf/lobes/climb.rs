@@ -57,7 +57,11 @@ impl<M: LobeModel> Fit<'_, M> {
             self.step_up(tile, &able, (&first, &before), lobes, trials);
             // A strength, and a shape that nothing else is known of.
             let known = self.prior.is_some_and(|prior| prior.knows(lobes));
-            let unknowns = if known { 1 } else { 1 + M::SHAPES };
+            let unknowns = match (self.options.sparing, known) {
+                (false, _) => 0,
+                (true, true) => 1,
+                (true, false) => 1 + M::SHAPES,
+            };
             for &pixel in &able {
                 let told = before[pixel].cost > tile.rounding[pixel];
                 let more = &tile.places[pixel];

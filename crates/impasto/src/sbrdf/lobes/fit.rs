@@ -36,6 +36,8 @@ pub struct LobeOptions {
     pub rounds: usize,
     /// Whether shapes are drawn towards what is typical of the painting.
     pub typical: bool,
+    /// Whether a lobe must be worth its unknowns (BIC); else it need only lower the cost.
+    pub sparing: bool,
     /// Steps of a search at most.
     pub iterations: usize,
     /// Whether most pixels start from what the pixels of a coarse grid found, and only those of the
