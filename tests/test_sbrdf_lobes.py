@@ -457,12 +457,15 @@ def test_a_pyramids_nodes_are_those_of_the_picture_whatever_the_tiles(scene: Any
 
 
 def test_a_fleck_of_gold_between_nodes_is_not_lost() -> None:
-    """Sheen all around, a narrow bright lobe in one pixel that is no node, turned by 20 degrees."""
+    """Sheen all around, a narrow bright lobe in one pixel that is no node, turned by 20 degrees.
+
+    One step from the sheen's width does not get there: it is the table that does.
+    """
     y, x = 6, 18
     t = truth()
     t["gold"] = np.zeros(SHAPE, np.bool_)
     t["gamma"] = np.full(SHAPE, 0.4)
-    t["specular"] = np.full((3, *SHAPE), 1.0)
+    t["specular"] = np.full((3, *SHAPE), 4.0)
     t["gamma"][y, x] = 0.1
     t["specular"][:, y, x] = (12.0, 8.0, 3.0)
     t["diffuse"][:, y, x] = 0.05
@@ -470,8 +473,10 @@ def test_a_fleck_of_gold_between_nodes_is_not_lost() -> None:
     clean = samples(t, impasto.Rig(lights()))
     noisy = clean + np.random.default_rng(12).normal(0.0, 0.002, clean.shape)
     stack = impasto.Stack(noisy.astype(np.float32), lights=lights())
-    found = apart(stack, start="pyramid")
-    assert found.lobes[y, x] >= 1
-    error = abs(np.log(found.gamma[0, y, x] / 0.1))
-    assert error < max(4.0 * found.gamma_sigma[0, y, x], 0.05)
+    found, thorough = (
+        apart(stack, start=start, iterations=1, rounds=0) for start in ("pyramid", "table")
+    )
+    for name in ("normal", "gamma", "specular", "lobes"):
+        of_pixel = [getattr(fit, name)[..., y, x] for fit in (found, thorough)]
+        np.testing.assert_array_equal(*of_pixel, err_msg=name)
     assert angle(found.normal, t["normal"])[y, x] < 0.5
