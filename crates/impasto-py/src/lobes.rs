@@ -34,7 +34,11 @@ pub(crate) struct LobeArrays<'py> {
 #[pyo3(signature = (
     stack, start, model, lobes, ambient, rounds, typical, sparing, iterations, pyramid, index, threads, progress
 ))]
-#[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lobes")]
+#[allow(
+    clippy::too_many_arguments,
+    clippy::fn_params_excessive_bools,
+    reason = "named by their one caller, impasto.fit.lobes"
+)]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
 pub(crate) fn fit_lobes<'py>(
     py: Python<'py>,
