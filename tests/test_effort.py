@@ -44,7 +44,7 @@ def test_every_number_of_an_effort_is_used(stack: impasto.Stack) -> None:
         "pixels": (Effort(pixels=64), {}),
         "rounds": (Effort(rounds=0), {"pooling": "pixel"}),
         "iterations": (Effort(iterations=1), {"pooling": "pixel"}),
-        "start": (Effort(start="pyramid"), {"pooling": "pixel"}),
+        "start": (Effort(start="table"), {"pooling": "pixel"}),
     }
     assert others.keys() == base.to_dict().keys()
     for name, (effort, options) in others.items():

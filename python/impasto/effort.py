@@ -55,8 +55,8 @@ class Effort:
     stereo: int = 5
     pixels: int = 1 << 16
     rounds: int = 2
-    iterations: int = 3
-    start: Origin = "table"
+    iterations: int = 4
+    start: Origin = "pyramid"
 
     def __post_init__(self) -> None:
         least = {"stereo": 0, "pixels": 1, "rounds": 0, "iterations": 1}
@@ -80,9 +80,9 @@ class Effort:
 EffortLike: TypeAlias = Effort | Preset
 
 PRESETS: dict[str, Effort] = {
-    "draft": Effort(pixels=1 << 12, rounds=0, iterations=2),
+    "draft": Effort(pixels=1 << 12, rounds=1, iterations=2),
     "standard": Effort(),
-    "reference": Effort(pixels=1 << 18, iterations=4),
+    "reference": Effort(pixels=1 << 18, iterations=10, start="table"),
 }
 """What ``impasto.study.presets.derived`` makes of the study that is recorded."""
 

@@ -115,7 +115,11 @@ def _all() -> Iterator[Setting]:
         yield Setting("peer", name, fit, ONE_VIEW)
     some = partial(parts.strided, stride=minpack.STRIDE)
     yield Setting("peer", minpack.NAME, minpack.fit, ONE_VIEW, part=some)
-    yield _sbrdf("sample", "ours, MINPACK's pixels", ONE_VIEW, **PER_PIXEL, part=some)
+    # What is so far apart is no picture: no pixel starts from what others found.
+    alone: dict[str, Any] = {**PER_PIXEL, "effort": PRESETS["reference"], "part": some}
+    yield _sbrdf("sample", "ours, MINPACK's pixels", ONE_VIEW, **alone)
+    one = "ours, one lobe, MINPACK's pixels"
+    yield _sbrdf("sample", one, ONE_VIEW, **alone, lobes=1, ambient=False)
 
 
 def _efforts() -> Iterator[Setting]:
