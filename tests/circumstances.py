@@ -92,8 +92,8 @@ def _lobes(capture: Any, **options: Any) -> Arrays:
     return arrays(impasto.fit_sbrdf(stack, pooling="pixel", **options))
 
 
-def _pyramid(capture: Any, **options: Any) -> Arrays:
-    return _lobes(capture, effort=impasto.Effort(start="pyramid"), **options)
+def _table(capture: Any, **options: Any) -> Arrays:
+    return _lobes(capture, effort=impasto.Effort(start="table"), **options)
 
 
 def _height(capture: Any, **options: Any) -> Arrays:
@@ -108,7 +108,7 @@ CALLS: dict[str, Callable[..., Arrays]] = {
     "fit_sbrdf": _sbrdf,
     "fit_sbrdf lafortune": _lafortune,
     "fit_sbrdf, pooling='pixel'": _lobes,
-    "fit_sbrdf, pooling='pixel', a pyramid": _pyramid,
+    "fit_sbrdf, pooling='pixel', a table": _table,
     "fit_reflectance": _reflectance,
     "integrate_normals": _height,
 }

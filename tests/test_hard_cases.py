@@ -85,7 +85,8 @@ def pooled(samples: Any, rig: Any, **options: Any) -> impasto.Sbrdf:
 
 
 def pixel(samples: Any, rig: Any, **options: Any) -> impasto.LobeSbrdf:
-    """Lobes of every pixel, without what is typical of the painting, which all pixels vote for."""
+    """Lobes of every pixel, without what is typical of the painting, which all pixels vote for, and
+    without asking others where to start."""
     stack = impasto.Stack(samples, lights=rig, **options)
     return fit_lobes(
         stack,
@@ -96,6 +97,7 @@ def pixel(samples: Any, rig: Any, **options: Any) -> impasto.LobeSbrdf:
         threads=2,
         progress=False,
         typical=False,
+        effort=impasto.Effort(start="table"),
     )
 
 

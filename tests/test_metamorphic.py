@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 import impasto
 from impasto import simulate
+from impasto.effort import Origin
 from impasto.fit.lobes import fit_lobes
 from impasto.fit.normals import METHODS
 from oracles import forward, lafortune_forward
@@ -107,8 +108,8 @@ def pixel(stack: impasto.Stack, **options: Any) -> Any:
     return impasto.fit_sbrdf(stack, pooling="pixel", lobes=1, **options)
 
 
-def apart(stack: impasto.Stack, threads: int = 1) -> Any:
-    """The same without what is typical of the painting."""
+def apart(stack: impasto.Stack, threads: int = 1, start: Origin = "table") -> Any:
+    """The same without what is typical of the painting, and without asking other pixels."""
     stereo = impasto.fit_normals(stack)
     options = {
         "ambient": True,
@@ -116,13 +117,14 @@ def apart(stack: impasto.Stack, threads: int = 1) -> Any:
         "threads": threads,
         "progress": False,
         "typical": False,
+        "effort": impasto.Effort(start=start),
     }
     return fit_lobes(stack, stereo, lobes=1, **options)  # type: ignore[arg-type]
 
 
-def pyramid(stack: impasto.Stack, **options: Any) -> Any:
-    effort = impasto.Effort(start="pyramid")
-    return impasto.fit_sbrdf(stack, pooling="pixel", lobes=1, effort=effort, **options)
+def pyramid(stack: impasto.Stack, threads: int = 1) -> Any:
+    """From what some pixels found."""
+    return apart(stack, threads, "pyramid")
 
 
 def lafortune(stack: impasto.Stack, **options: Any) -> Any:

@@ -31,10 +31,11 @@ FRONT = {
 
 
 def _row(rounds: int, iterations: int, seconds: float, error: float, flagged: float) -> Any:
+    effort = Effort(rounds=rounds, iterations=iterations, start="table")
     return {
         "knob": "effort",
-        "setting": f"{rounds} rounds, {iterations} steps",
-        "options": {"effort": Effort(rounds=rounds, iterations=iterations).to_dict()},
+        "setting": presets.grid_name(effort),
+        "options": {"effort": effort.to_dict()},
         "cost": {"cpu": seconds},
         "error": {
             "relative": error, "colour": error, "psnr": -20.0 * np.log10(error), "normal": None,
@@ -97,7 +98,7 @@ def test_presets_of_a_front_keep_their_promises() -> None:
 )
 def test_a_broken_promise_is_said(name: str, other: tuple[int, int], points: Any) -> None:
     rows = _rows(FRONT | points)
-    wrong = Effort(rounds=other[0], iterations=other[1])
+    wrong = Effort(rounds=other[0], iterations=other[1], start="table")
     found = presets.checked(rows, presets.derived(_rows()) | {name: wrong})
     assert [check.kept for check in found if check.preset == name] == [False]
 
@@ -127,13 +128,26 @@ def test_a_preset_starts_where_it_is_cheapest() -> None:
 
 def test_a_preset_that_was_not_measured_is_named() -> None:
     with pytest.raises(KeyError, match="standard"):
-        presets.checked(_rows(), PRESETS | {"standard": Effort(rounds=7)})
+        presets.checked(_rows(), presets.derived(_rows()) | {"standard": Effort(rounds=7)})
     assert presets.table(_rows({(0, 1): FRONT[0, 1]})) == []
 
 
 def test_what_is_explained() -> None:
-    said = presets.explained(_rows())
+    numbers = {
+        "draft": (20.0, (0.23, 0.19)),
+        "standard": (30.0, (0.2205, 0.182)),
+        "reference": (99.0, (0.22, 0.1815)),
+    }
+    rows = _rows()
+    for name, (seconds, errors) in numbers.items():
+        effort = PRESETS[name].to_dict()
+        some = {"setting": name, "options": {"effort": effort}, "cost": {"cpu": seconds}}
+        for row, error in zip(rows[:2], errors, strict=True):
+            told = {"relative": error, "colour": error, "psnr": -20.0 * np.log10(error)}
+            rows.append(row | some | {"error": row["error"] | told | {"flagged": 0.014}})
+    said = presets.explained(rows)
     assert "standard: Effort(" in said
+    assert said.count("(as it is)") >= 2
     assert said.count("kept: ") == 3
     assert "BROKEN" not in said
 

@@ -44,7 +44,7 @@ class Effort:
         every fourth pixel of every fourth row goes about it so; the others start from what leaves
         least of what those about them found, and search as thoroughly only where their fit is much
         worse. Rows and columns are counted from the picture's corner: a part of a picture may
-        find other lobes than the whole.
+        find other lobes than the whole. Pictures of fewer than 20 such pixels take the table.
 
     Raises
     ------

@@ -14,7 +14,7 @@ use crate::stack::Stack;
 use super::climb::{Ladder, Trials};
 use super::maps::{LobeMaps, MOST_LOBES, Sheet};
 use super::model::{LobeModel, MAX_SHAPES};
-use super::prior::Prior;
+use super::prior::{FEWEST, Prior};
 use super::pyramid::{Node, Pyramid};
 use super::search::Search;
 use super::seen::drop_unseen;
@@ -70,8 +70,10 @@ pub fn fit_lobes<M: LobeModel>(
     start.check(shape.pixels(), shape.bands)?;
     let sight = Sight::new(model, rig);
     let fit = Fit { stack, rig, start, sight: &sight, options, prior: None, pyramid: None, run };
-    let (pyramid, known) = if options.pyramid {
-        let (pyramid, places) = fit.nodes()?;
+    let grid = Pyramid::grid(shape.width, shape.height);
+    // Nodes tell what is typical, too: where they are too few to tell, none is asked.
+    let (pyramid, known) = if options.pyramid && (!options.typical || grid.len() >= FEWEST) {
+        let (pyramid, places) = fit.nodes(&grid)?;
         (Some(pyramid), places)
     } else if options.typical {
         (None, fit.sampled()?)
@@ -144,9 +146,7 @@ impl<M: LobeModel> Fit<'_, M> {
     }
 
     /// What the pixels of a coarse grid found, and where they stay.
-    fn nodes(&self) -> Result<(Pyramid, Vec<Place>)> {
-        let shape = self.stack.shape();
-        let grid = Pyramid::grid(shape.width, shape.height);
+    fn nodes(&self, grid: &[usize]) -> Result<(Pyramid, Vec<Place>)> {
         let found = self.run.map(
             grid.chunks(TILE).collect(),
             || Scratch::new(self.stack),
@@ -166,7 +166,7 @@ impl<M: LobeModel> Fit<'_, M> {
             },
         )?;
         let (nodes, places): (Vec<_>, Vec<_>) = found.into_iter().unzip();
-        Ok((Pyramid::new(shape.width, nodes.concat()), places.concat()))
+        Ok((Pyramid::new(self.stack.shape().width, nodes.concat()), places.concat()))
     }
 
     /// The pixels of a tile.

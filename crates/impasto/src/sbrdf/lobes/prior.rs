@@ -10,9 +10,9 @@ use super::maps::MOST_LOBES;
 use super::model::{LobeModel, MAX_SHAPES};
 use super::tile::Place;
 
-/// Pixels that must know a shape before it is typical of anything, and their share of all: some
-/// percent seem to have one lobe more than they have, by their noise.
-const FEWEST: usize = 20;
+/// Pixels that must know a shape before it is typical of anything.
+pub(super) const FEWEST: usize = 20;
+/// Their share of all: some percent seem to have one lobe more than they have, by their noise.
 const SHARE: f64 = 0.05;
 
 /// Shapes of pixels with so many lobes, lobe by lobe.
