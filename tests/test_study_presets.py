@@ -58,14 +58,14 @@ def _numbers(found: dict[str, Effort]) -> dict[str, tuple[int, int]]:
 
 def test_presets_are_picked_from_a_front() -> None:
     """By hand: of what flags little, 2 and 4 is best, 2 and 3 within 2 %, 2 and 2 is not; of what
-    is faster than that, time stops buying at 0 and 2."""
+    is faster than that and flags no more than one in twenty, 1 and 2 is better than all."""
     found = presets.derived(_rows())
-    assert _numbers(found) == {"draft": (0, 2), "standard": (2, 3), "reference": (2, 4)}
+    assert _numbers(found) == {"draft": (1, 2), "standard": (2, 3), "reference": (2, 4)}
     assert [effort.pixels for effort in found.values()] == list(presets.PIXELS.values())
 
 
 def test_a_draft_is_eight_times_faster_where_something_is() -> None:
-    fast = {(0, 4): (8.0, (0.5, 0.4), 0.5), (0, 6): (7.0, (0.6, 0.5), 0.5)}
+    fast = {(0, 4): (8.0, (0.5, 0.4), 0.03), (0, 6): (7.0, (0.6, 0.5), 0.03)}
     assert _numbers(presets.derived(_rows(FRONT | fast)))["draft"] == (0, 6)
     assert 7.0 <= 63.0 / presets.FASTER < 8.0
 

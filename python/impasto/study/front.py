@@ -19,6 +19,8 @@ NEAR_BEST = 1.02
 """``standard`` is the cheapest within two per cent of the best: less is seen by nobody."""
 FLAGGED = 0.01
 """Share of the pixels that ``standard`` and ``reference`` may flag beyond what they need not."""
+DOUBTED = 0.05
+"""The same of ``draft``: where every other pixel is in doubt, there is not much to look at."""
 DRAFT = 1 / 8
 """Share of the time of ``standard`` that ``draft`` may take, where anything keeps to it."""
 
@@ -123,15 +125,16 @@ def chosen(candidates: Sequence[Rung]) -> dict[str, Rung]:
 
     ``reference`` has the least error of those that flag at most one pixel in a hundred more than
     they need, ``standard`` is the cheapest of them whose error is within 2 % of that. ``draft`` is
-    the best of all that take at most an eighth of the time of ``standard``; where nothing is so
-    fast, the knee of what is faster. Among those that each is taken from no rung is both faster and
+    the best of all that take at most an eighth of the time of ``standard`` and flag at most one
+    pixel in twenty more than they need; where nothing is so fast, the knee of what is faster. Among those that each is taken from no rung is both faster and
     better.
     """
     least = min(rung.flagged for rung in candidates)
     line = _front([rung for rung in candidates if rung.flagged <= least + FLAGGED])
     reference = line[-1]
     standard = next(rung for rung in line if rung.error <= NEAR_BEST * reference.error)
-    line = [rung for rung in _front(candidates) if rung.seconds <= standard.seconds]
+    sure = [rung for rung in candidates if rung.flagged <= least + DOUBTED]
+    line = [rung for rung in _front(sure) if rung.seconds <= standard.seconds]
     fast = [rung for rung in line if rung.seconds <= DRAFT * standard.seconds]
     draft = fast[-1] if fast else line[knee([(rung.seconds, rung.error) for rung in line])]
     return {"draft": draft, "standard": standard, "reference": reference}
