@@ -81,6 +81,16 @@ pub(super) fn ln_series<R: Real>(square: R) -> R {
     tail
 }
 
+/// The power of two at a magnitude, and the same for any power of two of it. Neither it nor its
+/// reciprocal is subnormal: twice and half the range's ends are near enough.
+#[must_use]
+#[inline(always)]
+pub fn power_of_two(size: f32) -> f32 {
+    const EXPONENT: u32 = 0x7f80_0000;
+    const ONE: u32 = 1 << 23;
+    f32::from_bits((size.to_bits() & EXPONENT).clamp(ONE, EXPONENT - 2 * ONE))
+}
+
 /// `phi^2` from `e = |n - h|^2 / 2 = 1 - cos(phi)`, for angles up to about 1.3 rad.
 ///
 /// The series `sum 2 (2e)^k / (k^2 C(2k, k))` loses nothing near `phi = 0`, where `acos(n.h)` has

@@ -14,7 +14,7 @@ use crate::brdf::torrance_sparrow::{GAMMA_MAX, GAMMA_MIN, sharpness};
 use crate::error::{Error, Result};
 use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Reason, Rows, fit};
 use crate::maps::Status;
-use crate::math::elementary::{exp, exp_in_range};
+use crate::math::elementary::{exp, exp_in_range, power_of_two};
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Level, Real, Scalar};
 use crate::pixels::{Run, TILE, tiles};
@@ -228,7 +228,7 @@ impl Batch<f32, 2> for Tile<'_> {
             self.level.run(Prepare(self));
         }
         column.fill(self.stage.iter().map(|line| line[lane]));
-        [self.top[problem] * scale_of(self.size[problem]).recip(), self.start]
+        [self.top[problem] * power_of_two(self.size[problem]).recip(), self.start]
     }
 
     #[inline(always)]
@@ -282,15 +282,6 @@ impl Batch<f32, 2> for Tile<'_> {
     }
 }
 
-/// The power of two at a magnitude, and the same for any power of two of it. Neither it nor its
-/// reciprocal is subnormal: twice and half the range's ends are near enough.
-#[inline(always)]
-pub(super) fn scale_of(size: f32) -> f32 {
-    const EXPONENT: u32 = 0x7f80_0000;
-    const ONE: u32 = 1 << 23;
-    f32::from_bits((size.to_bits() & EXPONENT).clamp(ONE, EXPONENT - 2 * ONE))
-}
-
 /// Makes the pixels from `staged` on ready.
 struct Prepare<'t, 'a>(&'t mut Tile<'a>);
 
@@ -303,7 +294,7 @@ impl Kernel for Prepare<'_, '_> {
         let count = STAGE.min(used.len() - *staged);
         let mut scales = [0.0; STAGE];
         for (scale, &size) in scales.iter_mut().zip(&size[*staged..]) {
-            *scale = scale_of(size).recip();
+            *scale = power_of_two(size).recip();
         }
         let (samples, angles) = stage.split_at_mut(*observations);
         for (i, (sample, angle)) in samples.iter_mut().zip(angles).enumerate() {
@@ -388,7 +379,7 @@ impl Kernel for Finish<'_, '_> {
             let own = [of_beta[i] * variance, of_both[i] * variance * slope, spread];
             // One factor at a time: the square of a scale may leave the range that the variance,
             // far smaller, stays in.
-            let scale = scale_of(sizes[i]);
+            let scale = power_of_two(sizes[i]);
             let square = own[0] * scale * scale;
             let square = if own[0] > 0.0 { square.max(f32::MIN_POSITIVE) } else { square };
             let whole = [square, own[1] * scale, spread];

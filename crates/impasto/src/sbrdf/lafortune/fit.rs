@@ -8,10 +8,10 @@ use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::lm::Options;
 use crate::maps::Status;
+use crate::math::elementary::power_of_two;
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Level};
 use crate::pixels::Run;
-use crate::sbrdf::highlight::scale_of;
 use crate::sbrdf::tile::Start;
 use crate::stack::Stack;
 
@@ -290,7 +290,7 @@ impl Kernel for Read<'_> {
                 *size = if mean.is_finite() { size.max(mean.abs()) } else { *size };
             }
         }
-        scratch.scales.iter_mut().for_each(|size| *size = scale_of(*size));
+        scratch.scales.iter_mut().for_each(|size| *size = power_of_two(*size));
         for planes in [&mut scratch.samples, &mut scratch.means] {
             for plane in planes.chunks_exact_mut(TILE) {
                 for (sample, &scale) in plane.iter_mut().zip(&scratch.scales) {
