@@ -3,7 +3,7 @@
 Arrays are C-contiguous; shapes and units stand in the public functions that call these.
 """
 
-from typing import Any, TypedDict, final, type_check_only
+from typing import Any, Literal, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,7 +119,7 @@ def fit_lobes(
     typical: bool,
     sparing: bool,
     iterations: int,
-    pyramid: bool,
+    origin: Literal["table", "pyramid"],
     index: float,
     threads: int,
     progress: ProgressCallback | None,

@@ -35,9 +35,9 @@ class Effort:
         bent is searched for anew. 0: the search on the mean of the bands is all there is, and no
         sample is doubted.
     iterations
-        Steps at most of each of a pixel's searches (``pooling="pixel"``), at least 1. Few are
-        enough: what photographs hardly determine is better left near where it started. Ten
-        bring all but one pixel in a thousand to their end.
+        Steps at most of each of a pixel's searches (``pooling="pixel"``), at least 1. For
+        photographs few are enough: what they hardly determine is better left near where it
+        started. Normals gain from more; ten bring all but one pixel in a thousand to their end.
     start
         Where the searches for a pixel's lobes start (``pooling="pixel"``). ``"table"``: from some
         fixed widths, one search each, the best is kept; no pixel asks another. ``"pyramid"``: only

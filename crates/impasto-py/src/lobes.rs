@@ -3,7 +3,8 @@
 use numpy::{PyArray2, PyArray3, PyArray4};
 use pyo3::prelude::*;
 
-use impasto::sbrdf::{LobeModel, LobeOptions};
+use impasto::Error;
+use impasto::sbrdf::{LobeModel, LobeOptions, Origin};
 
 use crate::arrays::{Size, StackArguments, StartArguments};
 use crate::surface::with_model;
@@ -32,13 +33,9 @@ pub(crate) struct LobeArrays<'py> {
 /// Every pixel's own lobes, from the maps of photometric stereo.
 #[pyfunction]
 #[pyo3(signature = (
-    stack, start, model, lobes, ambient, rounds, typical, sparing, iterations, pyramid, index, threads, progress
+    stack, start, model, lobes, ambient, rounds, typical, sparing, iterations, origin, index, threads, progress
 ))]
-#[allow(
-    clippy::too_many_arguments,
-    clippy::fn_params_excessive_bools,
-    reason = "named by their one caller, impasto.fit.lobes"
-)]
+#[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lobes")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
 pub(crate) fn fit_lobes<'py>(
     py: Python<'py>,
@@ -51,13 +48,22 @@ pub(crate) fn fit_lobes<'py>(
     typical: bool,
     sparing: bool,
     iterations: usize,
-    pyramid: bool,
+    origin: &str,
     index: f64,
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<LobeArrays<'py>> {
+    let origin = match origin {
+        "table" => Origin::Table,
+        "pyramid" => Origin::Pyramid,
+        other => {
+            let problem = format!("expected \"table\" or \"pyramid\", found {other:?}");
+            return Err(errors::to_python(py, &Error::argument("start", problem)));
+        }
+    };
+    let normal = true;
     let options =
-        LobeOptions { lobes, ambient, normal: true, rounds, typical, sparing, iterations, pyramid };
+        LobeOptions { lobes, ambient, normal, rounds, typical, sparing, iterations, start: origin };
     let call = Call { stack: &stack, start: &start, options, threads, progress: progress.as_ref() };
     with_model!(model, index, |model| call.fit(py, model)?)
         .map_err(|error| errors::to_python(py, &error))

@@ -32,7 +32,7 @@ class LobeFit:
     status
         ``(...)`` uint8, see :class:`~impasto.Status`: ``FITTED``; ``EXACT`` (two samples);
         ``ILL_CONDITIONED`` (gamma at its bound of 5e-4 or 1.25 rad, its standard deviation
-        larger than itself, or no end of the search within 100 steps); ``DARK`` (no sample is
+        larger than itself, or a search that has not converged); ``DARK`` (no sample is
         positive, or no lobe helps to explain them);
         ``RANK_DEFICIENT`` (no sample tells the width, or all lie so far from the mirror's angle
         that no number holds the strength or its variance); ``TOO_FEW_SAMPLES``;

@@ -58,8 +58,8 @@ class LobeSbrdf(LobedSurface):
         ``(lobe, y, x)`` bool: whether the photographs ask for a strength per band (gold, bronzing);
         False where one strength serves all of them (varnish), or the pixel has no such lobe.
     converged
-        ``(y, x)`` bool: whether the pixel's last search ended by its own tests; False where its
-        iterations were used up, and where nothing is estimated.
+        ``(y, x)`` bool: whether the pixel's last search ended by its own tests; False where it
+        ran out of steps or stalled, and where nothing is estimated.
     index
         Index of refraction of the interface.
     """
@@ -121,7 +121,7 @@ def fit_lobes(
             typical,
             sparing,
             effort.iterations,
-            effort.start == "pyramid",
+            effort.start,
             index,
             thread_count(threads),
             callback,

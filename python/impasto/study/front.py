@@ -126,8 +126,8 @@ def chosen(candidates: Sequence[Rung]) -> dict[str, Rung]:
     ``reference`` has the least error of those that flag at most one pixel in a hundred more than
     they need, ``standard`` is the cheapest of them whose error is within 2 % of that. ``draft`` is
     the best of all that take at most an eighth of the time of ``standard`` and flag at most one
-    pixel in twenty more than they need; where nothing is so fast, the knee of what is faster. Among those that each is taken from no rung is both faster and
-    better.
+    pixel in twenty more than they need; where nothing is so fast, the knee of what is faster.
+    Among those that each is taken from no rung is both faster and better.
     """
     least = min(rung.flagged for rung in candidates)
     line = _front([rung for rung in candidates if rung.flagged <= least + FLAGGED])

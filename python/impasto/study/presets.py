@@ -91,7 +91,7 @@ def checked(rows: Iterable[Row], presets: Mapping[str, Effort] = PRESETS) -> lis
             _said(better, standard), not better,
         ),
         Check(
-            "reference", "within 1 % of the least error of any rounds and steps",
+            "reference", "within 1 % of the least error of any rounds, steps and start",
             f"{_above(reference.error, best.error)} {best.setting}; of held-out photographs alone "
             f"{_above(reference.shown, shown.shown)} {shown.setting}",
             reference.error <= BEST * best.error,

@@ -87,7 +87,13 @@ def preset_rows(rows: Sequence[Row]) -> list[tuple[str, Row]]:
         for name, preset in PRESETS.items():
             if presets.effort_of(row["options"], preset.pixels) == preset:
                 named.append((f"pixels' own, {name}", row))
-    return named
+    order = [*SETS, *(f"pixels' own, {name}" for name in PRESETS)]
+
+    def place(item: tuple[str, Row]) -> tuple[int, int]:
+        name, row = item
+        return order.index(row["data"]), order.index(name) if name in order else len(order)
+
+    return sorted(named, key=place)
 
 
 def unbeaten(rows: Sequence[Row]) -> list[Row]:

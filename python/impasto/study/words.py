@@ -170,9 +170,9 @@ def steps(rows: Sequence[Row]) -> str:
         return _span([100.0 * (b / a - 1.0) for a, b in pairs if a is not None], "%", 0)
 
     return (
-        f"With {rounds} rounds ten steps instead of two take {_ratio(many, few):.1f} times the "
-        f"time, and change the error of held-out photographs by {changed('relative')}, that of "
-        f"normals by {changed('normal')}."
+        f"From the table of widths and with {rounds} rounds ten steps instead of two take "
+        f"{_ratio(many, few):.1f} times the time, and change the error of held-out photographs by "
+        f"{changed('relative')}, that of normals by {changed('normal')}."
     )
 
 

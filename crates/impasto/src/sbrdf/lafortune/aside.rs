@@ -25,7 +25,7 @@ use super::sequence::{ROUGH, to};
 /// How many hands there may be.
 const HANDS: [usize; 4] = [11, 7, 5, 3];
 
-/// Photographs of a hand at least: three for each unknown.
+/// Photographs of a hand, on average at least: three for each unknown.
 const HAND: usize = 3 * PARAMETERS;
 
 /// An odd number without a pattern: that of the golden ratio.

@@ -290,7 +290,9 @@ impl Kernel for Read<'_> {
                 *size = if mean.is_finite() { size.max(mean.abs()) } else { *size };
             }
         }
-        scratch.scales.iter_mut().for_each(|size| *size = power_of_two(*size));
+        // No sample of a pixel tells its scale: it stays as it is.
+        let scale = |size: f32| if size > 0.0 { power_of_two(size) } else { 1.0 };
+        scratch.scales.iter_mut().for_each(|size| *size = scale(*size));
         for planes in [&mut scratch.samples, &mut scratch.means] {
             for plane in planes.chunks_exact_mut(TILE) {
                 for (sample, &scale) in plane.iter_mut().zip(&scratch.scales) {

@@ -98,6 +98,7 @@ impl<const N: usize> Batch<f64, N> for Lanes<'_, '_> {
         let (pixel, found) = (self.trust.pixels[i], &self.trust.found[i]);
         let spread = Spread::of(outcome, self.trust.data.count(pixel, &self.sights));
         let normal = spread.normal(outcome);
+        // Where a parameter of some lobe hides the normal's, what the search said of it stays.
         if normal.is_finite() {
             self.sheet.sigma[pixel] = normal;
         }

@@ -24,7 +24,7 @@ use super::tile::{Place, TILE, Tile};
 
 /// How the fit goes about it.
 #[derive(Clone, Copy, Debug)]
-#[allow(clippy::struct_excessive_bools, reason = "switches that know nothing of each other")]
+#[allow(clippy::struct_excessive_bools, reason = "each switches one thing")]
 pub struct LobeOptions {
     /// Lobes per pixel at most, up to [`MOST_LOBES`].
     pub lobes: usize,
@@ -40,9 +40,17 @@ pub struct LobeOptions {
     pub sparing: bool,
     /// Steps of a search at most.
     pub iterations: usize,
-    /// Whether most pixels start from what the pixels of a coarse grid found, and only those of the
-    /// grid from all shapes of a table.
-    pub pyramid: bool,
+    /// Where searches start.
+    pub start: Origin,
+}
+
+/// Where the searches for a pixel's lobes start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// From all shapes of the model's table.
+    Table,
+    /// From what the pixels of a coarse grid found, which start from the table.
+    Pyramid,
 }
 
 /// Lobes of every pixel, from the normals of photometric stereo.
@@ -70,15 +78,13 @@ pub fn fit_lobes<M: LobeModel>(
     start.check(shape.pixels(), shape.bands)?;
     let sight = Sight::new(model, rig);
     let fit = Fit { stack, rig, start, sight: &sight, options, prior: None, pyramid: None, run };
-    let grid = Pyramid::grid(shape.width, shape.height);
+    let nodes = if options.start == Origin::Pyramid { Some(fit.nodes()?) } else { None };
     // Nodes tell what is typical, too: where they are too few to tell, none is asked.
-    let (pyramid, known) = if options.pyramid && (!options.typical || grid.len() >= FEWEST) {
-        let (pyramid, places) = fit.nodes(&grid)?;
-        (Some(pyramid), places)
-    } else if options.typical {
-        (None, fit.sampled()?)
-    } else {
-        (None, Vec::new())
+    let nodes = nodes.filter(|(_, places)| !options.typical || places.len() >= FEWEST);
+    let (pyramid, known) = match nodes {
+        Some((pyramid, places)) => (Some(pyramid), places),
+        None if options.typical => (None, fit.sampled()?),
+        None => (None, Vec::new()),
     };
     let prior = options.typical.then(|| Prior::of_places(&sight.model, &known));
     let fit = Fit { prior: prior.as_ref(), pyramid: pyramid.as_ref(), ..fit };
@@ -98,7 +104,8 @@ pub fn fit_lobes<M: LobeModel>(
 /// Tiles that tell what is typical of a painting, at most.
 const SAMPLED: usize = 40;
 
-/// Pixels that are fitted twice, at most: first those that tell what is typical of a painting.
+/// Pixels that are fitted twice, at most, where searches start from a table: first those that tell
+/// what is typical of a painting.
 pub const TYPICAL_PIXELS: usize = SAMPLED * TILE;
 
 /// Share of the usual spread beyond which a shape's error says that the pixel's photographs and
@@ -146,7 +153,9 @@ impl<M: LobeModel> Fit<'_, M> {
     }
 
     /// What the pixels of a coarse grid found, and where they stay.
-    fn nodes(&self, grid: &[usize]) -> Result<(Pyramid, Vec<Place>)> {
+    fn nodes(&self) -> Result<(Pyramid, Vec<Place>)> {
+        let shape = self.stack.shape();
+        let grid = Pyramid::grid(shape.width, shape.height);
         let found = self.run.map(
             grid.chunks(TILE).collect(),
             || Scratch::new(self.stack),
@@ -166,7 +175,7 @@ impl<M: LobeModel> Fit<'_, M> {
             },
         )?;
         let (nodes, places): (Vec<_>, Vec<_>) = found.into_iter().unzip();
-        Ok((Pyramid::new(self.stack.shape().width, nodes.concat()), places.concat()))
+        Ok((Pyramid::new(shape.width, nodes.concat()), places.concat()))
     }
 
     /// The pixels of a tile.

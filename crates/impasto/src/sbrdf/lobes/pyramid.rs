@@ -93,7 +93,8 @@ impl<M: LobeModel> Fit<'_, M> {
             .iter()
             .copied()
             .filter(|&pixel| {
-                let worst = around[pixel].iter().map(|node| node.misfit).fold(0.0, f32::max);
+                // Less than rounding is no misfit.
+                let worst = around[pixel].iter().map(|node| node.misfit).fold(1.0, f32::max);
                 ladders[pixel].top().cost
                     > worst * tile.rounding[pixel] * self.accident(tile, pixel)
             })
