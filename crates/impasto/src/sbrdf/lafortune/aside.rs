@@ -68,18 +68,20 @@ impl Aside<'_> {
     pub(super) fn run(&mut self) -> Vec<Facing> {
         let every: Vec<_> = (0..self.fine.len()).collect();
         let mut shines = self.fit(&every, self.all(), self.options);
-        let mut suspects: Vec<_> =
-            every.into_iter().filter_map(|i| self.suspect(i, shines[i])).collect();
+        let going = |_: &usize| !(self.stopped)();
+        let mut suspects: Vec<_> = (every.into_iter().take_while(going))
+            .filter_map(|i| self.suspect(i, shines[i]))
+            .collect();
         let hands = self.deal(&mut suspects);
         // All that is gross to the best hand is set aside at first: the normal that the others tell
         // then tells highlights from the rest.
-        for suspect in &mut suspects {
+        for suspect in suspects.iter_mut().take_while(|_| !(self.stopped)()) {
             let best = self.best(suspect);
             suspect.aside = self.gross(suspect.i, &self.off(suspect.i, &best), suspect.limit);
         }
         self.refit(&mut suspects);
         let mut others = Vec::with_capacity(suspects.len());
-        for suspect in &mut suspects {
+        for suspect in suspects.iter_mut().take_while(|_| !(self.stopped)()) {
             let (i, best) = (suspect.i, self.best(suspect));
             suspect.limit = suspect.limit.min(limit(&self.off(i, suspect.last())));
             let gross = self.gross(i, &self.off(i, &best), suspect.limit);
@@ -93,7 +95,7 @@ impl Aside<'_> {
             others.push(Suspect { aside, shines: vec![shines[i]], ..*suspect });
         }
         self.refit(&mut others);
-        for (gross, odd) in suspects.into_iter().zip(others) {
+        for (gross, odd) in suspects.into_iter().zip(others).take_while(|_| !(self.stopped)()) {
             let i = odd.i;
             let mut cost = self.cost(i, &shines[i], odd.limit);
             // More hands than gross photographs, or no hand need be right.
@@ -143,7 +145,8 @@ impl Aside<'_> {
         for hand in 0..hands {
             let mut hold = self.all();
             hold.retain(|&photograph| self.number(photograph) % hands == hand);
-            for (suspect, shine) in suspects.iter_mut().zip(self.fit(&these, hold, &rough)) {
+            let said = suspects.iter_mut().zip(self.fit(&these, hold, &rough));
+            for (suspect, shine) in said.take_while(|_| !(self.stopped)()) {
                 suspect.limit = suspect.limit.min(limit(&self.off(suspect.i, &shine)));
                 suspect.shines.push(shine);
             }

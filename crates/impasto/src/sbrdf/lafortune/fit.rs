@@ -170,6 +170,9 @@ impl Fit<'_> {
         if self.sequence.turning {
             self.face(level, scratch, &mut fine, &mut sheet, stopped);
         }
+        if stopped() {
+            return;
+        }
         let data = scratch.luminance(self.rig);
         let (mut found, _) = self.sequence.fit(level, &data, &fine, stopped);
         let mut settle = Settle {
@@ -183,6 +186,10 @@ impl Fit<'_> {
             stopped,
         };
         settle.run(&mut found);
+        // Nobody reads what a cancelled call has found.
+        if stopped() {
+            return;
+        }
         let (data, turning) = (&scratch.luminance(self.rig), self.sequence.turning);
         Trust { data, turning, pixels: &fine, found: &found, stopped }.write(level, &mut sheet);
         scratch.leave_out(&fine);
