@@ -202,23 +202,34 @@ impl<R: Real, const N: usize> Search<R, N> {
 
     /// The state as plain numbers, for whoever takes lanes out.
     #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
     pub(super) fn outcomes(&self, covariance: bool) -> Outcomes<R::Scalar, N> {
-        let tiny = self.normal.cost.lt(R::splat(R::Scalar::MIN_POSITIVE));
-        let doubtful = self.reason.gt(R::zero()) & (tiny | self.damping.gt(R::one()));
-        Outcomes {
-            place: self.place.map(plain),
-            descent: self.normal.descent.map(plain),
-            matrix: self.normal.matrix.map(|row| row.map(plain)),
-            cost: plain(self.normal.cost),
+        let Normal { cost, descent, matrix } = &self.normal;
+        let zero = [R::Scalar::zero(); MAX_LANES];
+        let mut outcomes = Outcomes {
+            place: [zero; N],
+            descent: [zero; N],
+            matrix: [[zero; N]; N],
+            cost: plain(*cost),
             passes: plain(self.passes),
             reason: plain(self.reason),
-            doubts: doubtful.any().then(|| [self.first, self.damping].map(plain)),
+            first: plain(self.first),
+            damping: plain(self.damping),
             inverse: covariance.then(|| {
-                let own = Inverse::of(&self.normal.matrix);
+                let own = Inverse::of(matrix);
                 let doubts = own.deficient.map(|doubt| plain(R::keep(doubt, R::one())));
                 (own.matrix.map(|row| row.map(plain)), doubts)
             }),
+        };
+        // Loops, not `map`, which compilers leave as calls.
+        for i in 0..N {
+            self.place[i].store(&mut outcomes.place[i]);
+            descent[i].store(&mut outcomes.descent[i]);
+            for j in 0..=i {
+                matrix[i][j].store(&mut outcomes.matrix[i][j]);
+            }
         }
+        outcomes
     }
 }
 
@@ -238,8 +249,8 @@ pub(super) struct Outcomes<S, const N: usize> {
     cost: [S; MAX_LANES],
     passes: [S; MAX_LANES],
     pub(super) reason: [S; MAX_LANES],
-    /// Costs at the start and dampings, if any ending asks for a second look.
-    doubts: Option<[[S; MAX_LANES]; 2]>,
+    first: [S; MAX_LANES],
+    damping: [S; MAX_LANES],
     /// Inverse matrices, and 1 for every parameter in doubt.
     inverse: Option<(Matrices<S, N>, [[S; MAX_LANES]; N])>,
 }
@@ -266,11 +277,10 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
             }
         }
         let mut reason = Reason::of_code(self.reason[lane].to_f64());
-        if let Some([first, damping]) = &self.doubts
-            && reason.converged()
-        {
+        let tiny = self.cost[lane] < S::MIN_POSITIVE;
+        if (tiny || self.damping[lane] > S::one()) && reason.converged() {
             let ending = Ending { normal: &normal, parameters: &parameters, bounds, options };
-            reason = ending.doubt(first[lane], damping[lane]).unwrap_or(reason);
+            reason = ending.doubt(self.first[lane], self.damping[lane]).unwrap_or(reason);
         }
         if reason == Reason::NotFinite {
             // Nothing was taken: what the lane holds is another problem's.
