@@ -3,7 +3,7 @@
 use core::hint::black_box;
 use core::marker::PhantomData;
 
-use super::search::Search;
+use super::search::{Outcomes, Search};
 use super::{Bounds, Normal, Options, Outcome};
 use crate::math::lanes::{Element, Isa, MAX_LANES};
 use crate::math::{Kernel, Level, Real, Scalar};
@@ -164,12 +164,14 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
         let mut block = vec![S::default(); batch.rows() * width];
         let mut held: [Option<usize>; MAX_LANES] = [None; MAX_LANES];
         let mut search = Search::<S::Lanes<I>, N>::idle(options);
+        let mut outcomes = Outcomes::blank();
         let mut occupancy = Occupancy::default();
         loop {
             refill::<S, B, P, I, N>(
                 batch,
                 &mut problems,
                 &mut search,
+                &mut outcomes,
                 &mut block,
                 &mut held,
                 (bounds, options),
@@ -192,6 +194,7 @@ fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N
     batch: &mut B,
     problems: &mut P,
     search: &mut Search<S::Lanes<I>, N>,
+    outcomes: &mut Outcomes<S, N>,
     block: &mut [S],
     held: &mut [Option<usize>; MAX_LANES],
     (bounds, options): (&Bounds<S, N>, &Options),
@@ -200,7 +203,7 @@ fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N
     if !search.ended() {
         return;
     }
-    let outcomes = search.outcomes(B::COVARIANCE);
+    search.write(outcomes, B::COVARIANCE);
     let ended = |lane: usize| outcomes.reason[lane] > S::zero();
     let mut starts = [[S::zero(); MAX_LANES]; N];
     let mut fresh = [S::zero(); MAX_LANES];

@@ -1,6 +1,6 @@
 //! What a search is told, what it answers, and the search on plain numbers.
 
-use super::search::Search;
+use super::search::{Outcomes, Search};
 use super::{Normal, factor};
 use crate::math::{Mask, Real, Scalar};
 
@@ -235,5 +235,7 @@ pub fn minimise<S: Scalar, const N: usize>(
         search.judge(search.trial, &next, options);
         search.step(bounds, options);
     }
-    search.outcomes(false).lane(0, bounds, options)
+    let mut outcomes = Outcomes::blank();
+    search.write(&mut outcomes, false);
+    outcomes.lane(0, bounds, options)
 }

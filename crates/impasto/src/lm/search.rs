@@ -200,36 +200,29 @@ impl<R: Real, const N: usize> Search<R, N> {
         self.reason.gt(R::zero()).any()
     }
 
-    /// The state as plain numbers, for whoever takes lanes out.
+    /// Writes the state down as plain numbers, for whoever takes lanes out.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
-    pub(super) fn outcomes(&self, covariance: bool) -> Outcomes<R::Scalar, N> {
+    pub(super) fn write(&self, out: &mut Outcomes<R::Scalar, N>, covariance: bool) {
         let Normal { cost, descent, matrix } = &self.normal;
-        let zero = [R::Scalar::zero(); MAX_LANES];
-        let mut outcomes = Outcomes {
-            place: [zero; N],
-            descent: [zero; N],
-            matrix: [[zero; N]; N],
-            cost: plain(*cost),
-            passes: plain(self.passes),
-            reason: plain(self.reason),
-            first: plain(self.first),
-            damping: plain(self.damping),
-            inverse: covariance.then(|| {
-                let own = Inverse::of(matrix);
-                let doubts = own.deficient.map(|doubt| plain(R::keep(doubt, R::one())));
-                (own.matrix.map(|row| row.map(plain)), doubts)
-            }),
-        };
+        cost.store(&mut out.cost);
+        self.passes.store(&mut out.passes);
+        self.reason.store(&mut out.reason);
+        self.first.store(&mut out.first);
+        self.damping.store(&mut out.damping);
         // Loops, not `map`, which compilers leave as calls.
         for i in 0..N {
-            self.place[i].store(&mut outcomes.place[i]);
-            descent[i].store(&mut outcomes.descent[i]);
+            self.place[i].store(&mut out.place[i]);
+            descent[i].store(&mut out.descent[i]);
             for j in 0..=i {
-                matrix[i][j].store(&mut outcomes.matrix[i][j]);
+                matrix[i][j].store(&mut out.matrix[i][j]);
             }
         }
-        outcomes
+        if covariance {
+            let own = Inverse::of(matrix);
+            let doubts = own.deficient.map(|doubt| plain(R::keep(doubt, R::one())));
+            out.inverse = Some((own.matrix.map(|row| row.map(plain)), doubts));
+        }
     }
 }
 
@@ -258,6 +251,22 @@ pub(super) struct Outcomes<S, const N: usize> {
 type Matrices<S, const N: usize> = [[[S; MAX_LANES]; N]; N];
 
 impl<S: Scalar, const N: usize> Outcomes<S, N> {
+    /// Nothing written yet.
+    pub(super) fn blank() -> Self {
+        let zero = [S::zero(); MAX_LANES];
+        Self {
+            place: [zero; N],
+            descent: [zero; N],
+            matrix: [[zero; N]; N],
+            cost: zero,
+            passes: zero,
+            reason: zero,
+            first: zero,
+            damping: zero,
+            inverse: None,
+        }
+    }
+
     /// One lane's outcome.
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
     pub(super) fn lane(
