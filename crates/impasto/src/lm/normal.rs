@@ -1,5 +1,7 @@
 //! What one pass over the samples hands to the search.
 
+use core::array::from_fn;
+
 use crate::math::{Mask, Real, Scalar};
 
 /// Cost, gradient and Gauss-Newton matrix at one place.
@@ -16,6 +18,10 @@ pub struct Normal<R, const N: usize> {
 /// Samples whose derivatives wait for [`Normal::add_rows`]: as many as keep a tile of the matrix
 /// in registers busy while their rows stay in the first-level cache.
 pub const ROWS: usize = 8;
+
+/// Rows and columns of the matrix that are summed up together: 16 sums and what feeds them fit
+/// the registers.
+const TILE: usize = 4;
 
 impl<R: Real, const N: usize> Normal<R, N> {
     /// No residuals yet.
@@ -55,34 +61,47 @@ impl<R: Real, const N: usize> Normal<R, N> {
             }
             self.descent[i] = sum;
         }
-        // Tiles of 4 x 4 accumulators: 8 loads feed 16 products.
-        let mut top = 0;
-        while top < N {
-            let bottom = if top + 4 < N { top + 4 } else { N };
-            let mut left = 0;
-            while left < bottom {
-                let mut tile = [[R::zero(); 4]; 4];
-                for i in top..bottom {
-                    for j in left..(left + 4).min(i + 1) {
-                        tile[i - top][j - left] = self.matrix[i][j];
-                    }
-                }
-                for slope in slopes {
-                    for i in top..bottom {
-                        for j in left..(left + 4).min(i + 1) {
-                            tile[i - top][j - left] =
-                                slope[i].mul_add(slope[j], tile[i - top][j - left]);
-                        }
-                    }
-                }
-                for i in top..bottom {
-                    for j in left..(left + 4).min(i + 1) {
-                        self.matrix[i][j] = tile[i - top][j - left];
-                    }
-                }
-                left += 4;
+        for top in (0..N).step_by(TILE) {
+            match N - top {
+                1 => self.add_tiles::<1>(top, slopes),
+                2 => self.add_tiles::<2>(top, slopes),
+                3 => self.add_tiles::<3>(top, slopes),
+                _ => self.add_tiles::<TILE>(top, slopes),
             }
-            top += 4;
+        }
+    }
+
+    /// [`add_rows`](Self::add_rows) for `H` rows of the matrix from `top` on, tile by tile. All of a
+    /// tile's bounds are constants: compilers unroll it and keep its sums in registers, where 8
+    /// loads feed 16 products.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
+    fn add_tiles<const H: usize>(&mut self, top: usize, slopes: &[[R; N]; ROWS]) {
+        for left in (0..top).step_by(TILE) {
+            let mut tile: [[R; TILE]; H] = from_fn(|i| *window(&self.matrix[top + i], left));
+            for slope in slopes {
+                let (own, other): (&[R; H], &[R; TILE]) = (window(slope, top), window(slope, left));
+                for i in 0..H {
+                    for j in 0..TILE {
+                        tile[i][j] = own[i].mul_add(other[j], tile[i][j]);
+                    }
+                }
+            }
+            for (i, sums) in tile.iter().enumerate() {
+                self.matrix[top + i][left..left + TILE].copy_from_slice(sums);
+            }
+        }
+        let mut tile: [[R; H]; H] = from_fn(|i| *window(&self.matrix[top + i], top));
+        for slope in slopes {
+            let own: &[R; H] = window(slope, top);
+            for i in 0..H {
+                for j in 0..=i {
+                    tile[i][j] = own[i].mul_add(own[j], tile[i][j]);
+                }
+            }
+        }
+        for (i, sums) in tile.iter().enumerate() {
+            self.matrix[top + i][top..=top + i].copy_from_slice(&sums[..=i]);
         }
     }
 
@@ -154,4 +173,10 @@ impl<R: Real, const N: usize> Normal<R, N> {
             }
         }
     }
+}
+
+/// Some numbers in a row, from a place on.
+#[inline(always)]
+fn window<R, const N: usize, const W: usize>(row: &[R; N], from: usize) -> &[R; W] {
+    row[from..from + W].try_into().expect("a slice as long as it was cut")
 }
