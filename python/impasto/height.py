@@ -9,6 +9,7 @@ from impasto import _core
 from impasto.checks import length_mm
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, reporting, thread_count
+from impasto.waiting import floats
 
 
 def integrate_normals(
@@ -48,7 +49,7 @@ def integrate_normals(
     -----
     Lights that are off by a little bend the whole plane: only the fine relief is measured.
     """
-    array = np.ascontiguousarray(normal, dtype=np.float32)
+    array = floats(normal)
     if array.ndim != 3 or array.shape[0] != 3 or 0 in array.shape:
         raise ArgumentError(f"normal: expected shape (3, y, x), found {array.shape}")
     pitch = length_mm(pitch_mm, "pitch_mm")
@@ -89,7 +90,7 @@ def cast_shadows(
     ArgumentError, GeometryError
         A wrong shape, pitch or light; a light that is not in front of the painting.
     """
-    relief = np.ascontiguousarray(height, dtype=np.float32)
+    relief = floats(height)
     if relief.ndim != 2 or 0 in relief.shape:
         raise ArgumentError(f"height: expected shape (y, x), found {relief.shape}")
     pitch = length_mm(pitch_mm, "pitch_mm")

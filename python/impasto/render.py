@@ -20,6 +20,7 @@ from impasto.fit.surface import SurfaceArguments
 from impasto.height import integrate_normals
 from impasto.rig import PointLight, Rig
 from impasto.scene import Scene
+from impasto.waiting import floats
 
 CELLS = 2048
 """Cells of the tone curve's table; the numerics fix the number."""
@@ -232,7 +233,7 @@ def display_from_bands(
         ``(y, x, 3)``: the tone curve of ``fold.diffuse @ bands``, clipped to the display, within
         half an 8-bit code of exact arithmetic. NaN shows as 0.
     """
-    planes = np.ascontiguousarray(bands, dtype=np.float32)
+    planes = floats(bands)
     if planes.ndim != 3 or planes.shape[0] != fold.diffuse.shape[1]:
         raise ArgumentError(
             f"bands: expected ({fold.diffuse.shape[1]}, y, x), found shape {planes.shape}"
@@ -277,7 +278,7 @@ def _surface(sbrdf: Any, reflectance: Any, index: float | None) -> SurfaceArgume
 
 
 def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:
-    planes = np.ascontiguousarray(values, dtype=np.float32)
+    planes = floats(values)
     if planes.ndim != 3 or planes.shape[1:] != size:
         raise ArgumentError(
             f"reflectance: expected coefficients (k, {size[0]}, {size[1]}), found {planes.shape}"
@@ -296,7 +297,7 @@ def _relief(
         height = getattr(sbrdf, "height", None)
     if height is None:
         return integrate_normals(normal, pitch, threads=threads)
-    relief = np.ascontiguousarray(height, dtype=np.float32)
+    relief = floats(height)
     if relief.shape != normal.shape[1:]:
         raise ArgumentError(f"height: expected {normal.shape[1:]}, found shape {relief.shape}")
     return relief

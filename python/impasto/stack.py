@@ -14,6 +14,7 @@ from impasto.checks import numbers, unmasked
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.rig import Light, Rig
+from impasto.waiting import floats, wait_for
 
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float16, np.float32)
 """Sample types that are read in place and converted block by block."""
@@ -162,7 +163,10 @@ class Stack:
                 raise ArgumentError(f"indices: {index} is outside a stack of {count} observations")
         picked = [index % count for index in picked]
         run = picked == list(range(picked[0], picked[0] + len(picked)))
-        samples = self.samples[picked[0] : picked[0] + len(picked)] if run else self.samples[picked]
+        if run:
+            samples = self.samples[picked[0] : picked[0] + len(picked)]
+        else:
+            samples = wait_for(self.samples.take, picked, axis=0)
         return self._replace(
             samples=samples, rig=self.rig.take(picked), names=[self.names[i] for i in picked]
         )
@@ -209,7 +213,7 @@ def _samples(samples: ArrayLike, *, scaled: bool) -> tuple[NDArray[Any], float |
     array = array.astype(array.dtype.newbyteorder("="), copy=False)
     full = float(np.iinfo(array.dtype).max) if array.dtype in SAMPLE_INTEGERS else None
     if masked is not None:
-        array = np.where(masked, np.float32(np.nan), array.astype(np.float32))
+        array = wait_for(np.where, masked, np.float32(np.nan), floats(array))
     if array.ndim == 3:
         array = array[:, None]
     if array.ndim != 4:
@@ -226,8 +230,9 @@ def _samples(samples: ArrayLike, *, scaled: bool) -> tuple[NDArray[Any], float |
                 f"samples: integers of type {array.dtype} do not say which code is white; give "
                 "scale= (1 / full scale) and saturation=, or uint8, uint16 or floating point"
             )
-        array = array.astype(np.float32)
-    return np.ascontiguousarray(array), full
+        array = floats(array)
+    whole = array.flags.c_contiguous
+    return array if whole else wait_for(np.ascontiguousarray, array), full
 
 
 def _mask(mask: ArrayLike | None, shape: tuple[int, int]) -> NDArray[np.bool_] | None:

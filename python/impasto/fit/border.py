@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from impasto.errors import ArgumentError
 from impasto.rig import Rig
 from impasto.stack import Stack
+from impasto.waiting import floats
 
 if TYPE_CHECKING:
     from impasto.fit.normals import Normals
@@ -91,8 +92,8 @@ class StartArguments:
     def of(cls, stereo: Normals) -> StartArguments:
         """The maps, copied only where they are not contiguous."""
         return cls(
-            normal=np.ascontiguousarray(stereo.normal, dtype=np.float32),
-            diffuse=np.ascontiguousarray(stereo.albedo, dtype=np.float32),
+            normal=floats(stereo.normal),
+            diffuse=floats(stereo.albedo),
             status=np.ascontiguousarray(stereo.status, dtype=np.uint8),
         )
 

@@ -11,6 +11,7 @@ from impasto import _core
 from impasto.checks import unmasked
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, reporting, thread_count
+from impasto.waiting import floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,5 +126,5 @@ def _floats(values: ArrayLike, name: str) -> NDArray[np.float32]:
     if found.dtype.kind not in "fiu":
         raise ArgumentError(f"{name}: expected an array of real numbers, found {found.dtype}")
     with np.errstate(over="ignore"):
-        floats = np.ascontiguousarray(found, dtype=np.float32)
-    return floats if masked is None else np.where(masked, np.float32(np.nan), floats)
+        single = floats(found)
+    return single if masked is None else np.where(masked, np.float32(np.nan), single)

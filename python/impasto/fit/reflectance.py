@@ -19,6 +19,7 @@ from impasto.fit.noise import noise_of_diffuse
 from impasto.io.results import read_maps, write_maps
 from impasto.stack import Stack
 from impasto.training import TrainingSpectra, checked_training
+from impasto.waiting import floats, wait_for
 
 Estimator = Literal["root-polynomial", "wiener", "linear-model", "radial-basis"]
 
@@ -215,7 +216,7 @@ def fit_reflectance(
         raise ArgumentError(f"rank: expected a positive integer or None, found {rank!r}")
     noise_from = "given"
     if noise is None:
-        measured = None if stack is None else noise_of_diffuse(stack, diffuse, responses)
+        measured = None if stack is None else wait_for(noise_of_diffuse, stack, diffuse, responses)
         noise = DEFAULT_NOISE if measured is None else max(measured, NOISE_FLOOR)
         noise_from = "default" if measured is None else "stack"
     built = _core.spectral_estimator(
@@ -301,7 +302,7 @@ def _responses(
         array = source.albedo
     else:
         array, status = source, None
-    responses = np.ascontiguousarray(array, dtype=np.float32)
+    responses = floats(array)
     if responses.ndim != 3 or len(responses) != len(camera.bands) or responses.size == 0:
         raise ArgumentError(
             f"diffuse: expected ({len(camera.bands)}, y, x) for the camera's bands "

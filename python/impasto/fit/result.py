@@ -20,6 +20,7 @@ from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
 from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.status import Status
+from impasto.waiting import wait_for
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -257,5 +258,9 @@ def shared_fields(found: Mapping[str, Any], stack: Stack, stereo: Normals) -> di
 
 def median(plane: NDArray[Any]) -> float:
     """The median of the numbers of a map; NaN where there is none."""
-    known = plane[np.isfinite(plane)]
-    return float(np.median(known)) if known.size else float("nan")
+
+    def of_known() -> float:
+        known = plane[np.isfinite(plane)]
+        return float(np.median(known)) if known.size else float("nan")
+
+    return wait_for(of_known)

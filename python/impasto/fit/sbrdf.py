@@ -20,6 +20,7 @@ from impasto.fit.pooled import Extraction, Sbrdf, fit_pooled
 from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
 from impasto.io.results import RESULT, read_maps
 from impasto.stack import Stack
+from impasto.waiting import wait_for
 
 RESULTS = {kind.kind(): kind for kind in (Sbrdf, SegmentSbrdf, LobeSbrdf, LafortuneSbrdf)}
 """Every kind of result by what its files call it."""
@@ -222,7 +223,7 @@ def fit_sbrdf(
     effort = resolved(effort)
     labels = None
     if "segments" in options:
-        labels = checked_labels(options.pop("segments"), stack.shape[2:])
+        labels = wait_for(checked_labels, options.pop("segments"), stack.shape[2:])
     stereo = _stereo(stack, normals, effort, threads, progress)
     options |= {"effort": effort, "threads": threads, "progress": progress}
     if model == "lafortune":
@@ -258,4 +259,4 @@ def _stereo(
             f"normals: their albedo has the shape {normals.albedo.shape}, the stack needs "
             f"{(bands, height, width)}; fit them to this stack"
         )
-    return normals if stack.mask is None else normals.within(stack.mask)
+    return normals if stack.mask is None else wait_for(normals.within, stack.mask)

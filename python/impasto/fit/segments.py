@@ -20,6 +20,7 @@ from impasto.fit.saved import Reader, arrays_of, columns_of, over
 from impasto.fit.surface import SurfaceArguments
 from impasto.io.results import SavedMaps
 from impasto.status import Status
+from impasto.waiting import wait_for
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -216,21 +217,13 @@ def fit_segments(
         Maps and a lobe per segment.
     """
     painting = fit(stereo)
-    names = ("normal", "diffuse", "residual", "sigma", "misfit", "status")
-    maps = {name: getattr(painting, name).copy() for name in names}
-    maps["beta"] = np.full(labels.shape, painting.beta, dtype=np.float32)
-    maps["gamma"] = np.full(labels.shape, painting.gamma, dtype=np.float32)
+    maps = wait_for(_maps_of, painting)
     segments = []
-    for label in np.unique(labels[labels >= 0]):
-        inside = labels == label
-        segment, own = _one_segment(int(label), inside, stereo, painting, fit)
+    for label in wait_for(_known_labels, labels):
+        inside = wait_for(np.equal, labels, label)
+        segment, own = _one_segment(label, inside, stereo, painting, fit)
         segments.append(segment)
-        if own is None:
-            maps["status"][inside & (painting.status == Status.FITTED)] = Status.POOLED
-            continue
-        for name in names:
-            maps[name][..., inside] = getattr(own, name)[..., inside]
-        maps["beta"][inside], maps["gamma"][inside] = own.beta, own.gamma
+        wait_for(_put, maps, inside, own)
     return SegmentSbrdf(
         segments=tuple(segments),
         labels=labels,
@@ -242,6 +235,39 @@ def fit_segments(
     )
 
 
+def _maps_of(fitted: Sbrdf) -> dict[str, NDArray[Any]]:
+    """Copies of a fit's maps, and of its lobe as maps."""
+    names = ("normal", "diffuse", "residual", "sigma", "misfit", "status")
+    lobe = {
+        name: np.full_like(fitted.residual, getattr(fitted, name)) for name in ("beta", "gamma")
+    }
+    return {name: getattr(fitted, name).copy() for name in names} | lobe
+
+
+def _put(maps: dict[str, NDArray[Any]], inside: NDArray[np.bool_], own: Sbrdf | None) -> None:
+    """A segment's own fit into the maps; without one it has the painting's, and says so."""
+    if own is None:
+        fitted = inside & (maps["status"] == Status.FITTED)
+        np.copyto(maps["status"], np.uint8(Status.POOLED), where=fitted)
+        return
+    for name, whole in maps.items():
+        np.copyto(whole, getattr(own, name), where=inside)
+
+
+def _known_labels(labels: NDArray[np.int64]) -> list[int]:
+    """All labels of segments, in the order of their numbers."""
+    found: list[int] = np.unique(labels[labels >= 0]).tolist()
+    return found
+
+
+def _only(inside: NDArray[np.bool_], status: NDArray[np.uint8]) -> tuple[int, NDArray[np.uint8]]:
+    """How many pixels of a segment have a normal, and the statuses with all others masked."""
+    estimated = status < Status.DARK
+    # What was not estimated keeps its reason: maps outside the segment are not taken anyway.
+    others = np.where(estimated & ~inside, np.uint8(Status.MASKED), status)
+    return int(np.count_nonzero(inside & estimated)), others
+
+
 def _one_segment(
     label: int,
     inside: NDArray[np.bool_],
@@ -250,14 +276,11 @@ def _one_segment(
     fit: Callable[[Normals], Sbrdf],
 ) -> tuple[Segment, Sbrdf | None]:
     """A segment, and its fit if its pixels determine a lobe."""
-    pixels = int(np.count_nonzero(inside & (stereo.status < Status.DARK)))
+    pixels, status = wait_for(_only, inside, stereo.status)
     unknown = np.diag([np.inf, np.inf])
     if pixels < FEWEST:
         lobe = (painting.beta, painting.gamma)
         return Segment(label, pixels, *lobe, unknown, "too-few", own=False), None
-    # What was not estimated keeps its reason: maps outside the segment are not taken anyway.
-    outside = ~inside & (stereo.status < Status.DARK)
-    status = np.where(outside, np.uint8(Status.MASKED), stereo.status)
     fitted = fit(replace(stereo, status=status))
     deviations = np.sqrt(np.diag(fitted.covariance))
     own = fitted.verdict in ("fitted", "mixed") and bool((deviations < KNOWN).all())

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto.checks import refractive_index
 from impasto.errors import ArgumentError
+from impasto.waiting import floats
 
 Map: TypeAlias = NDArray[np.float32]
 LobeModel = Literal["torrance-sparrow", "lafortune"]
@@ -76,8 +77,8 @@ class SurfaceArguments:
         ``cxy``, ``cz`` and ``exponent``.
         """
         normal, diffuse = _ground(normal, diffuse)
-        numbers = {name: _floats(numbers) for name, numbers in shape.items()}
-        specular = _floats(specular)
+        numbers = {name: floats(numbers) for name, numbers in shape.items()}
+        specular = floats(specular)
         count = specular.shape[:1] or (0,)
         for name, map_, expected in (
             ("specular", specular, (*count, *diffuse.shape)),
@@ -89,7 +90,7 @@ class SurfaceArguments:
             LobeArguments(strength, tuple(planes))
             for strength, *planes in zip(specular, *numbers.values(), strict=True)
         )
-        constant = None if ambient is None else _floats(ambient)
+        constant = None if ambient is None else floats(ambient)
         if constant is not None and constant.shape != diffuse.shape:
             raise ArgumentError(f"ambient: expected {diffuse.shape}, found {constant.shape}")
         return cls(normal, diffuse, lobes, model, refractive_index(index), constant)
@@ -100,12 +101,8 @@ class SurfaceArguments:
         return self.ambient is not None or any(np.ndim(lobe.strength) == 3 for lobe in self.lobes)
 
 
-def _floats(values: ArrayLike) -> Map:
-    return np.ascontiguousarray(values, dtype=np.float32)
-
-
 def _ground(normal: ArrayLike, diffuse: ArrayLike) -> tuple[Map, Map]:
-    normals, colours = _floats(normal), _floats(diffuse)
+    normals, colours = floats(normal), floats(diffuse)
     if colours.ndim != 3 or 0 in colours.shape:
         raise ArgumentError(f"diffuse: expected (band, y, x), found shape {colours.shape}")
     expected = (3, *colours.shape[1:])
@@ -115,7 +112,7 @@ def _ground(normal: ArrayLike, diffuse: ArrayLike) -> tuple[Map, Map]:
 
 
 def _coats(values: ArrayLike, size: tuple[int, ...], name: str) -> list[float | Map]:
-    array = _floats(values) if np.ndim(values) else np.asarray(values, dtype=np.float32)
+    array = floats(values) if np.ndim(values) else np.asarray(values, dtype=np.float32)
     if array.ndim < 2:
         return [float(value) for value in array.reshape(-1)]
     coats = array.reshape(-1, *array.shape[-2:])

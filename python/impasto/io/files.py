@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from impasto.waiting import wait_for
+
 
 @contextmanager
 def as_problem_of(path: Path) -> Iterator[None]:
@@ -56,6 +58,6 @@ def atomic_bytes(path: str | Path, data: bytes) -> None:
 def _sync(path: Path, flags: int) -> None:
     handle = os.open(path, flags)
     try:
-        os.fsync(handle)
+        wait_for(os.fsync, handle)
     finally:
         os.close(handle)

@@ -31,6 +31,7 @@ from impasto.io.observations import Observations, find_observations
 from impasto.io.rigs import build_rig, listed_lights, without_falloff
 from impasto.rig import Rig
 from impasto.stack import Stack
+from impasto.waiting import wait_for
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +188,7 @@ def read_stack(
     if calibration.changes or curve.curve != "linear":
         samples = np.empty(codes.shape, np.float32)
         for index in range(len(codes)):
-            samples[index] = calibration.apply(codes[index], index)
+            samples[index] = wait_for(calibration.apply, codes[index], index)
         levels = calibration.stored_saturation()
     return Stack(
         samples,
@@ -221,7 +222,9 @@ def _codes(
     for index, files in enumerate(observations.files):
         band = 0
         for position, path in enumerate(files):
-            header, planes = load_image(path, layer=options.layer, max_pixels=options.max_pixels)
+            header, planes = wait_for(
+                load_image, path, layer=options.layer, max_pixels=options.max_pixels
+            )
             headers.append(header)
             if out is None and position == 0:
                 area = check_region(options.region, (header.height, header.width))

@@ -49,7 +49,7 @@ class SavedMaps:
         if wanted_type.kind == "U":
             return found
         array = np.ascontiguousarray(found, dtype=wanted_type).reshape(found.shape)
-        if wanted_type.kind == "u":
+        if wanted_type.kind == "u" and found.dtype != wanted_type:
             self.demand(name, np.array_equal(array, found), f"holds more than {dtype.__name__} can")
         return array
 

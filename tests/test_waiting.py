@@ -1,0 +1,110 @@
+"""Steps that Python cannot interrupt are left to themselves, not waited for."""
+
+from __future__ import annotations
+
+import _thread
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import impasto
+from circumstances import capture
+from impasto.waiting import floats, wait_for
+
+PATIENCE = 60.0
+"""Seconds that nothing here takes: after them a test fails instead of waiting for ever."""
+
+
+def test_ctrl_c_leaves_a_step_in_the_middle() -> None:
+    read, ended = threading.Event(), threading.Event()
+
+    def step() -> None:
+        assert threading.current_thread() is not threading.main_thread()
+        _thread.interrupt_main()
+        # Whoever waits for the step to end waits for himself.
+        assert read.wait(PATIENCE)
+        ended.set()
+
+    with pytest.raises(KeyboardInterrupt):
+        wait_for(step)
+    assert not ended.is_set()
+    read.set()
+    assert ended.wait(PATIENCE)
+
+
+@pytest.mark.parametrize("error", [ValueError("told"), TimeoutError("its own")])
+def test_what_a_step_raises_is_raised(error: Exception) -> None:
+    def step() -> None:
+        raise error
+
+    with pytest.raises(type(error)) as raised:
+        wait_for(step)
+    assert raised.value is error
+
+
+def test_a_step_returns_and_keeps_the_callers_numpy() -> None:
+    assert wait_for(divmod, 17, 5) == (3, 2)
+    with np.errstate(divide="raise"), pytest.raises(FloatingPointError):
+        wait_for(np.divide, 1.0, np.zeros(2))
+
+
+def test_where_no_signal_comes_a_step_needs_no_thread() -> None:
+    found: list[Any] = []
+    caller = threading.Thread(target=lambda: found.append(wait_for(threading.current_thread)))
+    caller.start()
+    caller.join()
+    assert found == [caller]
+
+
+def test_only_other_numbers_are_copied() -> None:
+    single = np.ones((3, 4), np.float32)
+    assert floats(single) is single
+    for other in (single.astype(np.float64), single.T, [[1, 2]]):
+        copy = floats(other)
+        assert copy.dtype == np.float32
+        assert copy.flags.c_contiguous
+        assert (copy == other).all()
+
+
+@pytest.fixture
+def waited(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The names of the steps that were waited for, as they are taken."""
+    names: list[str] = []
+
+    def noted(step: Any, *args: Any, **options: Any) -> Any:
+        names.append(step.__name__)
+        return wait_for(step, *args, **options)
+
+    for module in ("fit.segments", "fit.sbrdf", "fit.reflectance", "fit.result", "io.files"):
+        monkeypatch.setattr(f"impasto.{module}.wait_for", noted)
+    for module in ("io.reader", "stack", "waiting"):
+        monkeypatch.setattr(f"impasto.{module}.wait_for", noted)
+    return names
+
+
+def test_what_is_done_to_labels_and_maps_is_waited_for(waited: list[str]) -> None:
+    stack = capture((48, 64)).stack
+    height, width = stack.shape[2:]
+    labels = (np.arange(width) * 2 // width) * np.ones((height, 1), int)
+    found = impasto.fit_sbrdf(stack, pooling="segment", segments=labels, joint=False)
+    # What belongs to the whole, then to each of two segments.
+    once, each = ["checked_labels", "_maps_of", "_known_labels"], ["equal", "_only", "_put"]
+    assert waited == once + 2 * each
+    assert [segment.own for segment in found.segments].count(True) > 0
+
+
+def test_what_is_done_to_files_is_waited_for(waited: list[str], tmp_path: Path, data: Path) -> None:
+    stack = impasto.read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb", region=(0, 0, 8, 8))
+    count = len(stack.rig)
+    assert (waited.count("load_image"), waited.count("apply")) == (count, count)
+    waited.clear()
+    stack.take([0, 2, 5, 9])
+    stereo = impasto.fit_normals(impasto.Stack(stack.samples.astype(np.float64), lights=stack.rig))
+    assert waited == ["take", "ascontiguousarray"]
+    waited.clear()
+    impasto.fit_sbrdf(stack, normals=stereo, joint=False).save(tmp_path / "fit.npz")
+    # The file, then its name.
+    assert waited == ["fsync"] * (2 if (tmp_path / "fit.npz").is_file() else 0)
