@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import _thread
+import signal
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,15 @@ PATIENCE = 60.0
 """Seconds that nothing here takes: after them a test fails instead of waiting for ever."""
 
 
+@pytest.fixture
+def heard() -> Iterator[None]:
+    """Ctrl-C as Python has it; a shell's background job ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard")
 def test_ctrl_c_leaves_a_step_in_the_middle() -> None:
     read, ended = threading.Event(), threading.Event()
 
