@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 
 from impasto.effort import PRESETS, Effort
 from impasto.study import front, presets
+from impasto.study.settings import settings
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -150,6 +152,15 @@ def test_what_is_explained() -> None:
     assert said.count("(as it is)") >= 2
     assert said.count("kept: ") == 3
     assert "BROKEN" not in said
+
+
+def test_the_recorded_study_has_the_names_of_todays_settings() -> None:
+    """Words are looked up by them: "1 round, 30 steps", not "1 rounds"."""
+    text = (ROOT / "benches/results/study.json").read_text("utf-8")
+    names = {(setting.knob, setting.name) for setting in settings()}
+    assert {(row["knob"], row["setting"]) for row in json.loads(text)["rows"]} <= names
+    assert presets.grid_name(Effort(rounds=1, iterations=1)) == "1 round, 1 step, pyramid"
+    assert not re.search(r"\b1 (rounds|steps)\b", text)
 
 
 def test_the_recorded_study_keeps_every_promise() -> None:

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias, get_args
 
+from impasto.wording import counted
+
 Severity: TypeAlias = Literal["ok", "note", "warning", "error"]
 SEVERITIES: tuple[Severity, ...] = get_args(Severity)
 """From fine to fatal."""
@@ -151,11 +153,6 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         return f"<Diagnosis of {self.title}: {self.verdict}>"
-
-
-def counted(count: int, noun: str) -> str:
-    """``1 photograph``, ``2 photographs``."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def named(names: Sequence[str], indices: Sequence[int], limit: int = 4) -> str:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.doctor.diagnosis import Finding, counted, named
+from impasto.doctor.diagnosis import Finding, named
 from impasto.doctor.specimen import linear
 from impasto.stack import Stack
+from impasto.wording import counted
 
 Floats = NDArray[np.float64]
 

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.doctor.diagnosis import Finding, counted
+from impasto.doctor.diagnosis import Finding
 from impasto.doctor.lights import angles_between
 from impasto.doctor.specimen import Specimen
 from impasto.stack import Stack
+from impasto.wording import counted
 
 Floats = NDArray[np.float64]
 

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.doctor.diagnosis import Finding, counted
+from impasto.doctor.diagnosis import Finding
 from impasto.doctor.lights import elevation
 from impasto.doctor.specimen import Specimen
 from impasto.doctor.surface import fit_surface, shading
 from impasto.stack import Stack
+from impasto.wording import counted
 
 Floats = NDArray[np.float64]
 

@@ -9,6 +9,7 @@ from impasto.effort import Effort
 from impasto.study import minpack
 from impasto.study.front import ERROR, Row, knee
 from impasto.study.tables import SETS, fits_of, front_of, of_knob, points, preset_rows
+from impasto.wording import counted
 
 # Okabe and Ito 2008: told apart by colour-blind readers, and in grey by their lightness.
 BLUE, ORANGE, GREEN, BLACK, FAINT = "#0072b2", "#d55e00", "#009e73", "#202020", "#b8b8b8"
@@ -162,7 +163,7 @@ def steps(axes: Any, found: Row, data: str) -> None:
             by_rounds.setdefault(effort.rounds, []).append(row | {"number": effort.iterations})
     # One hue from light to dark: more rounds are more of the same.
     for shade, (rounds, some) in zip(SHADES, sorted(by_rounds.items()), strict=False):
-        label = f"{rounds} round{'s' * (rounds != 1)}"
+        label = counted(rounds, "round")
         _curve(axes, some, lambda row: 100.0 * row["error"][ERROR], "o-", shade, label)
     dress(axes, data, "steps of a search, at most", "error of relighting, %")
     logarithmic(axes)

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 
 from impasto.effort import PRESETS, Effort
 from impasto.study.front import Row, Rung, chosen, rungs
+from impasto.wording import counted
 
 PIXELS = {"draft": 1 << 12, "standard": 1 << 16, "reference": 1 << 18}
 """Sixty thousand pixels know the painting's beta and gamma to a thousandth, a sixteenth of them to
@@ -44,7 +45,7 @@ class Check:
 def grid_name(effort: Effort) -> str:
     """A place on the grid that presets are taken from."""
     start = "" if effort.start == "table" else f", {effort.start}"
-    return f"{effort.rounds} rounds, {effort.iterations} steps{start}"
+    return f"{counted(effort.rounds, 'round')}, {counted(effort.iterations, 'step')}{start}"
 
 
 def derived(rows: Iterable[Row]) -> dict[str, Effort]:

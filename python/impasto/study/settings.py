@@ -16,6 +16,7 @@ from impasto.study import choices, fits, minpack, parts, peers
 from impasto.study.measure import Fitted
 from impasto.study.presets import grid_name
 from impasto.study.specimens import Specimen
+from impasto.wording import counted
 
 Fit: TypeAlias = Callable[[Stack, int | None], Fitted]
 Prepare: TypeAlias = Callable[[Stack, int], Stack]
@@ -137,7 +138,7 @@ def _efforts() -> Iterator[Setting]:
         yield _sbrdf("pixels", f"{pixels} pixels", ONE_VIEW, effort=effort, number=pixels)
     for stereo in (0, 1, 2, 5, 10):
         fit = partial(fits.lambert, method="robust", effort=Effort(stereo=stereo))
-        yield Setting("stereo", f"{stereo} steps", fit, ONE_VIEW, number=stereo)
+        yield Setting("stereo", counted(stereo, "step"), fit, ONE_VIEW, number=stereo)
     for start, method in {"off": "least-squares", "on": "robust"}.items():
         for samples, rounds in {"off": 0, "on": 2}.items():
             name = f"stereo {start}, samples {samples}"

@@ -8,11 +8,12 @@ from typing import Any, get_args
 
 import numpy as np
 
-from impasto.effort import PRESETS, Origin
+from impasto.effort import PRESETS, Effort, Origin
 from impasto.study.choices import CHOICES
 from impasto.study.front import Row
 from impasto.study.presets import checked, grid_name
 from impasto.study.tables import SETS, of_knob, preset_rows, unbeaten
+from impasto.wording import counted
 
 VIEWS = "770 views"
 
@@ -161,8 +162,8 @@ def steps(rows: Sequence[Row]) -> str:
     """What more steps are worth, of photographs and of normals."""
     rounds = PRESETS["standard"].rounds
     few, many = (
-        {r["data"]: r for r in of_knob(rows, "effort") if r["setting"] == setting}
-        for setting in (f"{rounds} rounds, 2 steps", f"{rounds} rounds, 10 steps")
+        {r["data"]: r for r in of_knob(rows, "effort") if r["setting"] == grid_name(effort)}
+        for effort in (Effort(rounds=rounds, iterations=n, start="table") for n in (2, 10))
     )
 
     def changed(what: str) -> str:
@@ -170,9 +171,9 @@ def steps(rows: Sequence[Row]) -> str:
         return _span([100.0 * (b / a - 1.0) for a, b in pairs if a is not None], "%", 0)
 
     return (
-        f"From the table of widths and with {rounds} rounds ten steps instead of two take "
-        f"{_ratio(many, few):.1f} times the time, and change the error of held-out photographs by "
-        f"{changed('relative')}, that of normals by {changed('normal')}."
+        f"From the table of widths and with {counted(rounds, 'round')} ten steps instead of two "
+        f"take {_ratio(many, few):.1f} times the time, and change the error of held-out "
+        f"photographs by {changed('relative')}, that of normals by {changed('normal')}."
     )
 
 
