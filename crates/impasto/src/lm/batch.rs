@@ -1,11 +1,10 @@
 //! Many problems, one per lane; a lane that has finished takes the next.
 
-use core::hint::black_box;
 use core::marker::PhantomData;
 
 use super::search::{Outcomes, Search};
 use super::{Bounds, Normal, Options, Outcome};
-use crate::math::lanes::{Element, Isa, MAX_LANES};
+use crate::math::lanes::{Element, Isa, MAX_LANES, put};
 use crate::math::{Kernel, Level, Real, Scalar};
 
 /// Many problems of one kind.
@@ -81,8 +80,7 @@ impl<S: Scalar> Column<'_, S> {
     fn fill_rows<const WIDTH: usize>(&mut self, values: impl IntoIterator<Item = S>) {
         let rows = self.block.as_chunks_mut::<WIDTH>().0;
         for (row, value) in rows.iter_mut().zip(values) {
-            // One by one: compilers make gathers and scatters of it, which take three times as long.
-            row[self.lane % WIDTH] = black_box(value);
+            put(&mut row[self.lane % WIDTH], value);
         }
     }
 }

@@ -17,8 +17,6 @@ pub(super) struct Ending<'a, S, const N: usize> {
 impl<S: Scalar, const N: usize> Ending<'_, S, N> {
     /// Why the place is no minimum after all, if so; `first` is the start's cost, `damping` that of
     /// the step that would be next.
-    #[cold]
-    #[inline(never)]
     pub(super) fn doubt(&self, first: S, damping: S) -> Option<Reason> {
         if self.loses(first) {
             return Some(Reason::Underflow);

@@ -267,29 +267,19 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
         }
     }
 
-    /// One lane's outcome.
-    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
+    /// One lane's outcome. In line, as most callers read a part of it.
+    #[inline(always)]
     pub(super) fn lane(
         &self,
         lane: usize,
         bounds: &Bounds<S, N>,
         options: &Options,
     ) -> Outcome<S, N> {
-        let mut normal = Normal::zero();
-        let mut parameters = [S::zero(); N];
-        normal.cost = self.cost[lane];
-        for i in 0..N {
-            parameters[i] = self.place[i][lane];
-            normal.descent[i] = self.descent[i][lane];
-            for j in 0..=i {
-                normal.matrix[i][j] = self.matrix[i][j][lane];
-            }
-        }
+        let (parameters, mut normal) = self.at(lane);
         let mut reason = Reason::of_code(self.reason[lane].to_f64());
-        let tiny = self.cost[lane] < S::MIN_POSITIVE;
-        if (tiny || self.damping[lane] > S::one()) && reason.converged() {
-            let ending = Ending { normal: &normal, parameters: &parameters, bounds, options };
-            reason = ending.doubt(self.first[lane], self.damping[lane]).unwrap_or(reason);
+        let doubtful = normal.cost < S::MIN_POSITIVE || self.damping[lane] > S::one();
+        if doubtful && reason.converged() {
+            reason = self.second_look(lane, bounds, options).unwrap_or(reason);
         }
         if reason == Reason::NotFinite {
             // Nothing was taken: what the lane holds is another problem's.
@@ -307,5 +297,35 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
                 deficient: from_fn(|i| deficient[i][lane] > S::zero()),
             }),
         }
+    }
+
+    /// Where a lane stands, and the equations there.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
+    fn at(&self, lane: usize) -> ([S; N], Normal<S, N>) {
+        let mut normal = Normal { cost: self.cost[lane], ..Normal::zero() };
+        let mut parameters = [S::zero(); N];
+        for i in 0..N {
+            parameters[i] = self.place[i][lane];
+            normal.descent[i] = self.descent[i][lane];
+            for j in 0..=i {
+                normal.matrix[i][j] = self.matrix[i][j][lane];
+            }
+        }
+        (parameters, normal)
+    }
+
+    /// Why a lane's place is no minimum after all, if so.
+    #[cold]
+    #[inline(never)]
+    fn second_look(
+        &self,
+        lane: usize,
+        bounds: &Bounds<S, N>,
+        options: &Options,
+    ) -> Option<Reason> {
+        let (parameters, normal) = self.at(lane);
+        let ending = Ending { normal: &normal, parameters: &parameters, bounds, options };
+        ending.doubt(self.first[lane], self.damping[lane])
     }
 }
