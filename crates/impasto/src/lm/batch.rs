@@ -63,24 +63,37 @@ impl<S: Scalar> Column<'_, S> {
     /// Sets the numbers from the first row on.
     #[inline(always)]
     pub fn fill(&mut self, values: impl IntoIterator<Item = S>) {
+        self.fill_from(0, values);
+    }
+
+    /// Sets the numbers from a row on: several runs are quicker than a chain of iterators.
+    ///
+    /// # Panics
+    /// If the problem has no such row.
+    #[inline(always)]
+    pub fn fill_from(&mut self, row: usize, values: impl IntoIterator<Item = S>) {
+        let block = &mut self.block[row * self.width..];
         match self.width {
-            16 => self.fill_rows::<16>(values),
-            8 => self.fill_rows::<8>(values),
-            4 => self.fill_rows::<4>(values),
+            16 => Self::fill_rows::<16>(block, self.lane, values),
+            8 => Self::fill_rows::<8>(block, self.lane, values),
+            4 => Self::fill_rows::<4>(block, self.lane, values),
             width => {
-                for (row, value) in self.block.chunks_exact_mut(width).zip(values) {
+                for (row, value) in block.chunks_exact_mut(width).zip(values) {
                     row[self.lane] = value;
                 }
             }
         }
     }
 
-    /// [`fill`](Self::fill) where the compiler knows the width, and that the lane lies within.
+    /// [`fill_from`](Self::fill_from) where the compiler knows the width, and that the lane lies within.
     #[inline(always)]
-    fn fill_rows<const WIDTH: usize>(&mut self, values: impl IntoIterator<Item = S>) {
-        let rows = self.block.as_chunks_mut::<WIDTH>().0;
-        for (row, value) in rows.iter_mut().zip(values) {
-            put(&mut row[self.lane % WIDTH], value);
+    fn fill_rows<const WIDTH: usize>(
+        block: &mut [S],
+        lane: usize,
+        values: impl IntoIterator<Item = S>,
+    ) {
+        for (row, value) in block.as_chunks_mut::<WIDTH>().0.iter_mut().zip(values) {
+            put(&mut row[lane % WIDTH], value);
         }
     }
 }

@@ -318,12 +318,7 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
     /// Why a lane's place is no minimum after all, if so.
     #[cold]
     #[inline(never)]
-    fn second_look(
-        &self,
-        lane: usize,
-        bounds: &Bounds<S, N>,
-        options: &Options,
-    ) -> Option<Reason> {
+    fn second_look(&self, lane: usize, bounds: &Bounds<S, N>, options: &Options) -> Option<Reason> {
         let (parameters, normal) = self.at(lane);
         let ending = Ending { normal: &normal, parameters: &parameters, bounds, options };
         ending.doubt(self.first[lane], self.damping[lane])

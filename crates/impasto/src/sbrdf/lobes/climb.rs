@@ -67,7 +67,7 @@ impl<M: LobeModel> Fit<'_, M> {
                 let more = &tile.places[pixel];
                 if told
                     && better(more, &before[pixel], tile.usable[pixel], unknowns)
-                    && (0..lobes).all(|lobe| sees(self.sight, tile, pixel, lobe))
+                    && (0..lobes).all(|lobe| sees(self.sight, tile, pixel, lobe, self.run.level))
                 {
                     ladders[pixel].rungs[lobes] = *more;
                     ladders[pixel].lobes = lobes;

@@ -201,7 +201,7 @@ impl<M: LobeModel> Fit<'_, M> {
             }
             self.settle(tile, settled, true);
             self.refine(tile, &fine);
-            drop_unseen(self.sight, tile, &fine);
+            drop_unseen(self.sight, tile, &fine, self.run.level);
         }
         self.settle(tile, settled, false);
         for (place, &variance) in tile.places.iter_mut().zip(&settled.variance) {

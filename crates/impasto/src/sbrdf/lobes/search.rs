@@ -166,12 +166,13 @@ impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
 
     fn load(&mut self, pixel: usize, column: &mut Column<'_, f32>) -> [f32; N] {
         let Place { normal: [nx, ny, nz], shapes, cost, .. } = self.starts[pixel];
-        let planes = self.plate.planes() as f32;
+        let planes = self.plate.planes();
         // Residuals as they are now make the unit in which the typical shapes pull.
-        let trust = if cost.is_finite() { (cost / planes).sqrt() } else { 0.0 };
+        let trust = if cost.is_finite() { (cost / planes as f32).sqrt() } else { 0.0 };
         let rest = [nx, ny, nz, self.x[pixel], self.y[pixel], trust];
-        let weights = self.plate.weights_of(pixel);
-        column.fill(self.plate.column(pixel).chain(weights).chain(rest));
+        column.fill(self.plate.column(pixel));
+        column.fill_from(planes, self.plate.weights_of(pixel));
+        column.fill_from(2 * planes, rest);
         core::array::from_fn(|unknown| match unknown {
             0 | 1 => 0.0,
             _ => shapes[(unknown - 2) / M::SHAPES][(unknown - 2) % M::SHAPES],
@@ -187,26 +188,25 @@ impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
         let (normal, tilts) = tilted(Vec3::new(rest(0), rest(1), rest(2)), at[0], at[1]);
         let mut scratch = self.scratch.borrow_mut();
         self.look(&mut scratch, (rest(3), rest(4)), normal, tilts, &at);
-        let record = Self::RECORD;
-        let get = |photograph: usize, number: usize| -> R {
-            R::load(&scratch[(photograph * record + number) * R::WIDTH..])
-        };
+        let records = scratch.chunks_exact(Self::RECORD * R::WIDTH).take(self.sight.photographs());
+        let get = |record: &[f32], number: usize| R::load(&record[number * R::WIDTH..]);
         // Of a lobe's numbers the first is its value.
         let first =
             |column: usize| if column == 0 { 0 } else { 3 + (column - 1) * (3 + M::SHAPES) };
         let mut total = Normal::zero();
         for band in 0..bands {
             let mut sums = Sums::<R, K>::zero();
-            for photograph in 0..self.sight.photographs() {
+            for (photograph, record) in records.clone().enumerate() {
                 let plane = photograph * bands + band;
-                let columns = core::array::from_fn(|column| {
-                    if column == K - 1 { R::one() } else { get(photograph, first(column)) }
-                });
+                let mut columns = [R::one(); K];
+                for column in 0..=J {
+                    columns[column] = get(record, first(column));
+                }
                 sums.add(&columns, rows.get(planes + plane), rows.get(plane));
             }
             let colours = sums.solve(&self.barred);
-            let mut mixed = [[zero; N]; K];
-            for photograph in 0..self.sight.photographs() {
+            let mut mixed = [[zero; K]; N];
+            for (photograph, record) in records.clone().enumerate() {
                 let plane = photograph * bands + band;
                 let (sample, weight) = (rows.get(plane), rows.get(planes + plane));
                 let mut slope = [zero; N];
@@ -215,14 +215,14 @@ impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
                 for column in 0..=J {
                     let colour = colours.values[column];
                     let number = first(column);
-                    columns[column] = get(photograph, number);
+                    columns[column] = get(record, number);
                     residual = (-colour).mul_add(columns[column], residual);
-                    slope[0] = colour.mul_add(get(photograph, number + 1), slope[0]);
-                    slope[1] = colour.mul_add(get(photograph, number + 2), slope[1]);
+                    slope[0] = colour.mul_add(get(record, number + 1), slope[0]);
+                    slope[1] = colour.mul_add(get(record, number + 2), slope[1]);
                     if column > 0 {
                         for s in 0..M::SHAPES {
                             slope[2 + (column - 1) * M::SHAPES + s] =
-                                colour * get(photograph, number + 3 + s);
+                                colour * get(record, number + 3 + s);
                         }
                     }
                 }
@@ -235,16 +235,16 @@ impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
                         total.matrix[i][j] = heavy.mul_add(slope[j], total.matrix[i][j]);
                     }
                     for column in 0..K {
-                        mixed[column][i] = heavy.mul_add(columns[column], mixed[column][i]);
+                        mixed[i][column] = heavy.mul_add(columns[column], mixed[i][column]);
                     }
                 }
             }
             for i in 0..N {
-                let follow = colours.factor.solve(&core::array::from_fn(|column| mixed[column][i]));
+                let follow = colours.factor.solve(&mixed[i]);
                 for j in 0..=i {
                     for column in 0..K {
                         total.matrix[i][j] =
-                            (-mixed[column][j]).mul_add(follow[column], total.matrix[i][j]);
+                            (-mixed[j][column]).mul_add(follow[column], total.matrix[i][j]);
                     }
                 }
             }

@@ -83,10 +83,11 @@ impl Plate {
 
     /// One pixel's samples, clipped ones at their ceiling.
     pub(super) fn column(&self, pixel: usize) -> impl Iterator<Item = f32> {
-        let samples = self.samples[pixel..].iter().step_by(TILE);
-        samples
-            .zip(&self.ceilings)
-            .map(|(&s, &ceiling)| if s == f32::INFINITY { ceiling } else { s })
+        let light = move |(plane, &ceiling): (&[f32; TILE], &f32)| {
+            let sample = plane[pixel % TILE];
+            if sample == f32::INFINITY { ceiling } else { sample }
+        };
+        self.samples.as_chunks().0.iter().zip(&self.ceilings).map(light)
     }
 
     /// Some pixels' samples of one plane, clipped ones at their ceiling.
@@ -109,7 +110,7 @@ impl Plate {
 
     /// One pixel's weights.
     pub(super) fn weights_of(&self, pixel: usize) -> impl Iterator<Item = f32> {
-        self.weights[pixel..].iter().step_by(TILE).copied()
+        self.weights.as_chunks::<TILE>().0.iter().map(move |plane| plane[pixel % TILE])
     }
 }
 
