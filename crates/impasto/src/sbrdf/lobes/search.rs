@@ -12,7 +12,7 @@ use crate::math::{Level, Real, Vec3};
 use crate::sbrdf::pixel::tangents;
 
 use super::colours::Sums;
-use super::model::{LobeModel, Visit};
+use super::model::{LobeModel, MAX_SHAPES, Visit};
 use super::prior::Prior;
 use super::sight::Sight;
 use super::tile::{Place, Plate};
@@ -111,13 +111,13 @@ impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Lanes<'_, M, 
         at: &[R; N],
     ) {
         let zero = R::zero();
-        let lobes: [M::Lobe<R>; J] =
-            core::array::from_fn(|j| {
-                let shape = core::array::from_fn(|s| {
-                    if s < M::SHAPES { at[2 + j * M::SHAPES + s] } else { zero }
-                });
-                self.sight.model.lobe(shape)
-            });
+        // A loop: `from_fn` would call the model, and that its registers.
+        let mut lobes = [self.sight.model.lobe([zero; MAX_SHAPES]); J];
+        for (j, lobe) in lobes.iter_mut().enumerate() {
+            let mut shape = [zero; MAX_SHAPES];
+            shape[..M::SHAPES].copy_from_slice(&at[2 + j * M::SHAPES..][..M::SHAPES]);
+            *lobe = self.sight.model.lobe(shape);
+        }
         let records = scratch.chunks_exact_mut(Self::RECORD * R::WIDTH);
         for (photograph, out) in records.take(self.sight.photographs()).enumerate() {
             let (towards, irradiance, pair) = self.sight.at(photograph, x, y);
@@ -151,8 +151,11 @@ fn tilted<R: Real>(start: Vec3<R>, p: R, q: R) -> (Vec3<R>, [Vec3<R>; 2]) {
     let long = across.mul_add(p, along.mul_add(q, start));
     let shrink = long.length().recip();
     let normal = long.scale(shrink);
-    let slope = |axis: Vec3<R>| normal.mul_add(-normal.dot(axis), axis).scale(shrink);
-    (normal, [slope(across), slope(along)])
+    let slopes = [
+        normal.mul_add(-normal.dot(across), across).scale(shrink),
+        normal.mul_add(-normal.dot(along), along).scale(shrink),
+    ];
+    (normal, slopes)
 }
 
 impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
