@@ -18,9 +18,9 @@ def test_errors_that_are_asked_are_met(tmp_path: Path) -> None:
         row = suggestions.checked(stack)
         assert row["error met"], name
         assert row["error came"] <= 1.15 * row["error asked"]
-        # Fewer photographs, and pixels that lie apart, make a trial's error the larger: of the
-        # twenty-one that are recorded 2.3 times for one, no more than 1.6 times for the others.
-        assert 0.4 < row["error foretold"] < 1.15
+        # A trial has fewer photographs, which makes its error the larger: twice is too much, and
+        # what came where neighbours were held out together.
+        assert 0.5 < row["error foretold"] < 1.15
 
 
 def test_the_stacks_are_told_apart_and_the_same_every_time(tmp_path: Path) -> None:
