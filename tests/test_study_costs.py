@@ -1,19 +1,19 @@
-"""What a study says that fits cost: turns, halves, memory."""
+"""What a study says that fits cost: turns, a second run, memory."""
 
 from __future__ import annotations
 
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 import impasto
 from impasto import study
-from impasto.study import memory, record, specimens, sweep, words
-from impasto.study.measure import Cost
+from impasto.study import agreement, memory, record, specimens, sweep, turns, words, yardstick
+from impasto.study.turns import Turn
 
 SIZES = specimens.Sizes(painting=16, views=4, icon=16)
 BYTES = 200
@@ -25,54 +25,184 @@ def hungry(stack: impasto.Stack, threads: int | None) -> int:
     return int(np.ones((BYTES, *stack.shape[2:]), np.uint8).max())
 
 
-def test_fits_of_a_data_set_take_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first turn is slow, as on a machine that is busy: no ratio tells."""
-    asked: list[str] = []
-    speed = iter([*[3.0] * 3, *[1.0] * 3, *[1.1] * 3])
+class Busy:
+    """A yardstick on a machine whose speed is any; the fits themselves take what is said here."""
 
-    def timed(fit: Any, megapixels: float) -> Any:
-        seconds = next(speed)
-        return fit(), Cost(seconds, seconds)
+    seconds: ClassVar[dict[str, float]] = {}
+    noise = 0.0
 
-    monkeypatch.setattr(sweep, "timed", timed)
-    found = study.run(
-        tmp_path, quick=True, knobs=["stereo"], sizes=SIZES, repeats=3,
-        advance=lambda done, total, name: asked.append(f"{done}/{total} {name}"),
-    )  # fmt: skip
-    names = [row["setting"] for row in found["rows"]]
-    assert len(names) == 3
-    assert asked == [f"{i}/9 own model: {names[i % 3]}" for i in range(9)] + ["9/9 "]
-    assert [row["cost"] for row in found["rows"]] == [{"cpu": 1.0, "wall": 1.0}] * 3
-    assert [row["halves"] for row in found["rows"]] == [[1.1, 1.0]] * 3
+    def __init__(self, threads: int | None) -> None:
+        del threads
+        self.rng = np.random.default_rng(5)
+        self.turns: list[str] = []
+
+    def beside(self, fit: Any, megapixels: float) -> Any:
+        name = fit.__closure__[1].cell_contents.name
+        self.turns.append(name)
+        slow = float(np.exp(self.rng.normal(0.0, 0.5)))
+        ratio = slow * float(np.exp(self.rng.normal(0.0, self.noise)))
+        took = self.seconds.get(name, 1.0) * ratio
+        return fit(), Turn(took, took, 0.01 * slow, 0.01 * slow)
+
+
+def stereo(out: Path, repeats: int, **more: Any) -> dict[str, Any]:
+    """A study of three fits to one data set of the two that need no files."""
+    options = {"quick": True, "knobs": ["stereo"], "sizes": SIZES, "threads": 1} | more
+    return study.run(out, repeats=repeats, **options)
+
+
+def test_costs_are_ratios_to_what_is_timed_beside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half the speed or twice as much at any moment: no ratio tells, and one turn is enough."""
+    monkeypatch.setattr(sweep, "Yardstick", Busy)
+    monkeypatch.setattr(Busy, "seconds", {"0 steps": 1.0, "2 steps": 3.0, "10 steps": 7.0})
+    found = stereo(tmp_path, 3)
+    costs = {row["setting"]: row["cost"] for row in found["rows"]}
+    assert costs.keys() == Busy.seconds.keys()
+    for kind in ("cpu", "wall"):
+        least = costs["0 steps"][kind]
+        # Exponentials of means of logarithms: a few roundings.
+        assert costs["2 steps"][kind] / least == pytest.approx(3.0, rel=1e-12)
+        assert costs["10 steps"][kind] / least == pytest.approx(7.0, rel=1e-12)
+        # A hundred yardsticks to the second, whose seconds are those of the median.
+        assert least == pytest.approx(100.0 * found["run"]["yardstick"][kind], rel=1e-12)
+    assert [row["turns"] for row in found["rows"]] == [3] * 3
+    assert found["run"]["yardstick"]["turns"] == 9
     # What is read again from the file is the same.
-    assert record.Journal(tmp_path).found()["rows"] == found["rows"]
+    assert record.Journal(tmp_path).found() == found
+
+
+def test_turns_go_on_until_a_cost_is_sure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sweep, "Yardstick", Busy)
+    monkeypatch.setattr(Busy, "noise", 0.05)
+    rows = stereo(tmp_path / "some", 8)["rows"]
+    for row in rows:
+        assert row["doubt"] <= turns.SURE
+        assert abs(np.log(row["cost"]["cpu"] / rows[0]["cost"]["cpu"])) < 5.0 * turns.SURE
+    # The error of a mean of half of n falls with the root of 0.84 n, for a normal law: of 19 turns
+    # it is SURE on the average, by luck of fewer; all three of 8 would be too much of it.
+    assert max(row["turns"] for row in rows) > 8
+    monkeypatch.setattr(Busy, "noise", 0.5)
+    assert [row["turns"] for row in stereo(tmp_path / "all", 8)["rows"]] == [32] * 3
+    # One turn tells nothing of the next.
+    assert [row["turns"] for row in stereo(tmp_path / "one", 1)["rows"]] == [1] * 3
+
+
+def test_fits_take_turns_each_in_another_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(sweep, "Yardstick", Busy)
+    stereo(tmp_path, 6, advance=lambda done, total, name: asked.append(f"{done}/{total} {name}"))
+    names = [words.rpartition(": ")[2] for words in asked[:-1]]
+    assert [words.split()[0] for words in asked] == [f"{i}/18" for i in range(19)]
+    by_turn = [names[place : place + 3] for place in range(0, 18, 3)]
+    assert all(sorted(turn) == sorted(by_turn[0]) for turn in by_turn)
+    assert len({tuple(turn) for turn in by_turn}) > 1
+
+
+@pytest.mark.parametrize("slow", [0.0, 0.1])
+def test_the_error_of_a_cost_is_what_it_says(slow: float) -> None:
+    """A thousand costs, some of whose turns are twice as slow: they scatter as is foretold."""
+    rng = np.random.default_rng(8)
+    found = []
+    for _ in range(1000):
+        logs = rng.normal(0.0, 0.05, 16) + np.log(2.0) * (rng.random(16) < slow)
+        found.append(turns.pace([Turn(float(np.exp(v)), 1.0, 1.0, 1.0) for v in logs], "cpu"))
+    paces, doubts = np.array(found).T
+    # From sixteen turns, half of which count, a deviation is known to 1 / sqrt(2 * 8), a quarter;
+    # the mean of a thousand squares is not, but sets that are slow by more than a quarter, one in
+    # sixty, rule it.
+    assert np.log(paces).std() == pytest.approx(np.sqrt((doubts**2).mean()), rel=0.2)
+    # A tenth that is slow moves the middle half by what shifts its edges, a tenth of a probability
+    # over the law's height, 0.2 deviations, a little more for those sets; the mean of all by 0.07.
+    assert abs(np.log(paces).mean()) < 0.016
+
+
+def test_the_yardstick_is_timed_before_and_after(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clock that is told what everything takes."""
+    now = [0.0]
+
+    def take(seconds: float) -> None:
+        now[0] += seconds
+
+    monkeypatch.setattr(yardstick.impasto, "fit_sbrdf", lambda *_, **__: take(pace[0]))
+    monkeypatch.setattr(yardstick.time, "process_time", lambda: now[0])
+    monkeypatch.setattr(yardstick.time, "perf_counter", lambda: 2.0 * now[0])
+    pace = [1.0]
+    stick = yardstick.Yardstick(1)
+
+    def fit() -> str:
+        take(0.015)
+        pace[0] = 3.0
+        return "found"
+
+    result, turn = stick.beside(fit, 0.5)
+    assert result == "found"
+    # Three runs of 15 ms are the first to take 40 ms.
+    assert now[0] == pytest.approx(1.0 + 1.0 + 0.045 + 3.0)
+    assert turn.cpu == pytest.approx(0.03)
+    assert turn.wall == pytest.approx(0.06)
+    assert (turn.yard_cpu, turn.yard_wall) == pytest.approx((2.0, 4.0))
 
 
 def test_turns_that_are_missing_are_taken(tmp_path: Path) -> None:
-    def run() -> dict[str, Any]:
-        return study.run(tmp_path, quick=True, knobs=["stereo"], sizes=SIZES, repeats=2)
-
-    first = run()
+    first = stereo(tmp_path, 2)
     journal = tmp_path / record.RUNS
-    whole = journal.read_text("utf-8")
-    journal.write_text("\n".join(whole.splitlines()[:-2]) + "\n", encoding="utf-8")
-    again = run()
-    assert len(journal.read_text("utf-8").splitlines()) == len(whole.splitlines())
+    whole = journal.read_text("utf-8").splitlines()
+    journal.write_text("\n".join(whole[:4]) + "\n", encoding="utf-8")
+    again = stereo(tmp_path, 2)
+    assert journal.read_text("utf-8").splitlines()[:4] == whole[:4]
     for one, other in zip(first["rows"], again["rows"], strict=True):
         assert one["error"] == other["error"]
-        assert one["halves"][0] == other["halves"][0]
-    assert first["rows"][0] == again["rows"][0]
-    assert first["rows"][-1]["halves"][1] != again["rows"][-1]["halves"][1]
+        assert other["turns"] >= 2
 
 
-def test_halves_are_compared_in_proportion() -> None:
-    """Twice as slow in one half is no difference; a fifth more of one fit of three is."""
-    rows = [{"halves": halves} for halves in ([2.0, 1.0], [4.0, 2.0], [2.4, 1.0])]
+# --- a second run
+
+
+def costing(*costs: float, data: str = "icon") -> list[dict[str, Any]]:
+    return [
+        {
+            "data": data, "knob": "stereo", "setting": f"{place}", "cost": {"cpu": cost},
+            "error": {"psnr": 30.0 + place}, "doubt": 0.01, "turns": 8 + place,
+        }
+        for place, cost in enumerate(costs)
+    ]  # fmt: skip
+
+
+def test_two_runs_are_compared_in_proportion() -> None:
+    """Twice as slow is no difference; a fifth more of one fit of three is."""
+    info = dict.fromkeys((*record.TERMS, *record.CLOCKS), "same")
+    first = {"run": info, "rows": costing(2.0, 4.0, 2.0)}
+    second = {"run": info, "rows": costing(4.0, 8.0, 4.8)}
+    rows = agreement.beside(first, second)
+    alone, pairs = agreement.apart(rows)
+    assert alone == pytest.approx([0.0, 0.0, 0.2])
+    assert pairs == pytest.approx([0.0, 0.2, 0.2])
+    assert not agreement.kept(rows)
     assert words.again(rows) == (
-        "Of 3 fits, timed in every other turn and in those between, 67 % agree within a tenth in "
-        "proportion to the others, half of them within 0.0 %; the largest difference is 20 %. "
-        "Errors are the same, bit for bit."
+        "A second run, in a process of its own, finds the errors of 3 of 3 fits the same bit for "
+        "bit, and of their costs, in proportion to all others, 2 of 3 within a tenth: half of them "
+        "within 0.0 %, the farthest 20 %. Of the 3 ratios of any two fits of a data set 33.3 % are "
+        "within a tenth. Either run thinks its costs known to 1.0 % (standard error, the median; "
+        "1.0 % at most), after 8 to 10 turns."
     )
+    close = {"run": info, "rows": costing(4.0, 8.0, 4.2)}
+    assert agreement.kept(agreement.beside(first, close))
+    close["rows"][1]["error"]["psnr"] = float(np.nextafter(31.0, 32.0))
+    assert not agreement.kept(agreement.beside(first, close))
+    # A fit that the second run has not is no agreement.
+    assert not agreement.kept(agreement.beside(first, {"run": info, "rows": close["rows"][:1]}))
+
+
+@pytest.mark.parametrize("term", ["commit", "seed", "threads", "processor"])
+def test_runs_of_two_studies_are_not_compared(term: str) -> None:
+    info = dict.fromkeys((*record.TERMS, *record.CLOCKS), "same")
+    first = {"run": info, "rows": costing(1.0)}
+    with pytest.raises(impasto.ArgumentError, match=f"another study \\({term} 'other'"):
+        agreement.beside(first, {"run": info | {term: "other"}, "rows": costing(1.0)})
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="where /proc tells of memory")

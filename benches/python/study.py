@@ -1,9 +1,11 @@
 """The study of time against accuracy, recorded for the documentation.
 
-    python benches/python/study.py [--data DIR] [--out DIR] [--redraw | --presets]
+    python benches/python/study.py [--data DIR] [--out DIR] [--again | --redraw | --presets]
 
 Runs ``impasto study`` (it goes on where it was interrupted), records benches/results/study.json,
 draws the figures of docs/accuracy-and-time.md into docs/_static and sets that page's tables.
+``--again`` runs the same study a second time, in a folder of its own, and records beside every row
+what that run says of it; it exits with 1 where the two do not agree.
 ``--redraw`` runs nothing: it draws and sets them anew from the rows that are recorded.
 ``--presets`` runs nothing: it says which presets the recorded study calls for, what those of
 python/impasto/effort.py are, and whether they keep what they promise; it exits with 1 where they
@@ -22,19 +24,20 @@ import kernel_figures
 from pages import set_tables
 from record import RESULTS, ROOT, data_folder, write
 
-from impasto.study import presets, run
+from impasto.study import agreement, presets, run
 from impasto.study.figures import draw
 from impasto.study.tables import tables
 from impasto.study.words import words
 
 REPEATS = 8
-"""Turns in which every fit is timed: ratios of the least are to be those of the next run."""
+"""Turns of every fit at least: so many tell how sure its cost is."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--data", type=Path, default=data_folder())
     parser.add_argument("--out", type=Path, default=ROOT / "study", help="where runs are kept")
+    parser.add_argument("--again", action="store_true", help="a second run, beside the recorded")
     parser.add_argument("--redraw", action="store_true", help="run nothing: the record, as it is")
     parser.add_argument("--presets", action="store_true", help="run nothing: say and check them")
     options = parser.parse_args()
@@ -49,7 +52,11 @@ def main() -> None:
     if options.redraw:
         found = _recorded()
     else:
-        found = run(options.out, data=options.data, repeats=REPEATS, advance=advance)
+        folder = options.out / "again" if options.again else options.out
+        found = run(folder, data=options.data, repeats=REPEATS, advance=advance)
+    if options.again:
+        recorded = _recorded()
+        found = recorded | {"rows": agreement.beside(recorded, found)}
     found["run"] = {"command": "python benches/python/study.py"} | found["run"]
     rows = found["rows"]
     write("study.json", found | tables(rows) | {"words": words(rows)})
@@ -57,6 +64,9 @@ def main() -> None:
     for path in draw(found, static, prefix="study-") + kernel_figures.draw(static):
         print(path.relative_to(ROOT))
     set_tables(ROOT / "docs" / "accuracy-and-time.md")
+    if options.again:
+        print(words(rows)["again"])
+        sys.exit(not agreement.kept(rows))
 
 
 def _recorded() -> dict[str, Any]:

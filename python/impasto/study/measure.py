@@ -1,12 +1,9 @@
-"""What a fit costs, and how far it is from photographs and normals that it did not see."""
+"""How far a fit is from photographs and normals that it did not see."""
 
 from __future__ import annotations
 
-import math
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +16,6 @@ from impasto.simulate.score import normal_error
 from impasto.status import Status
 from impasto.study.specimens import Specimen
 
-T = TypeVar("T")
-
 CODES = Encoding("srgb", 255.0)
 """On which decibels are counted."""
 
@@ -28,9 +23,6 @@ XYZ_FROM_SRGB = np.array(
     [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
 )
 """IEC 61966-2-1: colours are compared as if the three bands were those of a display."""
-
-ENOUGH = 0.1
-"""Seconds that the runs of one turn take together, at least: fits of milliseconds run often."""
 
 COMPARED = 50_000
 """Pixels whose colours are compared, at most: colour differences are slower than most fits."""
@@ -49,20 +41,6 @@ class Fitted(Protocol):
 
     def predict(self, lights: Rig) -> NDArray[Any]:
         """``(obs, band, y, x)`` linear light."""
-
-
-@dataclass(frozen=True, slots=True)
-class Cost:
-    """Per megapixel of one photograph's size.
-
-    Attributes
-    ----------
-    cpu, wall
-        Seconds of all threads together, and on the clock; the least of some runs.
-    """
-
-    cpu: float
-    wall: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,19 +68,6 @@ class Errors:
     normal: float | None
     normal_p95: float | None
     flagged: float
-
-
-def timed(fit: Callable[[], T], megapixels: float) -> tuple[T, Cost]:
-    """Run a fit, a short one some times: its result, and the least that it cost."""
-    cpu = wall = math.inf
-    spent = 0.0
-    while spent < ENOUGH:
-        clocks = time.process_time(), time.perf_counter()
-        result = fit()
-        cpu = min(cpu, time.process_time() - clocks[0])
-        took = time.perf_counter() - clocks[1]
-        wall, spent = min(wall, took), spent + took
-    return result, Cost(cpu / megapixels, wall / megapixels)
 
 
 def lobes_of(fitted: Fitted) -> list[float] | None:

@@ -3,7 +3,7 @@
 A journal has sections. Each begins with a head: what its runs have in common. A study that goes on
 under what changes its times (another machine, other threads) opens a section of its own and times
 everything anew; back on the first machine it goes on in the sections of that one. The first line of
-a run says all of it, each of the others what it took once more.
+a run says all of it, each of the others what one more turn took.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ import numpy as np
 
 from impasto import _core
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.study.turns import Turn, pace, steadiness, unit, unsure
 
-SCHEMA = 3
+SCHEMA = 4
 RUNS = "runs.jsonl"
 
 TERMS = ("commit", "impasto", "seed", "quick", "sizes")
@@ -117,6 +118,7 @@ class Journal:
             raise CorruptInputError(self.path, "is no journal of a study that this version knows")
         self.head = head or heads[-1]
         self.runs: dict[tuple[str, str, str], dict[str, Any]] = {}
+        self._turns: dict[tuple[str, str, str], list[Turn]] = {}
         alike = False
         for line in lines:
             if "schema" in line:
@@ -135,20 +137,34 @@ class Journal:
     def found(self) -> dict[str, Any]:
         """``run``, ``missing``, ``skipped`` and ``failed`` (settings and why), ``rows``."""
         rows = list(self.runs.values())
+        every = [turn for turns in self._turns.values() for turn in turns]
         return {
-            "run": self.head["run"],
+            "run": self.head["run"] | ({"yardstick": steadiness(every)} if every else {}),
             "missing": self.head["missing"],
             "skipped": sorted({f"{r['setting']}: {r['skipped']}" for r in rows if "skipped" in r}),
             "failed": sorted(
                 {f"{r['setting']} on {r['data']}: {r['failed']}" for r in rows if "failed" in r}
             ),
-            "rows": [_summed(row) for row in rows if "cost" in row],
+            "rows": [self._row(row, unit(every)) for row in rows if "turn" in row],
         }
+
+    def _row(self, run: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
+        """A run with what it cost, how far that is sure, and after how many turns."""
+        turns = self._turns[key_of(run)]
+        paces = {kind: pace(turns, kind) for kind in seconds}
+        cost = {kind: paces[kind][0] * seconds[kind] for kind in seconds}
+        doubt = paces["cpu"][1] if len(turns) > 1 else None
+        row = {"cost": cost, "doubt": doubt, "turns": len(turns)}
+        return {name: run[name] for name in run if name != "turn"} | row
 
     def turns(self, run: dict[str, Any]) -> int:
         """How often a run was timed; whatever is left out for a reason has had all its turns."""
-        known = self.runs.get(key_of(run), {})
-        return sys.maxsize if "skipped" in known else len(known.get("turns", []))
+        key = key_of(run)
+        return sys.maxsize if "skipped" in self.runs.get(key, {}) else len(self._turns.get(key, ()))
+
+    def wants(self, run: dict[str, Any], repeats: int) -> bool:
+        """Whether a run is to be timed once more."""
+        return self.turns(run) < sys.maxsize and unsure(self._turns.get(key_of(run), []), repeats)
 
     def _lines(self) -> Iterator[dict[str, Any]]:
         lines = self.path.read_text(encoding="utf-8").splitlines()
@@ -167,18 +183,12 @@ class Journal:
             file.write(json.dumps(run) + "\n")
 
     def _note(self, run: dict[str, Any]) -> None:
+        key = key_of(run)
         if "again" in run:
-            self.runs[key_of(run)]["turns"].append(run["again"])
+            self._turns[key].append(Turn(**run["again"]))
         else:
-            self.runs[key_of(run)] = run | ({"turns": [run["cost"]]} if "cost" in run else {})
-
-
-def _summed(run: dict[str, Any]) -> dict[str, Any]:
-    """A run with the least that it cost, and under ``halves`` of every other turn alone (CPU)."""
-    turns = run["turns"]
-    cost = {what: min(turn[what] for turn in turns) for what in run["cost"]}
-    halves = [min(turn["cpu"] for turn in turns[half::2]) for half in (0, 1) if turns[half:]]
-    return {name: run[name] for name in run if name != "turns"} | {"cost": cost, "halves": halves}
+            self.runs[key] = run
+            self._turns[key] = [Turn(**run["turn"])] if "turn" in run else []
 
 
 def _under(head: dict[str, Any], terms: Sequence[str]) -> list[Any]:

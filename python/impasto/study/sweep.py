@@ -5,19 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import cache
+from itertools import count
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from impasto.errors import ArgumentError
 from impasto.simulate.fields import check_seed
 from impasto.stack import Stack
 from impasto.study import parts
 from impasto.study.bound import normal_bound
-from impasto.study.measure import compared, lobes_of, timed
+from impasto.study.measure import compared, lobes_of
 from impasto.study.memory import per_megapixel
 from impasto.study.record import TERMS, Journal, run_info
 from impasto.study.settings import VIEWS, Setting, named, settings
 from impasto.study.specimens import FULL, QUICK, Sizes, Specimen, digests, specimens
+from impasto.study.yardstick import Yardstick
 
 WEIGHED = ("own model", VIEWS)
 """Data sets on which the memory of what has a name is measured: of others it is the same, sample
@@ -41,10 +45,11 @@ def run(
 ) -> dict[str, Any]:
     """Measure whatever is not yet measured in a folder.
 
-    Errors depend on nothing but data, seed and code: two runs give the same, bit for bit. Costs
-    are the least of ``repeats`` turns. All fits of a data set take turns: what slows a machine down
-    for some seconds slows them all alike, and their ratios stay. Memory is measured in processes of
-    their own (not by the quick study): a script guards its call by ``if __name__ == "__main__"``.
+    Errors depend on nothing but data, seed and code: two runs give the same, bit for bit. Costs are
+    taken beside a yardstick until they are sure (:mod:`impasto.study.turns`): two runs agree in
+    their ratios, on a busy machine too. All fits of a data set take turns, each turn in another
+    order. Memory is measured in processes of their own (not by the quick study): a script guards
+    its call by ``if __name__ == "__main__"``.
 
     Parameters
     ----------
@@ -64,16 +69,17 @@ def run(
     threads
         None means every allowed core.
     repeats
-        How often every fit is timed at least; fits of milliseconds are timed for 0.1 s per turn.
+        Turns that every fit takes at least, one of milliseconds for 0.04 s each; where two or more
+        leave its cost unsure, up to four times as many.
     advance
-        Called before every run.
+        Called before every turn.
 
     Returns
     -------
     dict
-        ``run`` (machine, commit, seed, sizes), ``missing`` (data sets and why), ``skipped``
-        (peers that are not installed, pixels that there are none of), ``failed`` (fits that ended
-        in an error; tried again by the next run), ``rows``.
+        ``run`` (machine, commit, seed, sizes, yardstick), ``missing`` (data sets and why),
+        ``skipped`` (peers that are not installed, pixels that there are none of), ``failed`` (fits
+        that ended in an error; tried again by the next run), ``rows``.
 
     Raises
     ------
@@ -90,34 +96,48 @@ def run(
     journal = Journal(out, {"run": info, "missing": missing}, TERMS)
     chosen = [s for s in settings(quick=quick) if knobs is None or s.knob in knobs]
     jobs = {name: [setting for setting in chosen if name in setting.on] for name in made}
-    total, done = repeats * sum(map(len, jobs.values())), 0
+    yardstick = Yardstick(threads)
+    keys = [_key(name, setting) for name, here in jobs.items() for setting in here]
     for name, here in jobs.items():
-        desk = _Desk(made[name], seed, threads, weigh=not quick)
-        failed: list[Setting] = []
-        for turn in range(repeats):
-            for setting in here:
-                advance(done, total, f"{name}: {setting.name}")
-                done += 1
-                key = {"data": name, "knob": setting.knob, "setting": setting.name}
-                turns = journal.turns(key)
-                if turns > turn or setting in failed:
-                    continue
-                run = key | desk.measured(setting, first=turns == 0)
+        desk = _Desk(made[name], seed, threads, yardstick, weigh=not quick)
+        left = here
+        for turn in count():
+            left = [s for s in left if journal.wants(_key(name, s), repeats)]
+            if not left:
+                break
+            # No fit always follows the same one: every turn but the first has an order of its own.
+            order = np.random.default_rng(turn).permutation(len(left)) if turn else range(len(left))
+            for setting in [left[place] for place in order]:
+                key = _key(name, setting)
+                taken = sum(min(journal.turns(key), repeats) for key in keys)
+                advance(taken, repeats * len(keys), f"{name}: {setting.name}")
+                run = key | desk.measured(setting, first=journal.turns(key) == 0)
                 journal.add(run)
                 if "failed" in run:
-                    failed.append(setting)
-    advance(total, total, "")
+                    left.remove(setting)
+    advance(repeats * len(keys), repeats * len(keys), "")
     return journal.found()
+
+
+def _key(data: str, setting: Setting) -> dict[str, str]:
+    return {"data": data, "knob": setting.knob, "setting": setting.name}
 
 
 class _Desk:
     """A data set, and what settings take of it: made once, when it is needed."""
 
     def __init__(
-        self, make: Callable[[], Specimen], seed: int, threads: int | None, *, weigh: bool
+        self,
+        make: Callable[[], Specimen],
+        seed: int,
+        threads: int | None,
+        yardstick: Yardstick,
+        *,
+        weigh: bool,
     ) -> None:
         self._specimen = cache(make)
         self._seed, self._threads, self._weigh = seed, threads, weigh
+        self._yardstick = yardstick
         self._taken: dict[tuple[str, str], tuple[Specimen, Stack]] = {}
 
     def _take(self, setting: Setting) -> tuple[Specimen, Stack]:
@@ -131,16 +151,18 @@ class _Desk:
         """All about a fit, or what it takes once more."""
         try:
             part, stack = self._take(setting)
-            fitted, cost = timed(lambda: setting.fit(stack, self._threads), part.megapixels)
+            fitted, turn = self._yardstick.beside(
+                lambda: setting.fit(stack, self._threads), part.megapixels
+            )
             if not first:
-                return {"again": asdict(cost)}
+                return {"again": asdict(turn)}
             row: dict[str, Any] = {"number": setting.number, "options": setting.options}
             if setting.knob == "lights" and part.truth is not None:
                 row["bound"] = normal_bound(part.truth, stack.rig)
             if self._weigh and part.name in WEIGHED and named(setting):
                 row["memory"] = per_megapixel(setting.fit, stack, self._threads)
             row |= {"share": part.share, "lobes": lobes_of(fitted)}
-            return row | {"cost": asdict(cost), "error": asdict(compared(fitted, part))}
+            return row | {"turn": asdict(turn), "error": asdict(compared(fitted, part))}
         except parts.NoPixelsError as error:
             return {"skipped": str(error)}
         except Exception as error:

@@ -9,6 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from impasto.effort import PRESETS, Effort, Origin
+from impasto.study.agreement import TENTH, apart
 from impasto.study.choices import CHOICES
 from impasto.study.front import Row
 from impasto.study.presets import checked, grid_name
@@ -291,16 +292,23 @@ def memory(rows: Sequence[Row]) -> str:
 
 
 def again(rows: Sequence[Row]) -> str:
-    """How far times of two halves of the study differ."""
-    pairs = np.array([row["halves"] for row in rows if len(row["halves"]) == 2])
-    ratios = pairs[:, 0] / pairs[:, 1]
-    # Half of the turns may have met a slower machine: ratios of times are what is compared.
-    apart = np.abs(ratios / np.median(ratios) - 1.0)
+    """What a second run says."""
+    rows = [row for row in rows if "again" in row]
+    if not rows:
+        raise ValueError
+    same = sum(row["again"]["same"] for row in rows)
+    fits, pairs = (np.array(shares) for shares in apart(rows))
+    doubts = [doubt for row in rows for doubt in (row["doubt"], row["again"]["doubt"]) if doubt]
     return (
-        f"Of {len(apart)} fits, timed in every other turn and in those between, "
-        f"{100.0 * float((apart <= 0.1).mean()):.0f} % agree within a tenth in proportion to the "
-        f"others, half of them within {100.0 * float(np.median(apart)):.1f} %; the largest "
-        f"difference is {100.0 * float(apart.max()):.0f} %. Errors are the same, bit for bit."
+        f"A second run, in a process of its own, finds the errors of {same} of {len(rows)} fits "
+        "the same bit for bit, and of their costs, in proportion to all others, "
+        f"{int((fits <= TENTH).sum())} of {len(fits)} within a tenth: half of them within "
+        f"{100.0 * float(np.median(fits)):.1f} %, the farthest {100.0 * float(fits.max()):.0f} %. "
+        f"Of the {len(pairs)} ratios of any two fits of a data set "
+        f"{100.0 * float((pairs <= TENTH).mean()):.1f} % are within a tenth. Either run thinks its "
+        f"costs known to {100.0 * float(np.median(doubts)):.1f} % (standard error, the median; "
+        f"{100.0 * max(doubts):.1f} % at most), after {min(row['turns'] for row in rows)} to "
+        f"{max(row['turns'] for row in rows)} turns."
     )
 
 
