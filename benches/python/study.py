@@ -29,8 +29,8 @@ from impasto.study.figures import draw
 from impasto.study.tables import tables
 from impasto.study.words import words
 
-REPEATS = 8
-"""Turns of every fit at least: so many tell how sure its cost is."""
+REPEATS = 16
+"""Turns of every fit at least, spread over the whole study: its cost is that of a quarter hour."""
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Every setting on every data set, what is not yet known first to last."""
+"""Every setting on every data set, turn by turn."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def run(
 
     Errors depend on nothing but data, seed and code: two runs give the same, bit for bit. Costs are
     taken beside a yardstick until they are sure (:mod:`impasto.study.turns`): two runs agree in
-    their ratios, on a busy machine too. All fits of a data set take turns, each turn in another
-    order. Memory is measured in processes of their own (not by the quick study): a script guards
-    its call by ``if __name__ == "__main__"``.
+    their ratios, on a busy machine too. All fits take turns, each turn in another order, so that
+    whatever else the machine does meets all alike. Memory is measured in processes of their own
+    (not by the quick study): a script guards its call by ``if __name__ == "__main__"``.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def run(
         None means every allowed core.
     repeats
         Turns that every fit takes at least, one of milliseconds for 0.04 s each; where two or more
-        leave its cost unsure, up to four times as many.
+        leave its cost unsure, up to twice as many.
     advance
         Called before every turn.
 
@@ -97,25 +97,24 @@ def run(
     chosen = [s for s in settings(quick=quick) if knobs is None or s.knob in knobs]
     jobs = {name: [setting for setting in chosen if name in setting.on] for name in made}
     yardstick = Yardstick(threads)
-    keys = [_key(name, setting) for name, here in jobs.items() for setting in here]
-    for name, here in jobs.items():
-        desk = _Desk(made[name], seed, threads, yardstick, weigh=not quick)
-        left = here
-        for turn in count():
-            left = [s for s in left if journal.wants(_key(name, s), repeats)]
-            if not left:
-                break
-            # No fit always follows the same one: every turn but the first has an order of its own.
-            order = np.random.default_rng(turn).permutation(len(left)) if turn else range(len(left))
-            for setting in [left[place] for place in order]:
-                key = _key(name, setting)
-                taken = sum(min(journal.turns(key), repeats) for key in keys)
-                advance(taken, repeats * len(keys), f"{name}: {setting.name}")
-                run = key | desk.measured(setting, first=journal.turns(key) == 0)
-                journal.add(run)
-                if "failed" in run:
-                    left.remove(setting)
-    advance(repeats * len(keys), repeats * len(keys), "")
+    desks = {name: _Desk(made[name], seed, threads, yardstick, weigh=not quick) for name in made}
+    places = [(name, setting) for name, here in jobs.items() for setting in here]
+    left = places
+    for turn in count():
+        left = [place for place in left if journal.wants(_key(*place), repeats)]
+        if not left:
+            break
+        # No fit always follows the same one: every turn but the first has an order of its own.
+        order = np.random.default_rng(turn).permutation(len(left)) if turn else range(len(left))
+        for name, setting in [left[number] for number in order]:
+            key = _key(name, setting)
+            taken = sum(min(journal.turns(_key(*place)), repeats) for place in places)
+            advance(taken, repeats * len(places), f"{name}: {setting.name}")
+            run = key | desks[name].measured(setting, first=journal.turns(key) == 0)
+            journal.add(run)
+            if "failed" in run:
+                left.remove((name, setting))
+    advance(repeats * len(places), repeats * len(places), "")
     return journal.found()
 
 
