@@ -44,8 +44,8 @@ class Yardstick:
     def beside(self, fit: Callable[[], T], megapixels: float) -> tuple[T, Turn]:
         """Run a fit, a short one some times: its result, and one turn.
 
-        The turn of a short fit is the median of its runs: in some of them another process had the
-        processor, and has left nothing in its caches.
+        The turn of a short fit is the least of its runs: in the others another process has had the
+        processor, and left nothing in its caches.
         """
         before = _clocks()
         self._fit()
@@ -55,7 +55,7 @@ class Yardstick:
             marks.append(_clocks())
         self._fit()
         yard = ((marks[0] - before) + (_clocks() - marks[-1])) / 2.0
-        cpu, wall = np.median(np.diff(marks, axis=0), axis=0) / megapixels
+        cpu, wall = np.diff(marks, axis=0).min(axis=0) / megapixels
         return result, Turn(float(cpu), float(wall), float(yard[0]), float(yard[1]))
 
 
