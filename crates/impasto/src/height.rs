@@ -11,7 +11,7 @@ use std::sync::Arc;
 use rustdct::{DctPlanner, TransformType2And3};
 
 use crate::error::{Error, Result};
-use crate::pixels::Run;
+use crate::pixels::{Run, TILE};
 
 /// Steepest slope that is believed, tan 80 degrees.
 ///
@@ -58,7 +58,17 @@ pub fn integrate(
     transform(&mut field, height, &along_y, Direction::Back, run)?;
     let mut field = transposed(&field, height, width, run)?;
     transform(&mut field, width, &along_x, Direction::Back, run)?;
-    Ok(field.into_iter().map(|value| value as f32).collect())
+    let mut heights = vec![0.0; pixels];
+    run.for_each(
+        heights.chunks_mut(TILE).zip(field.chunks(TILE)).collect(),
+        || (),
+        |(), (heights, field)| {
+            for (height, &value) in heights.iter_mut().zip(field) {
+                *height = value as f32;
+            }
+        },
+    )?;
+    Ok(heights)
 }
 
 /// Slopes along columns (right) and rows (down) per pixel; none where the normal says nothing.

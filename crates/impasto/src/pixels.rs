@@ -3,6 +3,10 @@
 //! The only file that names rayon. Tiles are closed computations that write to disjoint memory,
 //! and whatever is summed over pixels is summed tile by tile in tile order: no result depends on
 //! the number of threads or on which thread did what.
+//!
+//! A caller who asks to stop waits for no more than is done between two looks at his flag: a tile,
+//! or less where a tile of hundreds of photographs takes long ([`Run::cancelled`]). Nothing that is
+//! as large as the picture, a copy or a sum, goes without a look ([`Run::in_turn`]).
 
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -39,6 +43,8 @@ impl Pool {
 pub struct Progress {
     done: AtomicUsize,
     total: AtomicUsize,
+    #[cfg(test)]
+    looks: looks::Looks,
 }
 
 impl Progress {
@@ -56,7 +62,7 @@ pub struct Run<'a> {
     pub pool: Option<&'a Pool>,
     /// Instruction set.
     pub level: Level,
-    /// Set by the caller to stop the call at the next tile.
+    /// Set by the caller to stop the call at the next look.
     pub cancel: &'a AtomicBool,
     /// Counted up as tiles finish.
     pub progress: &'a Progress,
@@ -66,7 +72,58 @@ impl Run<'_> {
     /// Whether the caller asked to stop.
     #[must_use]
     pub fn cancelled(&self) -> bool {
+        #[cfg(test)]
+        if self.progress.looks.add() {
+            return true;
+        }
         self.cancel.load(Ordering::Relaxed)
+    }
+
+    fn look(&self) -> Result<()> {
+        if self.cancelled() { Err(Error::Cancelled) } else { Ok(()) }
+    }
+
+    /// Applies `body` to one piece of work after another on the caller's thread: what has an order,
+    /// or is too little to be shared.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] if the caller asked to stop before the last piece.
+    pub fn in_turn<T>(
+        &self,
+        pieces: impl IntoIterator<Item = T>,
+        mut body: impl FnMut(T),
+    ) -> Result<()> {
+        pieces.into_iter().try_for_each(|piece| self.look().map(|()| body(piece)))
+    }
+
+    /// A copy of a map.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] if the caller asked to stop.
+    pub fn copied<T: Copy>(&self, map: &[T]) -> Result<Vec<T>> {
+        let mut copy = Vec::with_capacity(map.len());
+        self.in_turn(map.chunks(TILE), |part| copy.extend_from_slice(part))?;
+        Ok(copy)
+    }
+
+    /// A map that holds one value.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] if the caller asked to stop.
+    pub fn filled<T: Copy>(&self, value: T, pixels: usize) -> Result<Vec<T>> {
+        let mut map = Vec::with_capacity(pixels);
+        self.in_turn(tiles(pixels), |(start, count)| map.resize(start + count, value))?;
+        Ok(map)
+    }
+
+    /// What tiles found, one after another.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] if the caller asked to stop.
+    pub fn joined<T>(&self, parts: Vec<Vec<T>>) -> Result<Vec<T>> {
+        let mut whole = Vec::with_capacity(parts.iter().map(Vec::len).sum());
+        self.in_turn(parts, |part| whole.extend(part))?;
+        Ok(whole)
     }
 
     /// Applies `body` to every tile, with scratch memory that is made once per worker.
@@ -88,8 +145,11 @@ impl Run<'_> {
 
     /// Applies `body` to every tile and returns the answers in tile order.
     ///
+    /// A body that itself looks at the flag may leave its tile when it is set: nobody reads what a
+    /// cancelled call has found.
+    ///
     /// # Errors
-    /// [`Error::Cancelled`] if the caller asked to stop before the last tile.
+    /// [`Error::Cancelled`] if the caller asked to stop before the last tile's end.
     pub fn map<T, S, A>(
         &self,
         tiles: Vec<T>,
@@ -103,12 +163,10 @@ impl Run<'_> {
     {
         self.progress.total.fetch_add(tiles.len(), Ordering::Relaxed);
         let step = |scratch: &mut S, tile: T| {
-            if self.cancelled() {
-                return Err(Error::Cancelled);
-            }
+            self.look()?;
             let answer = body(scratch, tile);
             self.progress.done.fetch_add(1, Ordering::Relaxed);
-            Ok(answer)
+            self.look().map(|()| answer)
         };
         if let Some(Pool(pool)) = self.pool {
             return pool.install(|| tiles.into_par_iter().map_init(scratch, step).collect());
@@ -135,6 +193,50 @@ pub fn tiles(pixels: usize) -> Vec<(usize, usize)> {
     (0..pixels).step_by(TILE).map(|start| (start, TILE.min(pixels - start))).collect()
 }
 
+/// Looks at the flag, counted, so that tests need no clock.
+#[cfg(test)]
+pub(crate) mod looks {
+    use super::*;
+
+    #[derive(Debug)]
+    pub(super) struct Looks {
+        count: AtomicUsize,
+        /// The look that finds the flag set.
+        last: usize,
+    }
+
+    impl Default for Looks {
+        fn default() -> Self {
+            Self { count: AtomicUsize::new(0), last: usize::MAX }
+        }
+    }
+
+    impl Looks {
+        /// Counts one; whether it finds the flag set.
+        pub(super) fn add(&self) -> bool {
+            self.count.fetch_add(1, Ordering::Relaxed) + 1 >= self.last
+        }
+    }
+
+    /// What work on the caller's thread gives if its flag is set at some look, counted from 1, and
+    /// how many looks it takes.
+    pub(crate) fn stopped_at<A>(last: usize, work: impl FnOnce(&Run<'_>) -> A) -> (A, usize) {
+        let cancel = AtomicBool::new(false);
+        let looks = Looks { last, ..Looks::default() };
+        let progress = Progress { looks, ..Progress::default() };
+        let run = Run { pool: None, level: Level::detect(), cancel: &cancel, progress: &progress };
+        let answer = work(&run);
+        (answer, progress.looks.count.load(Ordering::Relaxed))
+    }
+
+    /// The looks of work that is not stopped.
+    pub(crate) fn count<A>(work: impl FnOnce(&Run<'_>) -> Result<A>) -> usize {
+        let (answer, looks) = stopped_at(usize::MAX, work);
+        assert!(answer.is_ok());
+        looks
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -155,6 +257,29 @@ mod tests {
         let (cancel, progress) = (AtomicBool::new(true), Progress::default());
         let run = Run { pool: None, level: Level::Baseline, cancel: &cancel, progress: &progress };
         assert_eq!(run.for_each(vec![1], || (), |(), _| ()), Err(Error::Cancelled));
+    }
+
+    #[test]
+    fn a_tile_that_was_left_is_no_answer() {
+        let cancel = AtomicBool::new(false);
+        let progress = Progress::default();
+        let run = Run { pool: None, level: Level::Baseline, cancel: &cancel, progress: &progress };
+        let left = run.map(vec![1, 2], || (), |(), n| cancel.store(n == 2, Ordering::Relaxed));
+        assert_eq!(left, Err(Error::Cancelled));
+    }
+
+    #[test]
+    fn what_is_as_large_as_the_picture_is_looked_at_tile_by_tile() {
+        const TILES: usize = 5;
+        let map: Vec<usize> = (0..TILES * TILE).collect();
+        let parts: Vec<_> = map.chunks(TILE).map(<[usize]>::to_vec).collect();
+        assert_eq!(serially(|run| run.copied(&map)).unwrap(), map);
+        assert_eq!(serially(|run| run.joined(parts.clone())).unwrap(), map);
+        assert_eq!(serially(|run| run.filled(7, 2 * TILE + 1)).unwrap(), vec![7; 2 * TILE + 1]);
+        assert_eq!(looks::count(|run| run.copied(&map)), TILES);
+        assert_eq!(looks::count(|run| run.joined(parts)), TILES);
+        assert_eq!(looks::count(|run| run.filled(0, TILES * TILE)), TILES);
+        assert_eq!(looks::stopped_at(3, |run| run.copied(&map)), (Err(Error::Cancelled), 3));
     }
 
     #[test]

@@ -21,11 +21,15 @@ use crate::error::{Error, Result};
 use crate::geometry::{Grid, Light};
 use crate::height::transposed;
 use crate::math::{Isa, Kernel, Real, Vec3};
-use crate::pixels::Run;
+use crate::pixels::{Run, TILE};
 
 /// Lines of one piece of work. Fixed, though no result depends on it: 2 KiB per row of the strip
 /// keep the shadow surface and the row in the first-level cache.
 const STRIP: usize = 512;
+
+/// Pixels of one piece of work from which the relief is walked towards a near light, each over up
+/// to as many pixels as the picture is wide.
+const WALKS: usize = 256;
 
 /// Far below any painting: what throws no shadow. Finite, so that interpolating towards it gives
 /// no NaN.
@@ -55,7 +59,7 @@ fn distant(relief: &[f32], grid: Grid, light: Vec3<f64>, run: &Run<'_>) -> Resul
     // Rows run down, y runs up.
     let (across, down) = (light.x, -light.y);
     if across == 0.0 && down == 0.0 {
-        return Ok(vec![1.0; relief.len()]);
+        return run.filled(1.0, relief.len());
     }
     if across.abs() > down.abs() {
         let relief = transposed(relief, width, height, run)?;
@@ -124,7 +128,7 @@ fn sweep(relief: &[f32], width: usize, height: usize, ray: Ray, run: &Run<'_>) -
         },
     )?;
 
-    let mut visible = vec![1.0; relief.len()];
+    let mut visible = vec![0.0; relief.len()];
     run.for_each(
         visible.chunks_exact_mut(width).enumerate().collect(),
         || vec![0.0; lines + STRIP],
@@ -192,17 +196,21 @@ impl Kernel for Advance<'_> {
 }
 
 fn near(relief: &[f32], grid: Grid, light: Vec3<f64>, run: &Run<'_>) -> Result<Vec<f32>> {
-    let highest = relief.iter().copied().fold(ABYSS, Real::max);
-    let mut visible = vec![1.0; relief.len()];
+    let mut highest = ABYSS;
+    run.in_turn(relief.chunks(TILE), |part| {
+        highest = part.iter().copied().fold(highest, Real::max);
+    })?;
+    let mut visible = vec![0.0; relief.len()];
     run.for_each(
-        visible.chunks_exact_mut(grid.width).enumerate().collect(),
+        visible.chunks_mut(WALKS).enumerate().collect(),
         || (),
-        |(), (row, visible)| {
-            for (column, visible) in visible.iter_mut().enumerate() {
-                let here = relief[row * grid.width + column];
-                if here.is_finite() && hidden(relief, grid, light, row, column, highest.into()) {
-                    *visible = 0.0;
-                }
+        |(), (piece, visible)| {
+            for (index, visible) in visible.iter_mut().enumerate() {
+                let pixel = piece * WALKS + index;
+                let (row, column) = (pixel / grid.width, pixel % grid.width);
+                let lit = !relief[pixel].is_finite()
+                    || !hidden(relief, grid, light, row, column, highest.into());
+                *visible = f32::from(u8::from(lit));
             }
         },
     )?;

@@ -73,26 +73,25 @@ impl Projection {
         run: &Run<'_>,
     ) -> Result<(Vec<f32>, Vec<f32>)> {
         let (width, height) = (self.picture.width, self.picture.height);
-        let rows = run.map(
-            (0..height).collect(),
-            || (),
-            |(), row| {
-                let mut out = vec![[0.0_f32; 4]; width];
-                for (column, out) in out.iter_mut().enumerate() {
-                    *out = self.pixel(light, coverage, row, column);
-                }
-                out
-            },
-        )?;
         let pixels = width * height;
         let (mut seen, mut covered) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
-        for (pixel, values) in rows.into_iter().flatten().enumerate() {
-            covered[pixel] = values[3];
-            for channel in 0..3 {
-                seen[channel * pixels + pixel] =
-                    (1.0 - values[3]).mul_add(background[channel], values[channel]);
-            }
-        }
+        let mut planes: Vec<_> = seen.chunks_mut(pixels).map(|p| p.chunks_mut(width)).collect();
+        let rows = covered.chunks_mut(width).enumerate().map(|(row, covered)| {
+            (row, planes.iter_mut().filter_map(Iterator::next).collect::<Vec<_>>(), covered)
+        });
+        run.for_each(
+            rows.collect(),
+            || (),
+            |(), (row, mut seen, covered)| {
+                for (column, covered) in covered.iter_mut().enumerate() {
+                    let [light @ .., share] = self.pixel(light, coverage, row, column);
+                    *covered = share;
+                    for ((plane, light), background) in seen.iter_mut().zip(light).zip(background) {
+                        plane[column] = (1.0 - share).mul_add(background, light);
+                    }
+                }
+            },
+        )?;
         Ok((seen, covered))
     }
 

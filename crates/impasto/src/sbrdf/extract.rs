@@ -4,6 +4,7 @@ use crate::brdf::lambert;
 use crate::brdf::torrance_sparrow::Facet;
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
+use crate::pixels::Run;
 
 use super::gross::{Limits, Sizes};
 use super::histogram::Histogram;
@@ -57,6 +58,7 @@ impl Sink for Tempered<'_> {
 
 pub(super) struct Extract<'a, 'b, 'c, S> {
     pub(super) photographs: &'a Photographs<'a>,
+    pub(super) run: &'a Run<'a>,
     pub(super) tile: &'c Tile<'b>,
     pub(super) samples: &'a [f32],
     pub(super) stride: usize,
@@ -71,14 +73,15 @@ impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> S {
-        let Self { photographs, tile, samples, stride, x, y, extraction, mut sink } = self;
+        let Self { photographs, run, tile, samples, stride, x, y, extraction, mut sink } = self;
         let zero = I::F32::zero();
         let index = I::F32::of(photographs.index);
         let (bands, observations) = (photographs.bands, photographs.rig.observations());
         let share = I::F32::of(1.0 / bands as f64);
         let mut found = vec![[[0.0_f32; MAX_LANES]; 4]; observations];
         let mut at = 0;
-        while at < tile.count {
+        // A tile of hundreds of photographs takes long.
+        while at < tile.count && !run.cancelled() {
             let normal = tile.normal_at::<I::F32>(at);
             let mut diffuse = zero;
             for plane in &tile.diffuse {

@@ -101,16 +101,16 @@ impl Search<'_> {
     }
 
     /// Takes the grain that the best lobe leaves; whether that made a difference.
-    fn refine_grain(&mut self) -> bool {
+    fn refine_grain(&mut self) -> Result<bool> {
         let last = self.fit.yardstick.grain;
-        let grain = grain(&self.fit, self.best.get_mut());
+        let grain = grain(&self.fit, self.best.get_mut())?;
         let other = (grain - last).abs() > SAME_GRAIN * last;
         if other {
             self.fit = self.fit.with_grain(grain);
             // Costs of another grain are no measure for what comes.
             self.least.set(f64::INFINITY);
         }
-        other
+        Ok(other)
     }
 
     /// The equations' matrix, softened along the last step.
@@ -171,11 +171,11 @@ impl Problem<f64, 2> for Search<'_> {
 /// Two searches by Levenberg-Marquardt, each place of the lobe judged with all pixels settled;
 /// between them every pixel tries other normals ([`Settle::restart`](super::settle::Settle)).
 pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found> {
-    let mut trial = state.clone();
+    let mut trial = state.copied(fit.run)?;
     let flat = Lobe { beta: 0.0, ..lobe };
     fit.settle(&state, &mut trial, flat, FIRST_STEPS, false)?;
     let mut search = Search {
-        fit: fit.with_grain(grain(&fit, &trial)),
+        fit: fit.with_grain(grain(&fit, &trial)?),
         best: RefCell::new(state),
         trial: RefCell::new(trial),
         share: Cell::new(Share::zero()),
@@ -195,13 +195,13 @@ pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found>
     }
     let rough = Options { max_iterations: ROUGH, ..SEARCH };
     let [beta, log_sharpness] = search.minimise(search.last.get().0, rough)?.parameters;
-    search.refine_grain();
+    search.refine_grain()?;
     search.steps.set(FIRST_STEPS);
     search.visit(Lobe { beta, log_sharpness }, true)?;
     let mut outcome = search.minimise([beta, log_sharpness], SEARCH)?;
     // Without noise every better lobe leaves less grain.
     for _ in 0..REFINEMENTS {
-        if !search.refine_grain() {
+        if !search.refine_grain()? {
             break;
         }
         let [beta, log_sharpness] = outcome.parameters;
@@ -223,9 +223,9 @@ pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found>
 ///
 /// Counted by light (of none more than of four bright pixels), since dark pixels are those whose few codes hide their noise, however many
 /// there are; by the lower quartile, since the model may describe most of a painting badly.
-fn grain(fit: &Fit<'_>, state: &State) -> f64 {
+fn grain(fit: &Fit<'_>, state: &State) -> Result<f64> {
     let most = MOST_LIGHT * fit.photographs.bands as f64 * fit.yardstick.reference;
-    let mut light = fit.brightness(state);
+    let mut light = fit.brightness(state)?;
     for light in &mut light {
         *light = light.min(most as f32);
     }
@@ -238,5 +238,5 @@ fn grain(fit: &Fit<'_>, state: &State) -> f64 {
         left -= f64::from(*light);
         left <= 0.0
     });
-    typical.map_or(0.0, |&(scale, _)| GRAIN * f64::from(scale))
+    Ok(typical.map_or(0.0, |&(scale, _)| GRAIN * f64::from(scale)))
 }

@@ -3,6 +3,7 @@
 
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
+use crate::pixels::Run;
 
 use super::lanes::{load, store};
 use super::pixel::{Lobe, Pixels};
@@ -24,6 +25,7 @@ pub(super) struct Plates<'a> {
 
 pub(super) struct Measure<'a, 'b> {
     pub(super) photographs: &'a Photographs<'a>,
+    pub(super) run: &'a Run<'a>,
     pub(super) tile: &'b Tile<'a>,
     pub(super) out: Plates<'b>,
     pub(super) samples: &'a [f32],
@@ -39,7 +41,7 @@ impl Kernel for Measure<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { photographs, tile, out, samples, stride, x, y, lobe, gaussian } = self;
+        let Self { photographs, run, tile, out, samples, stride, x, y, lobe, gaussian } = self;
         let zero = I::F32::zero();
         let endless = I::F32::of(f64::from(f32::MAX));
         let mut pixels = Pixels::<I::F32>::new(photographs, lobe);
@@ -48,7 +50,8 @@ impl Kernel for Measure<'_, '_> {
         // Unknowns of a pixel, in photographs: two tilts are shared by all bands.
         let unknowns = I::F32::of(1.0 + 2.0 / photographs.bands as f64);
         let mut at = 0;
-        while at < tile.count {
+        // A tile of hundreds of photographs takes long.
+        while at < tile.count && !run.cancelled() {
             pixels.look(samples, stride, x, y, at);
             for (band, colour) in colours.iter_mut().enumerate() {
                 *colour = load(tile.diffuse[band], at);

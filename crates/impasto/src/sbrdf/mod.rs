@@ -22,6 +22,8 @@ mod scale;
 mod settle;
 mod subset;
 mod surface;
+#[cfg(test)]
+mod tests;
 mod tile;
 mod verdict;
 

@@ -15,6 +15,9 @@ use super::tile::{Photographs, Reader, State};
 /// Tiles that tell how large samples are, about.
 const SOME_TILES: usize = 16;
 
+/// Tiles whose histograms wait to be summed: enough for any number of threads, 40 MiB.
+const WAITING: usize = 256;
+
 /// A fit under way.
 #[derive(Clone, Copy)]
 pub(super) struct Fit<'a> {
@@ -39,8 +42,10 @@ impl Fit<'_> {
         let limits: &Limits = &sizes.limits();
         let tempered = || Tempered { histogram: Histogram::default(), limits };
         let mut sum = Histogram::default();
-        for part in self.gather(state, extraction, all, tempered)? {
-            sum.merge(&part.histogram);
+        for places in all.chunks(WAITING) {
+            for part in self.gather(state, extraction, places.to_vec(), tempered)? {
+                sum.merge(&part.histogram);
+            }
         }
         Ok(sum)
     }
@@ -53,9 +58,9 @@ impl Fit<'_> {
         places: Vec<(usize, usize)>,
         sink: impl Fn() -> S + Sync,
     ) -> Result<Vec<S>> {
-        let photographs = self.photographs;
-        let level = self.run.level;
-        self.run.map(
+        let (photographs, run) = (self.photographs, self.run);
+        let level = run.level;
+        run.map(
             places,
             || Reader::new(photographs),
             |reader, (start, _)| {
@@ -63,7 +68,17 @@ impl Fit<'_> {
                 let Reader { samples, x, y } = reader;
                 let tile = &state.tile(photographs.status, start);
                 let (stride, sink) = (TILE, sink());
-                level.run(Extract { photographs, tile, samples, stride, x, y, extraction, sink })
+                level.run(Extract {
+                    photographs,
+                    run,
+                    tile,
+                    samples,
+                    stride,
+                    x,
+                    y,
+                    extraction,
+                    sink,
+                })
             },
         )
     }
@@ -77,10 +92,10 @@ impl Fit<'_> {
         steps: usize,
         restart: bool,
     ) -> Result<Share> {
-        let (photographs, yardstick) = (self.photographs, self.yardstick);
-        let level = self.run.level;
+        let Self { photographs, run, yardstick } = *self;
+        let level = run.level;
         let jobs = tiles(photographs.pixels()).into_iter().zip(to.tiles_mut()).collect();
-        let parts = self.run.map(
+        let parts = run.map(
             jobs,
             || Reader::new(photographs),
             |reader, ((start, _), out)| {
@@ -90,6 +105,7 @@ impl Fit<'_> {
                 let stride = TILE;
                 level.run(Settle {
                     photographs,
+                    run,
                     tile,
                     out,
                     samples,
@@ -111,17 +127,20 @@ impl Fit<'_> {
     }
 
     /// Sum over the bands of the diffuse colours.
-    pub(super) fn brightness(&self, state: &State) -> Vec<f32> {
+    pub(super) fn brightness(&self, state: &State) -> Result<Vec<f32>> {
         let pixels = self.photographs.pixels();
-        (0..pixels)
-            .map(|pixel| state.diffuse[pixel..].iter().step_by(pixels).sum::<f32>())
-            .collect()
+        let sum = |pixel: usize| state.diffuse[pixel..].iter().step_by(pixels).sum::<f32>();
+        let mut light = Vec::with_capacity(pixels);
+        self.run.in_turn(tiles(pixels), |(start, count)| {
+            light.extend((start..start + count).map(sum));
+        })?;
+        Ok(light)
     }
 
     /// Residual, sigma, noise, what is apart, and the doubt about it.
     pub(super) fn measure(&self, state: &State, lobe: Lobe) -> Result<[Vec<f32>; 5]> {
-        let photographs = self.photographs;
-        let level = self.run.level;
+        let (photographs, run) = (self.photographs, self.run);
+        let level = run.level;
         let gaussian = Gaussian::of(photographs.bands);
         let mut maps = [(); 5].map(|()| vec![0.0; photographs.pixels()]);
         let mut plates = maps.each_mut().map(|map| map.chunks_mut(TILE));
@@ -141,7 +160,7 @@ impl Fit<'_> {
                 ))
             })
             .collect();
-        self.run.for_each(
+        run.for_each(
             jobs,
             || Reader::new(photographs),
             |reader, (start, out)| {
@@ -151,6 +170,7 @@ impl Fit<'_> {
                 let stride = TILE;
                 level.run(Measure {
                     photographs,
+                    run,
                     tile,
                     out,
                     samples,

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::lm::{self, Bounds, Outcome};
 use crate::maps::Status;
-use crate::pixels::Run;
+use crate::pixels::{Run, TILE, tiles};
 use crate::stack::Stack;
 
 use super::extract::Extraction;
@@ -18,7 +18,7 @@ use super::scale::Gaussian;
 use super::settle::{Share, Yardstick};
 use super::subset::Subset;
 use super::tile::{Photographs, Start, State};
-use super::verdict::{Agreement, DESCRIBES, Verdict, agreement};
+use super::verdict::{Agreement, DESCRIBES, Strengths, Verdict};
 
 /// How the pooled fit goes about it.
 #[derive(Clone, Copy, Debug)]
@@ -97,9 +97,9 @@ pub fn fit_pooled(
     let fit = Fit {
         photographs: &photographs,
         run,
-        yardstick: Yardstick { reference: bright(start), grain: 0.0 },
+        yardstick: Yardstick { reference: bright(start, run)?, grain: 0.0 },
     };
-    let state = State::new(start);
+    let state = State::new(start, run)?;
     let samples = fit.extract(&state, options.extraction)?;
     let first = samples.fit();
     let lobe = Lobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
@@ -113,7 +113,8 @@ pub fn fit_pooled(
     let found = {
         let stack = subset.stack()?;
         let photographs = subset.photographs(&photographs, &stack);
-        find_lobe(Fit { photographs: &photographs, ..fit }, State::new(&subset.start()), lobe)?
+        let state = State::new(&subset.start(), run)?;
+        find_lobe(Fit { photographs: &photographs, ..fit }, state, lobe)?
     };
     drop(subset);
     Fit { yardstick: found.yardstick, ..fit }.judge_joint(state, found, start)
@@ -121,12 +122,14 @@ pub fn fit_pooled(
 
 /// A bright colour, whatever a tenth of the pixels show: a lamp in the frame is no colour. Scaling
 /// the samples by a power of two scales it exactly.
-fn bright(start: &Start<'_>) -> f64 {
+fn bright(start: &Start<'_>, run: &Run<'_>) -> Result<f64> {
     let mut colours = Counts::new();
-    for &colour in start.diffuse {
-        colours.add(colour);
-    }
-    colours.high().map_or(1.0, f64::from)
+    run.in_turn(start.diffuse.chunks(TILE), |part| {
+        for &colour in part {
+            colours.add(colour);
+        }
+    })?;
+    Ok(colours.high().map_or(1.0, f64::from))
 }
 
 pub(super) fn gamma_of(log_sharpness: f64) -> f64 {
@@ -170,12 +173,14 @@ impl Fit<'_> {
             path,
             converged: first.reason.converged(),
         };
-        self.report(state, estimate, self.photographs.status.to_vec(), Some(histogram))
+        let status = self.run.copied(self.photographs.status)?;
+        self.report(state, estimate, status, Some(histogram))
     }
 
     /// Pixels whose samples the lobe does not help to explain go back to where they started.
     fn judge_joint(&self, state: State, found: Found, start: &Start<'_>) -> Result<Pooled> {
         let Found { lobe, share, path, converged, .. } = found;
+        let mut status = self.run.copied(start.status)?;
         let gaussian = Gaussian::of(self.photographs.bands);
         let factor = lm::factor(&share.matrix, 0.0, &[false; 2]);
         let covariance = (lobe.beta > 0.0 && !factor.deficient[0])
@@ -183,38 +188,39 @@ impl Fit<'_> {
         let mut estimate =
             Estimate { lobe, covariance, open: factor.deficient[1], path, converged };
         if !estimate.seen() {
-            return self.report(state, estimate, start.status.to_vec(), None);
+            return self.report(state, estimate, status, None);
         }
-        let mut settled = state.clone();
+        let mut settled = state.copied(self.run)?;
         let flat = Lobe { beta: 0.0, ..lobe };
         let without = self.settle(&state, &mut settled, flat, FIRST_STEPS, false)?;
-        let plain = settled.scale.clone();
+        let plain = self.run.copied(&settled.scale)?;
         let with = self.settle(&state, &mut settled, lobe, FIRST_STEPS, true)?;
         let cost = |share: &Share| share.normal(self.yardstick.reference).cost;
         if cost(&with) >= cost(&without) {
             estimate.covariance = None;
-            return self.report(state, estimate, start.status.to_vec(), None);
+            return self.report(state, estimate, status, None);
         }
         drop(state);
         let mut state = settled;
-        let mut status = start.status.to_vec();
         let pixels = status.len();
-        for pixel in 0..pixels {
-            // A thousandth is what a search that stopped early may have left.
-            let helps = state.scale[pixel] <= plain[pixel] * 1.001;
-            if status[pixel] >= Status::Dark.code() || helps {
-                continue;
+        self.run.in_turn(tiles(pixels), |(first, count)| {
+            for pixel in first..first + count {
+                // A thousandth is what a search that stopped early may have left.
+                let helps = state.scale[pixel] <= plain[pixel] * 1.001;
+                if status[pixel] >= Status::Dark.code() || helps {
+                    continue;
+                }
+                for plane in 0..3 {
+                    state.normal[plane * pixels + pixel] = start.normal[plane * pixels + pixel];
+                }
+                for plane in 0..self.photographs.bands {
+                    state.diffuse[plane * pixels + pixel] = start.diffuse[plane * pixels + pixel];
+                }
+                if status[pixel] == Status::Fitted.code() {
+                    status[pixel] = Status::Pooled.code();
+                }
             }
-            for plane in 0..3 {
-                state.normal[plane * pixels + pixel] = start.normal[plane * pixels + pixel];
-            }
-            for plane in 0..self.photographs.bands {
-                state.diffuse[plane * pixels + pixel] = start.diffuse[plane * pixels + pixel];
-            }
-            if status[pixel] == Status::Fitted.code() {
-                status[pixel] = Status::Pooled.code();
-            }
-        }
+        })?;
         self.report(state, estimate, status, None)
     }
 
@@ -229,9 +235,9 @@ impl Fit<'_> {
         let beta = if seen { estimate.lobe.beta } else { 0.0 };
         let lobe = Lobe { beta, ..estimate.lobe };
         let [residual, sigma, noise, apart, doubt] = self.measure(&state, lobe)?;
-        let brightness = self.brightness(&state);
-        let Agreement { misfit, describes } =
-            agreement(beta as f32, &brightness, &noise, &apart, &doubt);
+        let brightness = self.brightness(&state)?;
+        let strengths = Strengths { brightness, noise, apart, doubt };
+        let Agreement { misfit, describes } = strengths.agreement(beta as f32, self.run)?;
         let histogram = match histogram {
             Some(histogram) => histogram,
             None => self.extract(&state, Extraction::Residual)?,

@@ -10,6 +10,7 @@
 use crate::lm::Normal;
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Mask, Real, Vec3};
+use crate::pixels::Run;
 
 use super::lanes::{MAX_LANES, load};
 use super::pixel::{Equations, Lobe, Pixels, Reduced, tangents};
@@ -82,6 +83,7 @@ impl Share {
 
 pub(super) struct Settle<'a, 'b> {
     pub(super) photographs: &'a Photographs<'a>,
+    pub(super) run: &'a Run<'a>,
     pub(super) tile: &'b Tile<'a>,
     pub(super) out: TileMut<'b>,
     /// `(obs, band, pixel of the tile)`, padded to whole registers.
@@ -114,7 +116,8 @@ impl Kernel for Settle<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Share {
-        let Self { photographs, tile, mut out, samples, stride, x, y, steps, restart, .. } = self;
+        let Self { photographs, run, tile, mut out, samples, stride, x, y, steps, restart, .. } =
+            self;
         let (zero, one) = (I::F32::zero(), I::F32::one());
         let mut pixels = Pixels::<I::F32>::new(photographs, self.lobe);
         let none = || vec![zero; photographs.bands];
@@ -128,7 +131,8 @@ impl Kernel for Settle<'_, '_> {
         };
         let mut share = Share::zero();
         let mut at = 0;
-        while at < tile.count {
+        // A tile of hundreds of photographs takes long.
+        while at < tile.count && !run.cancelled() {
             pixels.look(samples, stride, x, y, at);
             for (band, colour) in colours.best.iter_mut().enumerate() {
                 *colour = load(tile.diffuse[band], at);

@@ -37,7 +37,7 @@ impl Subset {
         most: usize,
         run: &Run<'_>,
     ) -> Result<Self> {
-        let picks = pick(photographs, most);
+        let picks = pick(photographs, most, run)?;
         let shape = Shape { height: 1, width: picks.len(), ..photographs.stack.shape() };
         let mut samples = vec![0.0; shape.samples()];
         let planes = samples.chunks_mut(picks.len().max(1)).enumerate().collect();
@@ -47,6 +47,9 @@ impl Subset {
             |row, (plane, out)| {
                 let mut next = 0;
                 for (first, count) in tiles(photographs.pixels()) {
+                    if run.cancelled() {
+                        return;
+                    }
                     photographs.stack.read(
                         plane / photographs.bands,
                         plane % photographs.bands,
@@ -108,17 +111,23 @@ impl Subset {
 
 /// Pixels in the order of the image: all, or runs of neighbours chosen by a hash of their number
 /// (a fixed stride could follow the weave of a canvas).
-fn pick(photographs: &Photographs<'_>, most: usize) -> Vec<usize> {
+fn pick(photographs: &Photographs<'_>, most: usize, run: &Run<'_>) -> Result<Vec<usize>> {
     let estimated = |&pixel: &usize| photographs.status[pixel] < Status::Dark.code();
-    let all = (0..photographs.pixels()).filter(estimated).count();
+    let tiles = tiles(photographs.pixels());
+    let mut all = 0;
+    run.in_turn(&tiles, |&(start, count)| {
+        all += (start..start + count).filter(estimated).count();
+    })?;
     let planes = photographs.bands * photographs.rig.observations();
     let most = most.min(SAMPLES / planes.max(1)).max(RUN);
     let share = most as f64 / all.max(1) as f64;
     let threshold = if share >= 1.0 { u64::MAX } else { (share * u64::MAX as f64) as u64 };
-    (0..photographs.pixels())
-        .filter(|&pixel| hash((pixel / RUN) as u64) <= threshold)
-        .filter(estimated)
-        .collect()
+    let mut picks = Vec::new();
+    run.in_turn(&tiles, |&(start, count)| {
+        let chosen = (start..start + count).filter(|pixel| hash((pixel / RUN) as u64) <= threshold);
+        picks.extend(chosen.filter(estimated));
+    })?;
+    Ok(picks)
 }
 
 /// `splitmix64`: consecutive numbers become unrelated ones.

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::maps::Status;
 use crate::math::{Isa, Kernel, Level, Mask, Real, Vec3};
-use crate::pixels;
+use crate::pixels::{self, Run};
 use crate::stack::Stack;
 
 use super::lanes::{load, store};
@@ -73,7 +73,7 @@ impl Start<'_> {
 }
 
 /// Where every pixel stands: its normal, its colours, and the squared scale of its residuals.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct State {
     pub(super) normal: Vec<f32>,
     pub(super) diffuse: Vec<f32>,
@@ -81,12 +81,20 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn new(start: &Start<'_>) -> Self {
-        Self {
-            normal: start.normal.to_vec(),
-            diffuse: start.diffuse.to_vec(),
-            scale: vec![f32::NAN; start.status.len()],
-        }
+    pub(super) fn new(start: &Start<'_>, run: &Run<'_>) -> Result<Self> {
+        Ok(Self {
+            normal: run.copied(start.normal)?,
+            diffuse: run.copied(start.diffuse)?,
+            scale: run.filled(f32::NAN, start.status.len())?,
+        })
+    }
+
+    pub(super) fn copied(&self, run: &Run<'_>) -> Result<Self> {
+        Ok(Self {
+            normal: run.copied(&self.normal)?,
+            diffuse: run.copied(&self.diffuse)?,
+            scale: run.copied(&self.scale)?,
+        })
     }
 
     /// The part that one tile reads.

@@ -137,7 +137,8 @@ impl Fit<'_, '_, '_> {
         let mut pixels = Pixels::<R, L>::new(problem);
         let mut sifted = Sifted::new(problem);
         let mut start = 0;
-        while start < tile.count {
+        // A tile of hundreds of photographs takes long.
+        while start < tile.count && !problem.run.cancelled() {
             scratch.read::<R>(problem, tile.start + start);
             let end = BLOCK.min(tile.count - start);
             let mut at = 0;

@@ -128,6 +128,7 @@ struct Problem<'a> {
     rule: Rule,
     loss: Loss,
     options: Options,
+    run: &'a Run<'a>,
     /// Where every valid sample counts and all lights are distant.
     uniform: Option<Uniform>,
 }
@@ -152,6 +153,7 @@ pub fn fit_normals(
         rule,
         loss: options.method.loss(),
         options: *options,
+        run,
         uniform: (rule == Rule::All && rig.is_distant()).then(|| Uniform::new(rig)),
     };
     let shape = stack.shape();

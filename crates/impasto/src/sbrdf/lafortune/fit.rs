@@ -65,7 +65,7 @@ pub fn fit_lafortune(
     let sequence =
         Sequence { lobes: options.lobes, select: true, turning: views_differ, options: search };
     let fit = Fit { stack, rig, start, sequence, rounds: options.rounds, run };
-    let mut maps = LafortuneMaps::new(shape.bands, options.lobes, start.status);
+    let mut maps = LafortuneMaps::new(shape.bands, options.lobes, start.status, run)?;
     maps.views_differ = views_differ;
     let stopped = || run.cancelled();
     run.for_each(
@@ -73,8 +73,7 @@ pub fn fit_lafortune(
         || Scratch::new(stack),
         |scratch, sheet| fit.tile(scratch, sheet, &stopped),
     )?;
-    // The last tiles may have been left before their end.
-    if run.cancelled() { Err(Error::Cancelled) } else { Ok(maps) }
+    Ok(maps)
 }
 
 struct Fit<'a> {

@@ -1,5 +1,8 @@
 //! What the fit hands out.
 
+use crate::error::Result;
+use crate::pixels::Run;
+
 /// Maps of a surface whose pixels have Lafortune lobes of their own; meanings stand in
 /// `impasto.LafortuneSbrdf`.
 #[derive(Clone, Debug)]
@@ -57,24 +60,24 @@ pub(super) struct Sheet<'a> {
 
 impl LafortuneMaps {
     /// Maps that hold NaN, no lobes, and the statuses to begin with.
-    pub(super) fn new(bands: usize, lobes: usize, status: &[u8]) -> Self {
-        let unknown = |planes: usize| vec![f32::NAN; planes * status.len()];
-        Self {
-            normal: unknown(3),
-            diffuse: unknown(bands),
-            specular: unknown(lobes * bands),
-            cxy: unknown(lobes),
-            cz: unknown(lobes),
-            exponent: unknown(lobes),
-            specular_sigma: unknown(lobes),
-            direction_sigma: unknown(lobes),
-            exponent_sigma: unknown(lobes),
+    pub(super) fn new(bands: usize, lobes: usize, status: &[u8], run: &Run<'_>) -> Result<Self> {
+        let unknown = |planes: usize| run.filled(f32::NAN, planes * status.len());
+        Ok(Self {
+            normal: unknown(3)?,
+            diffuse: unknown(bands)?,
+            specular: unknown(lobes * bands)?,
+            cxy: unknown(lobes)?,
+            cz: unknown(lobes)?,
+            exponent: unknown(lobes)?,
+            specular_sigma: unknown(lobes)?,
+            direction_sigma: unknown(lobes)?,
+            exponent_sigma: unknown(lobes)?,
             lobes: vec![0; status.len()],
-            residual: unknown(1),
-            sigma: unknown(1),
-            status: status.to_vec(),
+            residual: unknown(1)?,
+            sigma: unknown(1)?,
+            status: run.copied(status)?,
             views_differ: true,
-        }
+        })
     }
 
     /// The maps cut into tiles.

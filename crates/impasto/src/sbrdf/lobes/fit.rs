@@ -88,7 +88,7 @@ pub fn fit_lobes<M: LobeModel>(
     };
     let prior = options.typical.then(|| Prior::of_places(&sight.model, &known));
     let fit = Fit { prior: prior.as_ref(), pyramid: pyramid.as_ref(), ..fit };
-    let mut maps = LobeMaps::new(shape.bands, options.lobes, M::NAMES.len(), start.status);
+    let mut maps = LobeMaps::new(shape.bands, options.lobes, M::NAMES.len(), start.status, run)?;
     run.for_each(
         maps.sheets(TILE),
         || Scratch::new(stack),
@@ -97,8 +97,7 @@ pub fn fit_lobes<M: LobeModel>(
             fit.write(scratch, &fine, sheet);
         },
     )?;
-    // The last tiles may have been left before their end.
-    if run.cancelled() { Err(Error::Cancelled) } else { Ok(maps) }
+    Ok(maps)
 }
 
 /// Tiles that tell what is typical of a painting, at most.
@@ -149,7 +148,7 @@ impl<M: LobeModel> Fit<'_, M> {
                 fine.into_iter().map(|pixel| scratch.tile.places[pixel]).collect::<Vec<_>>()
             },
         )?;
-        Ok(places.concat())
+        self.run.joined(places)
     }
 
     /// What the pixels of a coarse grid found, and where they stay.
@@ -175,7 +174,7 @@ impl<M: LobeModel> Fit<'_, M> {
             },
         )?;
         let (nodes, places): (Vec<_>, Vec<_>) = found.into_iter().unzip();
-        Ok((Pyramid::new(shape.width, nodes.concat()), places.concat()))
+        Ok((Pyramid::new(shape.width, self.run.joined(nodes)?), self.run.joined(places)?))
     }
 
     /// The pixels of a tile.

@@ -1,5 +1,8 @@
 //! What the fit hands out.
 
+use crate::error::Result;
+use crate::pixels::Run;
+
 /// Most lobes that a pixel may have.
 pub const MOST_LOBES: usize = 3;
 
@@ -51,23 +54,29 @@ pub(super) struct Sheet<'a> {
 
 impl LobeMaps {
     /// Maps that hold NaN, no lobes, and the statuses to begin with.
-    pub(super) fn new(bands: usize, lobes: usize, numbers: usize, status: &[u8]) -> Self {
+    pub(super) fn new(
+        bands: usize,
+        lobes: usize,
+        numbers: usize,
+        status: &[u8],
+        run: &Run<'_>,
+    ) -> Result<Self> {
         let pixels = status.len();
-        let unknown = |planes: usize| vec![f32::NAN; planes * pixels];
-        Self {
-            normal: unknown(3),
-            diffuse: unknown(bands),
-            ambient: unknown(bands),
-            specular: unknown(lobes * bands),
-            numbers: unknown(lobes * numbers),
-            spread: unknown(lobes),
+        let unknown = |planes: usize| run.filled(f32::NAN, planes * pixels);
+        Ok(Self {
+            normal: unknown(3)?,
+            diffuse: unknown(bands)?,
+            ambient: unknown(bands)?,
+            specular: unknown(lobes * bands)?,
+            numbers: unknown(lobes * numbers)?,
+            spread: unknown(lobes)?,
             tinted: vec![0; lobes * pixels],
             lobes: vec![0; pixels],
-            residual: unknown(1),
-            sigma: unknown(1),
+            residual: unknown(1)?,
+            sigma: unknown(1)?,
             converged: vec![0; pixels],
-            status: status.to_vec(),
-        }
+            status: run.copied(status)?,
+        })
     }
 
     /// The maps cut into tiles.

@@ -1,0 +1,190 @@
+//! How soon fits stop, by looks at the caller's flag instead of a clock.
+
+use super::extract::Extraction;
+use super::lafortune::{LafortuneOptions, fit_lafortune};
+use super::lanes::MAX_LANES;
+use super::passes::Fit;
+use super::pixel::Lobe;
+use super::settle::Yardstick;
+use super::tile::{Photographs, Start, State};
+use super::{LobeOptions, Origin, PooledOptions, TorranceSparrow, fit_lobes, fit_pooled};
+use crate::error::{Error, Result};
+use crate::geometry::{Grid, Light, Rig};
+use crate::math::Vec3;
+use crate::pixels::{Run, looks};
+use crate::stack::{Decode, Samples, Shape, Stack};
+use crate::stereo::{self, Method, Options};
+
+const OBSERVATIONS: usize = 12;
+const SHAPE: Shape = Shape { observations: OBSERVATIONS, bands: 2, height: 16, width: 40 };
+const PIXELS: usize = 640;
+
+/// A slightly curved, glossy painting of one tile.
+struct Painting {
+    samples: Vec<f32>,
+    decode: Vec<Decode>,
+    rig: Rig,
+    normal: Vec<f32>,
+    diffuse: Vec<f32>,
+    status: Vec<u8>,
+}
+
+impl Painting {
+    fn new() -> Self {
+        let lights: Vec<Vec3<f64>> = (0..OBSERVATIONS)
+            .map(|i| {
+                let (turn, out) = (2.4 * i as f64, 0.15 + 0.06 * i as f64);
+                Vec3::new(out * turn.cos(), out * turn.sin(), 1.0).normalised()
+            })
+            .collect();
+        let normal = |pixel: usize| {
+            let (x, y) = ((pixel % 40) as f64, (pixel / 40) as f64);
+            Vec3::new(0.01 * (x - 20.0), 0.02 * (y - 8.0), 1.0).normalised()
+        };
+        let mut samples = Vec::new();
+        for (i, light) in lights.iter().enumerate() {
+            let half = Vec3::new(light.x, light.y, light.z + 1.0).normalised();
+            for colour in [0.3_f64, 0.5] {
+                samples.extend((0..PIXELS).map(|pixel| {
+                    let normal = normal(pixel);
+                    let glint = 0.6 * (-40.0 * (1.0 - normal.dot(half))).exp();
+                    let noise = 1e-3 * ((pixel * 7919 + i * 104_729) % 101) as f64;
+                    colour.mul_add(normal.dot(*light), glint + noise) as f32
+                }));
+            }
+        }
+        let plain = Decode { gain: 1.0, offset: 0.0, saturation: f32::INFINITY };
+        let axis = |axis: usize| (0..PIXELS).map(move |p| normal(p).array()[axis] as f32);
+        let lights = lights.into_iter().map(Light::Distant).collect();
+        let views = vec![Vec3::new(0.0, 0.0, 1.0); OBSERVATIONS];
+        Self {
+            samples,
+            decode: vec![plain; OBSERVATIONS * 2],
+            rig: Rig::new(lights, views, Grid { width: 40, height: 16, pitch: 1.0 }).unwrap(),
+            normal: (0..3).flat_map(axis).collect(),
+            diffuse: [[0.3; PIXELS], [0.5; PIXELS]].concat(),
+            status: vec![0; PIXELS],
+        }
+    }
+
+    fn stack(&self) -> Stack<'_> {
+        Stack::new(Samples::F32(&self.samples), SHAPE, &self.decode, None).unwrap()
+    }
+
+    fn start(&self) -> Start<'_> {
+        Start { normal: &self.normal, diffuse: &self.diffuse, status: &self.status }
+    }
+
+    fn pooled(&self, joint: bool, run: &Run<'_>) -> Result<()> {
+        let extraction = Extraction::Residual;
+        let options = PooledOptions { extraction, joint, index: 1.45, pixels: PIXELS };
+        fit_pooled(&self.stack(), &self.rig, &self.start(), &options, run).map(drop)
+    }
+
+    fn lobes(&self, start: Origin, run: &Run<'_>) -> Result<()> {
+        let options = LobeOptions {
+            lobes: 1,
+            ambient: true,
+            normal: true,
+            rounds: 1,
+            typical: true,
+            sparing: true,
+            iterations: 4,
+            start,
+        };
+        let model = TorranceSparrow { index: 1.45 };
+        fit_lobes(&self.stack(), &self.rig, &self.start(), model, &options, run).map(drop)
+    }
+
+    fn lafortune(&self, run: &Run<'_>) -> Result<()> {
+        let options = LafortuneOptions { lobes: 1, rounds: 1 };
+        fit_lafortune(&self.stack(), &self.rig, &self.start(), options, run).map(drop)
+    }
+
+    fn stereo(&self, method: Method, run: &Run<'_>) -> Result<()> {
+        let (mut normal, mut albedo) = (vec![0.0; 3 * PIXELS], vec![0.0; 2 * PIXELS]);
+        let (mut used, mut rejected) = (vec![0; PIXELS], vec![0; 4 * PIXELS]);
+        let mut planes = [(); 3].map(|()| vec![0.0; PIXELS]);
+        let [residual, condition, sigma] = planes.each_mut();
+        let mut maps = stereo::Maps {
+            normal: &mut normal,
+            albedo: &mut albedo,
+            used: &mut used,
+            rejected: &mut rejected,
+            residual,
+            condition,
+            sigma,
+            status: &mut vec![0; PIXELS],
+        };
+        let options = Options { method, steps: method.usual_steps(), selection: None };
+        stereo::fit_normals(&self.stack(), &self.rig, &options, &mut maps, run)
+    }
+}
+
+#[test]
+fn a_pass_looks_before_every_register_of_pixels() {
+    let painting = Painting::new();
+    let (stack, start) = (&painting.stack(), &painting.start());
+    let lobe = Lobe { beta: 10.0, log_sharpness: 3.0 };
+    let looks_of = |pass: &dyn Fn(&Fit<'_>, &State) -> Result<()>| {
+        let all = |run: &Run<'_>| {
+            let photographs = &Photographs {
+                stack,
+                rig: &painting.rig,
+                index: 1.45,
+                bands: 2,
+                status: start.status,
+                places: None,
+            };
+            let yardstick = Yardstick { reference: 0.5, grain: 0.0 };
+            let state = State::new(start, run)?;
+            pass(&Fit { photographs, run, yardstick }, &state)
+        };
+        looks::count(all)
+    };
+    let nothing = looks_of(&|_, _| Ok(()));
+    let passes: [(&str, &dyn Fn(&Fit<'_>, &State) -> Result<()>); 3] = [
+        ("extract", &|fit, state| fit.extract(state, Extraction::Residual).map(drop)),
+        ("settle", &|fit, state| {
+            let mut to = state.copied(fit.run)?;
+            fit.settle(state, &mut to, lobe, 1, true).map(drop)
+        }),
+        ("measure", &|fit, state| fit.measure(state, lobe).map(drop)),
+    ];
+    for (name, pass) in passes {
+        let looks = looks_of(pass) - nothing;
+        assert!(looks > PIXELS / MAX_LANES, "{name}: {looks}");
+    }
+}
+
+#[test]
+fn photometric_stereo_looks_before_every_block_of_a_tile() {
+    let painting = Painting::new();
+    for method in [Method::LeastSquares, Method::Rank { low: 0.1, high: 0.9 }, Method::Tukey] {
+        // Before the tile and after it, and before each of two blocks.
+        assert_eq!(looks::count(|run| painting.stereo(method, run)), 4);
+    }
+}
+
+/// Wherever the flag is found set, nothing is returned, and hardly anything is done any more: a
+/// tile that was left is looked at once again, and so is the fit that it is a part of.
+#[test]
+fn a_fit_stops_at_the_look_that_tells_it() {
+    let painting = Painting::new();
+    let fits: [(&str, &dyn Fn(&Run<'_>) -> Result<()>); 6] = [
+        ("joint", &|run| painting.pooled(true, run)),
+        ("separate", &|run| painting.pooled(false, run)),
+        ("table", &|run| painting.lobes(Origin::Table, run)),
+        ("pyramid", &|run| painting.lobes(Origin::Pyramid, run)),
+        ("lafortune", &|run| painting.lafortune(run)),
+        ("stereo", &|run| painting.stereo(Method::Tukey, run)),
+    ];
+    for (name, fit) in fits {
+        let all = looks::count(fit);
+        for last in (1..=all).step_by(all.div_ceil(25)).chain([all]) {
+            let (answer, looks) = looks::stopped_at(last, fit);
+            assert_eq!(answer, Err(Error::Cancelled), "{name}, look {last} of {all}");
+            assert!(looks <= last + 4, "{name}: {looks} looks, stopped at {last}");
+        }
+    }
+}
