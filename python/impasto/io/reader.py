@@ -187,8 +187,12 @@ def read_stack(
     samples: NDArray[Any] = codes
     if calibration.changes or curve.curve != "linear":
         samples = np.empty(codes.shape, np.float32)
+
+        def develop(index: int) -> None:
+            samples[index] = calibration.apply(codes[index], index)
+
         for index in range(len(codes)):
-            samples[index] = wait_for(calibration.apply, codes[index], index)
+            wait_for(develop, index)
         levels = calibration.stored_saturation()
     return Stack(
         samples,
@@ -239,7 +243,7 @@ def _codes(
                 out = planes if out is None else np.concatenate([out, planes])
             else:
                 assert out is not None
-                out[index, band : band + len(planes)] = planes
+                wait_for(np.copyto, out[index, band : band + len(planes)], planes)
             band += len(planes)
         if index == 0:
             assert out is not None
@@ -260,7 +264,7 @@ def _allocate(first: NDArray[Any], count: int, path: Path) -> NDArray[Any]:
             f"{memory / 1e9:.1f} GB; read a part with region=(top, left, height, width)"
         )
     out = np.empty((count, *first.shape), first.dtype)
-    out[0] = first
+    wait_for(np.copyto, out[0], first)
     return out
 
 

@@ -121,12 +121,15 @@ impl Painting {
     }
 }
 
+type Call<'a> = &'a dyn Fn(&Run<'_>) -> Result<()>;
+type Pass<'a> = &'a dyn Fn(&Fit<'_>, &State) -> Result<()>;
+
 #[test]
 fn a_pass_looks_before_every_register_of_pixels() {
     let painting = Painting::new();
     let (stack, start) = (&painting.stack(), &painting.start());
     let lobe = Lobe { beta: 10.0, log_sharpness: 3.0 };
-    let looks_of = |pass: &dyn Fn(&Fit<'_>, &State) -> Result<()>| {
+    let looks_of = |pass: Pass<'_>| {
         let all = |run: &Run<'_>| {
             let photographs = &Photographs {
                 stack,
@@ -143,7 +146,7 @@ fn a_pass_looks_before_every_register_of_pixels() {
         looks::count(all)
     };
     let nothing = looks_of(&|_, _| Ok(()));
-    let passes: [(&str, &dyn Fn(&Fit<'_>, &State) -> Result<()>); 3] = [
+    let passes: [(&str, Pass<'_>); 3] = [
         ("extract", &|fit, state| fit.extract(state, Extraction::Residual).map(drop)),
         ("settle", &|fit, state| {
             let mut to = state.copied(fit.run)?;
@@ -171,7 +174,7 @@ fn photometric_stereo_looks_before_every_block_of_a_tile() {
 #[test]
 fn a_fit_stops_at_the_look_that_tells_it() {
     let painting = Painting::new();
-    let fits: [(&str, &dyn Fn(&Run<'_>) -> Result<()>); 6] = [
+    let fits: [(&str, Call<'_>); 6] = [
         ("joint", &|run| painting.pooled(true, run)),
         ("separate", &|run| painting.pooled(false, run)),
         ("table", &|run| painting.lobes(Origin::Table, run)),
