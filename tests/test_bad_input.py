@@ -443,6 +443,25 @@ def test_an_archive_cut_short_or_with_objects(tmp_path: Path) -> None:
         read_stack(path)
 
 
+def test_a_flipped_bit_of_an_archives_directory(tmp_path: Path) -> None:
+    path = archive(tmp_path / "stack.npz")
+    whole = path.read_bytes()
+    entry = whole.index(b"PK\x01\x02")
+    refused = []
+    # Six bytes into it: the version of ZIP, flags (encrypted, ...), the way it is compressed.
+    for place in range(entry + 6, entry + 12):
+        for bit in range(8):
+            flipped = bytearray(whole)
+            flipped[place] ^= 1 << bit
+            path.write_bytes(flipped)
+            try:
+                read_stack(path)
+            except CorruptInputError as error:
+                refused.append(str(error))
+    assert len(refused) > 10
+    assert all("stack.npz" in words for words in refused)
+
+
 @pytest.mark.parametrize(
     ("options", "word"),
     [

@@ -14,6 +14,12 @@ from numpy.typing import NDArray
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_path
 
+DAMAGE = (
+    *(OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile, zlib.error),
+    RuntimeError,  # A flipped bit says: encrypted, or compressed in a way nobody knows.
+)
+"""What numpy and zipfile raise over a damaged archive."""
+
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays so that the file appears whole or not at all.
@@ -48,7 +54,7 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
             return {key: file[key] for key in file.files}
     except FileNotFoundError:
         raise
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
+    except DAMAGE as error:
         raise CorruptInputError(path, f"cannot be read as .npz ({error})") from error
 
 
