@@ -160,9 +160,38 @@ def test_case_28_a_power_of_two_changes_no_bit_of_the_shapes(method: str, power:
         np.testing.assert_array_equal(np.ldexp(getattr(plain, name), power), getattr(scaled, name))
 
 
+def test_samples_at_either_end_of_single_precision_have_a_status() -> None:
+    samples = np.repeat(matte(RING), 3, axis=3)[:, :, :2, :4].copy()
+    samples[:, 0, 0, 0] *= np.float32(1e-20)  # Its squares are no normal numbers any more.
+    samples[:, 0, 0, 1] = 0.0
+    samples[2, 0, 0, 1] = 1.0  # What is left of the albedo after ten steps of reweighting.
+    samples[3, 0, 0, 2] = 1e19  # The square is a number, the sum of two is none.
+    samples[6, 0, 0, 2] = 1e19
+    for method in METHODS:
+        fit = impasto.fit_normals(impasto.Stack(samples, lights=RING), method=method)
+        consistent(fit, 8)
+        assert fit.status[0, 0] == Status.DARK
+        assert (fit.status[0, 3], fit.status[1, 2]) == (Status.FITTED, Status.FITTED)
+
+
+def test_irradiances_that_leave_no_inverse_have_a_status() -> None:
+    # One lamp lights a painting of 65 m evenly, the others where they stand; a thousandth of a
+    # thousandth elsewhere, whose products with it single precision cannot tell from its own.
+    far = impasto.PointLight((-9500.0, -1700.0, 2600.0))
+    for seed in (1, 5, 15):
+        rng = np.random.default_rng(seed)
+        count = int(rng.integers(4, 8))
+        near = [impasto.PointLight(tuple(at), intensity=0.1) for at in rng.normal(0, 30, (count, 3))]
+        samples = rng.uniform(0.0, 0.5, (1 + count, 1, 5, 130)).astype(np.float32)
+        stack = impasto.Stack(samples, lights=impasto.Rig([far, *near], pitch_mm=100.0))
+        fit = impasto.fit_normals(stack, method="least-squares")
+        consistent(fit, 1 + count)
+        assert (fit.status == Status.RANK_DEFICIENT).any()
+
+
 AWKWARD = st.one_of(
     st.floats(0, 1, width=32),
-    st.sampled_from([0.0, -0.0, np.nan, np.inf, -np.inf, 1.0, 0.5, -0.01, 1e-30, 1e30]),
+    st.sampled_from([0.0, -0.0, np.nan, np.inf, -np.inf, 1.0, 0.5, -0.01, 1e-30, 1e19, 1e30]),
 )
 
 

@@ -44,7 +44,7 @@ impl<R: Real<Scalar = f32>> Found<R> {
             residual: (squares * share.per_count).sqrt(),
             condition: start.condition,
             sigma,
-            status: status(pixels, verdict, start, length),
+            status: status(pixels, verdict, start, &Size { length, squares, worst }),
             used: verdict.kept,
             shadow: verdict.shadow,
             highlight: verdict.highlight,
@@ -106,6 +106,20 @@ impl<R: Real<Scalar = f32>> Found<R> {
     }
 }
 
+/// Least length whose square single precision holds with all its digits: its least normal number is
+/// 2^-126. A shorter albedo's direction is no unit vector, and its pixel as good as black.
+const SHORTEST: f64 = 1.0 / 9_223_372_036_854_775_808.0;
+
+/// What tells whether single precision has room for a pixel.
+struct Size<R> {
+    /// Of the albedo times the normal.
+    length: R,
+    /// Sum of the residuals' squares.
+    squares: R,
+    /// Variance along the worst tangent.
+    worst: R,
+}
+
 /// Why the pixels are what they are. The first that holds: too few samples; dark; coplanar
 /// lights; no spare sample; lights nearly coplanar; samples taken back.
 #[inline(always)]
@@ -113,13 +127,16 @@ fn status<R: Real<Scalar = f32>, L>(
     pixels: &Pixels<R, L>,
     verdict: &Verdict<R>,
     &Solution { squared, total, .. }: &Solution<R>,
-    length: R,
+    &Size { length, squares, worst }: &Size<R>,
 ) -> R {
     let zero = R::zero();
     let three = R::of(3.0);
     let solved = determined(squared);
-    let lit = total.gt(zero) & (length.gt(zero) | !solved);
-    let plain = lit & solved & well_determined(squared) & length.is_finite();
+    let lit = total.gt(zero) & (length.ge(R::of(SHORTEST)) | !solved);
+    let finite = length.is_finite() & squares.is_finite();
+    // Irradiances so unlike that rounding leaves no inverse have a condition that is rounding, too.
+    let certain = worst.ge(zero);
+    let plain = lit & solved & well_determined(squared) & finite & certain;
     let spare = verdict.kept.gt(three);
     if (plain & spare & !verdict.relaxed).all() {
         return zero;
@@ -127,8 +144,9 @@ fn status<R: Real<Scalar = f32>, L>(
     let mut status = R::select(verdict.relaxed, code(Status::Relaxed), code(Status::Fitted));
     status = R::select(well_determined(squared), status, code(Status::IllConditioned));
     status = R::select(spare, status, code(Status::Exact));
+    status = R::select(certain, status, code(Status::RankDeficient));
     // Squares of samples beyond 1e19 are infinite in single precision.
-    status = R::select(length.is_finite(), status, code(Status::InvalidInput));
+    status = R::select(finite, status, code(Status::InvalidInput));
     status = R::select(solved, status, code(Status::RankDeficient));
     status = R::select(lit, status, code(Status::Dark));
     let seen = pixels.valid + pixels.saturated;
