@@ -63,7 +63,7 @@ def fit(
     out
         Folder for maps, overview and report.
     strengths
-        First estimate from the photographs how much light each of them got (at least 6 lights);
+        First estimate from the photographs how much light each of them got (at least 7 lights);
         for lamps that nobody measured, held by hand or in a dome. Takes longer than the fit, with
         lobes of every pixel's own (--lobes, where --pooling pixel has them; else 2).
     system

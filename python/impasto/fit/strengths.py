@@ -21,8 +21,9 @@ from impasto.stack import Stack
 from impasto.status import Status
 from impasto.thinning import thinned_to
 
-FEWEST = 6
-"""Lights below which strengths and normals cannot be told apart."""
+FEWEST = 7
+"""Lights below which strengths and surfaces cannot be told apart: normal, colour, ambient light and
+one lobe are six unknowns of a pixel."""
 
 _PIXELS = 10_000
 _ROUNDS = 12
@@ -60,9 +61,9 @@ class Strengths:
         The photographs under these lights: what to fit.
     converged
         Whether no factor was to go further than 0.5 %, as foretold from the last rounds. What is
-        left then is mostly what the model lacks: on simulated paintings under 24 lamps, log-normal
-        with standard deviations of 0.3 and 0.5, the worst factor was off by 1 to 3 %, and by 0.5 to
-        1 % under even lamps. Where it is False, see ``change``: a few lamps that have not settled
+        left then is mostly what the model lacks, and more of it the fewer lamps there are: on
+        simulated paintings the worst of log-normal lamps (0.3) was off by 1 to 10 % of 24, by 5 to
+        23 % of twelve, by 12 to 45 % of seven to nine; of even lamps by 0.5 to 2 %. Where it is False, see ``change``: a few lamps that have not settled
         do little harm; where they are more than a tenth, ask for more ``rounds``, or call
         :func:`fit_strengths` again with ``stack``, which goes on from there.
     change
@@ -109,10 +110,13 @@ class Strengths:
             return ""
         size = np.abs(self.change)
         many = int((size > _SETTLED).sum())
+        most = f"{100 * size.max():.1f} %"
+        if many == 0:
+            return f", which the last round still changed by up to {most}: they have settled"
         few = many <= _FEW * len(size)
         return (
             f", {many} of which the last round still changed by more than {100 * _SETTLED:g} % "
-            f"(up to {100 * size.max():.1f} %): "
+            f"(up to {most}): "
             + ("the others have settled" if few else "fit_strengths(lamps.stack) goes on from here")
         )
 
@@ -146,7 +150,7 @@ def fit_strengths(
     Parameters
     ----------
     stack
-        At least 6 photographs.
+        At least 7 photographs, better 24: see ``converged``.
     lobes, index
         As for :func:`fit_sbrdf`.
     rounds
