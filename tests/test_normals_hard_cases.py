@@ -181,7 +181,9 @@ def test_irradiances_that_leave_no_inverse_have_a_status() -> None:
     for seed in (1, 5, 15):
         rng = np.random.default_rng(seed)
         count = int(rng.integers(4, 8))
-        near = [impasto.PointLight(tuple(at), intensity=0.1) for at in rng.normal(0, 30, (count, 3))]
+        near = [
+            impasto.PointLight(tuple(at), intensity=0.1) for at in rng.normal(0, 30, (count, 3))
+        ]
         samples = rng.uniform(0.0, 0.5, (1 + count, 1, 5, 130)).astype(np.float32)
         stack = impasto.Stack(samples, lights=impasto.Rig([far, *near], pitch_mm=100.0))
         fit = impasto.fit_normals(stack, method="least-squares")

@@ -63,9 +63,10 @@ class Strengths:
         Whether no factor was to go further than 0.5 %, as foretold from the last rounds. What is
         left then is mostly what the model lacks, and more of it the fewer lamps there are: on
         simulated paintings the worst of log-normal lamps (0.3) was off by 1 to 10 % of 24, by 5 to
-        23 % of twelve, by 12 to 45 % of seven to nine; of even lamps by 0.5 to 2 %. Where it is False, see ``change``: a few lamps that have not settled
-        do little harm; where they are more than a tenth, ask for more ``rounds``, or call
-        :func:`fit_strengths` again with ``stack``, which goes on from there.
+        23 % of twelve, by 12 to 45 % of seven to nine; of even lamps by 0.5 to 2 %. Where it is
+        False, see ``change``: a few lamps that have not settled do little harm; where they are more
+        than a tenth, ask for more ``rounds``, or call :func:`fit_strengths` again with ``stack``,
+        which goes on from there.
     change
         ``(obs,)`` by what share the last round, which foretells where they end, changed each
         factor: 0.01 is one per cent.
