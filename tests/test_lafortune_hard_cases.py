@@ -162,6 +162,25 @@ def test_hard_case_31_gross_outliers_are_left_out(
     assert np.allclose(fit.diffuse, clean.diffuse, rtol=0.01)
 
 
+@pytest.mark.parametrize("value", [3.0, 5.0])
+@pytest.mark.parametrize("red", [np.inf, np.nan], ids=["clipped", "missing"])
+def test_hard_case_31_a_flash_that_clips_one_band_is_left_out_of_all(
+    surface: Surface, clean: impasto.LafortuneSbrdf, value: float, red: float
+) -> None:
+    rng = np.random.default_rng(6)
+    samples = surface.samples.copy()
+    for y, x in np.ndindex(HEIGHT, WIDTH):
+        flash = rng.choice(len(samples), 3, replace=False)
+        samples[flash, :, y, x] = value
+        samples[flash, 0, y, x] = red
+    fit = fitted(surface, samples)
+    # Peaks reach 1.2: everywhere a flash is off by more than half of itself. Three photographs of
+    # 385 less, and nothing of what the other bands show in them: a colour known to 0.3 % changes by
+    # a tenth of that.
+    assert np.allclose(fit.residual, clean.residual, rtol=0.02)
+    assert np.allclose(fit.diffuse, clean.diffuse, rtol=0.01)
+
+
 def test_hard_case_31_a_sharp_highlight_is_no_outlier(surface: Surface) -> None:
     # A highlight seen in few photographs, 100 times as far above the paint as noise goes, and not
     # quite of the model's shape: all of it stays.

@@ -3,11 +3,12 @@
 use crate::brdf::lafortune::{Lobe, Pair};
 use crate::geometry::Rig;
 use crate::math::lanes::{Isa, MAX_LANES};
-use crate::math::{Kernel, Real, Vec3};
+use crate::math::{Kernel, Mask, Real, Vec3};
 use crate::sbrdf::lobes::Sums;
 
 use super::fit::{Scratch, TILE};
 use super::found::{Found, MOST_LOBES};
+use super::outliers::{GROSS, SHARE};
 
 /// Diffuse part and lobes.
 pub(super) const COLUMNS: usize = 1 + MOST_LOBES;
@@ -36,6 +37,10 @@ impl Tints {
 }
 
 /// Finds the colours of some pixels of a tile.
+///
+/// A photograph that clipped in a band, or lacks it, has had no say in the lobes, and nobody has
+/// asked whether it shows the surface: a flash may clip red alone. What its other bands show counts
+/// if it is not gross beside what the whole photographs say (hard case 31).
 pub(super) struct Colours<'a> {
     pub(super) rig: &'a Rig,
     pub(super) scratch: &'a Scratch,
@@ -53,11 +58,21 @@ impl Kernel for Colours<'_> {
         let width = I::F32::WIDTH;
         let bands = tints.values.len() / (COLUMNS * tints.pixels);
         let mut columns = vec![[I::F32::zero(); COLUMNS]; rig.observations()];
+        let mut means = vec![I::F32::zero(); rig.observations()];
         for (pixels, found) in fine.chunks(width).zip(found.chunks(width)) {
             let facets = Facets::<I::F32>::new(scratch, pixels, found);
             for (photograph, columns) in columns.iter_mut().enumerate() {
                 *columns = facets.columns(rig, photograph);
             }
+            for (photograph, mean) in means.iter_mut().enumerate() {
+                let plane = &scratch.means[photograph * TILE..];
+                *mean = gather(pixels, |_, pixel| plane[pixel]);
+            }
+            let whole = means.iter().all(|mean| mean.is_finite().all());
+            // The bands' noise is that of their mean times the root of their number, at most.
+            let gross: I::F32 = gather(pixels, |place, _| {
+                (GROSS * (bands as f64 * found[place].mean()).sqrt()) as f32
+            });
             let (mut square, mut count) = (I::F32::zero(), I::F32::zero());
             for band in 0..bands {
                 let sample = |photograph: usize| -> I::F32 {
@@ -65,21 +80,35 @@ impl Kernel for Colours<'_> {
                     gather(pixels, |_, pixel| scratch.samples[plane + pixel])
                 };
                 let mut sums = Sums::zero();
-                for (photograph, columns) in columns.iter().enumerate() {
+                for (photograph, (columns, mean)) in columns.iter().zip(&means).enumerate() {
                     let sample = sample(photograph);
-                    let counts = sample.is_finite();
+                    let counts = sample.is_finite() & mean.is_finite();
                     let weight = I::F32::keep(counts, I::F32::one());
                     sums.add(columns, weight, I::F32::keep(counts, sample));
                 }
-                let colours = sums.solve(&[false; COLUMNS]).values;
-                for (photograph, columns) in columns.iter().enumerate() {
-                    let sample = sample(photograph);
-                    let mut residual = sample;
-                    for (&column, &colour) in columns.iter().zip(&colours) {
-                        residual = (-colour).mul_add(column, residual);
+                let mut colours = sums.solve(&[false; COLUMNS]).values;
+                let first = colours;
+                let near = |columns: &[I::F32; COLUMNS], sample: I::F32| {
+                    let off = left(columns, &first, sample);
+                    let share = I::F32::splat(SHARE) * sample.max(sample - off);
+                    off.abs().le(gross.max(share))
+                };
+                if !whole {
+                    for (photograph, (columns, mean)) in columns.iter().zip(&means).enumerate() {
+                        let sample = sample(photograph);
+                        let counts = sample.is_finite() & !mean.is_finite() & near(columns, sample);
+                        let weight = I::F32::keep(counts, I::F32::one());
+                        sums.add(columns, weight, I::F32::keep(counts, sample));
                     }
-                    let counts = sample.is_finite();
-                    let residual = I::F32::keep(counts, residual);
+                    colours = sums.solve(&[false; COLUMNS]).values;
+                }
+                for (photograph, (columns, mean)) in columns.iter().zip(&means).enumerate() {
+                    let sample = sample(photograph);
+                    let mut counts = sample.is_finite();
+                    if !whole {
+                        counts = counts & (mean.is_finite() | near(columns, sample));
+                    }
+                    let residual = I::F32::keep(counts, left(columns, &colours, sample));
                     square = residual.mul_add(residual, square);
                     count = count + I::F32::keep(counts, I::F32::one());
                 }
@@ -98,6 +127,16 @@ impl Kernel for Colours<'_> {
             }
         }
     }
+}
+
+/// What colours leave of a sample.
+#[inline(always)]
+fn left<R: Real>(columns: &[R; COLUMNS], colours: &[R; COLUMNS], sample: R) -> R {
+    let mut left = sample;
+    for (&column, &colour) in columns.iter().zip(colours) {
+        left = (-colour).mul_add(column, left);
+    }
+    left
 }
 
 /// One number of each of some pixels, told their places among them and in the tile; lanes beyond

@@ -48,7 +48,7 @@ impl Found {
     }
 
     /// Mean squared residual, no less than what rounding leaves.
-    fn mean(&self) -> f64 {
+    pub(super) fn mean(&self) -> f64 {
         self.cost.max(self.floor) / self.samples as f64
     }
 

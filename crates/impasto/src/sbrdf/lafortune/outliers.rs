@@ -10,7 +10,7 @@ use super::found::Found;
 
 /// Standard deviations that a gross outlier is off by, the deviation told by the median of the
 /// residuals' sizes; noise of 770 samples reaches 6 in one pixel of 600,000.
-const GROSS: f64 = 6.0;
+pub(super) const GROSS: f64 = 6.0;
 
 /// A normal deviation over the median size.
 const PER_MEDIAN: f64 = 1.4826;
