@@ -138,6 +138,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
         ("diffuse", np.zeros((2, *SIZE), np.float32)),
         ("status", np.zeros(SIZE, np.float32)),
         ("covariance", np.zeros((3, 3))),
+        ("covariance", np.full((2, 2), -np.inf)),
         ("curve", np.zeros((4, 2))),
         ("path", np.zeros(4)),
         ("beta", np.array(-0.1)),

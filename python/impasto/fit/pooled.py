@@ -115,6 +115,10 @@ class Sbrdf(FittedSurface):
         beta, gamma = self.beta, self.gamma
         demand("beta", 0.0 <= beta < np.inf, f"is {beta:g}, not a finite strength from 0 on")
         demand("gamma", 0.0 < gamma <= 2.0, f"is {gamma:g} rad, not within 0 to 2")
+        variances = np.diag(self.covariance)
+        demand(
+            "covariance", bool((variances >= 0.0).all()), "holds variances that are not from 0 on"
+        )
         refractive_index(self.index)
 
     def _gloss(self) -> str:
