@@ -182,7 +182,7 @@ def fit_pooled(
         gamma=found["gamma"],
         index=index,
         covariance=np.array(found["covariance"], dtype=np.float64),
-        verdict=found["verdict"] if (stereo.status < Status.DARK).any() else "too-few",
+        verdict=found["verdict"] if stereo.status.min() < Status.DARK else "too-few",
         curve=np.array(found["curve"], dtype=np.float64).reshape(-1, 3),
         path=np.array(found["path"], dtype=np.float64).reshape(-1, 2),
         describes=found["describes"],
