@@ -34,8 +34,8 @@ from impasto.study.figures import draw
 from impasto.study.tables import tables
 from impasto.study.words import words
 
-REPEATS = 12
-"""Turns of every fit at least, spread over the whole study: its cost is that of a quarter hour."""
+REPEATS = 6
+"""Turns of every fit at least, spread over the whole study: its cost is some ten minutes."""
 
 
 def main() -> None:
