@@ -46,7 +46,7 @@ def run(
     """Measure whatever is not yet measured in a folder.
 
     Errors depend on nothing but data, seed and code: two runs give the same, bit for bit. Costs are
-    taken beside a yardstick until they are sure (:mod:`impasto.study.turns`): two runs agree in
+    taken beside a yardstick until they are sure (``impasto.study.turns``): two runs agree in
     their ratios, on a busy machine too. All fits take turns, each turn in another order, so that
     whatever else the machine does meets all alike. Memory is measured in processes of their own
     (not by the quick study): a script guards its call by ``if __name__ == "__main__"``.
