@@ -6,6 +6,7 @@ import _thread
 import signal
 import threading
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 import impasto
+import impasto.waiting as waiting
 from circumstances import capture
 from impasto.waiting import floats, wait_for
 
@@ -56,6 +58,18 @@ def test_what_a_step_raises_is_raised(error: Exception) -> None:
     assert raised.value is error
 
 
+def test_a_step_that_ends_as_the_wait_does_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Late(Future[str]):
+        def result(self, timeout: float | None = None) -> str:
+            found = super().result()
+            if timeout is not None:
+                raise TimeoutError
+            return found
+
+    monkeypatch.setattr(waiting, "Future", Late)
+    assert wait_for(str, 17) == "17"
+
+
 def test_a_step_returns_and_keeps_the_callers_numpy() -> None:
     assert wait_for(divmod, 17, 5) == (3, 2)
     with np.errstate(divide="raise"), pytest.raises(FloatingPointError):
@@ -73,6 +87,7 @@ def test_where_no_signal_comes_a_step_needs_no_thread() -> None:
 def test_only_other_numbers_are_copied() -> None:
     single = np.ones((3, 4), np.float32)
     assert floats(single) is single
+    assert floats(np.float32(1.0)).shape == floats(1.0).shape == (1,)
     for other in (single.astype(np.float64), single.T, [[1, 2]]):
         copy = floats(other)
         assert copy.dtype == np.float32

@@ -137,10 +137,9 @@ def calls() -> dict[str, Callable[[], Callable[..., Any]]]:
         return lambda **o: impasto.fit_reflectance(None, diffuse, camera, **o)
 
     def saved() -> Callable[..., Any]:
-        stack, normals = painting(4)
-        fit = impasto.fit_sbrdf(stack, joint=False)
+        fit = impasto.fit_sbrdf(painting(4)[0], joint=False)
         folder = tempfile.TemporaryDirectory()
-        return lambda threads: (fit.save(f"{folder.name}/{threads}.npz"), normals)
+        return lambda threads: fit.save(f"{folder.name}/{threads}.npz")
 
     def read() -> Callable[..., Any]:
         folder = tempfile.TemporaryDirectory()

@@ -42,9 +42,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--data", type=Path, default=data_folder())
     parser.add_argument("--out", type=Path, default=ROOT / "study", help="where runs are kept")
-    parser.add_argument("--again", action="store_true", help="a second run, beside the recorded")
-    parser.add_argument("--redraw", action="store_true", help="run nothing: the record, as it is")
-    parser.add_argument("--presets", action="store_true", help="run nothing: say and check them")
+    # One of them: a record that is compared with itself would agree.
+    mode = parser.add_mutually_exclusive_group()
+    mode.add_argument("--again", action="store_true", help="a second run, beside the recorded")
+    mode.add_argument("--redraw", action="store_true", help="run nothing: the record, as it is")
+    mode.add_argument("--presets", action="store_true", help="run nothing: say and check them")
     options = parser.parse_args()
     if options.presets:
         rows = _recorded()["rows"]

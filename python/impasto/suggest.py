@@ -115,7 +115,7 @@ def suggest_effort(
     how far the held-out photographs are from what it expects. Where these are fewer than 24, others
     are held out in turns, until they are as many or every photograph has been; however large the
     stack, the turns together fit some hundred photographs more. What is held out together was lit
-    (and seen) from directions that lie apart.
+    (and seen) from directions that lie apart, as far as hands of one size allow.
 
     Parameters
     ----------

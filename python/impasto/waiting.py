@@ -51,12 +51,16 @@ def wait_for(step: Callable[Given, Found], *args: Given.args, **options: Given.k
             return outcome.result(HEARTBEAT)
         except TimeoutError:
             if outcome.done():
-                raise
+                # At the last moment; or its own error.
+                return outcome.result()
 
 
 def floats(values: ArrayLike) -> NDArray[np.float32]:
-    """An array in single precision, C-contiguous; borrowed if it is that already."""
+    """An array in single precision, C-contiguous; borrowed if it is that already.
+
+    A number alone becomes ``(1,)``.
+    """
     found = np.asarray(values)
-    if found.dtype == np.float32 and found.flags.c_contiguous:
+    if found.ndim and found.dtype == np.float32 and found.flags.c_contiguous:
         return found
     return wait_for(np.ascontiguousarray, found, dtype=np.float32)

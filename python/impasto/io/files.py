@@ -56,8 +56,15 @@ def atomic_bytes(path: str | Path, data: bytes) -> None:
 
 
 def _sync(path: Path, flags: int) -> None:
+    def fsync(own: int) -> None:
+        try:
+            os.fsync(own)
+        finally:
+            os.close(own)
+
     handle = os.open(path, flags)
     try:
-        wait_for(os.fsync, handle)
+        # A handle of its own: whoever leaves the wait closes his.
+        wait_for(fsync, os.dup(handle))
     finally:
         os.close(handle)

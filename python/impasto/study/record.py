@@ -138,6 +138,7 @@ class Journal:
         """``run``, ``missing``, ``skipped`` and ``failed`` (settings and why), ``rows``."""
         rows = list(self.runs.values())
         every = [turn for turns in self._turns.values() for turn in turns]
+        seconds = unit(every) if every else {}
         return {
             "run": self.head["run"] | ({"yardstick": steadiness(every)} if every else {}),
             "missing": self.head["missing"],
@@ -145,7 +146,7 @@ class Journal:
             "failed": sorted(
                 {f"{r['setting']} on {r['data']}: {r['failed']}" for r in rows if "failed" in r}
             ),
-            "rows": [self._row(row, unit(every)) for row in rows if "turn" in row],
+            "rows": [self._row(row, seconds) for row in rows if "turn" in row],
         }
 
     def _row(self, run: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:

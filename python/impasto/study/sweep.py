@@ -72,7 +72,8 @@ def run(
         Turns that every fit takes at least, one of milliseconds for 0.04 s each; where two or more
         leave its cost unsure, up to twice as many.
     advance
-        Called before every turn.
+        Called before every turn, ``(done, total, name)``. ``done`` counts the turns that every fit
+        takes; where it is ``total``, costs that are not sure are timed further.
 
     Returns
     -------

@@ -305,10 +305,10 @@ def again(rows: Sequence[Row]) -> str:
         f"{int((fits <= TENTH).sum())} of {len(fits)} within a tenth: half of them within "
         f"{100.0 * float(np.median(fits)):.1f} %, the farthest {100.0 * float(fits.max()):.0f} %. "
         f"Of the {len(pairs)} ratios of any two fits of a data set "
-        f"{100.0 * float((pairs <= TENTH).mean()):.1f} % are within a tenth. Either run thinks its "
-        f"costs known to {100.0 * float(np.median(doubts)):.1f} % (standard error, the median; "
+        f"{100.0 * float((pairs <= TENTH).mean()):.1f} % are within a tenth. Costs are thought "
+        f"to be known to {100.0 * float(np.median(doubts)):.1f} % (standard error, the median; "
         f"{100.0 * max(doubts):.1f} % at most), after {min(row['turns'] for row in rows)} to "
-        f"{max(row['turns'] for row in rows)} turns."
+        f"{max(row['turns'] for row in rows)} turns of the first run."
     )
 
 

@@ -69,7 +69,7 @@ impl<S: Scalar> Column<'_, S> {
     /// Sets the numbers from a row on: several runs are quicker than a chain of iterators.
     ///
     /// # Panics
-    /// If the problem has no such row.
+    /// If the row lies beyond the end.
     #[inline(always)]
     pub fn fill_from(&mut self, row: usize, values: impl IntoIterator<Item = S>) {
         let block = &mut self.block[row * self.width..];

@@ -19,8 +19,8 @@ pub struct Normal<R, const N: usize> {
 /// in registers busy while their rows stay in the first-level cache.
 pub const ROWS: usize = 8;
 
-/// Rows and columns of the matrix that are summed up together: 16 sums and what feeds them fit
-/// the registers.
+/// Rows and columns of the matrix that are summed up together: 16 sums; where there are 16
+/// registers some of what feeds them comes from memory.
 const TILE: usize = 4;
 
 impl<R: Real, const N: usize> Normal<R, N> {
@@ -72,8 +72,7 @@ impl<R: Real, const N: usize> Normal<R, N> {
     }
 
     /// [`add_rows`](Self::add_rows) for `H` rows of the matrix from `top` on, tile by tile. All of a
-    /// tile's bounds are constants: compilers unroll it and keep its sums in registers, where 8
-    /// loads feed 16 products.
+    /// tile's bounds are constants: compilers unroll it, and 8 loads feed 16 products.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
     fn add_tiles<const H: usize>(&mut self, top: usize, slopes: &[[R; N]; ROWS]) {

@@ -121,7 +121,8 @@ struct Size<R> {
 }
 
 /// Why the pixels are what they are. The first that holds: too few samples; dark; coplanar
-/// lights; no spare sample; lights nearly coplanar; samples taken back.
+/// lights; beyond single precision; no inverse; no spare sample; lights nearly coplanar; samples
+/// taken back.
 #[inline(always)]
 fn status<R: Real<Scalar = f32>, L>(
     pixels: &Pixels<R, L>,

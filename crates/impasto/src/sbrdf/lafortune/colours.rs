@@ -69,7 +69,8 @@ impl Kernel for Colours<'_> {
                 *mean = gather(pixels, |_, pixel| plane[pixel]);
             }
             let whole = means.iter().all(|mean| mean.is_finite().all());
-            // The bands' noise is that of their mean times the root of their number, at most.
+            // The bands' noise, in their mean square if it is independent; a noisier band is left to
+            // `SHARE`.
             let gross: I::F32 = gather(pixels, |place, _| {
                 (GROSS * (bands as f64 * found[place].mean()).sqrt()) as f32
             });

@@ -111,7 +111,7 @@ impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Lanes<'_, M, 
         at: &[R; N],
     ) {
         let zero = R::zero();
-        // A loop: `from_fn` would call the model, and that its registers.
+        // A loop: in `from_fn` the model stays a call, and every intrinsic in it.
         let mut lobes = [self.sight.model.lobe([zero; MAX_SHAPES]); J];
         for (j, lobe) in lobes.iter_mut().enumerate() {
             let mut shape = [zero; MAX_SHAPES];
