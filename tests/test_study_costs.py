@@ -187,8 +187,8 @@ def test_two_runs_are_compared_in_proportion() -> None:
         "A second run, in a process of its own, finds the errors of 3 of 3 fits the same bit for "
         "bit, and of their costs, in proportion to all others, 2 of 3 within a tenth: half of them "
         "within 0.0 %, the farthest 20 %. Of the 3 ratios of any two fits of a data set 33.3 % are "
-        "within a tenth. Either run thinks its costs known to 1.0 % (standard error, the median; "
-        "1.0 % at most), after 8 to 10 turns."
+        "within a tenth. Costs are thought to be known to 1.0 % (standard error, the median; "
+        "1.0 % at most), after 8 to 10 turns of the first run."
     )
     close = {"run": info, "rows": costing(4.0, 8.0, 4.2)}
     assert agreement.kept(agreement.beside(first, close))
