@@ -35,9 +35,8 @@ VIEWS: tuple[dict[str, Any], ...] = ({"model": "lafortune"},)
 """What is tried besides where they have many."""
 
 PIXELS = 4096
-"""Pixels of the trial, about. They lie apart, and so see more places than as many in blocks: of two
-paintings of 512 x 512 pixels blocks of 8, 16 and 32 missed the error by 4 to 46 %, pixels that lie
-apart by 3 to 12 %, though a pyramid has no neighbours there to start from."""
+"""Pixels of the trial, about. They lie apart, and so see more places than as many in blocks, whose
+errors say less of the whole, though a pyramid has no neighbours there to start from."""
 HELD = 6
 """One photograph in so many is held out."""
 SHOWN = 24
