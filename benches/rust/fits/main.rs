@@ -53,19 +53,35 @@ fn port() -> LevenbergMarquardt<f64> {
     LevenbergMarquardt::new().with_tol(TOLERANCE)
 }
 
-/// Seconds that a side computes.
-fn timed(epoch: Instant, side: &mut dyn FnMut()) -> f64 {
+/// Seconds of a turn at least: what is quicker is done over and over.
+const ENOUGH: f64 = 0.1;
+
+/// Seconds that a side computes each time it is asked.
+fn timed(side: &mut dyn FnMut()) -> f64 {
+    let epoch = Instant::now();
     let start = clock(epoch);
-    side();
-    (clock(epoch) - start) * 1e-9
+    let mut times = 0.0;
+    loop {
+        side();
+        times += 1.0;
+        let spent = clock(epoch) - start;
+        if spent >= ENOUGH {
+            return spent / times;
+        }
+    }
 }
 
-/// Nanoseconds that this thread has computed (Linux), else that have passed since `epoch`.
+/// Seconds that this thread has computed, where the system tells; else seconds since `epoch`.
 fn clock(epoch: Instant) -> f64 {
-    std::fs::read_to_string("/proc/thread-self/schedstat")
-        .ok()
-        .and_then(|text| text.split(' ').next()?.parse().ok())
-        .unwrap_or_else(|| epoch.elapsed().as_nanos() as f64)
+    #[cfg(target_os = "linux")]
+    {
+        use rustix::time::{ClockId, clock_gettime};
+        let _ = epoch;
+        let spent = clock_gettime(ClockId::ThreadCPUTime);
+        spent.tv_sec as f64 + 1e-9 * spent.tv_nsec as f64
+    }
+    #[cfg(not(target_os = "linux"))]
+    epoch.elapsed().as_secs_f64()
 }
 
 /// The arguments `count SIDE PROBLEM`: which side runs, once, for `benches/python/instructions.py`.
@@ -87,9 +103,7 @@ fn race(fits: [usize; 2], mut ours: impl FnMut(), mut theirs: impl FnMut()) -> [
         }
         std::process::exit(0);
     }
-    let epoch = Instant::now();
-    let mut rounds: Vec<_> =
-        (0..ROUNDS).map(|_| [timed(epoch, &mut ours), timed(epoch, &mut theirs)]).collect();
+    let mut rounds: Vec<_> = (0..ROUNDS).map(|_| [timed(&mut ours), timed(&mut theirs)]).collect();
     rounds.sort_by(|a, b| (a[0] / a[1]).total_cmp(&(b[0] / b[1])));
     rounds[ROUNDS / 2]
 }
@@ -151,8 +165,7 @@ fn kernel(count: usize) -> f64 {
     let mut fits = || {
         fit(Level::detect(), black_box(&mut lanes), 0..count, &bounds, &near());
     };
-    let epoch = Instant::now();
-    let mut seconds: Vec<_> = (0..ROUNDS).map(|_| timed(epoch, &mut fits)).collect();
+    let mut seconds: Vec<_> = (0..ROUNDS).map(|_| timed(&mut fits)).collect();
     seconds.sort_by(f64::total_cmp);
     count as f64 / seconds[ROUNDS / 2]
 }

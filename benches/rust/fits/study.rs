@@ -4,7 +4,6 @@
 //! `benches/python/kernels.py` records it.
 
 use std::hint::black_box;
-use std::time::Instant;
 
 use impasto::lm::{
     Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Rows, fit, fit_polished,
@@ -21,17 +20,9 @@ const CAPS: [usize; 8] = [1, 2, 3, 5, 8, 13, 20, 40];
 
 const ROUNDS: usize = 3;
 
-/// Seconds of a round at least: the system counts processor time in some milliseconds.
-const ENOUGH: f64 = 0.15;
-
-/// Least seconds of some rounds, each of as many turns as last long enough.
+/// Least seconds of some rounds.
 fn least(mut work: impl FnMut()) -> f64 {
-    let epoch = Instant::now();
-    work();
-    let turns = (ENOUGH / epoch.elapsed().as_secs_f64()).ceil();
-    let mut round = || (0..turns as usize).for_each(|_| work());
-    let least = (0..ROUNDS).map(|_| timed(epoch, &mut round)).fold(f64::INFINITY, f64::min);
-    least / turns
+    (0..ROUNDS).map(|_| timed(&mut work)).fold(f64::INFINITY, f64::min)
 }
 
 pub(crate) fn study() {

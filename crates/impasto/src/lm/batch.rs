@@ -135,7 +135,7 @@ impl Occupancy {
 
 /// Fits the named problems of a batch and hands each result to [`Batch::store`].
 ///
-/// The only memory taken is one block of `rows * lanes` numbers per call.
+/// The only memory taken is a block of `rows * lanes` numbers per call, or two where they are small.
 pub fn fit<S: Element, const N: usize>(
     level: Level,
     batch: &mut impl Batch<S, N>,
@@ -171,70 +171,94 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
     #[inline(always)]
     fn run<I: Isa>(self) -> Occupancy {
         let Self { batch, mut problems, bounds, options, .. } = self;
-        let width = S::Lanes::<I>::WIDTH;
-        let mut block = vec![S::default(); batch.rows() * width];
-        let mut held: [Option<usize>; MAX_LANES] = [None; MAX_LANES];
-        let mut search = Search::<S::Lanes<I>, N>::idle(options);
+        let size = batch.rows() * S::Lanes::<I>::WIDTH;
+        let (count, second) = if size * size_of::<S>() <= SMALL { (2, size) } else { (1, 0) };
+        let mut groups =
+            [Group::<_, S::Lanes<I>, N>::idle(size, options), Group::idle(second, options)];
+        let groups = &mut groups[..count];
         let mut outcomes = Outcomes::blank();
         let mut occupancy = Occupancy::default();
         loop {
-            refill::<S, B, P, I, N>(
-                batch,
-                &mut problems,
-                &mut search,
-                &mut outcomes,
-                &mut block,
-                &mut held,
-                (bounds, options),
-            );
-            if !search.running() {
+            let mut running = false;
+            for group in &mut *groups {
+                group.refill(batch, &mut problems, &mut outcomes, bounds, options);
+                let Group { search, block, busy, .. } = group;
+                if search.running() {
+                    running = true;
+                    let (place, next) = batch.visit(Rows { block }, search.trial);
+                    search.judge(place, &next, options);
+                    search.step(bounds, options);
+                    occupancy.lanes += S::Lanes::<I>::WIDTH as u64;
+                    occupancy.useful += u64::from(busy.count_ones());
+                }
+            }
+            if !running {
                 return occupancy;
             }
-            let (place, next) = batch.visit(Rows { block: &block }, search.trial);
-            search.judge(place, &next, options);
-            search.step(bounds, options);
-            occupancy.lanes += width as u64;
-            occupancy.useful += held.iter().flatten().count() as u64;
         }
     }
 }
 
-/// Takes finished problems out of their lanes and puts the next ones in.
-#[inline(always)]
-fn refill<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, I: Isa, const N: usize>(
-    batch: &mut B,
-    problems: &mut P,
-    search: &mut Search<S::Lanes<I>, N>,
-    outcomes: &mut Outcomes<S, N>,
-    block: &mut [S],
-    held: &mut [Option<usize>; MAX_LANES],
-    (bounds, options): (&Bounds<S, N>, &Options),
-) {
-    let width = S::Lanes::<I>::WIDTH;
-    if !search.ended() {
-        return;
+/// Bytes of a block below which two groups take turns: what one waits for in a step, divisions and
+/// roots, the processor fills with the pass of the other. Larger blocks spend their time in passes,
+/// and two of them would not lie in the cache.
+const SMALL: usize = 1 << 13;
+
+/// Problems that are searched side by side.
+struct Group<S, R: Real, const N: usize> {
+    search: Search<R, N>,
+    block: Vec<S>,
+    /// Which problem is in a lane, if the lane's bit says that one is.
+    held: [usize; MAX_LANES],
+    busy: u32,
+}
+
+impl<S: Scalar, R: Real<Scalar = S>, const N: usize> Group<S, R, N> {
+    #[inline(always)]
+    fn idle(size: usize, options: &Options) -> Self {
+        let block = vec![S::default(); size];
+        Self { search: Search::idle(options), block, held: [0; MAX_LANES], busy: 0 }
     }
-    search.write(outcomes, B::COVARIANCE);
-    let ended = |lane: usize| outcomes.reason[lane] > S::zero();
-    let mut starts = [[S::zero(); MAX_LANES]; N];
-    let mut fresh = [S::zero(); MAX_LANES];
-    for lane in (0..width).filter(|&lane| ended(lane)) {
-        if let Some(problem) = held[lane].take() {
-            batch.store(problem, &outcomes.lane(lane, bounds, options));
+
+    /// Takes finished problems out of their lanes and puts the next ones in.
+    #[inline(always)]
+    fn refill<B: Batch<S, N>>(
+        &mut self,
+        batch: &mut B,
+        problems: &mut impl Iterator<Item = usize>,
+        outcomes: &mut Outcomes<S, N>,
+        bounds: &Bounds<S, N>,
+        options: &Options,
+    ) {
+        let Self { search, block, held, busy } = self;
+        if !search.ended() {
+            return;
         }
-        if let Some(problem) = problems.next() {
-            held[lane] = Some(problem);
-            fresh[lane] = S::one();
-            let start = batch.load(problem, &mut Column { block, lane, width });
-            for (starts, start) in starts.iter_mut().zip(start) {
-                starts[lane] = start;
+        search.write(outcomes, B::COVARIANCE);
+        let mut starts = [[S::zero(); MAX_LANES]; N];
+        let mut fresh = [S::zero(); MAX_LANES];
+        let mut ended = outcomes.ended(R::WIDTH);
+        while ended != 0 {
+            let lane = ended.trailing_zeros() as usize % MAX_LANES;
+            ended &= ended - 1;
+            if *busy >> lane & 1 == 1 {
+                batch.store(held[lane], &outcomes.lane(lane, bounds, options));
+                *busy ^= 1 << lane;
+            }
+            if let Some(problem) = problems.next() {
+                held[lane] = problem;
+                *busy |= 1 << lane;
+                fresh[lane] = S::one();
+                let start = batch.load(problem, &mut Column { block, lane, width: R::WIDTH });
+                for (starts, start) in starts.iter_mut().zip(start) {
+                    starts[lane] = start;
+                }
             }
         }
+        let mut start = [R::zero(); N];
+        for (start, starts) in start.iter_mut().zip(&starts) {
+            *start = R::load(starts);
+        }
+        search.begin(R::load(&fresh).gt(R::zero()), start, bounds, options);
     }
-    let mut start = [S::Lanes::<I>::zero(); N];
-    for (start, starts) in start.iter_mut().zip(&starts) {
-        *start = S::Lanes::<I>::load(starts);
-    }
-    let fresh = S::Lanes::<I>::load(&fresh).gt(S::Lanes::<I>::zero());
-    search.begin(fresh, start, bounds, options);
 }

@@ -214,7 +214,11 @@ impl<S: Scalar, const N: usize> Outcome<S, N> {
     /// depends on are NaN. Bounds do not enter: it is the covariance of an unbounded fit.
     #[must_use]
     pub fn covariance(&self, variance: S) -> [[S; N]; N] {
-        self.inverse().matrix.map(|row| row.map(|v| v * variance))
+        let mut covariance = self.inverse().matrix;
+        for entry in covariance.as_flattened_mut() {
+            *entry = *entry * variance;
+        }
+        covariance
     }
 }
 

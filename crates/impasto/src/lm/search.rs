@@ -1,7 +1,5 @@
 //! The search itself, on any kind of number: a state, a judgement and a step.
 
-use core::array::from_fn;
-
 use super::cholesky::factor_damped;
 use super::ending::Ending;
 use super::minimise::Inverse;
@@ -218,20 +216,17 @@ impl<R: Real, const N: usize> Search<R, N> {
                 matrix[i][j].store(&mut out.matrix[i][j]);
             }
         }
+        out.inverted = covariance;
         if covariance {
             let own = Inverse::of(matrix);
-            let doubts = own.deficient.map(|doubt| plain(R::keep(doubt, R::one())));
-            out.inverse = Some((own.matrix.map(|row| row.map(plain)), doubts));
+            for i in 0..N {
+                R::keep(own.deficient[i], R::one()).store(&mut out.deficient[i]);
+                for j in 0..N {
+                    own.matrix[i][j].store(&mut out.inverse[i][j]);
+                }
+            }
         }
     }
-}
-
-/// Lanes as plain numbers.
-#[inline(always)]
-fn plain<R: Real>(lanes: R) -> [R::Scalar; MAX_LANES] {
-    let mut numbers = [R::Scalar::default(); MAX_LANES];
-    lanes.store(&mut numbers);
-    numbers
 }
 
 /// All lanes' states as plain numbers.
@@ -241,11 +236,14 @@ pub(super) struct Outcomes<S, const N: usize> {
     matrix: Matrices<S, N>,
     cost: [S; MAX_LANES],
     passes: [S; MAX_LANES],
-    pub(super) reason: [S; MAX_LANES],
+    reason: [S; MAX_LANES],
     first: [S; MAX_LANES],
     damping: [S; MAX_LANES],
-    /// Inverse matrices, and 1 for every parameter in doubt.
-    inverse: Option<(Matrices<S, N>, [[S; MAX_LANES]; N])>,
+    /// Whether the next two hold anything.
+    inverted: bool,
+    inverse: Matrices<S, N>,
+    /// 1 for every parameter in doubt.
+    deficient: [[S; MAX_LANES]; N],
 }
 
 type Matrices<S, const N: usize> = [[[S; MAX_LANES]; N]; N];
@@ -263,8 +261,18 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
             reason: zero,
             first: zero,
             damping: zero,
-            inverse: None,
+            inverted: false,
+            inverse: [[zero; N]; N],
+            deficient: [zero; N],
         }
+    }
+
+    /// A bit for every lane that has ended: loops over bits are foretold better than a question to
+    /// every lane.
+    #[inline(always)]
+    pub(super) fn ended(&self, width: usize) -> u32 {
+        let ends = self.reason[..width].iter().enumerate();
+        ends.fold(0, |bits, (lane, reason)| bits | u32::from(*reason > S::zero()) << lane)
     }
 
     /// One lane's outcome. In line, as most callers read a part of it.
@@ -285,18 +293,28 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
             // Nothing was taken: what the lane holds is another problem's.
             normal = Normal { cost: S::NAN, ..Normal::zero() };
         }
-        let inverse = self.inverse.as_ref().filter(|_| reason != Reason::NotFinite);
+        let inverted = self.inverted && reason != Reason::NotFinite;
         Outcome {
             parameters,
             normal,
             reason,
             iterations: (self.passes[lane].to_f64() as usize).saturating_sub(1),
-            // By index: `map` would copy every lane of every entry to get at one.
-            inverse: inverse.map(|(matrix, deficient)| Inverse {
-                matrix: from_fn(|i| from_fn(|j| matrix[i][j][lane])),
-                deficient: from_fn(|i| deficient[i][lane] > S::zero()),
-            }),
+            inverse: inverted.then(|| self.inverse_at(lane)),
         }
+    }
+
+    /// A lane's inverse. Loops, as in [`Search::write`].
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "a matrix is written with its indices")]
+    fn inverse_at(&self, lane: usize) -> Inverse<S, bool, N> {
+        let mut inverse = Inverse { matrix: [[S::zero(); N]; N], deficient: [false; N] };
+        for i in 0..N {
+            inverse.deficient[i] = self.deficient[i][lane] > S::zero();
+            for j in 0..N {
+                inverse.matrix[i][j] = self.inverse[i][j][lane];
+            }
+        }
+        inverse
     }
 
     /// Where a lane stands, and the equations there.
