@@ -134,10 +134,11 @@ struct Tile<'a> {
     used: Vec<u32>,
     top: Vec<f32>,
     size: Vec<f32>,
-    /// Samples, then squared angles, of the pixels from `staged` on.
+    /// Samples, then squared angles, of the pixels from `staged` on; strengths to start from.
     stage: Vec<[f32; STAGE]>,
+    strengths: [f32; STAGE],
     staged: usize,
-    start: f32,
+    width: f32,
     level: Level,
 }
 
@@ -157,8 +158,9 @@ impl<'a> Tile<'a> {
             top: vec![0.0; count],
             size: vec![0.0; count],
             stage: vec![[0.0; STAGE]; 2 * observations],
+            strengths: [0.0; STAGE],
             staged: usize::MAX,
-            start: sharpness(START).ln() as f32,
+            width: sharpness(START).ln() as f32,
             level,
         }
     }
@@ -228,7 +230,7 @@ impl Batch<f32, 2> for Tile<'_> {
             self.level.run(Prepare(self));
         }
         column.fill(self.stage.iter().map(|line| line[lane]));
-        [self.top[problem] * power_of_two(self.size[problem]).recip(), self.start]
+        [self.strengths[lane], self.width]
     }
 
     #[inline(always)]
@@ -290,11 +292,16 @@ impl Kernel for Prepare<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Tile { highlights, observations, job, used, size, stage, staged, .. } = self.0;
+        let Tile {
+            highlights, observations, job, used, top, size, stage, strengths, staged, ..
+        } = self.0;
         let count = STAGE.min(used.len() - *staged);
         let mut scales = [0.0; STAGE];
-        for (scale, &size) in scales.iter_mut().zip(&size[*staged..]) {
+        for (((scale, strength), &size), &top) in
+            scales.iter_mut().zip(strengths).zip(&size[*staged..]).zip(&top[*staged..])
+        {
             *scale = power_of_two(size).recip();
+            *strength = top * *scale;
         }
         let (samples, angles) = stage.split_at_mut(*observations);
         for (i, (sample, angle)) in samples.iter_mut().zip(angles).enumerate() {
