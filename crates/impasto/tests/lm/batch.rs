@@ -240,10 +240,11 @@ fn rows_added_together_have_the_bits_of_rows_added_one_by_one() {
 
 #[test]
 fn lanes_are_busy() {
-    let samples = samples(2000);
+    // 125 for each of the 32 lanes that two groups of the widest registers have.
+    let samples = samples(4000);
     let mut decays = Decays::new(&samples);
     let occupancy =
-        fit(Level::detect(), &mut decays, 0..2000, &bounds::<f32>(), &Options::single());
+        fit(Level::detect(), &mut decays, 0..4000, &bounds::<f32>(), &Options::single());
     // What is lost is the end, when fewer problems than lanes are left.
     assert!(occupancy.efficiency() > 0.95, "{occupancy:?}");
     let passes: usize = decays.single.iter().flatten().map(|o| o.iterations + 1).sum();
