@@ -96,6 +96,10 @@ def _table(capture: Any, **options: Any) -> Arrays:
     return _lobes(capture, effort=impasto.Effort(start="table"), **options)
 
 
+def _double(capture: Any, **options: Any) -> Arrays:
+    return _lobes(capture, effort=impasto.Effort(rounds=1, precision="double"), **options)
+
+
 def _height(capture: Any, **options: Any) -> Arrays:
     return (impasto.integrate_normals(capture.truth.normal, 0.2, **options),)
 
@@ -109,6 +113,7 @@ CALLS: dict[str, Callable[..., Arrays]] = {
     "fit_sbrdf lafortune": _lafortune,
     "fit_sbrdf, pooling='pixel'": _lobes,
     "fit_sbrdf, pooling='pixel', a table": _table,
+    "fit_sbrdf, pooling='pixel', in double precision": _double,
     "fit_reflectance": _reflectance,
     "integrate_normals": _height,
 }

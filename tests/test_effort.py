@@ -45,6 +45,7 @@ def test_every_number_of_an_effort_is_used(stack: impasto.Stack) -> None:
         "rounds": (Effort(rounds=0), {"pooling": "pixel"}),
         "iterations": (Effort(iterations=1), {"pooling": "pixel"}),
         "start": (Effort(start="table"), {"pooling": "pixel"}),
+        "precision": (Effort(precision="polished"), {"pooling": "pixel"}),
     }
     assert others.keys() == base.to_dict().keys()
     for name, (effort, options) in others.items():
@@ -89,6 +90,11 @@ def test_photometric_stereo_takes_its_steps_from_the_effort(stack: impasto.Stack
             "start: expected 'table' or 'pyramid', found 'pyramide'.*'pyramid'",
         ),
         ({"start": None}, "start: expected 'table' or 'pyramid', found None"),
+        (
+            {"precision": "doubled"},
+            "precision: expected 'single' or 'polished' or 'double', found 'doubled'.*'double'",
+        ),
+        ({"precision": 64}, "precision: expected 'single' or 'polished' or 'double', found 64"),
         ({"pixels": 1.5}, "pixels: expected 1 to"),
         ({"stereo": 1001}, "stereo: expected 0 to 1000, found 1001"),
     ],

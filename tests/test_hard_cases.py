@@ -21,6 +21,7 @@ import pytest
 
 import impasto
 from impasto import Status, simulate
+from impasto.effort import Precision
 from impasto.fit.forward import predict
 from impasto.fit.lobes import fit_lobes
 from oracles import forward, lafortune_forward
@@ -84,7 +85,9 @@ def pooled(samples: Any, rig: Any, **options: Any) -> impasto.Sbrdf:
     return impasto.fit_sbrdf(impasto.Stack(samples, lights=rig, **options))
 
 
-def pixel(samples: Any, rig: Any, **options: Any) -> impasto.LobeSbrdf:
+def pixel(
+    samples: Any, rig: Any, precision: Precision = "single", **options: Any
+) -> impasto.LobeSbrdf:
     """Lobes of every pixel, without what is typical of the painting, which all pixels vote for, and
     without asking others where to start."""
     stack = impasto.Stack(samples, lights=rig, **options)
@@ -97,7 +100,7 @@ def pixel(samples: Any, rig: Any, **options: Any) -> impasto.LobeSbrdf:
         threads=2,
         progress=False,
         typical=False,
-        effort=impasto.Effort(start="table"),
+        effort=impasto.Effort(start="table", precision=precision),
     )
 
 
@@ -123,6 +126,13 @@ PASSES = {
     "pooled": Pass(pooled, varnished, LIGHTS, ("normal", "residual", "sigma"), ("diffuse",)),
     "pixel": Pass(
         pixel,
+        varnished,
+        LIGHTS,
+        ("normal", "residual", "sigma"),
+        ("diffuse", "ambient", "specular"),
+    ),
+    "double": Pass(
+        partial(pixel, precision="double"),
         varnished,
         LIGHTS,
         ("normal", "residual", "sigma"),
@@ -570,7 +580,7 @@ def test_case_30_few_samples(name: str, count: int) -> None:
 
     found = alone(name, few)
     status = found.status[PLACE]
-    least = {"stereo": 3, "pooled": 3, "pixel": 5, "lafortune": 3}[name]
+    least = 5 if name in {"pixel", "double"} else 3
     assert (status == Status.TOO_FEW_SAMPLES) == (count < least)
 
 

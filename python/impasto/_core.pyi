@@ -120,6 +120,7 @@ def fit_lobes(
     sparing: bool,
     iterations: int,
     origin: Literal["table", "pyramid"],
+    precision: Literal["single", "polished", "double"],
     index: float,
     threads: int,
     progress: ProgressCallback | None,

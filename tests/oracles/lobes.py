@@ -80,3 +80,43 @@ def fit(samples, normal, lights):
                 width = np.sqrt(np.log(2.0) / np.exp(found.x[2]))
                 best = (2 * found.cost, tilted(start, *found.x[:2]), width, np.diag(error)[:3])
     return best
+
+
+# What all bands, here one, settle on once samples are weighed by what was left of them.
+
+
+def renewed(samples, normal, gamma, colours, lights):
+    """Weights ``(obs,)`` of samples ``(obs,)`` after a surface that shows them with these colours.
+
+    ``colours``: diffuse part, strength, ambient part. Variances grow with the light shown, from a
+    tenth of the mean sample on; beyond the mean absolute deviation a residual counts by its size; a
+    sample darker than the diffuse part alone is a shadow.
+    """
+    parts = columns(normal, [gamma], lights) * colours
+    shown, matte = parts.sum(axis=1), parts[:, 0]
+    variance = np.maximum(shown / samples.mean(), 0.1)
+    far = (samples - shown) / np.sqrt(variance)
+    tail = 1.0 + (far / np.abs(far).mean()) ** 2
+    lit = np.maximum(samples / np.where(matte > 0.0, matte, 1.0), 1.0 / tail)
+    return np.where(matte > samples, lit**2, 1.0) / (np.sqrt(tail) * variance)
+
+
+def weighted_cost(samples, weights, normal, gamma, lights):
+    """Sum of squares ``(obs,)`` with the best colours, and those colours."""
+    root = np.sqrt(weights)
+    colours, left = nnls(columns(normal, [gamma], lights) * root[:, None], samples * root)
+    return left**2, colours
+
+
+def least(samples, weights, normal, gamma, lights):
+    """The smallest of that about a place: cost, normal, log of gamma."""
+    root = np.sqrt(weights)
+
+    def residuals(p):
+        matrix = columns(tilted(normal, *p[:2]), [np.exp(p[2])], lights)
+        return root * (matrix @ p[3:] - samples)
+
+    first = [0.0, 0.0, np.log(gamma), *weighted_cost(samples, weights, normal, gamma, lights)[1]]
+    tight = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
+    found = least_squares(residuals, first, jac="3-point", method="lm", x_scale="jac", **tight)
+    return 2.0 * found.cost, tilted(normal, *found.x[:2]), found.x[2]

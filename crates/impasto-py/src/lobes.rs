@@ -4,7 +4,7 @@ use numpy::{PyArray2, PyArray3, PyArray4};
 use pyo3::prelude::*;
 
 use impasto::Error;
-use impasto::sbrdf::{LobeModel, LobeOptions, Origin};
+use impasto::sbrdf::{LobeModel, LobeOptions, Origin, Precision};
 
 use crate::arrays::{Size, StackArguments, StartArguments};
 use crate::surface::with_model;
@@ -33,7 +33,8 @@ pub(crate) struct LobeArrays<'py> {
 /// Every pixel's own lobes, from the maps of photometric stereo.
 #[pyfunction]
 #[pyo3(signature = (
-    stack, start, model, lobes, ambient, rounds, typical, sparing, iterations, origin, index, threads, progress
+    stack, start, model, lobes, ambient, rounds, typical, sparing, iterations, origin, precision, index, threads,
+    progress
 ))]
 #[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lobes")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
@@ -49,21 +50,39 @@ pub(crate) fn fit_lobes<'py>(
     sparing: bool,
     iterations: usize,
     origin: &str,
+    precision: &str,
     index: f64,
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<LobeArrays<'py>> {
+    let refuse = |argument, names, other| {
+        let problem = format!("expected {names}, found {other:?}");
+        errors::to_python(py, &Error::argument(argument, problem))
+    };
     let origin = match origin {
         "table" => Origin::Table,
         "pyramid" => Origin::Pyramid,
+        other => return Err(refuse("start", "\"table\" or \"pyramid\"", other)),
+    };
+    let precision = match precision {
+        "single" => Precision::Single,
+        "polished" => Precision::Polished,
+        "double" => Precision::Double,
         other => {
-            let problem = format!("expected \"table\" or \"pyramid\", found {other:?}");
-            return Err(errors::to_python(py, &Error::argument("start", problem)));
+            return Err(refuse("precision", "\"single\", \"polished\" or \"double\"", other));
         }
     };
-    let normal = true;
-    let options =
-        LobeOptions { lobes, ambient, normal, rounds, typical, sparing, iterations, start: origin };
+    let options = LobeOptions {
+        lobes,
+        ambient,
+        normal: true,
+        rounds,
+        typical,
+        sparing,
+        iterations,
+        start: origin,
+        precision,
+    };
     let call = Call { stack: &stack, start: &start, options, threads, progress: progress.as_ref() };
     with_model!(model, index, |model| call.fit(py, model)?)
         .map_err(|error| errors::to_python(py, &error))

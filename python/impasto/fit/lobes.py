@@ -122,6 +122,7 @@ def fit_lobes(
             sparing,
             effort.iterations,
             effort.start,
+            effort.precision,
             index,
             thread_count(threads),
             callback,

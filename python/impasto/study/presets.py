@@ -44,8 +44,10 @@ class Check:
 
 def grid_name(effort: Effort) -> str:
     """A place on the grid that presets are taken from."""
+    steps = f"{counted(effort.rounds, 'round')}, {counted(effort.iterations, 'step')}"
     start = "" if effort.start == "table" else f", {effort.start}"
-    return f"{counted(effort.rounds, 'round')}, {counted(effort.iterations, 'step')}{start}"
+    precision = "" if effort.precision == "single" else f", {effort.precision}"
+    return steps + start + precision
 
 
 def derived(rows: Iterable[Row]) -> dict[str, Effort]:

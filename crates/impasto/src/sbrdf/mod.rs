@@ -31,7 +31,7 @@ pub use extract::Extraction;
 pub use highlight::{HighlightMaps, Highlights, fit_lobe};
 pub use lobes::{
     Lafortune, LobeMaps, LobeModel, LobeOptions, MAX_NUMBERS, MAX_SHAPES, MOST_LOBES, Origin,
-    Slope, TYPICAL_PIXELS, TorranceSparrow, Visit, fit_lobes,
+    Precision, Slope, TYPICAL_PIXELS, TorranceSparrow, Visit, fit_lobes,
 };
 pub use pooled::{Pooled, PooledOptions, fit_pooled};
 pub use predict::predict;

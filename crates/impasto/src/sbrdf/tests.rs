@@ -7,7 +7,9 @@ use super::passes::Fit;
 use super::pixel::Lobe;
 use super::settle::Yardstick;
 use super::tile::{Photographs, Start, State};
-use super::{LobeOptions, Origin, PooledOptions, TorranceSparrow, fit_lobes, fit_pooled};
+use super::{
+    LobeOptions, Origin, PooledOptions, Precision, TorranceSparrow, fit_lobes, fit_pooled,
+};
 use crate::error::{Error, Result};
 use crate::geometry::{Grid, Light, Rig};
 use crate::math::Vec3;
@@ -81,7 +83,7 @@ impl Painting {
         fit_pooled(&self.stack(), &self.rig, &self.start(), &options, run).map(drop)
     }
 
-    fn lobes(&self, start: Origin, run: &Run<'_>) -> Result<()> {
+    fn lobes(&self, start: Origin, precision: Precision, run: &Run<'_>) -> Result<()> {
         let options = LobeOptions {
             lobes: 1,
             ambient: true,
@@ -91,6 +93,7 @@ impl Painting {
             sparing: true,
             iterations: 4,
             start,
+            precision,
         };
         let model = TorranceSparrow { index: 1.45 };
         fit_lobes(&self.stack(), &self.rig, &self.start(), model, &options, run).map(drop)
@@ -174,11 +177,13 @@ fn photometric_stereo_looks_before_every_block_of_a_tile() {
 #[test]
 fn a_fit_stops_at_the_look_that_tells_it() {
     let painting = Painting::new();
-    let fits: [(&str, Call<'_>); 6] = [
+    let fits: [(&str, Call<'_>); 8] = [
         ("joint", &|run| painting.pooled(true, run)),
         ("separate", &|run| painting.pooled(false, run)),
-        ("table", &|run| painting.lobes(Origin::Table, run)),
-        ("pyramid", &|run| painting.lobes(Origin::Pyramid, run)),
+        ("table", &|run| painting.lobes(Origin::Table, Precision::Single, run)),
+        ("pyramid", &|run| painting.lobes(Origin::Pyramid, Precision::Single, run)),
+        ("polished", &|run| painting.lobes(Origin::Pyramid, Precision::Polished, run)),
+        ("double", &|run| painting.lobes(Origin::Table, Precision::Double, run)),
         ("lafortune", &|run| painting.lafortune(run)),
         ("stereo", &|run| painting.stereo(Method::Tukey, run)),
     ];

@@ -2,7 +2,7 @@
 
 use crate::lm::Options;
 
-use super::fit::Fit;
+use super::fit::{Fit, Precision};
 use super::maps::MOST_LOBES;
 use super::model::LobeModel;
 use super::pyramid::Node;
@@ -219,8 +219,9 @@ impl<M: LobeModel> Fit<'_, M> {
             prior: None,
             starts,
             found: &mut tile.places,
-            pixels: pixels.iter().copied(),
+            pixels,
             lobes,
+            double: self.options.precision == Precision::Double,
             options: &Options {
                 max_iterations: self.options.iterations,
                 damping: 1e-2,

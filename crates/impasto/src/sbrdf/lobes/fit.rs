@@ -42,6 +42,8 @@ pub struct LobeOptions {
     pub iterations: usize,
     /// Where searches start.
     pub start: Origin,
+    /// What searches compute in.
+    pub precision: Precision,
 }
 
 /// Where the searches for a pixel's lobes start.
@@ -51,6 +53,19 @@ pub enum Origin {
     Table,
     /// From what the pixels of a coarse grid found, which start from the table.
     Pyramid,
+}
+
+/// What the searches for shapes and normals compute in. Weights, and colours once the shapes are
+/// known, are in single precision in any case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// Single precision.
+    Single,
+    /// Single precision; the last round goes on in double precision from where it ended, by as many
+    /// steps again.
+    Polished,
+    /// Double precision.
+    Double,
 }
 
 /// Lobes of every pixel, from the normals of photometric stereo.
@@ -194,12 +209,12 @@ impl<M: LobeModel> Fit<'_, M> {
             })
             .collect();
         let ladders = self.find(tile, &fine);
-        for _ in 0..self.options.rounds {
+        for round in 1..=self.options.rounds {
             if self.run.cancelled() {
                 return (fine, ladders);
             }
             self.settle(tile, settled, true);
-            self.refine(tile, &fine);
+            self.refine(tile, &fine, round == self.options.rounds);
             drop_unseen(self.sight, tile, &fine, self.run.level);
         }
         self.settle(tile, settled, false);
@@ -226,13 +241,29 @@ impl<M: LobeModel> Fit<'_, M> {
     }
 
     /// All bands from where the pixels stand.
-    fn refine(&self, tile: &mut Tile, fine: &[usize]) {
-        let starts = tile.places.clone();
+    fn refine(&self, tile: &mut Tile, fine: &[usize], last: bool) {
+        let precision = self.options.precision;
+        let mut starts = tile.places.clone();
+        self.search_all(tile, &starts, fine, precision == Precision::Double);
+        if last && precision == Precision::Polished && !self.run.cancelled() {
+            // What is typical pulls by the same residuals as before: those that the round began with.
+            for (start, ended) in starts.iter_mut().zip(&tile.places) {
+                *start = Place { cost: start.cost, ..*ended };
+            }
+            self.search_all(tile, &starts, fine, true);
+        }
+    }
+
+    fn search_all(&self, tile: &mut Tile, starts: &[Place], fine: &[usize], double: bool) {
+        let tolerances = if double { Options::default() } else { Options::single() };
+        let options = &Options { max_iterations: self.options.iterations, ..tolerances };
         for place in &mut tile.places {
             place.cost = f32::INFINITY;
             place.converged = false;
         }
         for lobes in 0..=self.options.lobes {
+            let with = |&pixel: &usize| starts[pixel].lobes == lobes;
+            let pixels: Vec<usize> = fine.iter().copied().filter(with).collect();
             Search {
                 sight: self.sight,
                 plate: &tile.colour,
@@ -241,11 +272,12 @@ impl<M: LobeModel> Fit<'_, M> {
                 ambient: self.options.ambient,
                 free: self.options.normal,
                 prior: self.prior,
-                starts: &starts,
+                starts,
                 found: &mut tile.places,
-                pixels: fine.iter().copied().filter(|&pixel| starts[pixel].lobes == lobes),
+                pixels: &pixels,
                 lobes,
-                options: &Options { max_iterations: self.options.iterations, ..Options::single() },
+                double,
+                options,
                 level: self.run.level,
             }
             .run();

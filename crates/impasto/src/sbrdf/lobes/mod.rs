@@ -28,7 +28,7 @@ mod tile;
 mod torrance_sparrow;
 
 pub(in crate::sbrdf) use colours::Sums;
-pub use fit::{LobeOptions, Origin, TYPICAL_PIXELS, fit_lobes};
+pub use fit::{LobeOptions, Origin, Precision, TYPICAL_PIXELS, fit_lobes};
 pub use lafortune::Lafortune;
 pub use maps::{LobeMaps, MOST_LOBES};
 pub use model::{LobeModel, MAX_NUMBERS, MAX_SHAPES, Slope, Visit};

@@ -8,7 +8,7 @@
 use core::cell::RefCell;
 
 use crate::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Reason, Rows, fit};
-use crate::math::{Level, Real, Vec3};
+use crate::math::{Element, Level, Real, Scalar, Vec3};
 use crate::sbrdf::pixel::tangents;
 
 use super::colours::Sums;
@@ -21,7 +21,10 @@ use super::tile::{Place, Plate};
 const STEEPEST: f64 = 6.0;
 
 /// One search for many pixels with the same number of lobes.
-pub(super) struct Search<'a, M: LobeModel, I> {
+///
+/// Where it starts and where it ended are in single precision in any case: a place that is a
+/// rounding off the best costs more by the square of that rounding.
+pub(super) struct Search<'a, M: LobeModel> {
     pub(super) sight: &'a Sight<'a, M>,
     pub(super) plate: &'a Plate,
     pub(super) x: &'a [f32],
@@ -34,39 +37,37 @@ pub(super) struct Search<'a, M: LobeModel, I> {
     pub(super) starts: &'a [Place],
     /// The best place so far; replaced where the search ends at a smaller cost.
     pub(super) found: &'a mut [Place],
-    pub(super) pixels: I,
+    pub(super) pixels: &'a [usize],
     pub(super) lobes: usize,
+    /// Whether it steps and sums in double precision.
+    pub(super) double: bool,
     pub(super) options: &'a Options,
     pub(super) level: Level,
 }
 
-impl<M: LobeModel, I: Iterator<Item = usize>> Search<'_, M, I> {
+impl<M: LobeModel> Search<'_, M> {
     pub(super) fn run(self) {
         M::dispatch(self.lobes, self);
     }
-}
 
-impl<M: LobeModel, I: Iterator<Item = usize>> Visit for Search<'_, M, I> {
-    type Output = ();
-
-    fn visit<const J: usize, const K: usize, const N: usize>(self) {
-        let tilt = if self.free { STEEPEST as f32 } else { 0.0 };
+    fn seek<S: Element, const J: usize, const K: usize, const N: usize>(self) {
+        let tilt = S::from_f64(if self.free { STEEPEST } else { 0.0 });
         let mut bounds = Bounds { lower: [-tilt; N], upper: [tilt; N] };
         let [lower, upper] = self.sight.model.bounds();
         for (unknown, shape) in (2..N).zip((0..M::SHAPES).cycle()) {
-            bounds.lower[unknown] = lower[shape] as f32;
-            bounds.upper[unknown] = upper[shape] as f32;
+            bounds.lower[unknown] = S::from_f64(lower[shape]);
+            bounds.upper[unknown] = S::from_f64(upper[shape]);
         }
-        let record = Lanes::<M, J, K, N>::RECORD;
-        let mut typical = [[0.0; 2]; N];
+        let record = Lanes::<S, M, J, K, N>::RECORD;
+        let mut typical = [[S::zero(); 2]; N];
         if let Some(prior) = self.prior {
             for (unknown, typical) in typical.iter_mut().enumerate().skip(2) {
                 let (lobe, shape) = ((unknown - 2) / M::SHAPES, (unknown - 2) % M::SHAPES);
-                *typical = prior.of(&self.sight.model, J, lobe, shape);
+                *typical = prior.of(&self.sight.model, J, lobe, shape).map(number);
             }
         }
-        let scratch = vec![0.0; record * self.sight.photographs() * crate::math::lanes::MAX_LANES];
-        let mut lanes = Lanes::<M, J, K, N> {
+        let numbers = record * self.sight.photographs() * crate::math::lanes::MAX_LANES;
+        let mut lanes = Lanes::<S, M, J, K, N> {
             sight: self.sight,
             plate: self.plate,
             x: self.x,
@@ -75,36 +76,52 @@ impl<M: LobeModel, I: Iterator<Item = usize>> Visit for Search<'_, M, I> {
             typical,
             starts: self.starts,
             found: self.found,
-            scratch: RefCell::new(scratch),
+            scratch: RefCell::new(vec![S::zero(); numbers]),
         };
-        fit(self.level, &mut lanes, self.pixels, &bounds, self.options);
+        fit(self.level, &mut lanes, self.pixels.iter().copied(), &bounds, self.options);
     }
 }
 
-struct Lanes<'a, M: LobeModel, const J: usize, const K: usize, const N: usize> {
+impl<M: LobeModel> Visit for Search<'_, M> {
+    type Output = ();
+
+    fn visit<const J: usize, const K: usize, const N: usize>(self) {
+        if self.double { self.seek::<f64, J, K, N>() } else { self.seek::<f32, J, K, N>() }
+    }
+}
+
+/// A number of a tile, as the search has it.
+#[inline(always)]
+fn number<S: Scalar>(value: f32) -> S {
+    S::from_f64(f64::from(value))
+}
+
+struct Lanes<'a, S, M: LobeModel, const J: usize, const K: usize, const N: usize> {
     sight: &'a Sight<'a, M>,
     plate: &'a Plate,
     x: &'a [f32],
     y: &'a [f32],
     barred: [bool; K],
     /// Typical shapes and the inverse of how far from them shapes usually lie, per unknown.
-    typical: [[f32; 2]; N],
+    typical: [[S; 2]; N],
     starts: &'a [Place],
     found: &'a mut [Place],
     /// Columns and their derivatives, photograph by photograph, all lanes.
-    scratch: RefCell<Vec<f32>>,
+    scratch: RefCell<Vec<S>>,
 }
 
-impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Lanes<'_, M, J, K, N> {
+impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize>
+    Lanes<'_, S, M, J, K, N>
+{
     /// Numbers per photograph: the diffuse column and its derivatives by two tilts, and for every
     /// lobe the same and its derivatives by its shape.
     const RECORD: usize = 3 * (J + 1) + J * M::SHAPES;
 
     /// Writes the columns of all photographs at a place to the scratch memory.
     #[inline(always)]
-    fn look<R: Real<Scalar = f32>>(
+    fn look<R: Real<Scalar = S>>(
         &self,
-        scratch: &mut [f32],
+        scratch: &mut [S],
         (x, y): (R, R),
         normal: Vec3<R>,
         tilts: [Vec3<R>; 2],
@@ -158,8 +175,8 @@ fn tilted<R: Real>(start: Vec3<R>, p: R, q: R) -> (Vec3<R>, [Vec3<R>; 2]) {
     (normal, slopes)
 }
 
-impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
-    for Lanes<'_, M, J, K, N>
+impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<S, N>
+    for Lanes<'_, S, M, J, K, N>
 {
     const COVARIANCE: bool = true;
 
@@ -167,24 +184,24 @@ impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
         2 * self.plate.planes() + 6
     }
 
-    fn load(&mut self, pixel: usize, column: &mut Column<'_, f32>) -> [f32; N] {
+    fn load(&mut self, pixel: usize, column: &mut Column<'_, S>) -> [S; N] {
         let Place { normal: [nx, ny, nz], shapes, cost, .. } = self.starts[pixel];
         let planes = self.plate.planes();
         // Residuals as they are now make the unit in which the typical shapes pull.
         let trust = if cost.is_finite() { (cost / planes as f32).sqrt() } else { 0.0 };
         let rest = [nx, ny, nz, self.x[pixel], self.y[pixel], trust];
-        column.fill(self.plate.column(pixel));
-        column.fill_from(planes, self.plate.weights_of(pixel));
-        column.fill_from(2 * planes, rest);
+        column.fill(self.plate.column(pixel).map(number));
+        column.fill_from(planes, self.plate.weights_of(pixel).map(number));
+        column.fill_from(2 * planes, rest.map(number));
         core::array::from_fn(|unknown| match unknown {
-            0 | 1 => 0.0,
-            _ => shapes[(unknown - 2) / M::SHAPES][(unknown - 2) % M::SHAPES],
+            0 | 1 => S::zero(),
+            _ => number(shapes[(unknown - 2) / M::SHAPES][(unknown - 2) % M::SHAPES]),
         })
     }
 
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
-    fn normal<R: Real<Scalar = f32>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
+    fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
         let zero = R::zero();
         let (planes, bands) = (self.plate.planes(), self.plate.bands);
         let rest = |number: usize| rows.get(2 * planes + number);
@@ -192,7 +209,7 @@ impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
         let mut scratch = self.scratch.borrow_mut();
         self.look(&mut scratch, (rest(3), rest(4)), normal, tilts, &at);
         let records = scratch.chunks_exact(Self::RECORD * R::WIDTH).take(self.sight.photographs());
-        let get = |record: &[f32], number: usize| R::load(&record[number * R::WIDTH..]);
+        let get = |record: &[S], number: usize| R::load(&record[number * R::WIDTH..]);
         // Of a lobe's numbers the first is its value.
         let first =
             |column: usize| if column == 0 { 0 } else { 3 + (column - 1) * (3 + M::SHAPES) };
@@ -263,21 +280,23 @@ impl<M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<f32, N>
         total
     }
 
-    fn store(&mut self, pixel: usize, outcome: &Outcome<f32, N>) {
-        let cost = outcome.normal.cost;
+    fn store(&mut self, pixel: usize, outcome: &Outcome<S, N>) {
+        let single = |value: S| value.to_f64() as f32;
+        let cost = single(outcome.normal.cost);
         let better = outcome.reason != Reason::NotFinite && cost < self.found[pixel].cost;
         if !better {
             return;
         }
-        let [x, y, z] = self.starts[pixel].normal;
+        let [x, y, z] = self.starts[pixel].normal.map(number);
         let [p, q, shapes @ ..] = outcome.parameters.as_slice() else { return };
         let (normal, _) = tilted(Vec3::new(x, y, z), *p, *q);
-        let mut place = Place { normal: normal.array(), lobes: J, cost, ..self.starts[pixel] };
+        let normal = normal.array().map(single);
+        let mut place = Place { normal, lobes: J, cost, ..self.starts[pixel] };
         for (number, &shape) in shapes.iter().enumerate() {
-            place.shapes[number / M::SHAPES][number % M::SHAPES] = shape;
+            place.shapes[number / M::SHAPES][number % M::SHAPES] = single(shape);
         }
         place.converged = outcome.reason.converged();
-        let covariance = outcome.covariance(1.0);
+        let covariance = outcome.covariance(S::one()).map(|row| row.map(single));
         place.normal_spread = worst(covariance[0][0], covariance[1][0], covariance[1][1]);
         for lobe in 0..J {
             let unknown = 2 + lobe * M::SHAPES;
