@@ -49,14 +49,14 @@ class Effort:
         find other lobes than the whole. Pictures of fewer than 20 such pixels take the table.
     precision
         What the searches for a pixel's normal and lobes compute in (``pooling="pixel"``).
-        ``"single"``, to a millionth of what is left of the samples; ``"polished"``: the last round
-        goes on in double precision from where it ended, by as many steps again, 1.2 times the time;
-        ``"double"``: every search, 1.5 to 2 times. Where searches have the steps to come to their
-        end, either finds the least there is to 1e-11 of it; photographs that were held out are
-        foretold as well by all three. Samples, weights and results are single in any case, and
-        ``converged`` is asked more strictly in double. It is a setting of pixels' own lobes alone:
-        of one lobe for a painting or a segment the search adds and solves in double anyway, of
-        Lafortune lobes it goes on in double where single meets singular equations.
+        ``"single"`` ends where a step gains a millionth of the cost or less. ``"polished"``: the
+        last round then goes on in double precision, by up to as many steps again; 1.2 times the
+        time. ``"double"``: every search; 1.5 to 2 times. With steps enough (``iterations``) these
+        two end within 1e-11 of the least cost, ``"single"`` about 1e-6; photographs held out are
+        foretold equally well by all three. Samples, weights and results are single in any case, and
+        ``converged`` asks more of double. Nothing else takes notice: one lobe for a painting or a
+        segment is searched for in double anyway, from sums of pixels in single; Lafortune lobes in
+        double where single meets singular equations.
 
     Raises
     ------

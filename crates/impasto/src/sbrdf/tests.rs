@@ -172,6 +172,14 @@ fn photometric_stereo_looks_before_every_block_of_a_tile() {
     }
 }
 
+#[test]
+fn a_tile_looks_before_every_search_for_a_lobe() {
+    let painting = Painting::new();
+    let looks = looks::count(|run| painting.lobes(Origin::Table, Precision::Double, run));
+    // Three tiles, each fitted twice: from three widths about two normals.
+    assert!(looks > 3 * 2 * 3 * 2, "{looks}");
+}
+
 /// Wherever the flag is found set, nothing is returned, and hardly anything is done any more: a
 /// tile that was left is looked at once again, and so is the fit that it is a part of.
 #[test]

@@ -104,7 +104,8 @@ impl<M: LobeModel> Fit<'_, M> {
                     pixels.push(pixel);
                 }
             }
-            if pixels.is_empty() {
+            // A cancelled tile is nobody's: it need not be brought to an end.
+            if pixels.is_empty() || self.run.cancelled() {
                 break;
             }
             match trials {

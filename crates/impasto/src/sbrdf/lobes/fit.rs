@@ -254,6 +254,7 @@ impl<M: LobeModel> Fit<'_, M> {
         }
     }
 
+    /// One search for every pixel, whatever its number of lobes.
     fn search_all(&self, tile: &mut Tile, starts: &[Place], fine: &[usize], double: bool) {
         let tolerances = if double { Options::default() } else { Options::single() };
         let options = &Options { max_iterations: self.options.iterations, ..tolerances };
