@@ -21,7 +21,6 @@ import pytest
 
 import impasto
 from impasto import Status, simulate
-from impasto.effort import Precision
 from impasto.fit.forward import predict
 from impasto.fit.lobes import fit_lobes
 from oracles import forward, lafortune_forward
@@ -85,9 +84,7 @@ def pooled(samples: Any, rig: Any, **options: Any) -> impasto.Sbrdf:
     return impasto.fit_sbrdf(impasto.Stack(samples, lights=rig, **options))
 
 
-def pixel(
-    samples: Any, rig: Any, precision: Precision = "single", **options: Any
-) -> impasto.LobeSbrdf:
+def pixel(samples: Any, rig: Any, precision: Any = "single", **options: Any) -> impasto.LobeSbrdf:
     """Lobes of every pixel, without what is typical of the painting, which all pixels vote for, and
     without asking others where to start."""
     stack = impasto.Stack(samples, lights=rig, **options)
@@ -131,13 +128,6 @@ PASSES = {
         ("normal", "residual", "sigma"),
         ("diffuse", "ambient", "specular"),
     ),
-    "double": Pass(
-        partial(pixel, precision="double"),
-        varnished,
-        LIGHTS,
-        ("normal", "residual", "sigma"),
-        ("diffuse", "ambient", "specular"),
-    ),
     "lafortune": Pass(
         lafortune,
         lambda: wheeled(GLOSS),
@@ -146,6 +136,7 @@ PASSES = {
         ("diffuse", "specular"),
     ),
 }
+PASSES["double"] = dataclasses.replace(PASSES["pixel"], fit=partial(pixel, precision="double"))
 EVERY = pytest.mark.parametrize("name", PASSES)
 
 
