@@ -16,10 +16,11 @@ use crate::geometry::{Light, Rig};
 use crate::lm::Options;
 use crate::math::{Level, Vec3};
 
-use super::fit::{Scratch, TILE};
+use super::found::SHARE;
 use super::luminance::Sights;
 use super::normal::{Facing, Shine, fit_shine};
-use super::outliers::{SHARE, six_deviations};
+use super::outliers::six_deviations;
+use super::scratch::{Scratch, TILE};
 use super::sequence::{ROUGH, to};
 
 /// How many hands there may be.

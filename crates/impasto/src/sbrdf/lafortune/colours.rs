@@ -6,9 +6,8 @@ use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Mask, Real, Vec3};
 use crate::sbrdf::lobes::Sums;
 
-use super::fit::{Scratch, TILE};
-use super::found::{Found, MOST_LOBES};
-use super::outliers::{GROSS, SHARE};
+use super::found::{Found, GROSS, MOST_LOBES, SHARE};
+use super::scratch::{Scratch, TILE};
 
 /// Diffuse part and lobes.
 pub(super) const COLUMNS: usize = 1 + MOST_LOBES;

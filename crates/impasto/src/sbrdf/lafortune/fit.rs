@@ -1,16 +1,10 @@
 //! The three passes, tile by tile.
-//!
-//! Every pixel is fitted at the scale of its own largest sample, to a power of two, and scaled back
-//! at the end: no square of a sample or of a lobe's tail leaves the range of single precision at one
-//! scale and not at another (hard case 28).
 
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::lm::Options;
 use crate::maps::Status;
-use crate::math::elementary::power_of_two;
-use crate::math::lanes::Isa;
-use crate::math::{Kernel, Level};
+use crate::math::Level;
 use crate::pixels::Run;
 use crate::sbrdf::tile::Start;
 use crate::stack::Stack;
@@ -18,16 +12,12 @@ use crate::stack::Stack;
 use super::aside::Aside;
 use super::colours::{Colours, Tints};
 use super::found::{Found, MOST_LOBES};
-use super::luminance::Luminance;
 use super::maps::{LafortuneMaps, Sheet};
 use super::normal::Facing;
+use super::scratch::{Scratch, TILE};
 use super::sequence::Sequence;
 use super::settle::Settle;
 use super::trust::Trust;
-
-/// Pixels of a tile: enough for lanes to refill many times, few enough that 770 photographs of
-/// three bands take 6 MB.
-pub(super) const TILE: usize = 512;
 
 /// How the fit goes about it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,63 +75,6 @@ struct Fit<'a> {
     run: &'a Run<'a>,
 }
 
-/// One tile's samples; one per worker.
-pub(super) struct Scratch {
-    /// Powers of two that samples were divided by.
-    scales: Vec<f32>,
-    /// `(obs, band, pixel)` linear, at each pixel's own scale, as the next two.
-    pub(super) samples: Vec<f32>,
-    /// `(obs, pixel)` their means over the bands; not finite where a band's sample is not, as where
-    /// it clipped (hard case 3).
-    pub(super) means: Vec<f32>,
-    /// The means that count, NaN for the others.
-    pub(super) kept: Vec<f32>,
-    x: Vec<f32>,
-    y: Vec<f32>,
-    pub(super) places: Vec<[f32; 2]>,
-    pub(super) normals: Vec<[f32; 3]>,
-}
-
-impl Scratch {
-    fn new(stack: &Stack<'_>) -> Self {
-        let shape = stack.shape();
-        Self {
-            scales: vec![1.0; TILE],
-            samples: vec![0.0; shape.observations * shape.bands * TILE],
-            means: vec![0.0; shape.observations * TILE],
-            kept: vec![0.0; shape.observations * TILE],
-            x: vec![0.0; TILE],
-            y: vec![0.0; TILE],
-            places: vec![[0.0; 2]; TILE],
-            normals: vec![[0.0; 3]; TILE],
-        }
-    }
-
-    pub(super) fn luminance<'a>(&'a self, rig: &'a Rig) -> Luminance<'a> {
-        Luminance {
-            rig,
-            samples: &self.kept,
-            stride: TILE,
-            normals: &self.normals,
-            places: &self.places,
-        }
-    }
-
-    /// Leaves a photograph that a pixel does not count out of all its bands.
-    fn leave_out(&mut self, pixels: &[usize]) {
-        let bands = self.samples.len() / self.means.len();
-        for (photograph, (means, kept)) in
-            self.means.chunks(TILE).zip(self.kept.chunks(TILE)).enumerate()
-        {
-            for &pixel in pixels.iter().filter(|&&p| means[p].is_finite() && kept[p].is_nan()) {
-                for band in 0..bands {
-                    self.samples[(photograph * bands + band) * TILE + pixel] = f32::NAN;
-                }
-            }
-        }
-    }
-}
-
 impl Fit<'_> {
     fn tile(
         &self,
@@ -151,7 +84,7 @@ impl Fit<'_> {
     ) {
         let level = self.run.level;
         let all = self.stack.shape().pixels();
-        level.run(Read { stack: self.stack, start: sheet.start, scratch });
+        scratch.read(level, self.stack, sheet.start);
         self.rig.grid().coordinates(sheet.start, &mut scratch.x, &mut scratch.y);
         for (place, (&x, &y)) in scratch.places.iter_mut().zip(scratch.x.iter().zip(&scratch.y)) {
             *place = [x, y];
@@ -257,55 +190,5 @@ impl Fit<'_> {
             sheet.lobes[pixel] = found.lobes as u8;
             sheet.residual[pixel] = scale * tints.residual[pixel];
         }
-    }
-}
-
-/// Decodes a tile and scales its pixels.
-struct Read<'a> {
-    stack: &'a Stack<'a>,
-    start: usize,
-    scratch: &'a mut Scratch,
-}
-
-impl Kernel for Read<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<I: Isa>(self) {
-        let Self { stack, start, scratch } = self;
-        let bands = stack.shape().bands;
-        let share = 1.0 / bands as f32;
-        let photographs = scratch.samples.chunks_exact_mut(bands * TILE);
-        for (number, (planes, mean)) in
-            photographs.zip(scratch.means.chunks_exact_mut(TILE)).enumerate()
-        {
-            mean.fill(0.0);
-            for (band, plane) in planes.chunks_exact_mut(TILE).enumerate() {
-                stack.read(number, band, start, plane);
-                for (mean, &sample) in mean.iter_mut().zip(&*plane) {
-                    *mean += sample;
-                }
-            }
-            for mean in mean {
-                *mean *= share;
-            }
-        }
-        scratch.scales.fill(0.0);
-        for means in scratch.means.chunks_exact(TILE) {
-            for (size, &mean) in scratch.scales.iter_mut().zip(means) {
-                *size = if mean.is_finite() { size.max(mean.abs()) } else { *size };
-            }
-        }
-        // No sample of a pixel tells its scale: it stays as it is.
-        let scale = |size: f32| if size > 0.0 { power_of_two(size) } else { 1.0 };
-        scratch.scales.iter_mut().for_each(|size| *size = scale(*size));
-        for planes in [&mut scratch.samples, &mut scratch.means] {
-            for plane in planes.chunks_exact_mut(TILE) {
-                for (sample, &scale) in plane.iter_mut().zip(&scratch.scales) {
-                    *sample *= scale.recip();
-                }
-            }
-        }
-        scratch.kept.copy_from_slice(&scratch.means);
     }
 }

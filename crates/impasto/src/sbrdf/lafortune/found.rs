@@ -2,10 +2,20 @@
 
 use crate::brdf::lafortune::coefficients;
 
-use super::lobes::TURN;
-
 /// Most lobes of a pixel.
 pub const MOST_LOBES: usize = 3;
+
+/// Largest `n |turn|`; measured lobes have up to 6.
+pub(super) const TURN: f64 = 8.0;
+
+/// Standard deviations that a gross outlier is off by, the deviation told by the median of the
+/// residuals' sizes; noise of 770 samples reaches 6 in one pixel of 600,000.
+pub(super) const GROSS: f64 = 6.0;
+
+/// What a gross outlier is also off by, relative to the larger of sample and fit. Lobes describe
+/// the bright and few samples of a sharp highlight to some percent, which may be many deviations
+/// of the rest: they stay.
+pub(super) const SHARE: f32 = 0.5;
 
 /// Fall of the criterion that no choice of photographs brings about: 151 of them tell the
 /// logarithm of a variance to 0.12, which is 17 in the criterion; six times that.

@@ -9,15 +9,12 @@ use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Rows
 use crate::math::elementary::exp;
 use crate::math::{Element, Level, Real, Vec3};
 
-use super::found::MOST_LOBES;
+use super::found::{MOST_LOBES, TURN};
 use super::luminance::{Luminance, Sights};
 
 /// `ln n` of the widest and of the sharpest lobe: n = 1/2 is broader than a cosine, 22,000 sharper
 /// than any that was measured.
 pub(super) const LOG_EXPONENT: [f64; 2] = [-core::f64::consts::LN_2, 10.0];
-
-/// Largest `n |turn|`; measured lobes have up to 6.
-pub(super) const TURN: f64 = 8.0;
 
 /// Bounds of a search whose first unknowns are others.
 pub(super) fn bounds<S: Element, const N: usize>(others: usize, turning: bool) -> Bounds<S, N> {

@@ -24,6 +24,7 @@ mod luminance;
 mod maps;
 mod normal;
 mod outliers;
+mod scratch;
 mod seen;
 mod sequence;
 mod settle;

@@ -5,20 +5,11 @@ use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Real};
 
 use super::colours::{COLUMNS, Facets, gather};
-use super::fit::{Scratch, TILE};
-use super::found::Found;
-
-/// Standard deviations that a gross outlier is off by, the deviation told by the median of the
-/// residuals' sizes; noise of 770 samples reaches 6 in one pixel of 600,000.
-pub(super) const GROSS: f64 = 6.0;
+use super::found::{Found, GROSS, SHARE};
+use super::scratch::{Scratch, TILE};
 
 /// A normal deviation over the median size.
 const PER_MEDIAN: f64 = 1.4826;
-
-/// What a gross outlier is also off by, relative to the larger of sample and fit. Lobes describe
-/// the bright and few samples of a sharp highlight to some percent, which may be many deviations
-/// of the rest: they stay.
-pub(super) const SHARE: f32 = 0.5;
 
 /// Weighs the samples of some pixels anew: 0 where one is grossly off what lobes say, else 1. The
 /// answers say whether a pixel's choice of samples changed; its cost is then that of the choice.

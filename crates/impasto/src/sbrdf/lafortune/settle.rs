@@ -4,11 +4,11 @@ use crate::geometry::Rig;
 use crate::lm::Options;
 use crate::math::Level;
 
-use super::fit::Scratch;
 use super::found::Found;
 use super::lobes::Search;
 use super::normal::Facing;
 use super::outliers::Outliers;
+use super::scratch::Scratch;
 use super::seen::unseen;
 use super::sequence::{ROUGH, Sequence, some, to};
 use super::turned::turn;

@@ -9,8 +9,8 @@
 use crate::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Rows, fit};
 use crate::math::{Level, Real};
 
-use super::found::Found;
-use super::lobes::{LOG_EXPONENT, TURN};
+use super::found::{Found, TURN};
+use super::lobes::LOG_EXPONENT;
 use super::luminance::{Luminance, Sights};
 use super::maps::Sheet;
 use super::normal::{facing, slopes};
