@@ -89,6 +89,10 @@ impl Sequence {
             Adding { sequence: self, level, data, stopped, occupancy: Occupancy::default() };
         let all: Vec<_> = (0..pixels.len()).collect();
         adding.finish(&self.options, pixels, &all, found);
+        // What is left without lobes is linear, and no search asked what it leaves.
+        for (found, &pixel) in found.iter_mut().zip(pixels).filter(|(found, _)| found.lobes == 0) {
+            *found = self.plain(data, pixel);
+        }
         found.iter_mut().for_each(Found::sort);
     }
 
