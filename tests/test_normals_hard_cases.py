@@ -174,6 +174,25 @@ def test_samples_at_either_end_of_single_precision_have_a_status() -> None:
         assert (fit.status[0, 3], fit.status[1, 2]) == (Status.FITTED, Status.FITTED)
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_an_error_beyond_single_precision_has_a_status(method: str) -> None:
+    # Lamps within three degrees of each other, and samples that no surface shows: their squares are
+    # numbers, and the variance that they give along the worst tangent is none.
+    turn = 2.4 * np.arange(16)
+    out = 0.015 * np.sqrt(np.arange(16) + 0.5)
+    lights = np.stack([out * np.cos(turn), out * np.sin(turn), np.ones(16)], axis=1)
+    lights /= np.linalg.norm(lights, axis=1, keepdims=True)
+    shown = np.random.default_rng(3).uniform(0.2, 1.0, (16, 1, 4, 30))
+    statuses = []
+    for power in (0, 61, 62, 63, 64):
+        stack = impasto.Stack(np.ldexp(shown, power).astype(np.float32), lights=lights)
+        fit = impasto.fit_normals(stack, method=method)
+        consistent(fit, 16)
+        statuses.append(fit.status)
+    assert (statuses[0] < 16).all()
+    assert (np.isin(statuses[-1], [Status.INVALID_INPUT])).all()
+
+
 def test_irradiances_that_leave_no_inverse_have_a_status() -> None:
     # One lamp lights a painting of 65 m evenly, the others where they stand; a thousandth of a
     # thousandth elsewhere, whose products with it single precision cannot tell from its own.

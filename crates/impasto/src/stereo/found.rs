@@ -44,7 +44,7 @@ impl<R: Real<Scalar = f32>> Found<R> {
             residual: (squares * share.per_count).sqrt(),
             condition: start.condition,
             sigma,
-            status: status(pixels, verdict, start, &Size { length, squares, worst }),
+            status: status(pixels, verdict, start, &Size { length, squares, worst, sigma }),
             used: verdict.kept,
             shadow: verdict.shadow,
             highlight: verdict.highlight,
@@ -118,6 +118,8 @@ struct Size<R> {
     squares: R,
     /// Variance along the worst tangent.
     worst: R,
+    /// Deviation of the normal: squares and variance at once.
+    sigma: R,
 }
 
 /// Why the pixels are what they are. The first that holds: too few samples; dark; coplanar
@@ -128,17 +130,18 @@ fn status<R: Real<Scalar = f32>, L>(
     pixels: &Pixels<R, L>,
     verdict: &Verdict<R>,
     &Solution { squared, total, .. }: &Solution<R>,
-    &Size { length, squares, worst }: &Size<R>,
+    &Size { length, squares, worst, sigma }: &Size<R>,
 ) -> R {
     let zero = R::zero();
     let three = R::of(3.0);
     let solved = determined(squared);
     let lit = total.gt(zero) & (length.ge(R::of(SHORTEST)) | !solved);
-    let finite = length.is_finite() & squares.is_finite();
     // Irradiances so unlike that rounding leaves no inverse have a condition that is rounding, too.
     let certain = worst.ge(zero);
-    let plain = lit & solved & well_determined(squared) & finite & certain;
     let spare = verdict.kept.gt(three);
+    let told = sigma.is_finite() | !(spare & certain);
+    let finite = length.is_finite() & squares.is_finite() & told;
+    let plain = lit & solved & well_determined(squared) & finite & certain;
     if (plain & spare & !verdict.relaxed).all() {
         return zero;
     }
@@ -146,7 +149,8 @@ fn status<R: Real<Scalar = f32>, L>(
     status = R::select(well_determined(squared), status, code(Status::IllConditioned));
     status = R::select(spare, status, code(Status::Exact));
     status = R::select(certain, status, code(Status::RankDeficient));
-    // Squares of samples beyond 1e19 are infinite in single precision.
+    // Squares of samples beyond 1e19 are infinite in single precision; where lights tell little of a
+    // normal, what noise does to it is from fewer on.
     status = R::select(finite, status, code(Status::InvalidInput));
     status = R::select(solved, status, code(Status::RankDeficient));
     status = R::select(lit, status, code(Status::Dark));
