@@ -2,7 +2,6 @@
 
 use super::extract::Extraction;
 use super::lafortune::{LafortuneOptions, fit_lafortune};
-use super::lanes::MAX_LANES;
 use super::passes::Fit;
 use super::pixel::Lobe;
 use super::settle::Yardstick;
@@ -12,7 +11,7 @@ use super::{
 };
 use crate::error::{Error, Result};
 use crate::geometry::{Grid, Light, Rig};
-use crate::math::Vec3;
+use crate::math::{Isa, Kernel, Level, Real, Vec3};
 use crate::pixels::{Run, looks};
 use crate::stack::{Decode, Samples, Shape, Stack};
 use crate::stereo::{self, Method, Options};
@@ -124,6 +123,18 @@ impl Painting {
     }
 }
 
+/// Pixels of a register.
+struct Width;
+
+impl Kernel for Width {
+    type Output = usize;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> usize {
+        I::F32::WIDTH
+    }
+}
+
 type Call<'a> = &'a dyn Fn(&Run<'_>) -> Result<()>;
 type Pass<'a> = &'a dyn Fn(&Fit<'_>, &State) -> Result<()>;
 
@@ -132,8 +143,9 @@ fn a_pass_looks_before_every_register_of_pixels() {
     let painting = Painting::new();
     let (stack, start) = (&painting.stack(), &painting.start());
     let lobe = Lobe { beta: 10.0, log_sharpness: 3.0 };
-    let looks_of = |pass: Pass<'_>| {
+    let looks_of = |level: Level, pass: Pass<'_>| {
         let all = |run: &Run<'_>| {
+            let run = &Run { level, ..*run };
             let photographs = &Photographs {
                 stack,
                 rig: &painting.rig,
@@ -148,18 +160,23 @@ fn a_pass_looks_before_every_register_of_pixels() {
         };
         looks::count(all)
     };
-    let nothing = looks_of(&|_, _| Ok(()));
-    let passes: [(&str, Pass<'_>); 3] = [
-        ("extract", &|fit, state| fit.extract(state, Extraction::Residual).map(drop)),
-        ("settle", &|fit, state| {
+    // How often each goes over the painting: what is specular is first asked how large it is.
+    let passes: [(&str, usize, Pass<'_>); 3] = [
+        ("extract", 2, &|fit, state| fit.extract(state, Extraction::Residual).map(drop)),
+        ("settle", 1, &|fit, state| {
             let mut to = state.copied(fit.run)?;
             fit.settle(state, &mut to, lobe, 1, true).map(drop)
         }),
-        ("measure", &|fit, state| fit.measure(state, lobe).map(drop)),
+        ("measure", 1, &|fit, state| fit.measure(state, lobe).map(drop)),
     ];
-    for (name, pass) in passes {
-        let looks = looks_of(pass) - nothing;
-        assert!(looks > PIXELS / MAX_LANES, "{name}: {looks}");
+    for level in Level::ALL.into_iter().filter(|level| level.available()) {
+        let registers = PIXELS / level.run(Width);
+        let nothing = looks_of(level, &|_, _| Ok(()));
+        for (name, times, pass) in passes {
+            let looks = looks_of(level, pass) - nothing;
+            // Besides, a few: before and after each tile, and for copies.
+            assert!(looks >= times * registers, "{name} on {level:?}: {looks}");
+        }
     }
 }
 
