@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -408,6 +409,17 @@ def test_filter_wheel_with_a_lost_file(tmp_path: Path) -> None:
     for wrong in ("{band}.tif", "{name}_{filter}.tif", "{name}-{band}.tif", []):
         with pytest.raises(impasto.ArgumentError, match="pattern"):
             read_stack(tmp_path / "dirs.lp", pattern=wrong)
+
+
+def test_an_archive_of_no_stack_is_refused(tmp_path: Path) -> None:
+    stack = impasto.Stack(CODES8, lights=LIGHTS)
+    swapped: Any = (stack, tmp_path / "s.npz")
+    with pytest.raises(impasto.ArgumentError, match=r"^path: expected .* found Stack"):
+        write_stack(*swapped)
+    no_stack: Any = CODES8
+    with pytest.raises(impasto.ArgumentError, match=r"^stack: expected .* found ndarray"):
+        write_stack(tmp_path / "s.npz", no_stack)
+    assert not list(tmp_path.iterdir())
 
 
 def test_archive_round_trip(tmp_path: Path) -> None:

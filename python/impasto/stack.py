@@ -244,6 +244,16 @@ def _mask(mask: ArrayLike | None, shape: tuple[int, int]) -> NDArray[np.bool_] |
     return np.ascontiguousarray(array.astype(np.bool_))
 
 
+def checked_stack(stack: Any) -> Stack:
+    """The stack, or a refusal that says how to make one."""
+    if not isinstance(stack, Stack):
+        raise ArgumentError(
+            f"stack: expected an impasto.Stack, found {type(stack).__name__}; make one with "
+            "impasto.read_stack(path) or impasto.Stack(samples, lights=directions)"
+        )
+    return stack
+
+
 def _per_band(values: ArrayLike, count: int, name: str) -> NDArray[np.float64]:
     array = numbers(values, name, "numbers")
     if array.shape not in {(), (1,), (count,)}:

@@ -14,12 +14,12 @@ from impasto import _core
 from impasto.checks import number
 from impasto.effort import resolved
 from impasto.errors import ArgumentError, GeometryError
-from impasto.fit.border import RigArguments, checked_stack
+from impasto.fit.border import RigArguments
 from impasto.fit.normals import fit_normals
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.relighting import full_scale, relative_error
 from impasto.rig import Rig
-from impasto.stack import Stack
+from impasto.stack import Stack, checked_stack
 from impasto.thinning import painted, thinned, thinned_to
 
 LADDER: tuple[dict[str, Any], ...] = (

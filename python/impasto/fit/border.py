@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
 from impasto.rig import Rig
-from impasto.stack import Stack
+from impasto.stack import Stack, checked_stack
 from impasto.waiting import floats
 
 if TYPE_CHECKING:
@@ -96,16 +96,6 @@ class StartArguments:
             diffuse=floats(stereo.albedo),
             status=np.ascontiguousarray(stereo.status, dtype=np.uint8),
         )
-
-
-def checked_stack(stack: Any) -> Stack:
-    """The stack, or a refusal that says how to make one."""
-    if not isinstance(stack, Stack):
-        raise ArgumentError(
-            f"stack: expected an impasto.Stack, found {type(stack).__name__}; make one with "
-            "impasto.read_stack(path) or impasto.Stack(samples, lights=directions)"
-        )
-    return stack
 
 
 def thread_count(threads: int | None) -> int:

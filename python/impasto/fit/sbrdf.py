@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from impasto.checks import refractive_index, truth
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback, checked_stack
+from impasto.fit.border import ProgressCallback
 from impasto.fit.lafortune import LafortuneSbrdf, fit_lafortune
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count
 from impasto.fit.normals import Method, Normals, fit_normals
@@ -19,7 +19,7 @@ from impasto.fit.options import Model, Pooling, fit_kind, one_of
 from impasto.fit.pooled import Extraction, Sbrdf, fit_pooled
 from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
 from impasto.io.results import RESULT, read_maps
-from impasto.stack import Stack
+from impasto.stack import Stack, checked_stack
 from impasto.waiting import wait_for
 
 RESULTS = {kind.kind(): kind for kind in (Sbrdf, SegmentSbrdf, LobeSbrdf, LafortuneSbrdf)}

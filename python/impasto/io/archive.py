@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.encoding import Encoding
-from impasto.errors import CorruptInputError, ImpastoError
+from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.io.npz import read_npz, write_npz
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
-from impasto.stack import Stack
+from impasto.stack import Stack, checked_stack
 
 
 def write_stack(path: str | Path, stack: Stack) -> None:
@@ -21,7 +22,15 @@ def write_stack(path: str | Path, stack: Stack) -> None:
     Plain arrays, no pickles: ``samples``, ``lights`` ``(obs, 3)`` (positions in mm where ``near``),
     ``intensities``, ``near``, ``falloff``, ``views``, ``bands``, ``names``, ``scale``, ``black``,
     ``curve``, ``white`` and, where known, ``pitch_mm``, ``mask``, ``saturation``.
+
+    Raises
+    ------
+    ArgumentError
+        No stack, or a path that is none or does not end in ``.npz``.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise ArgumentError(f"path: expected the name of a file, found {type(path).__name__}")
+    checked_stack(stack)
     arrays: dict[str, Any] = {
         "samples": stack.samples,
         **arrays_of_rig(stack.rig),
