@@ -183,6 +183,51 @@ def test_too_little_is_refused() -> None:
         impasto.fit_strengths(impasto.Stack(0.0 * values, lights=lights()))
 
 
+def test_unknowns_are_fewer_than_samples() -> None:
+    """Six of every pixel, and every strength but one."""
+    for count, enough in ((7, 7), (12, 2), (24, 2)):
+        _, values = relief(np.ones(count), lights(count))
+        assert enough * count > 6 * enough + count - 1 >= (enough - 1) * count - 6
+        few = [
+            impasto.Stack(values[..., :1, :n], lights=lights(count)) for n in (enough, enough - 1)
+        ]
+        with pytest.raises(impasto.ArgumentError, match=f"{enough} pixels .* found {enough - 1}$"):
+            impasto.fit_strengths(few[1])
+        assert np.isfinite(impasto.fit_strengths(few[0]).factor).all()
+        mask = np.zeros(SHAPE, bool)
+        mask[3, : enough - 1] = True
+        with pytest.raises(impasto.ArgumentError, match=f"at least {enough} pixels"):
+            impasto.fit_strengths(impasto.Stack(values, lights=lights(count), mask=mask))
+
+
+@pytest.mark.parametrize(
+    "lost", [0.0, -0.001, np.nan, np.inf], ids=["black", "below", "gone", "over"]
+)
+def test_a_lamp_that_no_pixel_tells_is_named(lost: float) -> None:
+    strength = uneven(24)
+    _, values = relief(strength, lights(24))
+    values[[3, 17]] = lost
+    stack = impasto.Stack(values, lights=lights(24))
+    found = impasto.fit_strengths(stack)
+    told = np.delete(np.arange(24), [3, 17])
+    assert np.isnan(found.factor[[3, 17]]).all()
+    assert np.isnan(found.change[[3, 17]]).all()
+    assert found.converged
+    np.testing.assert_array_equal(found.rig.intensities[[3, 17]], 1.0)
+    assert ", 2 of which no pixel tells (photographs 3, 17: " in repr(found)
+    # The others are what they are without those two.
+    assert np.median(found.factor[told]) == pytest.approx(1.0)
+    expected = strength[told] / np.median(strength[told])
+    np.testing.assert_allclose(found.factor[told], expected, rtol=0.02)
+    alone = impasto.fit_strengths(stack.take(told))
+    assert alone.state == ""
+    np.testing.assert_allclose(found.factor[told], alone.factor, rtol=0.01)
+    # Nor do they tell those of other lamps.
+    there = found.at(stack.rig).intensities
+    np.testing.assert_allclose(there[told], found.factor[told], rtol=1e-6)
+    assert np.isfinite(there).all()
+
+
 def test_progress_is_told(scene: Any) -> None:
     told: list[tuple[int, int]] = []
     impasto.fit_strengths(scene[1], progress=lambda done, total: told.append((done, total)))

@@ -185,6 +185,8 @@ def estimated_strengths(
     stages: Stages, stack: Stack, own: dict[str, Any], threads: int | None
 ) -> Strengths:
     """What every lamp gave, as a stage of its own; ``own``: options of the fit that follows."""
+    import numpy as np
+
     from impasto.fit.strengths import fit_strengths
 
     # Lafortune lobes are not those that strengths are estimated with: theirs stay as they are.
@@ -192,7 +194,7 @@ def estimated_strengths(
     options = {name: own[name] for name in shared if name in own}
     with stages.stage("strengths") as stage:
         lamps = fit_strengths(stack, **options, threads=threads, progress=stage.advance)
-        low, high = lamps.factor.min(), lamps.factor.max()
+        low, high = np.nanmin(lamps.factor), np.nanmax(lamps.factor)
         stage.note = f"{len(lamps.factor)} lights, {low:.2f} to {high:.2f}"
     if lamps.state:
         stages.say(f"  {'':14}[dim]{len(lamps.factor)} lights{lamps.state}[/]")

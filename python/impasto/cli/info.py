@@ -119,8 +119,11 @@ def _gloss(numbers: dict[str, Any]) -> dict[str, Any]:
 def _strengths(lamps: dict[str, Any]) -> str:
     """What the lamps gave, as the fit found it."""
     factor = lamps["factor"]
+    told = [one for one in factor if one is not None]
     state = "" if lamps["converged"] else ", not settled: see the report"
-    return f"{len(factor)} lights, {min(factor):.2f} to {max(factor):.2f}{state}"
+    if len(told) < len(factor):
+        state += f", {len(factor) - len(told)} that no pixel tells"
+    return f"{len(factor)} lights, {min(told):.2f} to {max(told):.2f}{state}"
 
 
 def _compared(folder: Path, outputs: list[dict[str, Any]]) -> tuple[list[str], list[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,19 +12,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto.checks import refractive_index
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback, checked_stack, reporting
+from impasto.fit.border import ProgressCallback, reporting
 from impasto.fit.forward import shown
 from impasto.fit.lobes import fit_lobes, lobe_count
 from impasto.fit.normals import fit_normals
 from impasto.fit.surface import SurfaceArguments
 from impasto.rig import Light, Rig
-from impasto.stack import Stack
+from impasto.stack import Stack, checked_stack
 from impasto.status import Status
 from impasto.thinning import thinned_to
 
-FEWEST = 7
-"""Lights below which strengths and surfaces cannot be told apart: normal, colour, ambient light and
-one lobe are six unknowns of a pixel."""
+UNKNOWNS = 6
+"""Of a pixel: normal (2), brightness, ambient light, and one lobe's strength and width. A lamp's
+factor is asked of the mean of the bands, so that more bands tell no more of it."""
+FEWEST = UNKNOWNS + 1
+"""Lights below which strengths and surfaces cannot be told apart."""
 
 _PIXELS = 10_000
 _ROUNDS = 12
@@ -43,6 +46,8 @@ _GROSS = np.log(2.0)
 """A lamp that is off by more than this factor hides all others from a fit of lobes."""
 _CLEAR = 0.1
 """A shorter step than this does not change which lamps are."""
+_NAMED = 8
+"""Photographs that words name by their numbers."""
 _DIM = 0.2
 """Share of a pixel's mean light below which shadows tell more than the lamp."""
 
@@ -55,8 +60,10 @@ class Strengths:
     ----------
     factor
         ``(obs,)`` float64: what each light gave relative to its ``intensity``; their median is 1.
+        NaN where no pixel tells: the photograph is black or missing wherever its lamp should show.
     rig
-        The lights with these strengths as intensities.
+        The lights with these strengths as intensities; the intensity of a lamp that no pixel tells
+        is the one that was given.
     stack
         The photographs under these lights: what to fit.
     converged
@@ -69,7 +76,7 @@ class Strengths:
         which goes on from there.
     change
         ``(obs,)`` by what share the last round, which foretells where they end, changed each
-        factor: 0.01 is one per cent.
+        factor: 0.01 is one per cent. NaN where no pixel tells.
     """
 
     factor: NDArray[np.float64]
@@ -96,20 +103,39 @@ class Strengths:
             The same lights, their intensities times the interpolated factors.
         """
         rig = Rig(lights)
-        log = np.log(self.factor)
-        found = _thin_plate(self.rig.directions[:, :2], log, rig.directions[:, :2])
+        told = np.isfinite(self.factor)
+        log = np.log(self.factor[told])
+        found = _thin_plate(self.rig.directions[told, :2], log, rig.directions[:, :2])
         return _scaled(rig, np.exp(np.clip(found, log.min(), log.max())))
 
     def __repr__(self) -> str:
-        low, high = self.factor.min(), self.factor.max()
+        low, high = np.nanmin(self.factor), np.nanmax(self.factor)
         return f"<Strengths of {len(self.rig)} lights, {low:.2f} to {high:.2f}{self.state}>"
 
     @property
     def state(self) -> str:
-        """How far they still changed in the end, in words; empty if they are converged."""
+        """What is in doubt, in words: which no pixel tells, and how far the others still changed.
+
+        Empty if all are told and converged.
+        """
+        return self._changing + self._untold
+
+    @property
+    def _untold(self) -> str:
+        these = np.flatnonzero(np.isnan(self.factor))
+        if len(these) == 0:
+            return ""
+        numbers = ", ".join(map(str, these[:_NAMED])) + (", ..." if len(these) > _NAMED else "")
+        return (
+            f", {len(these)} of which no pixel tells (photographs {numbers}: black or missing "
+            "where their lamps should show): leave them out with stack.take"
+        )
+
+    @property
+    def _changing(self) -> str:
         if self.converged:
             return ""
-        size = np.abs(self.change)
+        size = np.abs(self.change[np.isfinite(self.change)])
         many = int((size > _SETTLED).sum())
         most = f"{100 * size.max():.1f} %"
         if many == 0:
@@ -169,7 +195,8 @@ def fit_strengths(
     Raises
     ------
     ArgumentError
-        Fewer lights, or no pixel that can be fitted.
+        Fewer lights, or so few pixels that can be fitted that they have as many unknowns as
+        samples: seven under seven lights, two under twelve or more.
 
     Notes
     -----
@@ -186,6 +213,9 @@ def fit_strengths(
             f"stack: strengths need at least {FEWEST} lights, found {count}; "
             "photograph a white board under each light (white=)"
         )
+    # Under so many lights a pixel spares what tells strengths, which are known but for one factor:
+    # pixels * lights samples are more than pixels * UNKNOWNS + lights - 1 unknowns.
+    enough = math.ceil(count / (count - UNKNOWNS))
     few = thinned_to(stack, _PIXELS)
     samples = np.array([few.linear(photograph) for photograph in range(count)]).mean(axis=1)
 
@@ -211,10 +241,14 @@ def fit_strengths(
         lit = few._replace(rig=_scaled(few.rig, np.exp(log)))
         status, expected = fit(lit)
         fine = status < Status.DARK
-        if not fine.any():
-            raise ArgumentError("stack: strengths need pixels that can be fitted, found none")
+        there = int(fine.sum())
+        if there < enough:
+            raise ArgumentError(
+                f"stack: strengths of {count} lights need at least {enough} pixels that can be "
+                f"fitted, found {there or 'none'}"
+            )
         left = _ratios(samples[:, fine], expected.mean(axis=1)[:, fine], lit.rig.intensities)
-        return left - np.median(left)
+        return left - np.nanmedian(left)
 
     search = _Search(np.zeros(count), stretch=1.0)
     for _ in range(_MATTE_ROUNDS):
@@ -233,15 +267,15 @@ def fit_strengths(
                 break
         if tell is not None:
             tell(rounds, rounds)
-    factor: NDArray[np.float64] = np.exp(search.log)
-    factor /= np.median(factor)
-    rig = _scaled(stack.rig, factor)
+    factor: NDArray[np.float64] = np.where(search.told, np.exp(search.log), np.nan)
+    factor /= np.nanmedian(factor)
+    rig = _scaled(stack.rig, np.where(search.told, factor, 1.0))
     return Strengths(
         factor=factor,
         rig=rig,
         stack=stack._replace(rig=rig),
         converged=converged,
-        change=np.expm1(step),
+        change=np.where(search.told, np.expm1(step), np.nan),
     )
 
 
@@ -254,11 +288,17 @@ class _Search:
 
     def __init__(self, log: NDArray[np.float64], stretch: float) -> None:
         self.log = log - np.median(log)
+        self.told = np.ones(len(log), dtype=np.bool_)
         self._stretch = stretch
         self._rounds: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
 
     def move(self, left: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Take the step that what a round ``left`` asks for; it is returned."""
+        """Take the step that what a round ``left`` asks for; it is returned.
+
+        NaN asks for none: the round was not ``told``.
+        """
+        self.told = np.isfinite(left)
+        left = np.where(self.told, left, 0.0)
         self._rounds = [*self._rounds[-_MEMORY:], (self.log, left)]
         step = self._stretch * left
         if len(self._rounds) > 1:
@@ -276,10 +316,10 @@ class _Search:
 def _ratios(
     samples: NDArray[Any], expected: NDArray[Any], intensities: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """``(obs,)`` logarithms of the lamps' factors; 0 where too few pixels tell."""
+    """``(obs,)`` logarithms of the lamps' factors; NaN where no pixel tells."""
     even = expected / intensities[:, None]
     dim = _DIM * even.mean(axis=0)
-    log = np.zeros(len(samples))
+    log = np.full(len(samples), np.nan)
     for photograph, (sample, one) in enumerate(zip(samples, expected, strict=True)):
         told = np.isfinite(sample) & (sample > 0.0) & (even[photograph] > dim)
         if told.any():
