@@ -5,7 +5,8 @@
 Runs ``impasto study`` (it goes on where it was interrupted), records benches/results/study.json,
 draws the figures of docs/accuracy-and-time.md into docs/_static and sets that page's tables.
 ``--again`` runs the same study a second time, in a folder of its own, and records beside every row
-what that run says of it; it exits with 1 where the two do not agree.
+what that run says of it; it exits with 1 where the two do not agree, and runs nothing where code,
+data or machine are not those of the record.
 ``--redraw`` runs nothing: it draws and sets them anew from the rows that are recorded.
 ``--presets`` runs nothing: it says which presets the recorded study calls for, what those of
 python/impasto/effort.py are, and whether they keep what they promise; it exits with 1 where they
@@ -56,13 +57,14 @@ def main() -> None:
     def advance(done: int, total: int, name: str) -> None:
         print(f"{done}/{total} {name}", file=sys.stderr)
 
+    how: dict[str, Any] = {"data": options.data, "repeats": REPEATS, "threads": 1}
     if options.redraw:
         found = _recorded()
+    elif not options.again:
+        found = run(options.out, **how, advance=advance)
     else:
-        folder = options.out / "again" if options.again else options.out
-        found = run(folder, data=options.data, repeats=REPEATS, threads=1, advance=advance)
-    if options.again:
         recorded = _recorded()
+        found = run(options.out / "again", **how, like=recorded["run"], advance=advance)
         found = recorded | {"rows": agreement.beside(recorded, found)}
     found["run"] = {"command": "python benches/python/study.py"} | found["run"]
     rows = found["rows"]

@@ -16,6 +16,14 @@ TENTH = 0.1
 """What ratios of two costs may differ by from run to run."""
 
 
+def check_alike(first: dict[str, Any], second: dict[str, Any]) -> None:
+    """Refuse to compare two studies of which ``run`` says that they are not runs of one."""
+    for term in (*TERMS, *CLOCKS):
+        one, other = first.get(term), second.get(term)
+        if one != other:
+            raise ArgumentError(f"second: another study ({term} {other!r}, recorded {one!r})")
+
+
 def beside(first: dict[str, Any], second: dict[str, Any]) -> list[Row]:
     """Rows of a study, each with what a second run of it says under ``again``.
 
@@ -35,10 +43,7 @@ def beside(first: dict[str, Any], second: dict[str, Any]) -> list[Row]:
     ArgumentError
         They are runs of two studies: of other code, data, seed, threads, or on another machine.
     """
-    for term in (*TERMS, *CLOCKS):
-        one, other = (found["run"].get(term) for found in (first, second))
-        if one != other:
-            raise ArgumentError(f"second: another study ({term} {other!r}, recorded {one!r})")
+    check_alike(first["run"], second["run"])
     found = {key_of(row): row for row in second["rows"]}
     rows = []
     for row in first["rows"]:

@@ -15,6 +15,7 @@ from impasto.errors import ArgumentError
 from impasto.simulate.fields import check_seed
 from impasto.stack import Stack
 from impasto.study import parts
+from impasto.study.agreement import check_alike
 from impasto.study.bound import normal_bound
 from impasto.study.measure import compared, lobes_of
 from impasto.study.memory import per_megapixel
@@ -41,6 +42,7 @@ def run(
     seed: int = 0,
     threads: int | None = None,
     repeats: int = 2,
+    like: dict[str, Any] | None = None,
     advance: Advance = lambda done, total, name: None,
 ) -> dict[str, Any]:
     """Measure whatever is not yet measured in a folder.
@@ -71,6 +73,8 @@ def run(
     repeats
         Turns that every fit takes at least, one of milliseconds for 0.04 s each; where two or more
         leave its cost unsure, up to twice as many.
+    like
+        ``run`` of a recorded study that this one is to be compared with.
     advance
         Called before every turn, ``(done, total, name)``. ``done`` counts the turns that every fit
         takes; where it is ``total``, costs that are not sure are timed further.
@@ -85,7 +89,8 @@ def run(
     Raises
     ------
     ArgumentError
-        A folder that holds another study, no folder of data, or a number that makes no sense.
+        A folder that holds another study, no folder of data, a number that makes no sense, or a
+        study that is not ``like`` the recorded one; no fit has been run then.
     """
     if not (isinstance(repeats, int) and repeats >= 1):
         raise ArgumentError(f"repeats: expected at least 1, found {repeats!r}")
@@ -94,6 +99,8 @@ def run(
     made, missing = specimens(sizes, seed, data)
     info = run_info() | {"seed": seed, "quick": quick, "sizes": asdict(sizes)}
     info |= {"threads": threads, "repeats": repeats, "data": digests(data)}
+    if like is not None:
+        check_alike(like, info)
     journal = Journal(out, {"run": info, "missing": missing}, TERMS)
     chosen = [s for s in settings(quick=quick) if knobs is None or s.knob in knobs]
     jobs = {name: [setting for setting in chosen if name in setting.on] for name in made}
