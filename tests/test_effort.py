@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import impasto
 from impasto import Effort, simulate, suggest
@@ -276,6 +278,46 @@ def test_what_photographs_do_not_know_does_not_count() -> None:
     assert relative_error(np.array([np.nan, 2.0, 0.0, 5.0]), truth) == pytest.approx(0.2**0.5)
     # Beyond full scale a camera tells nothing apart: neither does the error.
     assert relative_error(np.array([1.0, 3.0, 9.0, 5.0]), truth, 2.0) == 0.0
+
+
+@settings(deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(1, 60),
+    alike=st.booleans(),
+    seen=st.booleans(),
+)
+def test_photographs_are_dealt_out_evenly_and_apart(
+    seed: int, count: int, alike: bool, seen: bool
+) -> None:
+    """Any rig: of lights that stand in one place, too, and of cameras that move."""
+    rng = np.random.default_rng(seed)
+    lights, views = rng.normal(size=(2, count, 3))
+    if alike:
+        lights = lights[rng.integers(0, count, count) // 2]
+    lights[:, 2], views[:, 2] = np.abs(lights[:, 2]) + 0.1, np.abs(views[:, 2]) + 0.1
+    rig = impasto.Rig(
+        lights / np.linalg.norm(lights, axis=1, keepdims=True),
+        views=views / np.linalg.norm(views, axis=1, keepdims=True) if seen else None,
+    )
+    hands = suggest._hands(rig)
+    assert sorted(np.concatenate(hands)) == list(range(count))
+    sizes = [len(hand) for hand in hands]
+    assert len(sizes) == suggest.HELD
+    assert max(sizes) - min(sizes) <= 1
+    # In the order of the rig each went where it was farthest from all that lay there, of the hands
+    # that had room; into an empty one first.
+    apart = np.linalg.norm(rig.directions[:, None] - rig.directions, axis=2)
+    apart = np.hypot(apart, np.linalg.norm(rig.views[:, None] - rig.views, axis=2))
+    for index in range(count):
+        room = [hand for hand in hands if (hand < index).sum() < len(hand)]
+        nearest = [apart[index, hand[hand < index]].min(initial=np.inf) for hand in room]
+        own = next(place for place, hand in enumerate(room) if index in hand)
+        # Two ways to one distance of numbers up to 3 end some roundings of 4e-16 apart.
+        assert nearest[own] >= max(nearest) - 1e-12 or nearest[own] == max(nearest)
+        # So that a neighbour lies in another, as long as there is one that is not full.
+        if len(room) > 1 and np.partition(nearest, 1)[1] > min(nearest) + 1e-12:
+            assert nearest[own] > min(nearest)
 
 
 def test_an_error_relative_to_nothing() -> None:
