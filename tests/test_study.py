@@ -17,7 +17,7 @@ from impasto.study.bound import normal_bound
 from impasto.study.record import RUNS
 from impasto.study.words import words
 
-SIZES = specimens.Sizes(painting=24, views=6, icon=24)
+SIZES = specimens.Sizes(painting=24, views=6, icon=24, paintings=2)
 
 
 @pytest.fixture(scope="module")
@@ -140,21 +140,33 @@ def test_recoded_photographs_show_the_same_light(sort: str) -> None:
 
 def test_a_perfect_fit_has_no_error() -> None:
     made, _ = specimens.specimens(SIZES, 0, None)
-    specimen = made["own model"]()
+    first, second = made["own model"]()
 
     class Perfect:
-        normal = specimen.normal
-        status = np.zeros(specimen.stack.shape[2:], np.uint8)
+        def __init__(self, specimen: specimens.Specimen) -> None:
+            self.normal = specimen.normal
+            self.status = np.zeros(specimen.stack.shape[2:], np.uint8)
+            self.held = specimen.held
 
         def predict(self, lights: Any) -> Any:
             del lights
-            return specimen.held
+            return self.held
 
-    errors = measure.compared(Perfect(), specimen)
+    both = Perfect(first), Perfect(second)
+    errors = measure.compared(both, (first, second))
     assert (errors.relative, errors.colour, errors.flagged) == (0.0, 0.0, 0.0)
     assert errors.normal == pytest.approx(0.0, abs=1e-4)
-    Perfect.predict = lambda self, lights: np.full_like(specimen.held, np.nan)  # type: ignore[method-assign]
-    assert measure.compared(Perfect(), specimen).relative == 1.0
+    # Nothing is known of the second painting: what is left is its share of the light, a right
+    # angle at half of the pixels.
+    both[1].held = np.full_like(first.held, np.nan)
+    both[1].normal = np.full_like(first.normal, np.nan)
+    both[1].status[:] = 1
+    errors = measure.compared(both, (first, second))
+    light = [(np.minimum(p.held, 1.0 / p.exposure) ** 2).sum() for p in (first, second)]
+    # Sums in another order, in single precision.
+    assert errors.relative == pytest.approx(np.sqrt(light[1] / sum(light)), rel=1e-5)
+    assert (errors.normal, errors.normal_p95) == pytest.approx((45.0, 90.0), abs=1e-4)
+    assert errors.flagged == 0.5
 
 
 def test_the_peer_s_radiance_is_the_papers() -> None:
@@ -176,7 +188,7 @@ def test_the_peer_s_radiance_is_the_papers() -> None:
 def test_the_bound_falls_with_the_root_of_the_photographs() -> None:
     """Every photograph twice holds twice the information."""
     made, _ = specimens.specimens(SIZES, 0, None)
-    specimen = made["own model"]()
+    specimen, _ = made["own model"]()
     assert specimen.truth is not None
     once, twice = (
         normal_bound(specimen.truth, specimen.stack.rig.take([*range(16)] * count))
@@ -255,7 +267,9 @@ def test_sentences_say_what_rows_say() -> None:
 def test_the_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("impasto.study.sweep.QUICK", specimens.Sizes(painting=16, views=4, icon=16))
+    monkeypatch.setattr(
+        "impasto.study.sweep.QUICK", specimens.Sizes(painting=16, views=4, icon=16, paintings=1)
+    )
     monkeypatch.delenv("IMPASTO_DATA", raising=False)
     out = tmp_path / "found"
     command = ["study", "--quick", "--out", str(out), "--repeats", "1", "--no-figures"]

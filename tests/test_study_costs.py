@@ -17,7 +17,7 @@ from impasto import study
 from impasto.study import agreement, memory, record, specimens, sweep, turns, words, yardstick
 from impasto.study.turns import Turn
 
-SIZES = specimens.Sizes(painting=16, views=4, icon=16)
+SIZES = specimens.Sizes(painting=16, views=4, icon=16, paintings=1)
 BYTES = 200
 
 
@@ -84,7 +84,7 @@ def test_turns_go_on_until_a_cost_is_sure(tmp_path: Path, monkeypatch: pytest.Mo
     # it is SURE on the average, by luck of fewer; all three of 8 would be too much of it.
     assert max(row["turns"] for row in rows) > 8
     monkeypatch.setattr(Busy, "noise", 0.5)
-    assert [row["turns"] for row in stereo(tmp_path / "all", 8)["rows"]] == [16] * 3
+    assert [row["turns"] for row in stereo(tmp_path / "all", 8)["rows"]] == [8 * turns.MOST] * 3
     # One turn tells nothing of the next.
     assert [row["turns"] for row in stereo(tmp_path / "one", 1)["rows"]] == [1] * 3
 
@@ -160,23 +160,24 @@ def test_the_yardstick_is_timed_before_and_after(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(yardstick.impasto, "fit_sbrdf", lambda *_, **__: take(pace[0]))
     monkeypatch.setattr(yardstick.time, "process_time", lambda: now[0])
     monkeypatch.setattr(yardstick.time, "perf_counter", lambda: 2.0 * now[0])
-    pace = [1.0]
+    pace = [0.015]
     stick = yardstick.Yardstick(1)
 
     runs = iter([0.005, 0.015, 0.003, 0.015, 0.015])
 
     def fit() -> str:
         take(next(runs))
-        pace[0] = 3.0
+        pace[0] = 0.045
         return "found"
 
     result, turn = stick.beside(fit, 0.5)
     assert result == "found"
-    # Five runs are the first to take 40 ms, and the third of them the least: 3 ms.
-    assert now[0] == pytest.approx(1.0 + 1.0 + 0.053 + 3.0)
+    # Five runs are the first to take 40 ms, and the third of them the least: 3 ms. Two of the
+    # yardstick's are the first to take 20 ms before, one is enough after.
+    assert now[0] == pytest.approx(0.015 + 2 * 0.015 + 0.053 + 0.045)
     assert turn.cpu == pytest.approx(0.006)
     assert turn.wall == pytest.approx(0.012)
-    assert (turn.yard_cpu, turn.yard_wall) == pytest.approx((2.0, 4.0))
+    assert (turn.yard_cpu, turn.yard_wall) == pytest.approx((0.03, 0.06))
 
 
 def test_turns_that_are_missing_are_taken(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from impasto.cli import main
 from impasto.study import fits, record, specimens, sweep
 from impasto.study.record import RUNS
 
-SIZES = specimens.Sizes(painting=16, views=4, icon=16)
+SIZES = specimens.Sizes(painting=16, views=4, icon=16, paintings=1)
 KNOBS = ("normals", "peer")
 """Eight fits of ours in milliseconds, and peers: the quick study takes three of either."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -14,7 +15,7 @@ from impasto.relighting import relative_error
 from impasto.rig import Rig
 from impasto.simulate.score import normal_error
 from impasto.status import Status
-from impasto.study.specimens import Specimen
+from impasto.study.specimens import Paintings
 
 CODES = Encoding("srgb", 255.0)
 """On which decibels are counted."""
@@ -45,7 +46,7 @@ class Fitted(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Against photographs that were held out, and the true normals.
+    """Against photographs that were held out, and the true normals, over all pixels of a data set.
 
     Attributes
     ----------
@@ -70,34 +71,46 @@ class Errors:
     flagged: float
 
 
-def lobes_of(fitted: Fitted) -> list[float] | None:
+def lobes_of(fits: Sequence[Fitted]) -> list[float] | None:
     """Shares of the pixels that have no lobe, one, two ...; None where none is counted."""
-    lobes = getattr(fitted, "lobes", None)
-    if lobes is None:
+    maps: list[Any] = [getattr(fitted, "lobes", None) for fitted in fits]
+    if any(lobes is None for lobes in maps):
         return None
+    lobes = _beside(maps)
     return [float(count) / lobes.size for count in np.bincount(lobes.ravel(), minlength=4)]
 
 
-def compared(fitted: Fitted, specimen: Specimen) -> Errors:
-    """How far a fit is from what it did not see."""
-    top = 1.0 / specimen.exposure
-    shown = np.clip(np.nan_to_num(fitted.predict(specimen.rig), nan=0.0), 0.0, top)
-    held = np.clip(specimen.held, 0.0, top)
-    codes = CODES.encode(shown * specimen.exposure) - CODES.encode(held * specimen.exposure)
+def compared(fits: Sequence[Fitted], paintings: Paintings) -> Errors:
+    """How far fits of some paintings, one each, are from what they did not see.
+
+    As if all stood side by side in one photograph.
+    """
+    pairs = list(zip(fits, paintings, strict=True))
+    exposure = paintings[0].exposure
+    top = 1.0 / exposure
+    shown = _beside([np.nan_to_num(f.predict(p.rig), nan=0.0) for f, p in pairs]).clip(0.0, top)
+    held = _beside([p.held for p in paintings]).clip(0.0, top)
+    codes = CODES.encode(shown * exposure) - CODES.encode(held * exposure)
     squared = (codes.astype(np.float64) ** 2).mean(axis=(1, 2, 3))
     angles = None
-    if specimen.normal is not None and fitted.normal is not None:
-        angles = normal_error(fitted.normal, specimen.normal).astype(np.float64)
+    known = [(f.normal, p.normal) for f, p in pairs]
+    apart = [normal_error(a, b) for a, b in known if a is not None and b is not None]
+    if apart:
+        angles = _beside(apart).astype(np.float64)
         # What was not estimated is not left out: a right angle says that nothing is known.
         angles = np.nan_to_num(angles, nan=90.0)
     return Errors(
         relative=relative_error(shown, held, top),
         psnr=float((10.0 * np.log10(255.0**2 / np.maximum(squared, 1e-12))).mean()),
-        colour=_colour_difference(shown * specimen.exposure, held * specimen.exposure),
+        colour=_colour_difference(shown * exposure, held * exposure),
         normal=None if angles is None else float(angles.mean()),
         normal_p95=None if angles is None else float(np.percentile(angles, 95)),
-        flagged=float((fitted.status != Status.FITTED).mean()),
+        flagged=float((_beside([f.status for f in fits]) != Status.FITTED).mean()),
     )
+
+
+def _beside(maps: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    return np.concatenate(maps, axis=-1)
 
 
 def _colour_difference(shown: NDArray[Any], held: NDArray[Any]) -> float:

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from impasto.fit.sbrdf import fit_sbrdf
-from impasto.stack import Stack
-from impasto.study.specimens import Specimen
+from impasto.study.specimens import Paintings, Specimen
 from impasto.thinning import every, thinned
 
 WIDTH = 32
@@ -19,13 +18,17 @@ class NoPixelsError(Exception):
     """A data set has no such pixel."""
 
 
-def whole(specimen: Specimen) -> Specimen:
+def whole(paintings: Paintings) -> Paintings:
     """All of them."""
-    return specimen
+    return paintings
 
 
-def strided(specimen: Specimen, *, stride: int) -> Specimen:
+def strided(paintings: Paintings, *, stride: int) -> Paintings:
     """Every so many along both axes."""
+    return tuple(_strided(painting, stride) for painting in paintings)
+
+
+def _strided(specimen: Specimen, stride: int) -> Specimen:
     normal = specimen.normal
     window = every(specimen.stack.shape[2:], stride)
     return replace(
@@ -36,16 +39,18 @@ def strided(specimen: Specimen, *, stride: int) -> Specimen:
     )
 
 
-def alike(specimen: Specimen, *, lobes: int) -> Specimen:
+def alike(paintings: Paintings, *, lobes: int) -> Paintings:
     """Those that the standard effort gives so many lobes, over and over in a picture as large.
 
-    As many pixels as the whole has, so that what a fit asks of a painting at first weighs as much.
+    Of the first painting, on which fits are timed: as many pixels as it has, so that what a fit
+    asks of a painting at first weighs as much.
 
     Raises
     ------
     NoPixelsError
         There are fewer than one in a hundred.
     """
+    specimen = paintings[0]
     stack = specimen.stack
     fitted = fit_sbrdf(stack, pooling="pixel")
     y, x = np.nonzero(fitted.lobes == lobes)
@@ -55,14 +60,11 @@ def alike(specimen: Specimen, *, lobes: int) -> Specimen:
     turns = np.resize(np.arange(len(y)), count // WIDTH * WIDTH).reshape(-1, WIDTH)
     place = np.s_[..., y[turns], x[turns]]
     normal = specimen.normal
-    return replace(
+    part = replace(
         specimen,
-        stack=Stack(
-            np.ascontiguousarray(stack.samples[place]), lights=stack.rig, bands=stack.bands,
-            saturation=stack.saturation, scale=stack.scale, black=stack.black,
-            encoding=stack.encoding,
-        ),
+        stack=stack._replace(samples=np.ascontiguousarray(stack.samples[place])),
         held=specimen.held[place],
         normal=None if normal is None else normal[place],
         share=len(y) / count,
-    )  # fmt: skip
+    )
+    return (part,)

@@ -15,12 +15,12 @@ from impasto.stack import Stack
 from impasto.study import choices, fits, minpack, parts, peers
 from impasto.study.measure import Fitted
 from impasto.study.presets import grid_name
-from impasto.study.specimens import Specimen
+from impasto.study.specimens import Paintings
 from impasto.wording import counted
 
 Fit: TypeAlias = Callable[[Stack, int | None], Fitted]
 Prepare: TypeAlias = Callable[[Stack, int], Stack]
-Part: TypeAlias = Callable[[Specimen], Specimen]
+Part: TypeAlias = Callable[[Paintings], Paintings]
 
 VIEWS = "770 views"
 SIMULATED = ("own model", "shifted gamma", "ABC")

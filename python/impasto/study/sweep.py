@@ -7,7 +7,7 @@ from dataclasses import asdict
 from functools import cache
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from impasto.study.measure import compared, lobes_of
 from impasto.study.memory import per_megapixel
 from impasto.study.record import TERMS, Journal, run_info
 from impasto.study.settings import VIEWS, Setting, named, settings
-from impasto.study.specimens import FULL, QUICK, Sizes, Specimen, digests, specimens
+from impasto.study.specimens import FULL, QUICK, Paintings, Sizes, Specimen, digests, specimens
 from impasto.study.yardstick import Yardstick
 
 WEIGHED = ("own model", VIEWS)
@@ -47,11 +47,13 @@ def run(
 ) -> dict[str, Any]:
     """Measure whatever is not yet measured in a folder.
 
-    Errors depend on nothing but data, seed and code: two runs give the same, bit for bit. Costs are
-    taken beside a yardstick until they are sure (``impasto.study.turns``): two runs agree in
-    their ratios, on a busy machine too. All fits take turns, each turn in another order, so that
-    whatever else the machine does meets all alike. Memory is measured in processes of their own
-    (not by the quick study): a script guards its call by ``if __name__ == "__main__"``.
+    A setting is fitted to every painting of a data set once, for its errors, which are of all
+    their pixels together; it is timed on the first of them. Errors depend on nothing but data, seed
+    and code: two runs give the same, bit for bit. Costs are taken beside a yardstick until they are
+    sure (``impasto.study.turns``): two runs agree in their ratios, on a busy machine too. All fits
+    take turns, each turn in another order, so that whatever else the machine does meets all alike.
+    Memory is measured in processes of their own (not by the quick study): a script guards its call
+    by ``if __name__ == "__main__"``.
 
     Parameters
     ----------
@@ -72,7 +74,7 @@ def run(
         None means every allowed core.
     repeats
         Turns that every fit takes at least, one of milliseconds for 0.04 s each; where two or more
-        leave its cost unsure, up to twice as many.
+        leave its cost unsure, up to three times as many.
     like
         ``run`` of a recorded study that this one is to be compared with.
     advance
@@ -130,46 +132,61 @@ def _key(data: str, setting: Setting) -> dict[str, str]:
     return {"data": data, "knob": setting.knob, "setting": setting.name}
 
 
+Taken: TypeAlias = tuple[Specimen, Stack]
+"""Pixels of a painting, and the photographs of them that are fitted."""
+
+
 class _Desk:
     """A data set, and what settings take of it: made once, when it is needed."""
 
     def __init__(
         self,
-        make: Callable[[], Specimen],
+        make: Callable[[], Paintings],
         seed: int,
         threads: int | None,
         yardstick: Yardstick,
         *,
         weigh: bool,
     ) -> None:
-        self._specimen = cache(make)
+        self._paintings = cache(make)
         self._seed, self._threads, self._weigh = seed, threads, weigh
         self._yardstick = yardstick
-        self._taken: dict[tuple[str, str], tuple[Specimen, Stack]] = {}
+        self._timed: dict[tuple[str, str], Taken] = {}
 
-    def _take(self, setting: Setting) -> tuple[Specimen, Stack]:
+    def _take(self, setting: Setting, *, first: bool) -> list[Taken]:
+        """What a setting takes of every painting; of the first alone where it is only timed."""
         key = (setting.knob, setting.name)
-        if key not in self._taken:
-            part = setting.part(self._specimen())
-            self._taken[key] = part, setting.prepare(part.stack, self._seed)
-        return self._taken[key]
+        if key in self._timed and not first:
+            return [self._timed[key]]
+        parts = setting.part(self._paintings())[: None if first else 1]
+        taken = [
+            (part, setting.prepare(part.stack, self._seed + number))
+            for number, part in enumerate(parts)
+        ]
+        self._timed[key] = taken[0]
+        return taken
 
     def measured(self, setting: Setting, *, first: bool) -> dict[str, Any]:
-        """All about a fit, or what it takes once more."""
+        """All about a fit, or what it takes once more: of the first painting."""
         try:
-            part, stack = self._take(setting)
+            taken = self._take(setting, first=first)
+            (part, stack), *others = taken
             fitted, turn = self._yardstick.beside(
                 lambda: setting.fit(stack, self._threads), part.megapixels
             )
             if not first:
                 return {"again": asdict(turn)}
+            # What is not timed may take every core: its bits are the same.
+            fits = [fitted, *(setting.fit(stack, None) for _, stack in others)]
             row: dict[str, Any] = {"number": setting.number, "options": setting.options}
             if setting.knob == "lights" and part.truth is not None:
-                row["bound"] = normal_bound(part.truth, stack.rig)
+                bounds = [normal_bound(p.truth, s.rig) for p, s in taken if p.truth is not None]
+                row["bound"] = float(np.mean(bounds))
             if self._weigh and part.name in WEIGHED and named(setting):
                 row["memory"] = per_megapixel(setting.fit, stack, self._threads)
-            row |= {"share": part.share, "lobes": lobes_of(fitted)}
-            return row | {"turn": asdict(turn), "error": asdict(compared(fitted, part))}
+            row |= {"share": part.share, "lobes": lobes_of(fits)}
+            error = compared(fits, tuple(part for part, _ in taken))
+            return row | {"turn": asdict(turn), "error": asdict(error)}
         except parts.NoPixelsError as error:
             return {"skipped": str(error)}
         except Exception as error:

@@ -20,7 +20,7 @@ import numpy as np
 SURE = 0.0125
 """Relative standard error of a cost that is sure. The ratio of two costs, each of two runs, is off
 by twice as much: a tenth is four deviations."""
-MOST = 2
+MOST = 3
 """Times ``repeats``: turns of a fit that is never sure."""
 
 

@@ -21,6 +21,9 @@ EDGE = 24
 """Pixels of the yardstick: some ten milliseconds, for which a machine's speed lasts."""
 ENOUGH = 0.04
 """CPU seconds that the runs of one turn take together, at least: fits of milliseconds run often."""
+SIDE = 0.02
+"""CPU seconds of the yardstick on either side of them, at least: a single run of it scatters more
+than the fits do."""
 
 
 class Yardstick:
@@ -47,22 +50,30 @@ class Yardstick:
         The turn of a short fit is the least of its runs: in the others another process has had the
         processor, and left nothing in its caches.
         """
-        before = _clocks()
-        self._fit()
+        before = self._side()
         marks = [_clocks()]
         while marks[-1][0] - marks[0][0] < ENOUGH:
             result = fit()
             marks.append(_clocks())
-        self._fit()
-        yard = ((marks[0] - before) + (_clocks() - marks[-1])) / 2.0
+        yard = (before + self._side()) / 2.0
         cpu, wall = np.diff(marks, axis=0).min(axis=0) / megapixels
         return result, Turn(float(cpu), float(wall), float(yard[0]), float(yard[1]))
+
+    def _side(self) -> NDArray[np.float64]:
+        """CPU and wall seconds of a run, in the mean of some."""
+        start = now = _clocks()
+        runs = 0
+        while now[0] - start[0] < SIDE:
+            self._fit()
+            now = _clocks()
+            runs += 1
+        return np.asarray((now - start) / runs)
 
 
 @cache
 def _photographs() -> Stack:
-    made, _ = specimens(Sizes(painting=EDGE), 0, None)
-    return made["own model"]().stack
+    made, _ = specimens(Sizes(painting=EDGE, paintings=1), 0, None)
+    return made["own model"]()[0].stack
 
 
 def _clocks() -> NDArray[np.float64]:
