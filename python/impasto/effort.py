@@ -67,7 +67,7 @@ class Effort:
     stereo: int = 5
     pixels: int = 1 << 16
     rounds: int = 2
-    iterations: int = 4
+    iterations: int = 6
     start: Origin = "pyramid"
     precision: Precision = "single"
 
