@@ -202,7 +202,7 @@ def test_the_recorded_study_has_the_names_of_todays_settings() -> None:
     assert {(row["knob"], row["setting"]) for row in json.loads(text)["rows"]} <= names
     assert presets.grid_name(Effort(rounds=1, iterations=1)) == "1 round, 1 step, pyramid"
     polished = Effort(start="table", precision="polished")
-    assert presets.grid_name(polished) == "2 rounds, 4 steps, polished"
+    assert presets.grid_name(polished) == "2 rounds, 6 steps, polished"
     assert not re.search(r"\b1 (rounds|steps)\b", text)
 
 

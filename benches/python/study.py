@@ -36,7 +36,7 @@ from impasto.study.tables import tables
 from impasto.study.words import words
 
 REPEATS = 6
-"""Turns of every fit at least, spread over the whole study: its cost is some ten minutes."""
+"""Turns of every fit at least, spread over the whole study: its cost is some twenty minutes."""
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ from impasto.wording import counted
 PIXELS = {"draft": 1 << 12, "standard": 1 << 16, "reference": 1 << 18}
 """Sixty thousand pixels know the painting's beta and gamma to a thousandth, a sixteenth of them to
 four, four times as many to half of one."""
-FAIR = ("effort", "pooling", "pixels", "lobes", "starts", "robust")
+FAIR = ("effort", "precision", "pooling", "pixels", "lobes", "starts", "robust")
 """Knobs whose settings a preset is held against: fits of ours to all photographs."""
 SAME = 0.05
 """What is nearer in time and error than that is no better: times of runs differ by as much."""

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias, get_args
 
 import numpy as np
 
-from impasto.effort import PRESETS, Effort, Origin
+from impasto.effort import PRESETS, Effort, Origin, Precision
 from impasto.fit.normals import Method
 from impasto.stack import Stack
 from impasto.study import choices, fits, minpack, parts, peers
@@ -130,6 +130,9 @@ def _efforts() -> Iterator[Setting]:
             for iterations in (1, 2, 3, 4, 6, 10, 30):
                 effort = Effort(rounds=rounds, iterations=iterations, start=start)
                 yield _sbrdf("effort", grid_name(effort), ONE_VIEW, **PER_PIXEL, effort=effort)
+    for precision in get_args(Precision):
+        effort = Effort(precision=precision)
+        yield _sbrdf("precision", precision, ONE_VIEW, **PER_PIXEL, effort=effort)
     yield _sbrdf("pooling", "one lobe, as the papers have it", ONE_VIEW, joint=False)
     yield _sbrdf("pooling", "one lobe", ONE_VIEW)
     yield _sbrdf("pooling", "Lafortune", (VIEWS,), model="lafortune")

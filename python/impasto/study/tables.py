@@ -21,7 +21,8 @@ SETS = {
 """Data sets in the words of the tables."""
 
 LADDERS = (
-    "effort", "pixels", "robust", "stereo", "starts", "lobes", "lights", "bits", "normals", "views",
+    "effort", "precision", "pixels", "robust", "stereo", "starts", "lobes", "lights", "bits",
+    "normals", "views",
 )  # fmt: skip
 """Knobs whose settings make a table each."""
 

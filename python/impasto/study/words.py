@@ -210,6 +210,24 @@ def searches(rows: Sequence[Row]) -> str:
     )
 
 
+def precision(rows: Sequence[Row]) -> str:
+    """What it is worth to search in double precision."""
+    found: dict[str, dict[str, Row]] = {}
+    for row in of_knob(rows, "precision"):
+        found.setdefault(row["setting"], {})[row["data"]] = row
+    lines = [
+        f"{what} takes {_ratio(found[name], found['single']):.2f} times the time, and changes "
+        f"held-out photographs by {_span(_differences(found[name], found['single'], 'psnr'), 'dB')}"
+        f", normals by {_span(_differences(found[name], found['single'], 'normal'), '°', 3)}"
+        for name, what in {
+            "polished": "a last round that goes on in double precision",
+            "double": "every search in double precision",
+        }.items()
+    ]
+    said = "; ".join(lines)
+    return f"{said[0].upper()}{said[1:]}."
+
+
 def lobes(rows: Sequence[Row]) -> str:
     """What a further lobe is worth."""
 
@@ -313,7 +331,7 @@ def again(rows: Sequence[Row]) -> str:
 
 
 SENTENCES = (
-    choice, promises, photographs, views, doubt, steps, starts, searches, lobes, classes, bits,
-    peers, memory, again,
+    choice, promises, photographs, views, doubt, steps, starts, searches, precision, lobes, classes,
+    bits, peers, memory, again,
 )  # fmt: skip
 """In the order of the page; each raises where a study has not measured what it is about."""

@@ -18,6 +18,7 @@ TITLES = {
     "classes": "Pixels by the lobes that they get",
     "front": "Fits that no other beats in both time and error",
     "effort": "Rounds, steps and starts",
+    "precision": "What searches compute in",
     "pixels": "Pixels that the painting's lobe is looked for among",
     "robust": "Doubting photographs and samples",
     "stereo": "Steps of reweighting in photometric stereo",
