@@ -10,6 +10,7 @@ import pytest
 
 import impasto
 from impasto import Status, simulate
+from oracles.rigs import spiral
 
 SIZE = (32, 32)
 
@@ -80,3 +81,23 @@ def test_case_27_constant_photographs_show_no_highlight(level: float, extraction
     estimated = found.status < Status.DARK
     assert np.isfinite(found.residual[estimated]).all()
     assert np.isfinite(found.predict()).all()
+
+
+@pytest.mark.parametrize("value", [9e18, 3.4e38])
+@pytest.mark.parametrize(
+    "options", [{"pooling": "pixel"}, {"model": "lafortune", "lobes": 1}], ids=str
+)
+def test_what_single_precision_cannot_hold_has_a_status(options: Any, value: float) -> None:
+    """Squares of the one and colours of the other are beyond it, where they count at all."""
+    directions = spiral(12)
+    rng = np.random.default_rng(1)
+    samples = (0.4 * directions[:, 2])[:, None, None, None] + rng.normal(0.0, 0.02, (12, 7, 9, 9))
+    samples[rng.random(samples.shape) < 0.02] = value
+    stack = impasto.Stack(samples.astype(np.float32), lights=directions)
+    found = impasto.fit_sbrdf(stack, **options)
+    lost = found.status >= Status.DARK
+    assert not lost.all()
+    for name in ("normal", "diffuse", "specular", "residual"):
+        plane = getattr(found, name)
+        assert not np.isinf(plane).any(), name
+        np.testing.assert_array_equal(np.isnan(plane), np.broadcast_to(lost, plane.shape), name)

@@ -33,6 +33,12 @@ impl Tints {
     pub(super) fn colour(&self, band: usize, column: usize, pixel: usize) -> f32 {
         self.values[(band * COLUMNS + column) * self.pixels + pixel]
     }
+
+    /// Whether single precision holds all of a pixel at its own scale.
+    pub(super) fn finite(&self, pixel: usize, scale: f32) -> bool {
+        let colours = self.values[pixel..].iter().step_by(self.pixels);
+        colours.chain([&self.residual[pixel]]).all(|value| (scale * value).is_finite())
+    }
 }
 
 /// Finds the colours of some pixels of a tile.

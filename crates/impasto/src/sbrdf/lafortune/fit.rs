@@ -170,6 +170,18 @@ impl Fit<'_> {
         self.run.level.run(Colours { rig: self.rig, scratch, fine, found, tints: &mut tints });
         for (&pixel, found) in fine.iter().zip(found) {
             let scale = scratch.scales[pixel];
+            if !tints.finite(pixel, scale) {
+                // Samples near the end of single precision have colours beyond it.
+                sheet.status[pixel] = Status::InvalidInput.code();
+                sheet.sigma[pixel] = f32::NAN;
+                let told = [
+                    &mut sheet.specular_sigma,
+                    &mut sheet.direction_sigma,
+                    &mut sheet.exponent_sigma,
+                ];
+                told.into_iter().flatten().for_each(|plane| plane[pixel] = f32::NAN);
+                continue;
+            }
             for (plane, value) in sheet.normal.iter_mut().zip(scratch.normals[pixel]) {
                 plane[pixel] = value;
             }

@@ -316,6 +316,11 @@ impl<M: LobeModel> Fit<'_, M> {
             }
         }
         for &pixel in fine {
+            // Squares of samples beyond 1e19 are infinite in single precision.
+            if !settled.residual[pixel].is_finite() {
+                sheet.status[pixel] = Status::InvalidInput.code();
+                continue;
+            }
             let place = &tile.places[pixel];
             let colour = |band: usize, column: usize| {
                 settled.colours[(band * COLUMNS + column) * TILE + pixel]
@@ -342,7 +347,8 @@ impl<M: LobeModel> Fit<'_, M> {
                 for (number, &value) in told[..numbers].iter().enumerate() {
                     sheet.numbers[rank * numbers + number][pixel] = value;
                 }
-                sheet.spread[rank][pixel] = place.shape_spread[lobe];
+                let spread = place.shape_spread[lobe];
+                sheet.spread[rank][pixel] = if spread.is_finite() { spread } else { f32::NAN };
             }
             // The photographs know less of every lobe than what is typical does.
             let typical = self.sight.model.spreads()[0] as f32 * TYPICAL;
