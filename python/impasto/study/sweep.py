@@ -74,7 +74,7 @@ def run(
         None means every allowed core.
     repeats
         Turns that every fit takes at least, one of milliseconds for 0.04 s each; where two or more
-        leave its cost unsure, up to three times as many.
+        leave its cost unsure, up to twice as many.
     like
         ``run`` of a recorded study that this one is to be compared with.
     advance

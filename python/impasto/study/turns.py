@@ -19,8 +19,8 @@ import numpy as np
 
 SURE = 0.0125
 """Relative standard error of a cost that is sure. The ratio of two costs, each of two runs, is off
-by twice as much: a tenth is four deviations."""
-MOST = 3
+by twice as much: a tenth is four deviations, or three (:func:`unsure`)."""
+MOST = 2
 """Times ``repeats``: turns of a fit that is never sure."""
 
 
