@@ -199,9 +199,9 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
     }
 }
 
-/// Bytes of a block below which two groups take turns: what one waits for in a step, divisions and
-/// roots, the processor fills with the pass of the other. Larger blocks spend their time in passes,
-/// and two of them would not lie in the cache.
+/// Bytes of a block up to which two groups take turns: what one waits for in a step, divisions and
+/// roots, the processor fills with the pass of the other. Larger blocks spend their time in passes:
+/// problems of 16 samples gain a tenth, those of 100 lose some hundredths.
 const SMALL: usize = 1 << 12;
 
 /// Problems that are searched side by side.
