@@ -309,5 +309,9 @@ def test_a_diagram_says_what_its_lines_are(capture: simulate.Capture) -> None:
     legend = fitted.lobe_plot(y, x).legends[0]
     words = [text.get_text() for text in legend.get_texts()]
     assert {"light", "its mirror"} <= set(words)
+    for factor in (1.0, 1.5, 2.0, 3.0, 4.5, 7.0):
+        maps = {"diffuse": factor * fitted.diffuse, "specular": factor * fitted.specular}
+        circles = replace(fitted, **maps).lobe_plot(y, x).axes[0].get_yticks()
+        assert 4 <= len(circles) <= 6, "numbers run into each other, or there are none"
     with pytest.raises(impasto.ArgumentError, match=r"y: expected a whole number, found 3\.5"):
         fitted.lobe_plot(3.5, 2)  # type: ignore[arg-type]

@@ -73,7 +73,7 @@ def lobe_plot(sbrdf: LafortuneSbrdf, y: int, x: int, stack: Stack | None = None)
     samples = np.full(len(rig), np.nan) if stack is None else _reflectances(stack, y, x, light)
     incidences = _incidences(light, beside)
     slices = [_slice(sbrdf, y, x, incidence) for incidence in incidences]
-    top = 1.08 * max(float(total.max()) for _, total, _ in slices)
+    top = 1.08 * max(float(total.max()) for _, total, _ in slices) or 1.0
     figure = Figure(figsize=(4.2 * len(incidences), 3.2), facecolor=_colour(BACKGROUND))
     for place, (incidence, (angle, total, lobes)) in enumerate(
         zip(incidences, slices, strict=True)
@@ -210,6 +210,8 @@ def _dress(axes: Axes, incidence: float, top: float) -> None:
     polar.set_thetalim(-np.pi / 2, np.pi / 2)
     polar.set_ylim(0.0, top)
     polar.set_thetagrids(range(-90, 91, 30))
+    # More circles than this, and their numbers run into each other beneath the disc.
+    polar.set_rticks(_circles(top))
     polar.tick_params(colors=_colour(FAINT), labelsize=7)
     polar.grid(color=_colour(FAINT), alpha=0.25, lw=0.6)
     polar.spines[:].set_visible(False)
@@ -221,6 +223,13 @@ def _dress(axes: Axes, incidence: float, top: float) -> None:
         np.pi, 0.27 * top, f"light at {incidence:.0f}°",
         color=_colour(INK), fontsize=9, ha="center", clip_on=False,
     )  # fmt: skip
+
+
+def _circles(top: float) -> list[float]:
+    """Round reflectances up to ``top``: three to five of them besides 0."""
+    decade = 10.0 ** np.floor(np.log10(top / 3.0))
+    step = max(each * decade for each in (1.0, 2.0, 2.5, 5.0) if 3.0 * each * decade <= top)
+    return [number * step for number in range(int(top / step) + 1)]
 
 
 def _colour(rgb: tuple[int, int, int]) -> str:
