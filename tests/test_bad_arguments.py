@@ -19,9 +19,11 @@ from impasto import (
     Scene,
     doctor,
     fit_normals,
+    fit_reflectance,
     fit_sbrdf,
     integrate_normals,
     load_sbrdf,
+    render,
     simulate,
 )
 from test_bad_input import SIZE, altered, session, stack, told
@@ -108,6 +110,30 @@ def test_lights_behind_the_painting() -> None:
 def test_arguments_of_the_wrong_type_or_out_of_range(call: Callable[[], Any], word: str) -> None:
     with pytest.raises(ArgumentError, match=f"^{word}: "):
         call()
+
+
+def test_arguments_that_were_swapped_or_are_something_else() -> None:
+    """What a call needs is told by its name, not by the attribute that was missed."""
+    photographs = simulate.default_capture("tominaga-rgb-camera", size=SIZE)
+    taken, camera = photographs.stack, photographs.truth.camera
+    six = simulate.default_capture(size=SIZE).stack
+    fit = fit_sbrdf(taken)
+    scene = Scene([(0, 0.7, 0.7)])
+    calls: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any], str]] = [
+        (render, (scene, fit), {}, "scene: expected an impasto.Scene.*found Sbrdf"),
+        (render, (fit, DistantLight((0, 0, 1))), {}, "scene: .*found DistantLight"),
+        (render, (fit.normals, scene), {}, "sbrdf: expected what impasto.fit_sbrdf.*Normals"),
+        (render, ("demo", scene), {}, "sbrdf: .*found str"),
+        (render, (fit, scene), {"reflectance": camera}, "reflectance: expected what.*Camera"),
+        (fit_reflectance, (fit, taken, camera), {}, "stack: expected an impasto.Stack or None"),
+        (fit_reflectance, (taken, camera, fit), {}, "camera: .*found Sbrdf"),
+        (fit_reflectance, (taken, fit, "srgb"), {}, "camera: .*found str"),
+        (fit_reflectance, (None, taken, camera), {}, "diffuse: .*found Stack"),
+        (fit_reflectance, (six, fit, camera), {}, "stack: expected .*bands and pixels"),
+    ]
+    for call, positional, named, words in calls:
+        with pytest.raises(ArgumentError, match=f"^{words}"):
+            call(*positional, **named)
 
 
 def test_the_command_line_names_the_option(

@@ -71,6 +71,12 @@ def unmasked(values: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_] | None]
     return np.asarray(values), masked if masked is not None and masked.any() else None
 
 
+def instance(value: Any, kind: type, name: str, expected: str) -> None:
+    """Refuse what is not of a kind, as where arguments are swapped."""
+    if not isinstance(value, kind):
+        raise ArgumentError(f"{name}: expected {expected}, found {type(value).__name__}")
+
+
 def truth(value: Any, name: str) -> bool:
     """True or False, and nothing that Python would take for one of them."""
     if not isinstance(value, bool | np.bool_):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto.checks import refractive_index
+from impasto.checks import instance, refractive_index
 from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_from_spectrum
 from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError
@@ -163,6 +163,17 @@ def render(
     GeometryError
         A point light, and no width of a pixel.
     """
+    instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
+    if not hasattr(sbrdf, "normal") or not (hasattr(sbrdf, "beta") or hasattr(sbrdf, "surface")):
+        raise ArgumentError(
+            "sbrdf: expected what impasto.fit_sbrdf or impasto.load_sbrdf returns, "
+            f"found {type(sbrdf).__name__}"
+        )
+    if reflectance is not None and not hasattr(reflectance, "coefficients"):
+        raise ArgumentError(
+            "reflectance: expected what impasto.fit_reflectance returns, "
+            f"found {type(reflectance).__name__}"
+        )
     pitch = getattr(sbrdf, "pitch_mm", None) if pitch_mm is None else pitch_mm
     if pitch is None and any(isinstance(light, PointLight) for light in scene.lights):
         raise GeometryError("pitch_mm: point lights need the width of a pixel on the painting")
@@ -354,7 +365,10 @@ def _colours(
 def _captured(scene: Scene, bands: int) -> NDArray[np.float64]:
     """Columns to XYZ for bands without spectra."""
     if bands not in {1, 3}:
-        raise ArgumentError(f"camera: {bands} bands become colours by a camera or a reflectance")
+        raise ArgumentError(
+            f"camera: {bands} bands are no colours yet; say camera=, or reflectance= of "
+            "impasto.fit_reflectance"
+        )
     as_it_was = all(_same(illuminant, "D65") for illuminant in scene.illuminants)
     if scene.adaptation is not None or not as_it_was:
         raise ArgumentError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, TypeAlias, get_args, runtime_checkable
 
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
 from impasto.bands import Camera, Integration
+from impasto.checks import instance
 from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, reporting, thread_count
@@ -207,7 +209,17 @@ def fit_reflectance(
     if estimator not in get_args(Estimator):
         names = ", ".join(map(repr, get_args(Estimator)))
         raise ArgumentError(f"estimator: expected one of {names}, found {estimator!r}")
+    if stack is not None:
+        instance(stack, Stack, "stack", "an impasto.Stack or None")
+    instance(
+        camera, Camera, "camera", "an impasto.Camera, as of impasto.io.read_camera or Camera.srgb"
+    )
     responses, status = _responses(diffuse, camera)
+    if stack is not None and stack.shape[1:] != responses.shape:
+        raise ArgumentError(
+            f"stack: expected {responses.shape} bands and pixels, as diffuse has, "
+            f"found {stack.shape[1:]}"
+        )
     _check_order(getattr(diffuse, "bands", None) if stack is None else stack.bands, camera)
     default_grid = np.arange(400.0, 701.0, 5.0)
     grid = default_grid if wavelengths is None else checked_wavelengths(wavelengths)
@@ -302,6 +314,11 @@ def _responses(
         array = source.albedo
     else:
         array, status = source, None
+    if not hasattr(array, "__array__") and not isinstance(array, Sequence):
+        raise ArgumentError(
+            "diffuse: expected what impasto.fit_sbrdf or impasto.fit_normals returns or an array "
+            f"(band, y, x), found {type(array).__name__}"
+        )
     responses = floats(array)
     if responses.ndim != 3 or len(responses) != len(camera.bands) or responses.size == 0:
         raise ArgumentError(
