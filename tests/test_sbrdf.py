@@ -206,6 +206,6 @@ def test_normals_of_another_stack_are_refused(clean: impasto.Stack) -> None:
 
 def test_the_summary_says_what_matters(fitted: impasto.Sbrdf) -> None:
     text = repr(fitted)
-    assert "24 x 40 pixels, 3 bands, 100.0 % estimated" in text
+    assert "40 x 24 pixels, 3 bands, 100.0 % estimated" in text
     assert "beta 1" in text
     assert "gamma 0.1" in text

@@ -31,7 +31,7 @@ def test_what_is_printed_fits_a_line() -> None:
     things = (capture, capture.stack, capture.stack.rig, capture.truth.camera)
     printed = [repr(thing) for thing in (*things, normals, sbrdf, spectra, image)]
     assert [line for line in printed if len(line) > 120 or "\n" in line] == []
-    assert printed[1] == "<Stack 9 photographs of 24 x 20 pixels, 3 bands, uint16, linear>"
+    assert printed[1] == "<Stack 9 photographs of 20 x 24 pixels, 3 bands, uint16, linear>"
     assert printed[2].startswith("<Rig 9 lights, pixels of 0.2 mm>")
     assert printed[3] == "<Camera red, green, blue from 380 to 780 nm under 3000 K>"
     assert "robust, 100.0 % estimated" in printed[4]

@@ -79,7 +79,7 @@ class Image:
         height, width = self.coverage.shape
         clipped = 100 * max(self.clipped.values())
         return (
-            f"<Image {height} x {width} pixels, exposure {self.exposure:.3g}, "
+            f"<Image {width} x {height} pixels, exposure {self.exposure:.3g}, "
             f"{clipped:.1f} % clipped>"
         )
 

@@ -103,7 +103,7 @@ class Stack:
         observations, count, height, width = array.shape
         if bands is None and width <= _MOST_LAST and count > _MOST_UNNAMED:
             raise ArgumentError(
-                f"samples: {count} bands of {height} x {width} pixels, found shape {array.shape}: "
+                f"samples: {count} bands of {width} x {height} pixels, found shape {array.shape}: "
                 "is that (obs, y, x, band)? np.moveaxis(samples, -1, 1) makes (obs, band, y, x); "
                 "if not, name the bands (bands=)"
             )
@@ -139,7 +139,7 @@ class Stack:
     def __repr__(self) -> str:
         observations, bands, height, width = self.shape
         return (
-            f"<Stack {observations} photographs of {height} x {width} pixels, {bands} bands, "
+            f"<Stack {observations} photographs of {width} x {height} pixels, {bands} bands, "
             f"{self.samples.dtype}, {self.encoding.curve}>"
         )
 

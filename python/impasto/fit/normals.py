@@ -93,7 +93,7 @@ class Normals:
         height, width = self.status.shape
         share = float((self.status < Status.DARK).mean())
         return (
-            f"<Normals {height} x {width} pixels, {len(self.albedo)} bands, {self.method}, "
+            f"<Normals {width} x {height} pixels, {len(self.albedo)} bands, {self.method}, "
             f"{100 * share:.1f} % estimated>"
         )
 

@@ -86,7 +86,7 @@ class Reflectance:
         count, height, width = self.coefficients.shape
         grid = self.wavelengths
         return (
-            f"<Reflectance {height} x {width} pixels, {count} basis spectra from {grid[0]:g} to "
+            f"<Reflectance {width} x {height} pixels, {count} basis spectra from {grid[0]:g} to "
             f"{grid[-1]:g} nm, {self.info.get('estimator', 'unknown estimator')}>"
         )
 

@@ -157,7 +157,7 @@ class FittedSurface(ABC):
     def __repr__(self) -> str:
         height, width = self.shape
         share = 100 * float((self.status < Status.DARK).mean())
-        size = f"{height} x {width} pixels, {len(self.bands)} bands"
+        size = f"{width} x {height} pixels, {len(self.bands)} bands"
         return f"<{type(self).__name__} {size}, {share:.1f} % estimated: {self._gloss()}>"
 
     @classmethod

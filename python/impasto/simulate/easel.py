@@ -70,7 +70,7 @@ class Painting:
 
     def __repr__(self) -> str:
         rows, columns = self.size
-        return f"<Painting {rows} x {columns} px, {self.pitch_mm:g} mm each, seed {self.seed}>"
+        return f"<Painting {columns} x {rows} px, {self.pitch_mm:g} mm each, seed {self.seed}>"
 
     @property
     def size(self) -> tuple[int, int]:
