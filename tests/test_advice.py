@@ -303,6 +303,16 @@ def test_a_scene_is_told_in_a_line() -> None:
     assert repr(impasto.Rig([(0, 0, 1)])) == "<Rig 1 light>"
 
 
+def test_modules_are_there_when_they_are_named() -> None:
+    """As the documentation names them: without an import of their own."""
+    words = "import impasto; impasto.doctor.examine; impasto.simulate.painting; impasto.doktor"
+    told = subprocess.run(
+        [sys.executable, "-c", words], capture_output=True, text=True, check=False
+    )
+    last = told.stderr.splitlines()[-1]
+    assert last.startswith("AttributeError: module 'impasto' has no attribute 'doktor'")
+
+
 def test_a_diagram_says_what_its_lines_are(capture: simulate.Capture) -> None:
     fitted = impasto.fit_sbrdf(capture.stack, model="lafortune", lobes=1)
     y, x = np.argwhere(fitted.status < 16)[0].tolist()

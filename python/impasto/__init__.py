@@ -1,5 +1,8 @@
 """Photographs of a painting in; a relightable, colour-true surface out."""
 
+import importlib as _importlib
+import types as _types
+import typing as _typing
 import warnings as _warnings
 
 from impasto import _core, colour, systems
@@ -79,6 +82,15 @@ __all__ = [
     "systems",
     "white_corrected",
 ]
+
+if not _typing.TYPE_CHECKING:  # where types are checked, a name that is not there stays an error
+
+    def __getattr__(name: str) -> _types.ModuleType:
+        """``impasto.doctor`` and the other modules that are loaded when they are first named."""
+        if name in {"doctor", "overview", "pictures", "report", "simulate", "study"}:
+            return _importlib.import_module(f"{__name__}.{name}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __version__ = _core.build_info()["version"]
 
