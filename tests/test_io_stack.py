@@ -480,6 +480,22 @@ def test_one_turned_photograph_is_told(tmp_path: Path) -> None:
     np.testing.assert_array_equal(stack.samples[2], stack.samples[0])
 
 
+@pytest.mark.parametrize(
+    ("suffix", "encoding", "told"),
+    [(".jpg", "linear", True), (".jpg", "srgb", False), (".png", "linear", False)],
+)
+def test_jpegs_taken_for_linear_light_are_told(
+    tmp_path: Path, suffix: str, encoding: str, told: bool
+) -> None:
+    from test_io_images import jpeg
+
+    for name, codes in zip(NAMES, CODES8, strict=True):
+        path = tmp_path / f"{name}{suffix}"
+        jpeg(path) if suffix == ".jpg" else save(path, codes)
+    stack = read_stack(tmp_path, lights=LIGHTS, encoding=encoding, strict=True)
+    assert ("JPEGs, taken to hold linear light; most hold sRGB" in str(stack.notes)) == told
+
+
 def test_icon_reads_completely(data: Path) -> None:
     stack = read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb", strict=True)
     assert stack.shape == (72, 3, 395, 402)

@@ -49,7 +49,7 @@ class Notebook:
     def repair(self, kind: str, where: Path | str, message: str) -> None:
         """Note a repair, or raise it when strict."""
         if self.strict:
-            raise CorruptInputError(where, f"{message} (refused because strict=True)")
+            raise CorruptInputError(where, f"{message} (refused, as strict= asks)")
         self._add(Note(kind, str(where), message), logging.WARNING)
 
     def warn(self, kind: str, where: Path | str, message: str) -> None:

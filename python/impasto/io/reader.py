@@ -365,7 +365,15 @@ def _curve(
         notebook.say("encoding", folder, f"{bits}, taken to hold {curve} values")
         return Encoding(curve, full)
     if str(encoding).lower() != "auto":
-        return Encoding(encoding, full)
+        told = Encoding(encoding, full)
+        first = observations.files[0][0]
+        if told.curve == "linear" and first.suffix.lower() in {".jpg", ".jpeg", ".jpe"}:
+            notebook.warn(
+                "encoding",
+                first.parent,
+                "JPEGs, taken to hold linear light; most hold sRGB (encoding=)",
+            )
+        return told
     from impasto.io.tone import estimate_tone
 
     strengths = rig.intensities[:, None] if gains is None else gains
