@@ -130,6 +130,10 @@ def test_arguments_that_were_swapped_or_are_something_else() -> None:
         (fit_reflectance, (taken, fit, "srgb"), {}, "camera: .*found str"),
         (fit_reflectance, (None, taken, camera), {}, "diffuse: .*found Stack"),
         (fit_reflectance, (six, fit, camera), {}, "stack: expected .*bands and pixels"),
+        (integrate_normals, (fit.normals,), {}, r"normal: .*found Normals; give its \.normal"),
+        (fit.with_bands, (["red"],), {}, "chosen: expected numbers of bands from 0 to 2, found"),
+        (fit.with_bands, ([0, 3],), {}, r"chosen: .*found \[0, 3\]"),
+        (fit.with_bands, (1,), {}, "chosen: .*found 1"),
     ]
     for call, positional, named, words in calls:
         with pytest.raises(ArgumentError, match=f"^{words}"):

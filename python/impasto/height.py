@@ -49,6 +49,10 @@ def integrate_normals(
     -----
     Lights that are off by a little bend the whole plane: only the fine relief is measured.
     """
+    if hasattr(normal, "normal"):
+        raise ArgumentError(
+            f"normal: expected an array (3, y, x), found {type(normal).__name__}; give its .normal"
+        )
     array = floats(normal)
     if array.ndim != 3 or array.shape[0] != 3 or 0 in array.shape:
         raise ArgumentError(f"normal: expected shape (3, y, x), found {array.shape}")

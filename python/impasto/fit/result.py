@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback
 from impasto.fit.forward import shown
 from impasto.fit.normals import Normals
@@ -109,7 +110,19 @@ class FittedSurface(ABC):
         return shown(self.surface(), rig, threads=threads, progress=progress)
 
     def with_bands(self, chosen: Sequence[int]) -> Self:
-        """The surface in some of its bands, by number."""
+        """The surface in some of its bands, by number.
+
+        Raises
+        ------
+        ArgumentError
+            No sequence of numbers of bands.
+        """
+        count = len(self.bands)
+        whole = np.ndim(chosen) == 1 and np.asarray(chosen).dtype.kind in "iu"
+        if not whole or not all(-count <= band < count for band in chosen):
+            raise ArgumentError(
+                f"chosen: expected numbers of bands from 0 to {count - 1}, found {chosen!r}"
+            )
         planes: dict[str, Any] = {
             one.name: np.take(getattr(self, one.name), chosen, axis=dims.index("band"))
             for one in fields(self)
