@@ -131,6 +131,12 @@ def test_arguments_that_were_swapped_or_are_something_else() -> None:
         (fit_reflectance, (None, taken, camera), {}, "diffuse: .*found Stack"),
         (fit_reflectance, (six, fit, camera), {}, "stack: expected .*bands and pixels"),
         (integrate_normals, (fit.normals,), {}, r"normal: .*found Normals; give its \.normal"),
+        (
+            fit_sbrdf,
+            (taken,),
+            {"pooling": "segment", "segments": "parts.png"},
+            r"segments: .*found the path 'parts\.png'; impasto\.io\.read_labels",
+        ),
         (fit.with_bands, (["red"],), {}, "chosen: expected numbers of bands from 0 to 2, found"),
         (fit.with_bands, ([0, 3],), {}, r"chosen: .*found \[0, 3\]"),
         (fit.with_bands, (1,), {}, "chosen: .*found 1"),

@@ -384,7 +384,11 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         ("fit {tmp}/nowhere.lp --out {out} --saturation nan", 1, "--saturation: expected"),
         ("doctor {tmp}/nowhere.lp --region -1 0 9 9", 1, "--region: expected TOP"),
         ("render {tmp} --threads 0 --out {out}.png", 1, "--threads"),
-        ("render {tmp} --exposure 0 --out {out}.png", 1, "--exposure: expected a positive"),
+        (
+            "render {tmp} --exposure 0 --out {out}.png",
+            1,
+            "--exposure: expected a positive factor, found 0",
+        ),
         ("render {tmp} --adaptation 3 --out {out}.png", 1, "--adaptation"),
         ("render {tmp} --pitch -1 --out {out}.png", 1, "--pitch"),
         ("demo --out {out} --threads 0", 1, "--threads"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -209,3 +210,6 @@ def test_the_summary_says_what_matters(fitted: impasto.Sbrdf) -> None:
     assert "40 x 24 pixels, 3 bands, 100.0 % estimated" in text
     assert "beta 1" in text
     assert "gamma 0.1" in text
+    errors = [float(error) for error in re.findall(r"± ([^ ]+) %", text)]
+    assert len(errors) == 2
+    assert min(errors) > 0.0, "however small, it is none of 0"

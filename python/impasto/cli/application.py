@@ -96,6 +96,7 @@ def _one_line(error: CycloptsError) -> str:
 def _in_options(message: str) -> str:
     """A message of the Python API in the words of the command line: ``images=`` is ``--images``."""
     message = re.sub(rf"^({ARGUMENTS}):", r"--\1:", message.removeprefix("path: "))
+    message = message.replace(" or None, found", ", found")  # an option that is not given
     return re.sub(rf"\b({ARGUMENTS})=(?!\w)", r"--\1", message).replace("--pitch_mm", "--pitch")
 
 

@@ -206,8 +206,8 @@ def _rows(score: Score) -> list[tuple[str, str, str]]:
     for name, mean in score.colour_mean.items():
         tail = f"CIEDE2000, 95 % below {score.colour_p95[name]:.2f}"
         rows.append((f"colour, {name}", f"{mean:.2f}", tail))
-    rows.append(("gamma", f"{100 * score.gamma:+.2f} %", "width of the gloss"))
-    rows.append(("beta", f"{100 * score.beta:+.2f} %", "strength of the gloss"))
+    rows.append(("gamma", f"{100 * score.gamma:+.2g} %", "width of the gloss"))
+    rows.append(("beta", f"{100 * score.beta:+.2g} %", "strength of the gloss"))
     if score.estimated < 1.0:
         rows.append(("estimated", f"{100 * score.estimated:.2f} %", "of the pixels"))
     return rows

@@ -127,8 +127,8 @@ class Sbrdf(FittedSurface):
         else:
             spread = [math.sqrt(self.covariance[i, i]) for i in range(2)]
             lobe = (
-                f"beta {self.beta:.4g} ± {100 * spread[0]:.1f} %, "
-                f"gamma {self.gamma:.4g} rad ± {100 * spread[1]:.1f} %"
+                f"beta {self.beta:.4g} ± {100 * spread[0]:.2g} %, "
+                f"gamma {self.gamma:.4g} rad ± {100 * spread[1]:.2g} %"
             )
             if self.verdict == "mixed":
                 lobe += (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Self
@@ -179,6 +180,11 @@ def checked_labels(segments: Any, shape: tuple[int, int]) -> NDArray[np.int64]:
         raise ArgumentError(
             'segments: pooling="segment" needs a label per pixel, whole numbers (y, x); '
             "below 0: no segment"
+        )
+    if isinstance(segments, str | os.PathLike):
+        raise ArgumentError(
+            f"segments: expected whole numbers (y, x), found the path {os.fspath(segments)!r}; "
+            "impasto.io.read_labels(path) reads a picture of them"
         )
     labels, masked = unmasked(segments)
     if labels.shape != shape or labels.dtype.kind not in "iub":
