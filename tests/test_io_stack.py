@@ -447,6 +447,9 @@ def test_archive_round_trip(tmp_path: Path) -> None:
     np.savez(tmp_path / "lost.npz", samples=CODES8)
     with pytest.raises(impasto.CorruptInputError, match="'lights'"):
         read_stack(tmp_path / "lost.npz")
+    for name, value in {"region": (0, 0, 2, 2), "encoding": "srgb", "dark": 3}.items():
+        with pytest.raises(impasto.ArgumentError, match=rf"^{name}: .*s\.npz holds a finished"):
+            read_stack(tmp_path / "s.npz", **{name: value})
     data = (tmp_path / "s.npz").read_bytes()
     (tmp_path / "cut.npz").write_bytes(data[: len(data) // 2])
     with pytest.raises(impasto.CorruptInputError, match=r"cut\.npz"):

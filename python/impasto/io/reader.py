@@ -134,6 +134,18 @@ def read_stack(
     if path.suffix.lower() == ".npz":
         from impasto.io.archive import read_archive
 
+        given = {
+            "lights": lights, "images": images, "mask": mask, "saturation": saturation,
+            "white": white, "dark": dark, "intensities": intensities, "pattern": pattern,
+            "bands": bands, "pitch_mm": pitch_mm, "region": region, "layer": layer,
+            "encoding": None if encoding == "linear" else encoding,
+        }  # fmt: skip
+        for name, value in given.items():
+            if value is not None:
+                raise ArgumentError(
+                    f"{name}: {path} holds a finished stack, which takes no such option; say it "
+                    "where its photographs are read"
+                )
         return read_archive(path)
     options = _Options(region, layer, max_pixels)
     listed = listed_lights(path, lights, notebook)
