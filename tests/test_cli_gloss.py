@@ -74,6 +74,7 @@ def test_lobes_of_lafortune_are_fitted_and_rendered(
         printed = capsys.readouterr().out
         assert "lobes per pixel" in printed
         assert "one-view" in printed
+        assert "direction sigma degrees median  " in printed
 
 
 def test_the_effort_of_all_fits_can_be_chosen(stack: Path, tmp_path: Path) -> None:

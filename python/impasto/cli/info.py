@@ -34,10 +34,11 @@ def info(
         console.print_json(facts)
         return
     page = console.stdout()
+    width = max(LABEL_WIDTH, 2 + max(map(len, facts)))
     for name, value in facts.items():
         for index, line in enumerate(_lines(value)):
             label = name.replace("_", " ") if index == 0 else ""
-            page.out(f"{label:<{LABEL_WIDTH}}{line}")
+            page.out(f"{label:<{width}}{line}")
 
 
 def _installation() -> dict[str, Any]:
