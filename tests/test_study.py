@@ -264,6 +264,23 @@ def test_sentences_say_what_rows_say() -> None:
     assert words(rows) == {"lobes": f"{at_most}; {always}."}
 
 
+def test_the_sentence_on_views_does_without_a_choice_that_cannot_be_fitted() -> None:
+    """Lights chosen at random may lie in one plane."""
+    decibels = {"all": 60.0} | {
+        f"{count} {choice}": 60.0 - loss - further
+        for count, loss in ((350, 1), (175, 3), (70, 8), (35, 12), (18, 20), (12, 30))
+        for choice, further in (("random", 2), ("spread", 0), ("best", 1))
+        if (count, choice) not in {(12, "random"), (12, "spread")}
+    }
+    rows = [
+        {"knob": "views", "setting": name, "data": "770 views", "error": {"psnr": value}}
+        for name, value in decibels.items()
+    ]
+    text = words(rows)["views"]
+    assert "1/2 -1 dB, 1/4 -3 dB, 1/10 -8 dB, 1/20 -12 dB, 1/39 -20 dB, 1/58 -31 dB." in text
+    assert " Not every painting can be fitted to 12 random or 12 spread photographs" in text
+
+
 def test_a_sentence_says_what_precision_is_worth() -> None:
     """By hand: a fifth more time for nothing, twice the time for a decibel and a hundredth."""
     rows = [

@@ -125,11 +125,12 @@ def photographs(rows: Sequence[Row]) -> str:
 def views(rows: Sequence[Row]) -> str:
     """Heuberger's claim."""
     every = _levels(rows, "views", "all", "psnr")[VIEWS]
-    gains = {
-        count: max(_levels(rows, "views", f"{count} {kind}", "psnr")[VIEWS] for kind in CHOICES)
-        - every
-        for count in (350, 175, 70, 35, 18, 12)
-    }
+    found = {row["setting"]: row["error"]["psnr"] for row in of_knob(rows, "views")}
+    gains, unfitted = {}, []
+    for count in (350, 175, 70, 35, 18, 12):
+        names = [f"{count} {kind}" for kind in CHOICES]
+        gains[count] = max(found[name] for name in names if name in found) - every
+        unfitted += [name for name in names if name not in found]
     verdict = "it can" if max(gains[18], gains[12]) >= -1.0 else "it cannot"
     rest = ", ".join(
         f"1/{round(700 / count)} {_span([gain], 'dB', 0)}" for count, gain in gains.items()
@@ -139,6 +140,11 @@ def views(rows: Sequence[Row]) -> str:
         "surface is one that the fit can describe exactly and held-out photographs have no noise: "
         f"from {every:.0f} dB there is far to fall, where photographs of a real painting have a "
         "floor."
+    ) + (
+        f" Not every painting can be fitted to {' or '.join(unfitted)} photographs, whose lights may "
+        "lie in one plane."
+        if unfitted
+        else ""
     )
 
 
