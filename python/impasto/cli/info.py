@@ -121,7 +121,8 @@ def _strengths(lamps: dict[str, Any]) -> str:
     """What the lamps gave, as the fit found it."""
     factor = lamps["factor"]
     told = [one for one in factor if one is not None]
-    state = "" if lamps["converged"] else ", not settled: see the report"
+    last = max(abs(one) for one in lamps["change"] if one is not None)
+    state = "" if lamps["converged"] else f", the last round changed by up to {100 * last:.1f} %"
     if len(told) < len(factor):
         state += f", {len(factor) - len(told)} that no pixel tells"
     return f"{len(factor)} lights, {min(told):.2f} to {max(told):.2f}{state}"

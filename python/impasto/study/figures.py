@@ -29,6 +29,9 @@ STYLE = {
     "svg.hashsalt": "impasto",
 }
 
+LETTER = 0.065
+"""Inches that a letter of a legend takes."""
+
 Panel = Callable[[Any, dict[str, Any], str], None]
 FIGURES: dict[str, tuple[tuple[str, ...], Panel]] = {
     "front": (("pooling",), panels.front),
@@ -114,4 +117,7 @@ def _explain(figure: Any, axes: list[Any], places: int) -> None:
         free.axis("off")
         free.legend(*marks, loc="center left", frameon=False, fontsize=8)
     else:
-        figure.legend(*marks, loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+        # As many columns as the longest words leave room for, a mark beside each.
+        width = LETTER * (max(map(len, known)) + 6)
+        columns = int(min(4, max(1, figure.get_figwidth() // width)))
+        figure.legend(*marks, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)

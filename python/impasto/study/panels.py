@@ -49,11 +49,12 @@ def dress(axes: Any, data: str, across: str, up: str) -> None:
 
 def plain(axis: Any) -> None:
     """0.1, 1, 10 and what lies between where there is room, rather than powers of ten."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
     low, high = sorted(axis.get_view_interval())
     subs = (1.0, 2.0, 5.0) if high / low < 100.0 else (1.0,)
-    axis.set_major_locator(LogLocator(subs=subs))
+    few = MaxNLocator(5, steps=[1.0, 2.0, 2.5, 5.0, 10.0])
+    axis.set_major_locator(few if high / low < 4.0 else LogLocator(subs=subs))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 

@@ -141,8 +141,8 @@ def views(rows: Sequence[Row]) -> str:
         f"from {every:.0f} dB there is far to fall, where photographs of a real painting have a "
         "floor."
     ) + (
-        f" Not every painting can be fitted to {' or '.join(unfitted)} photographs, whose lights may "
-        "lie in one plane."
+        f" Not every painting can be fitted to {' or '.join(unfitted)} photographs, whose lights "
+        "may lie in one plane."
         if unfitted
         else ""
     )
