@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -213,3 +213,6 @@ def test_the_summary_says_what_matters(fitted: impasto.Sbrdf) -> None:
     errors = [float(error) for error in re.findall(r"± ([^ ]+) %", text)]
     assert len(errors) == 2
     assert min(errors) > 0.0, "however small, it is none of 0"
+    doubtful = replace(fitted, covariance=np.diag([2.25, 0.01]))
+    assert "± 150 %" in repr(doubtful)
+    assert "± 10 %" in repr(doubtful)

@@ -228,7 +228,9 @@ def _dress(axes: Axes, incidence: float, top: float) -> None:
 def _circles(top: float) -> list[float]:
     """Round reflectances up to ``top``: three to five of them besides 0."""
     decade = 10.0 ** np.floor(np.log10(top / 3.0))
-    step = max(each * decade for each in (1.0, 2.0, 2.5, 5.0) if 3.0 * each * decade <= top)
+    steps = (each * decade for each in (1.0, 2.0, 2.5, 5.0) if 3.0 * each * decade <= top)
+    # The logarithm of a round number may be rounded up.
+    step = max(steps, default=decade)
     return [number * step for number in range(int(top / step) + 1)]
 
 

@@ -14,6 +14,7 @@ from impasto.cli.measuring import measured
 from impasto.cli.options import Flag, check_threads
 from impasto.errors import ArgumentError
 from impasto.systems import Name
+from impasto.wording import percent
 
 if TYPE_CHECKING:
     from impasto.simulate import Capture, Score
@@ -206,8 +207,8 @@ def _rows(score: Score) -> list[tuple[str, str, str]]:
     for name, mean in score.colour_mean.items():
         tail = f"CIEDE2000, 95 % below {score.colour_p95[name]:.2f}"
         rows.append((f"colour, {name}", f"{mean:.2f}", tail))
-    rows.append(("gamma", f"{100 * score.gamma:+.2g} %", "width of the gloss"))
-    rows.append(("beta", f"{100 * score.beta:+.2g} %", "strength of the gloss"))
+    rows.append(("gamma", percent(score.gamma, "+"), "width of the gloss"))
+    rows.append(("beta", percent(score.beta, "+"), "strength of the gloss"))
     if score.estimated < 1.0:
         rows.append(("estimated", f"{100 * score.estimated:.2f} %", "of the pixels"))
     return rows

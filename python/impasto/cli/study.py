@@ -49,7 +49,7 @@ def study(
     threads
         Threads of the fits; default: every allowed core.
     repeats
-        Turns of every fit at least; from 2 on, up to thrice as many where its cost is unsure.
+        Turns of every fit at least; from 2 on, up to twice as many where its cost is unsure.
     figures
         Draw the figures (needs matplotlib).
     quiet

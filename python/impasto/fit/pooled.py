@@ -26,6 +26,7 @@ from impasto.fit.surface import SurfaceArguments
 from impasto.io.results import SavedMaps
 from impasto.stack import Stack
 from impasto.status import Status
+from impasto.wording import percent
 
 Extraction = Literal["residual", "maximum", "papers"]
 
@@ -127,8 +128,8 @@ class Sbrdf(FittedSurface):
         else:
             spread = [math.sqrt(self.covariance[i, i]) for i in range(2)]
             lobe = (
-                f"beta {self.beta:.4g} ± {100 * spread[0]:.2g} %, "
-                f"gamma {self.gamma:.4g} rad ± {100 * spread[1]:.2g} %"
+                f"beta {self.beta:.4g} ± {percent(spread[0])}, "
+                f"gamma {self.gamma:.4g} rad ± {percent(spread[1])}"
             )
             if self.verdict == "mixed":
                 lobe += (

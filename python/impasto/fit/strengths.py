@@ -128,7 +128,7 @@ class Strengths:
         numbers = ", ".join(map(str, these[:_NAMED])) + (", ..." if len(these) > _NAMED else "")
         return (
             f", {len(these)} of which no pixel tells (photographs {numbers}: black or missing "
-            "where their lamps should show): leave them out with stack.take"
+            "where their lamps should show): leave them out"
         )
 
     @property
@@ -195,8 +195,9 @@ def fit_strengths(
     Raises
     ------
     ArgumentError
-        Fewer lights, or so few pixels that can be fitted that they have as many unknowns as
-        samples: seven under seven lights, two under twelve or more.
+        Fewer lights, or fewer that pixels tell; or so few pixels that can be fitted that they have
+        as many unknowns, with one lobe each, as samples: fewer than seven under seven lights, than
+        two under twelve or more.
 
     Notes
     -----
@@ -213,9 +214,6 @@ def fit_strengths(
             f"stack: strengths need at least {FEWEST} lights, found {count}; "
             "photograph a white board under each light (white=)"
         )
-    # Under so many lights a pixel spares what tells strengths, which are known but for one factor:
-    # pixels * lights samples are more than pixels * UNKNOWNS + lights - 1 unknowns.
-    enough = math.ceil(count / (count - UNKNOWNS))
     few = thinned_to(stack, _PIXELS)
     samples = np.array([few.linear(photograph) for photograph in range(count)]).mean(axis=1)
 
@@ -241,13 +239,14 @@ def fit_strengths(
         lit = few._replace(rig=_scaled(few.rig, np.exp(log)))
         status, expected = fit(lit)
         fine = status < Status.DARK
-        there = int(fine.sum())
-        if there < enough:
-            raise ArgumentError(
-                f"stack: strengths of {count} lights need at least {enough} pixels that can be "
-                f"fitted, found {there or 'none'}"
-            )
+        _check_enough(int(fine.sum()), count)
         left = _ratios(samples[:, fine], expected.mean(axis=1)[:, fine], lit.rig.intensities)
+        lamps = int(np.isfinite(left).sum())
+        if lamps < FEWEST:
+            raise ArgumentError(
+                f"stack: strengths need at least {FEWEST} lights that pixels tell, found {lamps}"
+            )
+        _check_enough(int(fine.sum()), lamps)
         return left - np.nanmedian(left)
 
     search = _Search(np.zeros(count), stretch=1.0)
@@ -311,6 +310,20 @@ class _Search:
         before, self.log = self.log, self.log + step
         self.log -= np.median(self.log)
         return self.log - before
+
+
+def _check_enough(pixels: int, lights: int) -> None:
+    """Refuse so few pixels that strengths would be fitted to as many samples.
+
+    Under so many lights a pixel spares what tells strengths, which are known but for one factor:
+    pixels * lights samples are more than pixels * UNKNOWNS + lights - 1 unknowns.
+    """
+    enough = math.ceil(lights / (lights - UNKNOWNS))
+    if pixels < enough:
+        raise ArgumentError(
+            f"stack: strengths of {lights} lights need at least {enough} pixels that can be "
+            f"fitted, found {pixels or 'none'}"
+        )
 
 
 def _ratios(

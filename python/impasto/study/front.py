@@ -19,9 +19,9 @@ NEAR_BEST = 1.02
 """``standard`` is the cheapest within two per cent of the best: less is seen by nobody."""
 FLAGGED = 0.01
 """Share of the pixels that ``standard`` and ``reference`` may flag beyond what they need not. Fits
-that weigh samples anew only once flag two in a hundred more. Where nothing is clipped they are a
-hundredth better; the width of a highlight whose tip is clipped they miss by four times as much
-(hard case 3), which hardly shows on photographs whose highlights are clipped, too."""
+that weigh samples anew only once flag up to four in a hundred more. Where nothing is clipped they
+are up to two hundredths better; the width of a highlight whose tip is clipped they miss by four
+times as much (hard case 3), which hardly shows on photographs whose highlights are clipped, too."""
 DOUBTED = 0.05
 """The same of ``draft``: where every other pixel is in doubt, there is not much to look at."""
 DRAFT = 1 / 8

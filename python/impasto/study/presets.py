@@ -17,8 +17,8 @@ FAIR = ("effort", "precision", "pooling", "pixels", "lobes", "starts", "robust")
 SAME = 0.05
 """What is nearer in time and error than that is no better: times of runs differ by as much."""
 BEST = 1.01
-"""``reference`` is within one per cent of the least error: of those that are as sure as it must be,
-and, where doubting samples a second time costs no more than that, of all."""
+"""``reference`` is within one per cent of the least error of those that are as sure as it must be;
+whether of all others, too, is said."""
 FASTER = 8.0
 """``draft`` is so many times faster than ``standard``, or nothing as fast is better."""
 

@@ -50,8 +50,9 @@ def run(
     A setting is fitted to every painting of a data set once, for its errors, which are of all
     their pixels together; it is timed on the first of them. Errors depend on nothing but data, seed
     and code: two runs give the same, bit for bit. Costs are taken beside a yardstick until they are
-    sure (``impasto.study.turns``): two runs agree in their ratios, on a busy machine too. All fits
-    take turns, each turn in another order, so that whatever else the machine does meets all alike.
+    sure or have had twice the turns (``impasto.study.turns``; ``doubt`` says how sure): two runs
+    agree in their ratios, on a busy machine too. All fits take turns, each in another order, so
+    that whatever else the machine does meets all alike.
     Memory is measured in processes of their own (not by the quick study): a script guards its call
     by ``if __name__ == "__main__"``.
 

@@ -69,7 +69,7 @@ def pace(turns: Sequence[Turn], kind: str) -> tuple[float, float]:
 def unsure(turns: Sequence[Turn], repeats: int) -> bool:
     """Whether a fit wants another turn: it had fewer than ``repeats``, or its cost is not sure.
 
-    An end that waits for the error to seem small finds it smaller than it is, by a quarter at most.
+    An end that waits for the error to seem small finds it smaller than it is, by less than a third.
     """
     if len(turns) < max(repeats, 2):
         return len(turns) < repeats
