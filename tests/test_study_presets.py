@@ -224,3 +224,11 @@ def test_the_recorded_study_keeps_what_its_presets_promise() -> None:
         if name != "draft":
             mine, theirs = (grid[presets.grid_name(e)] for e in (PRESETS[name], effort))
             assert mine.error <= 1.02 * theirs.error, name
+
+
+@pytest.mark.xfail(strict=True, reason="reference is two hundredths above fits that flag more")
+def test_the_recorded_study_keeps_every_promise() -> None:
+    """The whole promise, as it is asked for; the page says which part is not kept, and why."""
+    rows = json.loads((ROOT / "benches/results/study.json").read_text("utf-8"))["rows"]
+    for check in presets.checked(rows):
+        assert check.kept, f"{check.preset}: {check.promise}: {check.found}"
