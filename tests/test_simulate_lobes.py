@@ -120,3 +120,31 @@ def test_an_unknown_normal_shows_nothing_known() -> None:
     assert np.isnan(shown[:, 0, 0, 1]).all()
     # Head on; lit from behind; seen from behind (diffuse only).
     assert np.allclose(shown[:, 0, 0, 0], [1.5, 0.0, 0.4], rtol=1e-6)
+
+
+def test_more_light_than_numbers_hold_is_the_largest_number() -> None:
+    normal = np.zeros((3, 1, 3), np.float32)
+    normal[2] = 1.0
+    specular = np.array([3e37, 1e37, 1e37], np.float32).reshape(1, 1, 1, 3)
+    diffuse = np.array([3e38, 1e37, np.nan], np.float32).reshape(1, 1, 3)
+    shape = np.ones((1, 1, 3), np.float32)
+    lights = [
+        impasto.DistantLight((0, 0, 1)),
+        impasto.DistantLight((0, 0, 1), intensity=0.1),
+        impasto.DistantLight((0, 0, -1)),
+        impasto.DistantLight((0, 0, 1), intensity=1e30),
+        impasto.PointLight((0.0, 0.0, 200.0), falloff=True),
+    ]
+    # Head on a lobe shows cz^n: 1.5^8 = 25.6 times its strength.
+    rig = impasto.Rig(lights, pitch_mm=1.0)
+    shown = predict_lobes(normal, diffuse, specular, -shape, 1.5 * shape, 8 * shape, rig)
+    largest = np.finfo(np.float32).max
+    first, second, third = np.moveaxis(shown[:, 0, 0], 1, 0).astype(np.float64)
+    # Of what no number holds a tenth is a tenth of the largest, to one rounding.
+    assert first[0] == largest
+    assert first[1] == pytest.approx(0.1 * float(largest), rel=2e-7)
+    assert (first[2], first[3]) == (0.0, largest)
+    assert np.isfinite(first).all()
+    # 26.63 times 1e37 is a number, and stays it: 8 ln 1.5 is rounded by 2e-7 in single precision.
+    assert second[:2] == pytest.approx(np.array([1.0, 0.1]) * 2.662890625e38, rel=1e-5)
+    assert np.isnan(third).all()

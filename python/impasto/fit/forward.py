@@ -60,7 +60,8 @@ def predict(
     Returns
     -------
     ndarray
-        ``(obs, band, y, x)`` float32.
+        ``(obs, band, y, x)`` float32, never infinite: what exceeds the largest float32 is given as
+        that number.
     """
     surface = SurfaceArguments.of_coats(normal, diffuse, beta, gamma, index)
     return shown(surface, rig, threads=threads, progress=progress)
@@ -102,7 +103,8 @@ def predict_lobes(
     Returns
     -------
     ndarray
-        ``(obs, band, y, x)`` float32.
+        ``(obs, band, y, x)`` float32, never infinite: what exceeds the largest float32 is given as
+        that number.
     """
     shape = {"cxy": cxy, "cz": cz, "exponent": exponent}
     surface = SurfaceArguments.of_lobes(normal, diffuse, specular, shape, model="lafortune")

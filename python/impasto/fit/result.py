@@ -100,7 +100,7 @@ class FittedSurface(ABC):
         -------
         ndarray
             ``(obs, band, y, x)`` float32; NaN where the normal is. An ambient part is that of the
-            photographs, times the light's intensity.
+            photographs, times the light's intensity. No sample is above the largest float32.
         """
         rig = Rig(
             self.rig if lights is None else lights,

@@ -15,7 +15,8 @@ use super::surface::{Parameter, Strength, Surface, scaled, unit};
 /// Writes the samples `(obs, band, y, x)` that a surface shows, white board 1.0: per light
 /// `intensity * (irradiance * ((N.L) S + sum over lobes of their strength times what the model
 /// says) + ambient)`, 0 where the surface turns away from the light, without lobes where it turns
-/// away from the view, NaN where the normal or the diffuse reflectance is.
+/// away from the view, NaN where the normal or the diffuse reflectance is. Nothing is infinite: a
+/// sum in the parentheses, or a sample, that single precision does not hold is its largest number.
 ///
 /// # Errors
 /// If a map's size does not fit the rig's grid, or the run is cancelled.
@@ -96,6 +97,9 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
     fn run<I: Isa>(self) {
         let Self { surface, sight, near, pixels, intensity, x, y, mut job } = self;
         let zero = I::F32::zero();
+        // Nothing is brighter; what is no number stays none.
+        let largest = I::F32::splat(f32::MAX);
+        let held = |value: I::F32| largest.min(value);
         let plane = |map: &'_ [f32], number: usize, pixel: usize| -> I::F32 {
             load(&map[number * pixels..(number + 1) * pixels], pixel)
         };
@@ -143,11 +147,12 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
                 for &(lobe, map) in &tinted {
                     radiance = radiance + scaled(plane(map, band, pixel), units[lobe]);
                 }
-                let mut shown = radiance * scale;
+                // Infinite light times none would be NaN.
+                let mut shown = held(radiance) * scale;
                 if let Some(ambient) = surface.ambient {
                     shown = plane(ambient, band, pixel).mul_add(intensity, shown);
                 }
-                store(I::F32::select(known, shown, I::F32::of(f64::NAN)), out, at);
+                store(I::F32::select(known, held(shown), I::F32::of(f64::NAN)), out, at);
             }
             at += I::F32::WIDTH;
         }
