@@ -73,6 +73,8 @@ impl<const PROJECTED: bool> Lanes<PROJECTED> {
 }
 
 impl<const PROJECTED: bool> Batch<f32, 2> for Lanes<PROJECTED> {
+    const TURNS: bool = true;
+
     fn rows(&self) -> usize {
         2 * OBSERVATIONS
     }

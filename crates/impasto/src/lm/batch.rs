@@ -1,5 +1,6 @@
 //! Many problems, one per lane; a lane that has finished takes the next.
 
+use core::array::from_fn;
 use core::marker::PhantomData;
 
 use super::search::{Outcomes, Search};
@@ -16,6 +17,12 @@ pub trait Batch<S: Scalar, const N: usize> {
     /// [`Outcome::deficient`] have the same bits without it, but take a fraction of the time with
     /// it where every problem is asked for them.
     const COVARIANCE: bool = false;
+
+    /// Whether two groups of lanes take turns where a block of rows is small (4 KB at most): what
+    /// one group waits for in a step, divisions and roots, the processor fills with the pass of the
+    /// other. Worth a tenth of the time where passes are as short as steps, as those over 16
+    /// samples; compiled twice.
+    const TURNS: bool = false;
 
     /// How many numbers a problem has.
     fn rows(&self) -> usize;
@@ -170,17 +177,26 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Occupancy {
+        let size = self.batch.rows() * S::Lanes::<I>::WIDTH;
+        if B::TURNS && size * size_of::<S>() <= SMALL {
+            self.search::<S::Lanes<I>, 2>(size)
+        } else {
+            self.search::<S::Lanes<I>, 1>(size)
+        }
+    }
+}
+
+impl<S: Scalar, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Fit<'_, B, P, S, N> {
+    /// All problems, in so many groups of lanes that take turns.
+    #[inline(always)]
+    fn search<R: Real<Scalar = S>, const GROUPS: usize>(self, size: usize) -> Occupancy {
         let Self { batch, mut problems, bounds, options, .. } = self;
-        let size = batch.rows() * S::Lanes::<I>::WIDTH;
-        let (count, second) = if size * size_of::<S>() <= SMALL { (2, size) } else { (1, 0) };
-        let mut groups =
-            [Group::<_, S::Lanes<I>, N>::idle(size, options), Group::idle(second, options)];
-        let groups = &mut groups[..count];
+        let mut groups: [Group<S, R, N>; GROUPS] = from_fn(|_| Group::idle(size, options));
         let mut outcomes = Outcomes::blank();
         let mut occupancy = Occupancy::default();
         loop {
             let mut running = false;
-            for group in &mut *groups {
+            for group in &mut groups {
                 group.refill(batch, &mut problems, &mut outcomes, bounds, options);
                 let Group { search, block, busy, .. } = group;
                 if search.running() {
@@ -188,7 +204,7 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
                     let (place, next) = batch.visit(Rows { block }, search.trial);
                     search.judge(place, &next, options);
                     search.step(bounds, options);
-                    occupancy.lanes += S::Lanes::<I>::WIDTH as u64;
+                    occupancy.lanes += R::WIDTH as u64;
                     occupancy.useful += u64::from(busy.count_ones());
                 }
             }
@@ -199,9 +215,8 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
     }
 }
 
-/// Bytes of a block up to which two groups take turns: what one waits for in a step, divisions and
-/// roots, the processor fills with the pass of the other. Larger blocks spend their time in passes:
-/// problems of 16 samples gain a tenth, those of 100 lose some hundredths.
+/// Bytes of a block up to which two groups take turns. Larger blocks spend their time in passes:
+/// problems of 100 samples lose some hundredths by turns.
 const SMALL: usize = 1 << 12;
 
 /// Problems that are searched side by side.

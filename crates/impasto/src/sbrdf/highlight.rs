@@ -216,6 +216,7 @@ const SEARCH: Options = Options {
 
 impl Batch<f32, 2> for Tile<'_> {
     const COVARIANCE: bool = true;
+    const TURNS: bool = true;
 
     fn rows(&self) -> usize {
         2 * self.observations
