@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,20 @@ def imports(path: Path) -> set[str]:
     for group in re.findall(r"\bcrate::\{([^;]*)\};", text):
         names |= set(re.findall(r"(?:^|,)\s*(\w+)", re.sub(r"\{[^{}]*\}", "", group)))
     return {name for name in names if name[0].islower()}
+
+
+def neighbours(room: Path) -> dict[str, set[str]]:
+    """What each file of a Rust folder imports from the others, by the folder's own names, too."""
+    files = {path.stem: code(path) for path in room.glob("*.rs")}
+    doors = {}
+    for module, names in re.findall(r"\buse (\w+)::(\w+|\{[^;]*\});", files.pop("mod")):
+        doors |= dict.fromkeys(re.findall(r"\w+", names), module)
+    found = {}
+    for name, text in files.items():
+        words = " ".join(re.findall(r"\buse super::(\w+|\{[^;]*\})", text))
+        named = {doors.get(word, word) for word in re.findall(r"\w+", words)}
+        found[name] = (named & files.keys()) - {name}
+    return found
 
 
 def tracked() -> list[Path]:
@@ -78,6 +93,14 @@ def test_only_the_border_knows_python(packages: dict[str, set[str]]) -> None:
 def test_a_room_imports_only_what_lies_below_it(room: str, allowed: set[str]) -> None:
     for path in rust(CORE / room):
         assert imports(path) <= allowed, path.relative_to(ROOT)
+
+
+@pytest.mark.parametrize("room", ["lm", "stereo", "sbrdf", "sbrdf/lobes", "sbrdf/lafortune"])
+def test_no_file_imports_from_one_that_imports_from_it(room: str) -> None:
+    found = neighbours(CORE / room)
+    assert any(found.values())
+    # CycleError names the circle.
+    TopologicalSorter(found).prepare()
 
 
 def test_errors_name_no_other_module() -> None:

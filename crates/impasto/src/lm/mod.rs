@@ -86,13 +86,17 @@ mod cholesky;
 mod ending;
 mod minimise;
 mod normal;
+mod options;
+mod outcome;
 mod polish;
 mod search;
 
 pub use batch::{Batch, Column, Occupancy, Rows, fit};
 pub use cholesky::{Factor, factor};
-pub use minimise::{Bounds, Options, Outcome, Problem, Reason, minimise};
+pub use minimise::{Problem, minimise};
 pub use normal::{Normal, ROWS};
+pub use options::{Bounds, Options};
+pub use outcome::{Outcome, Reason};
 pub use polish::fit_polished;
 
 #[cfg(test)]

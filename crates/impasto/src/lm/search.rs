@@ -2,7 +2,7 @@
 
 use super::cholesky::factor_damped;
 use super::ending::Ending;
-use super::minimise::Inverse;
+use super::outcome::Inverse;
 use super::{Bounds, Normal, Options, Outcome, Reason};
 use crate::math::lanes::MAX_LANES;
 use crate::math::{Mask, Real, Scalar};

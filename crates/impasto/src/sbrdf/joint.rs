@@ -8,7 +8,6 @@ use crate::lm::{self, Normal, Options, Outcome, Problem};
 
 use super::passes::Fit;
 use super::pixel::Lobe;
-use super::pooled::{bounds, gamma_of};
 use super::settle::{Share, Yardstick};
 use super::tile::State;
 
@@ -90,7 +89,7 @@ impl Search<'_> {
             self.least.set(normal.cost);
             self.last.set((place, normal));
             let mut path = self.path.borrow_mut();
-            let here = [lobe.beta, gamma_of(lobe.log_sharpness)];
+            let here = [lobe.beta, lobe.gamma()];
             // The same lobe with better settled pixels is no step of its own.
             if path.last() != Some(&here) {
                 path.push(here);
@@ -145,7 +144,7 @@ impl Search<'_> {
     }
 
     fn minimise(&self, start: [f64; 2], options: Options) -> Result<Outcome<f64, 2>> {
-        let outcome = lm::minimise(self, start, &bounds(), &options);
+        let outcome = lm::minimise(self, start, &Lobe::bounds(), &options);
         match self.failure.take() {
             Some(error) => Err(error),
             None => Ok(outcome),
@@ -182,7 +181,7 @@ pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found>
         least: Cell::new(f64::INFINITY),
         last: Cell::new(([lobe.beta, lobe.log_sharpness], Normal::zero())),
         steps: Cell::new(FIRST_STEPS),
-        path: RefCell::new(vec![[lobe.beta, gamma_of(lobe.log_sharpness)]]),
+        path: RefCell::new(vec![[lobe.beta, lobe.gamma()]]),
         failure: RefCell::new(None),
     };
     // Sums of squares of all samples believe gross outliers (hard case 31); robust scales tell

@@ -7,7 +7,8 @@
 //! `sum rho_b^2`, `sum rho_b` and the number of bands.
 
 use crate::brdf::lambert;
-use crate::brdf::torrance_sparrow::{Facet, Glint};
+use crate::brdf::torrance_sparrow::{Facet, GAMMA_MAX, GAMMA_MIN, Glint, sharpness};
+use crate::lm::Bounds;
 use crate::math::{Real, Vec3};
 
 use super::lanes::load;
@@ -19,6 +20,19 @@ use super::tile::Photographs;
 pub(super) struct Lobe {
     pub(super) beta: f64,
     pub(super) log_sharpness: f64,
+}
+
+impl Lobe {
+    /// Half-width of the facets, rad.
+    pub(super) fn gamma(&self) -> f64 {
+        (core::f64::consts::LN_2 / self.log_sharpness.exp()).sqrt()
+    }
+
+    /// Where a search looks for (beta, log k).
+    pub(super) fn bounds() -> Bounds<f64, 2> {
+        let [widest, narrowest] = [GAMMA_MAX, GAMMA_MIN].map(|gamma| sharpness(gamma).ln());
+        Bounds { lower: [0.0, widest], upper: [f64::MAX, narrowest] }
+    }
 }
 
 /// Squared scale below which residuals are rounding, relative to the brightest sample squared:

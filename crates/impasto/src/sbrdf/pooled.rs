@@ -1,9 +1,8 @@
 //! One (beta, gamma) for the whole painting, and the normals and colours that go with it.
 
-use crate::brdf::torrance_sparrow::{GAMMA_MAX, GAMMA_MIN, sharpness};
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
-use crate::lm::{self, Bounds, Outcome};
+use crate::lm::{self, Outcome};
 use crate::maps::Status;
 use crate::pixels::{Run, TILE, tiles};
 use crate::stack::Stack;
@@ -132,14 +131,6 @@ fn bright(start: &Start<'_>, run: &Run<'_>) -> Result<f64> {
     Ok(colours.high().map_or(1.0, f64::from))
 }
 
-pub(super) fn gamma_of(log_sharpness: f64) -> f64 {
-    (core::f64::consts::LN_2 / log_sharpness.exp()).sqrt()
-}
-
-pub(super) fn bounds() -> Bounds<f64, 2> {
-    Bounds { lower: [0.0, sharpness(GAMMA_MAX).ln()], upper: [f64::MAX, sharpness(GAMMA_MIN).ln()] }
-}
-
 /// The lobe as the search left it, before anything is said about it.
 struct Estimate {
     lobe: Lobe,
@@ -165,7 +156,7 @@ impl Fit<'_> {
         let shown = samples.shows(lobe.log_sharpness);
         let covariance = (lobe.beta > 0.0 && shown && !first.deficient()[0])
             .then(|| relative(lobe, first.covariance(variance)));
-        let path = vec![[lobe.beta, gamma_of(lobe.log_sharpness)]];
+        let path = vec![[lobe.beta, lobe.gamma()]];
         let estimate = Estimate {
             lobe,
             covariance,
@@ -243,7 +234,8 @@ impl Fit<'_> {
             None => self.extract(&state, Extraction::Residual)?,
         };
         let k = lobe.log_sharpness;
-        let at_bound = estimate.open || k <= bounds().lower[1] || k >= bounds().upper[1];
+        let (lowest, highest) = (Lobe::bounds().lower[1], Lobe::bounds().upper[1]);
+        let at_bound = estimate.open || k <= lowest || k >= highest;
         let verdict = match (seen, at_bound) {
             (false, _) => Verdict::NoHighlight,
             (true, true) => Verdict::AtBound,
@@ -253,7 +245,7 @@ impl Fit<'_> {
         let unknown = [[f64::INFINITY, 0.0], [0.0, f64::INFINITY]];
         Ok(Pooled {
             beta,
-            gamma: gamma_of(k),
+            gamma: lobe.gamma(),
             covariance: estimate.covariance.filter(|_| seen).unwrap_or(unknown),
             verdict,
             describes,

@@ -3,113 +3,12 @@
 use crate::math::lanes::{Isa, Pair};
 use crate::math::{Kernel, Mask, Real};
 
-use super::Problem;
+use super::found::Found;
 use super::lights::{Distant, Lights, Near};
 use super::pixels::Pixels;
-use super::rows::{Aligned, MAX_LANES, Rows};
+use super::problem::Problem;
+use super::samples::{BLOCK, Samples, Scratch, Sifted};
 use super::tile::Tile;
-
-/// Pixels that are decoded at a time: 16 photographs of them fill the first-level cache.
-const BLOCK: usize = 512;
-
-/// From plane to plane of a block: not a power of two, so that the planes do not compete for the
-/// same lines of the cache.
-const STRIDE: usize = BLOCK + 16;
-
-/// Planes that are asked for ahead of the one that is read: reading four takes as long as memory
-/// does to answer, and of planes that lie a power of two apart a set of the cache holds eight.
-const AHEAD: usize = 4;
-
-/// One block of pixels; one per worker.
-pub(super) struct Scratch {
-    /// Linear samples `(obs, band)`.
-    samples: Aligned,
-    /// Their means over the bands `(obs)`, empty if there is only one band.
-    means: Aligned,
-    /// Coordinates in mm.
-    x: Vec<f32>,
-    y: Vec<f32>,
-}
-
-impl Scratch {
-    pub(super) fn new(problem: &Problem<'_>) -> Self {
-        let shape = problem.stack.shape();
-        let means = if shape.bands == 1 { 0 } else { shape.observations };
-        Self {
-            samples: Aligned::new(shape.observations * shape.bands * STRIDE),
-            means: Aligned::new(means * STRIDE),
-            x: vec![0.0; BLOCK],
-            y: vec![0.0; BLOCK],
-        }
-    }
-
-    #[inline(always)]
-    fn read<R: Real<Scalar = f32>>(&mut self, problem: &Problem<'_>, start: usize) {
-        let bands = problem.stack.shape().bands;
-        let planes = problem.stack.shape().observations * bands;
-        for (plane, out) in self.samples.get_mut().chunks_exact_mut(STRIDE).enumerate() {
-            let next = plane + AHEAD;
-            let (next, block) =
-                if next < planes { (next, start) } else { (next % planes, start + BLOCK) };
-            problem.stack.prefetch(next / bands, next % bands, block, BLOCK);
-            problem.stack.read(plane / bands, plane % bands, start, &mut out[..BLOCK]);
-        }
-        let share = R::of(1.0 / bands as f64);
-        for (k, mean) in self.means.get_mut().chunks_exact_mut(STRIDE).enumerate() {
-            let samples = Rows::new(&self.samples.get()[k * bands * STRIDE..], STRIDE);
-            for at in (0..BLOCK).step_by(R::WIDTH) {
-                let mut sum: R = samples.from(at).at(0);
-                for band in 1..bands {
-                    sum = sum + samples.from(at).at::<R>(band);
-                }
-                (sum * share).store(&mut mean[at..]);
-            }
-        }
-        if !problem.rig.is_distant() {
-            problem.rig.grid().coordinates(start, &mut self.x, &mut self.y);
-        }
-    }
-}
-
-/// The samples of one register of pixels.
-#[derive(Clone, Copy)]
-pub(super) struct Samples<'a> {
-    /// Every band of every light, `(obs, band)`.
-    pub(super) bands: Rows<'a>,
-    /// Their means: one clipped band makes it infinite, one missing band NaN.
-    pub(super) means: Rows<'a>,
-    /// What normals are solved from.
-    pub(super) signal: Rows<'a>,
-}
-
-impl<'a> Samples<'a> {
-    #[inline(always)]
-    fn of(scratch: &'a Scratch, problem: &Problem<'_>, at: usize) -> Self {
-        let count = problem.stack.shape().bands;
-        let bands = Rows::new(&scratch.samples.get()[at..], STRIDE);
-        let means = if count == 1 { bands } else { Rows::new(&scratch.means.get()[at..], STRIDE) };
-        let signal = match problem.options.selection {
-            Some(band) => Rows::new(&scratch.samples.get()[band * STRIDE + at..], count * STRIDE),
-            None => means,
-        };
-        Self { bands, means, signal }
-    }
-}
-
-/// Samples of one register of pixels after a look at each, `(obs, lane)`.
-pub(super) struct Sifted {
-    /// Means of the bands relative to the light's irradiance; NaN where invalid.
-    pub(super) relative: Vec<f32>,
-    /// What normals are solved from; 0 where invalid.
-    pub(super) signal: Vec<f32>,
-}
-
-impl Sifted {
-    fn new(problem: &Problem<'_>) -> Self {
-        let empty = vec![0.0; problem.rig.observations() * MAX_LANES];
-        Self { relative: empty.clone(), signal: empty }
-    }
-}
 
 pub(super) struct Fit<'a, 'b, 'c> {
     pub(super) problem: &'a Problem<'a>,
@@ -153,12 +52,12 @@ impl Fit<'_, '_, '_> {
                     sum = sum + samples.means.at::<R>(k);
                 }
                 // A sum is finite only if all samples are; then none needs to be looked at again.
-                let found = if sum.is_finite().all() {
+                let estimate = if sum.is_finite().all() {
                     pixels.fit_all(&samples, sum, &mut sifted)
                 } else {
                     pixels.fit_some(&samples, &mut sifted)
                 };
-                found.write(&pixels, tile, start + at);
+                Found::new(&pixels, &estimate).write(&pixels, tile, start + at);
                 at += R::WIDTH;
             }
             start += BLOCK;

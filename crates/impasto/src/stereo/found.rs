@@ -3,11 +3,10 @@
 use crate::maps::{Rejection, Status};
 use crate::math::{Mask, Real, Vec3};
 
-use super::loss::Loss;
-use super::pixels::{Pixels, Solution, any};
-use super::rows::{store, store_codes, store_counts};
+use super::pixels::{Estimate, Pixels};
+use super::rows::{any, store, store_codes, store_counts};
 use super::rule::Verdict;
-use super::solve::{determined, well_determined};
+use super::solve::{Solution, determined, well_determined};
 use super::tile::Tile;
 
 /// A register's results; the albedo stays in [`Pixels`].
@@ -29,13 +28,8 @@ fn code<R: Real>(status: Status) -> R {
 
 impl<R: Real<Scalar = f32>> Found<R> {
     #[inline(always)]
-    pub(super) fn new<L>(
-        pixels: &Pixels<R, L>,
-        verdict: &Verdict<R>,
-        start: &Solution<R>,
-        (normal, length, per_length): (Vec3<R>, R, R),
-        squares: R,
-    ) -> Self {
+    pub(super) fn new<L>(pixels: &Pixels<R, L>, estimate: &Estimate<R>) -> Self {
+        let Estimate { ref verdict, ref start, normal, length, per_length, squares } = *estimate;
         let share = pixels.share;
         let worst = start.matrix.worst_tangent_variance(&start.inverse, normal);
         let sigma = (squares * worst * share.per_freedom).sqrt() * per_length * share.spread;
@@ -159,32 +153,4 @@ fn status<R: Real<Scalar = f32>, L>(
     let few = R::select(clipped, code(Status::Saturated), code(Status::TooFewSamples));
     let few = R::select(seen.gt(zero), few, code(Status::InvalidInput));
     R::select(pixels.valid.ge(three), status, few)
-}
-
-/// What a number of samples says about their sum of squares.
-#[derive(Clone, Copy)]
-pub(super) struct Share<R> {
-    pub(super) count: R,
-    per_count: R,
-    per_freedom: R,
-    spread: R,
-}
-
-impl<R: Real> Share<R> {
-    #[inline(always)]
-    pub(super) fn of(count: R, loss: Loss) -> Self {
-        let freedom = count - R::of(3.0);
-        let (per_count, per_freedom) = (count.recip(), freedom.recip());
-        Self { count, per_count, per_freedom, spread: spread(loss, freedom) }
-    }
-}
-
-/// What turns the standard error of least squares into a standard deviation: half the width of
-/// the interval that holds 68.3 % of Student's distribution, for the noise is estimated from the
-/// same few residuals (within 0.3 % of its quantile), times what the loss loses against least
-/// squares.
-#[inline(always)]
-fn spread<R: Real>(loss: Loss, freedom: R) -> R {
-    let student = R::of(0.521) / (freedom - R::of(0.377)) + R::one();
-    student * loss.inefficiency(freedom)
 }

@@ -2,29 +2,28 @@
 
 use crate::math::{Mask, Real, Vec3};
 
-use super::Problem;
-use super::fit::{Samples, Sifted};
-use super::found::{Found, Share};
 use super::lights::Lights;
-use super::loss::{Absolute, Cauchy, Huber, Loss, Tukey};
+use super::loss::{Absolute, Cauchy, Huber, Loss, Share, Tukey};
+use super::problem::Problem;
 use super::reweigh::Reweigh;
-use super::rows::{MAX_LANES, Rows};
+use super::rows::{MAX_LANES, Rows, any};
 use super::rule::{Ranks, Rule, Verdict, threshold};
-use super::solve::{Inverse, Symmetric};
+use super::samples::{Samples, Sifted};
+use super::solve::{Inverse, Solution, Symmetric};
 use super::sums::{Accumulate, Multiply, Squares};
 
-/// The least-squares solution over some samples, and what it says about them.
-#[derive(Clone, Copy)]
-pub(super) struct Solution<R> {
-    /// Normal times albedo.
-    pub(super) b: Vec3<R>,
-    /// Sum of the samples.
-    pub(super) total: R,
-    pub(super) matrix: Symmetric<R>,
-    pub(super) inverse: Inverse<R>,
-    /// Squared condition number of the lights, and its root.
-    pub(super) squared: R,
-    pub(super) condition: R,
+/// What a register's samples say of its pixels; the albedo stays in [`Pixels`].
+pub(super) struct Estimate<R: Real> {
+    pub(super) verdict: Verdict<R>,
+    /// Least squares over the kept samples.
+    pub(super) start: Solution<R>,
+    /// After reweighting.
+    pub(super) normal: Vec3<R>,
+    /// Of the normal times the albedo, and one over it.
+    pub(super) length: R,
+    pub(super) per_length: R,
+    /// Sum of the residuals' squares.
+    pub(super) squares: R,
 }
 
 pub(super) struct Pixels<R: Real, L> {
@@ -96,7 +95,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
         samples: &Samples<'_>,
         mut sum: R,
         sifted: &mut Sifted,
-    ) -> Found<R> {
+    ) -> Estimate<R> {
         self.valid = R::of(self.kept.len() as f64);
         self.saturated = R::zero();
         let mut relative = samples.means;
@@ -114,7 +113,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
 
     /// Everything about pixels, after a look at each sample.
     #[inline(always)]
-    pub(super) fn fit_some(&mut self, samples: &Samples<'_>, sifted: &mut Sifted) -> Found<R> {
+    pub(super) fn fit_some(&mut self, samples: &Samples<'_>, sifted: &mut Sifted) -> Estimate<R> {
         let (zero, one, nan) = (R::zero(), R::one(), R::splat(f32::NAN));
         let largest = R::splat(f32::MAX);
         (self.valid, self.saturated) = (zero, zero);
@@ -142,7 +141,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
         sum: R,
         signal: Rows<'_>,
         bands: Rows<'_>,
-    ) -> Found<R> {
+    ) -> Estimate<R> {
         let mut verdict = self.select::<ALL>(relative, sum);
         let start = self.start::<ALL>(signal);
         let mut b = start.b;
@@ -172,7 +171,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
         if any(verdict.kept - self.share.count) {
             self.share = Share::of(verdict.kept, self.loss);
         }
-        Found::new(self, &verdict, &start, (normal, length, per_length), squares)
+        Estimate { verdict, start, normal, length, per_length, squares }
     }
 
     /// Which samples the rule keeps.
@@ -274,10 +273,4 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
             *albedo = *albedo * per_square;
         }
     }
-}
-
-/// Whether any lane differs from zero.
-#[inline(always)]
-pub(super) fn any<R: Real>(value: R) -> bool {
-    value.abs().gt(R::zero()).any()
 }

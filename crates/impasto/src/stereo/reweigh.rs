@@ -2,11 +2,10 @@
 
 use crate::math::{Mask, Real, Vec3};
 
-use super::ENOUGH;
 use super::lights::Lights;
 use super::loss::Weigh;
 use super::rows::{MAX_LANES, Rows, lanes};
-use super::solve::Symmetric;
+use super::solve::{ENOUGH, Symmetric};
 use super::sort::Network;
 use super::sums::residual;
 

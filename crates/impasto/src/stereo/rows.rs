@@ -1,7 +1,7 @@
 //! Registers in and out of memory.
 
-use crate::math::Real;
 use crate::math::lanes::{self, LINE};
+use crate::math::{Mask, Real};
 
 /// Lanes of the widest registers, which go in pairs.
 pub(super) const MAX_LANES: usize = 2 * lanes::MAX_LANES;
@@ -104,4 +104,10 @@ pub(super) fn store_codes<R: Real<Scalar = f32>>(value: R, map: &mut [u8], at: u
     for (out, &lane) in map[at..at + count].iter_mut().zip(&lanes) {
         *out = lane as u8;
     }
+}
+
+/// Whether any lane differs from zero.
+#[inline(always)]
+pub(super) fn any<R: Real>(value: R) -> bool {
+    value.abs().gt(R::zero()).any()
 }

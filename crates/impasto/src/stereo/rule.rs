@@ -5,8 +5,8 @@ use core::cmp::Ordering;
 use crate::error::{Error, Result};
 use crate::math::{Mask, Real};
 
-use super::ENOUGH;
 use super::rows::{MAX_LANES, Rows, lanes};
+use super::solve::ENOUGH;
 use super::sort::Network;
 
 /// See [`Method`](super::Method).

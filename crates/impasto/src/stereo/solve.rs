@@ -13,6 +13,9 @@ pub const CONDITION_LIMIT: f64 = 30.0;
 /// (their squared condition number is 2^16, of the 2^24 that it resolves).
 pub const RANK_LIMIT: f64 = 256.0;
 
+/// Samples from which a pixel has a residual: one more than unknowns.
+pub const ENOUGH: usize = 4;
+
 /// A symmetric matrix, by its upper triangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Symmetric<R> {
@@ -214,6 +217,20 @@ impl<R: Real> Inverse<R> {
     pub(super) fn times(&self, v: Vec3<R>) -> Vec3<R> {
         self.adjugate.times(v).scale(self.per_determinant)
     }
+}
+
+/// The least-squares solution over some samples, and what it says about them.
+#[derive(Clone, Copy)]
+pub(super) struct Solution<R> {
+    /// Normal times albedo.
+    pub(super) b: Vec3<R>,
+    /// Sum of the samples.
+    pub(super) total: R,
+    pub(super) matrix: Symmetric<R>,
+    pub(super) inverse: Inverse<R>,
+    /// Squared condition number of the lights, and its root.
+    pub(super) squared: R,
+    pub(super) condition: R,
 }
 
 #[cfg(test)]

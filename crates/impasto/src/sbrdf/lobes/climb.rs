@@ -1,29 +1,18 @@
 //! Lobes one at a time, on the mean of the bands.
 
 use crate::lm::Options;
+use crate::pixels::Run;
 
-use super::fit::{Fit, Precision};
 use super::maps::MOST_LOBES;
 use super::model::LobeModel;
-use super::pyramid::Node;
+use super::options::{LobeOptions, Precision};
+use super::prior::Prior;
+use super::pyramid::{Node, Pyramid};
 use super::score::Score;
 use super::search::Search;
 use super::seen::sees;
-use super::tile::{Place, TILE, Tile};
-
-/// Where a pixel stood without a lobe, with one ..., as far as lobes were worth their unknowns.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Ladder {
-    pub(super) rungs: [Place; MOST_LOBES + 1],
-    /// How many lobes were.
-    pub(super) lobes: usize,
-}
-
-impl Ladder {
-    pub(super) fn top(&self) -> &Place {
-        &self.rungs[self.lobes]
-    }
-}
+use super::sight::Sight;
+use super::tile::{Ladder, Place, TILE, Tile};
 
 /// What a lobe is looked for from.
 pub(super) enum Trials<'a> {
@@ -33,7 +22,15 @@ pub(super) enum Trials<'a> {
     Nodes(&'a [Vec<&'a Node>]),
 }
 
-impl<M: LobeModel> Fit<'_, M> {
+/// Looks for lobes on the mean of the bands, one more at a time.
+pub(super) struct Climber<'a, M: LobeModel> {
+    pub(super) sight: &'a Sight<'a, M>,
+    pub(super) options: &'a LobeOptions,
+    pub(super) prior: Option<&'a Prior>,
+    pub(super) run: &'a Run<'a>,
+}
+
+impl<M: LobeModel> Climber<'_, M> {
     /// Climbs as far as lobes are worth their unknowns, from where the tile's pixels stand.
     pub(super) fn climb(
         &self,
@@ -75,6 +72,48 @@ impl<M: LobeModel> Fit<'_, M> {
             }
         }
         ladders
+    }
+
+    /// Lobes from what the nodes found.
+    pub(super) fn refined(
+        &self,
+        tile: &mut Tile,
+        fine: &[usize],
+        pyramid: &Pyramid,
+    ) -> Vec<Ladder> {
+        let first = tile.places.clone();
+        let around: Vec<_> = tile.pixels.iter().map(|&pixel| pyramid.about(pixel)).collect();
+        let led = fine.iter().copied().filter(|&pixel| !around[pixel].is_empty());
+        // Pixels with no node about them stay where they are, at infinite cost.
+        let mut ladders = self.climb(tile, &led.collect::<Vec<_>>(), &Trials::Nodes(&around));
+        let odd: Vec<usize> = fine
+            .iter()
+            .copied()
+            .filter(|&pixel| {
+                // Less than rounding is no misfit.
+                let worst = around[pixel].iter().map(|node| node.misfit).fold(1.0, f32::max);
+                ladders[pixel].top().cost
+                    > worst * tile.rounding[pixel] * self.accident(tile, pixel)
+            })
+            .collect();
+        if odd.is_empty() {
+            return ladders;
+        }
+        tile.places = first;
+        let thorough = self.climb(tile, &odd, &Trials::Table);
+        for pixel in odd {
+            if thorough[pixel].top().cost < ladders[pixel].top().cost {
+                ladders[pixel] = thorough[pixel];
+            }
+        }
+        ladders
+    }
+
+    /// How much more one pixel may leave than another by accident: the quotient of two sums of
+    /// `n` squares of normal deviates scatters by `2 / sqrt n`; one in forty is beyond two of it.
+    fn accident(&self, tile: &Tile, pixel: usize) -> f32 {
+        let free = tile.usable[pixel].saturating_sub(self.unknowns(self.options.lobes)).max(1);
+        1.0 + 4.0 / (free as f32).sqrt()
     }
 
     /// The best places with one lobe more than `before`.

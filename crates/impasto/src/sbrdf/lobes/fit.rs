@@ -11,62 +11,17 @@ use crate::pixels::Run;
 use crate::sbrdf::Start;
 use crate::stack::Stack;
 
-use super::climb::{Ladder, Trials};
+use super::climb::{Climber, Trials};
 use super::maps::{LobeMaps, MOST_LOBES, Sheet};
 use super::model::{LobeModel, MAX_SHAPES};
+use super::options::{LobeOptions, Origin, Precision};
 use super::prior::{FEWEST, Prior};
 use super::pyramid::{Node, Pyramid};
 use super::search::Search;
 use super::seen::drop_unseen;
 use super::settle::{COLUMNS, Settle, Settled};
 use super::sight::Sight;
-use super::tile::{Place, TILE, Tile};
-
-/// How the fit goes about it.
-#[derive(Clone, Copy, Debug)]
-#[allow(clippy::struct_excessive_bools, reason = "each switches one thing")]
-pub struct LobeOptions {
-    /// Lobes per pixel at most, up to [`MOST_LOBES`].
-    pub lobes: usize,
-    /// Whether every band has a constant besides: ambient and inter-reflected light.
-    pub ambient: bool,
-    /// Whether the normal is free; else it stays where it starts.
-    pub normal: bool,
-    /// Rounds in which all bands settle and samples are weighed anew by their residuals.
-    pub rounds: usize,
-    /// Whether shapes are drawn towards what is typical of the painting.
-    pub typical: bool,
-    /// Whether a lobe must be worth its unknowns (BIC); else it need only lower the cost.
-    pub sparing: bool,
-    /// Steps of a search at most.
-    pub iterations: usize,
-    /// Where searches start.
-    pub start: Origin,
-    /// What searches compute in.
-    pub precision: Precision,
-}
-
-/// Where the searches for a pixel's lobes start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Origin {
-    /// From all shapes of the model's table.
-    Table,
-    /// From what the pixels of a coarse grid found, which start from the table.
-    Pyramid,
-}
-
-/// What the searches for shapes and normals compute in. Weights, and colours once the shapes are
-/// known, are in single precision in any case.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Precision {
-    /// Single precision.
-    Single,
-    /// Single precision; the last round goes on in double precision from where it ended, by as many
-    /// steps again.
-    Polished,
-    /// Double precision.
-    Double,
-}
+use super::tile::{Ladder, Place, TILE, Tile};
 
 /// Lobes of every pixel, from the normals of photometric stereo.
 ///
@@ -138,15 +93,15 @@ impl Scratch {
 }
 
 #[derive(Clone, Copy)]
-pub(super) struct Fit<'a, M: LobeModel> {
+struct Fit<'a, M: LobeModel> {
     stack: &'a Stack<'a>,
     rig: &'a Rig,
-    pub(super) start: &'a Start<'a>,
-    pub(super) sight: &'a Sight<'a, M>,
-    pub(super) options: &'a LobeOptions,
-    pub(super) prior: Option<&'a Prior>,
-    pub(super) pyramid: Option<&'a Pyramid>,
-    pub(super) run: &'a Run<'a>,
+    start: &'a Start<'a>,
+    sight: &'a Sight<'a, M>,
+    options: &'a LobeOptions,
+    prior: Option<&'a Prior>,
+    pyramid: Option<&'a Pyramid>,
+    run: &'a Run<'a>,
 }
 
 impl<M: LobeModel> Fit<'_, M> {
@@ -203,9 +158,10 @@ impl<M: LobeModel> Fit<'_, M> {
         let Scratch { tile, settled } = scratch;
         tile.read(self.stack, self.rig, pixels, self.start, self.run.level);
         let status = self.start.status;
+        let climber = self.climber();
         let fine: Vec<usize> = (0..pixels.len())
             .filter(|&pixel| {
-                status[pixels[pixel]] < Status::Dark.code() && self.supports(tile, pixel, 0)
+                status[pixels[pixel]] < Status::Dark.code() && climber.supports(tile, pixel, 0)
             })
             .collect();
         let ladders = self.find(tile, &fine);
@@ -226,11 +182,17 @@ impl<M: LobeModel> Fit<'_, M> {
         (fine, ladders)
     }
 
+    fn climber(&self) -> Climber<'_, M> {
+        let Self { sight, options, prior, run, .. } = *self;
+        Climber { sight, options, prior, run }
+    }
+
     /// Lobes as the mean of the bands asks for them.
     fn find(&self, tile: &mut Tile, fine: &[usize]) -> Vec<Ladder> {
+        let climber = self.climber();
         let ladders = match self.pyramid {
-            Some(pyramid) => self.refined(tile, fine, pyramid),
-            None => self.climb(tile, fine, &Trials::Table),
+            Some(pyramid) => climber.refined(tile, fine, pyramid),
+            None => climber.climb(tile, fine, &Trials::Table),
         };
         let key = |shape: &[f32; MAX_SHAPES]| self.sight.model.order(*shape);
         for (place, ladder) in tile.places.iter_mut().zip(&ladders) {

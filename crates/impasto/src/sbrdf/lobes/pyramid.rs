@@ -5,10 +5,7 @@
 //! much worse than that of the nodes about it (a fleck of gold between them) is searched
 //! thoroughly, too.
 
-use super::climb::{Ladder, Trials};
-use super::fit::Fit;
-use super::model::LobeModel;
-use super::tile::Tile;
+use super::tile::Ladder;
 
 /// Every so many rows and columns there is a node: a sixteenth of the pixels, so that the thorough
 /// search of nodes no longer rules the time of the whole.
@@ -59,7 +56,7 @@ impl Pyramid {
     }
 
     /// The nodes at the corners of the cell that a pixel lies in, nearest first.
-    fn about(&self, pixel: usize) -> Vec<&Node> {
+    pub(super) fn about(&self, pixel: usize) -> Vec<&Node> {
         let (row, column) = (pixel / self.width, pixel % self.width);
         let rows = row / STEP..=row.div_ceil(STEP);
         let corners =
@@ -73,50 +70,6 @@ impl Pyramid {
             .collect();
         near.sort_by_key(|&(away, _)| away);
         near.into_iter().map(|(_, node)| node).collect()
-    }
-}
-
-impl<M: LobeModel> Fit<'_, M> {
-    /// Lobes from what the nodes found.
-    pub(super) fn refined(
-        &self,
-        tile: &mut Tile,
-        fine: &[usize],
-        pyramid: &Pyramid,
-    ) -> Vec<Ladder> {
-        let first = tile.places.clone();
-        let around: Vec<_> = tile.pixels.iter().map(|&pixel| pyramid.about(pixel)).collect();
-        let led = fine.iter().copied().filter(|&pixel| !around[pixel].is_empty());
-        // Pixels with no node about them stay where they are, at infinite cost.
-        let mut ladders = self.climb(tile, &led.collect::<Vec<_>>(), &Trials::Nodes(&around));
-        let odd: Vec<usize> = fine
-            .iter()
-            .copied()
-            .filter(|&pixel| {
-                // Less than rounding is no misfit.
-                let worst = around[pixel].iter().map(|node| node.misfit).fold(1.0, f32::max);
-                ladders[pixel].top().cost
-                    > worst * tile.rounding[pixel] * self.accident(tile, pixel)
-            })
-            .collect();
-        if odd.is_empty() {
-            return ladders;
-        }
-        tile.places = first;
-        let thorough = self.climb(tile, &odd, &Trials::Table);
-        for pixel in odd {
-            if thorough[pixel].top().cost < ladders[pixel].top().cost {
-                ladders[pixel] = thorough[pixel];
-            }
-        }
-        ladders
-    }
-
-    /// How much more one pixel may leave than another by accident: the quotient of two sums of
-    /// `n` squares of normal deviates scatters by `2 / sqrt n`; one in forty is beyond two of it.
-    fn accident(&self, tile: &Tile, pixel: usize) -> f32 {
-        let free = tile.usable[pixel].saturating_sub(self.unknowns(self.options.lobes)).max(1);
-        1.0 + 4.0 / (free as f32).sqrt()
     }
 }
 

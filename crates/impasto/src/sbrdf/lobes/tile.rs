@@ -58,6 +58,20 @@ impl Place {
     }
 }
 
+/// Where a pixel stood without a lobe, with one ..., as far as lobes were worth their unknowns.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ladder {
+    pub(super) rungs: [Place; MOST_LOBES + 1],
+    /// How many lobes were.
+    pub(super) lobes: usize,
+}
+
+impl Ladder {
+    pub(super) fn top(&self) -> &Place {
+        &self.rungs[self.lobes]
+    }
+}
+
 /// Samples `(obs, band, pixel)` of a tile with a weight each.
 pub(super) struct Plate {
     pub(super) bands: usize,

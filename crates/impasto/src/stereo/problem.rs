@@ -1,0 +1,102 @@
+//! What is asked of every pixel, and what all tiles share.
+
+use crate::geometry::Rig;
+use crate::pixels::Run;
+use crate::stack::Stack;
+
+use super::loss::Loss;
+use super::rule::Rule;
+use super::uniform::Uniform;
+
+/// How highlights and shadows are kept out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Method {
+    /// Not at all: every sample weighs the same.
+    LeastSquares,
+    /// The RGB-camera paper's rule (section 3.2): above `w1` times the pixel's mean over the
+    /// lights is highlight, below `w2` times is shadow.
+    Threshold {
+        /// Highlights begin here; 1.2 in the paper.
+        w1: f64,
+        /// Shadows end here; 0.1 in the paper.
+        w2: f64,
+    },
+    /// Of `n` samples, those of rank `int(low n) <= rank < round(high n)` count; ties go by the
+    /// order of the lights.
+    Rank {
+        /// Share of the darkest samples that is dropped.
+        low: f64,
+        /// One minus the share of the brightest samples that is dropped.
+        high: f64,
+    },
+    /// Least absolute residuals.
+    L1,
+    /// Huber's weights, `min(1, 1.345 s / |R|)`.
+    Huber,
+    /// Cauchy's weights, `1 / (1 + (R / 2.385 s)^2)`.
+    Cauchy,
+    /// Tukey's biweight, `(1 - (R / 4.685 s)^2)^2`, zero beyond.
+    Tukey,
+    /// [`Method::Rank`], then [`Method::L1`] among the samples that it kept.
+    Robust {
+        /// As for `Rank`.
+        low: f64,
+        /// As for `Rank`.
+        high: f64,
+    },
+}
+
+impl Method {
+    pub(super) fn rule(self) -> Rule {
+        match self {
+            Self::Threshold { w1, w2 } => Rule::Threshold { w1, w2 },
+            Self::Rank { low, high } | Self::Robust { low, high } => Rule::Rank { low, high },
+            _ => Rule::All,
+        }
+    }
+
+    pub(super) fn loss(self) -> Loss {
+        match self {
+            Self::L1 | Self::Robust { .. } => Loss::Absolute,
+            Self::Huber => Loss::Huber,
+            Self::Cauchy => Loss::Cauchy,
+            Self::Tukey => Loss::Tukey,
+            _ => Loss::Squares,
+        }
+    }
+
+    /// Steps of reweighting after which results change by less than they are worth.
+    #[must_use]
+    pub fn usual_steps(self) -> usize {
+        match self {
+            Self::Robust { .. } => 5,
+            Self::L1 => 30,
+            Self::Huber | Self::Cauchy | Self::Tukey => 20,
+            _ => 0,
+        }
+    }
+}
+
+/// What is estimated, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Which samples carry the normal.
+    pub method: Method,
+    /// Steps of reweighting.
+    pub steps: usize,
+    /// The band that normals are solved from; none means the mean of all bands.
+    pub selection: Option<usize>,
+}
+
+/// What all tiles share.
+pub(super) struct Problem<'a> {
+    pub(super) stack: &'a Stack<'a>,
+    pub(super) rig: &'a Rig,
+    pub(super) rule: Rule,
+    pub(super) loss: Loss,
+    pub(super) options: Options,
+    pub(super) run: &'a Run<'a>,
+    /// Where every valid sample counts and all lights are distant.
+    pub(super) uniform: Option<Uniform>,
+}
