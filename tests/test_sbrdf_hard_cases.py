@@ -113,3 +113,48 @@ def test_dark_pixels_whose_few_codes_fit_exactly_do_not_rule(
     # where codes repeat: no covariance knows of it. Here it costs 0.1 %.
     assert fitted.beta == pytest.approx(BETA, rel=3e-3)
     assert fitted.gamma == pytest.approx(GAMMA, rel=3e-3)
+
+
+@pytest.mark.parametrize("joint", [True, False])
+@pytest.mark.parametrize("size", [3e-19, 3e-18, 1e-17, 2e19, 4e19])
+def test_case_28_samples_near_the_ends_of_single_precision(size: float, joint: bool) -> None:
+    samples, rig = scene()
+    whole = samples[:, :, :12, :20].astype(np.float64)
+    odd = whole.copy()
+    odd[..., 3:5, 7] *= size
+    labels = np.arange(240).reshape(12, 20) % 3
+    segments: dict[str, Any] = {"pooling": "segment", "segments": labels}
+    for photographs in (size * whole, odd):
+        stack = impasto.Stack(photographs.astype(np.float32), lights=rig)
+        for options in ({}, segments):
+            assert_nan_stands_where_nothing_is_known(
+                impasto.fit_sbrdf(stack, joint=joint, **options)
+            )
+
+
+def test_case_28_pixels_whose_squares_are_no_numbers_are_given_up() -> None:
+    samples, rig = scene()
+    photographs = samples + np.random.default_rng(0).normal(0.0, 0.1, samples.shape)
+    # Squares of samples from 1.8e19 on are infinite. Photometric stereo sums those of residuals.
+    photographs[..., ::7, ::5] *= 5e19
+    stack = impasto.Stack(photographs.astype(np.float32), lights=rig)
+    fitted = impasto.fit_sbrdf(stack, joint=False)
+    given_up = (fitted.status >= 16) & (impasto.fit_normals(stack).status < 16)
+    assert given_up.any()
+    assert (fitted.status[given_up] == impasto.Status.INVALID_INPUT).all()
+    assert_nan_stands_where_nothing_is_known(fitted)
+
+
+def assert_nan_stands_where_nothing_is_known(fitted: Any) -> None:
+    known = fitted.status < 16
+    assert known.any()
+    dark = fitted.status == impasto.Status.DARK
+    for name in ("normal", "diffuse", "residual", "sigma", "misfit"):
+        map_ = np.reshape(getattr(fitted, name), (-1, *known.shape))
+        assert np.isfinite(map_[:, known]).all(), name
+        if name == "diffuse":
+            # That much is known of a pixel without light.
+            assert (map_[:, dark] == 0.0).all()
+            assert np.isnan(map_[:, ~known & ~dark]).all()
+        else:
+            assert np.isnan(map_[:, ~known]).all(), name

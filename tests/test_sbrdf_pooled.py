@@ -186,7 +186,8 @@ def test_instruction_sets_change_no_bit(tmp_path: Path) -> None:
 
 
 def test_case_28_a_power_of_two_changes_no_shape(plain: impasto.Sbrdf) -> None:
-    for power in (-26, 7, 26):
+    # 50: where photometric stereo, which all begins with, still keeps every bit.
+    for power in (-50, -26, 7, 26, 50):
         scaled = impasto.fit_sbrdf(stack_of(photographs() * np.float32(2.0**power)))
         assert scaled.gamma == plain.gamma
         assert scaled.beta == plain.beta * 2.0**power
@@ -194,6 +195,9 @@ def test_case_28_a_power_of_two_changes_no_shape(plain: impasto.Sbrdf) -> None:
         assert scaled.sigma.tobytes() == plain.sigma.tobytes()
         assert scaled.misfit.tobytes() == plain.misfit.tobytes()
         np.testing.assert_array_equal(scaled.diffuse, plain.diffuse * np.float32(2.0**power))
+        np.testing.assert_array_equal(scaled.residual, plain.residual * np.float32(2.0**power))
+        np.testing.assert_array_equal(scaled.covariance, plain.covariance)
+        np.testing.assert_array_equal(scaled.curve, plain.curve * (1.0, 2.0**power, 1.0))
 
 
 def test_the_order_of_photographs_matters_little(plain: impasto.Sbrdf) -> None:

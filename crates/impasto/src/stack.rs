@@ -76,6 +76,14 @@ pub struct Decode {
     pub saturation: f32,
 }
 
+impl Decode {
+    /// The same sample in another unit: so many times as large.
+    #[must_use]
+    pub fn times(self, factor: f32) -> Self {
+        Self { gain: self.gain * factor, offset: self.offset * factor, ..self }
+    }
+}
+
 /// All samples of one painting.
 ///
 /// Samples are linear, relative to a white board under unit light; `+inf` is a clipped sample,
@@ -118,6 +126,23 @@ impl<'a> Stack<'a> {
             return Err(Error::argument("mask", "its size is not that of the photographs"));
         }
         Ok(Self { samples, shape, decode, mask })
+    }
+
+    /// How stored numbers become linear samples, one entry per (observation, band).
+    #[must_use]
+    pub fn decode(&self) -> &'a [Decode] {
+        self.decode
+    }
+
+    /// The same stored numbers, decoded otherwise.
+    ///
+    /// # Errors
+    /// If there is not one entry per (observation, band).
+    pub fn decoded<'b>(&self, decode: &'b [Decode]) -> Result<Stack<'b>>
+    where
+        'a: 'b,
+    {
+        Stack::new(self.samples, self.shape, decode, self.mask)
     }
 
     /// Sizes.

@@ -71,6 +71,14 @@ impl Histogram {
         }
     }
 
+    /// The sums of samples so many times as large.
+    pub(super) fn scale(&mut self, factor: f64) {
+        for bin in &mut self.bins {
+            bin.wy *= factor;
+            bin.yy *= factor * factor;
+        }
+    }
+
     /// Samples in all bins.
     #[must_use]
     pub fn count(&self) -> f64 {

@@ -39,6 +39,10 @@ impl Lobe {
 /// f32 keeps 24 bits, and a predicted sample is a sum of some ten rounded terms.
 const ROUNDING: f64 = 1.0 / (1_u64 << 40) as f64;
 
+/// The least of it: of a pixel so much darker than the painting that its squares vanish, residuals
+/// still have a scale whose reciprocal is a number.
+const FAINTEST: f32 = 4.0 * f32::MIN_POSITIVE;
+
 /// Variance of a photograph's samples in units of the pixel's mean: proportional to their light
 /// (shot noise; errors of a tone curve and of the model grow with it, too), plus this share of the
 /// mean for what noise there is in the dark.
@@ -127,7 +131,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
             mean = mean + self.trust[i];
         }
         self.used = count(&self.usable);
-        self.floor = peak * peak * R::of(ROUNDING);
+        self.floor = (peak * peak * R::of(ROUNDING)).max(R::splat(FAINTEST));
         let mean = mean / self.used;
         let dark = mean * R::of(DARK_NOISE);
         for trust in &mut self.trust {

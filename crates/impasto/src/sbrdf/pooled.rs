@@ -85,6 +85,57 @@ pub fn fit_pooled(
         return Err(Error::geometry("lights", problem));
     }
     start.check(shape.pixels(), shape.bands)?;
+    let reference = bright(start, run)?;
+    let unit = unit_of(reference);
+    if unit == 1.0 {
+        return fit_near_one(stack, rig, start, reference, options, run);
+    }
+    let decode: Vec<_> = stack.decode().iter().map(|decode| decode.times(unit.recip())).collect();
+    let mut diffuse = run.copied(start.diffuse)?;
+    rescale(&mut diffuse, unit.recip(), run)?;
+    let start = Start { diffuse: &diffuse, ..*start };
+    let reference = reference / f64::from(unit);
+    let stack = stack.decoded(&decode)?;
+    let mut fitted = fit_near_one(&stack, rig, &start, reference, options, run)?;
+    for map in [&mut fitted.diffuse, &mut fitted.residual] {
+        rescale(map, unit, run)?;
+    }
+    let unit = f64::from(unit);
+    fitted.beta *= unit;
+    for [beta, _] in &mut fitted.path {
+        *beta *= unit;
+    }
+    fitted.histogram.scale(unit);
+    Ok(fitted)
+}
+
+/// Exponents of two that a painting's bright colours may have without another unit.
+const NEAR_ONE: core::ops::RangeInclusive<i32> = -16..=16;
+
+/// The unit that samples are counted in: 1 unless squares and fourth powers of bright colours come
+/// near the ends of single precision; then the power of two below them, which changes no digit.
+fn unit_of(bright: f64) -> f32 {
+    let exponent = bright.log2().floor() as i32;
+    if NEAR_ONE.contains(&exponent) { 1.0 } else { 2.0_f32.powi(exponent.clamp(-100, 100)) }
+}
+
+fn rescale(map: &mut [f32], factor: f32, run: &Run<'_>) -> Result<()> {
+    run.in_turn(map.chunks_mut(TILE), |part| {
+        for value in part {
+            *value *= factor;
+        }
+    })
+}
+
+fn fit_near_one(
+    stack: &Stack<'_>,
+    rig: &Rig,
+    start: &Start<'_>,
+    reference: f64,
+    options: &PooledOptions,
+    run: &Run<'_>,
+) -> Result<Pooled> {
+    let shape = stack.shape();
     let photographs = Photographs {
         stack,
         rig,
@@ -93,11 +144,8 @@ pub fn fit_pooled(
         status: start.status,
         places: None,
     };
-    let fit = Fit {
-        photographs: &photographs,
-        run,
-        yardstick: Yardstick { reference: bright(start, run)?, grain: 0.0 },
-    };
+    let fit =
+        Fit { photographs: &photographs, run, yardstick: Yardstick { reference, grain: 0.0 } };
     let state = State::new(start, run)?;
     let samples = fit.extract(&state, options.extraction)?;
     let first = samples.fit();
@@ -217,15 +265,16 @@ impl Fit<'_> {
 
     fn report(
         &self,
-        state: State,
+        mut state: State,
         estimate: Estimate,
-        status: Vec<u8>,
+        mut status: Vec<u8>,
         histogram: Option<Histogram>,
     ) -> Result<Pooled> {
         let seen = estimate.seen();
         let beta = if seen { estimate.lobe.beta } else { 0.0 };
         let lobe = Lobe { beta, ..estimate.lobe };
-        let [residual, sigma, noise, apart, doubt] = self.measure(&state, lobe)?;
+        let [mut residual, mut sigma, mut noise, apart, doubt] = self.measure(&state, lobe)?;
+        self.give_up(&mut state, [&mut residual, &mut sigma, &mut noise], &mut status)?;
         let brightness = self.brightness(&state)?;
         let strengths = Strengths { brightness, noise, apart, doubt };
         let Agreement { misfit, describes } = strengths.agreement(beta as f32, self.run)?;
@@ -258,6 +307,30 @@ impl Fit<'_> {
             sigma,
             misfit,
             status,
+        })
+    }
+
+    /// Leaves out pixels of which too few samples have squares that are numbers, so that nothing
+    /// tells how well they fit.
+    fn give_up(
+        &self,
+        state: &mut State,
+        [residual, sigma, noise]: [&mut [f32]; 3],
+        status: &mut [u8],
+    ) -> Result<()> {
+        let pixels = status.len();
+        let judged = |code: u8| code < Status::Dark.code() && code != Status::Exact.code();
+        self.run.in_turn(tiles(pixels), |(first, count)| {
+            for pixel in first..first + count {
+                if residual[pixel].is_finite() || !judged(status[pixel]) {
+                    continue;
+                }
+                status[pixel] = Status::InvalidInput.code();
+                let maps = [&mut state.normal[..], &mut state.diffuse, residual, sigma, noise];
+                for plane in maps.into_iter().flat_map(|map| map.chunks_mut(pixels)) {
+                    plane[pixel] = f32::NAN;
+                }
+            }
         })
     }
 }
