@@ -359,6 +359,28 @@ def test_case_31_one_gross_outlier() -> None:
     assert np.median(np.abs(found.diffuse - t["diffuse"])) < 0.02
 
 
+def test_what_is_typical_of_one_varnish_says_nothing_of_the_other() -> None:
+    """A sheen beside twice as much gloss: its width and normal are not drawn to the gloss."""
+    matte = np.broadcast_to(np.arange(SHAPE[1]) >= 2 * SHAPE[1] // 3, SHAPE)
+    t, values = small(gamma=np.where(matte, 0.35, 0.1))
+    noisy = values + np.random.default_rng(13).normal(0.0, 0.004, values.shape)
+    stack = impasto.Stack(noisy.astype(np.float32), lights=lights())
+    stereo = impasto.fit_normals(stack)
+    plain: dict[str, Any] = {"ambient": True, "index": 1.45, "threads": 2, "progress": False}
+    asked, alone = (
+        fit_lobes(stack, stereo, lobes=1, typical=typical, **plain) for typical in (True, False)
+    )
+    for where in (matte, ~matte):
+        one = where & (asked.lobes == 1) & (alone.lobes == 1)
+        assert one.sum() > 0.9 * where.sum()
+        bias = [np.median(np.log(found.gamma[0] / t["gamma"])[one]) for found in (asked, alone)]
+        spread = np.median(alone.gamma_sigma[0][one])
+        # The median of a hundred pixels or more is off by a tenth of one pixel's deviation.
+        assert abs(bias[0] - bias[1]) < 0.2 * spread
+        errors = [np.median(angle(found.normal, t["normal"])[one]) for found in (asked, alone)]
+        assert errors[0] < 1.05 * errors[1]
+
+
 def test_lobes_that_need_not_be_worth_their_unknowns(scene: Any) -> None:
     """Without BIC a pixel has as many lobes or more, and more of them than are true."""
     _, _, stack = scene

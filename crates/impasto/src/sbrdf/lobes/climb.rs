@@ -256,7 +256,7 @@ impl<M: LobeModel> Climber<'_, M> {
             y: &tile.y,
             ambient: self.options.ambient,
             free: self.options.normal,
-            prior: None,
+            typical: None,
             starts,
             found: &mut tile.places,
             pixels,

@@ -13,9 +13,9 @@ use crate::stack::Stack;
 
 use super::climb::{Climber, Trials};
 use super::maps::{LobeMaps, MOST_LOBES, Sheet};
-use super::model::{LobeModel, MAX_SHAPES};
+use super::model::LobeModel;
 use super::options::{LobeOptions, Origin, Precision};
-use super::prior::{FEWEST, Prior};
+use super::prior::{FEWEST, Prior, Typical};
 use super::pyramid::{Node, Pyramid};
 use super::search::Search;
 use super::seen::drop_unseen;
@@ -76,10 +76,6 @@ const SAMPLED: usize = 40;
 /// Pixels that are fitted twice, at most, where searches start from a table: first those that tell
 /// what is typical of a painting.
 pub const TYPICAL_PIXELS: usize = SAMPLED * TILE;
-
-/// Share of the usual spread beyond which a shape's error says that the pixel's photographs and
-/// what is typical know equally little: two measurements of equal weight halve the variance.
-const TYPICAL: f32 = core::f32::consts::FRAC_1_SQRT_2;
 
 struct Scratch {
     tile: Tile,
@@ -170,7 +166,7 @@ impl<M: LobeModel> Fit<'_, M> {
                 return (fine, ladders);
             }
             self.settle(tile, settled, true);
-            self.refine(tile, &fine, round == self.options.rounds);
+            self.refine(tile, &fine, &settled.variance, round == self.options.rounds);
             drop_unseen(self.sight, tile, &fine, self.run.level);
         }
         self.settle(tile, settled, false);
@@ -178,6 +174,7 @@ impl<M: LobeModel> Fit<'_, M> {
             let scale = variance.sqrt();
             place.normal_spread *= scale;
             place.shape_spread = place.shape_spread.map(|spread| spread * scale);
+            place.seen_spread = place.seen_spread.map(|spread| spread * scale);
         }
         (fine, ladders)
     }
@@ -194,30 +191,38 @@ impl<M: LobeModel> Fit<'_, M> {
             Some(pyramid) => climber.refined(tile, fine, pyramid),
             None => climber.climb(tile, fine, &Trials::Table),
         };
-        let key = |shape: &[f32; MAX_SHAPES]| self.sight.model.order(*shape);
         for (place, ladder) in tile.places.iter_mut().zip(&ladders) {
-            *place = *ladder.top();
-            place.shapes[..place.lobes].sort_by(|a, b| key(b).total_cmp(&key(a)));
+            *place = self.ordered(ladder.top());
         }
         ladders
     }
 
-    /// All bands from where the pixels stand.
-    fn refine(&self, tile: &mut Tile, fine: &[usize], last: bool) {
+    /// All bands from where the pixels stand, whose samples have these variances.
+    fn refine(&self, tile: &mut Tile, fine: &[usize], variances: &[f32], last: bool) {
         let precision = self.options.precision;
-        let mut starts = tile.places.clone();
-        self.search_all(tile, &starts, fine, precision == Precision::Double);
+        let typical: Option<Vec<Typical>> = self.prior.map(|prior| {
+            let places = tile.places.iter().zip(variances);
+            places.map(|(place, &v)| prior.typical(&self.sight.model, place, v)).collect()
+        });
+        let typical = typical.as_deref();
+        self.search_all(tile, fine, typical, precision == Precision::Double);
         if last && precision == Precision::Polished && !self.run.cancelled() {
-            // What is typical pulls by the same residuals as before: those that the round began with.
-            for (start, ended) in starts.iter_mut().zip(&tile.places) {
-                *start = Place { cost: start.cost, ..*ended };
-            }
-            self.search_all(tile, &starts, fine, true);
+            self.search_all(tile, fine, typical, true);
+        }
+        for &pixel in fine {
+            tile.places[pixel] = self.ordered(&tile.places[pixel]);
         }
     }
 
     /// One search for every pixel, whatever its number of lobes.
-    fn search_all(&self, tile: &mut Tile, starts: &[Place], fine: &[usize], double: bool) {
+    fn search_all(
+        &self,
+        tile: &mut Tile,
+        fine: &[usize],
+        typical: Option<&[Typical]>,
+        double: bool,
+    ) {
+        let starts = &tile.places.clone();
         let tolerances = if double { Options::default() } else { Options::single() };
         let options = &Options { max_iterations: self.options.iterations, ..tolerances };
         for place in &mut tile.places {
@@ -234,7 +239,7 @@ impl<M: LobeModel> Fit<'_, M> {
                 y: &tile.y,
                 ambient: self.options.ambient,
                 free: self.options.normal,
-                prior: self.prior,
+                typical,
                 starts,
                 found: &mut tile.places,
                 pixels: &pixels,
@@ -245,6 +250,20 @@ impl<M: LobeModel> Fit<'_, M> {
             }
             .run();
         }
+    }
+
+    /// A place with its lobes in the order in which they are numbered.
+    fn ordered(&self, place: &Place) -> Place {
+        let key = |lobe: usize| self.sight.model.order(place.shapes[lobe]);
+        let mut order: Vec<usize> = (0..place.lobes).collect();
+        order.sort_by(|&a, &b| key(b).total_cmp(&key(a)));
+        let mut ordered = *place;
+        for (rank, lobe) in order.into_iter().enumerate() {
+            ordered.shapes[rank] = place.shapes[lobe];
+            ordered.shape_spread[rank] = place.shape_spread[lobe];
+            ordered.seen_spread[rank] = place.seen_spread[lobe];
+        }
+        ordered
     }
 
     fn settle(&self, tile: &mut Tile, settled: &mut Settled, reweigh: bool) {
@@ -290,31 +309,28 @@ impl<M: LobeModel> Fit<'_, M> {
             for (plane, value) in sheet.normal.iter_mut().zip(place.normal) {
                 plane[pixel] = value;
             }
-            let mut order: Vec<usize> = (0..place.lobes).collect();
-            let key = |lobe: usize| self.sight.model.order(place.shapes[lobe]);
-            order.sort_by(|&a, &b| key(b).total_cmp(&key(a)));
             for band in 0..bands {
                 sheet.diffuse[band][pixel] = colour(band, 0);
                 sheet.ambient[band][pixel] = colour(band, COLUMNS - 1);
                 for lobe in 0..self.options.lobes {
-                    let value = order.get(lobe).map_or(0.0, |&lobe| colour(band, 1 + lobe));
+                    let value = if lobe < place.lobes { colour(band, 1 + lobe) } else { 0.0 };
                     sheet.specular[lobe * bands + band][pixel] = value;
                 }
             }
-            for (rank, &lobe) in order.iter().enumerate() {
+            for lobe in 0..place.lobes {
                 let tinted = bands > 1 && settled.neutral[lobe * TILE + pixel] == 0.0;
-                sheet.tinted[rank][pixel] = u8::from(tinted);
+                sheet.tinted[lobe][pixel] = u8::from(tinted);
                 let mut told = [0.0; 4];
                 self.sight.model.report(place.shapes[lobe], &mut told[..numbers]);
                 for (number, &value) in told[..numbers].iter().enumerate() {
-                    sheet.numbers[rank * numbers + number][pixel] = value;
+                    sheet.numbers[lobe * numbers + number][pixel] = value;
                 }
                 let spread = place.shape_spread[lobe];
-                sheet.spread[rank][pixel] = if spread.is_finite() { spread } else { f32::NAN };
+                sheet.spread[lobe][pixel] = if spread.is_finite() { spread } else { f32::NAN };
             }
-            // The photographs know less of every lobe than what is typical does.
-            let typical = self.sight.model.spreads()[0] as f32 * TYPICAL;
-            let pooled = place.shape_spread[..place.lobes].iter().all(|&s| s > typical);
+            // The photographs know less of every lobe than what is typical of a painting does.
+            let usual = self.sight.model.spreads()[0] as f32;
+            let pooled = place.seen_spread[..place.lobes].iter().all(|&s| s > usual);
             if pooled && place.lobes > 0 && sheet.status[pixel] == Status::Fitted.code() {
                 sheet.status[pixel] = Status::Pooled.code();
             }

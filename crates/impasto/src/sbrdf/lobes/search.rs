@@ -13,7 +13,7 @@ use crate::sbrdf::pixel::tangents;
 
 use super::colours::Sums;
 use super::model::{LobeModel, MAX_SHAPES, Visit};
-use super::prior::Prior;
+use super::prior::Typical;
 use super::sight::Sight;
 use super::tile::{Place, Plate};
 
@@ -31,8 +31,8 @@ pub(super) struct Search<'a, M: LobeModel> {
     pub(super) y: &'a [f32],
     pub(super) ambient: bool,
     pub(super) free: bool,
-    /// What is typical of the painting; none while that is being found out.
-    pub(super) prior: Option<&'a Prior>,
+    /// What is typical of each pixel's shapes; none while lobes are being looked for.
+    pub(super) typical: Option<&'a [Typical]>,
     /// Where each pixel starts.
     pub(super) starts: &'a [Place],
     /// The best place so far; replaced where the search ends at a smaller cost.
@@ -59,13 +59,6 @@ impl<M: LobeModel> Search<'_, M> {
             bounds.upper[unknown] = S::from_f64(upper[shape]);
         }
         let record = Lanes::<S, M, J, K, N>::RECORD;
-        let mut typical = [[S::zero(); 2]; N];
-        if let Some(prior) = self.prior {
-            for (unknown, typical) in typical.iter_mut().enumerate().skip(2) {
-                let (lobe, shape) = ((unknown - 2) / M::SHAPES, (unknown - 2) % M::SHAPES);
-                *typical = prior.of(&self.sight.model, J, lobe, shape).map(number);
-            }
-        }
         let numbers = record * self.sight.photographs() * crate::math::lanes::MAX_LANES;
         let mut lanes = Lanes::<S, M, J, K, N> {
             sight: self.sight,
@@ -73,7 +66,7 @@ impl<M: LobeModel> Search<'_, M> {
             x: self.x,
             y: self.y,
             barred: core::array::from_fn(|column| column == K - 1 && !self.ambient),
-            typical,
+            typical: self.typical,
             starts: self.starts,
             found: self.found,
             scratch: RefCell::new(vec![S::zero(); numbers]),
@@ -102,8 +95,7 @@ struct Lanes<'a, S, M: LobeModel, const J: usize, const K: usize, const N: usize
     x: &'a [f32],
     y: &'a [f32],
     barred: [bool; K],
-    /// Typical shapes and the inverse of how far from them shapes usually lie, per unknown.
-    typical: [[S; 2]; N],
+    typical: Option<&'a [Typical]>,
     starts: &'a [Place],
     found: &'a mut [Place],
     /// Columns and their derivatives, photograph by photograph, all lanes.
@@ -116,6 +108,12 @@ impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize>
     /// Numbers per photograph: the diffuse column and its derivatives by two tilts, and for every
     /// lobe the same and its derivatives by its shape.
     const RECORD: usize = 3 * (J + 1) + J * M::SHAPES;
+
+    /// What is typical of an unknown that is a shape's, and how hard it pulls.
+    fn typical(&self, pixel: usize, unknown: usize) -> [f32; 2] {
+        let (lobe, shape) = ((unknown - 2) / M::SHAPES, (unknown - 2) % M::SHAPES);
+        self.typical.map_or([0.0; 2], |typical| typical[pixel].0[lobe][shape])
+    }
 
     /// Writes the columns of all photographs at a place to the scratch memory.
     #[inline(always)]
@@ -181,18 +179,18 @@ impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize> B
     const COVARIANCE: bool = true;
 
     fn rows(&self) -> usize {
-        2 * self.plate.planes() + 6
+        2 * self.plate.planes() + 5 + 2 * (N - 2)
     }
 
     fn load(&mut self, pixel: usize, column: &mut Column<'_, S>) -> [S; N] {
-        let Place { normal: [nx, ny, nz], shapes, cost, .. } = self.starts[pixel];
+        let Place { normal: [nx, ny, nz], shapes, .. } = self.starts[pixel];
         let planes = self.plate.planes();
-        // Residuals as they are now make the unit in which the typical shapes pull.
-        let trust = if cost.is_finite() { (cost / planes as f32).sqrt() } else { 0.0 };
-        let rest = [nx, ny, nz, self.x[pixel], self.y[pixel], trust];
+        let rest = [nx, ny, nz, self.x[pixel], self.y[pixel]];
         column.fill(self.plate.column(pixel).map(number));
         column.fill_from(planes, self.plate.weights_of(pixel).map(number));
         column.fill_from(2 * planes, rest.map(number));
+        let typical = (2..N).flat_map(|unknown| self.typical(pixel, unknown));
+        column.fill_from(2 * planes + rest.len(), typical.map(number));
         core::array::from_fn(|unknown| match unknown {
             0 | 1 => S::zero(),
             _ => number(shapes[(unknown - 2) / M::SHAPES][(unknown - 2) % M::SHAPES]),
@@ -269,13 +267,14 @@ impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize> B
                 }
             }
         }
-        let trust = rest(5);
-        for (unknown, &[typical, inverse]) in self.typical.iter().enumerate().skip(2) {
-            let pull = trust * R::splat(inverse);
-            let residual = pull * (R::splat(typical) - at[unknown]);
-            total.cost = residual.mul_add(residual, total.cost);
-            total.descent[unknown] = pull.mul_add(residual, total.descent[unknown]);
-            total.matrix[unknown][unknown] = pull.mul_add(pull, total.matrix[unknown][unknown]);
+        if self.typical.is_some() {
+            for unknown in 2..N {
+                let (typical, pull) = (rest(2 * unknown + 1), rest(2 * unknown + 2));
+                let residual = pull * (typical - at[unknown]);
+                total.cost = residual.mul_add(residual, total.cost);
+                total.descent[unknown] = pull.mul_add(residual, total.descent[unknown]);
+                total.matrix[unknown][unknown] = pull.mul_add(pull, total.matrix[unknown][unknown]);
+            }
         }
         total
     }
@@ -300,7 +299,12 @@ impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize> B
         place.normal_spread = worst(covariance[0][0], covariance[1][0], covariance[1][1]);
         for lobe in 0..J {
             let unknown = 2 + lobe * M::SHAPES;
-            place.shape_spread[lobe] = covariance[unknown][unknown].sqrt();
+            let variance = covariance[unknown][unknown];
+            place.shape_spread[lobe] = variance.sqrt();
+            // What is typical is one of two measurements that this variance is of.
+            let [_, pull] = self.typical(pixel, unknown);
+            let told = (-pull).mul_add(pull, variance.recip());
+            place.seen_spread[lobe] = told.clamp(0.0, f32::INFINITY).sqrt().recip();
         }
         self.found[pixel] = place;
     }

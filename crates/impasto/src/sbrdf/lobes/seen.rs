@@ -71,6 +71,7 @@ pub(super) fn drop_unseen<M: LobeModel>(
         for lobe in (0..before.lobes).filter(|&lobe| sees(sight, tile, pixel, lobe, level)) {
             place.shapes[place.lobes] = before.shapes[lobe];
             place.shape_spread[place.lobes] = before.shape_spread[lobe];
+            place.seen_spread[place.lobes] = before.seen_spread[lobe];
             place.lobes += 1;
         }
         tile.places[pixel] = place;

@@ -23,7 +23,7 @@ pub(super) struct Settled {
     pub(super) colours: Vec<f32>,
     /// Root mean square of the residuals, linear light.
     pub(super) residual: Vec<f32>,
-    /// Weighted mean square of the residuals.
+    /// Weighted mean square of the residuals, by the weights as they are left.
     pub(super) variance: Vec<f32>,
     /// `(lobe, pixel)`: 1 where the lobe has one strength in all bands.
     pub(super) neutral: Vec<f32>,
@@ -158,27 +158,23 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
                 sum = sum + residual.abs() / noise(shown * unit).sqrt();
             }
             (plain / used.max(one)).sqrt().store(&mut settled.residual[at..]);
-            (weighted / used.max(one)).store(&mut settled.variance[at..]);
             if reweigh {
-                // Beyond the mean absolute residual, residuals count by their size, not its square.
                 let scale = sum / used.max(one);
                 let bend = I::F32::keep(scale.gt(zero), scale.recip());
+                weighted = zero;
                 for (plane, (&shown, &matt)) in shown.iter().zip(&matt).enumerate() {
                     let (sample, weight, clipped) = look::<I::F32>(plate, plane, at);
-                    let variance = noise(shown * unit);
-                    let far = (sample - shown) / variance.sqrt() * bend;
-                    let tail = far.mul_add(far, one);
-                    let fresh = (tail.sqrt() * variance).recip();
-                    // Less light than the diffuse part alone would show is a shadow (hard case 24).
-                    let lit = (sample / matt).max(tail.recip());
-                    let fresh = I::F32::select(matt.gt(sample), fresh * lit * lit, fresh);
+                    let fresh = worth(sample, [shown, matt], noise(shown * unit), bend);
                     // A clipped sample says that there was at least so much light.
                     let silent = clipped & shown.ge(sample);
                     let known = weight.gt(zero) | clipped;
                     let fresh = I::F32::keep(known & !silent, fresh);
                     fresh.store(&mut plate.weights[plane * TILE + at..]);
+                    let residual = sample - shown;
+                    weighted = (fresh * residual).mul_add(residual, weighted);
                 }
             }
+            (weighted / used.max(one)).store(&mut settled.variance[at..]);
             at += I::F32::WIDTH;
         }
     }
@@ -188,6 +184,19 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
 #[inline(always)]
 fn noise<R: Real>(shown: R) -> R {
     shown.max(R::of(FLOOR))
+}
+
+/// What a sample is worth beside what is shown, in all and by the diffuse part alone: one over its
+/// variance, less beyond the mean absolute residual (one over `bend`, in units of the deviation).
+#[inline(always)]
+fn worth<R: Real>(sample: R, [shown, matt]: [R; 2], variance: R, bend: R) -> R {
+    let far = (sample - shown) / variance.sqrt() * bend;
+    // Residuals count by their size, not its square.
+    let tail = far.mul_add(far, R::one());
+    let worth = (tail.sqrt() * variance).recip();
+    // Less light than the diffuse part alone would show is a shadow (hard case 24).
+    let lit = (sample / matt).max(tail.recip());
+    R::select(matt.gt(sample), worth * lit * lit, worth)
 }
 
 /// What columns of these colours show.

@@ -40,6 +40,8 @@ pub(super) struct Place {
     /// for residuals of unit variance.
     pub(super) normal_spread: f32,
     pub(super) shape_spread: [f32; MOST_LOBES],
+    /// The same of a shape's first number, by the photographs alone.
+    pub(super) seen_spread: [f32; MOST_LOBES],
     /// Whether the last search ended by its own tests.
     pub(super) converged: bool,
 }
@@ -53,6 +55,7 @@ impl Place {
             cost: f32::INFINITY,
             normal_spread: f32::NAN,
             shape_spread: [f32::NAN; MOST_LOBES],
+            seen_spread: [f32::NAN; MOST_LOBES],
             converged: false,
         }
     }
