@@ -25,6 +25,7 @@ from impasto import (
     load_sbrdf,
     render,
     simulate,
+    systems,
 )
 from test_bad_input import SIZE, altered, session, stack, told
 
@@ -140,6 +141,52 @@ def test_arguments_that_were_swapped_or_are_something_else() -> None:
         (fit.with_bands, (["red"],), {}, "chosen: expected numbers of bands from 0 to 2, found"),
         (fit.with_bands, ([0, 3],), {}, r"chosen: .*found \[0, 3\]"),
         (fit.with_bands, (1,), {}, "chosen: .*found 1"),
+    ]
+    for call, positional, named, words in calls:
+        with pytest.raises(ArgumentError, match=f"^{words}"):
+            call(*positional, **named)
+
+
+def test_a_simulation_says_which_of_its_arguments_is_something_else() -> None:
+    """Swapped arguments, wholes in place of their parts, and what belongs to another painting."""
+    captured = simulate.default_capture("tominaga-rgb-camera", size=SIZE)
+    taken, truth = captured.stack, captured.truth
+    painting, camera, rig = truth.painting, truth.camera, truth.rig
+    system = systems.get("tominaga-rgb-camera")
+    fit, spectra = system.measure(taken, camera)
+    larger = simulate.default_capture("tominaga-rgb-camera", size=(SIZE[0] + 8, SIZE[1])).truth
+    size = f"{SIZE[1]} x {SIZE[0]} pixels"
+    calls: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any], str]] = [
+        (system.measure, (camera, taken), {}, "stack: expected an impasto.Stack.*found Camera$"),
+        (system.measure, (captured, camera), {}, r"stack: .*found Capture; give its \.stack"),
+        (system.measure, (taken, truth), {}, r"camera: .*found Truth; give its \.camera"),
+        (system.measure, (taken, simulate.camera("six-band")), {}, "camera: expected the 3 bands"),
+        (system.fit_normals, (painting,), {}, "stack: .*found Painting"),
+        (systems.get, (["impasto"],), {}, r"name: .*found \['impasto'\]"),
+        (systems.get, ("impast",), {}, "name: .*did you mean 'impasto'"),
+        (simulate.capture, (camera, painting), {}, "painting: expected what impasto.*Camera$"),
+        (simulate.capture, (truth,), {}, r"painting: .*found Truth; give its \.painting"),
+        (simulate.capture, (painting, camera), {}, "rig: expected an impasto.Rig or.*Camera$"),
+        (simulate.capture, (painting, taken), {}, r"rig: .*found Stack; give its \.rig"),
+        (simulate.capture, (painting, None), {}, "rig: .*found NoneType"),
+        (simulate.capture, (painting, "rgb"), {}, "rig: .*'snel-lafortune'.*found 'rgb'"),
+        (simulate.capture, (painting, rig, rig), {}, "camera: expected an impasto.Camera.*Rig$"),
+        (simulate.capture, (painting, rig, "rbg"), {}, "camera: .*found 'rbg'; did you mean 'rgb'"),
+        (simulate.capture, (painting,), {"noise": 0.1}, "noise: expected True, False.*float"),
+        (simulate.capture, (painting,), {"exposure": "x"}, "exposure: expected a share.*'x'"),
+        (simulate.capture, (painting,), {"frames": 1.5}, "frames: .*found 1.5"),
+        (simulate.capture, (painting,), {"bits": True}, "bits: .*found True"),
+        (simulate.capture, (painting,), {"shadows": "no"}, "shadows: .*found 'no'"),
+        (simulate.capture, (painting,), {"falloff": "no"}, "falloff: .*found 'no'"),
+        (simulate.score, (fit, truth), {}, "truth: expected the truth of what.*found Sbrdf"),
+        (simulate.score, (captured, fit), {}, r"truth: .*found Capture; give its \.truth"),
+        (simulate.score, (painting, fit), {}, "truth: .*found Painting"),
+        (simulate.score, (truth, spectra), {}, "sbrdf: expected what impasto.*Reflectance"),
+        (simulate.score, (truth, fit.normals), {}, "sbrdf: .*found Normals"),
+        (simulate.score, (truth, fit, camera), {}, "reflectance: expected what impasto.*Camera"),
+        (simulate.score, (larger, fit), {}, f"sbrdf: .*as the painting has, found {size[:-7]}"),
+        (simulate.score, (truth, larger), {}, f"sbrdf: expected {size}"),
+        (simulate.score, (larger, larger, spectra), {}, "reflectance: expected .* pixels"),
     ]
     for call, positional, named, words in calls:
         with pytest.raises(ArgumentError, match=f"^{words}"):

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from impasto.checks import instance
 from impasto.colour import interpolation_matrix, spectrum
 from impasto.colour.wavelengths import Floats, checked_spectra, checked_wavelengths
 from impasto.errors import ArgumentError
@@ -165,6 +166,14 @@ class Camera:
                 f"between {at[0]:g} and {at[-1]:g} nm"
             )
         return np.asarray(weights / white)
+
+
+def checked_camera(camera: Any) -> Camera:
+    """The camera, or a refusal that says where to get one."""
+    made_by = "impasto.io.read_camera or Camera.srgb"
+    instance(camera, Camera, "camera", f"an impasto.Camera, as of {made_by}")
+    found: Camera = camera
+    return found
 
 
 def _band_names(count: int) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,15 @@ def suggestion(value: Any, names: Iterable[str]) -> str:
     """``; did you mean 'robust'?`` for a word that is nearly one of the names, else nothing."""
     near = difflib.get_close_matches(str(value), list(names), n=1)
     return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def one_of(value: Any, names: Iterable[str], argument: str) -> None:
+    """Refuse a word that is none of the names; one of them may be nearly it."""
+    known = tuple(names)
+    if not (isinstance(value, str) and value in known):
+        expected = " or ".join(map(repr, known))
+        hint = suggestion(value, known)
+        raise ArgumentError(f"{argument}: expected {expected}, found {value!r}{hint}")
 
 
 def number(value: Any, name: str, expected: str) -> float:
@@ -72,9 +81,23 @@ def unmasked(values: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_] | None]
 
 
 def instance(value: Any, kind: type, name: str, expected: str) -> None:
-    """Refuse what is not of a kind, as where arguments are swapped."""
-    if not isinstance(value, kind):
+    """Refuse what is not of a kind, as where arguments are swapped, or a whole for its part."""
+    if isinstance(value, kind):
+        return
+    parts = getattr(value, "__dict__", {}).items()
+    hint = next((f"; give its .{part}" for part, held in parts if isinstance(held, kind)), "")
+    raise ArgumentError(f"{name}: expected {expected}, found {type(value).__name__}{hint}")
+
+
+def holding(parts: Iterable[str], value: Any, name: str, expected: str) -> None:
+    """Refuse what lacks a part that the call reads."""
+    if not all(hasattr(value, part) for part in parts):
         raise ArgumentError(f"{name}: expected {expected}, found {type(value).__name__}")
+
+
+def is_whole(value: Any) -> TypeGuard[int]:
+    """Whether it is a whole number, of Python or numpy; True and False are none."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def truth(value: Any, name: str) -> bool:

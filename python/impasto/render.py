@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto.checks import instance, refractive_index
+from impasto.checks import holding, instance, refractive_index
 from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_from_spectrum
 from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError
@@ -169,11 +169,9 @@ def render(
             "sbrdf: expected what impasto.fit_sbrdf or impasto.load_sbrdf returns, "
             f"found {type(sbrdf).__name__}"
         )
-    if reflectance is not None and not hasattr(reflectance, "coefficients"):
-        raise ArgumentError(
-            "reflectance: expected what impasto.fit_reflectance returns, "
-            f"found {type(reflectance).__name__}"
-        )
+    if reflectance is not None:
+        spectral = ("coefficients", "basis", "wavelengths")
+        holding(spectral, reflectance, "reflectance", "what impasto.fit_reflectance returns")
     pitch = getattr(sbrdf, "pitch_mm", None) if pitch_mm is None else pitch_mm
     if pitch is None and any(isinstance(light, PointLight) for light in scene.lights):
         raise GeometryError("pitch_mm: point lights need the width of a pixel on the painting")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.checks import numbers, unmasked
+from impasto.checks import instance, numbers, unmasked
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.rig import Light, Rig
@@ -246,12 +246,10 @@ def _mask(mask: ArrayLike | None, shape: tuple[int, int]) -> NDArray[np.bool_] |
 
 def checked_stack(stack: Any) -> Stack:
     """The stack, or a refusal that says how to make one."""
-    if not isinstance(stack, Stack):
-        raise ArgumentError(
-            f"stack: expected an impasto.Stack, found {type(stack).__name__}; make one with "
-            "impasto.read_stack(path) or impasto.Stack(samples, lights=directions)"
-        )
-    return stack
+    made_by = "impasto.read_stack(path) or impasto.Stack(samples, lights=directions)"
+    instance(stack, Stack, "stack", f"an impasto.Stack, as of {made_by}")
+    found: Stack = stack
+    return found
 
 
 def _per_band(values: ArrayLike, count: int, name: str) -> NDArray[np.float64]:

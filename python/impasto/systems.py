@@ -13,9 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
-from impasto.bands import Camera
+from impasto.bands import Camera, checked_camera
+from impasto.checks import one_of
 from impasto.effort import EffortLike
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback
@@ -26,7 +27,7 @@ from impasto.fit.sbrdf import fit_sbrdf
 from impasto.render import Image, render
 from impasto.rig import DistantLight
 from impasto.scene import Scene
-from impasto.stack import Stack
+from impasto.stack import Stack, checked_stack
 
 __all__ = ["SYSTEMS", "System", "get"]
 
@@ -108,10 +109,16 @@ class System:
         Raises
         ------
         ArgumentError
-            Photographs of another number of bands, and what the fits refuse.
+            No stack, no camera, or of another number of bands; and what the fits refuse.
         GeometryError
             Lights that cannot determine normals.
         """
+        bands = checked_stack(stack).bands
+        if len(checked_camera(camera).bands) != len(bands):
+            raise ArgumentError(
+                f"camera: expected the {len(bands)} bands of the photographs, {', '.join(bands)}, "
+                f"found {', '.join(camera.bands)}"
+            )
         normals = self.fit_normals(stack, threads=threads, progress=progress)
         sbrdf = self.fit_sbrdf(stack, normals, threads=threads, progress=progress)
         return sbrdf, self.fit_reflectance(stack, sbrdf, camera, threads=threads, progress=progress)
@@ -120,6 +127,7 @@ class System:
         self, stack: Stack, *, threads: int | None = None, progress: Progress = False
     ) -> Normals:
         """:func:`impasto.fit_normals` with the options of this system."""
+        checked_stack(stack)
         if self.bands is not None and stack.shape[1] != self.bands:
             raise ArgumentError(
                 f"stack: {self.name} measures photographs of {self.bands} bands, "
@@ -247,7 +255,5 @@ def get(name: Name) -> System:
     ArgumentError
         No such name.
     """
-    if name not in SYSTEMS:
-        known = " or ".join(map(repr, get_args(Name)))
-        raise ArgumentError(f"name: expected {known}, found {name!r}")
+    one_of(name, SYSTEMS, "name")
     return SYSTEMS[name]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from impasto.checks import suggestion
+from impasto.checks import one_of
 from impasto.errors import ArgumentError
 
 Model = Literal["torrance-sparrow", "lafortune"]
@@ -88,9 +88,9 @@ def fit_kind(model: Model, pooling: Pooling | None) -> FitKind:
     ArgumentError
         An unknown name, or two that do not go together.
     """
-    one_of(model, Model, "model")
+    one_of(model, get_args(Model), "model")
     asked = _POOLING[model] if pooling is None else pooling
-    one_of(asked, Pooling, "pooling")
+    one_of(asked, get_args(Pooling), "pooling")
     kinds = {kind.pooling: kind for kind in KINDS if kind.model == model}
     if asked not in kinds:
         known = " or ".join(map(repr, kinds))
@@ -101,14 +101,6 @@ def fit_kind(model: Model, pooling: Pooling | None) -> FitKind:
 def takers(option: str) -> list[FitKind]:
     """Every fit that has an option."""
     return [kind for kind in KINDS if option in kind.defaults]
-
-
-def one_of(value: Any, names: Any, argument: str) -> None:
-    """Refuse a word that is none of a ``Literal``."""
-    if value not in get_args(names):
-        expected = " or ".join(map(repr, get_args(names)))
-        hint = suggestion(value, get_args(names))
-        raise ArgumentError(f"{argument}: expected {expected}, found {value!r}{hint}")
 
 
 def _in_python(kind: FitKind) -> str:

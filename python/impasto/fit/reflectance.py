@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto.bands import Camera, Integration
-from impasto.checks import instance
+from impasto.bands import Camera, Integration, checked_camera
+from impasto.checks import instance, is_whole
 from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, reporting, thread_count
@@ -211,9 +211,7 @@ def fit_reflectance(
         raise ArgumentError(f"estimator: expected one of {names}, found {estimator!r}")
     if stack is not None:
         instance(stack, Stack, "stack", "an impasto.Stack or None")
-    instance(
-        camera, Camera, "camera", "an impasto.Camera, as of impasto.io.read_camera or Camera.srgb"
-    )
+    checked_camera(camera)
     responses, status = _responses(diffuse, camera)
     if stack is not None and stack.shape[1:] != responses.shape:
         raise ArgumentError(
@@ -224,7 +222,7 @@ def fit_reflectance(
     default_grid = np.arange(400.0, 701.0, 5.0)
     grid = default_grid if wavelengths is None else checked_wavelengths(wavelengths)
     spectra = checked_training(training, grid)
-    if rank is not None and (isinstance(rank, bool) or int(rank) != rank or rank < 1):
+    if rank is not None and not (is_whole(rank) and rank >= 1):
         raise ArgumentError(f"rank: expected a positive integer or None, found {rank!r}")
     noise_from = "given"
     if noise is None:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Literal, TypedDict, Unpack, overload
+from typing import Literal, TypedDict, Unpack, get_args, overload
 
 from numpy.typing import ArrayLike
 
-from impasto.checks import refractive_index, truth
+from impasto.checks import one_of, refractive_index, truth
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback
 from impasto.fit.lafortune import LafortuneSbrdf, fit_lafortune
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count
 from impasto.fit.normals import Method, Normals, fit_normals
-from impasto.fit.options import Model, Pooling, fit_kind, one_of
+from impasto.fit.options import Model, Pooling, fit_kind
 from impasto.fit.pooled import Extraction, Sbrdf, fit_pooled
 from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
 from impasto.io.results import RESULT, read_maps
@@ -212,7 +212,7 @@ def fit_sbrdf(
         }
     )
     if "extraction" in options:
-        one_of(options["extraction"], Extraction, "extraction")
+        one_of(options["extraction"], get_args(Extraction), "extraction")
     if "index" in options:
         options["index"] = refractive_index(options["index"])
     for name in ("joint", "ambient"):

@@ -5,12 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from impasto.bands import Camera
+from impasto.checks import one_of
 from impasto.colour._science import science
-from impasto.errors import ArgumentError
 from impasto.simulate.pigments import WAVELENGTHS
 
 LAMP_KELVIN = 3000.0
 """The halogen lamp of both rigs (a flood lamp, a slide projector)."""
+
+CAMERAS = {
+    "rgb": "rgb",
+    "six-band": "six-band",
+    "tominaga-rgb-camera": "rgb",
+    "tominaga-six-band-adaptation": "six-band",
+}
+"""The cameras by their own names and by those of their rigs."""
 
 
 def camera(name: str = "rgb") -> Camera:
@@ -22,18 +30,15 @@ def camera(name: str = "rgb") -> Camera:
     The paper's curves were never published: Gaussians at 425, 475 ... 675 nm, 50 nm wide at half
     maximum, times the quantum efficiency of a CCD.
     """
-    aliases = {"tominaga-rgb-camera": "rgb", "tominaga-six-band-adaptation": "six-band"}
-    kind = aliases.get(name, name)
-    if kind == "rgb":
+    one_of(name, CAMERAS, "name")
+    if CAMERAS[name] == "rgb":
         curves = science().MSDS_CAMERA_SENSITIVITIES["Nikon 5100 (NPL)"]
         rows = np.array([np.interp(WAVELENGTHS, curves.wavelengths, c) for c in curves.values.T])
         bands: tuple[str, ...] = ("red", "green", "blue")
-    elif kind == "six-band":
+    else:
         centres = np.arange(425.0, 676.0, 50.0)
         rows = np.exp(-4.0 * np.log(2.0) * ((WAVELENGTHS - centres[:, None]) / 50.0) ** 2)
         efficiency = (0.35, 0.50, 0.60, 0.62, 0.60, 0.55, 0.45)
         rows *= np.interp(WAVELENGTHS, np.arange(400.0, 701.0, 50.0), efficiency)
         bands = tuple(f"{centre:.0f} nm" for centre in centres)
-    else:
-        raise ArgumentError(f'name: expected "rgb" or "six-band", found {name!r}')
     return Camera(WAVELENGTHS.copy(), rows, LAMP_KELVIN, bands)

@@ -11,13 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.bands import Camera
+from impasto.checks import instance, is_whole, number, one_of, truth
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import Light, PointLight, Rig
+from impasto.simulate.cameras import CAMERAS
 from impasto.simulate.cameras import camera as camera_named
 from impasto.simulate.easel import Painting, painting
 from impasto.simulate.fields import Field, check_seed
 from impasto.simulate.lobes import Lobes, lobes
+from impasto.simulate.rigs import RIGS
 from impasto.simulate.rigs import rig as rig_named
 from impasto.stack import Stack
 
@@ -167,8 +170,8 @@ def capture(
     if model is None:
         model = "lafortune" if isinstance(rig, str) and rig == "snel-lafortune" else MODELS[0]
     rig, camera = _resolved(painting, rig, camera, falloff)
-    _check(bits, exposure, frames, model)
-    sensor = (Noise() if noise else None) if isinstance(noise, bool) else noise
+    _check(bits, exposure, frames, model, {"clip": clip, "shadows": shadows})
+    sensor = _sensor(noise)
     diffuse = painting.reflectance_in(camera)
     gloss = lobes(painting, diffuse) if model == "lafortune" else None
     scene = _Scene(painting, rig, diffuse, gloss, shadows, forward or _default_forward)
@@ -288,12 +291,17 @@ def _noise_stream(seed: int, observation: int) -> np.random.Generator:
 def _resolved(
     painting: Painting, rig: Rig | str, camera: Camera | str | None, falloff: bool | None
 ) -> tuple[Rig, Camera]:
+    instance(painting, Painting, "painting", "what impasto.simulate.painting returns")
     if camera is None:
-        camera = "six-band" if rig == "tominaga-six-band-adaptation" else "rgb"
-    if isinstance(camera, str):
-        camera = camera_named(camera)
+        camera = rig if isinstance(rig, str) and rig in CAMERAS else "rgb"
     if isinstance(rig, str):
+        one_of(rig, RIGS, "rig")
         rig = rig_named(rig, pitch_mm=painting.pitch_mm)
+    if isinstance(camera, str):
+        one_of(camera, CAMERAS, "camera")
+        camera = camera_named(camera)
+    instance(rig, Rig, "rig", f"an impasto.Rig or a name ({', '.join(RIGS)})")
+    instance(camera, Camera, "camera", f"an impasto.Camera or a name ({', '.join(CAMERAS)})")
     if rig.pitch_mm is None:
         rig = Rig(rig, pitch_mm=painting.pitch_mm)
     if abs(rig.pitch_mm / painting.pitch_mm - 1.0) > 1e-9:  # type: ignore[operator]
@@ -302,6 +310,7 @@ def _resolved(
             "build the rig with the painting's pitch_mm"
         )
     if falloff is not None:
+        falloff = truth(falloff, "falloff")
         lights = [
             replace(light, falloff=falloff) if isinstance(light, PointLight) else light
             for light in rig.lights
@@ -310,12 +319,24 @@ def _resolved(
     return rig, camera
 
 
-def _check(bits: int | None, exposure: float, frames: int, model: str) -> None:
-    if model not in MODELS:
-        raise ArgumentError(f"model: expected {' or '.join(map(repr, MODELS))}, found {model!r}")
-    if bits is not None and bits not in range(1, 17):
+def _sensor(noise: bool | Noise | None) -> Noise | None:
+    if noise is True:
+        return Noise()
+    if noise is not False and noise is not None:
+        instance(noise, Noise, "noise", "True, False or an impasto.simulate.Noise")
+    return noise or None
+
+
+def _check(
+    bits: int | None, exposure: float, frames: int, model: str, switches: dict[str, bool]
+) -> None:
+    for name, value in switches.items():
+        truth(value, name)
+    one_of(model, MODELS, "model")
+    if bits is not None and not (is_whole(bits) and 1 <= bits <= 16):
         raise ArgumentError(f"bits: expected 1 to 16 or None, found {bits!r}")
-    if not 0.0 < exposure <= 1.0:
-        raise ArgumentError(f"exposure: expected a share of full scale above 0, found {exposure!r}")
-    if frames < 1:
+    share = "a share of full scale above 0"
+    if not 0.0 < number(exposure, "exposure", share) <= 1.0:
+        raise ArgumentError(f"exposure: expected {share}, found {exposure!r}")
+    if not (is_whole(frames) and frames >= 1):
         raise ArgumentError(f"frames: expected at least one, found {frames!r}")

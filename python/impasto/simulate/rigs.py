@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto.checks import one_of
 from impasto.errors import ArgumentError
 from impasto.rig import FRONTAL, DistantLight, Light, PointLight, Rig
 
@@ -124,8 +125,7 @@ def rig(name: str, *, distance_mm: float | None = None, pitch_mm: float = PITCH_
     pitch_mm
         Width of a pixel on the painting in mm (needed by near lamps).
     """
-    if name not in RIGS:
-        raise ArgumentError(f"name: expected one of {sorted(RIGS)}, found {name!r}")
+    one_of(name, RIGS, "name")
     directions, views = RIGS[name]()
     lights: list[Light]
     if distance_mm is None:

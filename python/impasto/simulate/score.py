@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto.checks import holding, instance
 from impasto.colour import (
     delta_e,
     interpolation_matrix,
@@ -15,6 +16,7 @@ from impasto.colour import (
     white_point,
     xyz_from_coefficients,
 )
+from impasto.errors import ArgumentError
 from impasto.simulate.easel import Painting
 from impasto.simulate.photography import Truth
 
@@ -74,7 +76,19 @@ def score(truth: Truth, sbrdf: Any, reflectance: Any = None) -> Score:
         What :func:`impasto.fit_sbrdf` returned for ``Capture.stack``.
     reflectance
         What :func:`impasto.fit_reflectance` returned.
+
+    Raises
+    ------
+    ArgumentError
+        Something else, or maps of another size than the painting's.
     """
+    instance(truth, Truth, "truth", "the truth of what impasto.simulate.capture returns")
+    holding(("normal", "diffuse"), sbrdf, "sbrdf", "what impasto.fit_sbrdf returns")
+    _same_size(sbrdf.normal, truth, "sbrdf")
+    if reflectance is not None:
+        spectral = ("coefficients", "basis", "wavelengths")
+        holding(spectral, reflectance, "reflectance", "what impasto.fit_reflectance returns")
+        _same_size(reflectance.coefficients, truth, "reflectance")
     angle = normal_error(sbrdf.normal, truth.normal)
     known = np.isfinite(angle) & np.isfinite(sbrdf.diffuse).all(axis=0)
     rmse, means, tails = float("nan"), dict[str, float](), dict[str, float]()
@@ -122,6 +136,16 @@ def colour_error(
     white = white_point(illuminant)
     first, second = (lab_from_xyz(xyz, white) for xyz in (found, painting.xyz(illuminant)))
     return np.asarray(delta_e(first, second), dtype=np.float32)
+
+
+def _same_size(maps: NDArray[Any], truth: Truth, name: str) -> None:
+    height, width = truth.painting.size
+    if maps.shape[1:] != (height, width):
+        size = " x ".join(map(str, maps.shape[:0:-1]))
+        raise ArgumentError(
+            f"{name}: expected {width} x {height} pixels, as the painting has, found {size}; "
+            "fit the photographs that belong to this truth"
+        )
 
 
 def _rmse(painting: Painting, reflectance: Any) -> float:
