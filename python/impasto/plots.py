@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.checks import is_whole
 from impasto.errors import ArgumentError
 from impasto.extras import need
 from impasto.fit.forward import predict_lobes
@@ -105,7 +106,7 @@ def lobe_plot(sbrdf: LafortuneSbrdf, y: int, x: int, stack: Stack | None = None)
 
 def _pixel(sbrdf: LafortuneSbrdf, y: int, x: int) -> tuple[int, int]:
     for name, value, size in (("y", y, sbrdf.shape[0]), ("x", x, sbrdf.shape[1])):
-        if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        if not is_whole(value):
             raise ArgumentError(f"{name}: expected a whole number, found {value!r}")
         if not -size <= value < size:
             raise ArgumentError(f"{name}: {value} is outside a painting of {size}")

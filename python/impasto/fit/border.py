@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.checks import is_whole
 from impasto.errors import ArgumentError
 from impasto.rig import Rig
 from impasto.stack import Stack, checked_stack
@@ -106,7 +107,7 @@ def thread_count(threads: int | None) -> int:
     :data:`MOST_THREADS` on a smaller machine, which would only stand in its own way, gets those.
     """
     if threads is not None:
-        if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
+        if not (is_whole(threads) and threads >= 1):
             raise ArgumentError(f"threads: expected a positive number or None, found {threads!r}")
         return min(int(threads), max(MOST_THREADS, os.cpu_count() or 1))
     for variable in ("IMPASTO_NUM_THREADS", "RAYON_NUM_THREADS"):

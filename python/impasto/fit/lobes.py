@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
-from impasto.checks import refractive_index
+from impasto.checks import is_whole, refractive_index
 from impasto.effort import PRESETS, Effort
 from impasto.errors import ArgumentError
 from impasto.fit.border import (
@@ -142,7 +142,6 @@ def fit_lobes(
 
 def lobe_count(lobes: Any) -> int:
     """Lobes per pixel, checked."""
-    whole = isinstance(lobes, int | np.integer) and not isinstance(lobes, bool)
-    if not (whole and 1 <= lobes <= MOST_LOBES):
+    if not (is_whole(lobes) and 1 <= lobes <= MOST_LOBES):
         raise ArgumentError(f"lobes: expected 1 to {MOST_LOBES} per pixel, found {lobes!r}")
     return int(lobes)

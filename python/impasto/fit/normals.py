@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
-from impasto.checks import suggestion
+from impasto.checks import is_whole, suggestion
 from impasto.effort import EffortLike, resolved
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.border import (
@@ -172,11 +172,7 @@ def fit_normals(
         known = ", ".join(f'"{name}"' for name in METHODS)
         hint = suggestion(method, METHODS)
         raise ArgumentError(f"method: expected one of {known}, found {method!r}{hint}")
-    if steps is not None and not (
-        isinstance(steps, int | np.integer)
-        and not isinstance(steps, bool)
-        and 0 <= steps <= MOST_STEPS
-    ):
+    if steps is not None and not (is_whole(steps) and 0 <= steps <= MOST_STEPS):
         raise ArgumentError(f"steps: expected a number from 0 to {MOST_STEPS}, found {steps!r}")
     effort = resolved(effort)
     if steps is None and method == "robust":
@@ -247,11 +243,7 @@ def _band(stack: Stack, selection: int | str | None) -> int | None:
     if isinstance(selection, str):
         if selection in stack.bands:
             return stack.bands.index(selection)
-    elif (
-        isinstance(selection, int | np.integer)
-        and not isinstance(selection, bool)
-        and -len(stack.bands) <= selection < len(stack.bands)
-    ):
+    elif is_whole(selection) and -len(stack.bands) <= selection < len(stack.bands):
         return int(selection) % len(stack.bands)
     bands = ", ".join(f'"{band}"' for band in stack.bands)
     raise ArgumentError(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.checks import refractive_index
+from impasto.checks import is_whole, refractive_index
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, reporting
 from impasto.fit.forward import shown
@@ -206,7 +206,7 @@ def fit_strengths(
     """
     checked_stack(stack)
     lobes, index = lobe_count(lobes), refractive_index(index)
-    if not isinstance(rounds, int | np.integer) or isinstance(rounds, bool) or rounds < 1:
+    if not (is_whole(rounds) and rounds >= 1):
         raise ArgumentError(f"rounds: expected a number from 1 on, found {rounds!r}")
     count = len(stack.rig)
     if count < FEWEST:

@@ -7,6 +7,7 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.checks import is_whole
 from impasto.errors import ArgumentError
 
 Field = NDArray[np.float32]
@@ -24,8 +25,7 @@ def stream(seed: int, name: str) -> np.random.Generator:
 
 def check_seed(seed: object) -> None:
     """A seed is an integer from 0 on."""
-    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-    if not (whole and seed >= 0):  # type: ignore[operator]
+    if not (is_whole(seed) and seed >= 0):
         raise ArgumentError(f"seed: expected an integer from 0 on, found {seed!r}")
 
 
