@@ -138,13 +138,39 @@ def test_arguments_that_were_swapped_or_are_something_else() -> None:
             {"pooling": "segment", "segments": "parts.png"},
             r"segments: .*found the path 'parts\.png'; impasto\.io\.read_labels",
         ),
-        (fit.with_bands, (["red"],), {}, "chosen: expected numbers of bands from 0 to 2, found"),
-        (fit.with_bands, ([0, 3],), {}, r"chosen: .*found \[0, 3\]"),
-        (fit.with_bands, (1,), {}, "chosen: .*found 1"),
+        (fit.with_bands, (["red"],), {}, r"chosen: expected numbers of bands, found \['red'\]"),
     ]
     for call, positional, named, words in calls:
         with pytest.raises(ArgumentError, match=f"^{words}"):
             call(*positional, **named)
+
+
+def test_places_are_chosen_alike_from_stacks_rigs_and_bands() -> None:
+    """By numbers, from the end where negative; not by truth values, which would be 0 and 1."""
+    taken = simulate.default_capture("tominaga-rgb-camera", size=SIZE).stack
+    fit = fit_sbrdf(taken)
+    assert fit.with_bands([-1, 0]).bands == fit.with_bands(np.array([2, 0])).bands
+    np.testing.assert_array_equal(fit.with_bands([-1]).diffuse, fit.diffuse[[2]])
+    assert taken.take(range(-2, 0)).names == taken.take([7, 8]).names
+    assert taken.rig.take([-1]).lights == taken.rig.lights[-1:]
+    choices: list[tuple[Callable[[Any], Any], int, str]] = [
+        (fit.with_bands, 3, "chosen: expected {}bands?"),
+        (taken.take, 9, "indices: expected {}observations?"),
+        (taken.rig.take, 9, "indices: expected {}observations?"),
+    ]
+    for choose, count, words in choices:
+        some, least = words.format("numbers of "), words.format("at least one ")
+        refused: dict[str, list[Any]] = {
+            f"{some} from 0 to {count - 1} .*found {count}": [[0, count]],
+            f"{some} from 0 to {count - 1} .*found -{count + 1}": [[-count - 1]],
+            f"{least}, found none": [[], np.array([], int)],
+            f"{some}, found": [[0.0, 1.7], ["0"], "01", 1, None, [[0, 1]]],
+            f"{some}, found .*np.flatnonzero": [[True, False], np.ones(count, bool)],
+        }
+        for expected, chosen in refused.items():
+            for one in chosen:
+                with pytest.raises(ArgumentError, match=f"(?s)^{expected}"):
+                    choose(one)
 
 
 def test_a_simulation_says_which_of_its_arguments_is_something_else() -> None:

@@ -100,6 +100,27 @@ def is_whole(value: Any) -> TypeGuard[int]:
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
+def picked(chosen: Any, count: int, name: str, noun: str) -> list[int]:
+    """Places from 0 on out of ``count``; negative numbers count from the end, as in a list."""
+    try:
+        entries = list(chosen)
+    except TypeError:
+        entries = [None]
+    if not all(map(is_whole, entries)):
+        mask = all(isinstance(entry, bool | np.bool_) for entry in entries)
+        hint = "; np.flatnonzero makes numbers of True and False" if mask else ""
+        raise ArgumentError(f"{name}: expected numbers of {noun}s, found {chosen!r}{hint}")
+    if not entries:
+        raise ArgumentError(f"{name}: expected at least one {noun}, found none")
+    for entry in entries:
+        if not -count <= entry < count:
+            raise ArgumentError(
+                f"{name}: expected numbers of {noun}s from 0 to {count - 1} (or {-count} to -1, "
+                f"from the end), found {entry}"
+            )
+    return [int(entry) % count for entry in entries]
+
+
 def truth(value: Any, name: str) -> bool:
     """True or False, and nothing that Python would take for one of them."""
     if not isinstance(value, bool | np.bool_):

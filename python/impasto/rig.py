@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.checks import FARTHEST_MM, length_mm, numbers, positive
+from impasto.checks import FARTHEST_MM, length_mm, numbers, picked, positive
 from impasto.errors import ArgumentError, GeometryError
 
 FRONTAL = (0.0, 0.0, 1.0)
@@ -168,10 +168,10 @@ class Rig:
         )
 
     def take(self, indices: Iterable[int]) -> Rig:
-        """The rig of some observations, in the order given."""
-        picked = [int(i) for i in indices]
+        """The rig of some observations, in the order given; negative ones count from the end."""
+        chosen = picked(indices, len(self), "indices", "observation")
         return Rig(
-            [self.lights[i] for i in picked], views=self.views[picked], pitch_mm=self.pitch_mm
+            [self.lights[i] for i in chosen], views=self.views[chosen], pitch_mm=self.pitch_mm
         )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.checks import instance, numbers, unmasked
+from impasto.checks import instance, numbers, picked, unmasked
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.rig import Light, Rig
@@ -150,25 +150,18 @@ class Stack:
         return observations, bands, height, width
 
     def take(self, indices: Iterable[int]) -> Stack:
-        """The stack of some observations, in the order given.
+        """The stack of some observations, in the order given; negative ones count from the end.
 
         A run of neighbours (0, 1, 2 ...) shares memory with this stack; other picks copy.
         """
-        picked = [int(i) for i in indices]
-        if not picked:
-            raise ArgumentError("indices: expected at least one observation, found none")
-        count = len(self.rig)
-        for index in picked:
-            if not -count <= index < count:
-                raise ArgumentError(f"indices: {index} is outside a stack of {count} observations")
-        picked = [index % count for index in picked]
-        run = picked == list(range(picked[0], picked[0] + len(picked)))
+        chosen = picked(indices, len(self.rig), "indices", "observation")
+        run = chosen == list(range(chosen[0], chosen[0] + len(chosen)))
         if run:
-            samples = self.samples[picked[0] : picked[0] + len(picked)]
+            samples = self.samples[chosen[0] : chosen[0] + len(chosen)]
         else:
-            samples = wait_for(self.samples.take, picked, axis=0)
+            samples = wait_for(self.samples.take, chosen, axis=0)
         return self._replace(
-            samples=samples, rig=self.rig.take(picked), names=[self.names[i] for i in picked]
+            samples=samples, rig=self.rig.take(chosen), names=[self.names[i] for i in chosen]
         )
 
     def linear(self, index: int) -> NDArray[np.float32]:

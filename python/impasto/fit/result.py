@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.errors import ArgumentError
+from impasto.checks import picked
 from impasto.fit.border import ProgressCallback
 from impasto.fit.forward import shown
 from impasto.fit.normals import Normals
@@ -110,19 +110,14 @@ class FittedSurface(ABC):
         return shown(self.surface(), rig, threads=threads, progress=progress)
 
     def with_bands(self, chosen: Sequence[int]) -> Self:
-        """The surface in some of its bands, by number.
+        """The surface in some of its bands, by number; negative ones count from the end.
 
         Raises
         ------
         ArgumentError
-            No sequence of numbers of bands.
+            No numbers of its bands, or none at all.
         """
-        count = len(self.bands)
-        whole = np.ndim(chosen) == 1 and np.asarray(chosen).dtype.kind in "iu"
-        if not whole or not all(-count <= band < count for band in chosen):
-            raise ArgumentError(
-                f"chosen: expected numbers of bands from 0 to {count - 1}, found {chosen!r}"
-            )
+        chosen = picked(chosen, len(self.bands), "chosen", "band")
         planes: dict[str, Any] = {
             one.name: np.take(getattr(self, one.name), chosen, axis=dims.index("band"))
             for one in fields(self)

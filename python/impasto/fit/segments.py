@@ -99,7 +99,7 @@ class SegmentSbrdf(FittedSurface):
         return self.painting.index
 
     def with_bands(self, chosen: Sequence[int]) -> Self:
-        """The surface in some of its bands, by number."""
+        """The surface in some of its bands, by number; negative ones count from the end."""
         return replace(super().with_bands(chosen), painting=self.painting.with_bands(chosen))
 
     def surface(self) -> SurfaceArguments:
