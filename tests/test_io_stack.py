@@ -447,13 +447,36 @@ def test_archive_round_trip(tmp_path: Path) -> None:
     np.savez(tmp_path / "lost.npz", samples=CODES8)
     with pytest.raises(impasto.CorruptInputError, match="'lights'"):
         read_stack(tmp_path / "lost.npz")
-    for name, value in {"region": (0, 0, 2, 2), "encoding": "srgb", "dark": 3}.items():
-        with pytest.raises(impasto.ArgumentError, match=rf"^{name}: .*s\.npz holds a finished"):
-            read_stack(tmp_path / "s.npz", **{name: value})
     data = (tmp_path / "s.npz").read_bytes()
     (tmp_path / "cut.npz").write_bytes(data[: len(data) // 2])
     with pytest.raises(impasto.CorruptInputError, match=r"cut\.npz"):
         read_stack(tmp_path / "cut.npz")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("region", (0, 0, 2, 2)),
+        ("encoding", "srgb"),
+        # Said, though it is what is assumed where nobody says: these may be decoded sRGB.
+        ("encoding", "linear"),
+        ("encoding", Encoding("linear")),
+        ("dark", 3),
+        ("board_reflectance", 1.0),
+    ],
+)
+def test_a_finished_stack_takes_no_option_of_photographs(
+    tmp_path: Path, name: str, value: object
+) -> None:
+    np.savez(tmp_path / "s.npz", samples=CODES8, lights=LIGHTS)
+    assert read_stack(tmp_path / "s.npz", strict=True).shape[0] == len(LIGHTS)
+    with pytest.raises(impasto.ArgumentError, match=rf"^{name}: .*s\.npz holds a finished"):
+        read_stack(tmp_path / "s.npz", **{name: value})
+
+
+def test_a_board_that_no_photograph_shows_has_no_reflectance(tmp_path: Path) -> None:
+    with pytest.raises(impasto.ArgumentError, match=r"^board_reflectance: .*\(white=\)"):
+        read_stack(session(tmp_path), board_reflectance=0.9)
 
 
 def test_paths_that_are_no_stack(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -48,8 +49,17 @@ def write_stack(path: str | Path, stack: Stack) -> None:
     write_npz(Path(path), arrays)
 
 
-def read_archive(path: Path) -> Stack:
-    """The stack of an ``.npz`` with at least ``samples`` and ``lights``."""
+def read_archive(path: Path, given: Mapping[str, Any]) -> Stack:
+    """The stack of an ``.npz`` with at least ``samples`` and ``lights``.
+
+    ``given`` are options for photographs, None where nobody said any: a finished stack takes none.
+    """
+    for name, value in given.items():
+        if value is not None:
+            raise ArgumentError(
+                f"{name}: {path} holds a finished stack, which takes no such option; say it "
+                "where its photographs are read"
+            )
     arrays = read_npz(path)
     lost = [key for key in ("samples", "lights") if key not in arrays]
     if lost:

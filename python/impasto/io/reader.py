@@ -33,6 +33,9 @@ from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.waiting import wait_for
 
+ASSUMED = Encoding("linear")
+"""The tone curve where nobody says one: told by identity from one that somebody said."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Options:
@@ -46,12 +49,12 @@ def read_stack(
     *,
     lights: str | Path | LightFile | Rig | ArrayLike | None = None,
     images: str | Path | None = None,
-    encoding: Encoding | str | None = "linear",
+    encoding: Encoding | str | None = ASSUMED,
     mask: str | Path | ArrayLike | None = None,
     saturation: ArrayLike | None = None,
     white: FrameSource | None = None,
     dark: FrameSource | None = None,
-    board_reflectance: ArrayLike = 1.0,
+    board_reflectance: ArrayLike | None = None,
     intensities: str | Path | ArrayLike | None = None,
     pattern: str | Sequence[str] | None = None,
     bands: Sequence[str] | None = None,
@@ -77,10 +80,10 @@ def read_stack(
     images
         The folder of the photographs; default: that of ``path``.
     encoding
-        How linear light became the files' codes: ``"linear"``, ``"srgb"``, a gamma such as
-        ``"2.2"``, or ``"auto"`` to estimate it from the photographs themselves (the estimate is
-        in the notes, see :func:`impasto.io.estimate_tone`), or None for what such files hold as a
-        rule: sRGB in 8 bits, linear light in more.
+        How linear light became the files' codes: ``"linear"`` (default), ``"srgb"``, a gamma
+        such as ``"2.2"``, or ``"auto"`` to estimate it from the photographs themselves (the
+        estimate is in the notes, see :func:`impasto.io.estimate_tone`), or None for what such
+        files hold as a rule: sRGB in 8 bits, linear light in more.
     mask
         A picture or ``(y, x)`` array: the painting is where it is not 0.
     saturation
@@ -94,7 +97,7 @@ def read_stack(
     dark
         Dark or ambient frames (averaged), or a black level in codes.
     board_reflectance
-        Reflectance of the board, one number or one per band.
+        Reflectance of the board that ``white`` shows, one number or one per band; default: 1.
     intensities
         Strength of each light, ``(obs,)`` or ``(obs, band)``, or a text file of these; default:
         those of the light file, else ``light_intensities.txt`` beside it, else 1.
@@ -125,7 +128,8 @@ def read_stack(
     CorruptInputError
         A damaged file, named.
     ArgumentError
-        Files or options that do not fit together, with both sides named.
+        Files or options that do not fit together, with both sides named; options for photographs
+        where ``path`` is an ``.npz``, which holds a finished stack.
     """
     path = Path(path)
     notebook = Notebook(strict)
@@ -136,17 +140,11 @@ def read_stack(
 
         given = {
             "lights": lights, "images": images, "mask": mask, "saturation": saturation,
-            "white": white, "dark": dark, "intensities": intensities, "pattern": pattern,
-            "bands": bands, "pitch_mm": pitch_mm, "region": region, "layer": layer,
-            "encoding": None if encoding == "linear" else encoding,
+            "white": white, "dark": dark, "board_reflectance": board_reflectance,
+            "intensities": intensities, "pattern": pattern, "bands": bands, "pitch_mm": pitch_mm,
+            "region": region, "layer": layer, "encoding": None if encoding is ASSUMED else encoding,
         }  # fmt: skip
-        for name, value in given.items():
-            if value is not None:
-                raise ArgumentError(
-                    f"{name}: {path} holds a finished stack, which takes no such option; say it "
-                    "where its photographs are read"
-                )
-        return read_archive(path)
+        return read_archive(path, given)
     options = _Options(region, layer, max_pixels)
     listed = listed_lights(path, lights, notebook)
     folder = Path(images) if images is not None else (path if path.is_dir() else path.parent)
@@ -188,7 +186,7 @@ def read_stack(
         board=None
         if white is None
         else find_board(white, observations.names, shape, area, listed.source, notebook),
-        board_reflectance=_per_band(board_reflectance, shape[0], "board_reflectance"),
+        board_reflectance=_board(board_reflectance, shape[0], white),
         rig=rig,
         gains=gains,
         region=area,
@@ -331,6 +329,16 @@ def _saturation(
     return None if saturation is None else _per_band(saturation, count, "saturation")
 
 
+def _board(
+    reflectance: ArrayLike | None, count: int, white: FrameSource | None
+) -> NDArray[np.float64]:
+    if reflectance is not None and white is None:
+        raise ArgumentError(
+            "board_reflectance: says nothing without photographs of the board (white=)"
+        )
+    return _per_band(1.0 if reflectance is None else reflectance, count, "board_reflectance")
+
+
 def _per_band(values: ArrayLike, count: int, name: str) -> NDArray[np.float64]:
     array = np.asarray(values, dtype=np.float64)
     if array.shape not in {(), (1,), (count,)} or not (array > 0).all():
@@ -368,6 +376,8 @@ def _curve(
     observations: Observations,
     notebook: Notebook,
 ) -> Encoding:
+    if encoding is ASSUMED:
+        encoding = ASSUMED.curve
     if isinstance(encoding, Encoding):
         return encoding
     if encoding is None:
