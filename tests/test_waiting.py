@@ -106,7 +106,7 @@ def waited(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     for module in ("fit.segments", "fit.sbrdf", "fit.reflectance", "fit.result", "io.files"):
         monkeypatch.setattr(f"impasto.{module}.wait_for", noted)
-    for module in ("io.reader", "stack", "waiting"):
+    for module in ("io.codes", "io.reader", "stack", "waiting"):
         monkeypatch.setattr(f"impasto.{module}.wait_for", noted)
     return names
 

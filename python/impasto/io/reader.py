@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
+from impasto.io.codes import read_codes
 from impasto.io.frames import (
     Calibration,
     FrameSource,
     Region,
-    check_region,
     crop,
     find_board,
     frame_paths,
     read_dark,
 )
-from impasto.io.headers import MAX_PIXELS, ImageHeader
-from impasto.io.images import load_image, read_image
+from impasto.io.headers import MAX_PIXELS
+from impasto.io.images import read_image
 from impasto.io.lights import LightFile
 from impasto.io.notes import Notebook
 from impasto.io.observations import Observations, find_observations
@@ -35,13 +34,6 @@ from impasto.waiting import wait_for
 
 ASSUMED = Encoding("linear")
 """The tone curve where nobody says one: told by identity from one that somebody said."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Options:
-    region: Sequence[int] | None
-    layer: str | None
-    max_pixels: int
 
 
 def read_stack(
@@ -145,7 +137,6 @@ def read_stack(
             "region": region, "layer": layer, "encoding": None if encoding is ASSUMED else encoding,
         }  # fmt: skip
         return read_archive(path, given)
-    options = _Options(region, layer, max_pixels)
     listed = listed_lights(path, lights, notebook)
     folder = Path(images) if images is not None else (path if path.is_dir() else path.parent)
     aside = [
@@ -161,14 +152,15 @@ def read_stack(
         bands=bands,
         aside=aside,
     )
-    codes, headers, area = _codes(observations, options)
-    _orientation(headers, notebook)
+    codes, header, area = read_codes(
+        observations, notebook, region=region, layer=layer, max_pixels=max_pixels
+    )
     shape: tuple[int, int, int] = codes.shape[1:]
     rig, gains = build_rig(
         listed,
         observations.kept,
         shape[0],
-        headers[0],
+        header,
         area,
         notebook,
         intensities=intensities,
@@ -223,102 +215,6 @@ def _sources(
     named = [p for option in options if option is not None for p in frame_paths(option) or ()]
     every = [lights, *(path for files in observations.files for path in files), *named]
     return tuple(dict.fromkeys(path for path in every if path.is_file()))
-
-
-def _codes(
-    observations: Observations, options: _Options
-) -> tuple[NDArray[Any], list[ImageHeader], Region | None]:
-    """Every file decoded into one array ``(obs, band, y, x)`` of codes."""
-    headers: list[ImageHeader] = []
-    area: Region | None = None
-    out: NDArray[Any] | None = None
-    widths: list[int] = []
-    for index, files in enumerate(observations.files):
-        band = 0
-        for position, path in enumerate(files):
-            header, planes = wait_for(
-                load_image, path, layer=options.layer, max_pixels=options.max_pixels
-            )
-            headers.append(header)
-            if out is None and position == 0:
-                area = check_region(options.region, (header.height, header.width))
-            reference = headers[position]
-            _same(header, reference, planes, widths[position] if index else None)
-            if _size(header) != _size(headers[0]):
-                _refuse(header, headers[0], "size", _size(header), _size(headers[0]))
-            planes = crop(planes, area)
-            if index == 0:
-                # The first observation tells how many bands there are in all.
-                widths.append(len(planes))
-                out = planes if out is None else np.concatenate([out, planes])
-            else:
-                assert out is not None
-                wait_for(np.copyto, out[index, band : band + len(planes)], planes)
-            band += len(planes)
-        if index == 0:
-            assert out is not None
-            out = _allocate(out, len(observations.files), files[0])
-    assert out is not None
-    return out, headers, area
-
-
-def _allocate(first: NDArray[Any], count: int, path: Path) -> NDArray[Any]:
-    needed = first.nbytes * count
-    try:
-        memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):  # not every system tells
-        memory = needed
-    if needed > memory:
-        raise ArgumentError(
-            f"{path.parent}: {count} photographs need {needed / 1e9:.1f} GB, this machine has "
-            f"{memory / 1e9:.1f} GB; read a part with region=(top, left, height, width)"
-        )
-    out = np.empty((count, *first.shape), first.dtype)
-    wait_for(np.copyto, out[0], first)
-    return out
-
-
-def _size(header: ImageHeader) -> str:
-    return f"{header.width} x {header.height} pixels"
-
-
-def _same(
-    header: ImageHeader, reference: ImageHeader, planes: NDArray[Any], bands: int | None
-) -> None:
-    if _size(header) != _size(reference):
-        _refuse(header, reference, "size", _size(header), _size(reference))
-    if header.dtype != reference.dtype:
-        _refuse(header, reference, "sample type", header.dtype, reference.dtype)
-    if bands is not None and len(planes) != bands:
-        _refuse(header, reference, "number of bands", len(planes), bands)
-
-
-def _refuse(header: ImageHeader, other: ImageHeader, what: str, found: Any, expected: Any) -> None:
-    raise ArgumentError(
-        f"photographs differ in {what}: {header.path} has {found}, {other.path} has {expected}; "
-        "all photographs of a stack come from one camera at one setting, uncropped"
-    )
-
-
-def _orientation(headers: list[ImageHeader], notebook: Notebook) -> None:
-    """EXIF orientation is never applied: rotating one photograph alone would misalign the stack."""
-    first = headers[0]
-    for header in headers:
-        if header.orientation != first.orientation:
-            notebook.warn(
-                "orientation",
-                header.path,
-                f"EXIF orientation {header.orientation}, {first.path.name} has "
-                f"{first.orientation}: ignored in all, pixels are used as stored",
-            )
-            return
-    if first.orientation != 1:
-        notebook.say(
-            "orientation",
-            first.path,
-            f"EXIF orientation {first.orientation} ignored in all photographs: light directions "
-            "refer to the pixels as stored",
-        )
 
 
 def _saturation(

@@ -1,0 +1,133 @@
+"""All photographs of a session as one array of codes, taken by one camera at one setting."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.errors import ArgumentError
+from impasto.io.frames import Region, check_region, crop
+from impasto.io.headers import ImageHeader
+from impasto.io.images import load_image
+from impasto.io.notes import Notebook
+from impasto.io.observations import Observations
+from impasto.waiting import wait_for
+
+
+def read_codes(
+    observations: Observations,
+    notebook: Notebook,
+    *,
+    region: Sequence[int] | None,
+    layer: str | None,
+    max_pixels: int,
+) -> tuple[NDArray[Any], ImageHeader, Region | None]:
+    """Decode every file of the observations into one array.
+
+    Returns
+    -------
+    tuple
+        Codes ``(obs, band, y, x)``, the first header, which all others agree with, and the region
+        as four integers.
+
+    Raises
+    ------
+    CorruptInputError
+        A damaged file, named.
+    ArgumentError
+        Photographs of other sizes or types than the first, or more than this machine can hold.
+    """
+    headers: list[ImageHeader] = []
+    area: Region | None = None
+    out: NDArray[Any] | None = None
+    widths: list[int] = []
+    for index, files in enumerate(observations.files):
+        band = 0
+        for position, path in enumerate(files):
+            header, planes = wait_for(load_image, path, layer=layer, max_pixels=max_pixels)
+            headers.append(header)
+            if out is None and position == 0:
+                area = check_region(region, (header.height, header.width))
+            reference = headers[position]
+            _same(header, reference, planes, widths[position] if index else None)
+            if _size(header) != _size(headers[0]):
+                _refuse(header, headers[0], "size", _size(header), _size(headers[0]))
+            planes = crop(planes, area)
+            if index == 0:
+                # The first observation tells how many bands there are in all.
+                widths.append(len(planes))
+                out = planes if out is None else np.concatenate([out, planes])
+            else:
+                assert out is not None
+                wait_for(np.copyto, out[index, band : band + len(planes)], planes)
+            band += len(planes)
+        if index == 0:
+            assert out is not None
+            out = _allocate(out, len(observations.files), files[0])
+    assert out is not None
+    _compare_orientations(headers, notebook)
+    return out, headers[0], area
+
+
+def _allocate(first: NDArray[Any], count: int, path: Path) -> NDArray[Any]:
+    needed = first.nbytes * count
+    try:
+        memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):  # not every system tells
+        memory = needed
+    if needed > memory:
+        raise ArgumentError(
+            f"{path.parent}: {count} photographs need {needed / 1e9:.1f} GB, this machine has "
+            f"{memory / 1e9:.1f} GB; read a part with region=(top, left, height, width)"
+        )
+    out = np.empty((count, *first.shape), first.dtype)
+    wait_for(np.copyto, out[0], first)
+    return out
+
+
+def _size(header: ImageHeader) -> str:
+    return f"{header.width} x {header.height} pixels"
+
+
+def _same(
+    header: ImageHeader, reference: ImageHeader, planes: NDArray[Any], bands: int | None
+) -> None:
+    if _size(header) != _size(reference):
+        _refuse(header, reference, "size", _size(header), _size(reference))
+    if header.dtype != reference.dtype:
+        _refuse(header, reference, "sample type", header.dtype, reference.dtype)
+    if bands is not None and len(planes) != bands:
+        _refuse(header, reference, "number of bands", len(planes), bands)
+
+
+def _refuse(header: ImageHeader, other: ImageHeader, what: str, found: Any, expected: Any) -> None:
+    raise ArgumentError(
+        f"photographs differ in {what}: {header.path} has {found}, {other.path} has {expected}; "
+        "all photographs of a stack come from one camera at one setting, uncropped"
+    )
+
+
+def _compare_orientations(headers: list[ImageHeader], notebook: Notebook) -> None:
+    """EXIF orientation is never applied: rotating one photograph alone would misalign the stack."""
+    first = headers[0]
+    for header in headers:
+        if header.orientation != first.orientation:
+            notebook.warn(
+                "orientation",
+                header.path,
+                f"EXIF orientation {header.orientation}, {first.path.name} has "
+                f"{first.orientation}: ignored in all, pixels are used as stored",
+            )
+            return
+    if first.orientation != 1:
+        notebook.say(
+            "orientation",
+            first.path,
+            f"EXIF orientation {first.orientation} ignored in all photographs: light directions "
+            "refer to the pixels as stored",
+        )
