@@ -14,6 +14,7 @@ import pytest
 
 from impasto import Encoding, PointLight, Rig, Stack, doctor, read_stack, simulate
 from impasto.cli import main
+from impasto.doctor.lights import lights as directions_alone
 from impasto.doctor.tone import tone
 from impasto.io import estimate_tone, read_lights, write_lights, write_png16, write_stack
 
@@ -310,6 +311,27 @@ def test_lights(lights: np.ndarray, code: str, severity: str) -> None:
     samples = rng.uniform(0.2, 0.6, (len(lights), 3, 16, 16)).astype(np.float32)
     diagnosis = doctor.examine(Stack(samples, lights=lights))
     assert diagnosis[code].severity == severity, diagnosis
+
+
+def test_a_light_repeats_where_the_view_does_too() -> None:
+    """Snel's 770 photographs show six lamps from 115 views each: 39,490 pairs, no repetition."""
+
+    def repeated(rig: Rig) -> list[doctor.Finding]:
+        samples = np.random.default_rng(2).uniform(0.2, 0.6, (len(rig), 1, 4, 4))
+        found = directions_alone(Stack(samples.astype(np.float32), lights=rig))
+        return [finding for finding in found if finding.code == "repeated-lights"]
+
+    snel = simulate.rig("snel-lafortune")
+    assert len(np.unique(snel.directions.round(6), axis=0)) < 30
+    assert repeated(snel) == []
+    again = snel.take([*range(len(snel)), 5, 5, 700])
+    (finding,) = repeated(again)
+    assert finding.message.startswith("3 photographs with the light and the view of an earlier one")
+    assert finding.numbers["pairs"] == [[5, 770], [5, 771], [700, 772]]
+    assert finding.observations == (5, 700, 770, 771, 772)
+    # A lamp that never moved: as many as come after the first.
+    (still,) = repeated(snel.take([0] * 40))
+    assert len(still.numbers["pairs"]) == 39
 
 
 def test_point_lights_are_taken_as_such() -> None:

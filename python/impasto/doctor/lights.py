@@ -155,22 +155,28 @@ def _coverage(directions: Floats) -> list[Finding]:
 
 
 def _repeated(stack: Stack) -> list[Finding]:
-    between = angles_between(stack.rig.directions, stack.rig.directions)
-    pairs = np.argwhere(np.triu(between < _SAME_DEG, 1))
-    if len(pairs) == 0:
+    """Where both repeat: a rig with many views shows the same light from each of them."""
+    rig = stack.rig
+    same = angles_between(rig.directions, rig.directions) < _SAME_DEG
+    same &= angles_between(rig.views, rig.views) < _SAME_DEG
+    # Each photograph is held against the first that is like it, so that a lamp that never moved is
+    # as many repetitions as there are photographs after the first, not as there are pairs.
+    first = same.argmax(axis=1)
+    again = np.flatnonzero(first < np.arange(len(first)))
+    if len(again) == 0:
         return []
-    first, second = (int(i) for i in pairs[0])
-    concerned = tuple(int(i) for i in np.unique(pairs))
+    pairs = np.stack([first[again], again], axis=1)
+    earlier, later = (stack.names[i] for i in pairs[0])
     return [
         Finding(
             "repeated-lights",
             "note",
-            f"{counted(len(pairs), 'pair')} of photographs with the same light direction (within "
-            f"{_SAME_DEG} degrees), first {stack.names[first]} and {stack.names[second]}: the "
-            "second adds no direction",
+            f"{counted(len(again), 'photograph')} with the light and the view of an earlier one "
+            f"(within {_SAME_DEG} degrees), first {later} with those of {earlier}: no direction "
+            "is added",
             "no harm if the lamp stood still on purpose; else a line of the light file was copied "
             "and one of the two directions is wrong",
-            concerned,
+            tuple(np.unique(pairs).tolist()),
             numbers={"pairs": pairs.tolist()},
         )
     ]
