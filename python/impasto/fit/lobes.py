@@ -37,7 +37,10 @@ class LobeSbrdf(LobedSurface):
     ``irradiance * (diffuse N.L + sum over lobes of specular D F G / (N.V)) + ambient``. Varnish is
     a lobe with equal strengths (``beta`` of eq. 1), gold one with a diffuse part near 0 and
     coloured strengths. What every result has: :class:`FittedSurface`; ``sigma`` is at most pi / 2,
-    which says that the photographs leave the normal open.
+    which says that the photographs leave the normal open. There is no ``verdict``: it tells what
+    came of the one lobe that pixels share (:class:`Sbrdf`), or under which condition all of them
+    were fitted (:class:`LafortuneSbrdf`); here ``lobes``, ``status`` and ``converged`` tell it by
+    pixel.
 
     Attributes
     ----------

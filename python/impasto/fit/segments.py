@@ -70,7 +70,9 @@ class SegmentSbrdf(FittedSurface):
     """A painting whose parts have a lobe each; what every result has: :class:`FittedSurface`.
 
     NaN stands in the maps, and a ``status``, as in :class:`Sbrdf`, against the lobe that the pixel
-    has; ``POOLED``, too, where a segment has the painting's lobe.
+    has; ``POOLED``, too, where a segment has the painting's lobe. There is no ``verdict`` of the
+    whole, which would hide one lobe's behind another's: each of ``segments`` has its own, and so
+    does ``painting``.
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ def read_codes(
     Returns
     -------
     tuple
-        Codes ``(obs, band, y, x)``, the first header, which all others agree with, and the region
+        Codes ``(obs, band, y, x)``, the first header (all agree in size), and the region
         as four integers.
 
     Raises
