@@ -400,6 +400,15 @@ def test_filter_wheel_with_a_colour_camera(tmp_path: Path) -> None:
     np.testing.assert_array_equal(stack.samples[:, 3:], CODES16 // 2)
 
 
+def test_filter_wheel_whose_bands_differ_in_type(tmp_path: Path) -> None:
+    """8 bits beside 16 would be taken for 16 bits of next to no light."""
+    for name, planes in zip(NAMES, CODES16, strict=True):
+        save(tmp_path / f"{name}_F1.png", planes)
+        save(tmp_path / f"{name}_F2.png", (planes // 256).astype(np.uint8))
+    with pytest.raises(impasto.ArgumentError, match=r"in sample type: .*_F2\.png has uint8"):
+        read_stack(tmp_path, lights=LIGHTS, pattern="{name}_{band}.png")
+
+
 def test_filter_wheel_with_a_lost_file(tmp_path: Path) -> None:
     codes = six_bands(tmp_path, "{name}_{band}.tif", ["a", "b"])
     (tmp_path / "shot 2_b.tif").unlink()

@@ -32,7 +32,7 @@ def read_codes(
     Returns
     -------
     tuple
-        Codes ``(obs, band, y, x)``, the first header (all agree in size), and the region
+        Codes ``(obs, band, y, x)``, the first header (all agree in size and type), and the region
         as four integers.
 
     Raises
@@ -53,10 +53,9 @@ def read_codes(
             headers.append(header)
             if out is None and position == 0:
                 area = check_region(region, (header.height, header.width))
-            reference = headers[position]
-            _same(header, reference, planes, widths[position] if index else None)
-            if _size(header) != _size(headers[0]):
-                _refuse(header, headers[0], "size", _size(header), _size(headers[0]))
+            _same_camera(header, headers[0])
+            if index and len(planes) != widths[position]:
+                _refuse(header, headers[position], "number of bands", len(planes), widths[position])
             planes = crop(planes, area)
             if index == 0:
                 # The first observation tells how many bands there are in all.
@@ -94,15 +93,11 @@ def _size(header: ImageHeader) -> str:
     return f"{header.width} x {header.height} pixels"
 
 
-def _same(
-    header: ImageHeader, reference: ImageHeader, planes: NDArray[Any], bands: int | None
-) -> None:
-    if _size(header) != _size(reference):
-        _refuse(header, reference, "size", _size(header), _size(reference))
-    if header.dtype != reference.dtype:
-        _refuse(header, reference, "sample type", header.dtype, reference.dtype)
-    if bands is not None and len(planes) != bands:
-        _refuse(header, reference, "number of bands", len(planes), bands)
+def _same_camera(header: ImageHeader, first: ImageHeader) -> None:
+    if _size(header) != _size(first):
+        _refuse(header, first, "size", _size(header), _size(first))
+    if header.dtype != first.dtype:
+        _refuse(header, first, "sample type", header.dtype, first.dtype)
 
 
 def _refuse(header: ImageHeader, other: ImageHeader, what: str, found: Any, expected: Any) -> None:
