@@ -12,15 +12,13 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-import impasto
 from circumstances import CALLS, LONG, capture, digests
+from processes import run, surroundings
 
-HERE = Path(__file__).parent
 CALL = pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
 
 
@@ -33,26 +31,6 @@ def photographed() -> Any:
 def expected(photographed: Any) -> dict[str, str]:
     """The digest of every call on one thread."""
     return digests(photographed, threads=1)
-
-
-def surroundings(**variables: str) -> dict[str, str]:
-    """The environment of a process that imports this impasto and circumstances.py."""
-    package = Path(impasto.__file__).parents[1]
-    return os.environ | {"PYTHONPATH": f"{HERE}{os.pathsep}{package}"} | variables
-
-
-def run(program: str, **variables: str) -> str:
-    """What a Python program prints."""
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env=surroundings(**variables),
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 @pytest.mark.parametrize("threads", [2, 3, 5, 8])

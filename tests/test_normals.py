@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +12,7 @@ import impasto
 from impasto import Status
 from impasto.fit.normals import METHODS
 from oracles import stereo as oracle
+from processes import run
 
 SHAPE = (12, 23)
 
@@ -227,14 +225,7 @@ print(digest.hexdigest(), impasto._core.build_info()["simd"])
 def test_every_instruction_set_gives_the_same_bits() -> None:
     found: dict[str, str] = {}
     for level in ("baseline", "avx2", "avx512"):
-        done = subprocess.run(
-            [sys.executable, "-c", SCRIPT, *METHODS],
-            env=os.environ | {"IMPASTO_SIMD": level},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        digest, simd = done.stdout.split()
+        digest, simd = run(SCRIPT, *METHODS, IMPASTO_SIMD=level).split()
         found[simd] = digest
     assert len(set(found.values())) == 1, found
 

@@ -6,9 +6,6 @@ Numbers of hard cases are those of ``docs/numerics``.
 from __future__ import annotations
 
 import dataclasses
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +16,7 @@ import impasto
 from impasto import Status
 from oracles import forward
 from oracles import pooled as oracle
+from processes import run
 
 ROWS, COLUMNS = SHAPE = (24, 32)
 BETA, GAMMA = 11.0, 0.13
@@ -173,14 +171,7 @@ def test_instruction_sets_change_no_bit(tmp_path: Path) -> None:
     answers = {}
     for level in ("avx512", "avx2", "neon", "baseline"):
         arguments = [str(tmp_path / "samples.npy"), str(tmp_path / "lights.npy"), "2"]
-        done = subprocess.run(
-            [sys.executable, "-c", _SCRIPT, *arguments],
-            env=os.environ | {"IMPASTO_SIMD": level},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        name, *answer = done.stdout.split()
+        name, *answer = run(_SCRIPT, *arguments, IMPASTO_SIMD=level).split()
         answers[name] = answer
     assert len({tuple(answer) for answer in answers.values()}) == 1, answers
 
