@@ -393,6 +393,8 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         ("render {tmp} --pitch -1 --out {out}.png", 1, "--pitch"),
         ("demo --out {out} --threads 0", 1, "--threads"),
         ("study --out {out} --quick --threads 0", 1, "--threads"),
+        ("study --out {images} --quick", 1, "photographs holds files that no study made"),
+        ("study --out {two} --quick", 1, "two.lp is a file; name a folder"),
         # The stack's lights, not the option of that name.
         ("fit {two} --images {images} --out {out}", 1, "impasto: lights: a normal needs"),
         ("info {tmp}/nowhere", 1, "nowhere"),
