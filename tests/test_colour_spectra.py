@@ -341,7 +341,7 @@ def test_a_blackbody_spectrum_finds_its_temperature_again():
         (lambda: spectrum("A", [0.4, 0.7]), "nanometres"),
         (lambda: spectrum("A", [4e-7, 7e-7]), "nanometres"),
         (lambda: xyz_from_spectrum([900.0, 1000.0], "A"), "outside the observer"),
-        (lambda: xyz_from_spectrum(FINE, "A", "CIE 1932"), "observer: expected one of"),
+        (lambda: xyz_from_spectrum(FINE, "A", "CIE 1932"), "observer: expected 'CIE 1931"),
         (lambda: interpolation_matrix(FINE, [400.0, np.nan]), "at: expected finite"),
         (lambda: correlated_temperature(GREEN), "no temperature"),
     ],

@@ -313,13 +313,15 @@ def test_a_cube_is_made_only_when_asked():
     [
         ({"diffuse": np.ones((2, 1, 1))}, r"diffuse: expected \(3, y, x\).*red, green, blue"),
         ({"diffuse": np.ones((3, 4))}, "diffuse: expected"),
-        ({"estimator": "magic"}, "estimator: expected one of"),
+        ({"estimator": "magic"}, "estimator: expected 'root-polynomial' or 'wiener'"),
+        ({"estimator": "weiner"}, "estimator: .*did you mean 'wiener'"),
         ({"training": np.ones((5, 7))}, r"training: expected shape \(spectrum, 61\)"),
         ({"training": np.full((5, 61), np.nan)}, "training: .*nan in spectrum 0 at 400 nm"),
         ({"training": np.ones((3, 61))}, "training: a regression needs at least 5"),
         ({"training": np.zeros((9, 61))}, "training: all numbers are 0"),
         ({"noise": -1.0}, "noise: expected at least 0"),
         ({"rank": 0}, "rank: expected a positive integer"),
+        ({"rank": "x"}, "rank: expected a positive integer or None, found 'x'"),
         ({"wavelengths": [500.0, 400.0]}, "wavelengths: .*increasing"),
     ],
 )

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from impasto.checks import one_of
 from impasto.colour._science import science
 from impasto.colour.illuminants import Illuminant, sampled, temperature_if_given
 from impasto.colour.wavelengths import Floats, checked_wavelengths, interpolation_matrix
@@ -104,7 +105,8 @@ def fine_weights(
     illuminant: Illuminant, observer: str, own_grid: Floats | None, name: str = "illuminant"
 ) -> tuple[Floats, Floats]:
     """The observer's 1 nm grid ``(m,)`` and the weights ``(3, m)``; the Y row sums to 1."""
-    fine, functions = _matching_functions(_checked_observer(observer))
+    one_of(observer, OBSERVERS, "observer")
+    fine, functions = _matching_functions(observer)
     power = sampled(illuminant, fine, own_grid, name)
     # The largest value becomes 1 first: tables in W m^-3 or of a cold blackbody would otherwise
     # run into the ends of the range of a double.
@@ -123,14 +125,6 @@ def _describe(illuminant: Illuminant) -> str:
         return repr(illuminant)
     kelvin = temperature_if_given(illuminant)
     return "the spectrum" if kelvin is None else f"{kelvin:g} K"
-
-
-def _checked_observer(observer: str) -> str:
-    if observer not in OBSERVERS:
-        raise ArgumentError(
-            f"observer: expected one of {', '.join(map(repr, OBSERVERS))}, found {observer!r}"
-        )
-    return observer
 
 
 @lru_cache(maxsize=8)

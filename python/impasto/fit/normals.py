@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
-from impasto.checks import is_whole, suggestion
+from impasto.checks import is_whole, one_of
 from impasto.effort import EffortLike, resolved
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.border import (
@@ -168,10 +168,7 @@ def fit_normals(
     ArgumentError
         If an option makes no sense; the message names it.
     """
-    if method not in METHODS:
-        known = ", ".join(f'"{name}"' for name in METHODS)
-        hint = suggestion(method, METHODS)
-        raise ArgumentError(f"method: expected one of {known}, found {method!r}{hint}")
+    one_of(method, METHODS, "method")
     if steps is not None and not (is_whole(steps) and 0 <= steps <= MOST_STEPS):
         raise ArgumentError(f"steps: expected a number from 0 to {MOST_STEPS}, found {steps!r}")
     effort = resolved(effort)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
 from impasto.bands import Camera, Integration, checked_camera
-from impasto.checks import instance, is_whole
+from impasto.checks import instance, is_whole, one_of
 from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, reporting, thread_count
@@ -206,9 +206,7 @@ def fit_reflectance(
         Sizes or an order that do not agree with the camera's bands, an unknown estimator, a
         training set that is too small or not finite, negative noise.
     """
-    if estimator not in get_args(Estimator):
-        names = ", ".join(map(repr, get_args(Estimator)))
-        raise ArgumentError(f"estimator: expected one of {names}, found {estimator!r}")
+    one_of(estimator, get_args(Estimator), "estimator")
     if stack is not None:
         instance(stack, Stack, "stack", "an impasto.Stack or None")
     checked_camera(camera)
