@@ -28,7 +28,7 @@ ONE_VIEW = (*SIMULATED, "icon")
 COUNTS = (6, 9, 14, 24)
 """Lights that are kept of 48, of the icon's of 60."""
 ALL = 48
-VIEW_COUNTS = (12, 18, 35, 70, 175, 350)
+VIEW_COUNTS = (7, 12, 18, 35, 70, 175, 350)
 """Photographs that are kept of 700: a hundredth to a half."""
 PER_PIXEL = {"pooling": "pixel"}
 
