@@ -66,6 +66,32 @@ def effort_of(options: Row, pixels: int) -> Effort:
     return Effort(**options["effort"] | {"pixels": pixels})
 
 
+def preset_of(options: Row) -> str | None:
+    """The name of the effort that a row was measured with, if it has one.
+
+    On pictures of the study's size ``pixels`` makes no difference.
+    """
+    if "effort" not in options:
+        return None
+    same = (name for name, own in PRESETS.items() if effort_of(options, own.pixels) == own)
+    return next(same, None)
+
+
+def call(options: Row) -> str:
+    """What :func:`impasto.fit_sbrdf` is to be asked for, as somebody would write it."""
+    asked = {name: value for name, value in options.items() if name != "effort"}
+    words = [_written(asked)] if asked else []
+    if "effort" in options and (name := preset_of(options)) != "standard":
+        usual = Effort().to_dict()
+        own = {n: value for n, value in options["effort"].items() if value != usual[n]}
+        words.append(f"effort=Effort({_written(own)})" if name is None else f'effort="{name}"')
+    return f"`{', '.join(words)}`" if words else "nothing: the default"
+
+
+def _written(arguments: Row) -> str:
+    return ", ".join(f"{name}={value!r}" for name, value in arguments.items()).replace("'", '"')
+
+
 def checked(rows: Iterable[Row], presets: Mapping[str, Effort] = PRESETS) -> list[Check]:
     """Whether presets are where a study's front says that they should be.
 

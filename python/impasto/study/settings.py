@@ -14,7 +14,7 @@ from impasto.fit.normals import Method
 from impasto.stack import Stack
 from impasto.study import choices, fits, minpack, parts, peers
 from impasto.study.measure import Fitted
-from impasto.study.presets import grid_name
+from impasto.study.presets import grid_name, preset_of
 from impasto.study.specimens import Paintings
 from impasto.wording import counted
 
@@ -86,9 +86,8 @@ def settings(*, quick: bool = False) -> list[Setting]:
 
 def named(setting: Setting) -> bool:
     """Whether somebody gets it by name: one lobe, or a preset of pixels' own."""
-    effort = setting.options.get("effort")
-    same = [effort == preset.to_dict() | {"pixels": Effort().pixels} for preset in PRESETS.values()]
-    return setting.knob == "pooling" or (setting.knob == "effort" and any(same))
+    preset = setting.knob == "effort" and preset_of(setting.options) is not None
+    return setting.knob == "pooling" or preset
 
 
 def _spread(rungs: list[Setting], count: int) -> list[Setting]:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from impasto.effort import PRESETS
-from impasto.study import minpack, presets
-from impasto.study.front import ERROR, Row, front
+from impasto.study import front, minpack, presets
+from impasto.study.front import ERROR, Row
 
 SETS = {
     "own model": "simulated, our model",
@@ -68,7 +68,7 @@ def points(rows: Sequence[Row]) -> list[tuple[float, float]]:
 def front_of(rows: Sequence[Row], data: str) -> list[Row]:
     """Rows that no other fit of a data set beats in both time and error."""
     fits = fits_of(rows, data)
-    return [fits[i] for i in front(points(fits))]
+    return [fits[i] for i in front.front(points(fits))]
 
 
 def _best(rows: Sequence[Row]) -> list[Row]:
@@ -85,9 +85,8 @@ def preset_rows(rows: Sequence[Row]) -> list[tuple[str, Row]]:
         if row["knob"] == "pooling":
             named.append((row["setting"], row))
             continue
-        for name, preset in PRESETS.items():
-            if presets.effort_of(row["options"], preset.pixels) == preset:
-                named.append((f"pixels' own, {name}", row))
+        if (name := presets.preset_of(row["options"])) is not None:
+            named.append((f"pixels' own, {name}", row))
     order = [*SETS, *(f"pixels' own, {name}" for name in PRESETS)]
 
     def place(item: tuple[str, Row]) -> tuple[int, int]:
@@ -142,6 +141,7 @@ def _summary(rows: Sequence[Row]) -> list[Row]:
         lines.append(
             {
                 "setting": name,
+                "ask for": presets.call(next(iter(found.values()))["options"]),
                 "CPU s": float(seconds),
                 # Of the one data set that it is measured on.
                 "MB": next((row["memory"] for row in found.values() if "memory" in row), None),
@@ -175,25 +175,38 @@ def _classes(rows: Sequence[Row]) -> list[Row]:
 
 
 def _halving(rows: Sequence[Row]) -> list[Row]:
-    """From each preset of pixels' own lobes: the best fit in at most half of its time."""
+    """From each preset of pixels' own lobes to the best that may be asked for in half its time.
+
+    In the mean of the data sets that presets are taken from.
+    """
+    found: dict[str, dict[str, Row]] = {}
+    everywhere = {row["data"] for row in of_knob(rows, "effort")}
+    asked = [row for row in of_knob(rows, "effort", "pooling") if row["data"] in everywhere]
+    for row in asked:
+        found.setdefault(row["setting"], {})[row["data"]] = row
+    rungs = front.rungs(asked)
     lines = []
-    for name, row in preset_rows(rows):
-        if row["knob"] != "effort":
+    for name in PRESETS:
+        own = next((r for r in rungs if presets.preset_of(r.options) == name), None)
+        fast = [rung for rung in rungs if own is not None and rung.seconds <= 0.5 * own.seconds]
+        if own is None or not fast:
             continue
-        half = 0.5 * row["cost"]["cpu"]
-        fast = [r for r in fits_of(rows, row["data"]) if r["cost"]["cpu"] <= half]
-        if not fast:
-            continue
-        other = min(fast, key=lambda r: r["error"][ERROR])
-        angle, before = other["error"]["normal"], row["error"]["normal"]
+        best = min(fast, key=lambda rung: rung.error)
+
+        def less(what: str, half: str = best.setting, whole: str = own.setting) -> float | None:
+            one, other = found[half], found[whole]
+            pairs = [(one[data]["error"][what], other[data]["error"][what]) for data in one]
+            known = [a - b for a, b in pairs if a is not None]
+            return float(np.mean(known)) if known else None
+
         lines.append(
             {
-                "data": SETS[row["data"]],
-                "setting": name,
-                "half": other["setting"],
-                "normal deg": None if angle is None else angle - before,
-                "dE00": other["error"]["colour"] - row["error"]["colour"],
-                "dB": other["error"]["psnr"] - row["error"]["psnr"],
+                "setting": f"pixels' own, {name}",
+                "half": presets.call(best.options),
+                "normal deg": less("normal"),
+                "dE00": less("colour"),
+                "dB": less("psnr"),
+                "flagged %": 100.0 * best.flagged,
             }
         )
     return lines

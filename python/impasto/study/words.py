@@ -9,9 +9,11 @@ from typing import Any, get_args
 import numpy as np
 
 from impasto.effort import PRESETS, Effort, Origin
+from impasto.study.advice import choice
 from impasto.study.agreement import TENTH, apart
 from impasto.study.choices import CHOICES
 from impasto.study.front import Row
+from impasto.study.phrases import by_data, differences, levels, ratio, share, span
 from impasto.study.presets import checked, grid_name
 from impasto.study.tables import SETS, of_knob, preset_rows, unbeaten
 from impasto.wording import counted
@@ -33,65 +35,6 @@ def words(rows: Sequence[Row]) -> dict[str, str]:
     return made
 
 
-def _named(rows: Sequence[Row]) -> dict[str, dict[str, Row]]:
-    """Rows by the name that somebody gets them by, and by data set."""
-    found: dict[str, dict[str, Row]] = {}
-    for name, row in preset_rows(rows):
-        found.setdefault(name, {})[row["data"]] = row
-    return found
-
-
-def _differences(one: dict[str, Row], other: dict[str, Row], what: str) -> list[float]:
-    pairs = [(one[d]["error"][what], other[d]["error"][what]) for d in one if d in other]
-    return [a - b for a, b in pairs if a is not None and b is not None]
-
-
-def _ratio(one: dict[str, Row], other: dict[str, Row]) -> float:
-    logs = [np.log(one[d]["cost"]["cpu"] / other[d]["cost"]["cpu"]) for d in one if d in other]
-    if not logs:
-        raise ValueError
-    return float(np.exp(np.mean(logs)))
-
-
-def _span(values: Sequence[float], unit: str, digits: int = 1) -> str:
-    # Rounded first: what is nothing has no sign.
-    low, high = (
-        f"{round(value, digits) + 0.0:+.{digits}f}".replace(f"+{0:.{digits}f}", f"{0:.{digits}f}")
-        for value in (min(values), max(values))
-    )
-    return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
-
-
-def _share(values: Sequence[float]) -> str:
-    low, high = (f"{100.0 * value:.0f}" for value in (min(values), max(values)))
-    return f"{low} %" if low == high else f"{low} to {high} %"
-
-
-def choice(rows: Sequence[Row]) -> str:
-    """Which of what has a name."""
-    named = _named(rows)
-    own = {name: named[f"pixels' own, {name}"] for name in ("draft", "standard", "reference")}
-    painting, standard = named["one lobe"], own["standard"]
-    gains = _differences(standard, painting, "psnr")
-    lines = [
-        f'* `pooling="pixel"` instead of one lobe for the painting: {_span(gains, "dB")} on '
-        f"held-out photographs, {_span(_differences(standard, painting, 'colour'), 'ΔE00', 2)}, "
-        f"normals {_span(_differences(standard, painting, 'normal'), '°', 2)}. With some twenty "
-        "lights or more this is the larger step, "
-        f"{'on every data set' if min(gains) > 0 else 'though not on every data set'}."
-    ]
-    for name in ("draft", "reference"):
-        flagged = [row["error"]["flagged"] for row in own[name].values()]
-        lines.append(
-            f'* `effort="{name}"` instead of `"standard"`: {_ratio(own[name], standard):.2f} '
-            f"times the time, {_span(_differences(own[name], standard, 'psnr'), 'dB')}, "
-            f"{_span(_differences(own[name], standard, 'colour'), 'ΔE00', 2)}, normals "
-            f"{_span(_differences(own[name], standard, 'normal'), '°', 2)}; it flags "
-            f"{_share(flagged)} of the pixels."
-        )
-    return "\n".join(lines)
-
-
 def promises(rows: Sequence[Row]) -> str:
     """What presets promise, and whether it is so."""
     lines = []
@@ -101,21 +44,14 @@ def promises(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def _levels(rows: Sequence[Row], knob: str, setting: str, what: str) -> dict[str, float]:
-    found = {r["data"]: r["error"][what] for r in of_knob(rows, knob) if r["setting"] == setting}
-    if not found:
-        raise KeyError(setting)
-    return found
-
-
 def photographs(rows: Sequence[Row]) -> str:
     """What lights, and their choice, are worth."""
-    every = _levels(rows, "lights", "all", "psnr")
+    every = levels(rows, "lights", "all", "psnr")
     lines = []
     for count in (24, 14, 9):
         losses = {}
         for kind in CHOICES:
-            some = _levels(rows, "lights", f"{count} {kind}", "psnr")
+            some = levels(rows, "lights", f"{count} {kind}", "psnr")
             losses[kind] = float(np.mean([every[data] - some[data] for data in every]))
         lines.append(
             f"{count} lights cost {losses['random']:.1f} dB at random, {losses['spread']:.1f} dB "
@@ -136,7 +72,7 @@ def views(rows: Sequence[Row]) -> str:
     cut = [gain for count, gain in best.items() if round(total / count) >= CUT]
     verdict = "it can" if max(cut) >= -1.0 else "it cannot"
     rest = ", ".join(
-        f"1/{round(total / count)} {_span([best[count]], 'dB', 0)}"
+        f"1/{round(total / count)} {span([best[count]], 'dB', 0)}"
         for count in sorted(best, reverse=True)
     )
     return (
@@ -150,16 +86,16 @@ def views(rows: Sequence[Row]) -> str:
 def doubt(rows: Sequence[Row]) -> str:
     """What robust weights are worth."""
     both, none = (
-        {r["data"]: r for r in of_knob(rows, "robust") if r["setting"] == setting}
+        by_data(rows, "robust", setting)
         for setting in ("stereo on, samples on", "stereo off, samples off")
     )
-    time = _ratio(both, none)
+    time = ratio(both, none)
     flagged = [float(np.mean([r["error"]["flagged"] for r in rs.values()])) for rs in (none, both)]
     return (
         "Weighing samples by what is left of them (with normals that start from robust "
         f"photometric stereo) costs {time:.2f} times the time of doing neither, "
-        f"and changes held-out photographs by {_span(_differences(both, none, 'psnr'), 'dB')}, "
-        f"normals by {_span(_differences(both, none, 'normal'), '°', 3)}; pixels that are flagged "
+        f"and changes held-out photographs by {span(differences(both, none, 'psnr'), 'dB')}, "
+        f"normals by {span(differences(both, none, 'normal'), '°', 3)}; pixels that are flagged "
         f"fall from {100 * flagged[0]:.0f} % to {100 * flagged[1]:.1f} %."
     )
 
@@ -168,17 +104,17 @@ def steps(rows: Sequence[Row]) -> str:
     """What more steps are worth, of photographs and of normals."""
     rounds = PRESETS["standard"].rounds
     few, many = (
-        {r["data"]: r for r in of_knob(rows, "effort") if r["setting"] == grid_name(effort)}
+        by_data(rows, "effort", grid_name(effort))
         for effort in (Effort(rounds=rounds, iterations=n, start="table") for n in (2, 10))
     )
 
     def changed(what: str) -> str:
         pairs = [(few[data]["error"][what], many[data]["error"][what]) for data in few]
-        return _span([100.0 * (b / a - 1.0) for a, b in pairs if a is not None], "%", 0)
+        return span([100.0 * (b / a - 1.0) for a, b in pairs if a is not None], "%", 0)
 
     return (
         f"From the table of widths and with {counted(rounds, 'round')} ten steps instead of two "
-        f"take {_ratio(many, few):.1f} times the time, and change the error of held-out "
+        f"take {ratio(many, few):.1f} times the time, and change the error of held-out "
         f"photographs by {changed('relative')}, that of normals by {changed('normal')}."
     )
 
@@ -187,16 +123,16 @@ def starts(rows: Sequence[Row]) -> str:
     """Whether it matters where the search starts."""
     found = [row["setting"] for row in of_knob(rows, "starts")]
     others = [name for name in dict.fromkeys(found) if name != "robust"]
-    own = _levels(rows, "starts", "robust", "psnr")
-    angles = _levels(rows, "starts", "robust", "normal")
+    own = levels(rows, "starts", "robust", "psnr")
+    angles = levels(rows, "starts", "robust", "normal")
     gains, turns = [], []
     for name in others:
-        some, more = (_levels(rows, "starts", name, what) for what in ("psnr", "normal"))
+        some, more = (levels(rows, "starts", name, what) for what in ("psnr", "normal"))
         gains += [some[data] - own[data] for data in own]
         turns += [more[d] - angle for d, angle in angles.items() if angle is not None]
     return (
         f"The search starts at normals of photometric stereo. From those of {len(others)} other "
-        f"methods than the default it comes to {_span(gains, 'dB')} and {_span(turns, '°', 3)} of "
+        f"methods than the default it comes to {span(gains, 'dB')} and {span(turns, '°', 3)} of "
         "the same."
     )
 
@@ -204,14 +140,14 @@ def starts(rows: Sequence[Row]) -> str:
 def searches(rows: Sequence[Row]) -> str:
     """What it is worth to start from what pixels about have found."""
     table, pyramid = (
-        {r["data"]: r for r in of_knob(rows, "effort") if r["setting"] == grid_name(effort)}
+        by_data(rows, "effort", grid_name(effort))
         for effort in (replace(PRESETS["standard"], start=start) for start in get_args(Origin))
     )
     return (
         'Searches that start from what pixels of a coarse grid found (`Effort(start="pyramid")`) '
-        f"take {_ratio(pyramid, table):.2f} times the time of those from a table of widths, and "
-        f"change held-out photographs by {_span(_differences(pyramid, table, 'psnr'), 'dB')}, "
-        f"normals by {_span(_differences(pyramid, table, 'normal'), '°', 3)}."
+        f"take {ratio(pyramid, table):.2f} times the time of those from a table of widths, and "
+        f"change held-out photographs by {span(differences(pyramid, table, 'psnr'), 'dB')}, "
+        f"normals by {span(differences(pyramid, table, 'normal'), '°', 3)}."
     )
 
 
@@ -221,9 +157,9 @@ def precision(rows: Sequence[Row]) -> str:
     for row in of_knob(rows, "precision"):
         found.setdefault(row["setting"], {})[row["data"]] = row
     lines = [
-        f"{what} takes {_ratio(found[name], found['single']):.2f} times the time, and changes "
-        f"held-out photographs by {_span(_differences(found[name], found['single'], 'psnr'), 'dB')}"
-        f", normals by {_span(_differences(found[name], found['single'], 'normal'), '°', 3)}"
+        f"{what} takes {ratio(found[name], found['single']):.2f} times the time, and changes "
+        f"held-out photographs by {span(differences(found[name], found['single'], 'psnr'), 'dB')}"
+        f", normals by {span(differences(found[name], found['single'], 'normal'), '°', 3)}"
         for name, what in {
             "polished": "a last round that goes on in double precision",
             "double": "every search in double precision",
@@ -235,24 +171,21 @@ def precision(rows: Sequence[Row]) -> str:
 
 def lobes(rows: Sequence[Row]) -> str:
     """What a further lobe is worth."""
-
-    def named(name: str) -> dict[str, Row]:
-        return {r["data"]: r for r in of_knob(rows, "lobes") if r["setting"] == name}
-
-    at_most = [named("none"), *(named(f"{n} at most") for n in (1, 2, 3))]
+    names = ("none", *(f"{n} at most" for n in (1, 2, 3)))
+    at_most = [by_data(rows, "lobes", name) for name in names]
     lines = [
-        f"{n} at most instead of {n - 1}: {_ratio(at_most[n], at_most[n - 1]):.1f} times the time, "
-        f"{_span(_differences(at_most[n], at_most[n - 1], 'psnr'), 'dB')}"
+        f"{n} at most instead of {n - 1}: {ratio(at_most[n], at_most[n - 1]):.1f} times the time, "
+        f"{span(differences(at_most[n], at_most[n - 1], 'psnr'), 'dB')}"
         for n in (2, 3)
     ]
-    matte = _differences(at_most[1], at_most[0], "psnr")
+    matte = differences(at_most[1], at_most[0], "psnr")
     lines += [
-        f"{n} always instead of at most: {_ratio(always, at_most[n]):.1f} times the time, "
-        f"{_span(_differences(always, at_most[n], 'psnr'), 'dB')}"
+        f"{n} always instead of at most: {ratio(always, at_most[n]):.1f} times the time, "
+        f"{span(differences(always, at_most[n], 'psnr'), 'dB')}"
         for n in (1, 2, 3)
-        if (always := named(f"{n} always"))
+        if (always := by_data(rows, "lobes", f"{n} always"))
     ]
-    return f"The first lobe is worth {_span(matte, 'dB')}; " + "; ".join(lines) + "."
+    return f"The first lobe is worth {span(matte, 'dB')}; " + "; ".join(lines) + "."
 
 
 def classes(rows: Sequence[Row]) -> str:
@@ -268,7 +201,7 @@ def classes(rows: Sequence[Row]) -> str:
             if name in found and "two lobes" in found
         ]
         if saved:
-            lines.append(f"those with {name} save {_share(saved)} of the time")
+            lines.append(f"those with {name} save {share(saved)} of the time")
     if not lines:
         raise ValueError
     return "Against pixels that get two lobes " + ", ".join(lines) + "."
@@ -276,11 +209,11 @@ def classes(rows: Sequence[Row]) -> str:
 
 def bits(rows: Sequence[Row]) -> str:
     """What coarser numbers cost."""
-    full = _levels(rows, "bits", "float32", "psnr")
+    full = levels(rows, "bits", "float32", "psnr")
     lines = []
     for sort in ("8-bit linear", "8-bit sRGB", "12-bit linear", "float16"):
-        some = _levels(rows, "bits", sort, "psnr")
-        lines.append(f"{sort} {_span([some[data] - full[data] for data in full], 'dB')}")
+        some = levels(rows, "bits", sort, "psnr")
+        lines.append(f"{sort} {span([some[data] - full[data] for data in full], 'dB')}")
     return "Against float32: " + ", ".join(lines) + "."
 
 
@@ -307,10 +240,9 @@ def memory(rows: Sequence[Row]) -> str:
     held = {name: row["memory"] for name, row in preset_rows(rows) if row.get("memory")}
     own, views = held["pixels' own, standard"], held["Lafortune"]
     return (
-        "MB are megabytes at the peak of a fit per megapixel of one photograph, beyond the "
-        "photographs themselves, of 48 photographs with three bands: what a process of its own "
-        "holds more for a large picture than for a small one. Pixels' own lobes take "
-        f"{own:.0f}, one lobe {held['one lobe']:.0f}, Lafortune lobes of 700 views {views:.0f}."
+        "Beyond the photographs themselves a fit takes, at its peak, for every megapixel of one "
+        f"photograph: {own:.0f} MB with pixels' own lobes, {held['one lobe']:.0f} MB with one lobe "
+        f"(48 photographs with three bands), {views:.0f} MB with Lafortune lobes of 700 views."
     )
 
 
