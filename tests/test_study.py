@@ -12,11 +12,9 @@ import pytest
 import impasto
 from impasto import simulate, study
 from impasto.cli import main
-from impasto.effort import PRESETS
-from impasto.study import advice, choices, front, materials, measure, minpack, specimens, tables
+from impasto.study import choices, front, materials, measure, minpack, specimens, tables
 from impasto.study.bound import normal_bound
 from impasto.study.record import RUNS
-from impasto.study.words import words
 
 SIZES = specimens.Sizes(painting=24, views=6, icon=24, paintings=2)
 
@@ -258,112 +256,6 @@ def test_everything_is_written(quick: tuple[Path, dict[str, Any]]) -> None:
     before = (out / "front.svg").read_bytes()
     study.write(found, out)
     assert (out / "front.svg").read_bytes() == before
-
-
-def test_sentences_say_what_rows_say() -> None:
-    """Half the time, a decibel less on the one set, the same on the other; nothing is lost."""
-
-    def row(name: str, data: str, seconds: float, decibels: float) -> dict[str, Any]:
-        error = {"psnr": decibels, "flagged": 0.5}
-        return {
-            "knob": "lobes", "setting": name, "data": data, "cost": {"cpu": seconds},
-            "error": error,
-        }  # fmt: skip
-
-    rows = [
-        row(name, data, seconds, decibels + more)
-        for name, seconds, decibels in (
-            ("none", 1, 20),
-            ("1 at most", 2, 30),
-            ("2 at most", 6, 31.5),
-        )
-        for data, more in (("own model", 0.0), ("icon", 2.0 if name == "2 at most" else 0.0))
-    ]
-    assert "lobes" not in words(rows)
-    rows += [row("3 at most", "own model", 6, 31.46), row("3 at most", "icon", 6, 33.5)]
-    at_most = (
-        "The first lobe is worth +10.0 dB; 2 at most instead of 1: 3.0 times the time, "
-        "+1.5 to +3.5 dB; 3 at most instead of 2: 1.0 times the time, 0.0 dB"
-    )
-    assert words(rows) == {"lobes": f"{at_most}."}
-    rows += [row("2 always", "own model", 9, 31.0), row("2 always", "icon", 9, 33.5)]
-    always = "2 always instead of at most: 1.5 times the time, -0.5 to 0.0 dB"
-    assert words(rows) == {"lobes": f"{at_most}; {always}."}
-
-
-@pytest.mark.parametrize(("loss", "verdict"), [(20.0, "it cannot"), (1.0, "it can")])
-def test_the_sentence_on_views_says_whether_the_claim_holds(loss: float, verdict: str) -> None:
-    """By the best of the choices, at a fortieth or less; what a hundredth loses is no matter."""
-    losses = {350: 0.4, 175: 1.0, 70: 1.0, 35: 1.0, 18: loss, 7: 30.0}
-    decibels = {(700, "all"): 60.0} | {
-        (count, f"{count} {choice}"): 60.0 - least - further
-        for count, least in losses.items()
-        for choice, further in (("random", 2), ("spread", 0), ("best", 1))
-    }
-    rows = [
-        {
-            "knob": "views", "setting": name, "data": "770 views", "number": count,
-            "error": {"psnr": value},
-        }
-        for (count, name), value in decibels.items()
-    ]  # fmt: skip
-    text = words(rows)["views"]
-    assert text.startswith(f"Here {verdict}. ")
-    lost = "1/2 0 dB, 1/4 -1 dB, 1/10 -1 dB, 1/20 -1 dB"
-    assert f"choices: {lost}, 1/39 -{loss:.0f} dB, 1/100 -30 dB. The surface" in text
-
-
-def test_the_advice_says_what_leaving_the_default_gives() -> None:
-    """By hand, on two data sets; of the second nobody knows the normals."""
-    errors = {
-        "one lobe": ((30.0, 2.0, 1.0, 0.2), (25.0, 4.0, None, 0.1)),
-        "draft": ((38.0, 1.5, 0.3, 0.05), (31.5, 3.0, None, 0.015)),
-        "standard": ((40.0, 1.5, 0.2, 0.0), (31.0, 3.1, None, 0.01)),
-        "reference": ((39.9, 1.5, 0.15, 0.0), (31.0, 3.1, None, 0.01)),
-    }
-    seconds = {"one lobe": 90.0, "draft": 5.0, "standard": 10.0, "reference": 30.0}
-    rows = [
-        {
-            "knob": "effort" if name in PRESETS else "pooling", "setting": name, "data": data,
-            "cost": {"cpu": seconds[name]},
-            "error": dict(zip(("psnr", "colour", "normal", "flagged"), error, strict=True)),
-            "options": {"effort": PRESETS[name].to_dict()} if name in PRESETS else {},
-        }
-        for name, both in errors.items()
-        for data, error in zip(("own model", "icon"), both, strict=True)
-    ]  # fmt: skip
-    many, first, last = advice.choice(rows).splitlines()
-    assert (
-        "come out 6.0 to 10.0 dB nearer, their colours 0.50 to 0.90 ΔE00, normals 0.80 °." in many
-    )
-    assert (
-        "0.50 times the time of pixels' own lobes; at worst 2.0 dB, 0.00 ΔE00 and 0.10 °" in first
-    )
-    assert "2 to 5 % of the pixels are in doubt instead of 0 to 1 %." in first
-    assert "3.0 times the time; at best 0.0 dB, 0.00 ΔE00 and 0.05 ° are gained." in last
-
-
-def test_a_sentence_says_what_precision_is_worth() -> None:
-    """By hand: a fifth more time for nothing, twice the time for a decibel and a hundredth."""
-    rows = [
-        {
-            "knob": "precision", "setting": name, "data": "own model", "cost": {"cpu": seconds},
-            "error": {"psnr": decibels, "normal": angle},
-        }
-        for name, seconds, decibels, angle in (
-            ("single", 10.0, 40.0, 0.2),
-            ("polished", 12.0, 40.0, 0.2),
-            ("double", 20.0, 41.0, 0.19),
-        )
-    ]  # fmt: skip
-    assert words(rows) == {
-        "precision": "A last round that goes on in double precision takes 1.20 times the time, and "
-        "changes held-out photographs by 0.0 dB, normals by 0.000 °; every search in double "
-        "precision takes 2.00 times the time, and changes held-out photographs by +1.0 dB, normals "
-        "by -0.010 °."
-    }
-    # A study of two precisions says nothing of the third.
-    assert words(rows[:2]) == {}
 
 
 def test_the_command(

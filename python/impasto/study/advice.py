@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import takewhile
 
 from impasto.study.front import Row
-from impasto.study.phrases import between, differences, named, ratio, share
+from impasto.study.phrases import between, by_data, differences, named, ratio, share, span
+from impasto.study.tables import of_knob
 
 GAINS = (("psnr", 1.0, "dB", 1), ("colour", -1.0, "ΔE00", 2), ("normal", -1.0, "°", 2))
 """What is said of a fit: the error, its sign where more is better, unit and digits."""
@@ -22,7 +24,7 @@ def choice(rows: Sequence[Row]) -> str:
         (
             '* **Gloss that differs from place to place: `pooling="pixel"`.** Photographs that the '
             f"fit has not seen come out {nearer} nearer, their colours {colour}, normals {normal}. "
-            "It wants more lights than one lobe does ([how many](#how-many-photographs)).",
+            "It wants lights enough ([how many](#how-many-photographs)).",
             f'* **A first look: `effort="draft"`, too.** {ratio(draft, standard):.2f} times the '
             f"time of pixels' own lobes; at worst {_most(standard, draft)} are lost, and "
             f"{_flagged(draft)} of the pixels are in doubt instead of {_flagged(standard)}.",
@@ -31,6 +33,32 @@ def choice(rows: Sequence[Row]) -> str:
             f"{_most(reference, standard)} are gained.",
         )
     )
+
+
+def enough(rows: Sequence[Row]) -> str:
+    """With how many lights pixels' own lobes are the better choice."""
+    counts = {r["number"] for r in of_knob(rows, "lights") if r["setting"].endswith("one lobe")}
+    gains: dict[int, list[list[float]]] = {}
+    for count in sorted(counts, reverse=True):
+        own, painting = (
+            by_data(rows, "lights", f"{count} spread{which}") for which in ("", ", one lobe")
+        )
+        gains[count] = [differences(own, painting, what) for what in ("psnr", "normal")]
+    better = list(takewhile(lambda count: min(gains[count][0]) > 0.0, gains))
+    if not gains:
+        raise ValueError
+    said = "; ".join(
+        f"{count} lights {span(nearer, 'dB')}, normals {span(turned, '°', 2)}"
+        for count, (nearer, turned) in gains.items()
+    )
+    verdict = (
+        f"With {better[-1]} lights or more, spread evenly, lobes of every pixel's own show "
+        "photographs better than one lobe does on every data set"
+        if better
+        else f"Not even with {max(gains)} lights do lobes of every pixel's own show photographs "
+        "better than one lobe on every data set"
+    )
+    return f"{verdict}. Instead of one lobe through the same photographs: {said}."
 
 
 def _gains(one: dict[str, Row], other: dict[str, Row]) -> list[str]:

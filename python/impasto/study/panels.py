@@ -12,7 +12,8 @@ from impasto.study.tables import SETS, fits_of, front_of, of_knob, points, prese
 from impasto.wording import counted
 
 # Okabe and Ito 2008: told apart by colour-blind readers, and in grey by their lightness.
-BLUE, ORANGE, GREEN, BLACK, FAINT = "#0072b2", "#d55e00", "#009e73", "#202020", "#b8b8b8"
+BLUE, ORANGE, GREEN, BLACK = "#0072b2", "#d55e00", "#009e73", "#202020"
+GREY, FAINT = "#707070", "#b8b8b8"
 SHADES = ("#a9cfe6", "#56a0d0", "#0072b2", "#003a5c")
 OURS = "ours, MINPACK's pixels"
 BY = {
@@ -146,6 +147,9 @@ def lights(axes: Any, found: Row, data: str) -> None:
     for choice, (style, colour) in LOOKS.items():
         some = [row for row in rows if row["setting"].endswith((choice, "all"))]
         _curve(axes, some, error, style, colour, choice)
+    painting = [row for row in rows if row["setting"].endswith("one lobe")]
+    if painting:
+        _curve(axes, painting, error, "^-.", GREY, "one lobe, spread")
     bound = [row for row in rows if "bound" in row and row["setting"].endswith(("spread", "all"))]
     if bound:
         _curve(axes, bound, lambda row: row["bound"], ":", BLACK, "Cramér-Rao, spread")

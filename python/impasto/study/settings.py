@@ -31,6 +31,8 @@ ALL = 48
 VIEW_COUNTS = (7, 12, 18, 35, 70, 175, 350)
 """Photographs that are kept of 700: a hundredth to a half."""
 PER_PIXEL = {"pooling": "pixel"}
+ONE_LOBE = "one lobe"
+"""What comes without asking."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ def _efforts() -> Iterator[Setting]:
         effort = Effort(precision=precision)
         yield _sbrdf("precision", precision, ONE_VIEW, **PER_PIXEL, effort=effort)
     yield _sbrdf("pooling", "one lobe, as the papers have it", ONE_VIEW, joint=False)
-    yield _sbrdf("pooling", "one lobe", ONE_VIEW)
+    yield _sbrdf("pooling", ONE_LOBE, ONE_VIEW)
     yield _sbrdf("pooling", "Lafortune", (VIEWS,), model="lafortune")
     for pixels in (1 << 8, 1 << 10):
         effort = Effort(pixels=pixels)
@@ -175,5 +177,10 @@ def _photographs() -> Iterator[Setting]:
                 "views", f"{count} {choice}", (VIEWS,), model="lafortune", number=count,
                 prepare=partial(choices.fewer, count=count, choice=choice),
             )  # fmt: skip
+    # With how few lights what comes without asking is the better fit.
+    for count in COUNTS:
+        fewer = partial(choices.fewer, count=count, choice="spread")
+        name = f"{count} spread, {ONE_LOBE}"
+        yield _sbrdf("lights", name, ONE_VIEW, number=count, prepare=fewer)
     yield _sbrdf("lights", "all", ONE_VIEW, **PER_PIXEL, number=ALL)
     yield _sbrdf("views", "all", (VIEWS,), model="lafortune", number=700)

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from impasto.effort import PRESETS, Effort, Origin
-from impasto.study.advice import choice
+from impasto.study.advice import choice, enough
 from impasto.study.agreement import TENTH, apart
 from impasto.study.choices import CHOICES
 from impasto.study.front import Row
@@ -268,7 +268,7 @@ def again(rows: Sequence[Row]) -> str:
 
 
 SENTENCES = (
-    choice, promises, photographs, views, doubt, steps, starts, searches, precision, lobes, classes,
-    bits, peers, memory, again,
+    choice, promises, enough, photographs, views, doubt, steps, starts, searches, precision, lobes,
+    classes, bits, peers, memory, again,
 )  # fmt: skip
 """In the order of the page; each raises where a study has not measured what it is about."""
