@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import impasto
 from impasto import simulate, study
 from impasto.cli import main
 from impasto.study import choices, front, materials, measure, minpack, specimens, tables
-from impasto.study.bound import normal_bound
+from impasto.study.bound import bound_of, widths_off
 from impasto.study.record import RUNS
 
 SIZES = specimens.Sizes(painting=24, views=6, icon=24, paintings=2)
@@ -216,19 +217,43 @@ def test_the_bound_falls_with_the_root_of_the_photographs() -> None:
     specimen, _ = made["own model"]()
     assert specimen.truth is not None
     once, twice = (
-        normal_bound(specimen.truth, specimen.stack.rig.take([*range(16)] * count))
-        for count in (1, 2)
+        bound_of(specimen.truth, specimen.stack.rig.take([*range(16)] * count)) for count in (1, 2)
     )
     # Sums of products in another order: rounding of float64, times the condition of 7 unknowns.
-    assert once / twice == pytest.approx(np.sqrt(2.0), rel=1e-6)
+    assert once.normal / twice.normal == pytest.approx(np.sqrt(2.0), rel=1e-6)
+    assert once.width / twice.width == pytest.approx(np.sqrt(2.0), rel=1e-6)
+
+
+def test_widths_are_off_by_so_many_bounds() -> None:
+    made, _ = specimens.specimens(SIZES, 0, None)
+    specimen, _ = made["own model"]()
+    truth = specimen.truth
+    assert truth is not None
+    bound = bound_of(truth, specimen.stack.rig)
+    places = np.s_[3::6, 3::6]
+    here = truth.gamma[0][places]
+    off = bound.width.reshape(here.shape)
+    gamma = np.full(truth.gamma.shape[1:], np.nan)
+    # Either way off by three bounds; of a normal law that would be the median of 3 / 0.674.
+    gamma[places] = here * np.exp(np.where(np.indices(here.shape).sum(axis=0) % 2, 3.0, -3.0) * off)
+    assert widths_off([gamma], [truth], [bound]) == pytest.approx(3.0 / 0.67449, rel=1e-5)
+    # A width that is not known is none: by a quarter of the pixels the median moves no further.
+    gamma[3::6, 3::24] = np.nan
+    assert widths_off([gamma], [truth], [bound]) == pytest.approx(3.0 / 0.67449, rel=1e-5)
+    assert widths_off([np.full_like(gamma, np.nan)], [truth], [bound]) == np.inf
+    # Where there is no gloss nothing tells of its width, and no fit is asked.
+    matte = replace(truth, beta=np.zeros_like(truth.beta))
+    assert np.isinf(bound_of(matte, specimen.stack.rig).width).all()
 
 
 # --- the sweep
 
 
 def test_no_fit_beats_the_bound(quick: tuple[Path, dict[str, Any]]) -> None:
-    rows = [row for row in quick[1]["rows"] if "bound" in row]
-    assert rows
+    some = (row for row in quick[1]["rows"] if "bound" in row)
+    rows = [row for row in some if row["error"]["normal"] is not None]
+    assert {"lights", "effort", "normals"} <= {row["knob"] for row in rows}
+    assert all("width" in row for row in rows if row["knob"] == "effort")
     # The bound takes a pixel's two tilts for equally known. Where one is known without error the
     # mean angle is that of one normal deviate, sqrt(2 / pi) s, and the bound says
     # sqrt(pi / 2) sqrt(s^2 / 2): it is never too high by more than their quotient, 0.900.

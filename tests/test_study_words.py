@@ -122,6 +122,26 @@ def test_it_is_said_with_how_many_lights_pixels_have_lobes_of_their_own() -> Non
     assert words([row for row in rows if not row["setting"].endswith("one lobe")]) == {}
 
 
+def test_presets_are_compared_with_the_bound() -> None:
+    """By hand: a tenth, a fifth and two fifths above it; widths as far and half as far again."""
+    rows = [
+        {
+            "knob": "effort", "setting": name, "data": data, "bound": 0.05,
+            "error": {"normal": 0.05 * more}, "width": 1.5 * more,
+            "options": {"effort": PRESETS[name].to_dict()},
+        }
+        for name, more in {"draft": 1.4, "standard": 1.2, "reference": 1.1}.items()
+        for data in ("own model", "icon")
+    ]  # fmt: skip
+    assert words(rows) == {
+        "bound": "With all photographs of the simulated paintings, normals (in the mean) and "
+        "widths of gloss (in the median) are off by so many times their bounds: "
+        '`"draft"` 1.40 and 2.10, `"standard"` 1.20 and 1.80, `"reference"` 1.10 and 1.65.'
+    }
+    # A record of before widths were measured.
+    assert words([{k: v for k, v in row.items() if k != "width"} for row in rows]) == {}
+
+
 def test_a_sentence_says_what_precision_is_worth() -> None:
     """By hand: a fifth more time for nothing, twice the time for a decibel and a hundredth."""
     rows = [

@@ -36,6 +36,7 @@ def _strided(specimen: Specimen, stride: int) -> Specimen:
         stack=thinned(specimen.stack, stride),
         held=specimen.held[window],
         normal=None if normal is None else normal[window],
+        truth=None,
     )
 
 
@@ -65,6 +66,7 @@ def alike(paintings: Paintings, *, lobes: int) -> Paintings:
         stack=stack._replace(samples=np.ascontiguousarray(stack.samples[place])),
         held=specimen.held[place],
         normal=None if normal is None else normal[place],
+        truth=None,
         share=len(y) / count,
     )
     return (part,)

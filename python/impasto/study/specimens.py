@@ -49,7 +49,7 @@ class Specimen:
     normal
         ``(3, y, x)`` true normals; None where nobody knows them.
     truth
-        All there is to know, where the photographs follow the model that is fitted.
+        All there is to know of a whole painting whose photographs follow the model that is fitted.
     share
         Of the painting's pixels.
     """

@@ -12,12 +12,14 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from impasto.errors import ArgumentError
+from impasto.rig import Rig
 from impasto.simulate.fields import check_seed
+from impasto.simulate.photography import Truth
 from impasto.stack import Stack
 from impasto.study import parts
 from impasto.study.agreement import check_alike
-from impasto.study.bound import normal_bound
-from impasto.study.measure import compared, lobes_of
+from impasto.study.bound import Bound, bound_of, widths_off
+from impasto.study.measure import Fitted, compared, lobes_of
 from impasto.study.memory import per_megapixel
 from impasto.study.record import TERMS, Journal, run_info
 from impasto.study.settings import VIEWS, Setting, named, settings
@@ -153,6 +155,8 @@ class _Desk:
         self._seed, self._threads, self._weigh = seed, threads, weigh
         self._yardstick = yardstick
         self._timed: dict[tuple[str, str], Taken] = {}
+        # Most settings are fitted to the same photographs.
+        self._bounds: dict[tuple[int, bytes], Bound] = {}
 
     def _take(self, setting: Setting, *, first: bool) -> list[Taken]:
         """What a setting takes of every painting; of the first alone where it is only timed."""
@@ -180,9 +184,7 @@ class _Desk:
             # What is not timed may take every core: its bits are the same.
             fits = [fitted, *(setting.fit(stack, None) for _, stack in others)]
             row: dict[str, Any] = {"number": setting.number, "options": setting.options}
-            if setting.knob == "lights" and part.truth is not None:
-                bounds = [normal_bound(p.truth, s.rig) for p, s in taken if p.truth is not None]
-                row["bound"] = float(np.mean(bounds))
+            row |= self._bounded(fits, taken)
             if self._weigh and part.name in WEIGHED and named(setting):
                 row["memory"] = per_megapixel(setting.fit, stack, self._threads)
             row |= {"share": part.share, "lobes": lobes_of(fits)}
@@ -196,3 +198,24 @@ class _Desk:
             # Whatever a fit of ours refuses here it should have made: the others go on, and it
             # shows.
             return {"failed": f"{type(error).__name__}: {error}"}
+
+    def _bounded(self, fits: Sequence[Fitted], taken: Sequence[Taken]) -> dict[str, float]:
+        """What no fit can beat, and how near this one's widths come, where the truth is known."""
+        known = [
+            (fit, part.truth, stack.rig) for fit, (part, stack) in zip(fits, taken, strict=True)
+        ]
+        truths = [truth for _, truth, _ in known if truth is not None]
+        if not truths:
+            return {}
+        bounds = [self._bound(truth, rig) for _, truth, rig in known if truth is not None]
+        row = {"bound": float(np.mean([bound.normal for bound in bounds]))}
+        gammas: list[Any] = [getattr(fit, "gamma", None) for fit in fits]
+        if all(np.ndim(gamma) == 3 for gamma in gammas):
+            row["width"] = widths_off([gamma[0] for gamma in gammas], truths, bounds)
+        return row
+
+    def _bound(self, truth: Truth, rig: Rig) -> Bound:
+        key = (id(truth), rig.directions.tobytes())
+        if key not in self._bounds:
+            self._bounds[key] = bound_of(truth, rig)
+        return self._bounds[key]

@@ -13,7 +13,7 @@ from impasto.study.advice import choice, enough
 from impasto.study.agreement import TENTH, apart
 from impasto.study.choices import CHOICES
 from impasto.study.front import Row
-from impasto.study.phrases import by_data, differences, levels, ratio, share, span
+from impasto.study.phrases import by_data, differences, levels, named, ratio, share, span
 from impasto.study.presets import checked, grid_name
 from impasto.study.tables import SETS, of_knob, preset_rows, unbeaten
 from impasto.wording import counted
@@ -58,6 +58,19 @@ def photographs(rows: Sequence[Row]) -> str:
             f"spread, {losses['best']:.1f} dB as the best of sixteen"
         )
     return "In the mean of the data sets " + "; ".join(lines) + "."
+
+
+def bound(rows: Sequence[Row]) -> str:
+    """How near the presets come to what no fit can beat."""
+    own = {name: named(rows)[f"pixels' own, {name}"]["own model"] for name in PRESETS}
+    said = ", ".join(
+        f'`"{name}"` {row["error"]["normal"] / row["bound"]:.2f} and {row["width"]:.2f}'
+        for name, row in own.items()
+    )
+    return (
+        "With all photographs of the simulated paintings, normals (in the mean) and widths of "
+        f"gloss (in the median) are off by so many times their bounds: {said}."
+    )
 
 
 def views(rows: Sequence[Row]) -> str:
@@ -268,7 +281,7 @@ def again(rows: Sequence[Row]) -> str:
 
 
 SENTENCES = (
-    choice, promises, enough, photographs, views, doubt, steps, starts, searches, precision, lobes,
-    classes, bits, peers, memory, again,
+    choice, promises, enough, photographs, bound, views, doubt, steps, starts, searches, precision,
+    lobes, classes, bits, peers, memory, again,
 )  # fmt: skip
 """In the order of the page; each raises where a study has not measured what it is about."""
