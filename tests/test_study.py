@@ -13,7 +13,17 @@ import pytest
 import impasto
 from impasto import simulate, study
 from impasto.cli import main
-from impasto.study import choices, front, materials, measure, minpack, specimens, tables
+from impasto.study import (
+    choices,
+    front,
+    materials,
+    measure,
+    minpack,
+    parts,
+    settings,
+    specimens,
+    tables,
+)
 from impasto.study.bound import bound_of, widths_off
 from impasto.study.record import RUNS
 
@@ -159,6 +169,22 @@ def test_recoded_photographs_show_the_same_light(sort: str) -> None:
     bound |= {f"{bits}-bit linear": 0.5 * full / (2**bits - 1) + own for bits in (8, 12, 16)}
     fine = np.isfinite(second) & ~clipped
     assert np.abs(first - second)[fine].max() <= 1.001 * bound.get(sort, 0.0)
+
+
+def test_a_large_picture_is_a_small_one_over_and_over() -> None:
+    made, _ = specimens.specimens(SIZES, 0, None)
+    paintings = made["own model"]()
+    first = paintings[0]
+    (large,) = parts.repeated(paintings, times=3)
+    assert large.megapixels == pytest.approx(9.0 * first.megapixels)
+    for place in np.ndindex(3, 3):
+        here = np.s_[..., *(slice(24 * at, 24 * (at + 1)) for at in place)]
+        assert (large.stack.samples[here] == first.stack.samples).all()
+        assert (large.held[here] == first.held).all()
+        assert (large.normal[here] == first.normal).all()
+    # The quick study has no time for it.
+    assert "size" in {setting.knob for setting in settings.settings()}
+    assert "size" not in {setting.knob for setting in settings.settings(quick=True)}
 
 
 # --- measures

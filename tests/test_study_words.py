@@ -122,6 +122,21 @@ def test_it_is_said_with_how_many_lights_pixels_have_lobes_of_their_own() -> Non
     assert words([row for row in rows if not row["setting"].endswith("one lobe")]) == {}
 
 
+def test_what_a_large_picture_takes_is_told_beside_a_small_one() -> None:
+    rows = [
+        {
+            "knob": knob, "setting": "one lobe", "data": "own model", "number": number,
+            "cost": {"cpu": seconds}, "options": {},
+        }
+        for knob, number, seconds in (("pooling", None, 96.54), ("size", 64, 40.3))
+    ]  # fmt: skip
+    assert words(rows) == {
+        "size": "A picture 64 times as large takes, in CPU seconds per megapixel: one lobe 40.3 "
+        "instead of 96.5."
+    }
+    assert words(rows[:1]) == {}
+
+
 def test_presets_are_compared_with_the_bound() -> None:
     """By hand: a tenth, a fifth and two fifths above it; widths as far and half as far again."""
     rows = [

@@ -40,6 +40,20 @@ def _strided(specimen: Specimen, stride: int) -> Specimen:
     )
 
 
+def repeated(paintings: Paintings, *, times: int) -> Paintings:
+    """The first painting side by side, so often along both axes: a picture as large as people's."""
+    specimen = paintings[0]
+    stack, normal = specimen.stack, specimen.normal
+    part = replace(
+        specimen,
+        stack=stack._replace(samples=np.tile(stack.samples, (1, 1, times, times))),
+        held=np.tile(specimen.held, (1, 1, times, times)),
+        normal=None if normal is None else np.tile(normal, (1, times, times)),
+        truth=None,
+    )
+    return (part,)
+
+
 def alike(paintings: Paintings, *, lobes: int) -> Paintings:
     """Those that the standard effort gives so many lobes, over and over in a picture as large.
 

@@ -30,6 +30,8 @@ COUNTS = (6, 9, 14, 24)
 ALL = 48
 VIEW_COUNTS = (7, 12, 18, 35, 70, 175, 350)
 """Photographs that are kept of 700: a hundredth to a half."""
+LARGE = 8
+"""Times as wide and as high is a picture that tells what size does to a fit's time."""
 PER_PIXEL = {"pooling": "pixel"}
 ONE_LOBE = "one lobe"
 """What comes without asking."""
@@ -75,8 +77,8 @@ class Setting:
 
 
 def settings(*, quick: bool = False) -> list[Setting]:
-    """All of them, or of every knob a few; the presets always."""
-    every = list(_all())
+    """All of them, or of every knob a few but nothing large; the presets always."""
+    every = [setting for setting in _all() if not (quick and setting.knob == "size")]
     if not quick:
         return every
     knobs: dict[str, list[Setting]] = {}
@@ -137,6 +139,9 @@ def _efforts() -> Iterator[Setting]:
     yield _sbrdf("pooling", "one lobe, as the papers have it", ONE_VIEW, joint=False)
     yield _sbrdf("pooling", ONE_LOBE, ONE_VIEW)
     yield _sbrdf("pooling", "Lafortune", (VIEWS,), model="lafortune")
+    large: dict[str, Any] = {"part": partial(parts.repeated, times=LARGE), "number": LARGE**2}
+    yield _sbrdf("size", ONE_LOBE, SIMULATED[:1], **large)
+    yield _sbrdf("size", "pixels' own, standard", SIMULATED[:1], **PER_PIXEL, **large)
     for pixels in (1 << 8, 1 << 10):
         effort = Effort(pixels=pixels)
         yield _sbrdf("pixels", f"{pixels} pixels", ONE_VIEW, effort=effort, number=pixels)

@@ -259,6 +259,22 @@ def memory(rows: Sequence[Row]) -> str:
     )
 
 
+def size(rows: Sequence[Row]) -> str:
+    """What a large picture takes, pixel for pixel."""
+    small = named(rows)
+    lines, times = [], 0
+    for row in of_knob(rows, "size"):
+        name = row["setting"]
+        before = small[name][row["data"]]["cost"]["cpu"]
+        lines.append(f"{name} {row['cost']['cpu']:.1f} instead of {before:.1f}")
+        times = row["number"]
+    if not lines:
+        raise ValueError
+    return (
+        f"A picture {times} times as large takes, in CPU seconds per megapixel: {', '.join(lines)}."
+    )
+
+
 def again(rows: Sequence[Row]) -> str:
     """What a second run says."""
     rows = [row for row in rows if "again" in row]
@@ -282,6 +298,6 @@ def again(rows: Sequence[Row]) -> str:
 
 SENTENCES = (
     choice, promises, enough, photographs, bound, views, doubt, steps, starts, searches, precision,
-    lobes, classes, bits, peers, memory, again,
+    lobes, classes, bits, peers, memory, size, again,
 )  # fmt: skip
 """In the order of the page; each raises where a study has not measured what it is about."""
