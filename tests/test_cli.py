@@ -536,3 +536,20 @@ def test_ctrl_c_stops_within_a_second_and_leaves_nothing(tmp_path: Path) -> None
     # A second, and as much again for a machine that is busy with other tests.
     assert time.monotonic() - sent < 2.0
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        "study --repeats 2.7",
+        "study --seed 1.5",
+        "demo --size 64.5 --out x",
+        "render x --out y --threads 1.5",
+        "fit x --out y --lobes 1.5 --pooling pixel",
+    ],
+)
+def test_numbers_that_are_not_whole_are_not_rounded(
+    capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    assert main(option.split()) == 2
+    assert "expected a whole number, found" in capsys.readouterr().err

@@ -16,7 +16,7 @@ from impasto import Effort, simulate, suggest
 from impasto.effort import PRESETS
 from impasto.relighting import full_scale, relative_error
 from impasto.study import specimens
-from impasto.thinning import every, thinned
+from impasto.thinning import every, painted, thinned, thinned_to
 
 
 @pytest.fixture(scope="module")
@@ -345,3 +345,151 @@ def test_a_suggestion_keeps_its_word() -> None:
         fitted.predict(photographs.take(held).rig), truth, full_scale(photographs)
     )
     assert found == pytest.approx(suggestion.error, rel=0.15)
+
+
+def test_arrays_are_no_efforts(stack: impasto.Stack) -> None:
+    """Of several words ``in`` has no answer, of one it says yes."""
+    for words in (np.array(["draft", "standard"]), np.array("draft")):
+        with pytest.raises(impasto.ArgumentError, match="effort: expected 'draft'"):
+            impasto.fit_normals(stack, effort=words)  # type: ignore[arg-type]
+    for name in ("start", "precision"):
+        for words in (np.array(["table", "single"]), np.array("table"), np.array("single")):
+            with pytest.raises(impasto.ArgumentError, match=f"{name}: expected"):
+                Effort(**{name: words})
+
+
+def test_numbers_that_are_not_whole_are_told_apart_from_those_out_of_range() -> None:
+    with pytest.raises(impasto.ArgumentError, match="2147483647, a whole number, found"):
+        Effort(pixels=5.0)  # type: ignore[arg-type]
+    with pytest.raises(impasto.ArgumentError, match="rounds: expected 0 to 2147483647, found -1"):
+        Effort(rounds=-1)
+
+
+def test_infinity_is_above_0_and_refused_as_what_it_is(stack: impasto.Stack) -> None:
+    with pytest.raises(impasto.ArgumentError, match="seconds: expected a finite number above 0"):
+        impasto.suggest_effort(stack, seconds=np.inf)
+
+
+def test_lights_in_one_plane_are_not_blamed_on_the_trial(stack: impasto.Stack) -> None:
+    """All 48 of them are, not 40 for the eight that are held out."""
+    flat = stack._replace(rig=_arc(stack, 0).rig)
+    turn = np.radians(np.linspace(15.0, 165.0, 48))
+    lights = np.stack([np.cos(turn), 0.0 * turn, np.sin(turn)], axis=1)
+    with pytest.raises(impasto.GeometryError, match="the 48 lights lie in one plane") as told:
+        impasto.suggest_effort(flat._replace(rig=impasto.Rig(lights)), error=0.1)
+    assert "held out" not in str(told.value)
+
+
+@pytest.mark.parametrize("band", [slice(1, 2), slice(None)], ids=["one band", "all but one photo"])
+def test_pixels_that_no_fit_can_estimate_have_no_suggestion(
+    stack: impasto.Stack, band: slice
+) -> None:
+    """Photographs that show something, which is too little: no setting would be the best."""
+    samples = np.array([stack.linear(i) for i in range(12)])
+    samples[: 12 if band.stop else 11, band] = np.nan
+    with pytest.raises(impasto.ArgumentError, match=r"found \w+ and nothing else"):
+        impasto.suggest_effort(impasto.Stack(samples, lights=stack.rig.take(range(12))), seconds=9)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "told"),
+    [(89.0, "89 s"), (90.0, "1.5 min"), (1000.0, "17 min"), (5400.0, "1.5 h"), (1e6, "278 h")],
+)
+def test_times_are_told_to_a_twentieth(seconds: float, told: str) -> None:
+    """90 s were 2 min."""
+    assert f"will take {told} here" in str(suggest.Suggestion({}, seconds, 0.1, True, ()))
+
+
+def test_what_is_no_better_than_black_says_so() -> None:
+    told = str(suggest.Suggestion({"joint": False}, 1.0, 1.25, True, ()))
+    assert told.endswith("relight, no better than black, with an error of 125 %.")
+
+
+# --- some pixels for all
+
+
+def _numbered(shape: tuple[int, int], rig: Any = None, **more: Any) -> impasto.Stack:
+    """Every pixel's sample is its place."""
+    samples = np.arange(3.0 * shape[0] * shape[1], dtype=np.float32).reshape(3, 1, *shape)
+    return impasto.Stack(samples, lights=np.eye(3) if rig is None else rig, **more)
+
+
+@pytest.mark.parametrize("shape", [(1, 90000), (90000, 1), (5, 20000), (300, 300), (64, 64)])
+def test_a_part_of_any_shape_is_no_larger_than_asked(shape: tuple[int, int]) -> None:
+    """A stride of five would leave 18000 pixels of a line of 90000."""
+    part = thinned_to(_numbered(shape), 4096)
+    assert 2000 < painted(part) <= 4096
+
+
+def test_of_a_mask_in_a_corner_only_the_corner_is_looked_at() -> None:
+    mask = np.zeros((200, 300), np.bool_)
+    mask[150:190, 260:] = True
+    mask[160, 270] = False
+    part = thinned_to(_numbered((200, 300), mask=mask), 4096)
+    assert part.shape[2:] == (40, 40)
+    assert part.mask is not None
+    assert painted(part) == 1599
+    assert part.samples[0, 0, 0, 0] == 150 * 300 + 260
+
+
+def test_what_a_mask_scatters_stands_side_by_side() -> None:
+    mask = np.random.default_rng(3).random((400, 300)) < 0.001
+    whole = _numbered((400, 300), mask=mask)
+    part = thinned_to(whole, 200)
+    assert part.mask is not None
+    there = part.samples[0, 0][part.mask]
+    assert part.samples[0, 0].size < len(there) + np.sqrt(len(there)) + 1
+    np.testing.assert_array_equal(there, whole.samples[0, 0][mask])
+    # Near lamps shine on every place from elsewhere.
+    near = impasto.Rig([impasto.PointLight((0.0, 0.0, 100.0 + i)) for i in range(3)], pitch_mm=0.5)
+    assert thinned_to(_numbered((400, 300), near, mask=mask), 400).shape[3] > 290
+
+
+def test_near_lamps_shine_on_a_part_as_on_the_whole() -> None:
+    """Directions and irradiance, by the inverse square from the lamp to a place of the painting."""
+    lamp = impasto.PointLight((30.0, -20.0, 60.0), 0.7)
+    mask = np.zeros((80, 120), np.bool_)
+    mask[61:, 1:41] = True
+    rig = impasto.Rig([lamp] * 3, pitch_mm=0.5)
+    part = thinned_to(_numbered((80, 120), rig, mask=mask), 200)
+    row, column = np.divmod(part.samples[0, 0].astype(np.float64), 120)
+    assert part.rig.pitch_mm == 1.0
+    height, width = row.shape
+    for frame, at, shape, pitch in (
+        (lamp, (row, column), (80, 120), 0.5),
+        (part.rig.lights[0], np.mgrid[:height, :width], (height, width), 1.0),
+    ):
+        assert isinstance(frame, impasto.PointLight)
+        x = (at[1] - (shape[1] - 1) / 2) * pitch
+        y = ((shape[0] - 1) / 2 - at[0]) * pitch
+        away = np.stack([frame.position[0] - x, frame.position[1] - y, 60.0 + 0 * x])
+        square = (away**2).sum(axis=0)
+        light = frame.intensity * np.dot(frame.position, frame.position) / square
+        found = np.stack([*(away / np.sqrt(square)), light])
+        if frame is lamp:
+            expected = found
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_what_lies_outside_the_mask_takes_its_time(
+    stack: impasto.Stack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A microsecond a pixel inside, a tenth outside; the trial itself has nothing outside."""
+    now = 0.0
+
+    def fit(part: impasto.Stack, *, threads: int | None, **options: Any) -> Any:
+        nonlocal now
+        area = part.shape[2] * part.shape[3]
+        now += 1e-6 * painted(part) + 1e-7 * (area - painted(part))
+        return SimpleNamespace(predict=lambda rig: np.zeros((len(rig), 3, *part.shape[2:])))
+
+    monkeypatch.setattr("impasto.suggest.fit_sbrdf", fit)
+    monkeypatch.setattr("impasto.suggest.time", SimpleNamespace(perf_counter=lambda: now))
+    monkeypatch.setattr("impasto.suggest.QUIET", 1e-9)
+    mask = np.zeros((480, 480), np.bool_)
+    mask[:24, 48:72] = True
+    wide = impasto.Stack(np.tile(stack.samples, (1, 1, 20, 20)), lights=stack.rig, mask=mask)
+    expected = (1e-6 * 576 + 1e-7 * (480 * 480 - 576)) * 48 / 40
+    for trial in impasto.suggest_effort(wide, seconds=1.0).tried[1:]:
+        if trial.options.get("effort") != "reference":
+            assert trial.seconds == pytest.approx(expected, rel=1e-6), trial.options

@@ -255,6 +255,16 @@ def test_region_moves_the_origin_of_point_lights(tmp_path: Path) -> None:
     assert stack.rig.lights[0].position == pytest.approx((15.0, 17.5, 300.0))
 
 
+def test_lamps_shine_on_a_region_as_strongly_as_on_the_whole(tmp_path: Path) -> None:
+    """Intensities are those at the origin: by the inverse square as much less as it is farther."""
+    session(tmp_path)
+    lamps = [PointLight((10.0, 20.0, 30.0), 0.5), PointLight((10.0, 20.0, 30.0), 0.5, False)]
+    rig = Rig(lamps * (COUNT // 2), pitch_mm=0.5)
+    lights = read_stack(tmp_path, lights=rig, region=(0, 0, 10, 10)).rig.lights
+    nearer = (10.0**2 + 20.0**2 + 30.0**2) / (15.0**2 + 17.5**2 + 30.0**2)
+    assert [light.intensity for light in lights[:2]] == pytest.approx([0.5 * nearer, 0.5])
+
+
 def flat_field(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, Path]:
     """A scene seen through vignetting, fall-off and uneven lights; the truth, board and dark."""
     truth = RNG.uniform(0.05, 0.9, (COUNT, 3, HEIGHT, WIDTH))

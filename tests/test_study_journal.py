@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -124,3 +126,39 @@ def test_a_peer_that_is_not_installed_is_skipped(
     found = run(tmp_path)
     assert [words.split(":")[0] for words in found["skipped"]] == ["MINPACK (SciPy), one lobe"]
     assert found["failed"] == []
+
+
+@pytest.mark.parametrize("line", ["null", "12", "[1]", '"schema"'])
+def test_a_line_that_is_no_run_is_corrupt(tmp_path: Path, line: str) -> None:
+    """JSON all the same."""
+    (tmp_path / RUNS).write_text(f"{line}\n{line}\n", encoding="utf-8")
+    with pytest.raises(impasto.CorruptInputError, match="line 1 is no run of a study"):
+        run(tmp_path)
+    (tmp_path / RUNS).write_bytes(b"\xff\xfe\n\xff\n")
+    with pytest.raises(impasto.CorruptInputError, match="line 1 is no JSON"):
+        run(tmp_path)
+
+
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+from impasto.study.record import Journal, run_info
+resource.setrlimit(resource.RLIMIT_FSIZE, (100, resource.RLIM_INFINITY))
+try:
+    Journal(Path(sys.argv[1]), {"run": run_info() | {"threads": 9}, "missing": {}})
+except OSError as error:
+    print("refused")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX limits files")
+def test_a_full_disk_leaves_the_journal_as_it_was(tmp_path: Path) -> None:
+    """A study that goes on writes the whole file anew: hours of runs."""
+    run(tmp_path)
+    before = (tmp_path / RUNS).read_bytes()
+    said = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(tmp_path)], capture_output=True, text=True, check=True
+    )
+    assert said.stdout.strip() == "refused"
+    assert (tmp_path / RUNS).read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == [RUNS]

@@ -78,11 +78,12 @@ class Effort:
             whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
             high = 1000 if name == "stereo" else np.iinfo(np.int32).max
             if not (whole and low <= value <= high):
-                raise ArgumentError(f"{name}: expected {low} to {high}, found {value!r}")
+                kind = "" if whole else ", a whole number"
+                raise ArgumentError(f"{name}: expected {low} to {high}{kind}, found {value!r}")
             object.__setattr__(self, name, int(value))
         for name, words in {"start": get_args(Origin), "precision": get_args(Precision)}.items():
             word = getattr(self, name)
-            if word not in words:
+            if not (isinstance(word, str) and word in words):
                 names = " or ".join(map(repr, words))
                 hint = suggestion(word, words)
                 raise ArgumentError(f"{name}: expected {names}, found {word!r}{hint}")
@@ -106,7 +107,7 @@ def resolved(effort: EffortLike) -> Effort:
     """The numbers behind a name."""
     if isinstance(effort, Effort):
         return effort
-    if effort not in get_args(Preset):
+    if not (isinstance(effort, str) and effort in get_args(Preset)):
         names = ", ".join(map(repr, get_args(Preset)))
         hint = suggestion(effort, get_args(Preset))
         raise ArgumentError(f"effort: expected {names} or an Effort, found {effort!r}{hint}")

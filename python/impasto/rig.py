@@ -81,6 +81,16 @@ class PointLight:
         length = float(np.linalg.norm(self.position))
         return (x / length, y / length, z / length)
 
+    def seen_from(self, x: float, y: float) -> PointLight:
+        """The same light where ``(x, y, 0)`` is the origin: the middle of a part of the painting.
+
+        Its intensity is what arrives there.
+        """
+        here = np.array(self.position)
+        there = here - (x, y, 0.0)
+        ratio = float((here @ here) / (there @ there)) if self.falloff else 1.0
+        return PointLight(tuple(there.tolist()), self.intensity * ratio, self.falloff)
+
 
 Light: TypeAlias = DistantLight | PointLight
 
@@ -166,6 +176,13 @@ class Rig:
             [isinstance(light, PointLight) and light.falloff for light in self.lights],
             dtype=np.bool_,
         )
+
+    def seen_from(self, x: float, y: float) -> Rig:
+        """The rig where ``(x, y, 0)`` is the origin, in mm, as in the middle of a part."""
+        if (x, y) == (0.0, 0.0) or not self.near.any():
+            return self
+        lights = [a.seen_from(x, y) if isinstance(a, PointLight) else a for a in self.lights]
+        return Rig(lights, views=self.views, pitch_mm=self.pitch_mm)
 
     def take(self, indices: Iterable[int]) -> Rig:
         """The rig of some observations, in the order given; negative ones count from the end."""

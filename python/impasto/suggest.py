@@ -18,8 +18,10 @@ from impasto.fit.border import RigArguments
 from impasto.fit.normals import fit_normals
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.relighting import full_scale, relative_error
+from impasto.report import status_counts
 from impasto.rig import Rig
 from impasto.stack import Stack, checked_stack
+from impasto.status import Status
 from impasto.thinning import painted, thinned, thinned_to
 
 LADDER: tuple[dict[str, Any], ...] = (
@@ -46,6 +48,8 @@ fit together grows with no stack: some hundred photographs of so many pixels."""
 QUIET = 0.3
 """Seconds that the runs of one trial take together, at least; the least of them counts: the first
 of all waits for threads and memory, any may wait for other programs."""
+BARE = 256
+"""Pixels of the edge of an empty picture that tells what a pixel outside the mask takes."""
 FEWEST = 8
 """Photographs that a trial needs: fewer cannot spare one."""
 
@@ -94,9 +98,10 @@ class Suggestion:
     def __str__(self) -> str:
         words = ", ".join(f"{name}={value!r}" for name, value in self.options.items())
         met = "" if self.met else ", which is the nearest to what was asked for"
+        black = ", no better than black," if self.error >= 1.0 else ""
         return (
-            f"fit_sbrdf(stack, {words}) will take {_duration(self.seconds)} here and relight with "
-            f"an error of {_percent(self.error)}{met}."
+            f"fit_sbrdf(stack, {words}) will take {_duration(self.seconds)} here and "
+            f"relight{black} with an error of {_percent(self.error)}{met}."
         )
 
 
@@ -138,8 +143,9 @@ def suggest_effort(
     Raises
     ------
     ArgumentError
-        Neither error nor seconds, one that is not above 0, fewer than eight photographs, or
-        nothing but black or missing samples.
+        Neither error nor seconds, one that is not above 0 or not finite, fewer than eight
+        photographs, or such that no pixel of the trial can be estimated: nothing but black, clipped
+        or missing samples.
     GeometryError
         Lights that cannot determine normals without those that are held out, in whichever turn.
     """
@@ -147,7 +153,8 @@ def suggest_effort(
         if value is not None:
             asked = number(value, name, "a number above 0")
             if not (math.isfinite(asked) and asked > 0.0):
-                raise ArgumentError(f"{name}: expected a number above 0, found {value!r}")
+                kind = "a finite number" if asked == math.inf else "a number"
+                raise ArgumentError(f"{name}: expected {kind} above 0, found {value!r}")
     if error is None and seconds is None:
         raise ArgumentError("error: say the largest error, or in seconds= the longest time")
     checked_stack(stack)
@@ -173,6 +180,11 @@ def _trials(stack: Stack, threads: int | None) -> list[Trial]:
     turns = _turns(part, threads)
     if not any((np.isfinite(turn.truth) & (turn.truth > 0.0)).any() for turn in turns):
         raise ArgumentError("stack: a trial needs photographs that show something, found none")
+    if all(turn.unknown is not None for turn in turns):
+        raise ArgumentError(
+            f"stack: a trial needs pixels that can be estimated, found {turns[0].unknown} and "
+            "nothing else; impasto doctor tells what is wrong with the photographs"
+        )
     many = _core.views_differ(RigArguments.of(stack.rig))
     ladder = VIEWS + LADDER if many else LADDER
     return [_trial(turns, options, stack, threads) for options in ladder]
@@ -185,6 +197,8 @@ class _Turn:
     known: Stack
     rig: Rig
     truth: NDArray[np.float32]
+    unknown: str | None
+    """Why no pixel of ``known`` can be estimated, if none can."""
 
 
 def _turns(part: Stack, threads: int | None) -> list[_Turn]:
@@ -196,7 +210,7 @@ def _turns(part: Stack, threads: int | None) -> list[_Turn]:
         known, shown = part.take(np.setdiff1d(np.arange(count), held)), part.take(held)
         try:
             # Photometric stereo, in a millisecond, refuses what any fit would.
-            fit_normals(known, method="least-squares", threads=threads)
+            status = fit_normals(known, method="least-squares", threads=threads).status
         except GeometryError as error:
             words = f"{error} (of {count} photographs {len(held)} were held out of the trial)"
             refusal = refusal or GeometryError(words)
@@ -204,8 +218,11 @@ def _turns(part: Stack, threads: int | None) -> list[_Turn]:
         truth = np.array([shown.linear(i) for i in range(len(held))])
         if part.mask is not None:
             truth[..., ~part.mask] = np.nan
-        found.append(_Turn(known, shown.rig, truth))
+        reasons = None if (status < Status.DARK).any() else ", ".join(status_counts(status))
+        found.append(_Turn(known, shown.rig, truth, reasons))
     if refusal is not None and not found:
+        # Where it is not for those held out, the refusal of all of them says so.
+        fit_normals(part, method="least-squares", threads=threads)
         raise refusal
     return found
 
@@ -234,6 +251,7 @@ def _trial(turns: list[_Turn], options: dict[str, Any], stack: Stack, threads: i
     """The first turn is timed; all of them are compared."""
     first, *others = turns
     fitted, took = _expected(first.known, options, painted(stack), threads)
+    took += _bare(stack, first.known, options, threads)
     fits = [fitted, *(fit_sbrdf(turn.known, threads=threads, **options) for turn in others)]
     shown = [fit.predict(turn.rig) for fit, turn in zip(fits, turns, strict=True)]
     truth = np.concatenate([turn.truth for turn in turns])
@@ -246,22 +264,12 @@ def _expected(
     known: Stack, options: dict[str, Any], pixels: int, threads: int | None
 ) -> tuple[Any, float]:
     """A fit of few pixels, and the seconds that so many will take."""
-
-    def timed(stack: Stack, **options: Any) -> tuple[Any, float]:
-        least, spent = math.inf, 0.0
-        while spent < QUIET:
-            start = time.perf_counter()
-            fitted = fit_sbrdf(stack, threads=threads, **options)
-            took = time.perf_counter() - start
-            least, spent = min(least, took), spent + took
-        return fitted, least
-
     few = painted(known)
     if options.get("model") == "lafortune":
-        fitted, took = timed(known, **options)
+        fitted, took = _timed(known, options, threads)
         return fitted, took * pixels / few
     if options.get("pooling") == "pixel":
-        fitted, took = timed(known, **options)
+        fitted, took = _timed(known, options, threads)
         if resolved(options.get("effort", "standard")).start == "pyramid":
             return fitted, took * pixels / few
         return fitted, took * _searched(pixels) / _searched(few)
@@ -270,14 +278,42 @@ def _expected(
     effort = resolved(options.get("effort", "standard"))
     part = thinned(known, 2)
     fewer = max(painted(part), 1)
-    fitted, took = timed(known, **options | {"effort": replace(effort, pixels=few)})
-    _, unsearched = timed(known, **options | {"effort": replace(effort, pixels=fewer)})
-    _, least = timed(part, **options | {"effort": replace(effort, pixels=fewer)})
+    all_, some = (options | {"effort": replace(effort, pixels=count)} for count in (few, fewer))
+    fitted, took = _timed(known, all_, threads)
+    _, unsearched = _timed(known, some, threads)
+    _, least = _timed(part, some, threads)
     more = max(few - fewer, 1)
     search = max(took - unsearched, 0.0) / more
     each = max(unsearched - least, 0.0) / more
     once = max(took - few * (search + each), 0.0)
     return fitted, once + min(pixels, effort.pixels) * search + pixels * each
+
+
+def _timed(stack: Stack, options: dict[str, Any], threads: int | None) -> tuple[Any, float]:
+    """A fit, and the least of the seconds that some runs of it took."""
+    least, spent = math.inf, 0.0
+    while spent < QUIET:
+        start = time.perf_counter()
+        fitted = fit_sbrdf(stack, threads=threads, **options)
+        took = time.perf_counter() - start
+        least, spent = min(least, took), spent + took
+    return fitted, least
+
+
+def _bare(stack: Stack, known: Stack, options: dict[str, Any], threads: int | None) -> float:
+    """Seconds that pixels outside the mask take, where the trial has far fewer of them.
+
+    They have a place in every map; of a picture that is mostly mask these take longer than the fit.
+    """
+    there, few = painted(stack), painted(known)
+    (height, width), (tall, wide) = stack.shape[2:], known.shape[2:]
+    left = height * width - tall * wide * there / few
+    if left <= there:
+        return 0.0
+    blank = np.zeros((*known.shape[:2], BARE, BARE), known.samples.dtype)
+    empty = known._replace(samples=blank, mask=np.zeros((BARE, BARE), np.bool_))
+    _, took = _timed(empty, options, threads)
+    return took * left / BARE**2
 
 
 def _searched(pixels: int) -> float:
@@ -296,4 +332,5 @@ def _percent(share: float) -> str:
 def _duration(seconds: float) -> str:
     if seconds < 90.0:
         return f"{seconds:.2g} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400.0 else f"{seconds / 3600:.1f} h"
+    unit, length = ("min", 60.0) if seconds < 5400.0 else ("h", 3600.0)
+    return f"{seconds / length:.{1 if seconds < 10.0 * length else 0}f} {unit}"

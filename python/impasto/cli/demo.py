@@ -11,7 +11,7 @@ from rich.table import Table
 from impasto.cli import console
 from impasto.cli.console import Stages
 from impasto.cli.measuring import measured
-from impasto.cli.options import Flag, check_threads
+from impasto.cli.options import Flag, SomeWhole, Whole, check_threads
 from impasto.errors import ArgumentError
 from impasto.systems import Name
 from impasto.wording import percent
@@ -60,12 +60,12 @@ VIEWS = (
 def demo(
     *,
     out: Path = Path("demo"),
-    size: int = 512,
-    seed: int = 0,
+    size: Whole = 512,
+    seed: Whole = 0,
     system: Name = "impasto",
     rig: Rig | None = None,
     varnish: Varnish = "satin",
-    threads: int | None = None,
+    threads: SomeWhole = None,
     force: Flag = False,
     quiet: Flag = False,
 ) -> None:

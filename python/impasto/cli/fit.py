@@ -14,7 +14,7 @@ from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.gloss import Gloss, with_labels
 from impasto.cli.measuring import measured
-from impasto.cli.options import Flag, check_threads
+from impasto.cli.options import Flag, SomeWhole, check_threads
 from impasto.cli.photographs import Reading
 from impasto.effort import Preset
 from impasto.errors import ArgumentError
@@ -47,7 +47,7 @@ def fit(
     camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
     illuminant: str | None = None,
     estimator: Estimator | None = None,
-    threads: int | None = None,
+    threads: SomeWhole = None,
     force: Flag = False,
     quiet: Flag = False,
 ) -> int:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import CycloptsError, Group, Parameter
 
 from impasto.checks import refractive_index
+from impasto.cli.options import SomeWhole
 from impasto.errors import ArgumentError
 from impasto.fit.lobes import lobe_count
 from impasto.fit.options import FitKind, Model, Pooling, fit_kind, takers
@@ -40,7 +41,7 @@ class Gloss:
     """With --pooling segment: a picture as large as the photographs (PNG or TIFF) in which every
     segment has a grey or a colour of its own; black: of none."""
 
-    lobes: int | None = None
+    lobes: SomeWhole = None
     """With --pooling pixel or --model lafortune: lobes per pixel at most, 1 to 3; default: 2, of
     Lafortune's 3."""
 

@@ -85,6 +85,15 @@ def _several(_type: Any, tokens: Sequence[Token]) -> tuple[Angles, ...]:
     return tuple(parsed(token.value) for token in tokens)
 
 
+def _whole(_type: Any, tokens: Sequence[Token]) -> int:
+    """Cyclopts would take 1.5 for 2."""
+    word = tokens[-1].value
+    try:
+        return int(word)
+    except ValueError:
+        raise ValueError(f"expected a whole number, found {word!r}") from None
+
+
 def _positions(_type: Any, tokens: Sequence[Token]) -> tuple[Position, ...]:
     return tuple(position(token.value) for token in tokens)
 
@@ -111,6 +120,8 @@ def check_threads(threads: int | None) -> None:
 
 
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
+Whole = Annotated[int, Parameter(converter=_whole)]
+SomeWhole = Annotated[int | None, Parameter(converter=_whole)]
 OneDirection = Annotated[Angles | None, _word(_one, "AZ,EL")]
 SeveralDirections = Annotated[tuple[Angles, ...] | None, _word(_several, "AZ,EL")]
 SeveralPositions = Annotated[tuple[Position, ...] | None, _word(_positions, "X,Y,Z")]

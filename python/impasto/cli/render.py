@@ -16,6 +16,7 @@ from impasto.cli.options import (
     OneDirection,
     SeveralDirections,
     SeveralPositions,
+    SomeWhole,
     check_threads,
 )
 from impasto.colour.adaptation import Mode
@@ -43,7 +44,7 @@ def render(
     exposure: float | None = None,
     shadows: Flag = False,
     pitch: float | None = None,
-    threads: int | None = None,
+    threads: SomeWhole = None,
     quiet: Flag = False,
 ) -> None:
     """Light a fitted painting and save the picture.

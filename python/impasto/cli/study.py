@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from impasto.cli import console
 from impasto.cli.codes import Exit
-from impasto.cli.options import check_threads
+from impasto.cli.options import SomeWhole, Whole, check_threads
 from impasto.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -26,9 +26,9 @@ def study(
     out: Path = Path("study"),
     data: Path | None = None,
     quick: Flag = False,
-    seed: int = 0,
-    threads: int | None = None,
-    repeats: int = 2,
+    seed: Whole = 0,
+    threads: SomeWhole = None,
+    repeats: Whole = 2,
     figures: bool = True,
     quiet: Flag = False,
 ) -> int:

@@ -118,7 +118,7 @@ def build_rig(
         top, left, height, width = area
         dx = (left + width / 2 - header.width / 2) * pitch
         dy = -(top + height / 2 - header.height / 2) * pitch
-        picked = [_moved(light, dx, dy) for light in picked]
+        picked = [a.seen_from(dx, dy) if isinstance(a, PointLight) else a for a in picked]
     views = None if listed.views is None else listed.views[list(kept)]
     return Rig(picked, views=views, pitch_mm=pitch), gains
 
@@ -138,14 +138,6 @@ def _with(light: Light, strength: float) -> Light:
     if isinstance(light, PointLight):
         return PointLight(light.position, strength, light.falloff)
     return DistantLight(light.direction, strength)
-
-
-def _moved(light: Light, dx: float, dy: float) -> Light:
-    """The same light seen from an origin moved by (dx, dy) mm: the middle of a region."""
-    if not isinstance(light, PointLight):
-        return light
-    x, y, z = light.position
-    return PointLight((x - dx, y - dy, z), light.intensity, light.falloff)
 
 
 def _check_strengths(

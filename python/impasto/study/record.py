@@ -22,6 +22,7 @@ import numpy as np
 
 from impasto import _core
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.files import atomic_bytes
 from impasto.study.turns import Turn, pace, steadiness, unit, unsure
 
 SCHEMA = 4
@@ -113,7 +114,8 @@ class Journal:
             if not heads or _under(heads[-1], clocks) != _under(head, clocks):
                 lines.append(head)
             # A last line that was cut off by an interruption is written anew.
-            self.path.write_text("".join(json.dumps(line) + "\n" for line in lines), "utf-8")
+            whole = "".join(json.dumps(line) + "\n" for line in lines)
+            atomic_bytes(self.path, whole.encode("utf-8"))
         if head is None and not heads:
             raise CorruptInputError(self.path, "is no journal of a study that this version knows")
         self.head = head or heads[-1]
@@ -168,14 +170,17 @@ class Journal:
         return self.turns(run) < sys.maxsize and unsure(self._turns.get(key_of(run), []), repeats)
 
     def _lines(self) -> Iterator[dict[str, Any]]:
-        lines = self.path.read_text(encoding="utf-8").splitlines()
+        lines = self.path.read_text(encoding="utf-8", errors="replace").splitlines()
         for number, line in enumerate(lines):
             try:
-                yield json.loads(line)
+                found = json.loads(line)
             except json.JSONDecodeError as error:
                 if number == len(lines) - 1:
                     return
                 raise CorruptInputError(self.path, f"line {number + 1} is no JSON") from error
+            if not isinstance(found, dict):
+                raise CorruptInputError(self.path, f"line {number + 1} is no run of a study")
+            yield found
 
     def add(self, run: dict[str, Any]) -> None:
         """Note a run; it is on the disk when this returns."""
