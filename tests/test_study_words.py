@@ -137,6 +137,23 @@ def test_what_a_large_picture_takes_is_told_beside_a_small_one() -> None:
     assert words(rows[:1]) == {}
 
 
+def test_peers_that_are_not_beaten_are_named() -> None:
+    """By hand: of ours one fit, of theirs one that is faster and one that is neither."""
+    rows = [
+        {
+            "knob": knob, "setting": name, "data": "icon", "cost": {"cpu": seconds},
+            "error": {"relative": error, "psnr": 30.0},
+        }
+        for knob, name, seconds, error in (
+            ("lobes", "2 at most", 2.0, 0.1), ("peer", "RBF, thin plate", 1.0, 0.2),
+            ("peer", "HSH", 3.0, 0.2),
+        )
+    ]  # fmt: skip
+    said = "1 of 2 are beaten in both time and error. Not:\n\n* gilded icon, photographs: "
+    assert words(rows)["peers"] == f"{said}*RBF, thin plate*."
+    assert words([rows[0], rows[2]])["peers"].startswith("Every peer is beaten")
+
+
 def test_presets_are_compared_with_the_bound() -> None:
     """By hand: a tenth, a fifth and two fifths above it; widths as far and half as far again."""
     rows = [

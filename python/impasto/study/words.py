@@ -238,14 +238,12 @@ def peers(rows: Sequence[Row]) -> str:
     if not left:
         return "Every peer is beaten: a fit of ours is at least as cheap and at least as accurate."
     best: Callable[[Row], Any] = lambda row: row["error"]["psnr"]  # noqa: E731
-    lines = []
+    lines = [f"{len(every) - len(left)} of {len(every)} are beaten in both time and error. Not:\n"]
     for data in dict.fromkeys(row["data"] for row in left):
-        names = [row["setting"] for row in sorted(left, key=best) if row["data"] == data]
-        lines.append(f"{SETS[data]}: {', '.join(names)}")
-    return (
-        f"{len(every) - len(left)} of {len(every)} are beaten in both time and error; these are "
-        "not: " + "; ".join(lines) + "."
-    )
+        # In italics: some names have commas.
+        names = [f"*{r['setting']}*" for r in sorted(left, key=best) if r["data"] == data]
+        lines.append(f"* {SETS[data]}: {', '.join(names)}.")
+    return "\n".join(lines)
 
 
 def memory(rows: Sequence[Row]) -> str:
