@@ -553,3 +553,16 @@ def test_numbers_that_are_not_whole_are_not_rounded(
 ) -> None:
     assert main(option.split()) == 2
     assert "expected a whole number, found" in capsys.readouterr().err
+
+
+def test_a_full_disk_is_told_in_words(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Where Python does not say which file it was."""
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("impasto.study.run", full)
+    assert main(["study", "--quick", "--no-figures", "--out", str(tmp_path)]) == 1
+    assert capsys.readouterr().err.strip() == "impasto: no space left on device"

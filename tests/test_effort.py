@@ -493,3 +493,14 @@ def test_what_lies_outside_the_mask_takes_its_time(
     for trial in impasto.suggest_effort(wide, seconds=1.0).tried[1:]:
         if trial.options.get("effort") != "reference":
             assert trial.seconds == pytest.approx(expected, rel=1e-6), trial.options
+
+
+def test_what_does_less_takes_no_longer() -> None:
+    """The draft was tried while another program ran; the default and the best were not."""
+    times = (0.2, 0.9, 3.0, 2.0, 4.0)
+    trials = [suggest.Trial(o, t, 0.1) for o, t in zip(suggest.LADDER, times, strict=True)]
+    told = suggest._in_order(trials)
+    assert [trial.seconds for trial in told] == [0.2, 0.9, 2.0, 2.0, 4.0]
+    assert [trial.options for trial in told] == list(suggest.LADDER)
+    # Of equals the one that does least comes first.
+    assert sorted(told, key=lambda trial: trial.seconds)[2].options["effort"] == "draft"

@@ -101,6 +101,7 @@ def _in_options(message: str) -> str:
 
 
 def _os_words(error: OSError) -> str:
-    if error.filename is None or error.strerror is None:
+    if not error.strerror:
         return str(error)
-    return f"{error.filename}: {error.strerror[0].lower()}{error.strerror[1:]}"
+    words = f"{error.strerror[0].lower()}{error.strerror[1:]}"
+    return words if error.filename is None else f"{error.filename}: {words}"

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from impasto.io.files import atomic_bytes
 from impasto.study.tables import markdown, tables
 from impasto.study.words import words
 
@@ -53,11 +54,13 @@ def write(found: dict[str, Any], out: Path, *, figures: bool = True) -> list[Pat
     made = tables(found["rows"])
     whole = out / "study.json"
     said = words(found["rows"])
-    whole.write_text(json.dumps(found | made | {"words": said}, indent=1) + "\n", "utf-8")
+    text = json.dumps(found | made | {"words": said}, indent=1) + "\n"
+    atomic_bytes(whole, text.encode("utf-8"))
     page = out / "study.md"
     parts = [f"{paragraph}\n" for paragraph in said.values()]
     parts += [f"## {TITLES[name]}\n\n{markdown(table)}\n" for name, table in made.items()]
-    page.write_text("\n".join(["# What accuracy costs in time\n", *parts]), encoding="utf-8")
+    text = "\n".join(["# What accuracy costs in time\n", *parts])
+    atomic_bytes(page, text.encode("utf-8"))
     written = [whole, page]
     if figures:
         from impasto.study.figures import draw
