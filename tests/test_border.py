@@ -14,7 +14,9 @@ from impasto.fit.border import MOST_THREADS, reporting, thread_count
 
 @pytest.mark.parametrize("fit", [impasto.fit_normals, impasto.fit_sbrdf])
 def test_arrays_in_the_place_of_a_stack_are_told_what_to_do(fit: object) -> None:
-    with pytest.raises(ValueError, match=r"expected an impasto\.Stack, found ndarray; make one"):
+    with pytest.raises(
+        ValueError, match=r"expected an impasto\.Stack, as of .*lights=directions\), found ndarray"
+    ):
         fit(np.zeros((4, 3, 8, 8)))  # type: ignore[operator]
 
 

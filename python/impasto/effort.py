@@ -98,7 +98,7 @@ EffortLike: TypeAlias = Effort | Preset
 PRESETS: dict[str, Effort] = {
     "draft": Effort(pixels=1 << 12, rounds=1, iterations=2),
     "standard": Effort(),
-    "reference": Effort(pixels=1 << 18, iterations=10, start="table"),
+    "reference": Effort(pixels=1 << 18, start="table"),
 }
 """What ``impasto.study.presets.derived`` makes of the study that is recorded."""
 

@@ -15,13 +15,16 @@ ERROR = "relative"
 JUDGED = (("relative", "psnr", "colour"), ("normal", "normal_p95"))
 """What presets are judged by: held-out photographs and, as much, normals. Neither is a measure of
 the other: highlights rule the photographs, where what a lobe and a normal share hardly shows."""
-NEAR_BEST = 1.02
-"""``standard`` is the cheapest within two per cent of the best: less is seen by nobody."""
+BEST = 1.01
+"""``reference`` is within one per cent of the best."""
+NEAR_BEST = 1.03
+"""``standard`` is the cheapest within three per cent of the best: less is seen by nobody."""
 FLAGGED = 0.01
-"""Share of the pixels that ``standard`` and ``reference`` may flag beyond what they need not. Fits
-that weigh samples anew only once flag up to four in a hundred more. Where nothing is clipped they
-are up to two hundredths better; the width of a highlight whose tip is clipped they miss by four
-times as much (hard case 3), which hardly shows on photographs whose highlights are clipped, too."""
+"""Share of the pixels that ``standard`` and ``reference`` may flag beyond what they need not."""
+ROUNDS = 2
+"""Times that they weigh samples anew, at least. Fits that do so once miss the width of a highlight
+whose tip is clipped by four times as much (hard case 3), which hardly shows on photographs whose
+highlights are clipped, too."""
 DOUBTED = 0.05
 """The same of ``draft``: where every other pixel is in doubt, there is not much to look at."""
 DRAFT = 1 / 8
@@ -126,15 +129,18 @@ def _mean(values: Sequence[float]) -> float:
 def chosen(candidates: Sequence[Rung]) -> dict[str, Rung]:
     """``draft``, ``standard`` and ``reference`` among some rungs.
 
-    ``reference`` has the least error of those that flag at most one pixel in a hundred more than
-    they need, ``standard`` is the cheapest of them whose error is within 2 % of that. ``draft`` is
+    Of those that weigh samples anew twice or more, and flag at most one pixel in a hundred more
+    than they need, ``reference`` is the cheapest within 1 % of the least error, ``standard`` the
+    cheapest within 3 %. ``draft`` is
     the best of all that take at most an eighth of the time of ``standard`` and flag at most one
     pixel in twenty more than they need; where nothing is so fast, the knee of what is faster.
     Among those that each is taken from no rung is both faster and better.
     """
     line = _front(sparing(candidates))
-    reference = line[-1]
-    standard = next(rung for rung in line if rung.error <= NEAR_BEST * reference.error)
+    reference, standard = (
+        next(rung for rung in line if rung.error <= near * line[-1].error)
+        for near in (BEST, NEAR_BEST)
+    )
     every = _front(_flagging(candidates, DOUBTED))
     line = [rung for rung in every if rung.seconds <= standard.seconds]
     fast = [rung for rung in line if rung.seconds <= DRAFT * standard.seconds]
@@ -143,8 +149,9 @@ def chosen(candidates: Sequence[Rung]) -> dict[str, Rung]:
 
 
 def sparing(candidates: Sequence[Rung]) -> list[Rung]:
-    """Those that flag little enough for ``standard`` and ``reference``."""
-    return _flagging(candidates, FLAGGED)
+    """Those that ``standard`` and ``reference`` are taken from."""
+    few = _flagging(candidates, FLAGGED)
+    return [rung for rung in few if rung.options["effort"]["rounds"] >= ROUNDS]
 
 
 def _flagging(candidates: Sequence[Rung], share: float) -> list[Rung]:

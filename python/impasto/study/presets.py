@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 
 from impasto.effort import PRESETS, Effort
-from impasto.study.front import Row, Rung, chosen, rungs, sparing
+from impasto.study.front import BEST, Row, Rung, chosen, rungs, sparing
 from impasto.wording import counted
 
 PIXELS = {"draft": 1 << 12, "standard": 1 << 16, "reference": 1 << 18}
@@ -16,9 +16,6 @@ FAIR = ("effort", "precision", "pooling", "pixels", "lobes", "starts", "robust")
 """Knobs whose settings a preset is held against: fits of ours to all photographs."""
 SAME = 0.05
 """What is nearer in time and error than that is no better: times of runs differ by as much."""
-BEST = 1.01
-"""``reference`` is within one per cent of the least error of those that are as sure as it must be;
-whether of all others, too, is said."""
 FASTER = 8.0
 """``draft`` is so many times faster than ``standard``, or nothing as fast is better."""
 
@@ -121,7 +118,7 @@ def checked(rows: Iterable[Row], presets: Mapping[str, Effort] = PRESETS) -> lis
             _said(better, standard), not better,
         ),
         Check(
-            "reference", "within 1 % of the least error of those that flag as little",
+            "reference", "within 1 % of the least error of those that weigh and flag like it",
             _above(reference.error, surest.error, surest),
             reference.error <= BEST * surest.error,
         ),
