@@ -15,7 +15,7 @@ use super::climb::{Climber, Trials};
 use super::maps::{LobeMaps, MOST_LOBES, Sheet};
 use super::model::LobeModel;
 use super::options::{LobeOptions, Origin, Precision};
-use super::prior::{FEWEST, Prior, Typical};
+use super::prior::{Ask, FEWEST, Prior, Typical};
 use super::pyramid::{Node, Pyramid};
 use super::search::Search;
 use super::seen::drop_unseen;
@@ -200,9 +200,9 @@ impl<M: LobeModel> Fit<'_, M> {
     /// All bands from where the pixels stand, whose samples have these variances.
     fn refine(&self, tile: &mut Tile, fine: &[usize], variances: &[f32], last: bool) {
         let precision = self.options.precision;
-        let typical: Option<Vec<Typical>> = self.prior.map(|prior| {
-            let places = tile.places.iter().zip(variances);
-            places.map(|(place, &v)| prior.typical(&self.sight.model, place, v)).collect()
+        let typical = self.prior.map(|prior| {
+            let (model, places) = (&self.sight.model, &tile.places);
+            self.run.level.run(Ask { prior, model, places, variances })
         });
         let typical = typical.as_deref();
         self.search_all(tile, fine, typical, precision == Precision::Double);

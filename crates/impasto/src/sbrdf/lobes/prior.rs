@@ -9,6 +9,8 @@
 //! hears those that are like it.
 
 use crate::math::elementary::exp;
+use crate::math::lanes::Isa;
+use crate::math::{Kernel, Real};
 
 use super::maps::MOST_LOBES;
 use super::model::{LobeModel, MAX_SHAPES};
@@ -33,7 +35,39 @@ const ALIKE: f32 = 1e-3;
 
 /// Pixels of a painting that know their shapes, by the number of their lobes; none where too few do.
 #[derive(Clone, Debug)]
-pub(super) struct Prior([Vec<Place>; MOST_LOBES]);
+pub(super) struct Prior([Option<Box<Asked>>; MOST_LOBES]);
+
+/// The first numbers of every row are those of so many pixels.
+#[derive(Clone, Debug)]
+struct Asked {
+    count: usize,
+    shapes: [[[f32; ASKED]; MAX_SHAPES]; MOST_LOBES],
+    /// Variances of the shapes.
+    doubts: [[f32; ASKED]; MOST_LOBES],
+}
+
+impl Asked {
+    /// Some pixels of many. Quantiles: whatever the order of the pixels, and no material is left
+    /// out by chance.
+    fn of(known: &mut [&Place]) -> Self {
+        let key = |place: &Place| place.shapes[0][0];
+        known.sort_by(|a, b| key(a).total_cmp(&key(b)));
+        let count = known.len().min(ASKED);
+        let zero = [0.0; ASKED];
+        let mut asked =
+            Self { count, shapes: [[zero; MAX_SHAPES]; MOST_LOBES], doubts: [zero; MOST_LOBES] };
+        for part in 0..count {
+            let place = known[(2 * part + 1) * known.len() / (2 * count)];
+            for (lobe, shape) in place.shapes.iter().enumerate() {
+                for (number, &value) in shape.iter().enumerate() {
+                    asked.shapes[lobe][number][part] = value;
+                }
+                asked.doubts[lobe][part] = square(place.shape_spread[lobe]);
+            }
+        }
+        asked
+    }
+}
 
 impl Prior {
     /// Some of the pixels that know their shapes better than shapes usually differ.
@@ -46,60 +80,36 @@ impl Prior {
                     && place.shape_spread[..=index].iter().all(|&own| own < spread)
             };
             let mut known: Vec<&Place> = places.iter().filter(knows).collect();
-            if known.len() < fewest {
-                return Vec::new();
-            }
-            // Quantiles: whatever the order of the pixels, and no material is left out by chance.
-            let key = |place: &Place| place.shapes[0][0];
-            known.sort_by(|a, b| key(a).total_cmp(&key(b)));
-            let asked = known.len().min(ASKED);
-            (0..asked).map(|part| *known[(2 * part + 1) * known.len() / (2 * asked)]).collect()
+            (known.len() >= fewest).then(|| Box::new(Asked::of(&mut known)))
         }))
     }
 
     /// Whether anything is typical of pixels with so many lobes.
     pub(super) fn knows(&self, lobes: usize) -> bool {
-        !self.0[lobes - 1].is_empty()
+        self.0[lobes - 1].is_some()
     }
+}
 
-    /// What is typical of a pixel with this `variance` of its samples; nothing where none of those
-    /// with as many lobes is like it.
-    ///
-    /// A mixture of normal distributions, one about each of the others. Each has the share that the
-    /// pixel's own shapes, as uncertain as they are, make likely (the first step of expectation and
-    /// maximisation), and counts by how well it is known. Mean and variance are the mixture's.
-    pub(super) fn typical<M: LobeModel>(&self, model: &M, place: &Place, variance: f32) -> Typical {
-        let Some(index) = place.lobes.checked_sub(1) else { return Typical::NOTHING };
-        let material = model.spreads().map(|spread| square((MATERIAL * spread) as f32));
-        let material = &material[..M::SHAPES];
-        let share = |other: &Place| {
-            let mut far = 0.0;
-            for (lobe, other_shape) in other.shapes[..place.lobes].iter().enumerate() {
-                let own = square(place.seen_spread[lobe]) * variance;
-                let both = own + square(other.shape_spread[lobe]);
-                for (number, &alike) in material.iter().enumerate() {
-                    let apart = place.shapes[lobe][number] - other_shape[number];
-                    far += apart * apart / (alike + both);
-                }
-            }
-            exp(-0.5 * far)
-        };
-        let mut shares = [0.0; ASKED];
-        for (own, other) in shares.iter_mut().zip(&self.0[index]) {
-            *own = share(other);
-        }
-        let mut typical = Typical::NOTHING;
-        // Written so that NaN is no answer.
-        if shares.iter().sum::<f32>() > ALIKE {
-            for (lobe, numbers) in typical.0[..place.lobes].iter_mut().enumerate() {
-                for (number, &alike) in material.iter().enumerate() {
-                    let parts = self.0[index].iter().zip(&shares).map(|(other, share)| {
-                        let known = alike + square(other.shape_spread[lobe]);
-                        [share / known, other.shapes[lobe][number]]
-                    });
-                    let [mean, spread] = mixed(parts, alike);
-                    numbers[number] = [mean, (variance / spread).sqrt()];
-                }
+/// Asks what is typical of pixels whose samples have these variances.
+pub(super) struct Ask<'a, M: LobeModel> {
+    pub(super) prior: &'a Prior,
+    pub(super) model: &'a M,
+    pub(super) places: &'a [Place],
+    pub(super) variances: &'a [f32],
+}
+
+impl<M: LobeModel> Kernel for Ask<'_, M> {
+    type Output = Vec<Typical>;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Vec<Typical> {
+        let material = self.model.spreads().map(|spread| square((MATERIAL * spread) as f32));
+        let mut typical = vec![Typical::NOTHING; self.places.len()];
+        for ((typical, place), &variance) in typical.iter_mut().zip(self.places).zip(self.variances)
+        {
+            let asked = place.lobes.checked_sub(1).and_then(|index| self.prior.0[index].as_ref());
+            if let Some(asked) = asked {
+                typical.hear::<I::F32>(asked, place, variance, &material[..M::SHAPES]);
             }
         }
         typical
@@ -113,21 +123,67 @@ pub(super) struct Typical(pub(super) [[[f32; 2]; MAX_SHAPES]; MOST_LOBES]);
 
 impl Typical {
     pub(super) const NOTHING: Self = Self([[[0.0; 2]; MAX_SHAPES]; MOST_LOBES]);
+
+    /// Hears pixels with as many lobes; nothing is typical where none of them is like this one.
+    ///
+    /// A mixture of normal distributions, one about each of the others. Each has the share that the
+    /// pixel's own shapes, as uncertain as they are, make likely (the first step of expectation and
+    /// maximisation), and counts by how well it is known. Mean and variance are the mixture's.
+    #[inline(always)]
+    fn hear<R: Real<Scalar = f32>>(
+        &mut self,
+        asked: &Asked,
+        place: &Place,
+        variance: f32,
+        material: &[f32],
+    ) {
+        let mut shares = [0.0; ASKED];
+        for at in (0..ASKED).step_by(R::WIDTH) {
+            let mut far = R::zero();
+            for lobe in 0..place.lobes {
+                let own = R::splat(square(place.seen_spread[lobe]) * variance);
+                let both = own + R::load(&asked.doubts[lobe][at..]);
+                for (number, &alike) in material.iter().enumerate() {
+                    let other = R::load(&asked.shapes[lobe][number][at..]);
+                    let apart = R::splat(place.shapes[lobe][number]) - other;
+                    far = far + apart * apart / (R::splat(alike) + both);
+                }
+            }
+            exp(far * R::of(-0.5)).store(&mut shares[at..]);
+        }
+        let shares = &shares[..asked.count];
+        // Written so that NaN is no answer.
+        if shares.iter().sum::<f32>() > ALIKE {
+            for (lobe, numbers) in self.0[..place.lobes].iter_mut().enumerate() {
+                for (number, &alike) in material.iter().enumerate() {
+                    let others = &asked.shapes[lobe][number];
+                    let [mean, spread] = mixed(shares, others, &asked.doubts[lobe], alike);
+                    numbers[number] = [mean, (variance / spread).sqrt()];
+                }
+            }
+        }
+    }
 }
 
-/// Mean and variance of a mixture of distributions of the same variance.
-fn mixed(parts: impl Iterator<Item = [f32; 2]> + Clone, variance: f32) -> [f32; 2] {
-    let (mut whole, mut mean) = (0.0, 0.0);
-    for [weight, value] in parts.clone() {
+/// Mean and variance of a mixture of distributions of the same variance, whose own means are known
+/// with these doubts.
+#[inline(always)]
+fn mixed(shares: &[f32], means: &[f32], doubts: &[f32], variance: f32) -> [f32; 2] {
+    let (mut whole, mut first, mut second) = (0.0, 0.0, 0.0);
+    let about = means[0];
+    for ((&share, &mean), &doubt) in shares.iter().zip(means).zip(doubts) {
+        let weight = share / (variance + doubt);
+        let off = mean - about;
         whole += weight;
-        mean = value.mul_add(weight, mean);
+        first = weight.mul_add(off, first);
+        second = (weight * off).mul_add(off, second);
     }
-    mean /= whole;
-    let scatter: f32 = parts.map(|[weight, value]| weight * square(value - mean)).sum();
-    [mean, variance + scatter / whole]
+    let off = first / whole;
+    [about + off, variance + (second / whole - off * off).max(0.0)]
 }
 
 /// Of a deviation; where nothing is known it is infinite.
+#[inline(always)]
 fn square(spread: f32) -> f32 {
     if spread.is_finite() { spread * spread } else { f32::INFINITY }
 }
@@ -135,6 +191,7 @@ fn square(spread: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Level;
     use crate::sbrdf::TorranceSparrow;
 
     const MODEL: TorranceSparrow = TorranceSparrow { index: 1.45 };
@@ -151,7 +208,9 @@ mod tests {
     /// Deviation of a typical number, and the number.
     fn heard(pixel: &Place, shapes: &[f32]) -> [f32; 2] {
         let places: Vec<Place> = shapes.iter().map(|&shape| place(shape, 0.02)).collect();
-        let [mean, pull] = Prior::of_places(&MODEL, &places).typical(&MODEL, pixel, 1.0).0[0][0];
+        let prior = Prior::of_places(&MODEL, &places);
+        let ask = Ask { prior: &prior, model: &MODEL, places: &[*pixel], variances: &[1.0] };
+        let [mean, pull] = Level::detect().run(ask)[0].0[0][0];
         [mean, pull.recip()]
     }
 
@@ -181,8 +240,12 @@ mod tests {
 
     #[test]
     fn some_are_asked_of_many() {
-        let places = vec![place(4.5, 0.02); 1000];
-        let Prior(asked) = Prior::of_places(&MODEL, &places);
-        assert_eq!(asked.map(|places| places.len() <= ASKED), [true; MOST_LOBES]);
+        let places: Vec<Place> = (0..1000).map(|i| place(0.01 * i as f32, 0.02)).collect();
+        let Prior([Some(one), None, None]) = Prior::of_places(&MODEL, &places) else { panic!() };
+        assert_eq!(one.count, ASKED);
+        // The middles of 32 equal parts of all.
+        for (part, &shape) in one.shapes[0][0].iter().enumerate() {
+            assert!((shape - (part as f32 + 0.5) * 10.0 / ASKED as f32).abs() < 0.02, "{shape}");
+        }
     }
 }
