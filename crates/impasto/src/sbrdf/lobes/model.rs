@@ -56,7 +56,7 @@ pub trait LobeModel: Copy + Send + Sync {
     fn bounds(&self) -> [[f64; MAX_SHAPES]; 2];
     /// Shapes to start from.
     fn starts(&self) -> &'static [[f64; MAX_SHAPES]];
-    /// How far shapes usually lie from what is typical of a painting.
+    /// How far shapes of a painting usually lie from each other: what is known no better is unknown.
     fn spreads(&self) -> [f64; MAX_SHAPES];
     /// Lobes are numbered by this, largest first.
     fn order(&self, shape: [f32; MAX_SHAPES]) -> f32;

@@ -63,8 +63,7 @@ impl LobeModel for TorranceSparrow {
         &STARTS
     }
     fn spreads(&self) -> [f64; MAX_SHAPES] {
-        // 12 % of gamma: on the icon (benches/python/relighting.py) photographs held out are
-        // foretold best from there to half of it, and little worse without any bound.
+        // 12 % of gamma: what knows a width no better has learnt little from its photographs.
         [0.25, 0.25]
     }
     fn order(&self, [log_sharpness, _]: [f32; MAX_SHAPES]) -> f32 {
