@@ -96,7 +96,7 @@ class Effort:
 EffortLike: TypeAlias = Effort | Preset
 
 PRESETS: dict[str, Effort] = {
-    "draft": Effort(pixels=1 << 12, rounds=1, iterations=2),
+    "draft": Effort(pixels=1 << 12, rounds=1, iterations=4),
     "standard": Effort(),
     "reference": Effort(pixels=1 << 18, start="table"),
 }

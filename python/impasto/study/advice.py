@@ -27,7 +27,7 @@ def choice(rows: Sequence[Row]) -> str:
             "It wants lights enough ([how many](#how-many-photographs)).",
             f'* **A first look: `effort="draft"`, too.** {ratio(draft, standard):.2f} times the '
             f"time of pixels' own lobes; at worst {_most(standard, draft)} are lost, and "
-            f"{_flagged(draft)} of the pixels are in doubt instead of {_flagged(standard)}.",
+            f"{_doubted(draft, standard)}.",
             '* **To know that nothing more is to be had: `effort="reference"`.** '
             f"{ratio(reference, standard):.1f} times the time; at best "
             f"{_most(reference, standard)} are gained.",
@@ -78,5 +78,9 @@ def _most(one: dict[str, Row], other: dict[str, Row]) -> str:
     return f"{', '.join(most)} and {last}"
 
 
-def _flagged(found: dict[str, Row]) -> str:
-    return share([row["error"]["flagged"] for row in found.values()])
+def _doubted(one: dict[str, Row], other: dict[str, Row]) -> str:
+    """How many pixels are flagged beside those of the other."""
+    of = [share([row["error"]["flagged"] for row in found.values()]) for found in (one, other)]
+    if of[0] == of[1]:
+        return f"as many of the pixels are in doubt ({of[0]})"
+    return f"{of[0]} of the pixels are in doubt instead of {of[1]}"
