@@ -137,6 +137,16 @@ def test_what_a_large_picture_takes_is_told_beside_a_small_one() -> None:
     assert words(rows[:1]) == {}
 
 
+def test_waiting_is_told_in_processor_time() -> None:
+    rows = [
+        {"knob": "stereo", "data": "icon", "cost": {"cpu": 2.0, "wall": seconds}}
+        for seconds in (1.9, 2.3)
+    ]
+    assert words(rows) == {
+        "wall": "By the clock on the wall the same fits take 0.95 to 1.15 times their CPU seconds."
+    }
+
+
 def test_peers_that_are_not_beaten_are_named() -> None:
     """By hand: of ours one fit, of theirs one that is faster and one that is neither."""
     rows = [

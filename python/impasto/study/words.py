@@ -273,6 +273,15 @@ def size(rows: Sequence[Row]) -> str:
     )
 
 
+def wall(rows: Sequence[Row]) -> str:
+    """How long one waits for a second of a processor's time."""
+    times = [row["cost"]["wall"] / row["cost"]["cpu"] for row in rows]
+    return (
+        "By the clock on the wall the same fits take "
+        f"{min(times):.2f} to {max(times):.2f} times their CPU seconds."
+    )
+
+
 def again(rows: Sequence[Row]) -> str:
     """What a second run says."""
     rows = [row for row in rows if "again" in row]
@@ -296,6 +305,6 @@ def again(rows: Sequence[Row]) -> str:
 
 SENTENCES = (
     choice, promises, enough, photographs, bound, views, doubt, steps, starts, searches, precision,
-    lobes, classes, bits, peers, memory, size, again,
+    lobes, classes, bits, peers, memory, size, wall, again,
 )  # fmt: skip
 """In the order of the page; each raises where a study has not measured what it is about."""
