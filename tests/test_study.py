@@ -24,7 +24,7 @@ from impasto.study import (
     specimens,
     tables,
 )
-from impasto.study.bound import bound_of, widths_off
+from impasto.study.bound import bound_of, strengths_off, widths_off
 from impasto.study.record import RUNS
 
 SIZES = specimens.Sizes(painting=24, views=6, icon=24, paintings=2)
@@ -250,6 +250,7 @@ def test_the_bound_falls_with_the_root_of_the_photographs() -> None:
     # Sums of products in another order: rounding of float64, times the condition of 7 unknowns.
     assert once.normal / twice.normal == pytest.approx(np.sqrt(2.0), rel=1e-6)
     assert once.width / twice.width == pytest.approx(np.sqrt(2.0), rel=1e-6)
+    assert once.strength / twice.strength == pytest.approx(np.sqrt(2.0), rel=1e-6)
 
 
 def test_widths_are_off_by_so_many_bounds() -> None:
@@ -271,7 +272,25 @@ def test_widths_are_off_by_so_many_bounds() -> None:
     assert widths_off([np.full_like(gamma, np.nan)], [truth], [bound]) == np.inf
     # Where there is no gloss nothing tells of its width, and no fit is asked.
     matte = replace(truth, beta=np.zeros_like(truth.beta))
-    assert np.isinf(bound_of(matte, specimen.stack.rig).width).all()
+    none = bound_of(matte, specimen.stack.rig)
+    assert np.isinf(none.width).all()
+    assert np.isinf(none.strength).all()
+
+
+def test_strengths_are_off_by_so_many_bounds() -> None:
+    made, _ = specimens.specimens(SIZES, 0, None)
+    specimen, _ = made["own model"]()
+    truth = specimen.truth
+    assert truth is not None
+    bound = bound_of(truth, specimen.stack.rig)
+    places = np.s_[3::6, 3::6]
+    here = truth.beta[0][places]
+    beta = np.zeros(truth.beta.shape[1:])
+    beta[places] = here * (1.0 - 2.0 * bound.strength.reshape(here.shape))
+    assert strengths_off([beta], [truth], [bound]) == pytest.approx(2.0 / 0.67449, rel=1e-5)
+    # No lobe is one without strength: off by all of it.
+    none = strengths_off([np.zeros_like(beta)], [truth], [bound])
+    assert none == pytest.approx(np.median(1.0 / bound.strength) / 0.67449, rel=1e-5)
 
 
 # --- the sweep
@@ -281,7 +300,7 @@ def test_no_fit_beats_the_bound(quick: tuple[Path, dict[str, Any]]) -> None:
     some = (row for row in quick[1]["rows"] if "bound" in row)
     rows = [row for row in some if row["error"]["normal"] is not None]
     assert {"lights", "effort", "normals"} <= {row["knob"] for row in rows}
-    assert all("width" in row for row in rows if row["knob"] == "effort")
+    assert all({"width", "strength"} <= row.keys() for row in rows if row["knob"] == "effort")
     # The bound takes a pixel's two tilts for equally known. Where one is known without error the
     # mean angle is that of one normal deviate, sqrt(2 / pi) s, and the bound says
     # sqrt(pi / 2) sqrt(s^2 / 2): it is never too high by more than their quotient, 0.900.

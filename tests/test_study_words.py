@@ -165,20 +165,21 @@ def test_peers_that_are_not_beaten_are_named() -> None:
 
 
 def test_presets_are_compared_with_the_bound() -> None:
-    """By hand: a tenth, a fifth and two fifths above it; widths as far and half as far again."""
+    """By hand: a tenth, a fifth, two fifths above it; widths half as far again, strengths twice."""
     rows = [
         {
             "knob": "effort", "setting": name, "data": data, "bound": 0.05,
-            "error": {"normal": 0.05 * more}, "width": 1.5 * more,
+            "error": {"normal": 0.05 * more}, "width": 1.5 * more, "strength": 2.0 * more,
             "options": {"effort": PRESETS[name].to_dict()},
         }
         for name, more in {"draft": 1.4, "standard": 1.2, "reference": 1.1}.items()
         for data in ("own model", "icon")
     ]  # fmt: skip
     assert words(rows) == {
-        "bound": "With all photographs of the simulated paintings, normals (in the mean) and "
-        "widths of gloss (in the median) are off by so many times their bounds: "
-        '`"draft"` 1.40 and 2.10, `"standard"` 1.20 and 1.80, `"reference"` 1.10 and 1.65.'
+        "bound": "With all photographs of the simulated paintings, normals (in the mean), widths "
+        "and strengths of gloss (in the median) are off by so many times their bounds: "
+        '`"draft"` 1.40, 2.10 and 2.80, `"standard"` 1.20, 1.80 and 2.40, `"reference"` 1.10, 1.65 '
+        "and 2.20. The bound of a strength knows that varnish has no colour; the fit does not."
     }
     # A record of before widths were measured.
     assert words([{k: v for k, v in row.items() if k != "width"} for row in rows]) == {}

@@ -29,12 +29,14 @@ class Bound:
     ----------
     normal
         ``(pixel,)`` mean angle in degrees.
-    width
-        ``(pixel,)`` deviation of log gamma; Inf where the photographs tell nothing of it.
+    width, strength
+        ``(pixel,)`` deviation of log gamma, and of beta as a share of it; Inf where the photographs
+        tell nothing of them.
     """
 
     normal: NDArray[np.float64]
     width: NDArray[np.float64]
+    strength: NDArray[np.float64]
 
 
 def bound_of(truth: Truth, rig: Rig, bits: int = 12) -> Bound:
@@ -45,7 +47,7 @@ def bound_of(truth: Truth, rig: Rig, bits: int = 12) -> Bound:
     are taken for equal, so that the mean angle is ``sqrt(pi / 2)`` of their deviation.
     """
     noise, full = Noise(), 2.0**bits - 1.0
-    angles, widths = [], []
+    angles, widths, strengths = [], [], []
     for y, x in zip(*_places(truth.normal.shape[1:]), strict=True):
         base = base_of(truth.normal[:, y, x].astype(np.float64))
         diffuse = truth.diffuse[:, y, x].astype(np.float64)
@@ -64,9 +66,11 @@ def bound_of(truth: Truth, rig: Rig, bits: int = 12) -> Bound:
         covariance = np.linalg.pinv(information / np.outer(size, size)) / np.outer(size, size)
         angles.append(np.sqrt(0.5 * (covariance[0, 0] + covariance[1, 1])))
         # As if all else were known: what even that leaves open nothing tells.
-        told = size[-1] > 1.0
-        widths.append(np.sqrt(covariance[-1, -1]) if told else np.inf)
-    return Bound(np.degrees(angles) * np.sqrt(np.pi / 2.0), np.array(widths))
+        told = size[-1] > 1.0, lobe[0] * size[-2] > 1.0
+        widths.append(np.sqrt(covariance[-1, -1]) if told[0] else np.inf)
+        strengths.append(np.sqrt(covariance[-2, -2]) / lobe[0] if told[1] else np.inf)
+    angles = np.degrees(angles) * np.sqrt(np.pi / 2.0)
+    return Bound(angles, np.array(widths), np.array(strengths))
 
 
 def widths_off(
@@ -77,13 +81,30 @@ def widths_off(
     The median over the pixels whose width the photographs tell, over that of a normal deviate: 1
     is as near as can be. A pixel without a width is as far off as can be.
     """
-    off = []
-    for gamma, truth, bound in zip(gammas, truths, bounds, strict=True):
-        here = _places(gamma.shape)
-        logs = np.abs(np.log(gamma[here].astype(np.float64) / truth.gamma[0][here]))
-        told = np.isfinite(bound.width)
-        off.append(np.nan_to_num(logs[told], nan=np.inf) / bound.width[told])
-    return float(np.median(np.concatenate(off))) / DEVIATE
+    pairs = zip(gammas, truths, strict=True)
+    logs = [np.log(_here(gamma) / _here(truth.gamma[0])) for gamma, truth in pairs]
+    return _off(logs, [bound.width for bound in bounds])
+
+
+def strengths_off(
+    betas: Sequence[NDArray[Any]], truths: Sequence[Truth], bounds: Sequence[Bound]
+) -> float:
+    """The same of their strengths ``(y, x)``, in the mean of the bands."""
+    pairs = zip(betas, truths, strict=True)
+    shares = [_here(beta) / _here(truth.beta[0]) - 1.0 for beta, truth in pairs]
+    return _off(shares, [bound.strength for bound in bounds])
+
+
+def _off(errors: Sequence[NDArray[Any]], deviations: Sequence[NDArray[Any]]) -> float:
+    error, deviation = np.concatenate(errors), np.concatenate(deviations)
+    told = np.isfinite(deviation)
+    bounds = np.nan_to_num(np.abs(error[told]), nan=np.inf) / deviation[told]
+    return float(np.median(bounds)) / DEVIATE
+
+
+def _here(image: NDArray[Any]) -> NDArray[np.float64]:
+    """The pixels of a map ``(y, x)`` that have a bound."""
+    return np.asarray(image[_places(image.shape)], np.float64)
 
 
 def _places(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

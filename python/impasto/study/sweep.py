@@ -18,7 +18,7 @@ from impasto.simulate.photography import Truth
 from impasto.stack import Stack
 from impasto.study import parts
 from impasto.study.agreement import check_alike
-from impasto.study.bound import Bound, bound_of, widths_off
+from impasto.study.bound import Bound, bound_of, strengths_off, widths_off
 from impasto.study.measure import Fitted, compared, lobes_of
 from impasto.study.memory import per_megapixel
 from impasto.study.record import TERMS, Journal, run_info
@@ -200,7 +200,7 @@ class _Desk:
             return {"failed": f"{type(error).__name__}: {error}"}
 
     def _bounded(self, fits: Sequence[Fitted], taken: Sequence[Taken]) -> dict[str, float]:
-        """What no fit can beat, and how near this one's widths come, where the truth is known."""
+        """What no fit can beat, and how near this one's gloss comes, where the truth is known."""
         known = [
             (fit, part.truth, stack.rig) for fit, (part, stack) in zip(fits, taken, strict=True)
         ]
@@ -212,6 +212,10 @@ class _Desk:
         gammas: list[Any] = [getattr(fit, "gamma", None) for fit in fits]
         if all(np.ndim(gamma) == 3 for gamma in gammas):
             row["width"] = widths_off([gamma[0] for gamma in gammas], truths, bounds)
+        lobes: list[Any] = [getattr(fit, "specular", None) for fit in fits]
+        if all(np.ndim(strength) == 4 for strength in lobes):
+            betas = [strength[0].mean(axis=0) for strength in lobes]
+            row["strength"] = strengths_off(betas, truths, bounds)
         return row
 
     def _bound(self, truth: Truth, rig: Rig) -> Bound:

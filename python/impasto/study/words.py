@@ -64,12 +64,14 @@ def bound(rows: Sequence[Row]) -> str:
     """How near the presets come to what no fit can beat."""
     own = {name: named(rows)[f"pixels' own, {name}"]["own model"] for name in PRESETS}
     said = ", ".join(
-        f'`"{name}"` {row["error"]["normal"] / row["bound"]:.2f} and {row["width"]:.2f}'
+        f'`"{name}"` {row["error"]["normal"] / row["bound"]:.2f}, {row["width"]:.2f} and '
+        f"{row['strength']:.2f}"
         for name, row in own.items()
     )
     return (
-        "With all photographs of the simulated paintings, normals (in the mean) and widths of "
-        f"gloss (in the median) are off by so many times their bounds: {said}."
+        "With all photographs of the simulated paintings, normals (in the mean), widths and "
+        "strengths of gloss (in the median) are off by so many times their bounds: "
+        f"{said}. The bound of a strength knows that varnish has no colour; the fit does not."
     )
 
 
