@@ -221,7 +221,7 @@ impl Fit<'_> {
         let Found { lobe, share, path, converged, .. } = found;
         let mut status = self.run.copied(start.status)?;
         let gaussian = Gaussian::of(self.photographs.bands);
-        let factor = lm::factor(&share.matrix, 0.0, &[false; 2]);
+        let factor = lm::factor(&share.information(), 0.0, &[false; 2]);
         let covariance = (lobe.beta > 0.0 && !factor.deficient[0])
             .then(|| relative(lobe, sandwich(&factor, &share.scatter, gaussian.curvature)));
         let mut estimate =

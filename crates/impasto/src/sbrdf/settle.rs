@@ -45,6 +45,9 @@ pub(super) struct Share {
     pub(super) log_scale: f64,
     pub(super) descent: [f64; 2],
     pub(super) matrix: [[f64; 2]; 2],
+    /// The same of pixels that rounding alone is left of: they ask for no step, but they know
+    /// (beta, log k) as well as rounding lets them.
+    pub(super) exact: [[f64; 2]; 2],
     /// Sum of the outer products of the pixels' descents.
     pub(super) scatter: [[f64; 2]; 2],
 }
@@ -52,7 +55,14 @@ pub(super) struct Share {
 impl Share {
     pub(super) fn zero() -> Self {
         let zero = [[0.0; 2]; 2];
-        Self { count: 0.0, log_scale: 0.0, descent: [0.0; 2], matrix: zero, scatter: zero }
+        Self {
+            count: 0.0,
+            log_scale: 0.0,
+            descent: [0.0; 2],
+            matrix: zero,
+            exact: zero,
+            scatter: zero,
+        }
     }
 
     pub(super) fn merge(&mut self, other: &Self) {
@@ -62,9 +72,15 @@ impl Share {
             self.descent[i] += other.descent[i];
             for j in 0..=i {
                 self.matrix[i][j] += other.matrix[i][j];
+                self.exact[i][j] += other.exact[i][j];
                 self.scatter[i][j] += other.scatter[i][j];
             }
         }
+    }
+
+    /// What all pixels know of (beta, log k).
+    pub(super) fn information(&self) -> [[f64; 2]; 2] {
+        core::array::from_fn(|i| core::array::from_fn(|j| self.matrix[i][j] + self.exact[i][j]))
     }
 
     /// As a sum of squares: the number of samples times the geometric mean over the pixels of the
@@ -202,11 +218,13 @@ fn heard_of(values: [f64; 9], bands: usize, yardstick: Yardstick) -> Share {
     let share = if moves { scale / (scale + grain) } else { 0.0 };
     let rate = share * count / (square * bands as f64).max(f64::MIN_POSITIVE);
     let descent = [db * rate, dk * rate];
+    let known = |rate: f64| [[bb * rate, 0.0], [kb * rate, kk * rate]];
     Share {
         count,
         log_scale: count * ((scale + grain) / (reference * reference)).ln(),
         descent,
-        matrix: [[bb * rate, 0.0], [kb * rate, kk * rate]],
+        matrix: known(rate),
+        exact: known(if moves { 0.0 } else { (scale + grain).recip() }),
         scatter: [
             [descent[0] * descent[0], 0.0],
             [descent[1] * descent[0], descent[1] * descent[1]],
