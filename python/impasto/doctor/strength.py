@@ -11,6 +11,7 @@ from impasto.doctor.diagnosis import Finding
 from impasto.doctor.lights import elevation
 from impasto.doctor.specimen import Specimen
 from impasto.doctor.surface import fit_surface, shading
+from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.wording import counted
 
@@ -21,27 +22,31 @@ _OFF = 0.2
 _FEWEST = 5
 _ROUNDS = 3
 _SIGMAS = 5.0
+_SAME = 1e-6
+"""Heights of lights that are nearer than that are one: rounding tells no two of them apart."""
+_OPPOSITE = 1e-12
+"""Shorter sums of two unit vectors are those of opposite ones: there is no half vector."""
 
 
 def strengths(stack: Stack, specimen: Specimen) -> list[Finding]:
     """The strength of each light that the photographs show, against the others."""
     if len(stack.rig) < _FEWEST:
         return []
-    found = measure_strengths(specimen, stack.rig.views)
-    if found is None:
+    gain = measure_strengths(specimen, stack.rig.views)
+    if gain is None:
         return []
-    gain, expected = found
+    height = _height(stack.rig)
+    expected = _usual(gain, height)
     log = np.log(gain / expected)
     spread = 1.4826 * float(np.nanmedian(np.abs(log)))
     limit = max(np.log1p(_OFF), _SIGMAS * spread)
     # Gloss brightens whole photographs from lights near the camera; it never darkens one.
-    height = elevation(stack.rig.directions)
     gloss = np.where(height > 75.0, np.inf, np.where(height > 60.0, np.log(3.0), 0.0))
     off = np.flatnonzero((log < -limit) | (log > np.maximum(limit, gloss)))
     numbers = {"gain": np.round(gain / expected, 4).tolist(), "spread": round(spread, 4)}
     if len(off) == 0:
         return [_none_stands_out(spread, numbers)]
-    off = off[np.argsort(-np.abs(log[off]))]
+    off = off[np.argsort(-np.abs(log[off]), kind="stable")]
     told = ", ".join(f"{stack.names[i]} {np.exp(log[i]):.2f}" for i in off[:4].tolist())
     more = f" and {len(off) - 4} more" if len(off) > 4 else ""
     return [
@@ -76,8 +81,15 @@ def _none_stands_out(spread: float, numbers: dict[str, Any]) -> Finding:
     )
 
 
-def measure_strengths(specimen: Specimen, views: Floats) -> tuple[Floats, Floats] | None:
-    """Strength of each light ``(obs,)`` relative to the given ones, and what is usual.
+def _height(rig: Rig) -> Floats:
+    """Degrees above the painting of a light that a camera over it would see as much gloss of."""
+    half = rig.directions + rig.views
+    length = np.linalg.norm(half, axis=1, keepdims=True)
+    return 2.0 * elevation(half / np.maximum(length, _OPPOSITE)) - 90.0
+
+
+def measure_strengths(specimen: Specimen, views: Floats) -> Floats | None:
+    """Strength of each light ``(obs,)`` relative to the given ones.
 
     A robust semi-calibrated estimate: the surface is fitted with the lights' strengths, these with
     the surface, in turn. Only pixels well away from shadow and from the mirror direction count.
@@ -103,11 +115,7 @@ def measure_strengths(specimen: Specimen, views: Floats) -> tuple[Floats, Floats
             return None
         gain = np.where(np.isfinite(ratio) & (ratio > 1e-3), ratio, 1e-3)
         gain = gain / np.median(gain)
-    return gain, _usual(gain, lights)
-
-
-_OPPOSITE = 1e-12
-"""Shorter sums of two unit vectors are those of opposite ones: there is no half vector."""
+    return gain
 
 
 def _half_cosine(normal: Floats, lights: Floats, views: Floats) -> Floats:
@@ -121,15 +129,23 @@ def _half_cosine(normal: Floats, lights: Floats, views: Floats) -> Floats:
     return np.asarray(np.einsum("kni,in->kn", half, normal))
 
 
-def _usual(gain: Floats, lights: Floats) -> Floats:
-    """What a light of that elevation usually shows: sheen and a wrong tone curve bend the rule."""
+def _usual(gain: Floats, height: Floats) -> Floats:
+    """What a light of that height usually shows: sheen and a wrong tone curve bend the rule."""
     if len(gain) < 12:
         return np.full(len(gain), np.median(gain))
-    height = lights[:, 2] if lights.ndim == 2 else np.median(lights[..., 2], axis=1)
-    order = np.argsort(height)
+    ranked = np.sort(height)
     reach = max(3, len(gain) // 8)
+    places = np.arange(len(height))
+    low, high = (
+        ranked[np.clip(places + step, 0, places[-1])] + np.sign(step) * _SAME
+        for step in (-reach, reach)
+    )
     usual = np.empty(len(gain))
-    for place, index in enumerate(order):
-        near = order[max(0, place - reach) : place + reach + 1]
+    # Hundreds of views are often lit from one height: all of them are near, in whatever order.
+    first, last = (np.searchsorted(ranked, height + side * _SAME, "left") for side in (-1, 1))
+    for index, place in enumerate((first + last - 1) // 2):
+        near = (height >= low[place]) & (height <= high[place])
+        # What is usual does not depend on the one that is judged.
+        near[index] = False
         usual[index] = np.median(gain[near])
     return usual
