@@ -17,8 +17,8 @@ from impasto.thinning import thinned
 
 CHOICES = ("random", "spread", "best")
 SORTS = ("8-bit linear", "8-bit sRGB", "12-bit linear", "16-bit linear", "float16", "float32")
-TRIES = 16
-"""Subsets that the best is taken of."""
+TRIES = 64
+"""Exchanges of a photograph for another that the best subset is looked for by."""
 DRAWN = 100
 """Subsets drawn at most for one that determines normals. Nine in ten of the 770 views are lit from
 one arc: of seven at random four times in ten no light stands outside it."""
@@ -33,21 +33,20 @@ def everything(stack: Stack, seed: int) -> Stack:
 
 
 def fewer(stack: Stack, seed: int, *, count: int, choice: str) -> Stack:
-    """Some photographs: at random, spread as evenly as a greedy choice gets, or the best of some.
+    """Some photographs: at random, spread as evenly as a greedy choice gets, or the best found.
 
     A random subset whose lights lie in one plane, which no fit takes, is drawn again: the seed's
-    first that can be fitted. The best of :data:`TRIES` such subsets is the one whose fit shows the
-    photographs that it leaves best: it needs them all, so it tells what there is to gain, not how
-    to photograph.
+    first that can be fitted. The best is looked for from the spread one by exchange: it is the one
+    whose fit shows all photographs best. It needs them all, so it tells what there is to gain, not
+    how to photograph.
     """
     rng = np.random.default_rng([seed, count])
     if choice == "random":
         picked = _drawn(stack, rng, count)[:count]
-    elif choice == "spread":
-        picked = spread(np.hstack([stack.rig.directions, stack.rig.views]), count)
     else:
-        tries = [_drawn(stack, rng, count) for _ in range(TRIES)]
-        picked = min(tries, key=lambda order: _error(stack, order, count))[:count]
+        picked = spread(np.hstack([stack.rig.directions, stack.rig.views]), count)
+        if choice == "best":
+            picked = _exchanged(stack, picked, rng)
     return stack.take(np.sort(picked))
 
 
@@ -73,15 +72,33 @@ def _determined(stack: Stack) -> bool:
     return True
 
 
-def _error(stack: Stack, order: NDArray[np.intp], count: int) -> float:
-    """Of the photographs after the first ``count``, by a fit of those."""
+def _exchanged(
+    stack: Stack, picked: NDArray[np.intp], rng: np.random.Generator
+) -> NDArray[np.intp]:
+    """One photograph after another for one that was left, where that is better (Fedorov 1972)."""
     part = thinned(stack, JUDGED)
+    light = np.array([part.linear(i) for i in range(len(part.rig))])
+    order = np.concatenate([picked, np.setdiff1d(np.arange(len(part.rig)), picked)])
+    least = _error(part, picked, light)
+    for _ in range(TRIES):
+        places = rng.integers(len(picked)), rng.integers(len(picked), len(order))
+        other = order.copy()
+        other[[*places]] = order[[*places[::-1]]]
+        error = _error(part, other[: len(picked)], light)
+        if error < least:
+            least, order = error, other
+    return order[: len(picked)]
+
+
+def _error(stack: Stack, picked: NDArray[np.intp], light: NDArray[Any]) -> float:
+    """Of all photographs by a fit of some; the same judge all subsets, those fitted among them."""
     many = len(np.unique(stack.rig.views, axis=0)) > 1
     options: Any = {"model": "lafortune"} if many else {"pooling": "pixel"}
-    shown = part.take(np.sort(order[count:]))
-    truth = np.array([shown.linear(i) for i in range(len(shown.rig))])
-    fitted = fit_sbrdf(part.take(np.sort(order[:count])), **options)
-    return relative_error(fitted.predict(shown.rig), truth, full_scale(stack))
+    try:
+        fitted = fit_sbrdf(stack.take(np.sort(picked)), **options)
+    except GeometryError:
+        return float("inf")
+    return relative_error(fitted.predict(stack.rig), light, full_scale(stack))
 
 
 def spread(places: NDArray[Any], count: int) -> NDArray[np.intp]:
