@@ -48,7 +48,9 @@ def _table(file: str, key: str, columns: str) -> str:
     lines = [" | ".join(heads.values())]
     # Words to the left, numbers to the right.
     lines.append(" | ".join([":--", *["--:"] * (len(heads) - 1)]))
-    lines += [" | ".join(_cell(row[name]) for name in heads) for row in content[key]]
+    # Nor has it rows of a table that it is older than.
+    rows = content.get(key, [])
+    lines += [" | ".join(_cell(row[name]) for name in heads) for row in rows]
     return "\n" + "".join(f"| {line} |\n" for line in lines) + "\n"
 
 

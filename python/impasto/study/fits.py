@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import impasto
-from impasto.effort import EffortLike
+from impasto.effort import Effort, EffortLike
 from impasto.fit.forward import predict
-from impasto.fit.lobes import fit_lobes
+from impasto.fit.lobes import LobeSbrdf, fit_lobes
 from impasto.fit.normals import Method, Normals
 from impasto.rig import Rig
 from impasto.stack import Stack
@@ -35,6 +35,23 @@ def always(stack: Stack, threads: int | None, *, lobes: int) -> Fitted:
         index=1.45,
         threads=threads,
         progress=False,
+        sparing=False,
+    )
+
+
+def searched(stack: Stack, threads: int | None, *, effort: Effort) -> LobeSbrdf:
+    """One lobe of every pixel by a search alone: no other pixel is asked what is typical."""
+    stereo = impasto.fit_normals(stack, threads=threads)
+    return fit_lobes(
+        stack,
+        stereo,
+        lobes=1,
+        ambient=True,
+        index=1.45,
+        effort=effort,
+        threads=threads,
+        progress=False,
+        typical=False,
         sparing=False,
     )
 

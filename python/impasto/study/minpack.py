@@ -28,25 +28,61 @@ START = 0.15
 """Half-width of the facets at the start, rad: a satin varnish."""
 
 
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What of a rig no surface changes: ``(obs, 3)`` directions, ``(obs,)`` numbers.
+
+    Attributes
+    ----------
+    lights, views, half
+        Unit vectors away from the surface, and what bisects them.
+    v_h
+        Cosine between view and bisector.
+    fresnel
+        What the facet that mirrors the light into the view reflects.
+    intensities
+        Of the lights.
+    """
+
+    lights: Array
+    views: Array
+    half: Array
+    v_h: Array
+    fresnel: Array
+    intensities: Array
+
+    @classmethod
+    def of(cls, rig: Rig) -> Sight:
+        """Of distant lights."""
+        lights, views = rig.directions, rig.views
+        half = lights + views
+        half /= np.linalg.norm(half, axis=1, keepdims=True)
+        v_h = (views * half).sum(axis=1)
+        root = np.sqrt(INDEX**2 - 1.0 + v_h**2)
+        fresnel = ((root - v_h) / (root + v_h)) ** 2 / 2.0
+        fresnel *= 1.0 + ((v_h * (root + v_h) - 1.0) / (v_h * (root - v_h) + 1.0)) ** 2
+        return cls(lights, views, half, v_h, fresnel, rig.intensities)
+
+    def matte(self, normal: Array) -> Array:
+        """``(obs,)`` radiance of a white diffuse surface with a unit normal."""
+        return np.asarray(np.maximum(self.lights @ normal, 0.0) * self.intensities)
+
+    def gloss(self, normal: Array, gamma: float) -> Array:
+        """``(obs,)`` radiance of a lobe of strength 1 and half-width ``gamma``, rad."""
+        n_l, n_v, n_h = self.lights @ normal, self.views @ normal, self.half @ normal
+        phi = np.arccos(np.clip(n_h, -1.0, 1.0))
+        facets = np.exp(-np.log(2.0) * (phi / gamma) ** 2)
+        n_v = np.maximum(n_v, 1e-3)
+        grooves = np.minimum(2.0 * n_h * n_v / self.v_h, 2.0 * n_h * n_l / self.v_h)
+        lobe = facets * self.fresnel * np.minimum(1.0, grooves) / n_v
+        return np.where(n_l > 0.0, lobe, 0.0) * self.intensities
+
+
 def radiance(rig: Rig, unknowns: Array, base: Array, bands: int) -> Array:
     """``(obs, band)`` of one pixel; ``base`` ``(3, 3)``: where the normal started, two tangents."""
-    normal = base[0] + unknowns[:2] @ base[1:]
-    normal = normal / np.linalg.norm(normal)
-    lights, views = rig.directions, rig.views
-    half = lights + views
-    half /= np.linalg.norm(half, axis=1, keepdims=True)
-    n_l, n_v, n_h = lights @ normal, views @ normal, half @ normal
-    v_h = (views * half).sum(axis=1)
-    root = np.sqrt(INDEX**2 - 1.0 + v_h**2)
-    fresnel = ((root - v_h) / (root + v_h)) ** 2 / 2.0
-    fresnel *= 1.0 + ((v_h * (root + v_h) - 1.0) / (v_h * (root - v_h) + 1.0)) ** 2
-    phi = np.arccos(np.clip(n_h, -1.0, 1.0))
-    facets = np.exp(-np.log(2.0) * (phi / np.exp(unknowns[-1])) ** 2)
-    n_v = np.maximum(n_v, 1e-3)
-    grooves = np.minimum(1.0, np.minimum(2.0 * n_h * n_v / v_h, 2.0 * n_h * n_l / v_h))
-    gloss = np.where(n_l > 0.0, unknowns[-2] * facets * fresnel * grooves / n_v, 0.0)
-    matte = np.maximum(n_l, 0.0)[:, None] * unknowns[2 : 2 + bands]
-    return np.asarray((matte + gloss[:, None]) * rig.intensities[:, None])
+    sight, normal = Sight.of(rig), tilted(base, unknowns[:2])
+    gloss = unknowns[-2] * sight.gloss(normal, np.exp(unknowns[-1]))
+    return np.asarray(sight.matte(normal)[:, None] * unknowns[2 : 2 + bands] + gloss[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +97,7 @@ class Pixels:
     @property
     def normal(self) -> Array:
         """``(3, y, x)``."""
-        normals = [b[0] + u[:2] @ b[1:] for u, b in zip(self.found, self.bases, strict=True)]
-        unit = [normal / np.linalg.norm(normal) for normal in normals]
+        unit = [tilted(b, u[:2]) for u, b in zip(self.found, self.bases, strict=True)]
         return np.array(unit).T.reshape(3, *self.status.shape)
 
     def predict(self, lights: Rig) -> Array:
@@ -121,3 +156,9 @@ def base_of(normal: Array) -> Array:
     across = np.cross(normal, [0.0, 1.0, 0.0])
     across /= np.linalg.norm(across)
     return np.array([normal, across, np.cross(normal, across)])
+
+
+def tilted(base: Array, tilts: Array) -> Array:
+    """A unit normal ``(3,)`` after two tilts ``(2,)`` along the tangents of its base."""
+    normal = base[0] + tilts @ base[1:]
+    return np.asarray(normal / np.linalg.norm(normal))

@@ -7,8 +7,17 @@ from typing import Any
 
 from impasto.effort import Effort
 from impasto.study import minpack
+from impasto.study.excess import BAD
 from impasto.study.front import ERROR, Row, knee
-from impasto.study.tables import SETS, fits_of, front_of, of_knob, points, preset_rows
+from impasto.study.tables import (
+    SETS,
+    fits_of,
+    front_of,
+    of_knob,
+    points,
+    preset_rows,
+    searched_in,
+)
 from impasto.wording import counted
 
 # Okabe and Ito 2008: told apart by colour-blind readers, and in grey by their lightness.
@@ -23,6 +32,10 @@ BY = {
 """Where names stand beside their points, in points of the type."""
 LOOKS = {"random": ("s--", ORANGE), "spread": ("o-", BLUE), "best": ("D:", GREEN)}
 """Lines of the choices of photographs."""
+SEARCHES = {"single": ("o-", BLUE), "double": ("s--", ORANGE)}
+"""Lines of what a search computes in, as in the figure of the solver alone."""
+FILLS = {"p99": None, "median": "white"}
+"""Marks of the pixel that 99 of 100 end below, and of that in the middle."""
 MARKS: dict[str, tuple[str, str]] = {
     "one lobe, as the papers have it": ("d", "white"),
     "one lobe": ("D", "white"),
@@ -129,10 +142,11 @@ def normals(axes: Any, found: Row, data: str) -> None:
     axes.margins(x=0.2, y=0.22)
 
 
-def _curve(axes: Any, rows: Sequence[Row], up: Any, style: str, colour: str, label: str) -> None:
+def _curve(axes: Any, rows: Sequence[Row], up: Any, style: str, colour: str, label: str) -> Any:
     ordered = sorted(rows, key=lambda row: row["number"])
     places = [row["number"] for row in ordered]
-    axes.plot(places, [up(row) for row in ordered], style, ms=4, color=colour, lw=1.2, label=label)
+    heights = [up(row) for row in ordered]
+    return axes.plot(places, heights, style, ms=4, color=colour, lw=1.2, label=label)[0]
 
 
 def lights(axes: Any, found: Row, data: str) -> None:
@@ -177,6 +191,21 @@ def steps(axes: Any, found: Row, data: str) -> None:
     stretch = max(1.0, (1.5 * low / high) ** 0.5)
     axes.set_ylim(low / stretch, high * stretch)
     plain(axes.yaxis)
+
+
+def excess(axes: Any, found: Row, data: str) -> None:
+    """Cost above the least against the steps that a search may take, in either precision."""
+    rows = [row for row in of_knob(found["rows"], "steps") if row["data"] == data]
+    axes.axhline(BAD, color=FAINT, lw=0.8)
+    note(axes, "a hundredth", (max(row["number"] for row in rows), BAD), GREY, (-44, 4))
+    for precision, (style, colour) in SEARCHES.items():
+        some = [row for row in rows if searched_in(row) == precision]
+        for what, fill in FILLS.items():
+            up = lambda row, what=what: row["excess"][what]  # noqa: E731
+            line = _curve(axes, some, up, style, colour, f"{precision}, {what}")
+            line.set_markerfacecolor(fill or colour)
+    dress(axes, data, "steps of a search, at most", "cost above the least")
+    logarithmic(axes)
 
 
 def views(axes: Any, found: Row, data: str) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from impasto.effort import PRESETS, Effort, Origin, Precision
 from impasto.fit.normals import Method
 from impasto.stack import Stack
-from impasto.study import choices, fits, minpack, parts, peers
+from impasto.study import choices, excess, fits, minpack, parts, peers
 from impasto.study.measure import Fitted
 from impasto.study.presets import grid_name, preset_of
 from impasto.study.specimens import Paintings
@@ -75,6 +75,11 @@ class Setting:
         """Whether it is somebody else's."""
         return self.knob == "peer"
 
+    @property
+    def search(self) -> bool:
+        """Whether it is a search alone, whose end is held against the least cost."""
+        return self.knob == "steps"
+
 
 def settings(*, quick: bool = False) -> list[Setting]:
     """All of them, or of every knob a few but nothing large; the presets always."""
@@ -124,6 +129,11 @@ def _all() -> Iterator[Setting]:
     yield _sbrdf("sample", "ours, MINPACK's pixels", ONE_VIEW, **alone)
     one = "ours, one lobe, MINPACK's pixels"
     yield _sbrdf("sample", one, ONE_VIEW, **alone, lobes=1, ambient=False)
+    for precision in excess.PRECISIONS:
+        for steps in excess.STEPS:
+            search = partial(fits.searched, effort=excess.effort_of(precision, steps))
+            name = f"{precision}, {counted(steps, 'step')}"
+            yield Setting("steps", name, search, ONE_VIEW, number=steps, part=some)
 
 
 def _efforts() -> Iterator[Setting]:

@@ -19,6 +19,7 @@ from impasto.stack import Stack
 from impasto.study import parts
 from impasto.study.agreement import check_alike
 from impasto.study.bound import Bound, bound_of, strengths_off, widths_off
+from impasto.study.excess import Leasts, leasts_of, summary
 from impasto.study.measure import Fitted, compared, lobes_of
 from impasto.study.memory import per_megapixel
 from impasto.study.record import TERMS, Journal, run_info
@@ -88,8 +89,9 @@ def run(
     -------
     dict
         ``run`` (machine, commit, seed, sizes, yardstick), ``missing`` (data sets and why),
-        ``skipped`` (peers that are not installed, pixels that there are none of), ``failed`` (fits
-        that ended in an error; tried again by the next run), ``rows``.
+        ``skipped`` (peers that are not installed and what is measured by them, pixels that there
+        are none of), ``failed`` (fits that ended in an error; tried again by the next run),
+        ``rows``.
 
     Raises
     ------
@@ -157,6 +159,7 @@ class _Desk:
         self._timed: dict[tuple[str, str], Taken] = {}
         # Most settings are fitted to the same photographs.
         self._bounds: dict[tuple[int, bytes], Bound] = {}
+        self._leasts: dict[bytes, Leasts] = {}
 
     def _take(self, setting: Setting, *, first: bool) -> list[Taken]:
         """What a setting takes of every painting; of the first alone where it is only timed."""
@@ -185,6 +188,8 @@ class _Desk:
             fits = [fitted, *(setting.fit(stack, None) for _, stack in others)]
             row: dict[str, Any] = {"number": setting.number, "options": setting.options}
             row |= self._bounded(fits, taken)
+            if setting.search:
+                row["excess"] = self._excess(fits, [stack for _, stack in taken])
             if self._weigh and part.name in WEIGHED and named(setting):
                 row["memory"] = per_megapixel(setting.fit, stack, self._threads)
             row |= {"share": part.share, "lobes": lobes_of(fits)}
@@ -193,7 +198,7 @@ class _Desk:
         except parts.NoPixelsError as error:
             return {"skipped": str(error)}
         except Exception as error:
-            if setting.peer and isinstance(error, ImportError):
+            if (setting.peer or setting.search) and isinstance(error, ImportError):
                 return {"skipped": str(error)}
             # Whatever a fit of ours refuses here it should have made: the others go on, and it
             # shows.
@@ -217,6 +222,17 @@ class _Desk:
             betas = [strength[0].mean(axis=0) for strength in lobes]
             row["strength"] = strengths_off(betas, truths, bounds)
         return row
+
+    def _excess(self, fits: Sequence[Any], stacks: Sequence[Stack]) -> dict[str, float]:
+        """How far above the least cost searches of some paintings end."""
+        pairs = zip(fits, stacks, strict=True)
+        return summary(self._least(stack).excess(fitted) for fitted, stack in pairs)
+
+    def _least(self, stack: Stack) -> Leasts:
+        key = stack.samples.tobytes()
+        if key not in self._leasts:
+            self._leasts[key] = leasts_of(stack)
+        return self._leasts[key]
 
     def _bound(self, truth: Truth, rig: Rig) -> Bound:
         key = (id(truth), rig.directions.tobytes())

@@ -9,6 +9,7 @@ import numpy as np
 
 from impasto.effort import PRESETS
 from impasto.study import front, minpack, presets
+from impasto.study.excess import PRECISIONS
 from impasto.study.front import ERROR, Row
 
 SETS = {
@@ -37,6 +38,7 @@ def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
         "derived": _derived(rows),
         "checks": presets.table(rows),
         "classes": _classes(rows),
+        "excess": _excess(rows),
         "unbeaten": [_line(row) for row in unbeaten(rows)],
         "peer": [_line(row) for data in SETS for row in _of_set(rows, data, "peer", "sample")],
     }
@@ -174,6 +176,27 @@ def _classes(rows: Sequence[Row]) -> list[Row]:
     return lines
 
 
+def _excess(rows: Sequence[Row]) -> list[Row]:
+    """How far above the least cost searches end that may take so many steps, in per cent of it."""
+    lines: list[Row] = []
+    for data in SETS:
+        some = _of_set(rows, data, "steps")
+        for steps in sorted({row["number"] for row in some}):
+            line: Row = {"data": SETS[data], "steps": steps}
+            found = {searched_in(row): row["excess"] for row in some if row["number"] == steps}
+            for what in ("median", "p99", "bad"):
+                for precision in PRECISIONS:
+                    share = found[precision][what] if precision in found else None
+                    line[f"{what} %, {precision}"] = None if share is None else 100.0 * share
+            lines.append(line)
+    return lines
+
+
+def searched_in(row: Row) -> str:
+    """What a search of the knob ``steps`` computes in."""
+    return str(row["setting"].partition(",")[0])
+
+
 def _halving(rows: Sequence[Row]) -> list[Row]:
     """From each preset of pixels' own lobes to the best that may be asked for in half its time.
 
@@ -215,7 +238,7 @@ def _halving(rows: Sequence[Row]) -> list[Row]:
 def _derived(rows: Sequence[Row]) -> list[Row]:
     try:
         derived = presets.derived(rows)
-    except (StopIteration, IndexError, KeyError):
+    except (StopIteration, IndexError, KeyError, ValueError):
         return []
     return [{"preset": name} | derived[name].to_dict() for name in PRESETS]
 

@@ -12,10 +12,11 @@ from impasto.effort import PRESETS, Effort, Origin
 from impasto.study.advice import choice, enough
 from impasto.study.agreement import TENTH, apart
 from impasto.study.choices import CHOICES
+from impasto.study.excess import PRECISIONS, STEPS
 from impasto.study.front import Row
-from impasto.study.phrases import by_data, differences, levels, named, ratio, share, span
+from impasto.study.phrases import between, by_data, differences, levels, named, ratio, share, span
 from impasto.study.presets import checked, grid_name
-from impasto.study.tables import SETS, of_knob, preset_rows, unbeaten
+from impasto.study.tables import SETS, of_knob, preset_rows, searched_in, unbeaten
 from impasto.wording import counted
 
 VIEWS = "770 views"
@@ -184,6 +185,34 @@ def precision(rows: Sequence[Row]) -> str:
     return f"{said[0].upper()}{said[1:]}."
 
 
+def excess(rows: Sequence[Row]) -> str:
+    """How far above the least cost a search ends."""
+    found: dict[tuple[str, int], list[Row]] = {}
+    for row in of_knob(rows, "steps"):
+        found.setdefault((searched_in(row), row["number"]), []).append(row["excess"])
+    few, many = PRESETS["standard"].iterations, STEPS[-1]
+
+    def within(precision: str, steps: int, what: str) -> str:
+        shares = [share[what] for share in found[precision, steps]]
+        return " to ".join(dict.fromkeys(f"{end(shares):.0e}" for end in (min, max)))
+
+    def bad(steps: int) -> str:
+        every = [100.0 * share["bad"] for name in PRECISIONS for share in found[name, steps]]
+        return between(every, "%", 1)
+
+    def both(steps: int, what: str) -> str:
+        return " and ".join(within(name, steps, what) for name in PRECISIONS)
+
+    single, double = (within(name, few, "p99") for name in PRECISIONS)
+    return (
+        f'A search that may take {few} steps, as many as `"standard"` has, ends {single} above the '
+        f"least cost in single precision (the 99th percentile), {double} in double; {bad(few)} of "
+        "the pixels, depending on the data, end more than a hundredth above it. With "
+        f"{many} steps it is {both(many, 'p99')}, half of the pixels are within "
+        f"{both(many, 'median')}, and {bad(many)} are in a bad basin."
+    )
+
+
 def lobes(rows: Sequence[Row]) -> str:
     """What a further lobe is worth."""
     names = ("none", *(f"{n} at most" for n in (1, 2, 3)))
@@ -307,6 +336,6 @@ def again(rows: Sequence[Row]) -> str:
 
 SENTENCES = (
     choice, promises, enough, photographs, bound, views, doubt, steps, starts, searches, precision,
-    lobes, classes, bits, peers, memory, size, wall, again,
+    excess, lobes, classes, bits, peers, memory, size, wall, again,
 )  # fmt: skip
 """In the order of the page; each raises where a study has not measured what it is about."""

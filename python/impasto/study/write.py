@@ -17,6 +17,7 @@ TITLES = {
     "derived": "The presets that these numbers call for",
     "checks": "What presets promise, and whether it is so",
     "classes": "Pixels by the lobes that they get",
+    "excess": "Cost above the least where searches end, as a share of it",
     "front": "Fits that no other beats in both time and error",
     "effort": "Rounds, steps and starts",
     "precision": "What searches compute in",
