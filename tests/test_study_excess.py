@@ -71,8 +71,8 @@ def test_searches_come_to_the_least_with_steps(stack: Any, leasts: excess.Leasts
         # MINPACK ends where a step gains no more than 1e-12 of the cost.
         assert shares.min() > -1e-11
     assert np.median(few) > 100.0 * np.median(some) > 10_000.0 * np.median(many)
-    # A search ends where a step gains less than 1e-4, the last of which was one of some that each
-    # gain a tenth of the one before or less; half of them far less.
+    # A search ends where a step gains less than 1e-4 of the cost, and each gains far less than the
+    # one before it: what is left is less than the last.
     assert many.max() < 1e-4
     assert np.median(many) < 1e-8
     # Residuals of some per cent in single precision, whose rounding is 6e-8 of the sample.
@@ -97,6 +97,8 @@ def test_pixels_without_a_lobe_do_not_count(stack: impasto.Stack, leasts: excess
     # Two hundredths above the least is bad, half a hundredth is not.
     by_hand = excess.summary([np.array([0.02, 0.0]), np.array([0.005, np.nan, 0.0])])
     assert (by_hand["median"], by_hand["bad"]) == (0.0025, 0.25)
+    with pytest.raises(parts.NoPixelsError, match="0 of 2 pixels"):
+        excess.summary([np.full(2, np.nan)])
 
 
 @pytest.fixture(scope="module")

@@ -24,6 +24,7 @@ from impasto.fit.normals import Normals, fit_normals
 from impasto.stack import Stack
 from impasto.study import fits
 from impasto.study.minpack import START, Sight, base_of, tilted
+from impasto.study.parts import NoPixelsError
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -167,9 +168,16 @@ def summary(shares: Iterable[Array]) -> dict[str, float]:
     """Of the pixels ``(pixel,)`` of some paintings together: ``median``, ``p99``, ``bad``.
 
     ``bad`` is the share of the pixels with a lobe that end more than :data:`BAD` above the least.
+
+    Raises
+    ------
+    NoPixelsError
+        None has a lobe.
     """
     every = np.concatenate(list(shares))
     known = every[np.isfinite(every)]
+    if not known.size:
+        raise NoPixelsError(f"0 of {every.size} pixels")
     median, p99 = np.percentile(known, (50.0, 99.0))
     return {"median": float(median), "p99": float(p99), "bad": float((known > BAD).mean())}
 
