@@ -13,7 +13,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_QUIET := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo test test-rust test-python lint docs bench pictures clean
+.PHONY: help build demo test test-rust test-python lint docs bench study pictures clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -47,6 +47,15 @@ bench: $(VENV)/built $(VENV)/extras $(VENV)/peers  ## time the numerics against 
 	$(BIN)/python benches/python/fits.py --record
 	$(BIN)/python benches/python/lobes.py --record
 	$(BIN)/python -m pytest benches/python -q --record
+
+study: $(VENV)/built $(VENV)/extras $(VENV)/peers  ## measure anew all that docs/accuracy-and-time.md shows
+	$(BIN)/python benches/python/study.py
+	$(BIN)/python benches/python/kernels.py --record
+	$(BIN)/python benches/python/fits.py --record
+	$(BIN)/python benches/python/reflectance_ladder.py --write
+	$(BIN)/python benches/python/suggestions.py --record
+	$(BIN)/python benches/python/kernel_figures.py
+	$(BIN)/python benches/python/pages.py
 
 pictures: $(VENV)/built  ## make the pictures of README and documentation again
 	$(BIN)/python docs/pictures.py

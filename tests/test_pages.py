@@ -13,7 +13,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benches" / "python
 import pages
 
 from impasto.study.tables import tables
-from impasto.study.words import words
+from impasto.study.words import SENTENCES, words
+from impasto.study.write import TITLES
 
 WITH_TABLES = [
     page
@@ -42,6 +43,15 @@ def test_the_page_about_time_says_what_was_measured() -> None:
     page = (pages.ROOT / "docs/accuracy-and-time.md").read_text("utf-8")
     for name, paragraph in said.items():
         assert f"<!-- words: study {name} -->\n\n{paragraph}\n" in page
+
+
+def test_the_page_about_time_names_what_a_study_makes() -> None:
+    """What a record has no rows for is left out: a name that is mistyped would be, too."""
+    page = (pages.ROOT / "docs/accuracy-and-time.md").read_text("utf-8")
+    named = {found[3] for found in pages.TABLE.finditer(page) if found[2] == "study"}
+    assert {"reflectance", "summary"} <= named <= TITLES.keys()
+    said = {found[3] for found in pages.WORDS.finditer(page) if found[2] == "study"}
+    assert said == {sentence.__name__ for sentence in SENTENCES}
 
 
 def test_no_number_of_the_page_about_time_is_typed_by_hand() -> None:

@@ -2,7 +2,7 @@
 
     python benches/python/kernel_figures.py
 
-Draws what benches/results/kernels.json, fits.json and reflectance.json hold into docs/_static.
+Draws what benches/results/kernels.json and fits.json hold into docs/_static.
 """
 
 from __future__ import annotations
@@ -92,25 +92,6 @@ def roofline(axes: list[Any]) -> None:
     axes[0].set_ylim(top=limit["GFLOP/s"] * 2.0)
 
 
-def reflectance(axes: list[Any]) -> None:
-    """Colour difference against nanoseconds per pixel."""
-    found = _record("reflectance")
-    speeds = {row["what"].split(",")[0]: row for row in found["speed, one thread, one megapixel"]}
-    for row in found["shipped training, 1586 pigments"]:
-        name = row["estimator"]
-        if row["camera"] == "6BP" and name in speeds:
-            at = (1e3 / speeds[name]["mpx_per_s"], row["de"])
-            axes[0].plot(*at, "o", ms=5, color=BLUE)
-            by = {"wiener": (6, -9), "radial-basis": (-32, 7)}.get(name, (6, 3))
-            note(axes[0], name, at, BLUE, by)
-    copy = 1e3 / found["speed, one thread, one megapixel"][0]["mpx_per_s"]
-    axes[0].axvline(copy, color=FAINT, lw=1.0)
-    dress(axes[0], "Reflectance, six bands", "ns per pixel, one thread", "mean ΔE00, 1586 pigments")
-    _across(axes[0])
-    axes[0].set_ylim(bottom=0.0, top=1.1 * axes[0].get_ylim()[1])
-    note(axes[0], "a copy of the photographs", (copy, 0.0), BLACK, (3, 4))
-
-
 def fitters(axes: list[Any]) -> None:
     """How many times as long peers take for the same pixels."""
     found = _record("fits")
@@ -142,7 +123,6 @@ FIGURES: dict[str, tuple[str, int, Callable[[list[Any]], None]]] = {
     "precision": ("kernels", 2, steps),
     "basins": ("kernels", 1, basins),
     "roofline": ("kernels", 1, roofline),
-    "reflectance": ("reflectance", 1, reflectance),
     "fitters": ("fits", 1, fitters),
 }
 """Name of the file: the record that it shows, its panels, and what draws them."""

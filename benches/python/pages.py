@@ -43,6 +43,9 @@ def _words(file: str, key: str) -> str:
 
 def _table(file: str, key: str, columns: str) -> str:
     content = _content(file)
+    if key not in content:
+        # As a sentence is, that a record has no rows for.
+        return "\n"
     pairs = [column.strip().rpartition("=")[::2] for column in columns.split(";")]
     heads = {name.strip(): heading.strip() for name, heading in pairs}
     lines = [" | ".join(heads.values())]

@@ -42,7 +42,8 @@ def study(
     out
         Folder; one that holds a study goes on with it.
     data
-        Folder of real photographs and of measured materials; default: $IMPASTO_DATA, else none.
+        Folder of real photographs, measured materials and spectra; default: $IMPASTO_DATA, else
+        none.
     quick
         Few settings on small pictures, in less than two minutes.
     seed

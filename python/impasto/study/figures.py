@@ -40,6 +40,7 @@ FIGURES: dict[str, tuple[tuple[str, ...], Panel]] = {
     "steps": (("effort",), panels.steps),
     "views": (("views",), panels.views),
     "excess": (("steps",), panels.excess),
+    "reflectance": (("reflectance",), panels.reflectance),
 }
 """Name of the file: the knobs that it shows, and what draws one data set."""
 

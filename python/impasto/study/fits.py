@@ -13,9 +13,12 @@ from impasto.effort import Effort, EffortLike
 from impasto.fit.forward import predict
 from impasto.fit.lobes import LobeSbrdf, fit_lobes
 from impasto.fit.normals import Method, Normals
+from impasto.fit.reflectance import Estimator, Reflectance
 from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.study.measure import Fitted
+from impasto.study.pigments import GRID, NOISE, Plate
+from impasto.training import Training
 
 
 def sbrdf(stack: Stack, threads: int | None, **options: Any) -> Fitted:
@@ -82,3 +85,20 @@ def lambert(
 ) -> Fitted:
     """Photometric stereo alone."""
     return Matte(impasto.fit_normals(stack, method=method, effort=effort, threads=threads))
+
+
+def reflectance(
+    plate: Plate, threads: int | None, *, estimator: Estimator, training: Training | None = None
+) -> Reflectance:
+    """Spectra of photographed pigments, on the grid that they are compared on."""
+    return impasto.fit_reflectance(
+        None,
+        plate.responses,
+        plate.camera,
+        estimator=estimator,
+        training=training,
+        noise=NOISE,
+        wavelengths=GRID,
+        integration="sum",
+        threads=threads,
+    )

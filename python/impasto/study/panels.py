@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from impasto.effort import Effort
+from impasto.study import front as fronts
 from impasto.study import minpack
 from impasto.study.excess import BAD
 from impasto.study.front import ERROR, Row, knee
@@ -30,6 +31,8 @@ BY = {
     "robust": (3, -10), "threshold": (-14, -12),
 }  # fmt: skip
 """Where names stand beside their points, in points of the type."""
+BESIDE = {"wiener": (-33, -11), "radial-basis": (-32, -12)}
+"""The same of estimators."""
 LOOKS = {"random": ("s--", ORANGE), "spread": ("o-", BLUE), "best": ("D:", GREEN)}
 """Lines of the choices of photographs."""
 SEARCHES = {"single": ("o-", BLUE), "double": ("s--", ORANGE)}
@@ -224,3 +227,22 @@ def views(axes: Any, found: Row, data: str) -> None:
     axes.set_xscale("log")
     plain(axes.xaxis)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+
+
+def reflectance(axes: Any, found: Row, data: str) -> None:
+    """Colour difference against nanoseconds per pixel: estimators by name, and their front."""
+    rows = [row for row in of_knob(found["rows"], "reflectance") if row["data"] == data]
+    ours = [row for row in rows if row["options"]]
+    places = [(1e3 * row["cost"]["cpu"], row["error"]["colour"]) for row in ours]
+    corners = [places[i] for i in fronts.front(places)]
+    axes.plot(*zip(*corners, strict=True), color=BLUE, lw=1.3, zorder=2, label="front")
+    axes.plot(*zip(*places, strict=True), "o", ms=5, color=BLUE, ls="", label="estimators of ours")
+    for row, at in zip(ours, places, strict=True):
+        note(axes, row["setting"], at, BLUE, BESIDE.get(row["setting"], (6, 3)))
+    for row in rows:
+        if not row["options"]:
+            at = (1e3 * row["cost"]["cpu"], row["error"]["colour"])
+            axes.plot(*at, "s", ms=5, color=ORANGE, mew=0, ls="", label=row["setting"])
+    dress(axes, data, "CPU ns per pixel", "mean ΔE00 of the pigments")
+    logarithmic(axes)
+    axes.margins(x=0.25, y=0.2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeAlias, get_args
@@ -11,16 +11,18 @@ import numpy as np
 
 from impasto.effort import PRESETS, Effort, Origin, Precision
 from impasto.fit.normals import Method
-from impasto.stack import Stack
-from impasto.study import choices, excess, fits, minpack, parts, peers
-from impasto.study.measure import Fitted
+from impasto.fit.reflectance import Estimator
+from impasto.study import choices, excess, fits, minpack, parts, peers, wiener
+from impasto.study.measure import compared
+from impasto.study.pigments import missed
 from impasto.study.presets import grid_name, preset_of
-from impasto.study.specimens import Paintings
+from impasto.study.specimens import PIGMENTS
 from impasto.wording import counted
 
-Fit: TypeAlias = Callable[[Stack, int | None], Fitted]
-Prepare: TypeAlias = Callable[[Stack, int], Stack]
-Part: TypeAlias = Callable[[Paintings], Paintings]
+Fit: TypeAlias = Callable[[Any, int | None], Any]
+Prepare: TypeAlias = Callable[[Any, int], Any]
+Part: TypeAlias = Callable[[Any], Any]
+Judge: TypeAlias = Callable[[Sequence[Any], Any], Any]
 
 VIEWS = "770 views"
 SIMULATED = ("own model", "shifted gamma", "ABC")
@@ -33,6 +35,10 @@ VIEW_COUNTS = (7, 12, 18, 35, 70, 175, 350)
 LARGE = 8
 """Times as wide and as high is a picture that tells what size does to a fit's time."""
 PER_PIXEL = {"pooling": "pixel"}
+ESTIMATORS: tuple[Estimator, ...] = (
+    "wiener", "linear-model", "root-polynomial", "radial-basis",
+)  # fmt: skip
+"""Of reflectance; the quick study takes every other."""
 ONE_LOBE = "one lobe"
 """What comes without asking."""
 
@@ -48,7 +54,8 @@ class Setting:
     name
         Unique within the knob.
     fit
-        ``(stack, threads)``, timed.
+        ``(stack, threads)``, timed. What a stack is, the data sets say: photographs of a painting
+        under many lights, or one photograph of pigments.
     on
         Data sets that it is meant for.
     prepare
@@ -59,6 +66,8 @@ class Setting:
         Where the setting stands on the knob's scale.
     part
         Which pixels of a data set: all of them, or fewer of what is too slow.
+    judge
+        ``(fits, parts)``: the errors, a dataclass whose names are those of a row's ``error``.
     """
 
     knob: str
@@ -69,6 +78,7 @@ class Setting:
     options: dict[str, Any] = field(default_factory=dict)
     number: float | None = None
     part: Part = parts.whole
+    judge: Judge = compared
 
     @property
     def peer(self) -> bool:
@@ -114,6 +124,7 @@ def _all() -> Iterator[Setting]:
     yield from _efforts()
     yield from _lobes()
     yield from _photographs()
+    yield from _reflectances()
     for sort in choices.SORTS:
         prepare = partial(choices.recoded, sort=sort)
         yield _sbrdf("bits", sort, SIMULATED, **PER_PIXEL, prepare=prepare)
@@ -199,3 +210,13 @@ def _photographs() -> Iterator[Setting]:
         yield _sbrdf("lights", name, ONE_VIEW, number=count, prepare=fewer)
     yield _sbrdf("lights", "all", ONE_VIEW, **PER_PIXEL, number=ALL)
     yield _sbrdf("views", "all", (VIEWS,), model="lafortune", number=700)
+
+
+def _reflectances() -> Iterator[Setting]:
+    """What is fitted to pigments has errors of its own; whose options are none is a peer's."""
+    for estimator in ESTIMATORS:
+        yield Setting(
+            "reflectance", estimator, partial(fits.reflectance, estimator=estimator), PIGMENTS,
+            options={"estimator": estimator}, judge=missed,
+        )  # fmt: skip
+    yield Setting("reflectance", wiener.NAME, wiener.fit, PIGMENTS, judge=missed)

@@ -20,11 +20,12 @@ from impasto.study import parts
 from impasto.study.agreement import check_alike
 from impasto.study.bound import Bound, bound_of, strengths_off, widths_off
 from impasto.study.excess import Leasts, leasts_of, summary
-from impasto.study.measure import Fitted, compared, lobes_of
+from impasto.study.measure import lobes_of
 from impasto.study.memory import per_megapixel
+from impasto.study.pigments import Swatches
 from impasto.study.record import TERMS, Journal, run_info
 from impasto.study.settings import VIEWS, Setting, named, settings
-from impasto.study.specimens import FULL, QUICK, Paintings, Sizes, Specimen, digests, specimens
+from impasto.study.specimens import FULL, QUICK, Sizes, Specimen, digests, specimens
 from impasto.study.yardstick import Yardstick
 
 WEIGHED = ("own model", VIEWS)
@@ -65,7 +66,7 @@ def run(
         Folder of the journal; a study that was interrupted goes on there. On another machine, with
         other threads, repeats or data everything is timed anew: times are never mixed.
     data
-        Folder of real photographs and of measured materials; None: simulated data only.
+        Folder of real photographs, measured materials and spectra; None: simulated data only.
     quick
         Few settings on small data, in less than two minutes.
     knobs
@@ -137,8 +138,8 @@ def _key(data: str, setting: Setting) -> dict[str, str]:
     return {"data": data, "knob": setting.knob, "setting": setting.name}
 
 
-Taken: TypeAlias = tuple[Specimen, Stack]
-"""Pixels of a painting, and the photographs of them that are fitted."""
+Taken: TypeAlias = tuple[Specimen | Swatches, Any]
+"""Pixels of a painting or of pigments, and the photographs of them that are fitted."""
 
 
 class _Desk:
@@ -146,7 +147,7 @@ class _Desk:
 
     def __init__(
         self,
-        make: Callable[[], Paintings],
+        make: Callable[[], tuple[Any, ...]],
         seed: int,
         threads: int | None,
         yardstick: Yardstick,
@@ -193,7 +194,7 @@ class _Desk:
             if self._weigh and part.name in WEIGHED and named(setting):
                 row["memory"] = per_megapixel(setting.fit, stack, self._threads)
             row |= {"share": part.share, "lobes": lobes_of(fits)}
-            error = compared(fits, tuple(part for part, _ in taken))
+            error = setting.judge(fits, tuple(part for part, _ in taken))
             return row | {"turn": asdict(turn), "error": asdict(error)}
         except parts.NoPixelsError as error:
             return {"skipped": str(error)}
@@ -204,15 +205,13 @@ class _Desk:
             # shows.
             return {"failed": f"{type(error).__name__}: {error}"}
 
-    def _bounded(self, fits: Sequence[Fitted], taken: Sequence[Taken]) -> dict[str, float]:
+    def _bounded(self, fits: Sequence[Any], taken: Sequence[Taken]) -> dict[str, float]:
         """What no fit can beat, and how near this one's gloss comes, where the truth is known."""
-        known = [
-            (fit, part.truth, stack.rig) for fit, (part, stack) in zip(fits, taken, strict=True)
-        ]
-        truths = [truth for _, truth, _ in known if truth is not None]
-        if not truths:
+        known = [(part.truth, stack) for part, stack in taken if part.truth is not None]
+        if not known:
             return {}
-        bounds = [self._bound(truth, rig) for _, truth, rig in known if truth is not None]
+        truths = [truth for truth, _ in known]
+        bounds = [self._bound(truth, stack.rig) for truth, stack in known]
         row = {"bound": float(np.mean([bound.normal for bound in bounds]))}
         gammas: list[Any] = [getattr(fit, "gamma", None) for fit in fits]
         if all(np.ndim(gamma) == 3 for gamma in gammas):

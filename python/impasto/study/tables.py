@@ -18,6 +18,9 @@ SETS = {
     "ABC": "measured paints, ABC",
     "icon": "gilded icon, photographs",
     "770 views": "770 views, Lafortune",
+    "pigments, RGB": "pigments, RGB camera",
+    "pigments, RGB+2": "pigments, RGB through two filters",
+    "pigments, 6BP": "pigments, six bandpass filters",
 }
 """Data sets in the words of the tables."""
 
@@ -41,6 +44,7 @@ def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
         "excess": _excess(rows),
         "unbeaten": [_line(row) for row in unbeaten(rows)],
         "peer": [_line(row) for data in SETS for row in _of_set(rows, data, "peer", "sample")],
+        "reflectance": _reflectance(rows),
     }
     for knob in LADDERS:
         made[knob] = [_line(row) for row in of_knob(rows, knob)]
@@ -195,6 +199,27 @@ def _excess(rows: Sequence[Row]) -> list[Row]:
 def searched_in(row: Row) -> str:
     """What a search of the knob ``steps`` computes in."""
     return str(row["setting"].partition(",")[0])
+
+
+def _reflectance(rows: Sequence[Row]) -> list[Row]:
+    """Estimators by camera, the cheapest first; a second per megapixel is a microsecond."""
+    return [
+        {
+            "data": SETS[data],
+            "setting": row["setting"],
+            "CPU ns": 1e3 * row["cost"]["cpu"],
+            "wall ns": 1e3 * row["cost"]["wall"],
+            "dE00": row["error"]["colour"],
+            "dE00 p95": row["error"]["colour_p95"],
+            "RMSE %": 100.0 * row["error"]["spectrum"],
+        }
+        for data in SETS
+        for row in sorted(_of_set(rows, data, "reflectance"), key=_seconds)
+    ]
+
+
+def _seconds(row: Row) -> float:
+    return float(row["cost"]["cpu"])
 
 
 def _halving(rows: Sequence[Row]) -> list[Row]:

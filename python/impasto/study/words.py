@@ -9,6 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from impasto.effort import PRESETS, Effort, Origin
+from impasto.study import wiener
 from impasto.study.advice import choice, enough
 from impasto.study.agreement import TENTH, apart
 from impasto.study.choices import CHOICES
@@ -251,6 +252,33 @@ def classes(rows: Sequence[Row]) -> str:
     return "Against pixels that get two lobes " + ", ".join(lines) + "."
 
 
+def reflectance(rows: Sequence[Row]) -> str:
+    """What estimators of reflectance are worth, instead of Wiener's."""
+    usual = by_data(rows, "reflectance", "wiener")
+    others = dict.fromkeys(r["setting"] for r in of_knob(rows, "reflectance") if r["options"])
+    lines = []
+    for name in others:
+        some = by_data(rows, "reflectance", name)
+        if name == "wiener" or not some:
+            continue
+        spectra = [100.0 * value for value in differences(some, usual, "spectrum")]
+        lines.append(
+            f'`"{name}"` takes {ratio(some, usual):.1f} times the time, and changes colours by '
+            f"{span(differences(some, usual, 'colour'), 'ΔE00', 2)}, "
+            f"spectra by {span(spectra, '%', 2)} of white"
+        )
+    if not lines:
+        raise ValueError
+    said = f"Instead of Wiener's estimate {'; '.join(lines)}."
+    if product := by_data(rows, "reflectance", wiener.NAME):
+        off = max(abs(value) for value in differences(product, usual, "colour"))
+        said += (
+            f" Wiener's by one product of numpy's takes {ratio(product, usual):.1f} times the time "
+            f"of ours; mean colour differences are the same to {off:.1g} ΔE00."
+        )
+    return said
+
+
 def bits(rows: Sequence[Row]) -> str:
     """What coarser numbers cost."""
     full = levels(rows, "bits", "float32", "psnr")
@@ -336,6 +364,6 @@ def again(rows: Sequence[Row]) -> str:
 
 SENTENCES = (
     choice, promises, enough, photographs, bound, views, doubt, steps, starts, searches, precision,
-    excess, lobes, classes, bits, peers, memory, size, wall, again,
+    excess, lobes, classes, bits, reflectance, peers, memory, size, wall, again,
 )  # fmt: skip
 """In the order of the page; each raises where a study has not measured what it is about."""

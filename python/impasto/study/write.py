@@ -30,6 +30,7 @@ TITLES = {
     "bits": "Numbers that the samples are stored in",
     "normals": "Photometric stereo alone",
     "views": "Photographs of 770 views",
+    "reflectance": "Reflectance of measured pigments",
     "peer": "Peers",
     "unbeaten": "Peers that no fit of ours beats in both time and error",
 }

@@ -73,7 +73,8 @@ class Yardstick:
 @cache
 def _photographs() -> Stack:
     made, _ = specimens(Sizes(painting=EDGE, paintings=1), 0, None)
-    return made["own model"]()[0].stack
+    stack: Stack = made["own model"]()[0].stack
+    return stack
 
 
 def _clocks() -> NDArray[np.float64]:
