@@ -31,7 +31,10 @@ BY = {
     "robust": (3, -10), "threshold": (-14, -12),
 }  # fmt: skip
 """Where names stand beside their points, in points of the type."""
-BESIDE = {"wiener": (-33, -11), "radial-basis": (-32, -12)}
+BESIDE = {
+    "wiener": (7, -1), "linear-model": (-14, 7),
+    "root-polynomial": (6, -10), "radial-basis": (-32, 7),
+}  # fmt: skip
 """The same of estimators."""
 LOOKS = {"random": ("s--", ORANGE), "spread": ("o-", BLUE), "best": ("D:", GREEN)}
 """Lines of the choices of photographs."""
@@ -238,7 +241,7 @@ def reflectance(axes: Any, found: Row, data: str) -> None:
     axes.plot(*zip(*corners, strict=True), color=BLUE, lw=1.3, zorder=2, label="front")
     axes.plot(*zip(*places, strict=True), "o", ms=5, color=BLUE, ls="", label="estimators of ours")
     for row, at in zip(ours, places, strict=True):
-        note(axes, row["setting"], at, BLUE, BESIDE.get(row["setting"], (6, 3)))
+        note(axes, row["setting"], at, BLUE, BESIDE[row["setting"]])
     for row in rows:
         if not row["options"]:
             at = (1e3 * row["cost"]["cpu"], row["error"]["colour"])
