@@ -50,6 +50,19 @@ def test_many_views_are_no_duplicates_and_hide_lamps() -> None:
     assert doctor.examine(copied)["duplicates"].observations == (5, 300)
 
 
+def test_strengths_do_not_depend_on_the_order_of_views() -> None:
+    """Of hundreds many are lit from one height: a sort may leave those in any order."""
+    painting = simulate.painting(seed=7, size=(24, 24), varnish="patches")
+    stack = simulate.capture(painting, "snel-lafortune").stack
+    order = np.random.default_rng(3).permutation(len(stack.rig))
+    one, other = (
+        np.array(doctor.examine(views)["strengths"].numbers["gain"])
+        for views in (stack, stack.take(order))
+    )
+    # To the digits that are told.
+    np.testing.assert_allclose(other, one[order], atol=1.1e-4)
+
+
 def test_the_icons_lamps_are_not_called_equal(data: Path) -> None:
     stack = impasto.read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb")
     finding = doctor.examine(stack)["strengths"]

@@ -271,6 +271,22 @@ def test_spoiled_pixels_through_fit_and_picture() -> None:
     assert (picture.linear[:, ~unknown] > 0).any()
 
 
+def test_the_last_bit_of_clean_samples_decides_nothing() -> None:
+    """Every pixel may end where rounding is all that is left of it: it knows the lobe all the same.
+
+    Of samples that differ in their last bits beta and gamma differ by some 1e-5.
+    """
+    clean = fit_sbrdf(stack())
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        up, down = (np.nextafter(stack().samples, np.float32(end)) for end in (9.0, -9.0))
+        samples = np.choose(rng.integers(0, 3, up.shape), [down, stack().samples, up])
+        other = fit_sbrdf(altered(samples, saturation=4.0))
+        assert other.verdict == "fitted"
+        assert other.beta == pytest.approx(clean.beta, rel=1e-3)
+        assert other.gamma == pytest.approx(clean.gamma, rel=1e-3)
+
+
 @pytest.mark.parametrize("value", [0.0, 5.0, np.nan])
 def test_a_fit_of_nothing_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], value: float

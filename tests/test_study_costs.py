@@ -120,6 +120,18 @@ def test_the_error_of_a_cost_is_what_it_says(slow: float) -> None:
     assert abs(np.log(paces).mean()) < 0.016
 
 
+def test_fits_of_milliseconds_have_more_turns() -> None:
+    """None of these costs is ever sure; a single turn of several runs makes no fit a short one."""
+
+    def ends(runs: list[int]) -> int:
+        drawn = [Turn(1.0 + n % 2, 1.0, 1.0, 1.0, run) for n, run in enumerate(runs)]
+        return next(n for n in itertools.count() if not turns.unsure(drawn[:n], 4))
+
+    assert ends([1] * 99) == 4 * turns.MOST
+    assert ends([20, 1] * 50) == 4 * turns.MOST
+    assert ends([2] * 99) == 4 * turns.MORE
+
+
 @pytest.mark.parametrize("noise", [0.02, 0.045, 0.09])
 def test_a_cost_is_as_sure_as_it_says_where_turns_end_once_it_seems_sure(noise: float) -> None:
     """A thousand costs under the rule, drawn: no clock."""

@@ -54,7 +54,7 @@ def run(
     A setting is fitted to every painting of a data set once, for its errors, which are of all
     their pixels together; it is timed on the first of them. Errors depend on nothing but data, seed
     and code: two runs give the same, bit for bit. Costs are taken beside a yardstick until they are
-    sure or have had twice the turns (``impasto.study.turns``; ``doubt`` says how sure): two runs
+    sure or have had turns enough (``impasto.study.turns``; ``doubt`` says how sure): two runs
     agree in their ratios, on a busy machine too. All fits take turns, each in another order, so
     that whatever else the machine does meets all alike.
     Memory is measured in processes of their own (not by the quick study): a script guards its call
@@ -79,7 +79,7 @@ def run(
         None means every allowed core.
     repeats
         Turns that every fit takes at least, one of milliseconds for 0.04 s each; where two or more
-        leave its cost unsure, up to twice as many.
+        leave its cost unsure, up to twice as many, six times of those of milliseconds.
     like
         ``run`` of a recorded study that this one is to be compared with.
     advance

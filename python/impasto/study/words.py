@@ -57,7 +57,7 @@ def photographs(rows: Sequence[Row]) -> str:
             losses[kind] = float(np.mean([every[data] - some[data] for data in every]))
         lines.append(
             f"{count} lights cost {losses['random']:.1f} dB at random, {losses['spread']:.1f} dB "
-            f"spread, {losses['best']:.1f} dB as the best of sixteen"
+            f"spread, {losses['best']:.1f} dB as the best found"
         )
     return "In the mean of the data sets " + "; ".join(lines) + "."
 

@@ -57,7 +57,8 @@ class Yardstick:
             marks.append(_clocks())
         yard = (before + self._side()) / 2.0
         cpu, wall = np.diff(marks, axis=0).min(axis=0) / megapixels
-        return result, Turn(float(cpu), float(wall), float(yard[0]), float(yard[1]))
+        runs = len(marks) - 1
+        return result, Turn(float(cpu), float(wall), float(yard[0]), float(yard[1]), runs)
 
     def _side(self) -> NDArray[np.float64]:
         """CPU and wall seconds of a run, in the mean of some."""
