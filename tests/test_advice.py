@@ -51,16 +51,19 @@ def test_many_views_are_no_duplicates_and_hide_lamps() -> None:
 
 
 def test_strengths_do_not_depend_on_the_order_of_views() -> None:
-    """Of hundreds many are lit from one height: a sort may leave those in any order."""
+    """Of hundreds many are lit from one height: a sort may leave those in any order.
+
+    Which of a pixel's equal samples are kept does depend on it, and moves a strength by a hundredth
+    here at most; what is usual of a height would by a third.
+    """
     painting = simulate.painting(seed=7, size=(24, 24), varnish="patches")
     stack = simulate.capture(painting, "snel-lafortune").stack
     order = np.random.default_rng(3).permutation(len(stack.rig))
-    one, other = (
-        np.array(doctor.examine(views)["strengths"].numbers["gain"])
-        for views in (stack, stack.take(order))
+    one, other = (doctor.examine(views)["strengths"] for views in (stack, stack.take(order)))
+    assert one.message == other.message
+    np.testing.assert_allclose(
+        np.array(other.numbers["gain"]), np.array(one.numbers["gain"])[order], rtol=0.03
     )
-    # To the digits that are told.
-    np.testing.assert_allclose(other, one[order], atol=1.1e-4)
 
 
 def test_the_icons_lamps_are_not_called_equal(data: Path) -> None:
