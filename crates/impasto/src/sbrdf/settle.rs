@@ -48,7 +48,7 @@ pub(super) struct Share {
     /// The same of pixels that rounding alone is left of: they ask for no step, but they know
     /// (beta, log k) as well as rounding lets them.
     pub(super) exact: [[f64; 2]; 2],
-    /// Sum of the outer products of the pixels' descents.
+    /// Sum of the outer products of the pixels' descents, or what those are expected to be.
     pub(super) scatter: [[f64; 2]; 2],
 }
 
@@ -219,15 +219,18 @@ fn heard_of(values: [f64; 9], bands: usize, yardstick: Yardstick) -> Share {
     let rate = share * count / (square * bands as f64).max(f64::MIN_POSITIVE);
     let descent = [db * rate, dk * rate];
     let known = |rate: f64| [[bb * rate, 0.0], [kb * rate, kk * rate]];
+    // A sample within one scale counts for more where the scale moves: this errs on the safe side.
+    let exact = known(if moves { 0.0 } else { (scale + grain).recip() });
     Share {
         count,
         log_scale: count * ((scale + grain) / (reference * reference)).ln(),
         descent,
         matrix: known(rate),
-        exact: known(if moves { 0.0 } else { (scale + grain).recip() }),
+        exact,
+        // Of what is rounding nothing descends: its scatter is what is known (Fisher's identity).
         scatter: [
-            [descent[0] * descent[0], 0.0],
-            [descent[1] * descent[0], descent[1] * descent[1]],
+            [descent[0] * descent[0] + exact[0][0], 0.0],
+            [descent[1] * descent[0] + exact[1][0], descent[1] * descent[1] + exact[1][1]],
         ],
     }
 }
