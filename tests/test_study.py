@@ -13,6 +13,7 @@ import pytest
 import impasto
 from impasto import simulate, study
 from impasto.cli import main
+from impasto.relighting import full_scale, relative_error
 from impasto.study import (
     choices,
     front,
@@ -151,9 +152,25 @@ def test_photographs_that_determine_no_normal_are_drawn_again() -> None:
     # Four in ten: that all of twelve are good at first comes once in five hundred times, that none
     # is once in sixty thousand.
     assert 0 < redrawn < 12
-    # The best is chosen among as many, all of which can be fitted.
-    best = choices.fewer(stack, 0, count=count, choice="best")
-    assert impasto.fit_normals(best, method="least-squares").normal.shape[0] == 3
+
+
+def test_the_best_photographs_are_better_than_those_spread_evenly() -> None:
+    made, _ = specimens.specimens(replace(SIZES, painting=36), 0, None)
+    stack = made["own model"]()[0].stack
+    light = np.array([stack.linear(i) for i in range(len(stack.rig))])
+    some, best, again = (
+        choices.fewer(stack, 3, count=9, choice=choice) for choice in ("spread", "best", "best")
+    )
+    assert (best.samples == again.samples).all()
+    # No photograph twice; what was exchanged was chosen by every third pixel, and shows on all.
+    assert len({photograph.tobytes() for photograph in best.samples}) == 9
+    errors = [
+        relative_error(
+            impasto.fit_sbrdf(part, pooling="pixel").predict(stack.rig), light, full_scale(stack)
+        )
+        for part in (some, best)
+    ]
+    assert errors[1] < errors[0]
 
 
 @pytest.mark.parametrize("sort", choices.SORTS)

@@ -159,7 +159,10 @@ def test_peers_that_are_not_beaten_are_named() -> None:
             ("peer", "HSH", 3.0, 0.2),
         )
     ]  # fmt: skip
-    said = "1 of 2 are beaten in both time and error. Not:\n\n* gilded icon, photographs: "
+    said = (
+        "1 of 2 that show photographs are beaten in both time and error. Not:\n\n"
+        "* gilded icon, photographs: "
+    )
     assert words(rows)["peers"] == f"{said}*RBF, thin plate*."
     assert words([rows[0], rows[2]])["peers"].startswith("Every peer is beaten")
 
@@ -179,7 +182,7 @@ def test_presets_are_compared_with_the_bound() -> None:
         "bound": "With all photographs of the simulated paintings, normals (in the mean), widths "
         "and strengths of gloss (in the median) are off by so many times their bounds: "
         '`"draft"` 1.40, 2.10 and 2.80, `"standard"` 1.20, 1.80 and 2.40, `"reference"` 1.10, 1.65 '
-        "and 2.20. The bound of a strength knows that varnish has no colour; the fit does not."
+        "and 2.20. The bound of a strength knows that varnish has no colour; a fit has to find out."
     }
     # A record of before widths were measured.
     assert words([{k: v for k, v in row.items() if k != "width"} for row in rows]) == {}

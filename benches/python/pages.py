@@ -43,7 +43,7 @@ def _words(file: str, key: str) -> str:
 
 def _table(file: str, key: str, columns: str) -> str:
     content = _content(file)
-    if key not in content:
+    if file == "study" and key not in content:
         # As a sentence is, that a record has no rows for.
         return "\n"
     pairs = [column.strip().rpartition("=")[::2] for column in columns.split(";")]
@@ -51,9 +51,7 @@ def _table(file: str, key: str, columns: str) -> str:
     lines = [" | ".join(heads.values())]
     # Words to the left, numbers to the right.
     lines.append(" | ".join([":--", *["--:"] * (len(heads) - 1)]))
-    # Nor has it rows of a table that it is older than.
-    rows = content.get(key, [])
-    lines += [" | ".join(_cell(row[name]) for name in heads) for row in rows]
+    lines += [" | ".join(_cell(row[name]) for name in heads) for row in content[key]]
     return "\n" + "".join(f"| {line} |\n" for line in lines) + "\n"
 
 

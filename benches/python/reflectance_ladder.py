@@ -3,7 +3,7 @@
     python benches/python/reflectance_ladder.py [--data DIR] [--write]
 
 The set-up is that of ``impasto study`` (``impasto.study.pigments``), which sweeps the estimators
-with the training spectra that come with impasto and pigments that it only tests on. Here pigments
+with the training spectra of colour-science and pigments that it only tests on. Here pigments
 are split: some are learnt from, others tested on.
 ``--write`` records both tables in benches/results/reflectance.json.
 """

@@ -51,7 +51,8 @@ def study(
     threads
         Threads of the fits; default: every allowed core.
     repeats
-        Turns of every fit at least; from 2 on, up to twice as many where its cost is unsure.
+        Turns of every fit at least; from 2 on, up to twice as many where its cost is unsure, six
+        times of fits of milliseconds.
     figures
         Draw the figures (needs matplotlib).
     quiet

@@ -22,8 +22,8 @@ _OFF = 0.2
 _FEWEST = 5
 _ROUNDS = 3
 _SIGMAS = 5.0
-_SAME = 1e-6
-"""Heights of lights that are nearer than that are one: rounding tells no two of them apart."""
+_SAME = 1e-3
+"""Degrees: heights of lights that are nearer are one. Files with six digits tell none apart."""
 _OPPOSITE = 1e-12
 """Shorter sums of two unit vectors are those of opposite ones: there is no half vector."""
 
@@ -145,7 +145,7 @@ def _usual(gain: Floats, height: Floats) -> Floats:
     first, last = (np.searchsorted(ranked, height + side * _SAME, "left") for side in (-1, 1))
     for index, place in enumerate((first + last - 1) // 2):
         near = (height >= low[place]) & (height <= high[place])
-        # What is usual does not depend on the one that is judged.
+        # Where there are enough, what is usual does not depend on the one that is judged.
         near[index] = False
         usual[index] = np.median(gain[near])
     return usual

@@ -91,7 +91,9 @@ def strengths_off(
 ) -> float:
     """The same of their strengths ``(y, x)``, in the mean of the bands."""
     pairs = zip(betas, truths, strict=True)
-    shares = [_here(beta) / _here(truth.beta[0]) - 1.0 for beta, truth in pairs]
+    # Where there is no gloss nothing is told of it.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = [_here(beta) / _here(truth.beta[0]) - 1.0 for beta, truth in pairs]
     return _off(shares, [bound.strength for bound in bounds])
 
 

@@ -75,7 +75,7 @@ def _determined(stack: Stack) -> bool:
 def _exchanged(
     stack: Stack, picked: NDArray[np.intp], rng: np.random.Generator
 ) -> NDArray[np.intp]:
-    """One photograph after another for one that was left, where that is better (Fedorov 1972)."""
+    """One photograph after another for one that was left, pairs at random (after Fedorov 1972)."""
     part = thinned(stack, JUDGED)
     light = np.array([part.linear(i) for i in range(len(part.rig))])
     order = np.concatenate([picked, np.setdiff1d(np.arange(len(part.rig)), picked)])

@@ -1,6 +1,6 @@
 """How far above the least cost a search for a pixel's lobe ends: in float64, from the paper.
 
-A fit without rounds searches once, on the mean of the bands: for the normal and log gamma of eq. 1
+A fit without rounds searches on the mean of the bands: for the normal and log gamma of eq. 1
 of the six-band paper, with a diffuse colour, a strength and ambient light that are the best there
 are, none of them negative. Its samples are weighed before anything is known of the lobe, so that
 all such fits minimise the same, whatever steps they may take: one over the sample, or over a tenth

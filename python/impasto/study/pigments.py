@@ -1,9 +1,9 @@
 """Measured pigments as three cameras see them, and how far estimated spectra are from them.
 
-400 to 700 nm in steps of 10, plain sums; the light is a blackbody of 3000 K, a white board reads 1
-in each band; the noise is that of eight averaged frames of a sensor that holds 30 000 electrons and
-reads three. The pigments are those of HypPigments (Deborah, WHISPERS 2022, CC BY 4.0), which are
-not part of impasto.
+400 to 700 nm in steps of 10 (the first as at 405, where the data begin), plain sums; the light is a
+blackbody of 3000 K, a white board reads 1 in each band; the noise is that of eight averaged frames
+of a sensor that holds 30 000 electrons and reads three. The pigments are those of HypPigments
+(Deborah, WHISPERS 2022, CC BY 4.0), which are not part of impasto.
 """
 
 from __future__ import annotations

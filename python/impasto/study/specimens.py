@@ -106,7 +106,7 @@ class Sizes:
     pigments: int = 1_000_000
 
 
-QUICK = Sizes(painting=32, views=8, icon=40, paintings=2)
+QUICK = Sizes(painting=32, views=8, icon=40, paintings=2, pigments=100_000)
 FULL = Sizes()
 
 

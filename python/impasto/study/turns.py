@@ -75,7 +75,8 @@ def pace(turns: Sequence[Turn], kind: str) -> tuple[float, float]:
 def unsure(turns: Sequence[Turn], repeats: int) -> bool:
     """Whether a fit wants another turn: it had fewer than ``repeats``, or its cost is not sure.
 
-    An end that waits for the error to seem small finds it smaller than it is, by less than a third.
+    An end that waits for the error to seem small finds it smaller than it is: by less than a third,
+    of fits of milliseconds by less than half.
     """
     if len(turns) < max(repeats, 2):
         return len(turns) < repeats

@@ -73,7 +73,7 @@ def bound(rows: Sequence[Row]) -> str:
     return (
         "With all photographs of the simulated paintings, normals (in the mean), widths and "
         "strengths of gloss (in the median) are off by so many times their bounds: "
-        f"{said}. The bound of a strength knows that varnish has no colour; the fit does not."
+        f"{said}. The bound of a strength knows that varnish has no colour; a fit has to find out."
     )
 
 
@@ -297,7 +297,10 @@ def peers(rows: Sequence[Row]) -> str:
     if not left:
         return "Every peer is beaten: a fit of ours is at least as cheap and at least as accurate."
     best: Callable[[Row], Any] = lambda row: row["error"]["psnr"]  # noqa: E731
-    lines = [f"{len(every) - len(left)} of {len(every)} are beaten in both time and error. Not:\n"]
+    lines = [
+        f"{len(every) - len(left)} of {len(every)} that show photographs are beaten in both time "
+        "and error. Not:\n"
+    ]
     for data in dict.fromkeys(row["data"] for row in left):
         # In italics: some names have commas.
         names = [f"*{r['setting']}*" for r in sorted(left, key=best) if r["data"] == data]

@@ -32,7 +32,7 @@ TITLES = {
     "views": "Photographs of 770 views",
     "reflectance": "Reflectance of measured pigments",
     "peer": "Peers",
-    "unbeaten": "Peers that no fit of ours beats in both time and error",
+    "unbeaten": "Peers that show photographs, and no fit of ours beats in both time and error",
 }
 
 
