@@ -14,6 +14,7 @@ import impasto
 from impasto import simulate, study
 from impasto.cli import main
 from impasto.relighting import full_scale, relative_error
+from impasto.simulate.photography import Truth
 from impasto.study import (
     choices,
     front,
@@ -25,7 +26,7 @@ from impasto.study import (
     specimens,
     tables,
 )
-from impasto.study.bound import bound_of, strengths_off, widths_off
+from impasto.study.bound import Bound, bound_of, strengths_off, widths_off
 from impasto.study.record import RUNS
 
 SIZES = specimens.Sizes(painting=24, views=6, icon=24, paintings=2)
@@ -270,13 +271,16 @@ def test_the_bound_falls_with_the_root_of_the_photographs() -> None:
     assert once.strength / twice.strength == pytest.approx(np.sqrt(2.0), rel=1e-6)
 
 
-def test_widths_are_off_by_so_many_bounds() -> None:
+def _bounded() -> tuple[specimens.Specimen, Truth, Bound, Any]:
+    """A painting, what is true of it, what no fit can beat, and where that is known."""
     made, _ = specimens.specimens(SIZES, 0, None)
     specimen, _ = made["own model"]()
-    truth = specimen.truth
-    assert truth is not None
-    bound = bound_of(truth, specimen.stack.rig)
-    places = np.s_[3::6, 3::6]
+    assert specimen.truth is not None
+    return specimen, specimen.truth, bound_of(specimen.truth, specimen.stack.rig), np.s_[3::6, 3::6]
+
+
+def test_widths_are_off_by_so_many_bounds() -> None:
+    specimen, truth, bound, places = _bounded()
     here = truth.gamma[0][places]
     off = bound.width.reshape(here.shape)
     gamma = np.full(truth.gamma.shape[1:], np.nan)
@@ -295,12 +299,7 @@ def test_widths_are_off_by_so_many_bounds() -> None:
 
 
 def test_strengths_are_off_by_so_many_bounds() -> None:
-    made, _ = specimens.specimens(SIZES, 0, None)
-    specimen, _ = made["own model"]()
-    truth = specimen.truth
-    assert truth is not None
-    bound = bound_of(truth, specimen.stack.rig)
-    places = np.s_[3::6, 3::6]
+    _, truth, bound, places = _bounded()
     here = truth.beta[0][places]
     beta = np.zeros(truth.beta.shape[1:])
     beta[places] = here * (1.0 - 2.0 * bound.strength.reshape(here.shape))

@@ -46,8 +46,8 @@ class Busy:
 
 
 def stereo(out: Path, repeats: int, **more: Any) -> dict[str, Any]:
-    """A study of three fits to one data set of the two that need no files."""
-    options = {"quick": True, "knobs": ["stereo"], "sizes": SIZES, "threads": 1} | more
+    """A study of five fits to one data set of the two that need no files."""
+    options = {"knobs": ["stereo"], "sizes": SIZES, "threads": 1} | more
     return study.run(out, repeats=repeats, **options)
 
 
@@ -56,19 +56,20 @@ def test_costs_are_ratios_to_what_is_timed_beside(
 ) -> None:
     """Half the speed or twice as much at any moment: no ratio tells, and one turn is enough."""
     monkeypatch.setattr(sweep, "Yardstick", Busy)
-    monkeypatch.setattr(Busy, "seconds", {"0 steps": 1.0, "2 steps": 3.0, "10 steps": 7.0})
+    seconds = {"0 steps": 1.0, "1 step": 2.0, "2 steps": 3.0, "5 steps": 5.0, "10 steps": 7.0}
+    monkeypatch.setattr(Busy, "seconds", seconds)
     found = stereo(tmp_path, 3)
     costs = {row["setting"]: row["cost"] for row in found["rows"]}
     assert costs.keys() == Busy.seconds.keys()
     for kind in ("cpu", "wall"):
         least = costs["0 steps"][kind]
         # Exponentials of means of logarithms: a few roundings.
-        assert costs["2 steps"][kind] / least == pytest.approx(3.0, rel=1e-12)
-        assert costs["10 steps"][kind] / least == pytest.approx(7.0, rel=1e-12)
+        for name, cost in costs.items():
+            assert cost[kind] / least == pytest.approx(seconds[name], rel=1e-12)
         # A hundred yardsticks to the second, whose seconds are those of the median.
         assert least == pytest.approx(100.0 * found["run"]["yardstick"][kind], rel=1e-12)
-    assert [row["turns"] for row in found["rows"]] == [3] * 3
-    assert found["run"]["yardstick"]["turns"] == 9
+    assert [row["turns"] for row in found["rows"]] == [3] * 5
+    assert found["run"]["yardstick"]["turns"] == 15
     # What is read again from the file is the same.
     assert record.Journal(tmp_path).found() == found
 
@@ -81,12 +82,14 @@ def test_turns_go_on_until_a_cost_is_sure(tmp_path: Path, monkeypatch: pytest.Mo
         assert row["doubt"] <= turns.SURE or row["turns"] == 8 * turns.MOST
         assert abs(np.log(row["cost"]["cpu"] / rows[0]["cost"]["cpu"])) < 5.0 * turns.SURE
     # The error of a mean of half of n falls with the root of 0.84 n, for a normal law: of 12 turns
-    # it is SURE on the average, by luck of fewer; all three of 8 would be too much of it.
+    # it is SURE on the average, by luck of fewer; all five of 8 would be too much of it.
     assert max(row["turns"] for row in rows) > 8
     monkeypatch.setattr(Busy, "noise", 0.5)
-    assert [row["turns"] for row in stereo(tmp_path / "all", 8)["rows"]] == [8 * turns.MOST] * 3
+    assert [row["turns"] for row in stereo(tmp_path / "all", 8)["rows"]] == [8 * turns.MOST] * 5
     # One turn tells nothing of the next.
-    assert [row["turns"] for row in stereo(tmp_path / "one", 1)["rows"]] == [1] * 3
+    assert [row["turns"] for row in stereo(tmp_path / "one", 1)["rows"]] == [1] * 5
+    # The quick study takes every other fit, and has no time to be sure.
+    assert [row["turns"] for row in stereo(tmp_path / "quick", 2, quick=True)["rows"]] == [2] * 3
 
 
 def test_fits_take_turns_each_in_another_order(
@@ -96,8 +99,8 @@ def test_fits_take_turns_each_in_another_order(
     monkeypatch.setattr(sweep, "Yardstick", Busy)
     stereo(tmp_path, 6, advance=lambda done, total, name: asked.append(f"{done}/{total} {name}"))
     names = [words.rpartition(": ")[2] for words in asked[:-1]]
-    assert [words.split()[0] for words in asked] == [f"{i}/18" for i in range(19)]
-    by_turn = [names[place : place + 3] for place in range(0, 18, 3)]
+    assert [words.split()[0] for words in asked] == [f"{i}/30" for i in range(31)]
+    by_turn = [names[place : place + 5] for place in range(0, 30, 5)]
     assert all(sorted(turn) == sorted(by_turn[0]) for turn in by_turn)
     assert len({tuple(turn) for turn in by_turn}) > 1
 

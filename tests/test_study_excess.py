@@ -35,7 +35,7 @@ def leasts(stack: impasto.Stack) -> excess.Leasts:
 
 def ends(stack: impasto.Stack, leasts: excess.Leasts, steps: int, precision: Any) -> Any:
     effort = excess.effort_of(precision, steps)
-    return leasts.excess(fits.searched(stack, 1, effort=effort))
+    return leasts.excess(fits.search(stack, 1, effort=effort))
 
 
 def test_the_cost_is_that_of_the_oracle() -> None:
@@ -87,7 +87,7 @@ def test_the_least_is_the_same_again(stack: impasto.Stack, leasts: excess.Leasts
 
 
 def test_pixels_without_a_lobe_do_not_count(stack: impasto.Stack, leasts: excess.Leasts) -> None:
-    fitted = fits.searched(stack, 1, effort=excess.effort_of("single", 30))
+    fitted = fits.search(stack, 1, effort=excess.effort_of("single", 30))
     lobes = fitted.lobes.copy()
     lobes[0, 0] = 0
     shares = leasts.excess(replace(fitted, lobes=lobes))
@@ -104,8 +104,8 @@ def test_pixels_without_a_lobe_do_not_count(stack: impasto.Stack, leasts: excess
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """The knob alone, on simulated photographs of our own model."""
-    out = tmp_path_factory.mktemp("steps")
-    return study.run(out, knobs=["steps"], sizes=SIZES, repeats=1, threads=1)
+    out = tmp_path_factory.mktemp("search")
+    return study.run(out, knobs=["search"], sizes=SIZES, repeats=1, threads=1)
 
 
 def test_rows_of_a_study_tell_the_excess(found: dict[str, Any], tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_rows_of_a_study_tell_the_excess(found: dict[str, Any], tmp_path: Path) 
         bad = [line[f"bad %, {precision}"] for line in table]
         assert bad[0] > 50.0
         assert bad[-1] == 0.0
-    again = study.run(tmp_path, knobs=["steps"], sizes=SIZES, repeats=1)
+    again = study.run(tmp_path, knobs=["search"], sizes=SIZES, repeats=1)
     assert [row["excess"] for row in again["rows"]] == [row["excess"] for row in rows]
 
 
@@ -134,7 +134,7 @@ def test_a_sentence_says_how_near_searches_come() -> None:
     """By hand, on two data sets: the second ten times as far off."""
     rows = [
         {
-            "knob": "steps", "setting": f"{precision}, {steps} steps", "data": data,
+            "knob": "search", "setting": f"{precision}, {steps} steps", "data": data,
             "number": steps, "cost": {"cpu": 1.0, "wall": 1.0},
             "excess": {"median": more * 1e-8 * fine, "p99": more * p99 * fine, "bad": more * bad},
         }
@@ -155,6 +155,6 @@ def test_a_sentence_says_how_near_searches_come() -> None:
 
 def test_without_scipy_it_is_skipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "scipy.optimize", None)
-    found = study.run(tmp_path, knobs=["steps"], quick=True, sizes=SIZES, repeats=1, threads=1)
+    found = study.run(tmp_path, knobs=["search"], quick=True, sizes=SIZES, repeats=1, threads=1)
     assert (found["rows"], found["failed"]) == ([], [])
     assert any(said.startswith("single, 1 step: ") for said in found["skipped"])

@@ -36,6 +36,24 @@ def lines(out: Path) -> list[Any]:
     return [json.loads(line) for line in (out / RUNS).read_text("utf-8").splitlines()]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows locks no folders")
+def test_two_studies_never_share_a_folder(tmp_path: Path) -> None:
+    with (
+        record.alone(tmp_path / "new"),
+        pytest.raises(impasto.ArgumentError, match=r"another study is at work in .*new; wait"),
+    ):
+        run(tmp_path / "new")
+    assert not (tmp_path / "new" / RUNS).exists()
+    assert run(tmp_path / "new")["rows"]
+
+
+@pytest.mark.parametrize("knobs", ["normals", ["normals", "nonsense"]])
+def test_a_knob_that_there_is_none_of(tmp_path: Path, knobs: Any) -> None:
+    with pytest.raises(impasto.ArgumentError, match=r"knobs: expected some of effort, .* found "):
+        run(tmp_path / "out", knobs=knobs)
+    assert not (tmp_path / "out").exists()
+
+
 def test_an_interrupted_study_goes_on(tmp_path: Path) -> None:
     first = run(tmp_path)
     journal = tmp_path / RUNS
@@ -126,6 +144,26 @@ def test_a_peer_that_is_not_installed_is_skipped(
     found = run(tmp_path)
     assert [words.split(":")[0] for words in found["skipped"]] == ["MINPACK (SciPy), one lobe"]
     assert found["failed"] == []
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '{"data": "icon"}',
+        '{"data": 1, "knob": 2, "setting": 3, "again": {}}',
+        '{"again": {"cpu": 1}}',
+    ],
+)
+def test_an_object_that_is_no_run_is_corrupt(tmp_path: Path, line: str) -> None:
+    run(tmp_path, knobs=["normals"])
+    with (tmp_path / RUNS).open("a", encoding="utf-8") as file:
+        file.write(f"{line}\n")
+    last = len(lines(tmp_path))
+    with pytest.raises(impasto.CorruptInputError, match=f"line {last} is no run of a study"):
+        run(tmp_path, knobs=["normals"])
+    (tmp_path / RUNS).write_text('{"schema": 4}\n', encoding="utf-8")
+    with pytest.raises(impasto.CorruptInputError, match="no journal of a study"):
+        record.Journal(tmp_path)
 
 
 @pytest.mark.parametrize("line", ["null", "12", "[1]", '"schema"'])

@@ -45,14 +45,14 @@ def study(
         Folder of real photographs, measured materials and spectra; default: $IMPASTO_DATA, else
         none.
     quick
-        Few settings on small pictures, in less than two minutes.
+        Few settings on small pictures, every fit in ``repeats`` turns: less than two minutes.
     seed
         Of paintings and noise.
     threads
         Threads of the fits; default: every allowed core.
     repeats
-        Turns of every fit at least; from 2 on, up to twice as many where its cost is unsure, six
-        times of fits of milliseconds.
+        Turns of every fit at least; but with --quick, from 2 on up to twice as many where its cost
+        is unsure, six times of fits of milliseconds.
     figures
         Draw the figures (needs matplotlib).
     quiet

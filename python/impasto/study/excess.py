@@ -146,7 +146,7 @@ def leasts_of(stack: Stack, threads: int | None = None) -> Leasts:
     stereo = fit_normals(stack, threads=threads)
     targets = _targets(stack, stereo)
     fitted = [
-        fits.searched(stack, threads, effort=effort_of(precision, STEPS[-1]))
+        fits.search(stack, threads, effort=effort_of(precision, STEPS[-1]))
         for precision in PRECISIONS
     ]
     places = [zip(_normals(one), _widths(one), strict=True) for one in fitted]

@@ -39,7 +39,7 @@ FIGURES: dict[str, tuple[tuple[str, ...], Panel]] = {
     "lights": (("lights",), panels.lights),
     "steps": (("effort",), panels.steps),
     "views": (("views",), panels.views),
-    "excess": (("steps",), panels.excess),
+    "excess": (("search",), panels.excess),
     "reflectance": (("reflectance",), panels.reflectance),
 }
 """Name of the file: the knobs that it shows, and what draws one data set."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import impasto
-from impasto.effort import Effort, EffortLike
+from impasto.effort import PRESETS, Effort, EffortLike
 from impasto.fit.forward import predict
 from impasto.fit.lobes import LobeSbrdf, fit_lobes
 from impasto.fit.normals import Method, Normals
@@ -27,7 +27,14 @@ def sbrdf(stack: Stack, threads: int | None, **options: Any) -> Fitted:
     return fitted
 
 
-def always(stack: Stack, threads: int | None, *, lobes: int) -> Fitted:
+def always(
+    stack: Stack,
+    threads: int | None,
+    *,
+    lobes: int,
+    effort: Effort = PRESETS["standard"],
+    typical: bool = True,
+) -> LobeSbrdf:
     """So many lobes of pixels' own, worth their unknowns or not."""
     stereo = impasto.fit_normals(stack, threads=threads)
     return fit_lobes(
@@ -36,27 +43,17 @@ def always(stack: Stack, threads: int | None, *, lobes: int) -> Fitted:
         lobes=lobes,
         ambient=True,
         index=1.45,
-        threads=threads,
-        progress=False,
-        sparing=False,
-    )
-
-
-def searched(stack: Stack, threads: int | None, *, effort: Effort) -> LobeSbrdf:
-    """One lobe of every pixel by a search alone: no other pixel is asked what is typical."""
-    stereo = impasto.fit_normals(stack, threads=threads)
-    return fit_lobes(
-        stack,
-        stereo,
-        lobes=1,
-        ambient=True,
-        index=1.45,
         effort=effort,
         threads=threads,
         progress=False,
-        typical=False,
+        typical=typical,
         sparing=False,
     )
+
+
+def search(stack: Stack, threads: int | None, *, effort: Effort) -> LobeSbrdf:
+    """One lobe of every pixel by a search alone: no other pixel is asked what is typical."""
+    return always(stack, threads, lobes=1, effort=effort, typical=False)
 
 
 @dataclass(frozen=True, eq=False)

@@ -201,7 +201,7 @@ def steps(axes: Any, found: Row, data: str) -> None:
 
 def excess(axes: Any, found: Row, data: str) -> None:
     """Cost above the least against the steps that a search may take, in either precision."""
-    rows = [row for row in of_knob(found["rows"], "steps") if row["data"] == data]
+    rows = [row for row in of_knob(found["rows"], "search") if row["data"] == data]
     axes.axhline(BAD, color=FAINT, lw=0.8)
     note(axes, "a hundredth", (max(row["number"] for row in rows), BAD), GREY, (-44, 4))
     for precision, (style, colour) in SEARCHES.items():
@@ -241,7 +241,7 @@ def reflectance(axes: Any, found: Row, data: str) -> None:
     axes.plot(*zip(*corners, strict=True), color=BLUE, lw=1.3, zorder=2, label="front")
     axes.plot(*zip(*places, strict=True), "o", ms=5, color=BLUE, ls="", label="estimators of ours")
     for row, at in zip(ours, places, strict=True):
-        note(axes, row["setting"], at, BLUE, BESIDE[row["setting"]])
+        note(axes, row["setting"], at, BLUE, BESIDE.get(row["setting"], (5, 2)))
     for row in rows:
         if not row["options"]:
             at = (1e3 * row["cost"]["cpu"], row["error"]["colour"])

@@ -15,6 +15,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +78,36 @@ def _commit() -> str | None:
         return None
 
 
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Keep every other study out of a folder, which is made if it is not there.
+
+    A process that ends, however, lets go of it. Windows locks no folders: there nobody is kept out.
+
+    Raises
+    ------
+    ArgumentError
+        Another study is at work there.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if sys.platform == "win32":
+        yield
+        return
+    import fcntl
+
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ArgumentError(
+                f"out: another study is at work in {folder}; wait for it or choose another folder"
+            ) from None
+        yield
+    finally:
+        os.close(handle)
+
+
 class Journal:
     """The runs of one study in a folder, one JSON object a line.
 
@@ -104,7 +135,8 @@ class Journal:
         self.path = folder / RUNS
         lines = list(self._lines()) if head is None or self.path.exists() else []
         heads = [line for line in lines if "schema" in line]
-        if lines and (lines[0] not in heads or any(h["schema"] != SCHEMA for h in heads)):
+        known = all(h["schema"] == SCHEMA and isinstance(h.get("run"), dict) for h in heads)
+        if lines and (lines[0] not in heads or not known):
             raise CorruptInputError(self.path, "is no journal of a study that this version knows")
         if head is not None:
             head = {"schema": SCHEMA} | head
@@ -122,11 +154,14 @@ class Journal:
         self.runs: dict[tuple[str, str, str], dict[str, Any]] = {}
         self._turns: dict[tuple[str, str, str], list[Turn]] = {}
         alike = False
-        for line in lines:
-            if "schema" in line:
-                alike = _under(line, clocks) == _under(self.head, clocks)
-            elif alike:
-                self._note(line)
+        for number, line in enumerate(lines):
+            try:
+                if "schema" in line:
+                    alike = _under(line, clocks) == _under(self.head, clocks)
+                elif alike:
+                    self._note(line)
+            except (KeyError, TypeError) as error:
+                raise self._no_run(number) from error
 
     def _check(self, was: dict[str, Any], now: dict[str, Any], terms: Sequence[str]) -> None:
         for term in terms:
@@ -165,9 +200,11 @@ class Journal:
         key = key_of(run)
         return sys.maxsize if "skipped" in self.runs.get(key, {}) else len(self._turns.get(key, ()))
 
-    def wants(self, run: dict[str, Any], repeats: int) -> bool:
-        """Whether a run is to be timed once more."""
-        return self.turns(run) < sys.maxsize and unsure(self._turns.get(key_of(run), []), repeats)
+    def wants(self, run: dict[str, Any], repeats: int, *, surely: bool) -> bool:
+        """Whether a run is to be timed once more: till its cost is sure, or so often at most."""
+        taken = self._turns.get(key_of(run), [])
+        more = unsure(taken, repeats) if surely else len(taken) < repeats
+        return more and self.turns(run) < sys.maxsize
 
     def _lines(self) -> Iterator[dict[str, Any]]:
         lines = self.path.read_text(encoding="utf-8", errors="replace").splitlines()
@@ -179,8 +216,11 @@ class Journal:
                     return
                 raise CorruptInputError(self.path, f"line {number + 1} is no JSON") from error
             if not isinstance(found, dict):
-                raise CorruptInputError(self.path, f"line {number + 1} is no run of a study")
+                raise self._no_run(number)
             yield found
+
+    def _no_run(self, number: int) -> CorruptInputError:
+        return CorruptInputError(self.path, f"line {number + 1} is no run of a study")
 
     def add(self, run: dict[str, Any]) -> None:
         """Note a run; it is on the disk when this returns."""

@@ -88,7 +88,7 @@ class Setting:
     @property
     def search(self) -> bool:
         """Whether it is a search alone, whose end is held against the least cost."""
-        return self.knob == "steps"
+        return self.knob == "search"
 
 
 def settings(*, quick: bool = False) -> list[Setting]:
@@ -142,9 +142,9 @@ def _all() -> Iterator[Setting]:
     yield _sbrdf("sample", one, ONE_VIEW, **alone, lobes=1, ambient=False)
     for precision in excess.PRECISIONS:
         for steps in excess.STEPS:
-            search = partial(fits.searched, effort=excess.effort_of(precision, steps))
+            search = partial(fits.search, effort=excess.effort_of(precision, steps))
             name = f"{precision}, {counted(steps, 'step')}"
-            yield Setting("steps", name, search, ONE_VIEW, number=steps, part=some)
+            yield Setting("search", name, search, ONE_VIEW, number=steps, part=some)
 
 
 def _efforts() -> Iterator[Setting]:

@@ -23,7 +23,7 @@ from impasto.study.excess import Leasts, leasts_of, summary
 from impasto.study.measure import lobes_of
 from impasto.study.memory import per_megapixel
 from impasto.study.pigments import Swatches
-from impasto.study.record import TERMS, Journal, run_info
+from impasto.study.record import TERMS, Journal, alone, run_info
 from impasto.study.settings import VIEWS, Setting, named, settings
 from impasto.study.specimens import FULL, QUICK, Sizes, Specimen, digests, specimens
 from impasto.study.yardstick import Yardstick
@@ -37,9 +37,9 @@ Advance = Callable[[int, int, str], None]
 
 
 def run(
-    out: Path,
+    out: str | Path,
     *,
-    data: Path | None = None,
+    data: str | Path | None = None,
     quick: bool = False,
     knobs: Sequence[str] | None = None,
     sizes: Sizes | None = None,
@@ -68,7 +68,7 @@ def run(
     data
         Folder of real photographs, measured materials and spectra; None: simulated data only.
     quick
-        Few settings on small data, in less than two minutes.
+        Few settings on small data, every fit in ``repeats`` turns and no more.
     knobs
         Only settings of these; None: of all.
     sizes
@@ -79,7 +79,8 @@ def run(
         None means every allowed core.
     repeats
         Turns that every fit takes at least, one of milliseconds for 0.04 s each; where two or more
-        leave its cost unsure, up to twice as many, six times of those of milliseconds.
+        leave its cost unsure, up to twice as many, six times of those of milliseconds. Of the quick
+        study just as many.
     like
         ``run`` of a recorded study that this one is to be compared with.
     advance
@@ -97,41 +98,52 @@ def run(
     Raises
     ------
     ArgumentError
-        A folder that holds another study, no folder of data, a number that makes no sense, or a
-        study that is not ``like`` the recorded one; no fit has been run then.
+        A folder that holds another study or in which one is at work, no folder of data, a knob that
+        there is none of, a number that makes no sense, or a study that is not ``like`` the recorded
+        one; no fit has been run then.
     """
     if not (isinstance(repeats, int) and repeats >= 1):
         raise ArgumentError(f"repeats: expected at least 1, found {repeats!r}")
     check_seed(seed)
+    chosen = _chosen(knobs, quick=quick)
+    out, data = Path(out), None if data is None else Path(data)
     sizes = sizes or (QUICK if quick else FULL)
     made, missing = specimens(sizes, seed, data)
     info = run_info() | {"seed": seed, "quick": quick, "sizes": asdict(sizes)}
     info |= {"threads": threads, "repeats": repeats, "data": digests(data)}
     if like is not None:
         check_alike(like, info)
-    journal = Journal(out, {"run": info, "missing": missing}, TERMS)
-    chosen = [s for s in settings(quick=quick) if knobs is None or s.knob in knobs]
     jobs = {name: [setting for setting in chosen if name in setting.on] for name in made}
     yardstick = Yardstick(threads)
     desks = {name: _Desk(made[name], seed, threads, yardstick, weigh=not quick) for name in made}
     places = [(name, setting) for name, here in jobs.items() for setting in here]
     left = places
-    for turn in count():
-        left = [place for place in left if journal.wants(_key(*place), repeats)]
-        if not left:
-            break
-        # No fit always follows the same one: every turn but the first has an order of its own.
-        order = np.random.default_rng(turn).permutation(len(left)) if turn else range(len(left))
-        for name, setting in [left[number] for number in order]:
-            key = _key(name, setting)
-            taken = sum(min(journal.turns(_key(*place)), repeats) for place in places)
-            advance(taken, repeats * len(places), f"{name}: {setting.name}")
-            run = key | desks[name].measured(setting, first=journal.turns(key) == 0)
-            journal.add(run)
-            if "failed" in run:
-                left.remove((name, setting))
-    advance(repeats * len(places), repeats * len(places), "")
+    with alone(out):
+        journal = Journal(out, {"run": info, "missing": missing}, TERMS)
+        for turn in count():
+            left = [p for p in left if journal.wants(_key(*p), repeats, surely=not quick)]
+            if not left:
+                break
+            # No fit always follows the same one: every turn but the first has its own order.
+            order = np.random.default_rng(turn).permutation(len(left)) if turn else range(len(left))
+            for name, setting in [left[number] for number in order]:
+                key = _key(name, setting)
+                taken = sum(min(journal.turns(_key(*place)), repeats) for place in places)
+                advance(taken, repeats * len(places), f"{name}: {setting.name}")
+                run = key | desks[name].measured(setting, first=journal.turns(key) == 0)
+                journal.add(run)
+                if "failed" in run:
+                    left.remove((name, setting))
+        advance(repeats * len(places), repeats * len(places), "")
     return journal.found()
+
+
+def _chosen(knobs: Sequence[str] | None, *, quick: bool) -> list[Setting]:
+    every = settings(quick=quick)
+    known = list(dict.fromkeys(setting.knob for setting in every))
+    if isinstance(knobs, str) or not set(knobs or ()) <= set(known):
+        raise ArgumentError(f"knobs: expected some of {', '.join(known)}; found {knobs!r}")
+    return [setting for setting in every if knobs is None or setting.knob in knobs]
 
 
 def _key(data: str, setting: Setting) -> dict[str, str]:

@@ -184,7 +184,7 @@ def _excess(rows: Sequence[Row]) -> list[Row]:
     """How far above the least cost searches end that may take so many steps, in per cent of it."""
     lines: list[Row] = []
     for data in SETS:
-        some = _of_set(rows, data, "steps")
+        some = _of_set(rows, data, "search")
         for steps in sorted({row["number"] for row in some}):
             line: Row = {"data": SETS[data], "steps": steps}
             found = {searched_in(row): row["excess"] for row in some if row["number"] == steps}
@@ -197,7 +197,7 @@ def _excess(rows: Sequence[Row]) -> list[Row]:
 
 
 def searched_in(row: Row) -> str:
-    """What a search of the knob ``steps`` computes in."""
+    """What a search of the knob ``search`` computes in."""
     return str(row["setting"].partition(",")[0])
 
 

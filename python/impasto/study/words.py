@@ -189,7 +189,7 @@ def precision(rows: Sequence[Row]) -> str:
 def excess(rows: Sequence[Row]) -> str:
     """How far above the least cost a search ends."""
     found: dict[tuple[str, int], list[Row]] = {}
-    for row in of_knob(rows, "steps"):
+    for row in of_knob(rows, "search"):
         found.setdefault((searched_in(row), row["number"]), []).append(row["excess"])
     few, many = PRESETS["standard"].iterations, STEPS[-1]
 

@@ -36,7 +36,7 @@ TITLES = {
 }
 
 
-def write(found: dict[str, Any], out: Path, *, figures: bool = True) -> list[Path]:
+def write(found: dict[str, Any], out: str | Path, *, figures: bool = True) -> list[Path]:
     """Write ``study.json``, ``study.md`` and the figures (SVG and PNG).
 
     Parameters
@@ -53,6 +53,7 @@ def write(found: dict[str, Any], out: Path, *, figures: bool = True) -> list[Pat
     list
         Paths of what was written.
     """
+    out = Path(out)
     made = tables(found["rows"])
     whole = out / "study.json"
     said = words(found["rows"])
