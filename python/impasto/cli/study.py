@@ -13,7 +13,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.options import SomeWhole, Whole, check_threads
-from impasto.errors import ArgumentError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -60,10 +59,11 @@ def study(
     """
     from impasto.extras import need
     from impasto.study import run, write
+    from impasto.study.record import check_folder
     from impasto.study.tables import tables
 
     check_threads(threads)
-    _spare(out)
+    check_folder(out)
     if figures:
         need("matplotlib", "plot", "the study's figures (--no-figures does without)")
     if data is None and os.environ.get("IMPASTO_DATA"):
@@ -87,17 +87,6 @@ def study(
         print_table(tables(found["rows"])["presets"])
         words.print(f"[dim]{out}: {', '.join(path.name for path in written)}[/]")
     return Exit.PARTIAL if found["failed"] else Exit.OK
-
-
-def _spare(out: Path) -> None:
-    """Refuse a folder of somebody else's files: a study is known by its journal, its first file."""
-    from impasto.study.record import RUNS
-
-    if out.is_dir():
-        if any(out.iterdir()) and not (out / RUNS).is_file():
-            raise ArgumentError(f"--out: {out} holds files that no study made; name another folder")
-    elif out.exists():
-        raise ArgumentError(f"--out: {out} is a file; name a folder")
 
 
 def print_table(table: list[dict[str, Any]]) -> None:

@@ -40,6 +40,8 @@ at 3e-3, and where steps run out a few are off by tenths: a hundredth stands bet
 besides: of 48 samples less six unknowns, an unknown one standard deviation off costs a 42nd."""
 WIDTHS = (5e-4, 1.25)
 """Half-widths among which ours searches, rad."""
+FAR = 1e3
+"""Tangent of a tilt beyond which one is like another."""
 FLOOR = 0.1
 """Share of a pixel's mean sample below which noise does not shrink with the light."""
 SHADE = 0.03
@@ -90,6 +92,8 @@ class Target:
         narrow, wide = np.log(WIDTHS)
 
         def residuals(unknowns: Array) -> Array:
+            # Far outside what means anything a step must still cost something finite.
+            unknowns = np.clip(np.nan_to_num(unknowns), -FAR, FAR)
             gamma = np.exp(np.clip(unknowns[2], narrow, wide))
             return self.left(tilted(base, unknowns[:2]), gamma)
 

@@ -78,6 +78,28 @@ def _commit() -> str | None:
         return None
 
 
+def finite(number: float | None) -> float | None:
+    """A number that JSON knows; None in the place of one that is not finite."""
+    return number if number is not None and np.isfinite(number) else None
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder of somebody else's files: a study is known by its journal, its first file.
+
+    Raises
+    ------
+    ArgumentError
+        It holds files and no journal, or is a file itself.
+    """
+    if folder.is_dir():
+        if any(folder.iterdir()) and not (folder / RUNS).is_file():
+            raise ArgumentError(
+                f"out: {folder} holds files that no study made; name another folder"
+            )
+    elif folder.exists():
+        raise ArgumentError(f"out: {folder} is a file; name a folder")
+
+
 @contextmanager
 def alone(folder: Path) -> Iterator[None]:
     """Keep every other study out of a folder, which is made if it is not there.
@@ -212,7 +234,9 @@ class Journal:
             try:
                 found = json.loads(line)
             except json.JSONDecodeError as error:
-                if number == len(lines) - 1:
+                # A line that was cut off by an interruption; not so the first, which is written
+                # whole.
+                if number and number == len(lines) - 1:
                     return
                 raise CorruptInputError(self.path, f"line {number + 1} is no JSON") from error
             if not isinstance(found, dict):
@@ -226,7 +250,7 @@ class Journal:
         """Note a run; it is on the disk when this returns."""
         self._note(run)
         with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(run) + "\n")
+            file.write(json.dumps(run, allow_nan=False) + "\n")
 
     def _note(self, run: dict[str, Any]) -> None:
         key = key_of(run)

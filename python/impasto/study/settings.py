@@ -29,7 +29,8 @@ SIMULATED = ("own model", "shifted gamma", "ABC")
 ONE_VIEW = (*SIMULATED, "icon")
 COUNTS = (6, 9, 14, 24)
 """Lights that are kept of 48, of the icon's of 60."""
-ALL = 48
+ALL = {48: SIMULATED, 60: ("icon",)}
+"""Lights that there are, and on which data sets."""
 VIEW_COUNTS = (7, 12, 18, 35, 70, 175, 350)
 """Photographs that are kept of 700: a hundredth to a half."""
 LARGE = 8
@@ -208,7 +209,8 @@ def _photographs() -> Iterator[Setting]:
         fewer = partial(choices.fewer, count=count, choice="spread")
         name = f"{count} spread, {ONE_LOBE}"
         yield _sbrdf("lights", name, ONE_VIEW, number=count, prepare=fewer)
-    yield _sbrdf("lights", "all", ONE_VIEW, **PER_PIXEL, number=ALL)
+    for count, on in ALL.items():
+        yield _sbrdf("lights", "all", on, **PER_PIXEL, number=count)
     yield _sbrdf("views", "all", (VIEWS,), model="lafortune", number=700)
 
 

@@ -23,7 +23,7 @@ from impasto.study.excess import Leasts, leasts_of, summary
 from impasto.study.measure import lobes_of
 from impasto.study.memory import per_megapixel
 from impasto.study.pigments import Swatches
-from impasto.study.record import TERMS, Journal, alone, run_info
+from impasto.study.record import TERMS, Journal, alone, check_folder, finite, run_info
 from impasto.study.settings import VIEWS, Setting, named, settings
 from impasto.study.specimens import FULL, QUICK, Sizes, Specimen, digests, specimens
 from impasto.study.yardstick import Yardstick
@@ -102,11 +102,12 @@ def run(
         there is none of, a number that makes no sense, or a study that is not ``like`` the recorded
         one; no fit has been run then.
     """
-    if not (isinstance(repeats, int) and repeats >= 1):
+    if isinstance(repeats, bool) or not (isinstance(repeats, int) and repeats >= 1):
         raise ArgumentError(f"repeats: expected at least 1, found {repeats!r}")
     check_seed(seed)
     chosen = _chosen(knobs, quick=quick)
     out, data = Path(out), None if data is None else Path(data)
+    check_folder(out)
     sizes = sizes or (QUICK if quick else FULL)
     made, missing = specimens(sizes, seed, data)
     info = run_info() | {"seed": seed, "quick": quick, "sizes": asdict(sizes)}
@@ -202,12 +203,13 @@ class _Desk:
             row: dict[str, Any] = {"number": setting.number, "options": setting.options}
             row |= self._bounded(fits, taken)
             if setting.search:
-                row["excess"] = self._excess(fits, [stack for _, stack in taken])
+                excess = self._excess(fits, [stack for _, stack in taken])
+                row["excess"] = {name: finite(value) for name, value in excess.items()}
             if self._weigh and part.name in WEIGHED and named(setting):
                 row["memory"] = per_megapixel(setting.fit, stack, self._threads)
             row |= {"share": part.share, "lobes": lobes_of(fits)}
-            error = setting.judge(fits, tuple(part for part, _ in taken))
-            return row | {"turn": asdict(turn), "error": asdict(error)}
+            error = asdict(setting.judge(fits, tuple(part for part, _ in taken)))
+            return row | {"turn": asdict(turn), "error": {k: finite(v) for k, v in error.items()}}
         except parts.NoPixelsError as error:
             return {"skipped": str(error)}
         except Exception as error:
@@ -224,15 +226,15 @@ class _Desk:
             return {}
         truths = [truth for truth, _ in known]
         bounds = [self._bound(truth, stack.rig) for truth, stack in known]
-        row = {"bound": float(np.mean([bound.normal for bound in bounds]))}
+        row = {"bound": finite(float(np.mean([bound.normal for bound in bounds])))}
         gammas: list[Any] = [getattr(fit, "gamma", None) for fit in fits]
         if all(np.ndim(gamma) == 3 for gamma in gammas):
-            row["width"] = widths_off([gamma[0] for gamma in gammas], truths, bounds)
+            row["width"] = finite(widths_off([gamma[0] for gamma in gammas], truths, bounds))
         lobes: list[Any] = [getattr(fit, "specular", None) for fit in fits]
         if all(np.ndim(strength) == 4 for strength in lobes):
             betas = [strength[0].mean(axis=0) for strength in lobes]
-            row["strength"] = strengths_off(betas, truths, bounds)
-        return row
+            row["strength"] = finite(strengths_off(betas, truths, bounds))
+        return {name: value for name, value in row.items() if value is not None}
 
     def _excess(self, fits: Sequence[Any], stacks: Sequence[Stack]) -> dict[str, float]:
         """How far above the least cost searches of some paintings end."""

@@ -57,7 +57,7 @@ def write(found: dict[str, Any], out: str | Path, *, figures: bool = True) -> li
     made = tables(found["rows"])
     whole = out / "study.json"
     said = words(found["rows"])
-    text = json.dumps(found | made | {"words": said}, indent=1) + "\n"
+    text = json.dumps(found | made | {"words": said}, indent=1, allow_nan=False) + "\n"
     atomic_bytes(whole, text.encode("utf-8"))
     page = out / "study.md"
     parts = [f"{paragraph}\n" for paragraph in said.values()]
