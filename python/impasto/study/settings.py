@@ -162,8 +162,11 @@ def _efforts() -> Iterator[Setting]:
     yield _sbrdf("pooling", ONE_LOBE, ONE_VIEW)
     yield _sbrdf("pooling", "Lafortune", (VIEWS,), model="lafortune")
     large: dict[str, Any] = {"part": partial(parts.repeated, times=LARGE), "number": LARGE**2}
+    yield _sbrdf("size", "one lobe, as the papers have it", SIMULATED[:1], joint=False, **large)
     yield _sbrdf("size", ONE_LOBE, SIMULATED[:1], **large)
-    yield _sbrdf("size", "pixels' own, standard", SIMULATED[:1], **PER_PIXEL, **large)
+    for preset, effort in PRESETS.items():
+        own: dict[str, Any] = PER_PIXEL | {"effort": effort}
+        yield _sbrdf("size", f"pixels' own, {preset}", SIMULATED[:1], **own, **large)
     for pixels in (1 << 8, 1 << 10):
         effort = Effort(pixels=pixels)
         yield _sbrdf("pixels", f"{pixels} pixels", ONE_VIEW, effort=effort, number=pixels)
