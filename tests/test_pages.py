@@ -14,7 +14,7 @@ import pages
 
 from impasto.study.tables import tables
 from impasto.study.words import SENTENCES, words
-from impasto.study.write import TITLES
+from impasto.study.write import HEADS, TITLES
 
 WITH_TABLES = [
     page
@@ -27,6 +27,12 @@ WITH_TABLES = [
 def test_the_tables_of_a_page_are_the_recorded_ones(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert text == pages.with_tables(text), "run python benches/python/pages.py"
+
+
+def test_what_is_not_nothing_is_not_shown_as_nothing() -> None:
+    numbers = (0.0, 3.8e-6, -4.6e-4, 5.1e-4, 0.0123, 0.123, 1.0, -12.34)
+    said = ["0", "4e-06", "-0.0005", "0.00051", "0.012", "0.12", "1.00", "-12.3"]
+    assert [pages._cell(number) for number in numbers] == said
 
 
 def test_the_accuracy_page_has_its_tables() -> None:
@@ -51,7 +57,7 @@ def test_the_page_about_time_names_what_a_study_makes() -> None:
     named = {found[3] for found in pages.TABLE.finditer(page) if found[2] == "study"}
     assert {"reflectance", "summary"} <= named <= TITLES.keys()
     said = {found[3] for found in pages.WORDS.finditer(page) if found[2] == "study"}
-    assert said == {sentence.__name__ for sentence in SENTENCES}
+    assert said == {sentence.__name__ for sentence in SENTENCES} == HEADS.keys()
 
 
 def test_no_number_of_the_page_about_time_is_typed_by_hand() -> None:

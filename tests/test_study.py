@@ -13,6 +13,7 @@ import pytest
 import impasto
 from impasto import simulate, study
 from impasto.cli import main
+from impasto.effort import PRESETS
 from impasto.relighting import full_scale, relative_error
 from impasto.simulate.photography import Truth
 from impasto.study import (
@@ -75,6 +76,26 @@ def test_presets_lie_on_the_front() -> None:
     assert {name: rung.setting for name, rung in slow.items()} == {
         "draft": "b", "standard": "d", "reference": "d",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("flagged", [0.0, 0.3])
+def test_a_study_that_calls_for_no_preset_says_nothing_of_them(flagged: float) -> None:
+    """What weighs samples anew twice is missing, or flags too many to be a preset."""
+    efforts = [impasto.Effort(rounds=1), *([impasto.Effort(rounds=2)] if flagged else [])]
+    rows = [
+        {
+            "data": "own model", "knob": "effort", "setting": f"{effort.rounds} rounds",
+            "options": {"effort": effort.to_dict()}, "cost": {"cpu": 1.0, "wall": 1.0},
+            "error": {
+                "relative": 0.1, "psnr": 40.0, "colour": 0.2, "normal": 0.1, "normal_p95": 0.3,
+                "flagged": flagged * (effort.rounds - 1),
+            },
+        }
+        for effort in efforts
+    ]  # fmt: skip
+    made = tables.tables(rows)
+    assert "derived" not in made
+    assert len(made["effort"]) == len(rows)
 
 
 # --- data
@@ -202,9 +223,29 @@ def test_a_large_picture_is_a_small_one_over_and_over() -> None:
         assert (large.stack.samples[here] == first.stack.samples).all()
         assert (large.held[here] == first.held).all()
         assert (large.normal[here] == first.normal).all()
+    # Every fit that somebody gets by name has its time on a large one.
+    every = settings.settings()
+    one_view = {s.name for s in every if s.knob == "pooling" and s.name != "Lafortune"}
+    named = one_view | {f"pixels' own, {preset}" for preset in PRESETS}
+    assert {s.name for s in every if s.knob == "size"} == named
     # The quick study has no time for it.
     assert "size" in {setting.knob for setting in settings.settings()}
     assert "size" not in {setting.knob for setting in settings.settings(quick=True)}
+
+
+def test_a_class_of_fewer_pixels_than_a_row_fills_one() -> None:
+    made, _ = specimens.specimens(specimens.Sizes(painting=5, paintings=1), 0, None)
+    (part,) = parts.alike(made["own model"](), lobes=1)
+    assert part.stack.shape[2:] == part.held.shape[2:] == (1, parts.WIDTH)
+
+
+def test_all_lights_are_as_many_as_there_are(data: Path) -> None:
+    made, _ = specimens.specimens(SIZES, 0, data)
+    every = [s for s in settings.settings() if s.knob == "lights" and s.name == "all"]
+    for setting in every:
+        for name in setting.on:
+            assert setting.number == len(made[name]()[0].stack.rig), name
+    assert sorted(name for setting in every for name in setting.on) == sorted(settings.ONE_VIEW)
 
 
 # --- measures
@@ -341,6 +382,11 @@ def test_everything_is_written(quick: tuple[Path, dict[str, Any]]) -> None:
     assert kept["run"]["seed"] == 0
     assert {"processor", "commit", "simd"} <= kept["run"].keys()
     assert kept["presets"] == json.loads(json.dumps(tables.tables(found["rows"])["presets"]))
+    page = (out / "study.md").read_text("utf-8")
+    assert "); quick study, on small pictures, seed 0.\n" in page
+    assert "* Without icon: " in page
+    # Whoever reads it has no other page to go to.
+    assert "](#" not in page
     before = (out / "front.svg").read_bytes()
     study.write(found, out)
     assert (out / "front.svg").read_bytes() == before

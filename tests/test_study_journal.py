@@ -54,6 +54,29 @@ def test_a_knob_that_there_is_none_of(tmp_path: Path, knobs: Any) -> None:
     assert not (tmp_path / "out").exists()
 
 
+def test_others_files_are_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "photograph.png").touch()
+    with pytest.raises(impasto.ArgumentError, match="holds files that no study made"):
+        run(tmp_path)
+    with pytest.raises(impasto.ArgumentError, match="is a file; name a folder"):
+        run(tmp_path / "photograph.png")
+    assert [path.name for path in tmp_path.iterdir()] == ["photograph.png"]
+
+
+def test_numbers_that_are_none_are_not_written(tmp_path: Path) -> None:
+    """A single pixel lies on no grid of bounds; JSON has no NaN."""
+    sizes = specimens.Sizes(painting=1, views=1, icon=1, paintings=1)
+    run(tmp_path, knobs=["lobes", "stereo"], sizes=sizes)
+    study.write(record.Journal(tmp_path).found(), tmp_path, figures=False)
+
+    def refused(word: str) -> None:
+        raise AssertionError(word)
+
+    texts = (tmp_path / RUNS).read_text("utf-8").splitlines()
+    for text in [*texts, (tmp_path / "study.json").read_text("utf-8")]:
+        json.loads(text, parse_constant=refused)
+
+
 def test_an_interrupted_study_goes_on(tmp_path: Path) -> None:
     first = run(tmp_path)
     journal = tmp_path / RUNS
@@ -171,6 +194,10 @@ def test_a_line_that_is_no_run_is_corrupt(tmp_path: Path, line: str) -> None:
     """JSON all the same."""
     (tmp_path / RUNS).write_text(f"{line}\n{line}\n", encoding="utf-8")
     with pytest.raises(impasto.CorruptInputError, match="line 1 is no run of a study"):
+        run(tmp_path)
+    # A first line is never one that was cut off: what has only that is not thrown away.
+    (tmp_path / RUNS).write_text('{"schema": 4, "ru', encoding="utf-8")
+    with pytest.raises(impasto.CorruptInputError, match="line 1 is no JSON"):
         run(tmp_path)
     (tmp_path / RUNS).write_bytes(b"\xff\xfe\n\xff\n")
     with pytest.raises(impasto.CorruptInputError, match="line 1 is no JSON"):

@@ -65,7 +65,7 @@ def _number(value: float) -> str:
     """Three digits of large numbers, two of small ones."""
     size = abs(value)
     if size < 5e-4:
-        return "0"
+        return f"{value:.1g}"
     return f"{value:.1f}" if size >= 10 else f"{value:.2f}" if size >= 0.1 else f"{value:.2g}"
 
 

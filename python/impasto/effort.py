@@ -50,7 +50,7 @@ class Effort:
     precision
         What the searches for a pixel's normal and lobes compute in (``pooling="pixel"``).
         ``"single"`` ends where a step gains a millionth of the cost or less. ``"polished"``: the
-        last round then goes on in double precision, by up to as many steps again; 1.2 times the
+        last round then goes on in double precision, by up to as many steps again; 1.3 times the
         time. ``"double"``: every search; 1.5 to 2 times. With steps enough (``iterations``) these
         two end within 1e-11 of the least cost, ``"single"`` about 1e-6; photographs held out are
         foretold equally well by all three. Samples, weights and results are single in any case, and

@@ -76,10 +76,14 @@ def study(
         def advance(done: int, total: int, name: str) -> None:
             progress.update(task, completed=done, total=total, description=name)
 
-        found = run(
-            out, data=data, quick=quick, seed=seed, threads=threads, repeats=repeats,
-            advance=advance,
-        )  # fmt: skip
+        try:
+            found = run(
+                out, data=data, quick=quick, seed=seed, threads=threads, repeats=repeats,
+                advance=advance,
+            )  # fmt: skip
+        except KeyboardInterrupt:
+            words.print(f"[dim]{out} keeps what is measured: the same command goes on[/]")
+            raise
     written = write(found, out, figures=figures)
     if not quiet:
         _say(words, found, time.perf_counter() - start)
@@ -101,7 +105,7 @@ def _say(words: Console, found: dict[str, Any], seconds: float) -> None:
     for name, reason in found["missing"].items():
         words.print(f"without {name}: {reason}", style="yellow", markup=False)
     for reason in found["skipped"]:
-        words.print(f"without {reason}", style="yellow", markup=False)
+        words.print(f"not measured: {reason}", style="yellow", markup=False)
     for reason in found["failed"]:
         words.print(f"failed: {reason}", style="red", markup=False)
 

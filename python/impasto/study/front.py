@@ -135,8 +135,15 @@ def chosen(candidates: Sequence[Rung]) -> dict[str, Rung]:
     the best of all that take at most an eighth of the time of ``standard`` and flag at most one
     pixel in twenty more than they need; where nothing is so fast, the knee of what is faster.
     Among those that each is taken from no rung is both faster and better.
+
+    Raises
+    ------
+    ValueError
+        There are none, or none of them weighs samples anew twice without flagging many.
     """
     line = _front(sparing(candidates))
+    if not line:
+        raise ValueError("candidates: none of them could be standard")
     reference, standard = (
         next(rung for rung in line if rung.error <= near * line[-1].error)
         for near in (BEST, NEAR_BEST)

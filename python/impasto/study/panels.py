@@ -166,12 +166,14 @@ def lights(axes: Any, found: Row, data: str) -> None:
 
     for choice, (style, colour) in LOOKS.items():
         some = [row for row in rows if row["setting"].endswith((choice, "all"))]
-        _curve(axes, some, error, style, colour, choice)
+        # What all lights give is no choice.
+        if len(some) > 1:
+            _curve(axes, some, error, style, colour, choice)
     painting = [row for row in rows if row["setting"].endswith("one lobe")]
     if painting:
         _curve(axes, painting, error, "^-.", GREY, "one lobe, spread")
     bound = [row for row in rows if "bound" in row and row["setting"].endswith(("spread", "all"))]
-    if bound:
+    if len(bound) > 1:
         _curve(axes, bound, lambda row: row["bound"], ":", BLACK, "Cramér-Rao, spread")
     up = "error of the normals, degrees" if truth else "error of relighting, %"
     dress(axes, data, "lights", up)
@@ -221,7 +223,8 @@ def views(axes: Any, found: Row, data: str) -> None:
     for choice, (style, colour) in LOOKS.items():
         some = [row for row in rows if row["setting"].endswith(choice)]
         loss = lambda row: full["error"]["psnr"] - row["error"]["psnr"]  # noqa: E731
-        _curve(axes, [*some, full], loss, style, colour, choice)
+        if some:
+            _curve(axes, [*some, full], loss, style, colour, choice)
     axes.axhline(1.0, color=FAINT, lw=0.8)
     low, high = full["number"] / 100.0, full["number"] / 40.0
     axes.axvspan(low, high, color="#f0f0f0", lw=0)

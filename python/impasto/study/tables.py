@@ -103,17 +103,28 @@ def preset_rows(rows: Sequence[Row]) -> list[tuple[str, Row]]:
 
 
 def unbeaten(rows: Sequence[Row]) -> list[Row]:
-    """Peers that no fit of ours beats in both time and error."""
+    """Peers that no fit of ours beats in both time and error of relighting."""
+    return [peer for peer in of_knob(rows, "peer") if not beaten(peer, rows)]
 
-    def beaten(peer: Row) -> bool:
-        (seconds, error), *_ = points([peer])
-        data = peer["data"]
-        # MINPACK sees a sample of the pixels: so does the fit that it is compared with.
-        sampled = peer["setting"] == minpack.NAME
-        rivals = _of_set(rows, data, "sample") if sampled else fits_of(rows, data)
-        return any(s <= seconds and e <= error for s, e in points(rivals))
 
-    return [peer for peer in of_knob(rows, "peer") if not beaten(peer)]
+def beaten(peer: Row, rows: Sequence[Row], *, wholly: bool = False) -> bool:
+    """Whether a single fit of ours is as cheap as a peer, and relights as well.
+
+    ``wholly``: in decibels and colours as well.
+    """
+    # MINPACK sees a sample of the pixels: so does the fit that it is compared with.
+    sampled = peer["setting"] == minpack.NAME
+    data = peer["data"]
+    rivals = _of_set(rows, data, "sample") if sampled else fits_of(rows, data)
+
+    def measures(row: Row) -> tuple[float, ...]:
+        error = row["error"]
+        return *points([row])[0], *((-error["psnr"], error["colour"]) if wholly else ())
+
+    theirs = measures(peer)
+    return any(
+        all(a <= b for a, b in zip(measures(rival), theirs, strict=True)) for rival in rivals
+    )
 
 
 def _line(row: Row, name: str | None = None) -> Row:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,39 @@ TITLES = {
     "unbeaten": "Peers that show photographs, and no fit of ours beats in both time and error",
 }
 
+HEADS = {
+    "choice": "Which effort?",
+    "promises": "What presets promise",
+    "enough": "How many lights?",
+    "photographs": "Fewer lights, chosen in three ways",
+    "bound": "How near to what no fit can beat",
+    "views": "Can hundreds of views be cut to a few?",
+    "doubt": "Weighing samples by what is left of them",
+    "steps": "Steps of a search",
+    "starts": "Normals to start from",
+    "searches": "Lobes to start from",
+    "precision": "Single or double precision",
+    "excess": "How near a search comes to the least cost",
+    "lobes": "What a further lobe is worth",
+    "classes": "Only what a pixel calls for",
+    "bits": "Coarser numbers",
+    "reflectance": "Reflectance",
+    "peers": "Peers",
+    "memory": "Memory",
+    "size": "Large pictures",
+    "wall": "CPU seconds and the clock",
+    "again": "A second run",
+}
+"""Of the sentences, by name."""
+COLUMNS = """\
+*CPU s*, *wall s*: seconds for a megapixel of one photograph's size; *MB*: memory for it beyond the
+photographs. *relative %*: root mean square error of held-out photographs, of theirs; *dB*: the same
+on 8-bit sRGB codes, in decibels (six more: half the error); *dE00*: how far their colours are off.
+*normal deg*: mean angle to the true normal. *flagged %*: pixels whose status says that their fit is
+in doubt. More decibels are better, less of all else."""
+LINK = re.compile(r"\[([^\]]+)\]\(#[^)]*\)")
+"""Of the documentation's page, to a place on it."""
+
 
 def write(found: dict[str, Any], out: str | Path, *, figures: bool = True) -> list[Path]:
     """Write ``study.json``, ``study.md`` and the figures (SVG and PNG).
@@ -60,9 +94,9 @@ def write(found: dict[str, Any], out: str | Path, *, figures: bool = True) -> li
     text = json.dumps(found | made | {"words": said}, indent=1, allow_nan=False) + "\n"
     atomic_bytes(whole, text.encode("utf-8"))
     page = out / "study.md"
-    parts = [f"{paragraph}\n" for paragraph in said.values()]
+    parts = [f"## {HEADS[name]}\n\n{_alone(text)}\n" for name, text in said.items()]
     parts += [f"## {TITLES[name]}\n\n{markdown(table)}\n" for name, table in made.items()]
-    text = "\n".join(["# What accuracy costs in time\n", *parts])
+    text = "\n".join(["# What accuracy costs in time\n", *_where(found), f"{COLUMNS}\n", *parts])
     atomic_bytes(page, text.encode("utf-8"))
     written = [whole, page]
     if figures:
@@ -70,3 +104,23 @@ def write(found: dict[str, Any], out: str | Path, *, figures: bool = True) -> li
 
         written += draw(found, out)
     return written
+
+
+def _alone(text: str) -> str:
+    """A sentence of the documentation's page, where that page is not about it."""
+    return LINK.sub(r"\1", text)
+
+
+def _where(found: dict[str, Any]) -> list[str]:
+    """What ran where, and what did not."""
+    info = found["run"]
+    commit = f" (commit {info['commit']})" if info["commit"] else ""
+    kind = "quick study, on small pictures" if info["quick"] else "full study"
+    lines = [
+        f"impasto {info['impasto']}{commit} on {info['processor']} ({info['simd']}, "
+        f"{info['cores']} cores); {kind}, seed {info['seed']}.\n"
+    ]
+    absent = [f"* Without {name}: {why}." for name, why in found["missing"].items()]
+    absent += [f"* Not measured: {reason}." for reason in found["skipped"]]
+    absent += [f"* **Failed**: {reason}." for reason in found["failed"]]
+    return [*lines, *(["\n".join(absent) + "\n"] if absent else [])]
