@@ -228,6 +228,10 @@ def test_a_large_picture_is_a_small_one_over_and_over() -> None:
     one_view = {s.name for s in every if s.knob == "pooling" and s.name != "Lafortune"}
     named = one_view | {f"pixels' own, {preset}" for preset in PRESETS}
     assert {s.name for s in every if s.knob == "size"} == named
+    # What all lights give is on every data set of the quick study, too.
+    quick = settings.settings(quick=True)
+    every_light = [s for s in quick if (s.knob, s.name) == ("lights", "all")]
+    assert sorted(name for s in every_light for name in s.on) == sorted(settings.ONE_VIEW)
     # The quick study has no time for it.
     assert "size" in {setting.knob for setting in settings.settings()}
     assert "size" not in {setting.knob for setting in settings.settings(quick=True)}
@@ -410,4 +414,4 @@ def test_the_command(
     assert "--out: " in (words := capsys.readouterr().err)
     assert "another study (seed 0, now 1)" in words
     assert main(["study", "--quick", "--out", str(out), "--repeats", "0"]) == 1
-    assert "--repeats: expected at least 1, found 0" in capsys.readouterr().err
+    assert "--repeats: expected a whole number from 1, found 0" in capsys.readouterr().err

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import impasto
@@ -49,7 +50,9 @@ def test_two_studies_never_share_a_folder(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("knobs", ["normals", ["normals", "nonsense"]])
 def test_a_knob_that_there_is_none_of(tmp_path: Path, knobs: Any) -> None:
-    with pytest.raises(impasto.ArgumentError, match=r"knobs: expected some of effort, .* found "):
+    with pytest.raises(
+        impasto.ArgumentError, match=r"knobs: expected a list of some of effort, .* found "
+    ):
         run(tmp_path / "out", knobs=knobs)
     assert not (tmp_path / "out").exists()
 
@@ -63,10 +66,18 @@ def test_others_files_are_left_alone(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["photograph.png"]
 
 
-def test_numbers_that_are_none_are_not_written(tmp_path: Path) -> None:
-    """A single pixel lies on no grid of bounds; JSON has no NaN."""
-    sizes = specimens.Sizes(painting=1, views=1, icon=1, paintings=1)
-    run(tmp_path, knobs=["lobes", "stereo"], sizes=sizes)
+@pytest.mark.parametrize("edge", [1, 16])
+def test_numbers_that_are_none_are_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, edge: int
+) -> None:
+    """A single pixel lies on no grid of bounds; widths may be as far off as can be."""
+    monkeypatch.setattr(sweep, "widths_off", lambda *_: np.inf)
+    sizes = specimens.Sizes(painting=edge, views=edge, icon=edge, paintings=1)
+    found = run(tmp_path, knobs=["precision"], sizes=sizes)
+    assert found["failed"] == []
+    for row in found["rows"]:
+        assert "width" not in row
+        assert ("strength" in row) == ("bound" in row) == (edge > 1)
     study.write(record.Journal(tmp_path).found(), tmp_path, figures=False)
 
     def refused(word: str) -> None:
@@ -184,7 +195,8 @@ def test_an_object_that_is_no_run_is_corrupt(tmp_path: Path, line: str) -> None:
     last = len(lines(tmp_path))
     with pytest.raises(impasto.CorruptInputError, match=f"line {last} is no run of a study"):
         run(tmp_path, knobs=["normals"])
-    (tmp_path / RUNS).write_text('{"schema": 4}\n', encoding="utf-8")
+    head = {"schema": record.SCHEMA, "run": {}}
+    (tmp_path / RUNS).write_text(json.dumps(head) + "\n", encoding="utf-8")
     with pytest.raises(impasto.CorruptInputError, match="no journal of a study"):
         record.Journal(tmp_path)
 
@@ -196,7 +208,7 @@ def test_a_line_that_is_no_run_is_corrupt(tmp_path: Path, line: str) -> None:
     with pytest.raises(impasto.CorruptInputError, match="line 1 is no run of a study"):
         run(tmp_path)
     # A first line is never one that was cut off: what has only that is not thrown away.
-    (tmp_path / RUNS).write_text('{"schema": 4, "ru', encoding="utf-8")
+    (tmp_path / RUNS).write_text('{"schema": 5, "ru', encoding="utf-8")
     with pytest.raises(impasto.CorruptInputError, match="line 1 is no JSON"):
         run(tmp_path)
     (tmp_path / RUNS).write_bytes(b"\xff\xfe\n\xff\n")

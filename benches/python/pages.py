@@ -3,7 +3,7 @@
     python benches/python/pages.py
 
 A table stands between ``<!-- table: FILE KEY; column = Heading; ... -->`` and ``<!-- end -->``:
-rows of benches/results/FILE.json under KEY, the named columns, numbers to two or three digits.
+rows of benches/results/FILE.json under KEY, the named columns, numbers to three digits or fewer.
 Sentences stand between ``<!-- words: FILE KEY -->`` and ``<!-- end -->``: what is under ``words``.
 ``tests/test_pages.py`` holds the pages to the files.
 """
@@ -62,7 +62,7 @@ def _cell(value: Any) -> str:
 
 
 def _number(value: float) -> str:
-    """Three digits of large numbers, two of small ones."""
+    """Three digits of large numbers, two of small ones, one of what is next to nothing."""
     size = abs(value)
     if size < 5e-4:
         return f"{value:.1g}"

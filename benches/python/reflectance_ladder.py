@@ -11,18 +11,14 @@ are split: some are learnt from, others tested on.
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import platform
-import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from record import data_folder, run_info, show, write
 
-import impasto
 from impasto import Training
 from impasto.study.fits import reflectance
 from impasto.study.pigments import (
@@ -40,7 +36,6 @@ from impasto.training import default_training
 LEARNING = tuple(name for name in ESTIMATORS if name != "linear-model")
 """All but the linear model, which learns no more than its few principal components."""
 SPLITS = 4
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def ladder(data: Path) -> list[dict[str, Any]]:
@@ -113,18 +108,9 @@ def speed(data: Path, pixels: int = 1 << 20) -> list[dict[str, Any]]:
     return rows
 
 
-def show(title: str, rows: list[dict[str, Any]]) -> None:
-    print(f"\n{title}")
-    print("  ".join(f"{key:>16}" for key in rows[0]))
-    for row in rows:
-        cells = (f"{v:16.4g}" if isinstance(v, float) else f"{v!s:>16}" for v in row.values())
-        print("  ".join(cells))
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    default = os.environ.get("IMPASTO_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser.add_argument("--data", type=Path, default=data_folder())
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     tables = {
@@ -134,15 +120,8 @@ def main() -> None:
     for title, rows in tables.items():
         show(title, rows)
     if options.write:
-        machine = {
-            "processor": platform.processor() or platform.machine(),
-            "python": sys.version.split()[0],
-            "impasto": impasto.__version__,
-            "simd": impasto._core.build_info()["simd"],
-            "command": "python benches/python/reflectance_ladder.py --write",
-        }
-        target = ROOT / "benches" / "results" / "reflectance.json"
-        target.write_text(json.dumps({"machine": machine} | tables, indent=1) + "\n")
+        command = "python benches/python/reflectance_ladder.py --write"
+        write("reflectance.json", {"run": run_info(command)} | tables)
 
 
 if __name__ == "__main__":

@@ -64,7 +64,12 @@ def main() -> None:
         found = run(options.out, **how, advance=advance)
     else:
         recorded = _recorded()
-        found = run(options.out / "again", **how, like=recorded["run"], advance=advance)
+        found = run(
+            options.out.with_name(f"{options.out.name}-again"),
+            **how,
+            like=recorded["run"],
+            advance=advance,
+        )
         found = recorded | {"rows": agreement.beside(recorded, found)}
     found["run"] = {"command": "python benches/python/study.py"} | found["run"]
     rows = found["rows"]

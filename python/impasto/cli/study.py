@@ -44,14 +44,15 @@ def study(
         Folder of real photographs, measured materials and spectra; default: $IMPASTO_DATA, else
         none.
     quick
-        Few settings on small pictures, every fit in ``repeats`` turns: less than two minutes.
+        Few settings on small pictures, every fit in ``repeats`` turns; with two of them less than
+        two minutes.
     seed
         Of paintings and noise.
     threads
         Threads of the fits; default: every allowed core.
     repeats
-        Turns of every fit at least; but with --quick, from 2 on up to twice as many where its cost
-        is unsure, six times of fits of milliseconds.
+        Turns of every fit: with --quick just so many; else at least, and from 2 on up to twice as
+        many where its cost is unsure, six times of fits of milliseconds.
     figures
         Draw the figures (needs matplotlib).
     quiet
@@ -59,10 +60,11 @@ def study(
     """
     from impasto.extras import need
     from impasto.study import run, write
-    from impasto.study.record import check_folder
+    from impasto.study.record import RUNS, check_folder
     from impasto.study.tables import tables
 
     check_threads(threads)
+    # Before anything that is wrong with the machine: the folder is what was asked for.
     check_folder(out)
     if figures:
         need("matplotlib", "plot", "the study's figures (--no-figures does without)")
@@ -82,7 +84,9 @@ def study(
                 advance=advance,
             )  # fmt: skip
         except KeyboardInterrupt:
-            words.print(f"[dim]{out} keeps what is measured: the same command goes on[/]")
+            if not quiet and (out / RUNS).is_file():
+                kept = f"{out} keeps what is measured: the same command goes on"
+                words.print(kept, style="dim", markup=False)
             raise
     written = write(found, out, figures=figures)
     if not quiet:

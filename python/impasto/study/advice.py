@@ -16,7 +16,7 @@ GAINS = (("psnr", 1.0, "dB", 1), ("colour", -1.0, "ΔE00", 2), ("normal", -1.0, 
 
 
 def choice(rows: Sequence[Row]) -> str:
-    """One line for every reason to leave what comes without asking."""
+    """A line for every wish: what to ask for, and what it gives and costs."""
     of = named(rows)
     draft, standard, reference = (
         of[f"pixels' own, {name}"] for name in ("draft", "standard", "reference")
@@ -28,16 +28,17 @@ def choice(rows: Sequence[Row]) -> str:
         (
             '* **Gloss that differs from place to place: `pooling="pixel"`.** Photographs that the '
             f"fit has not seen come out {nearer} nearer, their colours {colour}, normals {normal}. "
-            "It wants lights enough ([how many](#how-many-photographs)).",
+            "It wants [lights enough](#how-many-photographs).",
             '* **A first look at it: `pooling="pixel", effort="draft"`.** '
             f"{ratio(draft, standard):.2f} times the time of pixels' own lobes; at worst "
             f"{_most(standard, draft)} are lost, and {_doubted(draft, standard)}.",
             '* **To know that nothing more is to be had: `pooling="pixel", effort="reference"`.** '
             f"{ratio(reference, standard):.1f} times the time; at best "
             f"{_most(reference, standard)} are gained.",
-            "* **One strength and one width for the whole painting: nothing, the default.** What "
-            "the papers estimate and paintings are compared by, and the fit that wants the fewest "
-            "lights. As the papers do it, from normals that gloss has bent (`joint=False`), it "
+            "* **One strength and one width for the whole painting: ask for nothing, it is the "
+            "default.** What the papers estimate and paintings are compared by, and the fit that "
+            "wants the fewest lights. As the papers do it, from normals that gloss has bent "
+            "(`joint=False`), it "
             f"takes {ratio(papers, painting):.2f} times the time and changes photographs by "
             f"{shown}.",
         )
@@ -81,16 +82,19 @@ def _gains(one: dict[str, Row], other: dict[str, Row]) -> list[str]:
 def _most(one: dict[str, Row], other: dict[str, Row]) -> str:
     """The same on the data set where it is most, or nothing."""
     *most, last = (
-        between([max([0.0, *(sign * v for v in differences(one, other, what))])], unit, digits)
+        between([max([0.0, *(sign * value for value in known)])], unit, digits)
         for what, sign, unit, digits in GAINS
+        if (known := differences(one, other, what))
     )
     return f"{', '.join(most)} and {last}"
 
 
 def _doubted(one: dict[str, Row], other: dict[str, Row]) -> str:
     """How many pixels are flagged beside those of the other, in the mean of the data sets."""
-    shares = (
-        100.0 * np.mean([row["error"]["flagged"] for row in found.values()])
+    few, many = (
+        f"{100.0 * np.mean([row['error']['flagged'] for row in found.values()]):.1f} %"
         for found in (one, other)
     )
-    return "{:.1f} % of the pixels are in doubt instead of {:.1f} %".format(*shares)
+    if few == many:
+        return f"as many of the pixels are in doubt ({few})"
+    return f"{few} of the pixels are in doubt instead of {many}"

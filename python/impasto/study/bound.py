@@ -79,7 +79,8 @@ def widths_off(
     """How many bounds the widths of some paintings' first lobes ``(y, x)`` are off.
 
     The median over the pixels whose width the photographs tell, over that of a normal deviate: 1
-    is as near as can be. A pixel without a width is as far off as can be.
+    is as near as can be. A pixel without a width is as far off as can be; infinite where half of
+    them have none, or the photographs tell of none.
     """
     pairs = zip(gammas, truths, strict=True)
     logs = [np.log(_here(gamma) / _here(truth.gamma[0])) for gamma, truth in pairs]
@@ -100,6 +101,8 @@ def strengths_off(
 def _off(errors: Sequence[NDArray[Any]], deviations: Sequence[NDArray[Any]]) -> float:
     error, deviation = np.concatenate(errors), np.concatenate(deviations)
     told = np.isfinite(deviation)
+    if not told.any():
+        return float("inf")
     bounds = np.nan_to_num(np.abs(error[told]), nan=np.inf) / deviation[told]
     return float(np.median(bounds)) / DEVIATE
 

@@ -181,7 +181,7 @@ def summary(shares: Iterable[Array]) -> dict[str, float]:
     every = np.concatenate(list(shares))
     known = every[np.isfinite(every)]
     if not known.size:
-        raise NoPixelsError(f"0 of {every.size} pixels")
+        raise NoPixelsError(f"0 of {every.size} pixels have a lobe")
     median, p99 = np.percentile(known, (50.0, 99.0))
     return {"median": float(median), "p99": float(p99), "bad": float((known > BAD).mean())}
 

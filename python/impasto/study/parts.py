@@ -71,7 +71,7 @@ def alike(paintings: Paintings, *, lobes: int) -> Paintings:
     y, x = np.nonzero(fitted.lobes == lobes)
     count = stack.shape[2] * stack.shape[3]
     if len(y) < 0.01 * count:
-        raise NoPixelsError(f"{len(y)} of {count} pixels are so")
+        raise NoPixelsError(f"only {len(y)} of {count} pixels")
     turns = np.resize(np.arange(len(y)), max(count // WIDTH, 1) * WIDTH).reshape(-1, WIDTH)
     place = np.s_[..., y[turns], x[turns]]
     normal = specimen.normal

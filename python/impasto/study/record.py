@@ -78,11 +78,6 @@ def _commit() -> str | None:
         return None
 
 
-def finite(number: float | None) -> float | None:
-    """A number that JSON knows; None in the place of one that is not finite."""
-    return number if number is not None and np.isfinite(number) else None
-
-
 def check_folder(folder: Path) -> None:
     """Refuse a folder of somebody else's files: a study is known by its journal, its first file.
 
@@ -104,7 +99,8 @@ def check_folder(folder: Path) -> None:
 def alone(folder: Path) -> Iterator[None]:
     """Keep every other study out of a folder, which is made if it is not there.
 
-    A process that ends, however, lets go of it. Windows locks no folders: there nobody is kept out.
+    A process that ends, even killed, lets go of it. Windows and some file systems lock no folders:
+    there nobody is kept out.
 
     Raises
     ------
@@ -125,6 +121,8 @@ def alone(folder: Path) -> Iterator[None]:
             raise ArgumentError(
                 f"out: another study is at work in {folder}; wait for it or choose another folder"
             ) from None
+        except OSError:
+            pass
         yield
     finally:
         os.close(handle)
@@ -157,7 +155,12 @@ class Journal:
         self.path = folder / RUNS
         lines = list(self._lines()) if head is None or self.path.exists() else []
         heads = [line for line in lines if "schema" in line]
-        known = all(h["schema"] == SCHEMA and isinstance(h.get("run"), dict) for h in heads)
+        known = all(
+            head["schema"] == SCHEMA
+            and isinstance(head.get("run"), dict)
+            and isinstance(head.get("missing"), dict)
+            for head in heads
+        )
         if lines and (lines[0] not in heads or not known):
             raise CorruptInputError(self.path, "is no journal of a study that this version knows")
         if head is not None:
@@ -223,7 +226,7 @@ class Journal:
         return sys.maxsize if "skipped" in self.runs.get(key, {}) else len(self._turns.get(key, ()))
 
     def wants(self, run: dict[str, Any], repeats: int, *, surely: bool) -> bool:
-        """Whether a run is to be timed once more: till its cost is sure, or so often at most."""
+        """Whether a run is to be timed once more: until it is sure, else ``repeats`` times."""
         taken = self._turns.get(key_of(run), [])
         more = unsure(taken, repeats) if surely else len(taken) < repeats
         return more and self.turns(run) < sys.maxsize

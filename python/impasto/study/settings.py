@@ -29,8 +29,8 @@ SIMULATED = ("own model", "shifted gamma", "ABC")
 ONE_VIEW = (*SIMULATED, "icon")
 COUNTS = (6, 9, 14, 24)
 """Lights that are kept of 48, of the icon's of 60."""
-ALL = {48: SIMULATED, 60: ("icon",)}
-"""Lights that there are, and on which data sets."""
+LIGHTS = {48: SIMULATED, 60: ("icon",)}
+"""That there are, and on which data sets."""
 VIEW_COUNTS = (7, 12, 18, 35, 70, 175, 350)
 """Photographs that are kept of 700: a hundredth to a half."""
 LARGE = 8
@@ -53,7 +53,7 @@ class Setting:
     knob
         What is turned: settings of one knob make one ladder.
     name
-        Unique within the knob.
+        Unique within the knob, on each data set.
     fit
         ``(stack, threads)``, timed. What a stack is, the data sets say: photographs of a painting
         under many lights, or one photograph of pigments.
@@ -97,11 +97,11 @@ def settings(*, quick: bool = False) -> list[Setting]:
     every = [setting for setting in _all() if not (quick and setting.knob == "size")]
     if not quick:
         return every
-    knobs: dict[str, list[Setting]] = {}
+    knobs: dict[str, dict[str, None]] = {}
     for setting in every:
-        knobs.setdefault(setting.knob, []).append(setting)
-    few = [setting for rungs in knobs.values() for setting in _spread(rungs, 3)]
-    return [setting for setting in every if setting in few or named(setting)]
+        knobs.setdefault(setting.knob, {})[setting.name] = None
+    few = {(knob, name) for knob, names in knobs.items() for name in _spread([*names], 3)}
+    return [s for s in every if (s.knob, s.name) in few or named(s)]
 
 
 def named(setting: Setting) -> bool:
@@ -110,7 +110,7 @@ def named(setting: Setting) -> bool:
     return setting.knob == "pooling" or preset
 
 
-def _spread(rungs: list[Setting], count: int) -> list[Setting]:
+def _spread(rungs: list[str], count: int) -> list[str]:
     places = np.linspace(0, len(rungs) - 1, min(count, len(rungs))).round().astype(int)
     return [rungs[place] for place in places]
 
@@ -212,7 +212,7 @@ def _photographs() -> Iterator[Setting]:
         fewer = partial(choices.fewer, count=count, choice="spread")
         name = f"{count} spread, {ONE_LOBE}"
         yield _sbrdf("lights", name, ONE_VIEW, number=count, prepare=fewer)
-    for count, on in ALL.items():
+    for count, on in LIGHTS.items():
         yield _sbrdf("lights", "all", on, **PER_PIXEL, number=count)
     yield _sbrdf("views", "all", (VIEWS,), model="lafortune", number=700)
 

@@ -23,7 +23,7 @@ from impasto.study.excess import Leasts, leasts_of, summary
 from impasto.study.measure import lobes_of
 from impasto.study.memory import per_megapixel
 from impasto.study.pigments import Swatches
-from impasto.study.record import TERMS, Journal, alone, check_folder, finite, run_info
+from impasto.study.record import TERMS, Journal, alone, check_folder, run_info
 from impasto.study.settings import VIEWS, Setting, named, settings
 from impasto.study.specimens import FULL, QUICK, Sizes, Specimen, digests, specimens
 from impasto.study.yardstick import Yardstick
@@ -98,12 +98,12 @@ def run(
     Raises
     ------
     ArgumentError
-        A folder that holds another study or in which one is at work, no folder of data, a knob that
-        there is none of, a number that makes no sense, or a study that is not ``like`` the recorded
-        one; no fit has been run then.
+        A folder of other files, that holds another study or in which one is at work; no folder of
+        data, a knob that does not exist (the quick study has no ``size``), a number that makes no
+        sense, or a study that is not ``like`` the recorded one. No fit has been run then.
     """
     if isinstance(repeats, bool) or not (isinstance(repeats, int) and repeats >= 1):
-        raise ArgumentError(f"repeats: expected at least 1, found {repeats!r}")
+        raise ArgumentError(f"repeats: expected a whole number from 1, found {repeats!r}")
     check_seed(seed)
     chosen = _chosen(knobs, quick=quick)
     out, data = Path(out), None if data is None else Path(data)
@@ -115,12 +115,12 @@ def run(
     if like is not None:
         check_alike(like, info)
     jobs = {name: [setting for setting in chosen if name in setting.on] for name in made}
-    yardstick = Yardstick(threads)
-    desks = {name: _Desk(made[name], seed, threads, yardstick, weigh=not quick) for name in made}
     places = [(name, setting) for name, here in jobs.items() for setting in here]
     left = places
     with alone(out):
         journal = Journal(out, {"run": info, "missing": missing}, TERMS)
+        stick = Yardstick(threads)
+        desks = {name: _Desk(made[name], seed, threads, stick, weigh=not quick) for name in made}
         for turn in count():
             left = [p for p in left if journal.wants(_key(*p), repeats, surely=not quick)]
             if not left:
@@ -143,7 +143,9 @@ def _chosen(knobs: Sequence[str] | None, *, quick: bool) -> list[Setting]:
     every = settings(quick=quick)
     known = list(dict.fromkeys(setting.knob for setting in every))
     if isinstance(knobs, str) or not set(knobs or ()) <= set(known):
-        raise ArgumentError(f"knobs: expected some of {', '.join(known)}; found {knobs!r}")
+        raise ArgumentError(
+            f"knobs: expected a list of some of {', '.join(known)}; found {knobs!r}"
+        )
     return [setting for setting in every if knobs is None or setting.knob in knobs]
 
 
@@ -203,13 +205,15 @@ class _Desk:
             row: dict[str, Any] = {"number": setting.number, "options": setting.options}
             row |= self._bounded(fits, taken)
             if setting.search:
-                excess = self._excess(fits, [stack for _, stack in taken])
-                row["excess"] = {name: finite(value) for name, value in excess.items()}
+                row["excess"] = self._excess(fits, [stack for _, stack in taken])
             if self._weigh and part.name in WEIGHED and named(setting):
                 row["memory"] = per_megapixel(setting.fit, stack, self._threads)
             row |= {"share": part.share, "lobes": lobes_of(fits)}
             error = asdict(setting.judge(fits, tuple(part for part, _ in taken)))
-            return row | {"turn": asdict(turn), "error": {k: finite(v) for k, v in error.items()}}
+            known = {name: value for name, value in error.items() if value is not None}
+            if wrong := [name for name, value in known.items() if not np.isfinite(value)]:
+                raise ValueError(f"no numbers: {', '.join(wrong)}")
+            return row | {"turn": asdict(turn), "error": error}
         except parts.NoPixelsError as error:
             return {"skipped": str(error)}
         except Exception as error:
@@ -226,15 +230,19 @@ class _Desk:
             return {}
         truths = [truth for truth, _ in known]
         bounds = [self._bound(truth, stack.rig) for truth, stack in known]
-        row = {"bound": finite(float(np.mean([bound.normal for bound in bounds])))}
+        if not all(bound.normal.size for bound in bounds):
+            # A painting of a few pixels has none on the grid of bounds.
+            return {}
+        row = {"bound": float(np.mean([bound.normal for bound in bounds]))}
         gammas: list[Any] = [getattr(fit, "gamma", None) for fit in fits]
         if all(np.ndim(gamma) == 3 for gamma in gammas):
-            row["width"] = finite(widths_off([gamma[0] for gamma in gammas], truths, bounds))
+            row["width"] = widths_off([gamma[0] for gamma in gammas], truths, bounds)
         lobes: list[Any] = [getattr(fit, "specular", None) for fit in fits]
         if all(np.ndim(strength) == 4 for strength in lobes):
             betas = [strength[0].mean(axis=0) for strength in lobes]
-            row["strength"] = finite(strengths_off(betas, truths, bounds))
-        return {name: value for name, value in row.items() if value is not None}
+            row["strength"] = strengths_off(betas, truths, bounds)
+        # Half of the pixels may have no lobe: as far off as can be, for which JSON has no number.
+        return {name: value for name, value in row.items() if np.isfinite(value)}
 
     def _excess(self, fits: Sequence[Any], stacks: Sequence[Stack]) -> dict[str, float]:
         """How far above the least cost searches of some paintings end."""

@@ -103,8 +103,20 @@ def preset_rows(rows: Sequence[Row]) -> list[tuple[str, Row]]:
 
 
 def unbeaten(rows: Sequence[Row]) -> list[Row]:
-    """Peers that no fit of ours beats in both time and error of relighting."""
-    return [peer for peer in of_knob(rows, "peer") if not beaten(peer, rows)]
+    """Peers that no fit of ours beats in both time and error of relighting, of :func:`compared`."""
+    return [peer for peer in compared(rows) if not beaten(peer, rows)]
+
+
+def compared(rows: Sequence[Row]) -> list[Row]:
+    """Peers beside which something of ours has been measured."""
+    return [peer for peer in of_knob(rows, "peer") if _rivals(peer, rows)]
+
+
+def _rivals(peer: Row, rows: Sequence[Row]) -> list[Row]:
+    """Our fits of the same pixels: MINPACK sees a sample of them."""
+    if peer["setting"] == minpack.NAME:
+        return _of_set(rows, peer["data"], "sample")
+    return fits_of(rows, peer["data"])
 
 
 def beaten(peer: Row, rows: Sequence[Row], *, wholly: bool = False) -> bool:
@@ -112,10 +124,6 @@ def beaten(peer: Row, rows: Sequence[Row], *, wholly: bool = False) -> bool:
 
     ``wholly``: in decibels and colours as well.
     """
-    # MINPACK sees a sample of the pixels: so does the fit that it is compared with.
-    sampled = peer["setting"] == minpack.NAME
-    data = peer["data"]
-    rivals = _of_set(rows, data, "sample") if sampled else fits_of(rows, data)
 
     def measures(row: Row) -> tuple[float, ...]:
         error = row["error"]
@@ -123,7 +131,8 @@ def beaten(peer: Row, rows: Sequence[Row], *, wholly: bool = False) -> bool:
 
     theirs = measures(peer)
     return any(
-        all(a <= b for a, b in zip(measures(rival), theirs, strict=True)) for rival in rivals
+        all(a <= b for a, b in zip(measures(rival), theirs, strict=True))
+        for rival in _rivals(peer, rows)
     )
 
 
@@ -274,7 +283,7 @@ def _halving(rows: Sequence[Row]) -> list[Row]:
 def _derived(rows: Sequence[Row]) -> list[Row]:
     try:
         derived = presets.derived(rows)
-    except (StopIteration, IndexError, KeyError, ValueError):
+    except (KeyError, ValueError):
         return []
     return [{"preset": name} | derived[name].to_dict() for name in PRESETS]
 

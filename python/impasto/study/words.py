@@ -16,8 +16,8 @@ from impasto.study.choices import CHOICES
 from impasto.study.excess import PRECISIONS, STEPS
 from impasto.study.front import Row
 from impasto.study.phrases import between, by_data, differences, levels, named, ratio, share, span
-from impasto.study.presets import FAIR, checked, grid_name
-from impasto.study.tables import SETS, beaten, of_knob, preset_rows, searched_in, unbeaten
+from impasto.study.presets import checked, grid_name
+from impasto.study.tables import SETS, beaten, compared, of_knob, preset_rows, searched_in, unbeaten
 from impasto.wording import counted
 
 VIEWS = "770 views"
@@ -93,9 +93,9 @@ def views(rows: Sequence[Row]) -> str:
         for count in sorted(best, reverse=True)
     )
     return (
-        "Heuberger (2005) says of the third paper's rig that its sampling can be cut 40 to 100 "
-        f"times for about 1 dB. Here {verdict}. Against all photographs, by the best choice of "
-        f"each number: {rest}. The "
+        "Heuberger (2005) says of the rig of 770 views (the third paper's) that its sampling can "
+        f"be cut 40 to 100 times for about 1 dB. Here {verdict}. Against all photographs, for each "
+        f"number by whichever choice is best: {rest}. The "
         "surface is one that the fit can describe exactly and held-out photographs have no noise: "
         f"from {every:.0f} dB there is far to fall, where photographs of a real painting have a "
         "floor. Random choices whose lights lie in one plane, which no fit takes, are drawn again."
@@ -293,20 +293,20 @@ def bits(rows: Sequence[Row]) -> str:
 
 def peers(rows: Sequence[Row]) -> str:
     """Who is not beaten."""
-    every, left = of_knob(rows, "peer"), unbeaten(rows)
-    if not every or not of_knob(rows, *FAIR, "sample"):
+    every, left = compared(rows), unbeaten(rows)
+    if not every:
         raise ValueError
     wholly = sum(beaten(peer, rows, wholly=True) for peer in every)
-    as_well = f"{wholly} of them in decibels and ΔE00 as well, by one and the same fit"
+    as_well = f"{wholly} of them by a fit that is no worse in decibels and ΔE00 either"
     if not left:
         return (
-            "Every peer is beaten: a fit of ours is at least as cheap, and relights at least as "
+            "Every peer is beaten: some fit of ours is at least as cheap and relights at least as "
             f"well; {as_well}."
         )
     best: Callable[[Row], Any] = lambda row: row["error"]["psnr"]  # noqa: E731
     lines = [
-        f"{len(every) - len(left)} of {len(every)} that show photographs are beaten in both time "
-        f"and error of relighting, {as_well}. Not in time and relighting:\n"
+        f"{len(every) - len(left)} of {len(every)} peers that show photographs are beaten by a fit "
+        f"of ours in both time and error of relighting; {as_well}. Not beaten:\n"
     ]
     for data in dict.fromkeys(row["data"] for row in left):
         # In italics: some names have commas.
@@ -338,7 +338,7 @@ def size(rows: Sequence[Row]) -> str:
     if not lines:
         raise ValueError
     return (
-        f"A picture {times} times as large takes, in CPU seconds per megapixel: {', '.join(lines)}."
+        f"A picture {times} times as large takes, in CPU seconds per megapixel: {'; '.join(lines)}."
     )
 
 

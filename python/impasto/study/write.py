@@ -1,4 +1,4 @@
-"""A study as files: everything in one JSON, the tables as a page, the figures."""
+"""A study as files: everything in one JSON, sentences and tables as a page, the figures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from impasto.study.words import words
 TITLES = {
     "summary": "In the mean of the data sets with one view",
     "presets": "What each preset costs and gives",
-    "halving": "The best fit in half the time, and what it is off by",
+    "halving": "The best fit in half the time: by how much its errors are larger (dB: more is "
+    "better), and what it flags",
     "derived": "The presets that these numbers call for",
     "checks": "What presets promise, and whether it is so",
     "classes": "Pixels by the lobes that they get",
@@ -33,7 +34,7 @@ TITLES = {
     "views": "Photographs of 770 views",
     "reflectance": "Reflectance of measured pigments",
     "peer": "Peers",
-    "unbeaten": "Peers that show photographs, and no fit of ours beats in both time and error",
+    "unbeaten": "Peers that no fit of ours beats in both time and error of relighting",
 }
 
 HEADS = {
@@ -53,7 +54,7 @@ HEADS = {
     "classes": "Only what a pixel calls for",
     "bits": "Coarser numbers",
     "reflectance": "Reflectance",
-    "peers": "Peers",
+    "peers": "Which peers are beaten",
     "memory": "Memory",
     "size": "Large pictures",
     "wall": "CPU seconds and the clock",
@@ -62,10 +63,11 @@ HEADS = {
 """Of the sentences, by name."""
 COLUMNS = """\
 *CPU s*, *wall s*: seconds for a megapixel of one photograph's size; *MB*: memory for it beyond the
-photographs. *relative %*: root mean square error of held-out photographs, of theirs; *dB*: the same
-on 8-bit sRGB codes, in decibels (six more: half the error); *dE00*: how far their colours are off.
-*normal deg*: mean angle to the true normal. *flagged %*: pixels whose status says that their fit is
-in doubt. More decibels are better, less of all else."""
+photographs. *relative %*: root mean square error of held-out photographs in linear light, as a
+share of their own root mean square; *dB*: how near they come on 8-bit sRGB codes (six more: half
+the error); *dE00*: how far their colours are off. *normal deg*: mean angle to the true normal.
+*flagged %*: pixels whose status says that their fit is in doubt. More decibels are better, less of
+all else."""
 LINK = re.compile(r"\[([^\]]+)\]\(#[^)]*\)")
 """Of the documentation's page, to a place on it."""
 
@@ -94,7 +96,7 @@ def write(found: dict[str, Any], out: str | Path, *, figures: bool = True) -> li
     text = json.dumps(found | made | {"words": said}, indent=1, allow_nan=False) + "\n"
     atomic_bytes(whole, text.encode("utf-8"))
     page = out / "study.md"
-    parts = [f"## {HEADS[name]}\n\n{_alone(text)}\n" for name, text in said.items()]
+    parts = [f"## {HEADS[name]}\n\n{_unlinked(said[name])}\n" for name in said]
     parts += [f"## {TITLES[name]}\n\n{markdown(table)}\n" for name, table in made.items()]
     text = "\n".join(["# What accuracy costs in time\n", *_where(found), f"{COLUMNS}\n", *parts])
     atomic_bytes(page, text.encode("utf-8"))
@@ -106,8 +108,8 @@ def write(found: dict[str, Any], out: str | Path, *, figures: bool = True) -> li
     return written
 
 
-def _alone(text: str) -> str:
-    """A sentence of the documentation's page, where that page is not about it."""
+def _unlinked(text: str) -> str:
+    """A sentence without its links, which lead to places of the documentation's page."""
     return LINK.sub(r"\1", text)
 
 
