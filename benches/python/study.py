@@ -36,7 +36,7 @@ from impasto.study.tables import tables
 from impasto.study.words import words
 
 REPEATS = 6
-"""Turns of every fit at least, spread over the whole study: its cost is some twenty minutes."""
+"""Turns of every fit at least, spread over the whole study: half an hour to an hour."""
 
 
 def main() -> None:
