@@ -28,6 +28,7 @@ from impasto.study import (
     tables,
 )
 from impasto.study.bound import Bound, bound_of, strengths_off, widths_off
+from impasto.study.parts import TooFewError
 from impasto.study.record import RUNS
 
 SIZES = specimens.Sizes(painting=24, views=6, icon=24, paintings=2)
@@ -132,6 +133,31 @@ def test_measured_materials_are_reciprocal(data: Path) -> None:
         there, back = reflect(row, n_l, n_v, n_h, l_h), reflect(row, n_v, n_l, n_h, l_h)
         # The same products in another order: a few roundings apart.
         assert np.allclose(there, back, rtol=1e-12)
+
+
+def test_a_table_of_materials_that_is_damaged_is_named(tmp_path: Path) -> None:
+    header = "material,kd_r,kd_g,kd_b,a_r,a_g,a_b,b,c,ior"
+    for rows, words in (
+        ("\x00\x01", "lacks 'special-walnut-224'"),
+        (f"{header}\nwhite-paint,0.1,0.2", "no table of materials"),
+        (f"{header}\nwhite-paint,0.1,0.2,x,1,1,1,1,1,1.5", "no table of materials"),
+        (f"{header}\nwhite-paint,0.1,0.2,0.3,1,1,1,1,1,1.5", "lacks 'special-walnut-224'"),
+    ):
+        (tmp_path / "abc_100.csv").write_text(rows)
+        with pytest.raises(impasto.CorruptInputError, match=f"abc_100.csv: {words}"):
+            materials.forward_of(tmp_path, "ABC")
+    every = "\n".join(f"{name},0.1,0.2,0.3,1,1,1,1,1" for name in materials.MATERIALS)
+    (tmp_path / "abc_100.csv").write_text(f"{header.removesuffix(',ior')}\n{every}")
+    with pytest.raises(impasto.CorruptInputError, match="lacks 'ior'"):
+        materials.forward_of(tmp_path, "ABC")
+
+
+def test_more_photographs_than_there_are_cannot_be_kept() -> None:
+    made, _ = specimens.specimens(SIZES, 0, None)
+    stack = made["own model"]()[0].stack
+    for choice in choices.CHOICES:
+        with pytest.raises(TooFewError, match="only 48 photographs"):
+            choices.fewer(stack, 0, count=48, choice=choice)
 
 
 def test_missing_data_is_said(tmp_path: Path) -> None:

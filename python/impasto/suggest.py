@@ -143,9 +143,9 @@ def suggest_effort(
     Raises
     ------
     ArgumentError
-        Neither error nor seconds, one that is not above 0 or not finite, fewer than eight
-        photographs, or such that no pixel of the trial can be estimated: nothing but black, clipped
-        or missing samples.
+        Neither error nor seconds, one that is not above 0 or not finite, an error of 1 or more
+        (black meets it), fewer than eight photographs, or such that no pixel of the trial can be
+        estimated: nothing but black, clipped or missing samples.
     GeometryError
         Lights that cannot determine normals without those that are held out, in whichever turn.
     """
@@ -155,6 +155,11 @@ def suggest_effort(
             if not (math.isfinite(asked) and asked > 0.0):
                 kind = "a finite number" if asked == math.inf else "a number"
                 raise ArgumentError(f"{name}: expected {kind} above 0, found {value!r}")
+    if error is not None and error >= 1.0:
+        raise ArgumentError(
+            "error: expected a share below 1 (0.05 is five per cent; black meets 1), "
+            f"found {error!r}"
+        )
     if error is None and seconds is None:
         raise ArgumentError("error: say the largest error, or in seconds= the longest time")
     checked_stack(stack)

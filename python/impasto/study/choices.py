@@ -13,6 +13,7 @@ from impasto.fit.normals import fit_normals
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.relighting import full_scale, relative_error
 from impasto.stack import Stack
+from impasto.study.parts import TooFewError
 from impasto.thinning import thinned
 
 CHOICES = ("random", "spread", "best")
@@ -39,7 +40,14 @@ def fewer(stack: Stack, seed: int, *, count: int, choice: str) -> Stack:
     first that can be fitted. The best is looked for from the spread one by exchange: it is the one
     whose fit shows all photographs best. It needs them all, so it tells what there is to gain, not
     how to photograph.
+
+    Raises
+    ------
+    TooFewError
+        There are no more than that.
     """
+    if count >= len(stack.rig):
+        raise TooFewError(f"only {len(stack.rig)} photographs")
     rng = np.random.default_rng([seed, count])
     if choice == "random":
         picked = _drawn(stack, rng, count)[:count]

@@ -24,7 +24,7 @@ from impasto.fit.normals import Normals, fit_normals
 from impasto.stack import Stack
 from impasto.study import fits
 from impasto.study.minpack import START, Sight, base_of, tilted
-from impasto.study.parts import NoPixelsError
+from impasto.study.parts import TooFewError
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -175,13 +175,13 @@ def summary(shares: Iterable[Array]) -> dict[str, float]:
 
     Raises
     ------
-    NoPixelsError
+    TooFewError
         None has a lobe.
     """
     every = np.concatenate(list(shares))
     known = every[np.isfinite(every)]
     if not known.size:
-        raise NoPixelsError(f"0 of {every.size} pixels have a lobe")
+        raise TooFewError(f"0 of {every.size} pixels have a lobe")
     median, p99 = np.percentile(known, (50.0, 99.0))
     return {"median": float(median), "p99": float(p99), "bad": float((known > BAD).mean())}
 

@@ -16,6 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.errors import CorruptInputError
 from impasto.rig import PointLight, Rig
 from impasto.simulate.photography import Forward
 
@@ -33,21 +34,32 @@ MATERIALS = (
 
 
 def read_materials(path: Path) -> dict[str, Row]:
-    """Rows of a table by material; ``name_r``, ``name_g``, ``name_b`` become one array ``name``."""
-    rows: dict[str, Row] = {}
-    with path.open(newline="", encoding="utf-8") as file:
-        for line in csv.DictReader(file):
-            row: Row = {}
-            for column, text in line.items():
-                if column == "material":
-                    continue
-                name, _, channel = column.rpartition("_")
-                if name and channel == "r":
-                    row[name] = np.array([float(line[f"{name}_{c}"]) for c in "rgb"])
-                elif not name or channel not in "gb":
-                    row[column] = float(text)
-            rows[line["material"]] = row
-    return rows
+    """Rows of a table by material; ``name_r``, ``name_g``, ``name_b`` become one array ``name``.
+
+    Raises
+    ------
+    CorruptInputError
+        It is no such table.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            return {line["material"]: _row(line) for line in csv.DictReader(file, strict=True)}
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
+        problem = f"no table of materials ({type(error).__name__}: {error})"
+        raise CorruptInputError(path, problem) from error
+
+
+def _row(line: dict[str, str]) -> Row:
+    row: Row = {}
+    for column, text in line.items():
+        if column == "material":
+            continue
+        name, _, channel = column.rpartition("_")
+        if name and channel == "r":
+            row[name] = np.array([float(line[f"{name}_{c}"]) for c in "rgb"])
+        elif not name or channel not in "gb":
+            row[column] = float(text)
+    return row
 
 
 def shifted_gamma(row: Row, n_l: Array, n_v: Array, n_h: Array, l_h: Array) -> Array:
@@ -99,9 +111,19 @@ def forward_of(folder: Path, model: str) -> Forward:
         Where the tables lie.
     model
         ``"shifted gamma"`` or ``"ABC"``.
+
+    Raises
+    ------
+    CorruptInputError
+        The table is none, or lacks a material or a number of one.
     """
     file, reflect = MODELS[model]
     rows = read_materials(folder / file)
+    try:
+        for name in MATERIALS:
+            reflect(rows[name], *np.full((4, 1), 0.9))
+    except KeyError as error:
+        raise CorruptInputError(folder / file, f"lacks {error}") from error
 
     def forward(
         normal: NDArray[np.float32],

@@ -14,8 +14,8 @@ WIDTH = 32
 """Pixels of a class stand in rows of so many."""
 
 
-class NoPixelsError(Exception):
-    """A data set has no such pixel."""
+class TooFewError(Exception):
+    """A data set has fewer such pixels, or photographs, than a setting takes."""
 
 
 def whole(paintings: Paintings) -> Paintings:
@@ -62,7 +62,7 @@ def alike(paintings: Paintings, *, lobes: int) -> Paintings:
 
     Raises
     ------
-    NoPixelsError
+    TooFewError
         There are fewer than one in a hundred.
     """
     specimen = paintings[0]
@@ -71,7 +71,7 @@ def alike(paintings: Paintings, *, lobes: int) -> Paintings:
     y, x = np.nonzero(fitted.lobes == lobes)
     count = stack.shape[2] * stack.shape[3]
     if len(y) < 0.01 * count:
-        raise NoPixelsError(f"only {len(y)} of {count} pixels")
+        raise TooFewError(f"only {len(y)} of {count} pixels")
     turns = np.resize(np.arange(len(y)), max(count // WIDTH, 1) * WIDTH).reshape(-1, WIDTH)
     place = np.s_[..., y[turns], x[turns]]
     normal = specimen.normal

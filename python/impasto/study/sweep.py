@@ -91,9 +91,9 @@ def run(
     -------
     dict
         ``run`` (machine, commit, seed, sizes, yardstick), ``missing`` (data sets and why),
-        ``skipped`` (peers that are not installed and what is measured by them, pixels that there
-        are none of), ``failed`` (fits that ended in an error; tried again by the next run),
-        ``rows``.
+        ``skipped`` (peers that are not installed and what is measured by them, pixels or
+        photographs of which there are too few), ``failed`` (fits that ended in an error; tried
+        again by the next run), ``rows``.
 
     Raises
     ------
@@ -214,7 +214,7 @@ class _Desk:
             if wrong := [name for name, value in known.items() if not np.isfinite(value)]:
                 raise ValueError(f"no numbers: {', '.join(wrong)}")
             return row | {"turn": asdict(turn), "error": error}
-        except parts.NoPixelsError as error:
+        except parts.TooFewError as error:
             return {"skipped": str(error)}
         except Exception as error:
             if (setting.peer or setting.search) and isinstance(error, ImportError):
