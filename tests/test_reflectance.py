@@ -59,6 +59,17 @@ def estimator(name, camera, training, noise=1e-3, rank=None):
     )
 
 
+def applied(built, responses, threads=1):
+    """Coefficients and statuses of responses ``(band, y, x)``."""
+    shape = responses.shape[1:]
+    rank = built.basis.shape[1]
+    maps = SimpleNamespace(
+        coefficients=np.empty((rank, *shape), np.float32), status=np.empty(shape, np.uint8)
+    )
+    built.apply(responses, None, maps, threads, None)
+    return maps.coefficients, maps.status
+
+
 def matrix(built, bands):
     """The linear map ``(n, band)`` of a linear estimator."""
     return built.basis @ built.evaluate(np.eye(bands)).T
@@ -139,7 +150,7 @@ def test_single_precision_follows_double(name, spectra):
     rho = spectra @ CAMERAS["six"].operator(GRID).T
     built = estimator(name, CAMERAS["six"], spectra)
     single = np.ascontiguousarray(rho.T[:, None], dtype=np.float32)
-    coefficients, status = built.apply(single, None, 1, None)
+    coefficients, status = applied(built, single)
     reference = built.evaluate(np.ascontiguousarray(single[:, 0].T.astype(np.float64)))
     assert (status == Status.FITTED).all()
     # Each of the products is rounded to 6e-8 of itself; weights of the Gaussians reach hundreds.
@@ -237,9 +248,9 @@ def test_tiles_threads_and_neighbours_change_no_bit(name, spectra):
     rho = CAMERAS["six"].response(spectra[rng.integers(0, 289, 9001)], GRID)
     rho[rng.random(rho.shape) < 0.01] = np.nan
     built = estimator(name, CAMERAS["six"], spectra)
-    whole = built.apply(picture(rho), None, 1, None)
-    threaded = built.apply(picture(rho), None, 3, None)
-    pieces = [built.apply(picture(rho[i : i + 37]), None, 1, None) for i in range(0, 370, 37)]
+    whole = applied(built, picture(rho))
+    threaded = applied(built, picture(rho), threads=3)
+    pieces = [applied(built, picture(rho[i : i + 37])) for i in range(0, 370, 37)]
     for kind in (0, 1):
         np.testing.assert_array_equal(threaded[kind], whole[kind])
         part = np.concatenate([piece[kind] for piece in pieces], axis=-1)

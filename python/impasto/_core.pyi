@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from impasto.fit.border import ProgressCallback, RigArguments, StackArguments, StartArguments
 from impasto.fit.highlight import LobeFit
 from impasto.fit.normals import Normals
+from impasto.fit.reflectance import Reflectance
 from impasto.fit.surface import SurfaceArguments
 from impasto.render import SceneArguments
 
@@ -175,9 +176,10 @@ class SpectralEstimator:
         self,
         responses: NDArray[np.float32],
         status: NDArray[np.uint8] | None,
+        maps: Reflectance,
         threads: int,
         progress: ProgressCallback | None,
-    ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]: ...
+    ) -> None: ...
 
 def spectral_estimator(
     kind: str,

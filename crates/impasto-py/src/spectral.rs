@@ -1,8 +1,8 @@
 //! Reflectance estimators: built once, applied to maps.
 #![allow(clippy::needless_pass_by_value, reason = "pyo3 hands arguments over by value")]
 
-use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
-use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
 use impasto::Error;
@@ -41,8 +41,14 @@ pub(crate) fn spectral_estimator(
     run::call(py, 1, None, |_| Estimator::build(kind, &problem, rank, seed)).map(SpectralEstimator)
 }
 
-/// Coefficients `(k, y, x)` and statuses `(y, x)`.
-type Maps<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<u8>>);
+/// The maps of an `impasto.Reflectance`, to be filled.
+#[derive(FromPyObject)]
+struct ReflectanceMaps<'py> {
+    /// `(k, y, x)`.
+    coefficients: PyReadwriteArray3<'py, f32>,
+    /// `(y, x)`.
+    status: PyReadwriteArray2<'py, u8>,
+}
 
 /// The numbers that say how well an estimator is posed.
 #[derive(IntoPyObject)]
@@ -101,17 +107,17 @@ impl SpectralEstimator {
         values.into_pyarray(py).reshape([rows, self.0.rank()])
     }
 
-    /// Coefficients `(k, y, x)` and statuses `(y, x)` of responses `(band, y, x)`.
-    #[pyo3(signature = (responses, status, threads, progress))]
+    /// Fills the maps with the estimate of responses `(band, y, x)`.
+    #[pyo3(signature = (responses, status, maps, threads, progress))]
     fn apply<'py>(
         &self,
         py: Python<'py>,
         responses: PyReadonlyArray3<'py, f32>,
         status: Option<PyReadonlyArray2<'py, u8>>,
+        mut maps: ReflectanceMaps<'py>,
         threads: usize,
         progress: Option<Py<PyAny>>,
-    ) -> PyResult<Maps<'py>> {
-        let (height, width) = (responses.shape()[1], responses.shape()[2]);
+    ) -> PyResult<()> {
         let fail = |error| errors::to_python(py, &error);
         let values = contiguous("diffuse", responses.as_slice()).map_err(fail)?;
         let before = status
@@ -119,15 +125,10 @@ impl SpectralEstimator {
             .map(|status| contiguous("status", status.as_slice()))
             .transpose()
             .map_err(fail)?;
-        let mut coefficients = vec![0.0; self.0.rank() * height * width];
-        let mut statuses = vec![0; height * width];
-        let output = Output { coefficients: &mut coefficients, status: &mut statuses };
-        run::call(py, threads, progress.as_ref(), |run| {
-            apply(&self.0, values, before, output, run)
-        })?;
-        Ok((
-            coefficients.into_pyarray(py).reshape([self.0.rank(), height, width])?,
-            statuses.into_pyarray(py).reshape([height, width])?,
-        ))
+        let output = Output {
+            coefficients: maps.coefficients.as_slice_mut()?,
+            status: maps.status.as_slice_mut()?,
+        };
+        run::call(py, threads, progress.as_ref(), |run| apply(&self.0, values, before, output, run))
     }
 }

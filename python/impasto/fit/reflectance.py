@@ -235,8 +235,6 @@ def fit_reflectance(
         None if rank is None else int(rank),
         SEED,
     )
-    with reporting(progress, "reflectance") as callback:
-        coefficients, codes = built.apply(responses, status, thread_count(threads), callback)
     info = {
         "estimator": estimator,
         "training": spectra.name,
@@ -246,13 +244,19 @@ def fit_reflectance(
         "integration": integration,
         "bands": list(camera.bands),
     }
-    return Reflectance(
-        coefficients=coefficients,
-        basis=np.ascontiguousarray(built.basis.T),
+    basis = np.ascontiguousarray(built.basis.T)
+    found = Reflectance(
+        # numpy asks for large pages, and keeps memory for the next picture: touching new pages
+        # takes longer than the estimate.
+        coefficients=np.empty((len(basis), *responses.shape[1:]), np.float32),
+        basis=basis,
         wavelengths=np.array(grid),
-        status=codes,
+        status=np.empty(responses.shape[1:], np.uint8),
         info=info | dict(built.diagnostics),
     )
+    with reporting(progress, "reflectance") as callback:
+        built.apply(responses, status, found, thread_count(threads), callback)
+    return found
 
 
 def white_corrected(

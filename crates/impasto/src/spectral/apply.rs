@@ -11,9 +11,14 @@ use crate::maps::Status;
 use crate::math::{Isa, Kernel, Mask, Real};
 use crate::pixels::{Run, TILE};
 
-/// Rows of the coefficient matrix that go through the features together: four accumulators hide
-/// the latency of the multiply-add, and each feature is loaded once for four rows.
+/// Rows of the coefficient matrix that go through the features together, for two lane-fulls of
+/// pixels: eight accumulators hide the latency of the multiply-add, each feature is loaded once for
+/// four rows and each coefficient once for two lane-fulls.
 const ROWS: usize = 4;
+
+/// Lane-fulls of pixels that are estimated together, an even number: what is found out once for all
+/// of them (which features, which planes, whether all is sound) takes longer than to estimate one.
+const PANEL: usize = 16;
 
 /// Distinct sets of missing bands whose operators a worker keeps; with six bands there are 62.
 const KEPT: usize = 1024;
@@ -71,23 +76,75 @@ impl Operator {
         Ok(responses.chunks_exact(self.bands()).flat_map(|rho| self.evaluate(rho)).collect())
     }
 
-    /// Coefficients of a lane-full of pixels, padded to whole blocks.
+    /// Estimates a panel: its coefficients from its responses.
     ///
     /// Slices in and out, no closures: a closure need not be inlined, and what is not inlined is
     /// not compiled for the instruction set.
     #[inline(always)]
-    fn lanes<R: Real<Scalar = f32>>(&self, rho: &[R], features: &mut [R], out: &mut [R]) {
-        self.features.evaluate(rho, features);
-        let blocks = self.blocks.chunks_exact(features.len());
-        for (out, rows) in out.chunks_exact_mut(ROWS).zip(blocks) {
-            let [mut a, mut b, mut c, mut d] = [R::zero(); ROWS];
-            for (&feature, row) in features.iter().zip(rows) {
-                a = feature.mul_add(R::splat(row[0]), a);
-                b = feature.mul_add(R::splat(row[1]), b);
-                c = feature.mul_add(R::splat(row[2]), c);
-                d = feature.mul_add(R::splat(row[3]), d);
+    fn panel<R: Real<Scalar = f32>>(&self, panel: &mut Panel<R>) {
+        let (rho, _) = panel.rho.as_chunks::<PANEL>();
+        let (features, _) = panel.features.as_chunks_mut::<PANEL>();
+        let features: &[[R; PANEL]] = if features.is_empty() {
+            rho
+        } else {
+            for here in 0..PANEL {
+                for (band, rho) in panel.bands.iter_mut().zip(rho) {
+                    *band = rho[here];
+                }
+                self.features.evaluate(&panel.bands, &mut panel.column);
+                for (feature, &value) in features.iter_mut().zip(&panel.column) {
+                    feature[here] = value;
+                }
             }
-            out.copy_from_slice(&[a, b, c, d]);
+            features
+        };
+        let (values, _) = panel.values.as_chunks_mut::<PANEL>();
+        let (blocks, _) = values.as_chunks_mut::<ROWS>();
+        for (values, weights) in blocks.iter_mut().zip(self.blocks.chunks_exact(features.len())) {
+            for here in (0..PANEL).step_by(2) {
+                let [mut a, mut b] = [[R::zero(); ROWS]; 2];
+                for (feature, weights) in features.iter().zip(weights) {
+                    for row in 0..ROWS {
+                        let weight = R::splat(weights[row]);
+                        a[row] = feature[here].mul_add(weight, a[row]);
+                        b[row] = feature[here + 1].mul_add(weight, b[row]);
+                    }
+                }
+                for (value, (a, b)) in values.iter_mut().zip(a.into_iter().zip(b)) {
+                    [value[here], value[here + 1]] = [a, b];
+                }
+            }
+        }
+    }
+}
+
+/// [`PANEL`] lane-fulls of pixels on their way through an operator.
+struct Panel<R> {
+    /// `(band, PANEL)`.
+    rho: Vec<R>,
+    /// `(feature, PANEL)`; empty where the responses themselves are the features.
+    features: Vec<R>,
+    /// `(row, PANEL)`, rows in whole blocks of [`ROWS`].
+    values: Vec<R>,
+    /// Responses and features of one lane-full.
+    bands: Vec<R>,
+    column: Vec<R>,
+}
+
+impl<R: Real> Panel<R> {
+    fn of(operator: &Operator) -> Self {
+        let lanes = |count| vec![R::zero(); count];
+        let bands = operator.bands();
+        let features = match operator.features {
+            Features::Linear { .. } => 0,
+            Features::RootPolynomial { .. } | Features::RadialBasis(_) => operator.features.count(),
+        };
+        Self {
+            rho: lanes(bands * PANEL),
+            features: lanes(features * PANEL),
+            values: lanes(operator.rank.next_multiple_of(ROWS) * PANEL),
+            bands: lanes(bands),
+            column: lanes(features),
         }
     }
 }
@@ -173,51 +230,56 @@ impl Kernel for TileKernel<'_, '_> {
     fn run<I: Isa>(self) {
         let Self { estimator, responses, pixels, status, mut tile, operators } = self;
         let (bands, operator) = (estimator.bands(), &estimator.complete);
-        let mut rho = vec![I::F32::zero(); bands];
-        let mut features = vec![I::F32::zero(); operator.features.count()];
-        let mut values = vec![I::F32::zero(); operator.rank.next_multiple_of(ROWS)];
+        let (width, yes) = (I::F32::WIDTH, <I::F32 as Real>::Mask::splat(true));
+        // Lanes beyond the last pixel hold those of an earlier panel; nothing is stored of them.
+        let mut panel = Panel::<I::F32>::of(operator);
         let count = tile.status.len();
-        let mut first = 0;
-        while first < count {
-            let lanes = I::F32::WIDTH.min(count - first);
-            let here = tile.start + first;
-            let mut sound = I::F32::zero().le(I::F32::zero());
-            for (band, rho) in rho.iter_mut().enumerate() {
-                *rho = load(&responses[band * pixels + here..][..lanes]);
-                sound = sound & rho.is_finite();
-            }
-            let mut size = I::F32::zero();
-            operator.lanes(&rho, &mut features, &mut values);
-            for (&value, plane) in values.iter().zip(&mut tile.planes) {
-                size = size + value.abs();
-                store(value, &mut plane[first..][..lanes]);
-            }
-            // Responses near the end of the range overflow on the way: that is no estimate.
-            let sound = sound & size.is_finite();
-            let before = status.map(|status| &status[here..][..lanes]);
-            if sound.all() && before.is_none_or(|codes| codes.iter().all(|&code| code < 16)) {
-                let out = &mut tile.status[first..][..lanes];
-                match before {
-                    Some(codes) => out.copy_from_slice(codes),
-                    None => out.fill(Status::Fitted.code()),
-                }
-            } else {
-                for lane in 0..lanes {
-                    let code = before.map_or(0, |codes| codes[lane]);
-                    if sound.lane(lane) && code < 16 {
-                        tile.status[first + lane] = code;
-                        continue;
-                    }
-                    let pixel: Vec<f32> =
-                        (0..bands).map(|band| responses[band * pixels + here + lane]).collect();
-                    let (code, values) = exception(estimator, operators, &pixel, code);
-                    tile.status[first + lane] = code;
-                    for (index, plane) in tile.planes.iter_mut().enumerate() {
-                        plane[first + lane] = values.as_ref().map_or(f32::NAN, |v| v[index]);
-                    }
+        for first in (0..count).step_by(PANEL * width) {
+            let range = first..count.min(first + PANEL * width);
+            let here = tile.start + range.start..tile.start + range.end;
+            let mut sound = [yes; PANEL];
+            let planes = responses.chunks_exact(pixels);
+            for (plane, rho) in planes.zip(panel.rho.chunks_exact_mut(PANEL)) {
+                load(&plane[here.clone()], rho);
+                for (sound, rho) in sound.iter_mut().zip(rho) {
+                    *sound = *sound & rho.is_finite();
                 }
             }
-            first += lanes;
+            operator.panel(&mut panel);
+            let mut size = [I::F32::zero(); PANEL];
+            for (plane, values) in tile.planes.iter_mut().zip(panel.values.chunks_exact(PANEL)) {
+                store(values, &mut plane[range.clone()]);
+                for (size, value) in size.iter_mut().zip(values) {
+                    *size = *size + value.abs();
+                }
+            }
+            let mut all = yes;
+            for (sound, size) in sound.iter_mut().zip(size).take(range.len().div_ceil(width)) {
+                // Responses near the end of the range overflow on the way: that is no estimate.
+                *sound = *sound & size.is_finite();
+                all = all & *sound;
+            }
+            let before = status.map(|status| &status[here]);
+            match before {
+                Some(codes) => tile.status[range.clone()].copy_from_slice(codes),
+                None => tile.status[range.clone()].fill(Status::Fitted.code()),
+            }
+            if all.all() && before.is_none_or(|codes| codes.iter().all(|&code| code < 16)) {
+                continue;
+            }
+            for pixel in range {
+                let (lane, code) = (pixel % width, tile.status[pixel]);
+                if sound[(pixel - first) / width].lane(lane) && code < 16 {
+                    continue;
+                }
+                let rho: Vec<f32> =
+                    (0..bands).map(|band| responses[band * pixels + tile.start + pixel]).collect();
+                let (code, values) = exception(estimator, operators, &rho, code);
+                tile.status[pixel] = code;
+                for (index, plane) in tile.planes.iter_mut().enumerate() {
+                    plane[pixel] = values.as_ref().map_or(f32::NAN, |v| v[index]);
+                }
+            }
         }
     }
 }
@@ -258,23 +320,33 @@ fn exception(
     }
 }
 
-/// A register of the values; what is left of it is zero.
+/// As many registers as the values fill; what is left of the last is zero.
 #[inline(always)]
-fn load<R: Real<Scalar = f32>>(values: &[f32]) -> R {
-    if values.len() == R::WIDTH {
-        return R::load(values);
+fn load<R: Real<Scalar = f32>>(values: &[f32], out: &mut [R]) {
+    let parts = values.chunks_exact(R::WIDTH);
+    let rest = parts.remainder();
+    if !rest.is_empty() {
+        let mut padded = [0.0; 64];
+        padded[..rest.len()].copy_from_slice(rest);
+        out[parts.len()] = R::load(&padded);
     }
-    let mut padded = [0.0; 64];
-    padded[..values.len()].copy_from_slice(values);
-    R::load(&padded)
+    for (out, part) in out.iter_mut().zip(parts) {
+        *out = R::load(part);
+    }
 }
 
+/// As many registers as there is room for, and a part of the next.
 #[inline(always)]
-fn store<R: Real<Scalar = f32>>(value: R, out: &mut [f32]) {
-    if out.len() == R::WIDTH {
-        return value.store(out);
+fn store<R: Real<Scalar = f32>>(values: &[R], out: &mut [f32]) {
+    let mut parts = out.chunks_exact_mut(R::WIDTH);
+    let whole = parts.len();
+    for (&value, part) in values.iter().zip(&mut parts) {
+        value.store(part);
     }
-    let mut padded = [0.0; 64];
-    value.store(&mut padded);
-    out.copy_from_slice(&padded[..out.len()]);
+    let rest = parts.into_remainder();
+    if !rest.is_empty() {
+        let mut padded = [0.0; 64];
+        values[whole].store(&mut padded);
+        rest.copy_from_slice(&padded[..rest.len()]);
+    }
 }

@@ -133,15 +133,19 @@ fn radial_basis<R: Real>(shape: &Centres, rho: &[R], out: &mut [R]) {
     let length = unit * root;
     let (head, gaussians) = out.split_at_mut(1 + bands);
     head[0] = R::select(largest.gt(R::zero()), length, R::zero());
-    for (feature, &rho) in head[1..].iter_mut().zip(rho) {
-        *feature = rho;
+    // The directions stand where the responses will: no centre divides again.
+    for (direction, &rho) in head[1..].iter_mut().zip(rho) {
+        *direction = rho / length;
     }
     for (feature, centre) in gaussians.iter_mut().zip(shape.places.chunks_exact(bands)) {
         let mut distance = R::zero();
-        for ((&rho, &offset), &centre) in rho.iter().zip(&shape.offset).zip(centre) {
-            let away = (rho / length).mul_add(R::of(shape.scale), R::of(-(offset + centre)));
+        for ((&direction, &offset), &centre) in head[1..].iter().zip(&shape.offset).zip(centre) {
+            let away = direction.mul_add(R::of(shape.scale), R::of(-(offset + centre)));
             distance = away.mul_add(away, distance);
         }
         *feature = head[0] * exp(-distance);
+    }
+    for (feature, &rho) in head[1..].iter_mut().zip(rho) {
+        *feature = rho;
     }
 }

@@ -157,9 +157,10 @@ pub(super) fn decomposed(matrix: &DMatrix<f64>) -> (DMatrix<f64>, DVector<f64>, 
 const SWEEPS: usize = 40;
 
 fn rotate(matrix: &mut DMatrix<f64>, p: usize, q: usize, cosine: f64, sine: f64) {
-    for row in 0..matrix.nrows() {
-        let (a, b) = (matrix[(row, p)], matrix[(row, q)]);
-        matrix[(row, p)] = cosine.mul_add(a, -(sine * b));
-        matrix[(row, q)] = sine.mul_add(a, cosine * b);
+    let rows = matrix.nrows();
+    let (head, tail) = matrix.as_mut_slice().split_at_mut(q * rows);
+    for (p, q) in head[p * rows..][..rows].iter_mut().zip(&mut tail[..rows]) {
+        // No fused multiply-add: where it is no instruction of its own it is a call.
+        (*p, *q) = (cosine * *p - sine * *q, sine * *p + cosine * *q);
     }
 }
