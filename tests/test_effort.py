@@ -143,6 +143,7 @@ def test_a_suggestion_meets_a_time(stack: impasto.Stack) -> None:
         ({"error": "5%"}, "error: expected a number above 0, found '5%'"),
         ({"error": np.array([0.1, 0.2])}, "error: expected a number above 0"),
         ({"seconds": True}, "seconds: expected a number above 0, found True"),
+        ({"error": 1.0}, "error: expected a share below 1 .* found 1.0"),
         ({"error": 5}, "error: expected a share below 1 .0.05 is five per cent; .* found 5"),
     ],
 )
@@ -179,7 +180,9 @@ def test_lights_that_lie_in_a_plane_but_for_those_held_out(stack: impasto.Stack)
 
 def test_a_turn_without_which_lights_lie_in_a_plane_is_passed_over(stack: impasto.Stack) -> None:
     """The first of three turns holds out the one that stands apart; the others tell enough."""
-    assert impasto.suggest_effort(_arc(stack, 0), seconds=1e6).met
+    tried = impasto.suggest_effort(_arc(stack, 0), error=0.99).tried
+    assert len(tried) == len(suggest.LADDER)
+    assert all(np.isfinite(trial.error) for trial in tried)
 
 
 def test_neighbours_are_not_held_out_together(stack: impasto.Stack) -> None:

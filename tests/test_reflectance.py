@@ -59,14 +59,14 @@ def estimator(name, camera, training, noise=1e-3, rank=None):
     )
 
 
-def applied(built, responses, threads=1):
-    """Coefficients and statuses of responses ``(band, y, x)``."""
+def applied(built, responses, status=None, threads=1):
+    """Coefficients and statuses of responses ``(band, y, x)``; what is passed over shows."""
     shape = responses.shape[1:]
     rank = built.basis.shape[1]
     maps = SimpleNamespace(
-        coefficients=np.empty((rank, *shape), np.float32), status=np.empty(shape, np.uint8)
+        coefficients=np.full((rank, *shape), 77.0, np.float32), status=np.full(shape, 99, np.uint8)
     )
-    built.apply(responses, None, maps, threads, None)
+    built.apply(responses, status, maps, threads, None)
     return maps.coefficients, maps.status
 
 
@@ -255,6 +255,32 @@ def test_tiles_threads_and_neighbours_change_no_bit(name, spectra):
         np.testing.assert_array_equal(threaded[kind], whole[kind])
         part = np.concatenate([piece[kind] for piece in pieces], axis=-1)
         np.testing.assert_array_equal(part, whole[kind][..., :370])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_statuses_are_followed_pixel_by_pixel(name, spectra):
+    """Beyond the first tile, in panels with exceptions and in one tile without any."""
+    rng = np.random.default_rng(4)
+    rho = CAMERAS["six"].response(spectra[rng.integers(0, 289, 9001)], GRID)
+    codes = [Status.FITTED, Status.ILL_CONDITIONED, Status.DARK, Status.SATURATED]
+    before = rng.choice(codes, 9001, p=[0.5, 0.48, 0.01, 0.01]).astype(np.uint8)
+    holes = rng.random(9001) < 0.01
+    calm = np.s_[4096:8192]
+    before[calm], holes[calm] = Status.ILL_CONDITIONED, False
+    built = estimator(name, CAMERAS["six"], spectra)
+    sound, _ = applied(built, picture(rho))
+    rho[holes, 2] = np.nan
+    found, status = applied(built, picture(rho), status=before[None])
+    estimated = before < 16
+    expected = np.where(holes & estimated, Status.ILL_CONDITIONED, before)
+    np.testing.assert_array_equal(status[0], expected)
+    whole = estimated & ~holes
+    np.testing.assert_array_equal(found[:, 0, whole], sound[:, 0, whole])
+    assert np.isfinite(found[:, 0, holes & estimated]).all()
+    assert not found[:, 0, before == Status.DARK].any()
+    assert np.isnan(found[:, 0, before == Status.SATURATED]).all()
+    for some in (whole[calm], holes & estimated, before == Status.DARK, holes & ~estimated):
+        assert some.any()
 
 
 def test_equation_8_on_the_responses_corrects_the_spectrum(spectra):

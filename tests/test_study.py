@@ -141,23 +141,35 @@ def test_a_table_of_materials_that_is_damaged_is_named(tmp_path: Path) -> None:
         ("\x00\x01", "lacks 'special-walnut-224'"),
         (f"{header}\nwhite-paint,0.1,0.2", "no table of materials"),
         (f"{header}\nwhite-paint,0.1,0.2,x,1,1,1,1,1,1.5", "no table of materials"),
+        (f"{header}\nwhite-paint,0.1,0.2,0.3,1,1,1,1,1,1.5,7", "no table of materials"),
         (f"{header}\nwhite-paint,0.1,0.2,0.3,1,1,1,1,1,1.5", "lacks 'special-walnut-224'"),
     ):
         (tmp_path / "abc_100.csv").write_text(rows)
         with pytest.raises(impasto.CorruptInputError, match=f"abc_100.csv: {words}"):
             materials.forward_of(tmp_path, "ABC")
-    every = "\n".join(f"{name},0.1,0.2,0.3,1,1,1,1,1" for name in materials.MATERIALS)
-    (tmp_path / "abc_100.csv").write_text(f"{header.removesuffix(',ior')}\n{every}")
-    with pytest.raises(impasto.CorruptInputError, match="lacks 'ior'"):
-        materials.forward_of(tmp_path, "ABC")
+    every = "\n".join(f"{name},0.1,0.2,0.3,1,1,1,1,1,1.5" for name in materials.MATERIALS)
+    for table, words in (
+        (f"{header}\n{every}".replace("ior", "index"), "lacks 'ior'"),
+        (f"{header}\n{every}".replace("1.5", "nan"), "special-walnut-224 has numbers that reflect"),
+        (
+            f"{header},ior_r,ior_g,ior_b\n{every}".replace("1.5", "1.5,1,1,1"),
+            "special-walnut-224: ",
+        ),
+    ):
+        (tmp_path / "abc_100.csv").write_text(table)
+        with pytest.raises(impasto.CorruptInputError, match=words):
+            materials.forward_of(tmp_path, "ABC")
+    (tmp_path / "abc_100.csv").write_text(f"{header}\n{every}")
+    materials.forward_of(tmp_path, "ABC")
 
 
-def test_more_photographs_than_there_are_cannot_be_kept() -> None:
+def test_as_many_photographs_as_there_are_are_no_choice() -> None:
     made, _ = specimens.specimens(SIZES, 0, None)
     stack = made["own model"]()[0].stack
     for choice in choices.CHOICES:
-        with pytest.raises(TooFewError, match="only 48 photographs"):
-            choices.fewer(stack, 0, count=48, choice=choice)
+        for count in (48, 49):
+            with pytest.raises(TooFewError, match=f"{count} of 48 photographs leave none out"):
+                choices.fewer(stack, 0, count=count, choice=choice)
 
 
 def test_missing_data_is_said(tmp_path: Path) -> None:

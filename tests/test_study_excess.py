@@ -97,7 +97,7 @@ def test_pixels_without_a_lobe_do_not_count(stack: impasto.Stack, leasts: excess
     # Two hundredths above the least is bad, half a hundredth is not.
     by_hand = excess.summary([np.array([0.02, 0.0]), np.array([0.005, np.nan, 0.0])])
     assert (by_hand["median"], by_hand["bad"]) == (0.0025, 0.25)
-    with pytest.raises(parts.NoPixelsError, match="0 of 2 pixels"):
+    with pytest.raises(parts.TooFewError, match="0 of 2 pixels"):
         excess.summary([np.full(2, np.nan)])
 
 

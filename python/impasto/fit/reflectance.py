@@ -246,8 +246,7 @@ def fit_reflectance(
     }
     basis = np.ascontiguousarray(built.basis.T)
     found = Reflectance(
-        # numpy asks for large pages, and keeps memory for the next picture: touching new pages
-        # takes longer than the estimate.
+        # numpy asks for large pages: touching small new ones takes longer than the estimate.
         coefficients=np.empty((len(basis), *responses.shape[1:]), np.float32),
         basis=basis,
         wavelengths=np.array(grid),

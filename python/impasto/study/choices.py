@@ -44,10 +44,10 @@ def fewer(stack: Stack, seed: int, *, count: int, choice: str) -> Stack:
     Raises
     ------
     TooFewError
-        There are no more than that.
+        No photograph would be left out.
     """
     if count >= len(stack.rig):
-        raise TooFewError(f"only {len(stack.rig)} photographs")
+        raise TooFewError(f"{count} of {len(stack.rig)} photographs leave none out")
     rng = np.random.default_rng([seed, count])
     if choice == "random":
         picked = _drawn(stack, rng, count)[:count]

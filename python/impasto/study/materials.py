@@ -43,7 +43,8 @@ def read_materials(path: Path) -> dict[str, Row]:
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            return {line["material"]: _row(line) for line in csv.DictReader(file, strict=True)}
+            lines = csv.DictReader(file, restkey="beyond the last column", strict=True)
+            return {line["material"]: _row(line) for line in lines}
     except (KeyError, TypeError, ValueError, csv.Error) as error:
         problem = f"no table of materials ({type(error).__name__}: {error})"
         raise CorruptInputError(path, problem) from error
@@ -119,11 +120,15 @@ def forward_of(folder: Path, model: str) -> Forward:
     """
     file, reflect = MODELS[model]
     rows = read_materials(folder / file)
-    try:
-        for name in MATERIALS:
-            reflect(rows[name], *np.full((4, 1), 0.9))
-    except KeyError as error:
-        raise CorruptInputError(folder / file, f"lacks {error}") from error
+    for name in MATERIALS:
+        try:
+            seen = reflect(rows[name], *np.full((4, 1), 0.9))
+        except KeyError as error:
+            raise CorruptInputError(folder / file, f"lacks {error}") from error
+        except TypeError as error:
+            raise CorruptInputError(folder / file, f"{name}: {error}") from error
+        if not np.isfinite(seen).all():
+            raise CorruptInputError(folder / file, f"{name} has numbers that reflect no light")
 
     def forward(
         normal: NDArray[np.float32],

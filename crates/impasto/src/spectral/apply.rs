@@ -16,9 +16,10 @@ use crate::pixels::{Run, TILE};
 /// four rows and each coefficient once for two lane-fulls.
 const ROWS: usize = 4;
 
-/// Lane-fulls of pixels that are estimated together, an even number: what is found out once for all
-/// of them (which features, which planes, whether all is sound) takes longer than to estimate one.
+/// Lane-fulls of pixels that are estimated together: what is found out once for all of them (which
+/// features, which planes, whether all is sound) takes longer than to estimate one.
 const PANEL: usize = 16;
+const _: () = assert!(PANEL.is_multiple_of(2), "lane-fulls are estimated two by two");
 
 /// Distinct sets of missing bands whose operators a worker keeps; with six bands there are 62.
 const KEPT: usize = 1024;
@@ -78,10 +79,10 @@ impl Operator {
 
     /// Estimates a panel: its coefficients from its responses.
     ///
-    /// Slices in and out, no closures: a closure need not be inlined, and what is not inlined is
-    /// not compiled for the instruction set.
+    /// No closures: a closure need not be inlined, and what is not inlined is not compiled for the
+    /// instruction set.
     #[inline(always)]
-    fn panel<R: Real<Scalar = f32>>(&self, panel: &mut Panel<R>) {
+    fn estimate<R: Real<Scalar = f32>>(&self, panel: &mut Panel<R>) {
         let (rho, _) = panel.rho.as_chunks::<PANEL>();
         let (features, _) = panel.features.as_chunks_mut::<PANEL>();
         let features: &[[R; PANEL]] = if features.is_empty() {
@@ -231,7 +232,7 @@ impl Kernel for TileKernel<'_, '_> {
         let Self { estimator, responses, pixels, status, mut tile, operators } = self;
         let (bands, operator) = (estimator.bands(), &estimator.complete);
         let (width, yes) = (I::F32::WIDTH, <I::F32 as Real>::Mask::splat(true));
-        // Lanes beyond the last pixel hold those of an earlier panel; nothing is stored of them.
+        // Registers beyond the last pixel are left as they were: neither stored nor judged.
         let mut panel = Panel::<I::F32>::of(operator);
         let count = tile.status.len();
         for first in (0..count).step_by(PANEL * width) {
@@ -245,7 +246,7 @@ impl Kernel for TileKernel<'_, '_> {
                     *sound = *sound & rho.is_finite();
                 }
             }
-            operator.panel(&mut panel);
+            operator.estimate(&mut panel);
             let mut size = [I::F32::zero(); PANEL];
             for (plane, values) in tile.planes.iter_mut().zip(panel.values.chunks_exact(PANEL)) {
                 store(values, &mut plane[range.clone()]);

@@ -159,8 +159,8 @@ const SWEEPS: usize = 40;
 fn rotate(matrix: &mut DMatrix<f64>, p: usize, q: usize, cosine: f64, sine: f64) {
     let rows = matrix.nrows();
     let (head, tail) = matrix.as_mut_slice().split_at_mut(q * rows);
-    for (p, q) in head[p * rows..][..rows].iter_mut().zip(&mut tail[..rows]) {
+    for (a, b) in head[p * rows..][..rows].iter_mut().zip(&mut tail[..rows]) {
         // No fused multiply-add: where it is no instruction of its own it is a call.
-        (*p, *q) = (cosine * *p - sine * *q, sine * *p + cosine * *q);
+        (*a, *b) = (cosine * *a - sine * *b, sine * *a + cosine * *b);
     }
 }
