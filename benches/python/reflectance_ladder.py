@@ -1,10 +1,11 @@
-"""What reflectance estimators learn from more pigments, and how fast they are beside a copy.
+"""What reflectance estimators learn from more pigments, and their speed beside numpy's and a copy.
 
     python benches/python/reflectance_ladder.py [--data DIR] [--write]
 
 The set-up is that of ``impasto study`` (``impasto.study.pigments``), which sweeps the estimators
 with the training spectra of colour-science and pigments that it only tests on. Here pigments
 are split: some are learnt from, others tested on.
+Speed is that of whole calls for a megapixel, the least of some rounds in turns.
 ``--write`` records both tables in benches/results/reflectance.json.
 """
 
@@ -108,7 +109,7 @@ def main() -> None:
     options = parser.parse_args()
     tables = {
         "training ladder, six bands, held-out pigments": ladder(options.data),
-        "speed, one megapixel": speed(options.data),
+        "speed": speed(options.data),
     }
     for title, rows in tables.items():
         show(title, rows)
