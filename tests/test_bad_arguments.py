@@ -121,13 +121,13 @@ def test_arguments_that_were_swapped_or_are_something_else() -> None:
     fit = fit_sbrdf(taken)
     scene = Scene([(0, 0.7, 0.7)])
     calls: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any], str]] = [
-        (render, (scene, fit), {}, "scene: expected an impasto.Scene.*found Sbrdf"),
+        (render, (scene, fit), {}, "scene: expected an impasto.Scene.*found PooledSbrdf"),
         (render, (fit, DistantLight((0, 0, 1))), {}, "scene: .*found DistantLight"),
         (render, (fit.normals, scene), {}, "sbrdf: expected what impasto.fit_sbrdf.*Normals"),
         (render, ("demo", scene), {}, "sbrdf: .*found str"),
         (render, (fit, scene), {"reflectance": camera}, "reflectance: expected what.*Camera"),
         (fit_reflectance, (fit, taken, camera), {}, "stack: expected an impasto.Stack or None"),
-        (fit_reflectance, (taken, camera, fit), {}, "camera: .*found Sbrdf"),
+        (fit_reflectance, (taken, camera, fit), {}, "camera: .*found PooledSbrdf"),
         (fit_reflectance, (taken, fit, "srgb"), {}, "camera: .*found str"),
         (fit_reflectance, (None, taken, camera), {}, "diffuse: .*found Stack"),
         (fit_reflectance, (six, fit, camera), {}, "stack: expected .*bands and pixels"),
@@ -204,7 +204,7 @@ def test_a_simulation_says_which_of_its_arguments_is_something_else() -> None:
         (simulate.capture, (painting,), {"bits": True}, "bits: .*found True"),
         (simulate.capture, (painting,), {"shadows": "no"}, "shadows: .*found 'no'"),
         (simulate.capture, (painting,), {"falloff": "no"}, "falloff: .*found 'no'"),
-        (simulate.score, (fit, truth), {}, "truth: expected the truth of what.*found Sbrdf"),
+        (simulate.score, (fit, truth), {}, "truth: expected the truth of what.*found PooledSbrdf"),
         (simulate.score, (captured, fit), {}, r"truth: .*found Capture; give its \.truth"),
         (simulate.score, (painting, fit), {}, "truth: .*found Painting"),
         (simulate.score, (truth, spectra), {}, "sbrdf: expected what impasto.*Reflectance"),

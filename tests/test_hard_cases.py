@@ -80,7 +80,7 @@ def stereo(samples: Any, rig: Any, **options: Any) -> impasto.Normals:
     return impasto.fit_normals(impasto.Stack(samples, lights=rig, **options))
 
 
-def pooled(samples: Any, rig: Any, **options: Any) -> impasto.Sbrdf:
+def pooled(samples: Any, rig: Any, **options: Any) -> impasto.PooledSbrdf:
     return impasto.fit_sbrdf(impasto.Stack(samples, lights=rig, **options))
 
 

@@ -41,11 +41,11 @@ def clean() -> impasto.Stack:
 
 
 @pytest.fixture(scope="module")
-def fitted(clean: impasto.Stack) -> impasto.Sbrdf:
+def fitted(clean: impasto.Stack) -> impasto.PooledSbrdf:
     return impasto.fit_sbrdf(clean)
 
 
-def test_the_truth_is_found_again(fitted: impasto.Sbrdf) -> None:
+def test_the_truth_is_found_again(fitted: impasto.PooledSbrdf) -> None:
     normal, diffuse = relief()
     assert fitted.verdict == "fitted"
     # Nothing but single precision stands between samples and truth: the lobe's peak of 0.4 carries
@@ -57,7 +57,7 @@ def test_the_truth_is_found_again(fitted: impasto.Sbrdf) -> None:
     assert np.median(np.abs(fitted.diffuse - diffuse)) < 2e-3
 
 
-def test_maps_have_the_promised_shapes_and_types(fitted: impasto.Sbrdf) -> None:
+def test_maps_have_the_promised_shapes_and_types(fitted: impasto.PooledSbrdf) -> None:
     assert fitted.normal.shape == (3, *SHAPE)
     assert fitted.diffuse.shape == (3, *SHAPE)
     assert fitted.residual.shape == fitted.status.shape == fitted.shape == SHAPE
@@ -106,7 +106,9 @@ def test_numbers_stand_exactly_where_the_status_says_so(clean: impasto.Stack) ->
     assert np.isnan(fitted.predict()[:, :, lost]).all()
 
 
-def test_predict_takes_lights_in_every_form(clean: impasto.Stack, fitted: impasto.Sbrdf) -> None:
+def test_predict_takes_lights_in_every_form(
+    clean: impasto.Stack, fitted: impasto.PooledSbrdf
+) -> None:
     own = fitted.predict()
     assert own.shape == clean.shape
     assert own.tobytes() == fitted.predict(clean.rig).tobytes()
@@ -122,7 +124,7 @@ def test_predict_takes_lights_in_every_form(clean: impasto.Stack, fitted: impast
     assert np.median(np.abs(own - clean.samples)) < 1e-3
 
 
-def test_what_is_saved_is_read_again(fitted: impasto.Sbrdf, tmp_path: Path) -> None:
+def test_what_is_saved_is_read_again(fitted: impasto.PooledSbrdf, tmp_path: Path) -> None:
     fitted.save(tmp_path / "surface.npz")
     again = impasto.load_sbrdf(tmp_path / "surface.npz")
     for field in fields(fitted):
@@ -141,7 +143,7 @@ def test_what_is_saved_is_read_again(fitted: impasto.Sbrdf, tmp_path: Path) -> N
     assert [entry.name for entry in tmp_path.iterdir()] == ["surface.npz"]
 
 
-def test_damaged_files_are_refused(fitted: impasto.Sbrdf, tmp_path: Path) -> None:
+def test_damaged_files_are_refused(fitted: impasto.PooledSbrdf, tmp_path: Path) -> None:
     path = tmp_path / "surface.npz"
     fitted.save(path)
     whole = path.read_bytes()
@@ -155,14 +157,14 @@ def test_damaged_files_are_refused(fitted: impasto.Sbrdf, tmp_path: Path) -> Non
     np.savez(path, samples=np.zeros(3))
     with pytest.raises(impasto.CorruptInputError, match="something else"):
         impasto.load_sbrdf(path)
-    np.savez(path, kind=np.array("impasto.Sbrdf"), status=np.zeros(SHAPE, np.uint8))
+    np.savez(path, kind=np.array("impasto.PooledSbrdf"), status=np.zeros(SHAPE, np.uint8))
     with pytest.raises(impasto.CorruptInputError, match="no array"):
         impasto.load_sbrdf(path)
     with pytest.raises(FileNotFoundError):
         impasto.load_sbrdf(tmp_path / "nowhere.npz")
 
 
-def test_a_file_whose_maps_disagree_is_refused(fitted: impasto.Sbrdf, tmp_path: Path) -> None:
+def test_a_file_whose_maps_disagree_is_refused(fitted: impasto.PooledSbrdf, tmp_path: Path) -> None:
     path = tmp_path / "surface.npz"
     fitted.save(path)
     with np.load(path) as file:
@@ -172,7 +174,9 @@ def test_a_file_whose_maps_disagree_is_refused(fitted: impasto.Sbrdf, tmp_path: 
         impasto.load_sbrdf(path)
 
 
-def test_other_formats_are_refused_with_what_works(fitted: impasto.Sbrdf, tmp_path: Path) -> None:
+def test_other_formats_are_refused_with_what_works(
+    fitted: impasto.PooledSbrdf, tmp_path: Path
+) -> None:
     with pytest.raises(impasto.ArgumentError, match=r"\.npz, found 'icon\.zarr'"):
         fitted.save(tmp_path / "icon.zarr")
     assert list(tmp_path.iterdir()) == []
@@ -205,7 +209,7 @@ def test_normals_of_another_stack_are_refused(clean: impasto.Stack) -> None:
         impasto.fit_sbrdf(clean, normals=other)
 
 
-def test_the_summary_says_what_matters(fitted: impasto.Sbrdf) -> None:
+def test_the_summary_says_what_matters(fitted: impasto.PooledSbrdf) -> None:
     text = repr(fitted)
     assert "40 x 24 pixels, 3 bands, 100.0 % estimated" in text
     assert "beta 1" in text

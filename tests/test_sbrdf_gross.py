@@ -28,14 +28,14 @@ def photographs(seed: int) -> Any:
     return np.stack([stack.linear(photograph) for photograph in range(24)])
 
 
-def fit(samples: Any, **options: Any) -> impasto.Sbrdf:
+def fit(samples: Any, **options: Any) -> impasto.PooledSbrdf:
     fitted = impasto.fit_sbrdf(impasto.Stack(samples, lights=lights()), **options)
-    assert isinstance(fitted, impasto.Sbrdf)
+    assert isinstance(fitted, impasto.PooledSbrdf)
     return fitted
 
 
 @cache
-def clean(seed: int) -> impasto.Sbrdf:
+def clean(seed: int) -> impasto.PooledSbrdf:
     return fit(photographs(seed))
 
 

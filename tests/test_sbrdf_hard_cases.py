@@ -31,7 +31,7 @@ def scene(beta: float = BETA) -> tuple[Any, Any]:
     return np.asarray(samples, dtype=np.float32), rig
 
 
-def finite_where_estimated(fitted: impasto.Sbrdf) -> bool:
+def finite_where_estimated(fitted: impasto.PooledSbrdf) -> bool:
     known = fitted.status < 16
     maps = (*fitted.normal, *fitted.diffuse, fitted.residual, fitted.sigma)
     return all(bool(np.isfinite(plane[known]).all()) for plane in maps)

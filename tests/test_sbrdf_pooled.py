@@ -44,11 +44,11 @@ def stack_of(samples: Any, lights: Any = None, **options: Any) -> impasto.Stack:
     return impasto.Stack(samples, lights=oracle.lights() if lights is None else lights, **options)
 
 
-def tilt_error(fitted: impasto.Sbrdf) -> Any:
+def tilt_error(fitted: impasto.PooledSbrdf) -> Any:
     return np.degrees(np.linalg.norm(fitted.normal - surface()[0], axis=0))
 
 
-def check_maps(fitted: impasto.Sbrdf) -> None:
+def check_maps(fitted: impasto.PooledSbrdf) -> None:
     """NaN exactly where the status says so, and nothing infinite."""
     lost = fitted.status >= 16
     dark = fitted.status == Status.DARK
@@ -64,7 +64,7 @@ def check_maps(fitted: impasto.Sbrdf) -> None:
 
 
 @pytest.fixture(scope="module")
-def plain() -> impasto.Sbrdf:
+def plain() -> impasto.PooledSbrdf:
     return impasto.fit_sbrdf(stack_of(photographs()))
 
 
@@ -150,7 +150,7 @@ print(impasto._core.build_info()["simd"], digest.hexdigest(), fitted.beta.hex(),
 """
 
 
-def fingerprint(fitted: impasto.Sbrdf) -> tuple[bytes, ...]:
+def fingerprint(fitted: impasto.PooledSbrdf) -> tuple[bytes, ...]:
     maps = (fitted.normal, fitted.diffuse, fitted.residual, fitted.sigma, fitted.misfit)
     return (*(m.tobytes() for m in maps), fitted.status.tobytes(), fitted.covariance.tobytes())
 
@@ -176,7 +176,7 @@ def test_instruction_sets_change_no_bit(tmp_path: Path) -> None:
     assert len({tuple(answer) for answer in answers.values()}) == 1, answers
 
 
-def test_case_28_a_power_of_two_changes_no_shape(plain: impasto.Sbrdf) -> None:
+def test_case_28_a_power_of_two_changes_no_shape(plain: impasto.PooledSbrdf) -> None:
     # 50: where photometric stereo, which all begins with, still keeps every bit.
     for power in (-50, -26, 7, 26, 50):
         scaled = impasto.fit_sbrdf(stack_of(photographs() * np.float32(2.0**power)))
@@ -191,7 +191,7 @@ def test_case_28_a_power_of_two_changes_no_shape(plain: impasto.Sbrdf) -> None:
         np.testing.assert_array_equal(scaled.curve, plain.curve * (1.0, 2.0**power, 1.0))
 
 
-def test_the_order_of_photographs_matters_little(plain: impasto.Sbrdf) -> None:
+def test_the_order_of_photographs_matters_little(plain: impasto.PooledSbrdf) -> None:
     order = np.random.default_rng(3).permutation(16)
     mixed = impasto.fit_sbrdf(stack_of(photographs()[order], oracle.lights()[order]))
     # Sums in another order: single precision, and where a search stops.
@@ -199,7 +199,7 @@ def test_the_order_of_photographs_matters_little(plain: impasto.Sbrdf) -> None:
     assert np.median(np.abs(mixed.normal - plain.normal)) < 1e-5
 
 
-def test_turning_everything_turns_the_normals(plain: impasto.Sbrdf) -> None:
+def test_turning_everything_turns_the_normals(plain: impasto.PooledSbrdf) -> None:
     # A quarter turn about the viewing axis is exact in floating point.
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     turned = impasto.fit_sbrdf(stack_of(photographs(), oracle.lights() @ turn.T))
@@ -209,7 +209,7 @@ def test_turning_everything_turns_the_normals(plain: impasto.Sbrdf) -> None:
 
 
 @pytest.mark.parametrize("dtype", ["uint8", "uint16", "float16", "float32"])
-def test_every_sample_type_gives_the_same_surface(dtype: str, plain: impasto.Sbrdf) -> None:
+def test_every_sample_type_gives_the_same_surface(dtype: str, plain: impasto.PooledSbrdf) -> None:
     samples = np.clip(photographs(), 0.0, None)
     options: dict[str, Any] = {}
     if dtype.startswith("uint"):
@@ -237,7 +237,7 @@ def test_near_lights_with_falloff() -> None:
 # Hard cases ------------------------------------------------------------------------------------
 
 
-def test_cases_1_2_20_26_27_bad_pixels_leave_the_others_alone(plain: impasto.Sbrdf) -> None:
+def test_cases_1_2_20_26_27_bad_pixels_leave_the_others_alone(plain: impasto.PooledSbrdf) -> None:
     samples = photographs()
     samples[:, :, 0, 0] = 0.0  # black
     samples[:, :, 0, 5] = np.inf  # saturated everywhere
@@ -334,7 +334,7 @@ def test_case_31_gross_outliers() -> None:
     assert fitted.gamma == pytest.approx(GAMMA, rel=0.02)
 
 
-def test_case_21_the_same_photograph_twice(plain: impasto.Sbrdf) -> None:
+def test_case_21_the_same_photograph_twice(plain: impasto.PooledSbrdf) -> None:
     again = [*range(16), 0, 0, 0]
     fitted = impasto.fit_sbrdf(stack_of(photographs()[again], oracle.lights()[again]))
     check_maps(fitted)
@@ -381,7 +381,7 @@ def test_an_all_black_painting_has_no_surface() -> None:
 # What the lobe describes -----------------------------------------------------------------------
 
 
-def test_one_varnish_is_described_and_three_are_not(plain: impasto.Sbrdf) -> None:
+def test_one_varnish_is_described_and_three_are_not(plain: impasto.PooledSbrdf) -> None:
     assert plain.verdict == "fitted"
     assert plain.describes > 0.95
     assert plain.misfit.mean() < 0.02
@@ -399,7 +399,7 @@ def test_one_varnish_is_described_and_three_are_not(plain: impasto.Sbrdf) -> Non
     assert min(per_third) < 0.1 < sorted(per_third)[1]
 
 
-def test_extractions_start_from_different_samples_and_end_alike(plain: impasto.Sbrdf) -> None:
+def test_extractions_start_from_different_samples_and_end_alike(plain: impasto.PooledSbrdf) -> None:
     stack = stack_of(photographs())
     starts = set()
     for extraction in ("residual", "maximum", "papers"):

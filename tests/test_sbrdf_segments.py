@@ -91,7 +91,7 @@ def test_every_pixel_shines_with_its_own_lobe(labels: Any, fitted: impasto.Segme
     # As the painting's fit would, had it the lobe of one segment.
     gloss = fitted.segments[0]
     here = labels == 0
-    expected = impasto.Sbrdf.predict(
+    expected = impasto.PooledSbrdf.predict(
         dataclasses.replace(
             fitted.painting,
             normal=fitted.normal,

@@ -47,8 +47,8 @@ def shared(bands: int = 3) -> dict[str, Any]:
     }
 
 
-def pooled() -> impasto.Sbrdf:
-    return impasto.Sbrdf(
+def pooled() -> impasto.PooledSbrdf:
+    return impasto.PooledSbrdf(
         **shared(),
         beta=1.5,
         gamma=0.1,

@@ -16,7 +16,7 @@ from impasto.cli import main
 SIZE = (64, 64)
 PAPERS = ("tominaga-rgb-camera", "tominaga-six-band-adaptation")
 
-Measured = tuple[simulate.Capture, impasto.Sbrdf, impasto.Reflectance]
+Measured = tuple[simulate.Capture, impasto.PooledSbrdf, impasto.Reflectance]
 
 
 @pytest.fixture(scope="module", params=PAPERS)

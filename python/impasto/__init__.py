@@ -21,9 +21,9 @@ from impasto.fit.highlight import LobeFit, fit_lobe
 from impasto.fit.lafortune import LafortuneSbrdf
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import Normals, fit_normals
-from impasto.fit.pooled import Sbrdf
+from impasto.fit.pooled import PooledSbrdf
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
-from impasto.fit.result import FittedSurface
+from impasto.fit.result import Sbrdf
 from impasto.fit.sbrdf import fit_sbrdf, load_sbrdf
 from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.fit.strengths import Strengths, fit_strengths
@@ -44,7 +44,6 @@ __all__ = [
     "DistantLight",
     "Effort",
     "Encoding",
-    "FittedSurface",
     "GeometryError",
     "Image",
     "ImpastoError",
@@ -55,6 +54,7 @@ __all__ = [
     "MissingExtraError",
     "Normals",
     "PointLight",
+    "PooledSbrdf",
     "Reflectance",
     "Rig",
     "Sbrdf",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from impasto.fit.forward import predict
 from impasto.fit.lafortune import LafortuneSbrdf
-from impasto.fit.result import LobedSurface, median
+from impasto.fit.result import PerPixelSbrdf, median
 from impasto.fit.segments import SegmentSbrdf
 from impasto.pictures import (
     Panel,
@@ -112,7 +112,7 @@ def diffuse_panel(sbrdf: Any, reflectance: Any = None, *, threads: int | None = 
 
 def trust_panels(sbrdf: Any) -> tuple[Panel, ...]:
     """How far each pixel can be trusted: error, residual, samples, gloss of its own, status."""
-    if isinstance(sbrdf, LobedSurface):
+    if isinstance(sbrdf, PerPixelSbrdf):
         return (
             ramp_panel(sbrdf.sigma, "Predicted error of the normal", unit="degrees", scale=DEGREES),
             ramp_panel(sbrdf.residual, "Residual", unit="% of white", scale=100.0),
@@ -135,7 +135,7 @@ def gloss_panel(sbrdf: Any) -> Panel:
     """The measured highlight and the lobe fitted to it, over the tilt of the facets."""
     if isinstance(sbrdf, SegmentSbrdf):
         return ramp_panel(sbrdf.gamma, "Width of the lobe", unit="degrees", scale=DEGREES)
-    if isinstance(sbrdf, LobedSurface):
+    if isinstance(sbrdf, PerPixelSbrdf):
         # What a lobe reflects in all goes with its strength and the square of its width.
         shown = visible(sbrdf)
         energy = np.nansum(shown.specular * shown.width[:, None] ** 2, axis=0)
@@ -190,7 +190,7 @@ def subtitle(sbrdf: Any) -> str:
 
 def gloss_words(sbrdf: Any) -> str:
     """The gloss in words: ``"gloss: beta 11.7, gamma 7.0 degrees"``."""
-    if isinstance(sbrdf, LobedSurface):
+    if isinstance(sbrdf, PerPixelSbrdf):
         fine = sbrdf.lobes[sbrdf.status < Status.DARK]
         if not fine.any():
             return "gloss: no highlight found"

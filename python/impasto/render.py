@@ -15,7 +15,7 @@ from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_f
 from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.border import ProgressCallback, RigArguments, reporting, thread_count
-from impasto.fit.result import FittedSurface
+from impasto.fit.result import Sbrdf
 from impasto.fit.surface import SurfaceArguments
 from impasto.height import integrate_normals
 from impasto.rig import PointLight, Rig
@@ -273,7 +273,7 @@ def _surface(sbrdf: Any, reflectance: Any, index: float | None) -> SurfaceArgume
             f"sbrdf: expected a normal (3, y, x), found shape {np.shape(sbrdf.normal)}"
         )
     colours = sbrdf.diffuse if reflectance is None else _planes(reflectance.coefficients, size)
-    if not isinstance(sbrdf, FittedSurface):
+    if not isinstance(sbrdf, Sbrdf):
         n = 1.45 if index is None else index
         return SurfaceArguments.of_coats(sbrdf.normal, colours, sbrdf.beta, sbrdf.gamma, n)
     surface = sbrdf.surface()

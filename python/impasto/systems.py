@@ -21,7 +21,7 @@ from impasto.effort import EffortLike
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback
 from impasto.fit.normals import Method, Normals, fit_normals
-from impasto.fit.pooled import Extraction, Sbrdf
+from impasto.fit.pooled import Extraction, PooledSbrdf
 from impasto.fit.reflectance import Estimator, Reflectance, fit_reflectance
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.render import Image, render
@@ -93,7 +93,7 @@ class System:
         *,
         threads: int | None = None,
         progress: Progress = False,
-    ) -> tuple[Sbrdf, Reflectance]:
+    ) -> tuple[PooledSbrdf, Reflectance]:
         """Normals, gloss and spectra of a painting.
 
         Parameters
@@ -153,7 +153,7 @@ class System:
         *,
         threads: int | None = None,
         progress: Progress = False,
-    ) -> Sbrdf:
+    ) -> PooledSbrdf:
         """:func:`impasto.fit_sbrdf` with the options of this system."""
         return fit_sbrdf(
             stack,
@@ -171,7 +171,7 @@ class System:
     def fit_reflectance(
         self,
         stack: Stack,
-        sbrdf: Sbrdf,
+        sbrdf: PooledSbrdf,
         camera: Camera,
         *,
         threads: int | None = None,
@@ -189,7 +189,7 @@ class System:
         )
 
     def render(
-        self, sbrdf: Sbrdf, reflectance: Reflectance, *, threads: int | None = None
+        self, sbrdf: PooledSbrdf, reflectance: Reflectance, *, threads: int | None = None
     ) -> dict[str, Image]:
         """The paper's pictures, by name; ``"impasto"`` has none."""
         return {

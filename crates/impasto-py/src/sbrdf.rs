@@ -63,7 +63,7 @@ impl Shown<'_, '_> {
 /// Points of the measured lobe that go to Python.
 const CURVE_POINTS: usize = 200;
 
-/// The painting's lobe and its maps; meanings stand in `impasto.Sbrdf`.
+/// The painting's lobe and its maps; meanings stand in `impasto.PooledSbrdf`.
 #[derive(IntoPyObject)]
 pub(crate) struct Pooled<'py> {
     beta: f64,

@@ -25,7 +25,7 @@ from impasto.fit.reflectance import Estimator
 from impasto.systems import Name
 
 if TYPE_CHECKING:
-    from impasto.fit.result import FittedSurface
+    from impasto.fit.result import Sbrdf
     from impasto.fit.strengths import Strengths
     from impasto.stack import Stack
 
@@ -251,7 +251,7 @@ def painting_name(stack: Path) -> str:
     )
 
 
-def numbers(stack: Stack, sbrdf: FittedSurface, reflectance: Any) -> dict[str, Any]:
+def numbers(stack: Stack, sbrdf: Sbrdf, reflectance: Any) -> dict[str, Any]:
     """What a report keeps beside the maps."""
     import numpy as np
 

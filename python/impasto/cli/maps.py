@@ -12,7 +12,7 @@ from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.fit.lafortune import LafortuneSbrdf
 from impasto.fit.lobes import LobeSbrdf
-from impasto.fit.result import LobedSurface
+from impasto.fit.result import PerPixelSbrdf
 from impasto.fit.segments import SegmentSbrdf
 from impasto.io import write_exr, write_png8, write_png16, write_tiff16
 from impasto.io.results import RESULT
@@ -49,7 +49,7 @@ def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
         write_png16(folder / "diffuse.png", _coded(sbrdf.diffuse))
     else:
         write_tiff16(folder / "diffuse.tif", sbrdf.diffuse, attributes={"bands": sbrdf.bands})
-    if isinstance(sbrdf, LobedSurface):
+    if isinstance(sbrdf, PerPixelSbrdf):
         write_exr(folder / "lobes.exr", _lobes(sbrdf))
     if isinstance(sbrdf, SegmentSbrdf):
         write_exr(folder / "gloss.exr", _segments(sbrdf))
@@ -97,7 +97,7 @@ def _band_names(sbrdf: Any) -> tuple[str, ...]:
     return tuple(sbrdf.bands)
 
 
-def _lobes(sbrdf: LobedSurface) -> dict[str, NDArray[Any]]:
+def _lobes(sbrdf: PerPixelSbrdf) -> dict[str, NDArray[Any]]:
     names = _band_names(sbrdf)
     channels: dict[str, NDArray[Any]] = {"lobes": sbrdf.lobes}
     for number, strengths in enumerate(sbrdf.specular, start=1):
@@ -133,7 +133,7 @@ def _trust(sbrdf: Any) -> dict[str, NDArray[Any]]:
         "status": sbrdf.status,
         "residual": sbrdf.residual,
         "sigma": np.degrees(sbrdf.sigma),
-        **({} if isinstance(sbrdf, LobedSurface) else {"misfit": sbrdf.misfit}),
+        **({} if isinstance(sbrdf, PerPixelSbrdf) else {"misfit": sbrdf.misfit}),
         "condition": stereo.condition,
         "used": stereo.used,
         **{f"rejected.{name}": p for name, p in zip(reasons, stereo.rejected, strict=True)},

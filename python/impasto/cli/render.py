@@ -84,7 +84,7 @@ def render(
     """
     import impasto
     from impasto.cli.maps import load_result
-    from impasto.fit.result import LobedSurface
+    from impasto.fit.result import PerPixelSbrdf
     from impasto.overview import visible
 
     if out.suffix.lower() not in {".png", ".exr"}:
@@ -112,7 +112,7 @@ def render(
         raise ArgumentError(
             f"{known}known; pixels' own lobes cannot be shown in another light yet, one gloss for "
             "the painting can (impasto fit --camera, without --pooling pixel and --model lafortune)"
-            if isinstance(sbrdf, LobedSurface)
+            if isinstance(sbrdf, PerPixelSbrdf)
             else f"{known}known; fit again with --camera to render another light"
         )
     with stages.stage("picture") as stage:

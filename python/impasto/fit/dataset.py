@@ -13,7 +13,7 @@ from impasto.status import Status
 if TYPE_CHECKING:
     from xarray import Dataset
 
-    from impasto.fit.result import FittedSurface
+    from impasto.fit.result import Sbrdf
 
 
 Variable: TypeAlias = tuple[tuple[str, ...], Any, dict[str, Any]]
@@ -26,8 +26,8 @@ def variable(of: Field[Any], values: Any, *first: str) -> Variable:
     return (*first, *of.metadata["dims"]), values, {"units": unit} if unit else {}
 
 
-def dataset_of(surface: FittedSurface) -> Dataset:
-    """See :meth:`impasto.FittedSurface.to_xarray`."""
+def dataset_of(surface: Sbrdf) -> Dataset:
+    """See :meth:`impasto.Sbrdf.to_xarray`."""
     need("xarray", "scale", "to_xarray")
     import xarray
 

@@ -18,7 +18,7 @@ from impasto.fit.border import (
     thread_count,
 )
 from impasto.fit.normals import Normals
-from impasto.fit.result import LobedSurface, median, shared_fields
+from impasto.fit.result import PerPixelSbrdf, median, shared_fields
 from impasto.fit.saved import over
 from impasto.fit.surface import LobeModel
 from impasto.io.results import SavedMaps
@@ -31,7 +31,7 @@ VERDICTS = ("fitted", "one-view")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LafortuneSbrdf(LobedSurface):
+class LafortuneSbrdf(PerPixelSbrdf):
     """A painting whose pixels have Lafortune lobes of their own.
 
     Radiance ``irradiance (N.L) (diffuse + sum over lobes of specular d^exponent)`` with
@@ -41,7 +41,7 @@ class LafortuneSbrdf(LobedSurface):
     et al. 2002, the strength stands apart: ``cxy**2 + cz**2 = 2``, so that Phong's mirror lobe is
     (-1, 1) and ``specular`` its peak.
 
-    What every result has: :class:`FittedSurface`. ``normal`` was searched for together with the
+    What every result has: :class:`Sbrdf`. ``normal`` was searched for together with the
     lobes, on the mean of the bands, from where a cosine lobe points; ``sigma`` is NaN where it is
     that of photometric stereo. Gross outliers are left out, of ``residual`` too. Where views
     differ, pixels are estimated whose lights lie in a plane (``RANK_DEFICIENT`` in ``normals``).

@@ -20,7 +20,7 @@ from impasto.fit.border import (
     thread_count,
 )
 from impasto.fit.normals import Normals
-from impasto.fit.result import LobedSurface, shared_fields
+from impasto.fit.result import PerPixelSbrdf, shared_fields
 from impasto.fit.saved import over
 from impasto.fit.surface import LobeModel, SurfaceArguments
 from impasto.io.results import SavedMaps
@@ -30,17 +30,16 @@ MOST_LOBES = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LobeSbrdf(LobedSurface):
+class LobeSbrdf(PerPixelSbrdf):
     """A painting whose pixels have Torrance-Sparrow lobes of their own.
 
     The model is eq. 1 of the six-band paper with a strength per band and lobe, and a constant:
     ``irradiance * (diffuse N.L + sum over lobes of specular D F G / (N.V)) + ambient``. Varnish is
     a lobe with equal strengths (``beta`` of eq. 1), gold one with a diffuse part near 0 and
-    coloured strengths. What every result has: :class:`FittedSurface`; ``sigma`` is at most pi / 2,
-    which says that the photographs leave the normal open. There is no ``verdict``: it tells what
-    came of the one lobe that pixels share (:class:`Sbrdf`), or under which condition all of them
-    were fitted (:class:`LafortuneSbrdf`); here ``lobes``, ``status`` and ``converged`` tell it by
-    pixel.
+    coloured strengths. What every result has: :class:`Sbrdf`. ``sigma`` is at most pi / 2, which
+    says that the photographs leave the normal open. There is no ``verdict`` as in the results
+    whose pixels share a lobe or a condition (:class:`PooledSbrdf`, :class:`LafortuneSbrdf`):
+    ``lobes``, ``status`` and ``converged`` say it for each pixel.
 
     Attributes
     ----------

@@ -20,7 +20,7 @@ from impasto.fit.border import (
     thread_count,
 )
 from impasto.fit.normals import Normals
-from impasto.fit.result import FittedSurface, shared_fields
+from impasto.fit.result import Sbrdf, shared_fields
 from impasto.fit.saved import over
 from impasto.fit.surface import SurfaceArguments
 from impasto.io.results import SavedMaps
@@ -38,8 +38,8 @@ _WITHOUT = {"no-highlight": "no highlight", "too-few": "no pixel that could show
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sbrdf(FittedSurface):
-    """A painting with one lobe for all pixels; what every result has: :class:`FittedSurface`.
+class PooledSbrdf(Sbrdf):
+    """A painting with one lobe for all pixels; what every result has: :class:`Sbrdf`.
 
     ``residual`` and ``sigma`` of an :attr:`~impasto.Status.EXACT` pixel are NaN where its samples
     (three lights in one band) are no more than its unknowns. ``sigma`` takes the lobe for known,
@@ -164,7 +164,7 @@ def fit_pooled(
     effort: Effort,
     threads: int | None,
     progress: bool | ProgressCallback,
-) -> Sbrdf:
+) -> PooledSbrdf:
     """One lobe, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`."""
     with reporting(progress, "gloss") as callback:
         found = _core.fit_pooled(
@@ -177,7 +177,7 @@ def fit_pooled(
             thread_count(threads),
             callback,
         )
-    return Sbrdf(
+    return PooledSbrdf(
         **shared_fields(found, stack, stereo),
         beta=found["beta"],
         gamma=found["gamma"],

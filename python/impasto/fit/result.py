@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FittedSurface(ABC):
+class Sbrdf(ABC):
     """A painting's surface: what every result of :func:`impasto.fit_sbrdf` holds and can do.
 
     In every map NaN stands exactly where ``status`` is 16 or more, and where a class says so
@@ -205,7 +205,7 @@ class FittedSurface(ABC):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LobedSurface(FittedSurface):
+class PerPixelSbrdf(Sbrdf):
     """A painting whose pixels have lobes of their own, of any model.
 
     A lobe that a pixel does not have (``lobes``) has a ``specular`` of 0 and no shape (NaN).
@@ -259,7 +259,7 @@ class LobedSurface(FittedSurface):
 
 
 def shared_fields(found: Mapping[str, Any], stack: Stack, stereo: Normals) -> dict[str, Any]:
-    """The fields of :class:`FittedSurface` from what the numerics found."""
+    """The fields of :class:`Sbrdf` from what the numerics found."""
     maps = {name: found[name] for name in ("normal", "diffuse", "residual", "sigma", "status")}
     return {**maps, "normals": stereo, "rig": stack.rig, "bands": stack.bands}
 

@@ -16,17 +16,20 @@ from impasto.fit.lafortune import LafortuneSbrdf, fit_lafortune
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count
 from impasto.fit.normals import Method, Normals, fit_normals
 from impasto.fit.options import Model, Pooling, fit_kind
-from impasto.fit.pooled import Extraction, Sbrdf, fit_pooled
+from impasto.fit.pooled import Extraction, PooledSbrdf, fit_pooled
+from impasto.fit.result import Sbrdf
 from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
 from impasto.io.results import RESULT, read_maps
 from impasto.stack import Stack, checked_stack
 from impasto.waiting import wait_for
 
-RESULTS = {kind.kind(): kind for kind in (Sbrdf, SegmentSbrdf, LobeSbrdf, LafortuneSbrdf)}
+RESULTS: dict[str, type[Sbrdf]] = {
+    kind.kind(): kind for kind in (PooledSbrdf, SegmentSbrdf, LobeSbrdf, LafortuneSbrdf)
+}
 """Every kind of result by what its files call it."""
 
 
-def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf | SegmentSbrdf | LobeSbrdf | LafortuneSbrdf:
+def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf:
     """Read what the ``save`` of any result of :func:`fit_sbrdf` wrote.
 
     Parameters
@@ -70,7 +73,7 @@ def fit_sbrdf(
     model: Literal["torrance-sparrow"] = ...,
     pooling: Literal["painting"] = ...,
     **options: Unpack[Pooled],
-) -> Sbrdf: ...
+) -> PooledSbrdf: ...
 @overload
 def fit_sbrdf(
     stack: Stack,
@@ -115,7 +118,7 @@ def fit_sbrdf(
     effort: EffortLike = "standard",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
-) -> Sbrdf | SegmentSbrdf | LobeSbrdf | LafortuneSbrdf:
+) -> PooledSbrdf | SegmentSbrdf | LobeSbrdf | LafortuneSbrdf:
     """Estimate normals, diffuse colours and the gloss of a painting.
 
     Photometric stereo first. Then the specular part of the samples gives one (beta, gamma) for
@@ -179,7 +182,7 @@ def fit_sbrdf(
 
     Returns
     -------
-    Sbrdf
+    PooledSbrdf
         Maps and the lobe. With ``pooling="segment"`` a :class:`SegmentSbrdf`, a lobe for every
         part; with ``pooling="pixel"`` a :class:`LobeSbrdf`, maps of every pixel's
         lobes; with ``model="lafortune"`` a :class:`LafortuneSbrdf`.
@@ -231,7 +234,7 @@ def fit_sbrdf(
     if "lobes" in options:
         return fit_lobes(stack, stereo, **options)
 
-    def pooled(stereo: Normals) -> Sbrdf:
+    def pooled(stereo: Normals) -> PooledSbrdf:
         return fit_pooled(stack, stereo, **options)
 
     return pooled(stereo) if labels is None else fit_segments(labels, stereo, pooled)

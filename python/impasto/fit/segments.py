@@ -15,8 +15,8 @@ from impasto.checks import unmasked
 from impasto.errors import ArgumentError
 from impasto.fit.dataset import variable
 from impasto.fit.normals import Normals
-from impasto.fit.pooled import Sbrdf
-from impasto.fit.result import FittedSurface
+from impasto.fit.pooled import PooledSbrdf
+from impasto.fit.result import Sbrdf
 from impasto.fit.saved import Reader, arrays_of, columns_of, over
 from impasto.fit.surface import SurfaceArguments
 from impasto.io.results import SavedMaps
@@ -51,7 +51,7 @@ class Segment:
     covariance
         ``(2, 2)`` of (log beta, log gamma) from its own pixels; infinite where they show none.
     verdict
-        As :attr:`Sbrdf.verdict <impasto.Sbrdf>`, of its own pixels; ``"too-few"``: not tried.
+        As ``verdict`` of a :class:`PooledSbrdf`, of its own pixels; ``"too-few"``: not tried.
     own
         Whether the lobe is its own; else its pixels do not determine one, and have the painting's.
     """
@@ -66,20 +66,19 @@ class Segment:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SegmentSbrdf(FittedSurface):
-    """A painting whose parts have a lobe each; what every result has: :class:`FittedSurface`.
+class SegmentSbrdf(Sbrdf):
+    """A painting whose parts have a lobe each; what every result has: :class:`Sbrdf`.
 
-    NaN stands in the maps, and a ``status``, as in :class:`Sbrdf`, against the lobe that the pixel
-    has; ``POOLED``, too, where a segment has the painting's lobe. There is no ``verdict`` of the
-    whole, which would hide one lobe's behind another's: each of ``segments`` has its own, and so
-    does ``painting``.
+    NaN and ``status`` are as in :class:`PooledSbrdf`, judged by the lobe that the pixel has;
+    ``POOLED``, too, where a segment has the painting's lobe. There is no ``verdict`` of the whole:
+    each of ``segments`` has its own, and so does ``painting``.
 
     Attributes
     ----------
     beta, gamma
         ``(y, x)`` float32: the lobe of every pixel's segment.
     misfit
-        ``(y, x)`` float32 as in :class:`Sbrdf`.
+        ``(y, x)`` float32 as in :class:`PooledSbrdf`.
     labels
         ``(y, x)`` int64 as given; below 0: no segment, the painting's lobe.
     segments
@@ -93,7 +92,7 @@ class SegmentSbrdf(FittedSurface):
     misfit: NDArray[np.float32] = field(metadata=over("y", "x"))
     labels: NDArray[np.int64] = field(metadata=over("y", "x", dtype=np.int64))
     segments: tuple[Segment, ...]
-    painting: Sbrdf
+    painting: PooledSbrdf
 
     @property
     def index(self) -> float:
@@ -114,7 +113,7 @@ class SegmentSbrdf(FittedSurface):
         """Every map, and the segments as variables over ``segment``, whose coordinate is ``label``.
 
         ``segment_pixels``, ``segment_beta`` and so on are what :class:`Segment` calls them; all
-        else as for every result: :meth:`FittedSurface.to_xarray`.
+        else as for every result: :meth:`Sbrdf.to_xarray`.
         """
         dataset = super().to_xarray().assign_attrs(index=self.index)
         columns = columns_of(self.segments, Segment, "")
@@ -155,7 +154,7 @@ class SegmentSbrdf(FittedSurface):
     def _read(cls, reader: Reader, shared: dict[str, Any]) -> dict[str, Any]:
         return super()._read(reader, shared) | {
             "segments": reader.rows(Segment, "segments."),
-            "painting": Sbrdf(**shared, **reader.fields(Sbrdf, "painting.")),
+            "painting": PooledSbrdf(**shared, **reader.fields(PooledSbrdf, "painting.")),
         }
 
     def _demand(self, maps: SavedMaps, prefix: str = "") -> None:
@@ -206,7 +205,7 @@ def checked_labels(segments: Any, shape: tuple[int, int]) -> NDArray[np.int64]:
 
 
 def fit_segments(
-    labels: NDArray[np.int64], stereo: Normals, fit: Callable[[Normals], Sbrdf]
+    labels: NDArray[np.int64], stereo: Normals, fit: Callable[[Normals], PooledSbrdf]
 ) -> SegmentSbrdf:
     """The pooled ``fit`` of the painting, then of every segment by itself.
 
@@ -243,7 +242,7 @@ def fit_segments(
     )
 
 
-def _maps_of(fitted: Sbrdf) -> dict[str, NDArray[Any]]:
+def _maps_of(fitted: PooledSbrdf) -> dict[str, NDArray[Any]]:
     """Copies of a fit's maps, and of its lobe as maps."""
     names = ("normal", "diffuse", "residual", "sigma", "misfit", "status")
     lobe = {
@@ -252,7 +251,7 @@ def _maps_of(fitted: Sbrdf) -> dict[str, NDArray[Any]]:
     return {name: getattr(fitted, name).copy() for name in names} | lobe
 
 
-def _put(maps: dict[str, NDArray[Any]], inside: NDArray[np.bool_], own: Sbrdf | None) -> None:
+def _put(maps: dict[str, NDArray[Any]], inside: NDArray[np.bool_], own: PooledSbrdf | None) -> None:
     """A segment's own fit into the maps; without one it has the painting's, and says so."""
     if own is None:
         fitted = inside & (maps["status"] == Status.FITTED)
@@ -280,9 +279,9 @@ def _one_segment(
     label: int,
     inside: NDArray[np.bool_],
     stereo: Normals,
-    painting: Sbrdf,
-    fit: Callable[[Normals], Sbrdf],
-) -> tuple[Segment, Sbrdf | None]:
+    painting: PooledSbrdf,
+    fit: Callable[[Normals], PooledSbrdf],
+) -> tuple[Segment, PooledSbrdf | None]:
     """A segment, and its fit if its pixels determine a lobe."""
     pixels, status = wait_for(_only, inside, stereo.status)
     unknown = np.diag([np.inf, np.inf])
