@@ -17,7 +17,13 @@ author = "the impasto authors"
 copyright = author
 release = version = impasto.__version__
 
-extensions = ["sphinx.ext.autodoc", "sphinx.ext.napoleon", "myst_parser", "mathml"]
+extensions = [
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "myst_parser",
+    "sphinxcontrib.bibtex",
+    "mathml",
+]
 exclude_patterns = ["_build", "_generated"]
 source_suffix = {".md": "markdown"}
 nitpicky = True
@@ -27,6 +33,9 @@ nitpick_ignore_regex = [("py:class", ".*"), ("py:data", ".*")]
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 myst_links_external_new_tab = False
+
+bibtex_bibfiles = ["references.bib"]
+bibtex_reference_style = "author_year"
 
 html_math_renderer = "mathml"
 autodoc_member_order = "bysource"
