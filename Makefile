@@ -49,7 +49,7 @@ bench: $(VENV)/built $(VENV)/extras $(VENV)/peers  ## time the numerics against 
 	$(BIN)/python -m pytest benches/python -q --record
 
 study: $(VENV)/built $(VENV)/extras $(VENV)/peers  ## measure anew all that docs/accuracy-and-time.md shows
-	$(BIN)/python benches/python/study.py
+	$(BIN)/python benches/study --record
 	$(BIN)/python benches/python/kernels.py --record
 	$(BIN)/python benches/python/fits.py --record
 	$(BIN)/python benches/python/reflectance_ladder.py --write

@@ -392,9 +392,12 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         ("render {tmp} --adaptation 3 --out {out}.png", 1, "--adaptation"),
         ("render {tmp} --pitch -1 --out {out}.png", 1, "--pitch"),
         ("demo --out {out} --threads 0", 1, "--threads"),
-        ("study --out {out} --quick --threads 0", 1, "--threads"),
-        ("study --out {images} --quick", 1, "photographs holds files that no study made"),
-        ("study --out {two} --quick", 1, "two.lp is a file; name a folder"),
+        ("study {two} --threads 0", 1, "--threads"),
+        ("study {two} --error 1.5", 1, "error: expected a share below 1"),
+        ("study {two} --seconds 0", 1, "seconds: expected a number above 0, found 0"),
+        ("study {two} --images {images}", 1, "stack: a trial needs 8 photographs, found 2"),
+        ("study {two} --out {images} --no-figure", 1, "holds files that impasto did not make"),
+        ("study {two} --out {two} --no-figure", 1, "two.lp is a file; name a folder"),
         # The stack's lights, not the option of that name.
         ("fit {two} --images {images} --out {out}", 1, "impasto: lights: a normal needs"),
         ("info {tmp}/nowhere", 1, "nowhere"),
@@ -541,8 +544,7 @@ def test_ctrl_c_stops_within_a_second_and_leaves_nothing(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     "option",
     [
-        "study --repeats 2.7",
-        "study --seed 1.5",
+        "study photographs.lp --threads 1.5",
         "demo --size 64.5 --out x",
         "render x --out y --threads 1.5",
         "fit x --out y --lobes 1.5 --pooling pixel",
@@ -556,7 +558,7 @@ def test_numbers_that_are_not_whole_are_not_rounded(
 
 
 def test_a_full_disk_is_told_in_words(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stack: Path
 ) -> None:
     """Where Python does not say which file it was."""
 
@@ -564,5 +566,5 @@ def test_a_full_disk_is_told_in_words(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("impasto.study.run", full)
-    assert main(["study", "--quick", "--no-figures", "--out", str(tmp_path)]) == 1
+    assert main(["study", str(stack), "--quiet"]) == 1
     assert capsys.readouterr().err.strip() == "impasto: no space left on device"

@@ -12,18 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import impasto
-from impasto import Effort, simulate, suggest
+from impasto import Effort, simulate
 from impasto.effort import PRESETS
 from impasto.relighting import full_scale, relative_error
-from impasto.study import specimens
+from impasto.study import suggestion, trials
 from impasto.thinning import every, painted, thinned, thinned_to
+from study import data_sets
 
 
 @pytest.fixture(scope="module")
 def stack() -> impasto.Stack:
     """48 lights on a painting with three varnishes."""
     painting = simulate.painting(5, (24, 24), varnish="patches")
-    return simulate.capture(painting, impasto.Rig(specimens.dome(48)), "rgb").stack
+    return simulate.capture(painting, impasto.Rig(data_sets.dome(48)), "rgb").stack
 
 
 @pytest.mark.parametrize("options", [{}, {"pooling": "pixel"}], ids=["painting", "pixel"])
@@ -181,7 +182,7 @@ def test_lights_that_lie_in_a_plane_but_for_those_held_out(stack: impasto.Stack)
 def test_a_turn_without_which_lights_lie_in_a_plane_is_passed_over(stack: impasto.Stack) -> None:
     """The first of three turns holds out the one that stands apart; the others tell enough."""
     tried = impasto.suggest_effort(_arc(stack, 0), error=0.99).tried
-    assert len(tried) == len(suggest.LADDER)
+    assert len(tried) == len(suggestion.SETTINGS)
     assert all(np.isfinite(trial.error) for trial in tried)
 
 
@@ -190,7 +191,7 @@ def test_neighbours_are_not_held_out_together(stack: impasto.Stack) -> None:
     twice = np.concatenate(
         [row for row in stack.rig.directions[:24].reshape(4, 6, 3) for _ in "ab"]
     )
-    turns = suggest._turns(impasto.Stack(stack.samples, lights=twice), None)
+    turns = trials._folds(impasto.Stack(stack.samples, lights=twice), None)
     assert len(turns) == 3
     for turn in turns:
         assert len(np.unique(turn.rig.directions, axis=0)) == len(turn.rig) == 8
@@ -209,23 +210,25 @@ def test_few_photographs_are_held_out_in_turns(
 
         return SimpleNamespace(predict=predict)
 
-    monkeypatch.setattr("impasto.suggest.fit_sbrdf", fit)
+    monkeypatch.setattr("impasto.study.trials.fit_sbrdf", fit)
     ticks = itertools.count()
-    monkeypatch.setattr("impasto.suggest.time", SimpleNamespace(perf_counter=lambda: next(ticks)))
-    for count, turns in {8: 6, 20: 6, 23: 6, 24: 6, 29: 5, 36: 4, 48: 3}.items():
+    monkeypatch.setattr(
+        "impasto.study.trials.time", SimpleNamespace(perf_counter=lambda: next(ticks))
+    )
+    for count, folds in {8: 6, 20: 6, 23: 6, 24: 6, 29: 5, 36: 4, 48: 3}.items():
         shown.clear()
-        trials = impasto.suggest_effort(stack.take(range(count)), error=0.1).tried
-        assert len(shown) == turns * len(trials)
-        assert sum(shown) >= min(count, suggest.SHOWN) * len(trials)
+        tried = impasto.suggest_effort(stack.take(range(count)), error=0.1).tried
+        assert len(shown) == folds * len(tried)
+        assert sum(shown) >= min(count, trials.HELD_OUT) * len(tried)
         # Black is off by all there is.
-        assert {trial.error for trial in trials} == {1.0}
+        assert {trial.error for trial in tried} == {1.0}
 
 
 @pytest.mark.parametrize(
     ("error", "told"), [(0.0123, "1.2 %"), (0.996, "100 %"), (0.994, "99 %"), (25.0, "2500 %")]
 )
 def test_errors_are_told_in_plain_numbers(error: float, told: str) -> None:
-    found = suggest.Suggestion({"joint": False}, 1.0, error, True, ())
+    found = suggestion.Suggestion({"joint": False}, 1.0, error, True, ())
     assert str(found).endswith(f"an error of {told}.")
 
 
@@ -253,12 +256,12 @@ def test_times_are_those_of_the_whole_painting(
         now += cost(part.shape[2] * part.shape[3], options)
         return SimpleNamespace(predict=lambda rig: np.zeros((len(rig), 3, *part.shape[2:])))
 
-    monkeypatch.setattr("impasto.suggest.fit_sbrdf", fit)
-    monkeypatch.setattr("impasto.suggest.time", SimpleNamespace(perf_counter=lambda: now))
+    monkeypatch.setattr("impasto.study.trials.fit_sbrdf", fit)
+    monkeypatch.setattr("impasto.study.trials.time", SimpleNamespace(perf_counter=lambda: now))
     # 24 x 24 pixels repeated to 384 x 384, of which one in 36 is tried: whole tiles.
     wide = impasto.Stack(np.tile(stack.samples, (1, 1, 16, 16)), lights=stack.rig)
     tried = impasto.suggest_effort(wide, seconds=1.0).tried
-    assert len(tried) == len(suggest.LADDER)
+    assert len(tried) == len(suggestion.SETTINGS)
     for trial in tried:
         # 40 of the 48 photographs are known.
         expected = cost(384 * 384, trial.options) * 48 / 40
@@ -304,10 +307,10 @@ def test_photographs_are_dealt_out_evenly_and_apart(
         lights / np.linalg.norm(lights, axis=1, keepdims=True),
         views=views / np.linalg.norm(views, axis=1, keepdims=True) if seen else None,
     )
-    hands = suggest._hands(rig)
+    hands = trials._split(rig)
     assert sorted(np.concatenate(hands)) == list(range(count))
     sizes = [len(hand) for hand in hands]
-    assert len(sizes) == suggest.HELD
+    assert len(sizes) == trials.FOLDS
     assert max(sizes) - min(sizes) <= 1
     # In the order of the rig each went where it was farthest from all that lay there, of the hands
     # that had room; into an empty one first.
@@ -339,16 +342,16 @@ def test_a_suggestion_keeps_its_word() -> None:
     Within 15 %: the trial has a fourth of the pixels and five sixths of the photographs.
     """
     painting = simulate.painting(44, (72, 72))
-    photographs = simulate.capture(painting, impasto.Rig(specimens.dome()), "rgb").stack
+    photographs = simulate.capture(painting, impasto.Rig(data_sets.dome()), "rgb").stack
     held = np.arange(2, 60, 5)
     known = photographs.take(np.setdiff1d(np.arange(60), held))
-    suggestion = impasto.suggest_effort(known, error=1e-6)
-    fitted = impasto.fit_sbrdf(known, **suggestion.options)
+    suggested = impasto.suggest_effort(known, error=1e-6)
+    fitted = impasto.fit_sbrdf(known, **suggested.options)
     truth = np.array([photographs.linear(i) for i in held])
     found = relative_error(
         fitted.predict(photographs.take(held).rig), truth, full_scale(photographs)
     )
-    assert found == pytest.approx(suggestion.error, rel=0.15)
+    assert found == pytest.approx(suggested.error, rel=0.15)
 
 
 def test_arrays_are_no_efforts(stack: impasto.Stack) -> None:
@@ -401,11 +404,11 @@ def test_pixels_that_no_fit_can_estimate_have_no_suggestion(
 )
 def test_times_are_told_to_a_twentieth(seconds: float, told: str) -> None:
     """90 s were 2 min."""
-    assert f"will take {told} here" in str(suggest.Suggestion({}, seconds, 0.1, True, ()))
+    assert f"will take {told} here" in str(suggestion.Suggestion({}, seconds, 0.1, True, ()))
 
 
 def test_what_is_no_better_than_black_says_so() -> None:
-    told = str(suggest.Suggestion({"joint": False}, 1.0, 1.25, True, ()))
+    told = str(suggestion.Suggestion({"joint": False}, 1.0, 1.25, True, ()))
     assert told.endswith("relight, no better than black, with an error of 125 %.")
 
 
@@ -487,9 +490,9 @@ def test_what_lies_outside_the_mask_takes_its_time(
         now += 1e-6 * painted(part) + 1e-7 * (area - painted(part))
         return SimpleNamespace(predict=lambda rig: np.zeros((len(rig), 3, *part.shape[2:])))
 
-    monkeypatch.setattr("impasto.suggest.fit_sbrdf", fit)
-    monkeypatch.setattr("impasto.suggest.time", SimpleNamespace(perf_counter=lambda: now))
-    monkeypatch.setattr("impasto.suggest.QUIET", 1e-9)
+    monkeypatch.setattr("impasto.study.trials.fit_sbrdf", fit)
+    monkeypatch.setattr("impasto.study.trials.time", SimpleNamespace(perf_counter=lambda: now))
+    monkeypatch.setattr("impasto.study.trials.TIMED_SECONDS", 1e-9)
     mask = np.zeros((480, 480), np.bool_)
     mask[:24, 48:72] = True
     wide = impasto.Stack(np.tile(stack.samples, (1, 1, 20, 20)), lights=stack.rig, mask=mask)
@@ -502,9 +505,9 @@ def test_what_lies_outside_the_mask_takes_its_time(
 def test_what_does_less_takes_no_longer() -> None:
     """The draft was tried while another program ran; the default and the best were not."""
     times = (0.2, 0.9, 3.0, 2.0, 4.0)
-    trials = [suggest.Trial(o, t, 0.1) for o, t in zip(suggest.LADDER, times, strict=True)]
-    told = suggest._in_order(trials)
+    tried = [trials.Trial(o, t, 0.1) for o, t in zip(suggestion.SETTINGS, times, strict=True)]
+    told = trials.ordered_by_work(tried)
     assert [trial.seconds for trial in told] == [0.2, 0.9, 2.0, 2.0, 4.0]
-    assert [trial.options for trial in told] == list(suggest.LADDER)
+    assert [trial.options for trial in told] == list(suggestion.SETTINGS)
     # Of equals the one that does least comes first.
     assert sorted(told, key=lambda trial: trial.seconds)[2].options["effort"] == "draft"

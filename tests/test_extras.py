@@ -35,10 +35,10 @@ def test_a_study_without_matplotlib_ends_before_it_begins(
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     out = tmp_path / "study"
-    assert main(["study", "--quick", "--out", str(out)]) == 1
+    assert main(["study", "nowhere.lp", "--out", str(out)]) == 1
     captured = capsys.readouterr()
-    assert captured.err.startswith("impasto: the study's figures")
-    assert "--no-figures" in captured.err
+    assert captured.err.startswith("impasto: the figure of a study")
+    assert "--no-figure" in captured.err
     assert "pip install 'impasto[plot]'" in " ".join(captured.err.split())
     assert captured.out == ""
     assert not out.exists()

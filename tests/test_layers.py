@@ -133,6 +133,13 @@ def test_colour_knows_no_stack_and_no_fit() -> None:
         assert not reach.search(path.read_text(encoding="utf-8")), path.relative_to(ROOT)
 
 
+def test_the_package_knows_no_benchmark() -> None:
+    """``benches/study`` imports impasto, never the other way round."""
+    reach = re.compile(r"^\s*(from|import) (study|record|pages)\b", re.MULTILINE)
+    found = [p for p in PACKAGE.rglob("*.py") if reach.search(p.read_text(encoding="utf-8"))]
+    assert found == []
+
+
 def test_colour_science_has_one_door() -> None:
     """It warns of every optional package that is absent; the door is quiet."""
     direct = re.compile(r"^\s*(import colour\b|from colour\b)", re.MULTILINE)

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from pathlib import Path
 
+import pages
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benches" / "python"))
-import pages
-
-from impasto.study.tables import tables
-from impasto.study.words import SENTENCES, words
-from impasto.study.write import HEADS, TITLES
+from study.report import HEADS, TITLES
+from study.sentences import SENTENCES, paragraphs
+from study.tables import tables
 
 WITH_TABLES = [
     page
@@ -42,13 +39,13 @@ def test_the_accuracy_page_has_its_tables() -> None:
 def test_the_page_about_time_says_what_was_measured() -> None:
     """Tables and sentences of the record are those of its own rows, and the page has them all."""
     recorded = json.loads((pages.ROOT / "benches/results/study.json").read_text("utf-8"))
-    said = words(recorded["rows"])
-    assert recorded["words"] == said
+    said = paragraphs(recorded["rows"])
+    assert recorded["sentences"] == said
     for name, table in tables(recorded["rows"]).items():
         assert recorded[name] == json.loads(json.dumps(table)), name
     page = (pages.ROOT / "docs/accuracy-and-time.md").read_text("utf-8")
     for name, paragraph in said.items():
-        assert f"<!-- words: study {name} -->\n\n{paragraph}\n" in page
+        assert f"<!-- sentences: study {name} -->\n\n{paragraph}\n" in page
 
 
 def test_the_page_about_time_names_what_a_study_makes() -> None:
@@ -56,12 +53,12 @@ def test_the_page_about_time_names_what_a_study_makes() -> None:
     page = (pages.ROOT / "docs/accuracy-and-time.md").read_text("utf-8")
     named = {found[3] for found in pages.TABLE.finditer(page) if found[2] == "study"}
     assert {"reflectance", "summary"} <= named <= TITLES.keys()
-    said = {found[3] for found in pages.WORDS.finditer(page) if found[2] == "study"}
+    said = {found[3] for found in pages.SENTENCES.finditer(page) if found[2] == "study"}
     assert said == {sentence.__name__ for sentence in SENTENCES} == HEADS.keys()
 
 
 def test_no_number_of_the_page_about_time_is_typed_by_hand() -> None:
     """Between what is generated no figure has a unit of time, error or share."""
     page = (pages.ROOT / "docs/accuracy-and-time.md").read_text("utf-8")
-    prose = pages.WORDS.sub("", pages.TABLE.sub("", page))
+    prose = pages.SENTENCES.sub("", pages.TABLE.sub("", page))
     assert re.findall(r"\d[\d.]* ?(?:dB|%|°|s\b|times)", prose) == []

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from impasto.study import pigments
-from impasto.study.fits import reflectance
-from impasto.study.settings import ESTIMATORS
+from study import pigments
+from study.fits import reflectance
+from study.settings import ESTIMATORS
 
 
 def _benchmark():

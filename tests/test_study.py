@@ -11,27 +11,29 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto import simulate, study
-from impasto.cli import main
+import study
+from impasto import simulate
 from impasto.effort import PRESETS
 from impasto.relighting import full_scale, relative_error
 from impasto.simulate.photography import Truth
-from impasto.study import (
-    choices,
-    front,
+from impasto.study import pareto_front
+from study import (
+    candidates,
+    data_sets,
+    held_out_error,
     materials,
-    measure,
     minpack,
-    parts,
     settings,
-    specimens,
+    subsets,
     tables,
+    treatments,
 )
-from impasto.study.bound import Bound, bound_of, strengths_off, widths_off
-from impasto.study.parts import TooFewError
-from impasto.study.record import RUNS
+from study.__main__ import main
+from study.cramer_rao import Bound, bound_of, strengths_off, widths_off
+from study.journal import RUNS
+from study.subsets import TooFewError
 
-SIZES = specimens.Sizes(painting=24, views=6, icon=24, paintings=2)
+SIZES = data_sets.Sizes(painting=24, views=6, icon=24, paintings=2)
 
 
 @pytest.fixture(scope="module")
@@ -46,35 +48,37 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
 
 def test_the_front_is_what_nothing_beats() -> None:
     points = [(1.0, 9.0), (2.0, 9.0), (2.0, 4.0), (3.0, 5.0), (4.0, 4.0), (5.0, 1.0)]
-    assert front.front(points) == [0, 2, 5]
+    assert pareto_front.pareto_front(points) == [0, 2, 5]
 
 
 def test_the_knee_is_where_time_stops_buying() -> None:
     # Error falls by 10 for the first doubling of time, by 2 per cent for each of the others.
-    assert front.knee([(1.0, 10.0), (2.0, 1.0), (4.0, 0.98), (8.0, 0.96)]) == 1
-    assert front.knee([(1.0, 1.0)]) == 0
+    assert pareto_front.knee([(1.0, 10.0), (2.0, 1.0), (4.0, 0.98), (8.0, 0.96)]) == 1
+    assert pareto_front.knee([(1.0, 1.0)]) == 0
 
 
 def test_presets_lie_on_the_front() -> None:
-    twice = {"effort": {"rounds": front.ROUNDS}}
+    twice = {"effort": {"rounds": candidates.ROUNDS}}
     rng = np.random.default_rng(3)
     rungs = [
-        front.Rung(f"{i}", twice, float(t), float(e))
+        candidates.Candidate(f"{i}", twice, float(t), float(e))
         for i, (t, e) in enumerate(zip(*np.exp(rng.normal(size=(2, 200))), strict=True))
     ]
-    found = front.chosen(rungs)
-    for rung in found.values():
-        assert not any(r.seconds < rung.seconds and r.error < rung.error for r in rungs)
-    best = min(rung.error for rung in rungs)
-    for name, near in (("reference", front.BEST), ("standard", front.NEAR_BEST)):
-        as_good = [rung.seconds for rung in rungs if rung.error <= near * best]
+    found = candidates.chosen(rungs)
+    for candidate in found.values():
+        assert not any(r.seconds < candidate.seconds and r.error < candidate.error for r in rungs)
+    best = min(candidate.error for candidate in rungs)
+    for name, near in (("reference", candidates.BEST), ("standard", candidates.NEAR_BEST)):
+        as_good = [candidate.seconds for candidate in rungs if candidate.error <= near * best]
         assert found[name].seconds == min(as_good)
     assert found["draft"].seconds * 8 <= found["standard"].seconds
     # By hand: nothing is eight times faster; on logarithmic axes the second is farthest below the
     # chord from the first to the last.
     points = (("a", 2.0, 8.0), ("b", 4.0, 2.0), ("c", 8.0, 1.5), ("d", 12.0, 1.0))
-    slow = front.chosen([front.Rung(name, twice, time, error) for name, time, error in points])
-    assert {name: rung.setting for name, rung in slow.items()} == {
+    slow = candidates.chosen(
+        [candidates.Candidate(name, twice, time, error) for name, time, error in points]
+    )
+    assert {name: candidate.setting for name, candidate in slow.items()} == {
         "draft": "b", "standard": "d", "reference": "d",
     }  # fmt: skip
 
@@ -103,9 +107,9 @@ def test_a_study_that_calls_for_no_preset_says_nothing_of_them(flagged: float) -
 
 
 def test_no_stretch_of_the_dome_lies_in_a_ring() -> None:
-    for lights in (specimens.dome()[:6], specimens.dome()[::5]):
+    for lights in (data_sets.dome()[:6], data_sets.dome()[::5]):
         assert np.allclose(np.linalg.norm(lights, axis=1), 1.0)
-        assert lights[:, 2].min() >= np.sin(np.radians(specimens.LOWEST))
+        assert lights[:, 2].min() >= np.sin(np.radians(data_sets.LOWEST))
         # Lights in one ring would leave the third singular value of their differences at 0.
         assert np.linalg.svd(lights - lights.mean(axis=0))[1][2] > 0.25
 
@@ -164,36 +168,36 @@ def test_a_table_of_materials_that_is_damaged_is_named(tmp_path: Path) -> None:
 
 
 def test_as_many_photographs_as_there_are_are_no_choice() -> None:
-    made, _ = specimens.specimens(SIZES, 0, None)
+    made, _ = data_sets.available(SIZES, 0, None)
     stack = made["own model"]()[0].stack
-    for choice in choices.CHOICES:
+    for choice in treatments.SELECTIONS:
         for count in (48, 49):
             with pytest.raises(TooFewError, match=f"{count} of 48 photographs leave none out"):
-                choices.fewer(stack, 0, count=count, choice=choice)
+                treatments.fewer(stack, 0, count=count, choice=choice)
 
 
 def test_missing_data_is_said(tmp_path: Path) -> None:
-    made, missing = specimens.specimens(SIZES, 0, None)
+    made, missing = data_sets.available(SIZES, 0, None)
     assert sorted(made) == ["770 views", "own model"]
     assert "icon_rti/dirs.lp" in missing["icon"]
     with pytest.raises(impasto.ArgumentError, match="data: there is no folder"):
-        specimens.specimens(SIZES, 0, tmp_path / "nowhere")
+        data_sets.available(SIZES, 0, tmp_path / "nowhere")
 
 
 def test_a_spread_choice_is_more_even_than_chance() -> None:
-    lights = specimens.dome()
+    lights = data_sets.dome()
 
     def nearest(picked: Any) -> float:
         apart = np.linalg.norm(lights[picked][:, None] - lights[picked][None], axis=2)
         return float(apart[apart > 0].min())
 
     chance = max(nearest(np.random.default_rng(i).permutation(60)[:12]) for i in range(20))
-    assert nearest(choices.spread(lights, 12)) > chance
+    assert nearest(treatments.spread(lights, 12)) > chance
 
 
 def test_photographs_that_determine_no_normal_are_drawn_again() -> None:
     """Nine in ten of the ball joint's photographs are lit from one arc, which lies in a plane."""
-    made, _ = specimens.specimens(SIZES, 0, None)
+    made, _ = data_sets.available(SIZES, 0, None)
     stack = made["770 views"]()[0].stack
     total, count = len(stack.rig), 7
 
@@ -206,7 +210,7 @@ def test_photographs_that_determine_no_normal_are_drawn_again() -> None:
         orders = [rng.permutation(total) for _ in range(20)]
         first = next(order for order in orders if not flat(order))
         redrawn += first is not orders[0]
-        picked = choices.fewer(stack, seed, count=count, choice="random")
+        picked = treatments.fewer(stack, seed, count=count, choice="random")
         # A stack has no name for its photographs: what they show tells them apart.
         assert (picked.samples == stack.samples[np.sort(first[:count])]).all()
     # Four in ten: that all of twelve are good at first comes once in five hundred times, that none
@@ -215,11 +219,11 @@ def test_photographs_that_determine_no_normal_are_drawn_again() -> None:
 
 
 def test_the_best_photographs_are_better_than_those_spread_evenly() -> None:
-    made, _ = specimens.specimens(replace(SIZES, painting=36), 0, None)
+    made, _ = data_sets.available(replace(SIZES, painting=36), 0, None)
     stack = made["own model"]()[0].stack
     light = np.array([stack.linear(i) for i in range(len(stack.rig))])
     some, best, again = (
-        choices.fewer(stack, 3, count=9, choice=choice) for choice in ("spread", "best", "best")
+        treatments.fewer(stack, 3, count=9, choice=choice) for choice in ("spread", "best", "best")
     )
     assert (best.samples == again.samples).all()
     # No photograph twice; what was exchanged was chosen by every third pixel, and shows on all.
@@ -233,10 +237,10 @@ def test_the_best_photographs_are_better_than_those_spread_evenly() -> None:
     assert errors[1] < errors[0]
 
 
-@pytest.mark.parametrize("sort", choices.SORTS)
+@pytest.mark.parametrize("sort", treatments.SORTS)
 def test_recoded_photographs_show_the_same_light(sort: str) -> None:
     stack = simulate.default_capture("tominaga-rgb-camera", size=(16, 16)).stack
-    other = choices.recoded(stack, 0, sort=sort)
+    other = treatments.recoded(stack, 0, sort=sort)
     first, second = (np.array([s.linear(i) for i in range(9)]) for s in (stack, other))
     clipped = ~np.isfinite(first)
     assert not np.isfinite(second[clipped]).any()
@@ -251,10 +255,10 @@ def test_recoded_photographs_show_the_same_light(sort: str) -> None:
 
 
 def test_a_large_picture_is_a_small_one_over_and_over() -> None:
-    made, _ = specimens.specimens(SIZES, 0, None)
+    made, _ = data_sets.available(SIZES, 0, None)
     paintings = made["own model"]()
     first = paintings[0]
-    (large,) = parts.repeated(paintings, times=3)
+    (large,) = subsets.repeated(paintings, times=3)
     assert large.megapixels == pytest.approx(9.0 * first.megapixels)
     for place in np.ndindex(3, 3):
         here = np.s_[..., *(slice(24 * at, 24 * (at + 1)) for at in place)]
@@ -276,13 +280,13 @@ def test_a_large_picture_is_a_small_one_over_and_over() -> None:
 
 
 def test_a_class_of_fewer_pixels_than_a_row_fills_one() -> None:
-    made, _ = specimens.specimens(specimens.Sizes(painting=5, paintings=1), 0, None)
-    (part,) = parts.alike(made["own model"](), lobes=1)
-    assert part.stack.shape[2:] == part.held.shape[2:] == (1, parts.WIDTH)
+    made, _ = data_sets.available(data_sets.Sizes(painting=5, paintings=1), 0, None)
+    (part,) = subsets.alike(made["own model"](), lobes=1)
+    assert part.stack.shape[2:] == part.held.shape[2:] == (1, subsets.WIDTH)
 
 
 def test_all_lights_are_as_many_as_there_are(data: Path) -> None:
-    made, _ = specimens.specimens(SIZES, 0, data)
+    made, _ = data_sets.available(SIZES, 0, data)
     every = [s for s in settings.settings() if s.knob == "lights" and s.name == "all"]
     for setting in every:
         for name in setting.on:
@@ -294,11 +298,11 @@ def test_all_lights_are_as_many_as_there_are(data: Path) -> None:
 
 
 def test_a_perfect_fit_has_no_error() -> None:
-    made, _ = specimens.specimens(SIZES, 0, None)
+    made, _ = data_sets.available(SIZES, 0, None)
     first, second = made["own model"]()
 
     class Perfect:
-        def __init__(self, specimen: specimens.Specimen) -> None:
+        def __init__(self, specimen: data_sets.PaintingData) -> None:
             self.normal = specimen.normal
             self.status = np.zeros(specimen.stack.shape[2:], np.uint8)
             self.held = specimen.held
@@ -308,7 +312,7 @@ def test_a_perfect_fit_has_no_error() -> None:
             return self.held
 
     both = Perfect(first), Perfect(second)
-    errors = measure.compared(both, (first, second))
+    errors = held_out_error.compared(both, (first, second))
     assert (errors.relative, errors.colour, errors.flagged) == (0.0, 0.0, 0.0)
     assert errors.normal == pytest.approx(0.0, abs=1e-4)
     # Nothing is known of the second painting: what is left is its share of the light, a right
@@ -316,7 +320,7 @@ def test_a_perfect_fit_has_no_error() -> None:
     both[1].held = np.full_like(first.held, np.nan)
     both[1].normal = np.full_like(first.normal, np.nan)
     both[1].status[:] = 1
-    errors = measure.compared(both, (first, second))
+    errors = held_out_error.compared(both, (first, second))
     light = [(np.minimum(p.held, 1.0 / p.exposure) ** 2).sum() for p in (first, second)]
     # Sums in another order, in single precision.
     assert errors.relative == pytest.approx(np.sqrt(light[1] / sum(light)), rel=1e-5)
@@ -329,7 +333,7 @@ def test_the_peer_s_radiance_is_the_papers() -> None:
 
     In float32 near the horizon a sample is known to some 1e-5 of its size.
     """
-    rig = impasto.Rig(specimens.dome(12))
+    rig = impasto.Rig(data_sets.dome(12))
     normal = np.array([0.1, -0.2, 1.0]) / np.linalg.norm([0.1, -0.2, 1.0])
     base = minpack.base_of(normal)
     unknowns = np.array([0.0, 0.0, 0.2, 0.3, 0.4, 8.0, np.log(0.12)])
@@ -342,7 +346,7 @@ def test_the_peer_s_radiance_is_the_papers() -> None:
 
 def test_the_bound_falls_with_the_root_of_the_photographs() -> None:
     """Every photograph twice holds twice the information."""
-    made, _ = specimens.specimens(SIZES, 0, None)
+    made, _ = data_sets.available(SIZES, 0, None)
     specimen, _ = made["own model"]()
     assert specimen.truth is not None
     once, twice = (
@@ -354,9 +358,9 @@ def test_the_bound_falls_with_the_root_of_the_photographs() -> None:
     assert once.strength / twice.strength == pytest.approx(np.sqrt(2.0), rel=1e-6)
 
 
-def _bounded() -> tuple[specimens.Specimen, Truth, Bound, Any]:
+def _bounded() -> tuple[data_sets.PaintingData, Truth, Bound, Any]:
     """A painting, what is true of it, what no fit can beat, and where that is known."""
-    made, _ = specimens.specimens(SIZES, 0, None)
+    made, _ = data_sets.available(SIZES, 0, None)
     specimen, _ = made["own model"]()
     assert specimen.truth is not None
     return specimen, specimen.truth, bound_of(specimen.truth, specimen.stack.rig), np.s_[3::6, 3::6]
@@ -438,18 +442,21 @@ def test_the_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(
-        "impasto.study.sweep.QUICK", specimens.Sizes(painting=16, views=4, icon=16, paintings=1)
+        "study.sweep.QUICK", data_sets.Sizes(painting=16, views=4, icon=16, paintings=1)
     )
-    monkeypatch.delenv("IMPASTO_DATA", raising=False)
     out = tmp_path / "found"
-    command = ["study", "--quick", "--out", str(out), "--repeats", "1", "--no-figures"]
+    monkeypatch.setattr("study.__main__.data_folder", lambda: tmp_path / "nowhere")
+    command = ["--quick", "--out", str(out), "--repeats", "1", "--no-figures"]
     assert main(command) == 0
     said = capsys.readouterr()
     assert "pixels' own, standard" in said.out
     assert "without icon" in said.err
     assert {path.name for path in out.iterdir()} == {RUNS, "study.json", "study.md"}
-    assert main(["study", "--quick", "--out", str(out), "--seed", "1"]) == 1
-    assert "--out: " in (words := capsys.readouterr().err)
+    assert main(["--quick", "--out", str(out), "--seed", "1"]) == 1
+    assert "error: out: " in (words := capsys.readouterr().err)
     assert "another study (seed 0, now 1)" in words
-    assert main(["study", "--quick", "--out", str(out), "--repeats", "0"]) == 1
-    assert "--repeats: expected a whole number from 1, found 0" in capsys.readouterr().err
+    assert main(["--quick", "--out", str(out), "--repeats", "0"]) == 1
+    assert "repeats: expected a whole number from 1, found 0" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        main(["--quick", "--record"])
+    assert "the quick study is not recorded" in capsys.readouterr().err

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto import study
-from impasto.study import agreement, memory, record, specimens, sweep, turns, words, yardstick
-from impasto.study.turns import Turn
+import study
+from study import data_sets, journal, memory, reference_fit, repeatability, sentences, sweep, timing
+from study.timing import Timing
 
-SIZES = specimens.Sizes(painting=16, views=4, icon=16, paintings=1)
+SIZES = data_sets.Sizes(painting=16, views=4, icon=16, paintings=1)
 BYTES = 200
 
 
@@ -42,7 +42,7 @@ class Busy:
         slow = float(np.exp(self.rng.normal(0.0, 0.5)))
         ratio = slow * float(np.exp(self.rng.normal(0.0, self.noise)))
         took = self.seconds.get(name, 1.0) * ratio
-        return fit(), Turn(took, took, 0.01 * slow, 0.01 * slow)
+        return fit(), Timing(took, took, 0.01 * slow, 0.01 * slow)
 
 
 def stereo(out: Path, repeats: int, **more: Any) -> dict[str, Any]:
@@ -55,7 +55,7 @@ def test_costs_are_ratios_to_what_is_timed_beside(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Half the speed or twice as much at any moment: no ratio tells, and one turn is enough."""
-    monkeypatch.setattr(sweep, "Yardstick", Busy)
+    monkeypatch.setattr(sweep, "ReferenceFit", Busy)
     seconds = {"0 steps": 1.0, "1 step": 2.0, "2 steps": 3.0, "5 steps": 5.0, "10 steps": 7.0}
     monkeypatch.setattr(Busy, "seconds", seconds)
     found = stereo(tmp_path, 3)
@@ -67,36 +67,36 @@ def test_costs_are_ratios_to_what_is_timed_beside(
         for name, cost in costs.items():
             assert cost[kind] / least == pytest.approx(seconds[name], rel=1e-12)
         # A hundred yardsticks to the second, whose seconds are those of the median.
-        assert least == pytest.approx(100.0 * found["run"]["yardstick"][kind], rel=1e-12)
-    assert [row["turns"] for row in found["rows"]] == [3] * 5
-    assert found["run"]["yardstick"]["turns"] == 15
+        assert least == pytest.approx(100.0 * found["run"]["reference fit"][kind], rel=1e-12)
+    assert [row["timings"] for row in found["rows"]] == [3] * 5
+    assert found["run"]["reference fit"]["timings"] == 15
     # What is read again from the file is the same.
-    assert record.Journal(tmp_path).found() == found
+    assert journal.Journal(tmp_path).found() == found
 
 
 def test_turns_go_on_until_a_cost_is_sure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweep, "Yardstick", Busy)
+    monkeypatch.setattr(sweep, "ReferenceFit", Busy)
     monkeypatch.setattr(Busy, "noise", 0.04)
     rows = stereo(tmp_path / "some", 8)["rows"]
     for row in rows:
-        assert row["doubt"] <= turns.SURE or row["turns"] == 8 * turns.MOST
-        assert abs(np.log(row["cost"]["cpu"] / rows[0]["cost"]["cpu"])) < 5.0 * turns.SURE
+        assert row["doubt"] <= timing.SURE or row["timings"] == 8 * timing.MOST
+        assert abs(np.log(row["cost"]["cpu"] / rows[0]["cost"]["cpu"])) < 5.0 * timing.SURE
     # The error of a mean of half of n falls with the root of 0.84 n, for a normal law: of 12 turns
     # it is SURE on the average, by luck of fewer; all five of 8 would be too much of it.
-    assert max(row["turns"] for row in rows) > 8
+    assert max(row["timings"] for row in rows) > 8
     monkeypatch.setattr(Busy, "noise", 0.5)
-    assert [row["turns"] for row in stereo(tmp_path / "all", 8)["rows"]] == [8 * turns.MOST] * 5
+    assert [row["timings"] for row in stereo(tmp_path / "all", 8)["rows"]] == [8 * timing.MOST] * 5
     # One turn tells nothing of the next.
-    assert [row["turns"] for row in stereo(tmp_path / "one", 1)["rows"]] == [1] * 5
+    assert [row["timings"] for row in stereo(tmp_path / "one", 1)["rows"]] == [1] * 5
     # The quick study takes every other fit, and has no time to be sure.
-    assert [row["turns"] for row in stereo(tmp_path / "quick", 2, quick=True)["rows"]] == [2] * 3
+    assert [row["timings"] for row in stereo(tmp_path / "quick", 2, quick=True)["rows"]] == [2] * 3
 
 
 def test_fits_take_turns_each_in_another_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[str] = []
-    monkeypatch.setattr(sweep, "Yardstick", Busy)
+    monkeypatch.setattr(sweep, "ReferenceFit", Busy)
     stereo(tmp_path, 6, advance=lambda done, total, name: asked.append(f"{done}/{total} {name}"))
     names = [words.rpartition(": ")[2] for words in asked[:-1]]
     assert [words.split()[0] for words in asked] == [f"{i}/30" for i in range(31)]
@@ -112,7 +112,7 @@ def test_the_error_of_a_cost_is_what_it_says(slow: float) -> None:
     found = []
     for _ in range(1000):
         logs = rng.normal(0.0, 0.05, 16) + np.log(2.0) * (rng.random(16) < slow)
-        found.append(turns.pace([Turn(float(np.exp(v)), 1.0, 1.0, 1.0) for v in logs], "cpu"))
+        found.append(timing.pace([Timing(float(np.exp(v)), 1.0, 1.0, 1.0) for v in logs], "cpu"))
     paces, doubts = np.array(found).T
     # From sixteen turns, half of which count, a deviation is known to 1 / sqrt(2 * 8), a quarter;
     # the mean of a thousand squares is not, but sets that are slow by more than a quarter, one in
@@ -127,12 +127,12 @@ def test_fits_of_milliseconds_have_more_turns() -> None:
     """None of these costs is ever sure; a single turn of several runs makes no fit a short one."""
 
     def ends(runs: list[int]) -> int:
-        drawn = [Turn(1.0 + n % 2, 1.0, 1.0, 1.0, run) for n, run in enumerate(runs)]
-        return next(n for n in itertools.count() if not turns.unsure(drawn[:n], 4))
+        drawn = [Timing(1.0 + n % 2, 1.0, 1.0, 1.0, run) for n, run in enumerate(runs)]
+        return next(n for n in itertools.count() if not timing.uncertain(drawn[:n], 4))
 
-    assert ends([1] * 99) == 4 * turns.MOST
-    assert ends([20, 1] * 50) == 4 * turns.MOST
-    assert ends([2] * 99) == 4 * turns.MORE
+    assert ends([1] * 99) == 4 * timing.MOST
+    assert ends([20, 1] * 50) == 4 * timing.MOST
+    assert ends([2] * 99) == 4 * timing.MORE
 
 
 @pytest.mark.parametrize("runs", [1, 9])
@@ -143,19 +143,21 @@ def test_a_cost_is_as_sure_as_it_says_where_turns_end_once_it_seems_sure(
     """A thousand costs under the rule, drawn: no clock."""
     rng = np.random.default_rng(8)
     repeats = 6
-    most = repeats * (turns.MOST if runs == 1 else turns.MORE)
+    most = repeats * (timing.MOST if runs == 1 else timing.MORE)
     found, fewest, all_of_them = [], [], []
     for _ in range(1000):
-        drawn = [Turn(float(np.exp(v)), 1.0, 1.0, 1.0, runs) for v in rng.normal(0.0, noise, most)]
+        drawn = [
+            Timing(float(np.exp(v)), 1.0, 1.0, 1.0, runs) for v in rng.normal(0.0, noise, most)
+        ]
         # A cost that nobody can be sure of ends, too.
-        count = next(n for n in itertools.count() if not turns.unsure(drawn[:n], repeats))
-        doubts = [turns.pace(drawn[:n], "cpu")[1] for n in range(repeats, count + 1)]
+        count = next(n for n in itertools.count() if not timing.uncertain(drawn[:n], repeats))
+        doubts = [timing.pace(drawn[:n], "cpu")[1] for n in range(repeats, count + 1)]
         assert repeats <= count <= most
-        assert all(doubt > turns.SURE for doubt in doubts[:-1])
-        assert doubts[-1] <= turns.SURE or count == most
-        found.append(turns.pace(drawn[:count], "cpu"))
-        fewest.append(turns.pace(drawn[:repeats], "cpu")[0])
-        all_of_them.append(turns.pace(drawn, "cpu")[0])
+        assert all(doubt > timing.SURE for doubt in doubts[:-1])
+        assert doubts[-1] <= timing.SURE or count == most
+        found.append(timing.pace(drawn[:count], "cpu"))
+        fewest.append(timing.pace(drawn[:repeats], "cpu")[0])
+        all_of_them.append(timing.pace(drawn, "cpu")[0])
     logs, said = np.log(np.array(found)[:, 0]), np.array(found)[:, 1]
     # The rule sees how far turns lie apart, not where: the middle is as likely too low as too high,
     # within four deviations of a mean, and scatters no more than that of the fewest turns and no
@@ -178,11 +180,11 @@ def test_the_yardstick_is_timed_before_and_after(monkeypatch: pytest.MonkeyPatch
     def take(seconds: float) -> None:
         now[0] += seconds
 
-    monkeypatch.setattr(yardstick.impasto, "fit_sbrdf", lambda *_, **__: take(pace[0]))
-    monkeypatch.setattr(yardstick.time, "process_time", lambda: now[0])
-    monkeypatch.setattr(yardstick.time, "perf_counter", lambda: 2.0 * now[0])
+    monkeypatch.setattr(reference_fit.impasto, "fit_sbrdf", lambda *_, **__: take(pace[0]))
+    monkeypatch.setattr(reference_fit.time, "process_time", lambda: now[0])
+    monkeypatch.setattr(reference_fit.time, "perf_counter", lambda: 2.0 * now[0])
     pace = [0.015]
-    stick = yardstick.Yardstick(1)
+    stick = reference_fit.ReferenceFit(1)
 
     runs = iter([0.005, 0.015, 0.003, 0.015, 0.015])
 
@@ -198,19 +200,19 @@ def test_the_yardstick_is_timed_before_and_after(monkeypatch: pytest.MonkeyPatch
     assert now[0] == pytest.approx(0.015 + 2 * 0.015 + 0.053 + 0.045)
     assert turn.cpu == pytest.approx(0.006)
     assert turn.wall == pytest.approx(0.012)
-    assert (turn.yard_cpu, turn.yard_wall) == pytest.approx((0.03, 0.06))
+    assert (turn.reference_cpu, turn.reference_wall) == pytest.approx((0.03, 0.06))
 
 
 def test_turns_that_are_missing_are_taken(tmp_path: Path) -> None:
     first = stereo(tmp_path, 2)
-    journal = tmp_path / record.RUNS
-    whole = journal.read_text("utf-8").splitlines()
-    journal.write_text("\n".join(whole[:4]) + "\n", encoding="utf-8")
+    lines = tmp_path / journal.RUNS
+    whole = lines.read_text("utf-8").splitlines()
+    lines.write_text("\n".join(whole[:4]) + "\n", encoding="utf-8")
     again = stereo(tmp_path, 2)
-    assert journal.read_text("utf-8").splitlines()[:4] == whole[:4]
+    assert lines.read_text("utf-8").splitlines()[:4] == whole[:4]
     for one, other in zip(first["rows"], again["rows"], strict=True):
         assert one["error"] == other["error"]
-        assert other["turns"] >= 2
+        assert other["timings"] >= 2
 
 
 # --- a second run
@@ -220,7 +222,7 @@ def costing(*costs: float, data: str = "icon") -> list[dict[str, Any]]:
     return [
         {
             "data": data, "knob": "stereo", "setting": f"{place}", "cost": {"cpu": cost},
-            "error": {"psnr": 30.0 + place}, "doubt": 0.01, "turns": 8 + place,
+            "error": {"psnr": 30.0 + place}, "doubt": 0.01, "timings": 8 + place,
         }
         for place, cost in enumerate(costs)
     ]  # fmt: skip
@@ -228,42 +230,44 @@ def costing(*costs: float, data: str = "icon") -> list[dict[str, Any]]:
 
 def test_two_runs_are_compared_in_proportion() -> None:
     """Twice as slow is no difference; a fifth more of one fit of three is."""
-    info = dict.fromkeys((*record.TERMS, *record.CLOCKS), "same")
+    info = dict.fromkeys((*journal.TERMS, *journal.CLOCKS), "same")
     first = {"run": info, "rows": costing(2.0, 4.0, 2.0)}
     second = {"run": info, "rows": costing(4.0, 8.0, 4.8)}
-    rows = agreement.beside(first, second)
-    alone, pairs = agreement.apart(rows)
+    rows = repeatability.beside(first, second)
+    alone, pairs = repeatability.apart(rows)
     assert alone == pytest.approx([0.0, 0.0, 0.2])
     assert pairs == pytest.approx([0.0, 0.2, 0.2])
-    assert not agreement.kept(rows)
-    assert words.again(rows) == (
+    assert not repeatability.kept(rows)
+    assert sentences.again(rows) == (
         "A second run, in a process of its own, finds the errors of 3 of 3 fits the same bit for "
         "bit, and of their costs, in proportion to all others, 2 of 3 within a tenth: half of them "
         "within 0.0 %, the farthest 20 %. Of the 3 ratios of any two fits of a data set 33.3 % are "
         "within a tenth. Costs are thought to be known to 1.0 % (standard error, the median; "
-        "1.0 % at most), after 8 to 10 turns of the first run."
+        "1.0 % at most), after 8 to 10 timings of the first run."
     )
     close = {"run": info, "rows": costing(4.0, 8.0, 4.2)}
-    assert agreement.kept(agreement.beside(first, close))
+    assert repeatability.kept(repeatability.beside(first, close))
     close["rows"][1]["error"]["psnr"] = float(np.nextafter(31.0, 32.0))
-    assert not agreement.kept(agreement.beside(first, close))
+    assert not repeatability.kept(repeatability.beside(first, close))
     # A fit that the second run has not is no agreement.
-    assert not agreement.kept(agreement.beside(first, {"run": info, "rows": close["rows"][:1]}))
+    assert not repeatability.kept(
+        repeatability.beside(first, {"run": info, "rows": close["rows"][:1]})
+    )
 
 
 @pytest.mark.parametrize("term", ["commit", "seed", "threads", "processor"])
 def test_runs_of_two_studies_are_not_compared(term: str) -> None:
-    info = dict.fromkeys((*record.TERMS, *record.CLOCKS), "same")
+    info = dict.fromkeys((*journal.TERMS, *journal.CLOCKS), "same")
     first = {"run": info, "rows": costing(1.0)}
     with pytest.raises(impasto.ArgumentError, match=f"another study \\({term} 'other'"):
-        agreement.beside(first, {"run": info | {term: "other"}, "rows": costing(1.0)})
+        repeatability.beside(first, {"run": info | {term: "other"}, "rows": costing(1.0)})
 
 
 @pytest.mark.parametrize("term", ["seed", "repeats"])
 def test_a_second_run_of_another_study_is_refused_before_it_begins(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, term: str
 ) -> None:
-    monkeypatch.setattr(sweep, "Yardstick", Busy)
+    monkeypatch.setattr(sweep, "ReferenceFit", Busy)
     first = stereo(tmp_path / "first", 2)["run"]
     assert stereo(tmp_path / "again", 2, like=first)["rows"]
     begun: list[str] = []

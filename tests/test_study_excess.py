@@ -11,30 +11,30 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto import study
-from impasto.study import excess, figures, fits, parts, specimens, tables
-from impasto.study.minpack import STRIDE
-from impasto.study.words import words
+import study
 from oracles import forward, lobes
 from oracles.rigs import spiral
+from study import data_sets, excess_cost, figures, fits, subsets, tables
+from study.minpack import STRIDE
+from study.sentences import paragraphs
 
-SIZES = specimens.Sizes(painting=32, icon=32, paintings=2)
+SIZES = data_sets.Sizes(painting=32, icon=32, paintings=2)
 
 
 @pytest.fixture(scope="module")
 def stack() -> impasto.Stack:
     """The study's pixels of a painting in our own model: sixteen, clipped highlights among them."""
-    made, _ = specimens.specimens(SIZES, 0, None)
-    return parts.strided(made["own model"](), stride=STRIDE)[0].stack
+    made, _ = data_sets.available(SIZES, 0, None)
+    return subsets.strided(made["own model"](), stride=STRIDE)[0].stack
 
 
 @pytest.fixture(scope="module")
-def leasts(stack: impasto.Stack) -> excess.Leasts:
-    return excess.leasts_of(stack)
+def leasts(stack: impasto.Stack) -> excess_cost.Leasts:
+    return excess_cost.leasts_of(stack)
 
 
-def ends(stack: impasto.Stack, leasts: excess.Leasts, steps: int, precision: Any) -> Any:
-    effort = excess.effort_of(precision, steps)
+def ends(stack: impasto.Stack, leasts: excess_cost.Leasts, steps: int, precision: Any) -> Any:
+    effort = excess_cost.effort_of(precision, steps)
     return leasts.excess(fits.search(stack, 1, effort=effort))
 
 
@@ -48,7 +48,7 @@ def test_the_cost_is_that_of_the_oracle() -> None:
     light = forward.stack(normal, diffuse, np.full((2, 3), 6.0), 0.15, impasto.Rig(lights)) + 0.02
     samples = light.astype(np.float32)
     stack = impasto.Stack(samples, lights=lights, saturation=float(samples.max()))
-    found = excess.leasts_of(stack)
+    found = excess_cost.leasts_of(stack)
     for number, target in enumerate(found.targets):
         pixel = samples.astype(np.float64).reshape(*light.shape[:2], -1)[:, :, number]
         n = normal.reshape(3, -1)[:, number]
@@ -64,7 +64,7 @@ def test_the_cost_is_that_of_the_oracle() -> None:
             assert found.costs[number] < theirs
 
 
-def test_searches_come_to_the_least_with_steps(stack: Any, leasts: excess.Leasts) -> None:
+def test_searches_come_to_the_least_with_steps(stack: Any, leasts: excess_cost.Leasts) -> None:
     few, some, many = (ends(stack, leasts, steps, "double") for steps in (1, 3, 30))
     for shares in (few, some, many):
         assert np.isfinite(shares).all()
@@ -81,24 +81,26 @@ def test_searches_come_to_the_least_with_steps(stack: Any, leasts: excess.Leasts
     assert np.median(many) < np.median(single) < 1e-6
 
 
-def test_the_least_is_the_same_again(stack: impasto.Stack, leasts: excess.Leasts) -> None:
-    again = excess.leasts_of(stack, threads=1)
+def test_the_least_is_the_same_again(stack: impasto.Stack, leasts: excess_cost.Leasts) -> None:
+    again = excess_cost.leasts_of(stack, threads=1)
     assert again.costs.tobytes() == leasts.costs.tobytes()
 
 
-def test_pixels_without_a_lobe_do_not_count(stack: impasto.Stack, leasts: excess.Leasts) -> None:
-    fitted = fits.search(stack, 1, effort=excess.effort_of("single", 30))
+def test_pixels_without_a_lobe_do_not_count(
+    stack: impasto.Stack, leasts: excess_cost.Leasts
+) -> None:
+    fitted = fits.search(stack, 1, effort=excess_cost.effort_of("single", 30))
     lobes = fitted.lobes.copy()
     lobes[0, 0] = 0
     shares = leasts.excess(replace(fitted, lobes=lobes))
     assert np.flatnonzero(np.isnan(shares)).tolist() == [0]
-    known = excess.summary([shares])
+    known = excess_cost.summary([shares])
     assert known["median"] == np.median(shares[1:])
     # Two hundredths above the least is bad, half a hundredth is not.
-    by_hand = excess.summary([np.array([0.02, 0.0]), np.array([0.005, np.nan, 0.0])])
+    by_hand = excess_cost.summary([np.array([0.02, 0.0]), np.array([0.005, np.nan, 0.0])])
     assert (by_hand["median"], by_hand["bad"]) == (0.0025, 0.25)
-    with pytest.raises(parts.TooFewError, match="0 of 2 pixels"):
-        excess.summary([np.full(2, np.nan)])
+    with pytest.raises(subsets.TooFewError, match="0 of 2 pixels"):
+        excess_cost.summary([np.full(2, np.nan)])
 
 
 @pytest.fixture(scope="module")
@@ -110,11 +112,11 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 def test_rows_of_a_study_tell_the_excess(found: dict[str, Any], tmp_path: Path) -> None:
     rows = found["rows"]
-    assert len(rows) == len(excess.STEPS) * len(excess.PRECISIONS)
+    assert len(rows) == len(excess_cost.STEPS) * len(excess_cost.PRECISIONS)
     assert all(row["excess"].keys() == {"median", "p99", "bad"} for row in rows)
     (table,) = (made for name, made in tables.tables(rows).items() if name == "excess")
-    assert [line["steps"] for line in table] == list(excess.STEPS)
-    for precision in excess.PRECISIONS:
+    assert [line["steps"] for line in table] == list(excess_cost.STEPS)
+    for precision in excess_cost.PRECISIONS:
         first, *_, last = (line[f"p99 %, {precision}"] for line in table)
         assert last < 1e-3 * first
         bad = [line[f"bad %, {precision}"] for line in table]
@@ -142,7 +144,7 @@ def test_a_sentence_says_how_near_searches_come() -> None:
         for steps, p99, bad in ((6, 1e-4, 1e-3), (30, 1e-6, 0.0))
         for data, more in (("own model", 1.0), ("icon", 10.0))
     ]  # fmt: skip
-    assert words(rows)["excess"] == (
+    assert paragraphs(rows)["excess"] == (
         'A search that may take 6 steps, as many as `"standard"` has, ends 1e-04 to 1e-03 above '
         "the least cost in single precision (the 99th percentile), 1e-05 to 1e-04 in double; 0.1 "
         "to 1.0 % of the pixels, depending on the data, end more than a hundredth above it. With "
@@ -150,7 +152,7 @@ def test_a_sentence_says_how_near_searches_come() -> None:
         "1e-07 and 1e-09 to 1e-08, and 0.0 % are in a bad basin."
     )
     # The quick study has no search of six steps.
-    assert "excess" not in words([row for row in rows if row["number"] == 30])
+    assert "excess" not in paragraphs([row for row in rows if row["number"] == 30])
 
 
 def test_without_scipy_it_is_skipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

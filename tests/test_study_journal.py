@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto import study
-from impasto.cli import main
-from impasto.study import fits, record, specimens, sweep
-from impasto.study.record import RUNS
+import study
+from study import data_sets, fits, journal, sweep
+from study.__main__ import main
+from study.journal import RUNS
 
-SIZES = specimens.Sizes(painting=16, views=4, icon=16, paintings=1)
+SIZES = data_sets.Sizes(painting=16, views=4, icon=16, paintings=1)
 KNOBS = ("normals", "peer")
 """Eight fits of ours in milliseconds, and peers: the quick study takes three of either."""
 
@@ -40,7 +40,7 @@ def lines(out: Path) -> list[Any]:
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows locks no folders")
 def test_two_studies_never_share_a_folder(tmp_path: Path) -> None:
     with (
-        record.alone(tmp_path / "new"),
+        journal.alone(tmp_path / "new"),
         pytest.raises(impasto.ArgumentError, match=r"another study is at work in .*new; wait"),
     ):
         run(tmp_path / "new")
@@ -72,13 +72,13 @@ def test_numbers_that_are_none_are_not_written(
 ) -> None:
     """A single pixel lies on no grid of bounds; widths may be as far off as can be."""
     monkeypatch.setattr(sweep, "widths_off", lambda *_: np.inf)
-    sizes = specimens.Sizes(painting=edge, views=edge, icon=edge, paintings=1)
+    sizes = data_sets.Sizes(painting=edge, views=edge, icon=edge, paintings=1)
     found = run(tmp_path, knobs=["precision"], sizes=sizes)
     assert found["failed"] == []
     for row in found["rows"]:
         assert "width" not in row
         assert ("strength" in row) == ("bound" in row) == (edge > 1)
-    study.write(record.Journal(tmp_path).found(), tmp_path, figures=False)
+    study.write(journal.Journal(tmp_path).found(), tmp_path, figures=False)
 
     def refused(word: str) -> None:
         raise AssertionError(word)
@@ -99,8 +99,8 @@ def test_an_interrupted_study_goes_on(tmp_path: Path) -> None:
     assert lines(tmp_path)[:-1] == before
     # The last is fitted anew: its errors are the same, its times never are.
     anew = lines(tmp_path)[-1]
-    assert anew["turn"] != last["turn"]
-    assert anew | {"turn": 0} == last | {"turn": 0}
+    assert anew["timing"] != last["timing"]
+    assert anew | {"timing": 0} == last | {"timing": 0}
     assert [row["error"] for row in again["rows"]] == [row["error"] for row in first["rows"]]
     with pytest.raises(impasto.ArgumentError, match="another study"):
         run(tmp_path, seed=1)
@@ -115,16 +115,16 @@ def test_times_under_other_terms_are_never_mixed(tmp_path: Path, other: dict[str
     # Back where it began, nothing is timed a third time.
     before = len(lines(tmp_path))
     assert costs(run(tmp_path)) == costs(first)
-    assert [line for line in lines(tmp_path)[before:] if "turn" in line] == []
+    assert [line for line in lines(tmp_path)[before:] if "timing" in line] == []
     # What only reads a folder reads what came last.
-    assert costs(record.Journal(tmp_path).found()) == costs(first)
+    assert costs(journal.Journal(tmp_path).found()) == costs(first)
 
 
 def test_another_machine_times_everything_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = run(tmp_path)
-    here = record.run_info()
+    here = journal.run_info()
     monkeypatch.setattr(sweep, "run_info", lambda: here | {"processor": "another", "cores": 64})
     second = run(tmp_path)
     assert second["run"]["processor"] == "another"
@@ -140,11 +140,11 @@ def test_other_photographs_are_other_terms(tmp_path: Path) -> None:
     folder = tmp_path / "data"
     (folder / "brdf").mkdir(parents=True)
     (folder / "brdf" / "sgd_100.csv").write_text("material\n", encoding="utf-8")
-    first = specimens.digests(folder)
+    first = data_sets.digests(folder)
     assert list(first) == ["shifted gamma"]
     (folder / "brdf" / "sgd_100.csv").write_text("materials\n", encoding="utf-8")
-    assert specimens.digests(folder) != first
-    assert specimens.digests(None) == {}
+    assert data_sets.digests(folder) != first
+    assert data_sets.digests(None) == {}
 
 
 def test_a_defect_shows_as_failed(
@@ -157,10 +157,10 @@ def test_a_defect_shows_as_failed(
 
     with monkeypatch.context() as broken:
         broken.setattr(fits.impasto, "fit_normals", refused)
-        broken.setattr("impasto.study.sweep.QUICK", SIZES)
+        broken.setattr("study.sweep.QUICK", SIZES)
         found = run(tmp_path)
-        command = ["study", "--quick", "--out", str(tmp_path / "cli"), "--repeats", "1"]
-        assert main([*command, "--no-figures"]) == 4
+        command = ["--quick", "--out", str(tmp_path / "cli"), "--repeats", "1"]
+        assert main([*command, "--no-figures"]) == 1
     assert "failed: " in capsys.readouterr().err
     assert len(found["failed"]) == 3
     assert all("GeometryError: lights: a defect" in words for words in found["failed"])
@@ -195,10 +195,10 @@ def test_an_object_that_is_no_run_is_corrupt(tmp_path: Path, line: str) -> None:
     last = len(lines(tmp_path))
     with pytest.raises(impasto.CorruptInputError, match=f"line {last} is no run of a study"):
         run(tmp_path, knobs=["normals"])
-    head = {"schema": record.SCHEMA, "run": {}}
+    head = {"schema": journal.SCHEMA, "run": {}}
     (tmp_path / RUNS).write_text(json.dumps(head) + "\n", encoding="utf-8")
     with pytest.raises(impasto.CorruptInputError, match="no journal of a study"):
-        record.Journal(tmp_path)
+        journal.Journal(tmp_path)
 
 
 @pytest.mark.parametrize("line", ["null", "12", "[1]", '"schema"'])
@@ -219,8 +219,9 @@ def test_a_line_that_is_no_run_is_corrupt(tmp_path: Path, line: str) -> None:
 FULL_DISK = """
 import resource, sys
 from pathlib import Path
-from impasto.study.record import Journal, run_info
-from impasto.study.write import write
+from study.__main__ import main
+from study.journal import Journal, run_info
+from study.report import write
 out = Path(sys.argv[1])
 found = Journal(out).found()
 resource.setrlimit(resource.RLIMIT_FSIZE, (100, resource.RLIM_INFINITY))

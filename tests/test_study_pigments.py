@@ -10,14 +10,14 @@ import colour
 import numpy as np
 import pytest
 
-from impasto import study
+import study
 from impasto.colour import xyz_from_spectrum
-from impasto.study import agreement, pigments, settings, specimens, wiener
-from impasto.study.tables import tables
-from impasto.study.words import words
 from impasto.training import default_training
+from study import data_sets, pigments, repeatability, settings, wiener_numpy
+from study.sentences import paragraphs
+from study.tables import tables
 
-SIZES = specimens.Sizes(painting=16, views=4, icon=16, paintings=1, pigments=1)
+SIZES = data_sets.Sizes(painting=16, views=4, icon=16, paintings=1, pigments=1)
 CAMERAS = tuple(pigments.CAMERAS)
 RECORD = Path(__file__).resolve().parents[1] / "benches" / "results" / "study.json"
 
@@ -32,7 +32,7 @@ def swept(data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, d
 
 def by_name(found: dict[str, Any]) -> dict[tuple[str, str], Any]:
     return {
-        (row["data"].removeprefix(specimens.OF_PIGMENTS), row["setting"]): row["error"]
+        (row["data"].removeprefix(data_sets.OF_PIGMENTS), row["setting"]): row["error"]
         for row in found["rows"]
     }
 
@@ -70,7 +70,7 @@ def test_errors_of_wiener_are_those_of_its_equation(
     assert error["colour_p95"] == pytest.approx(np.percentile(apart, 95), abs=903 * 6 * 6e-8)
     assert error["spectrum"] == pytest.approx(rmse.mean(), abs=6 * 6e-8)
     # So is the peer.
-    product = by_name(swept[1])[name, wiener.NAME]
+    product = by_name(swept[1])[name, wiener_numpy.NAME]
     assert product["colour"] == pytest.approx(error["colour"], abs=903 * 6 * 6e-8)
 
 
@@ -80,7 +80,7 @@ def test_every_camera_has_every_estimator(swept: tuple[Path, dict[str, Any]]) ->
     assert error.keys() == {
         (name, estimator)
         for name in CAMERAS
-        for estimator in (*settings.ESTIMATORS, wiener.NAME)
+        for estimator in (*settings.ESTIMATORS, wiener_numpy.NAME)
     }  # fmt: skip
     assert not found["failed"]
     for name in CAMERAS:
@@ -111,25 +111,25 @@ def test_a_large_picture_of_pigments_is_a_small_one_over_and_over(data: Path) ->
 def test_cameras_without_their_files_are_missing(tmp_path: Path) -> None:
     (tmp_path / "spectra").mkdir()
     names = [f"pigments, {camera}" for camera in CAMERAS]
-    made, missing = specimens.specimens(SIZES, 0, tmp_path)
+    made, missing = data_sets.available(SIZES, 0, tmp_path)
     assert not set(names) & made.keys()
     both = "spectra/hyppigments.npz, spectra/cameras.npz are not at hand"
     assert missing["pigments, RGB"] == f"{both} (they are not part of impasto)"
     (tmp_path / pigments.PIGMENTS).touch()
-    made, missing = specimens.specimens(SIZES, 0, tmp_path)
+    made, missing = data_sets.available(SIZES, 0, tmp_path)
     # Bandpass filters are a formula.
     assert set(names) & made.keys() == {"pigments, 6BP"}
     assert "spectra/cameras.npz is not at hand" in missing["pigments, RGB"]
     assert "spectra/cameras.npz, spectra/filters.npz are" in missing["pigments, RGB+2"]
-    before = specimens.digests(tmp_path)
+    before = data_sets.digests(tmp_path)
     assert list(before) == ["pigments, 6BP"]
     (tmp_path / pigments.PIGMENTS).write_bytes(b"other pigments")
-    assert specimens.digests(tmp_path) != before
+    assert data_sets.digests(tmp_path) != before
 
 
 def test_the_quick_study_takes_some_of_it() -> None:
     quick = [s.name for s in settings.settings(quick=True) if s.knob == "reflectance"]
-    assert quick == ["wiener", "root-polynomial", wiener.NAME]
+    assert quick == ["wiener", "root-polynomial", wiener_numpy.NAME]
 
 
 def test_estimators_are_written_and_drawn(swept: tuple[Path, dict[str, Any]]) -> None:
@@ -144,10 +144,10 @@ def test_estimators_are_written_and_drawn(swept: tuple[Path, dict[str, Any]]) ->
     for name in settings.ESTIMATORS:
         assert figure.count(f">{name}<") == len(CAMERAS)
     # A second run that finds the same agrees.
-    rows = agreement.beside(found, found)
-    assert agreement.kept(rows)
+    rows = repeatability.beside(found, found)
+    assert repeatability.kept(rows)
     rows[0]["again"]["same"] = False
-    assert not agreement.kept(rows)
+    assert not repeatability.kept(rows)
 
 
 def pigment_rows(data: str) -> list[dict[str, Any]]:
@@ -155,8 +155,8 @@ def pigment_rows(data: str) -> list[dict[str, Any]]:
     return [
         {
             "knob": "reflectance", "setting": name, "data": data, "number": None,
-            "options": {} if name == wiener.NAME else {"estimator": name},
-            "cost": {"cpu": seconds, "wall": seconds}, "doubt": 0.01, "turns": 6,
+            "options": {} if name == wiener_numpy.NAME else {"estimator": name},
+            "cost": {"cpu": seconds, "wall": seconds}, "doubt": 0.01, "timings": 6,
             "error": {
                 "colour": off, "colour_p95": 2 * off, "spectrum": share, "spectrum_p95": 2 * share,
                 "fitness": 0.99,
@@ -165,7 +165,7 @@ def pigment_rows(data: str) -> list[dict[str, Any]]:
         for name, seconds, off, share in (
             ("wiener", 0.01, 2.0, 0.03),
             ("root-polynomial", 0.02, 1.5, 0.026),
-            (wiener.NAME, 0.005, 2.0, 0.03),
+            (wiener_numpy.NAME, 0.005, 2.0, 0.03),
         )
     ]  # fmt: skip
 
@@ -174,16 +174,16 @@ def test_a_sentence_says_what_an_estimator_is_worth() -> None:
     rows = [row for name in CAMERAS for row in pigment_rows(f"pigments, {name}")]
     for row in rows[3:6]:
         row["error"] = row["error"] | {"colour": row["error"]["colour"] / 2}
-    assert words(rows)["reflectance"] == (
+    assert paragraphs(rows)["reflectance"] == (
         'Instead of Wiener\'s estimate `"root-polynomial"` takes 2.0 times the time, and changes '
         "colours by -0.50 to -0.25 ΔE00, spectra by -0.40 % of white. Wiener's by one product of "
         "numpy's takes 0.5 times the time of ours; mean colour differences are the same to "
         "0 ΔE00."
     )
-    assert "reflectance" not in words(rows[:1])
+    assert "reflectance" not in paragraphs(rows[:1])
     first, *_ = tables(rows)["reflectance"]
     assert first == {
-        "data": "pigments, RGB camera", "setting": wiener.NAME, "CPU ns": 5.0, "wall ns": 5.0,
+        "data": "pigments, RGB camera", "setting": wiener_numpy.NAME, "CPU ns": 5.0, "wall ns": 5.0,
         "dE00": 2.0, "dE00 p95": 4.0, "RMSE %": 3.0,
     }  # fmt: skip
 
@@ -195,6 +195,6 @@ def test_pigments_change_nothing_that_is_said_of_paintings() -> None:
     before, after = tables(paintings), tables(rows)
     assert list(after.keys() - before.keys()) == ["reflectance"]
     assert {name: after[name] for name in before} == before
-    said = words(rows)
+    said = paragraphs(rows)
     assert said.pop("reflectance")
-    assert said == words(paintings)
+    assert said == paragraphs(paintings)

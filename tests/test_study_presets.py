@@ -12,15 +12,15 @@ import pytest
 
 import impasto
 from impasto.effort import PRESETS, Effort
-from impasto.study import front, presets, tables
-from impasto.study.settings import settings
 from oracles import forward
 from oracles.rigs import spiral
+from study import candidates, presets, tables
+from study.settings import settings
 
 ROOT = Path(__file__).resolve().parents[1]
 
 FRONT = {
-    # (rounds, steps): CPU seconds, errors on two data sets, share flagged: much as `impasto study`
+    # (rounds, steps): CPU seconds, errors on two data sets, share flagged: much as the study
     # finds them, and one corner that flags too much.
     (0, 1): (37.0, (0.28, 0.22), 0.42),
     (0, 2): (40.0, (0.24, 0.19), 0.40),
@@ -95,12 +95,16 @@ def test_normals_are_worth_as_much_as_photographs() -> None:
     (row, *_) = _rows()
     known = row | {"error": row["error"] | {"normal": 0.4, "normal_p95": 1.6}}
     fourth = row | {"error": row["error"] | {"normal": 0.1, "normal_p95": 0.4}}
-    assert front.score([row]) == pytest.approx(0.28)
-    assert front.score([known]) == pytest.approx(np.sqrt(0.28 * 0.8))
-    assert front.score([fourth]) == pytest.approx(front.score([known]) / 2.0)
+    assert candidates.combined_error([row]) == pytest.approx(0.28)
+    assert candidates.combined_error([known]) == pytest.approx(np.sqrt(0.28 * 0.8))
+    assert candidates.combined_error([fourth]) == pytest.approx(
+        candidates.combined_error([known]) / 2.0
+    )
     # A data set whose normals nobody knows says nothing of them, neither good nor bad.
-    assert front.score([known, row]) == pytest.approx(front.score([known]))
-    assert front.score([known], front.JUDGED[:1]) == pytest.approx(0.28)
+    assert candidates.combined_error([known, row]) == pytest.approx(
+        candidates.combined_error([known])
+    )
+    assert candidates.combined_error([known], candidates.JUDGED[:1]) == pytest.approx(0.28)
 
 
 def test_presets_of_a_front_keep_their_promises() -> None:
@@ -259,7 +263,10 @@ def test_the_recorded_study_keeps_every_promise() -> None:
     rows = json.loads((ROOT / "benches/results/study.json").read_text("utf-8"))["rows"]
     for check in presets.checked(rows):
         assert check.kept, f"{check.preset}: {check.promise}: {check.found}"
-    grid = {rung.setting: rung for rung in front.rungs(r for r in rows if r["knob"] == "effort")}
+    grid = {
+        candidate.setting: candidate
+        for candidate in candidates.candidates_of(r for r in rows if r["knob"] == "effort")
+    }
     # Times move from run to run, errors do not: presets are within 2 % of those derived anew.
     for name, effort in presets.derived(rows).items():
         if name != "draft":

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from impasto.effort import PRESETS
-from impasto.study import advice
-from impasto.study.tables import unbeaten
-from impasto.study.words import words
+from study import recommendations
+from study.sentences import paragraphs
+from study.tables import unbeaten
 
 
 def test_sentences_say_what_rows_say() -> None:
@@ -31,16 +31,16 @@ def test_sentences_say_what_rows_say() -> None:
         )
         for data, more in (("own model", 0.0), ("icon", 2.0 if name == "2 at most" else 0.0))
     ]
-    assert "lobes" not in words(rows)
+    assert "lobes" not in paragraphs(rows)
     rows += [row("3 at most", "own model", 6, 31.46), row("3 at most", "icon", 6, 33.5)]
     at_most = (
         "The first lobe is worth +10.0 dB; 2 at most instead of 1: 3.0 times the time, "
         "+1.5 to +3.5 dB; 3 at most instead of 2: 1.0 times the time, 0.0 dB"
     )
-    assert words(rows) == {"lobes": f"{at_most}."}
+    assert paragraphs(rows) == {"lobes": f"{at_most}."}
     rows += [row("2 always", "own model", 9, 31.0), row("2 always", "icon", 9, 33.5)]
     always = "2 always instead of at most: 1.5 times the time, -0.5 to 0.0 dB"
-    assert words(rows) == {"lobes": f"{at_most}; {always}."}
+    assert paragraphs(rows) == {"lobes": f"{at_most}; {always}."}
 
 
 @pytest.mark.parametrize(("loss", "verdict"), [(20.0, "it cannot"), (1.0, "it can")])
@@ -59,7 +59,7 @@ def test_the_sentence_on_views_says_whether_the_claim_holds(loss: float, verdict
         }
         for (count, name), value in decibels.items()
     ]  # fmt: skip
-    text = words(rows)["views"]
+    text = paragraphs(rows)["views"]
     assert f" about 1 dB. Here {verdict}. Against all photographs, for each number" in text
     lost = "1/2 0 dB, 1/4 -1 dB, 1/10 -1 dB, 1/20 -1 dB"
     assert f"choice is best: {lost}, 1/39 -{loss:.0f} dB, 1/100 -30 dB. The surface" in text
@@ -86,7 +86,7 @@ def test_the_advice_says_what_leaving_the_default_gives() -> None:
         for name, both in errors.items()
         for data, error in zip(("own model", "icon"), both, strict=True)
     ]  # fmt: skip
-    many, first, last, default = advice.choice(rows).splitlines()
+    many, first, last, default = recommendations.choice(rows).splitlines()
     assert (
         "come out 6.0 to 10.0 dB nearer, their colours 0.50 to 0.90 ΔE00, normals 0.80 °." in many
     )
@@ -99,7 +99,7 @@ def test_the_advice_says_what_leaving_the_default_gives() -> None:
     assert "takes 0.10 times the time and changes photographs by -2.0 to +1.0 dB." in default
     # Where no data set of both has true normals nothing is said of them.
     alone = [r for r in rows if r["setting"] != "draft" or r["data"] == "icon"]
-    assert "at worst 0.0 dB and 0.00 ΔE00 are lost" in words(alone)["choice"]
+    assert "at worst 0.0 dB and 0.00 ΔE00 are lost" in paragraphs(alone)["choice"]
 
 
 def test_it_is_said_with_how_many_lights_pixels_have_lobes_of_their_own() -> None:
@@ -118,16 +118,16 @@ def test_it_is_said_with_how_many_lights_pixels_have_lobes_of_their_own() -> Non
         for which, values, angle in zip(("", ", one lobe"), both, (0.25, 1.0), strict=True)
         for data, value in zip(("own model", "icon"), values, strict=True)
     ]  # fmt: skip
-    assert words(rows)["enough"] == (
+    assert paragraphs(rows)["enough"] == (
         "With 14 lights or more, spread evenly, lobes of every pixel's own show photographs better "
         "than one lobe does on every data set. Instead of one lobe through the same photographs: "
         "14 lights +1.0 to +3.5 dB, normals -0.75 °; 9 lights -1.0 to +1.0 dB, normals -0.75 °; "
         "6 lights +1.0 dB, normals -0.75 °."
     )
-    few = words([row for row in rows if row["number"] == 9])["enough"]
+    few = paragraphs([row for row in rows if row["number"] == 9])["enough"]
     assert few.startswith("Not even with 9 lights do lobes of every pixel's own show")
     # A record without one lobe of fewer lights says nothing.
-    assert words([row for row in rows if not row["setting"].endswith("one lobe")]) == {}
+    assert paragraphs([row for row in rows if not row["setting"].endswith("one lobe")]) == {}
 
 
 def test_what_a_large_picture_takes_is_told_beside_a_small_one() -> None:
@@ -139,11 +139,11 @@ def test_what_a_large_picture_takes_is_told_beside_a_small_one() -> None:
         for knob, number, both in (("pooling", None, (96.54, 9.0)), ("size", 64, (40.3, 8.0)))
         for name, seconds in zip(("one lobe", "one lobe, by hand"), both, strict=True)
     ]  # fmt: skip
-    assert words(rows) == {
+    assert paragraphs(rows) == {
         "size": "A picture 64 times as large takes, in CPU seconds per megapixel: one lobe 40.3 "
         "instead of 96.5; one lobe, by hand 8.0 instead of 9.0."
     }
-    assert words(rows[:2]) == {}
+    assert paragraphs(rows[:2]) == {}
 
 
 def test_waiting_is_told_in_processor_time() -> None:
@@ -151,7 +151,7 @@ def test_waiting_is_told_in_processor_time() -> None:
         {"knob": "stereo", "data": "icon", "cost": {"cpu": 2.0, "wall": seconds}}
         for seconds in (1.9, 2.3)
     ]
-    assert words(rows) == {
+    assert paragraphs(rows) == {
         "wall": "By the clock on the wall the same fits take 0.95 to 1.15 times their CPU seconds."
     }
 
@@ -177,13 +177,13 @@ def test_peers_that_are_not_beaten_are_named() -> None:
         "beaten:\n\n"
         "* gilded icon, photographs: "
     )
-    assert words(rows)["peers"] == f"{said}*RBF, thin plate*."
-    assert words([rows[0], rows[2]])["peers"] == (
+    assert paragraphs(rows)["peers"] == f"{said}*RBF, thin plate*."
+    assert paragraphs([rows[0], rows[2]])["peers"] == (
         "Every peer is beaten: some fit of ours is at least as cheap and relights at least as "
         "well; 0 of them by a fit that is no worse in decibels and ΔE00 either."
     )
     # Without a fit of ours nobody has been compared with it.
-    assert "peers" not in words(rows[1:])
+    assert "peers" not in paragraphs(rows[1:])
     assert unbeaten(rows[1:]) == []
 
 
@@ -198,14 +198,14 @@ def test_presets_are_compared_with_the_bound() -> None:
         for name, more in {"draft": 1.4, "standard": 1.2, "reference": 1.1}.items()
         for data in ("own model", "icon")
     ]  # fmt: skip
-    assert words(rows) == {
+    assert paragraphs(rows) == {
         "bound": "With all photographs of the simulated paintings, normals (in the mean), widths "
         "and strengths of gloss (in the median) are off by so many times their bounds: "
         '`"draft"` 1.40, 2.10 and 2.80, `"standard"` 1.20, 1.80 and 2.40, `"reference"` 1.10, 1.65 '
         "and 2.20. The bound of a strength knows that varnish has no colour; a fit has to find out."
     }
     # A record of before widths were measured.
-    assert words([{k: v for k, v in row.items() if k != "width"} for row in rows]) == {}
+    assert paragraphs([{k: v for k, v in row.items() if k != "width"} for row in rows]) == {}
 
 
 def test_a_sentence_says_what_precision_is_worth() -> None:
@@ -221,11 +221,11 @@ def test_a_sentence_says_what_precision_is_worth() -> None:
             ("double", 20.0, 41.0, 0.19),
         )
     ]  # fmt: skip
-    assert words(rows) == {
+    assert paragraphs(rows) == {
         "precision": "A last round that goes on in double precision takes 1.20 times the time, and "
         "changes held-out photographs by 0.0 dB, normals by 0.000 °; every search in double "
         "precision takes 2.00 times the time, and changes held-out photographs by +1.0 dB, normals "
         "by -0.010 °."
     }
     # A study of two precisions says nothing of the third.
-    assert words(rows[:2]) == {}
+    assert paragraphs(rows[:2]) == {}

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benches" / "python"))
 import suggestions
 
 
@@ -49,8 +46,8 @@ def test_what_is_missed_is_named() -> None:
         {"stack": "icon", "error met": True, "seconds met": True},
     ]
     rows = [row | {"took": took} for row, took in zip(rows, (2.04, 1.0), strict=True)]
-    assert suggestions.words(rows) == {
+    assert suggestions.sentences(rows) == {
         "missed": "Not kept: error on 64 pixels, 24 lights, satin.",
         "took": "The suggestion itself took 1.0 to 2.0 s.",
     }
-    assert suggestions.words(rows[1:])["missed"] == "It was kept everywhere."
+    assert suggestions.sentences(rows[1:])["missed"] == "It was kept everywhere."

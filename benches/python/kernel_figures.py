@@ -14,8 +14,8 @@ from typing import Any
 
 from record import RESULTS, ROOT
 
-from impasto.study.figures import save
-from impasto.study.panels import BLACK, BLUE, FAINT, GREEN, ORANGE, dress, logarithmic, note, plain
+from study.figures import save
+from study.panels import BLACK, BLUE, FAINT, GREEN, ORANGE, dress, logarithmic, note, plain
 
 Row = dict[str, Any]
 

@@ -31,7 +31,7 @@ def measured() -> dict[str, list[dict[str, Any]]]:
     return found
 
 
-def words(found: dict[str, list[dict[str, Any]]]) -> dict[str, str]:
+def sentences(found: dict[str, list[dict[str, Any]]]) -> dict[str, str]:
     """What the numbers say, for documentation."""
     steps = {(row["precision"], row["steps"]): row for row in found["steps"]}
     most = max(row["steps"] for row in found["steps"])
@@ -63,7 +63,7 @@ def main() -> None:
     if "--record" in sys.argv[1:]:
         found["instructions"] = counted()
         info = run_info("python benches/python/kernels.py --record")
-        write("kernels.json", {"run": info} | found | {"words": words(found)})
+        write("kernels.json", {"run": info} | found | {"sentences": sentences(found)})
 
 
 if __name__ == "__main__":

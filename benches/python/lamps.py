@@ -23,7 +23,7 @@ from record import data_folder, run_info, show, write
 from relighting import FOLDS, psnr
 
 import impasto
-from impasto.study.peers import WEIGHTS
+from study.peers import WEIGHTS
 
 STEP = 3
 PEER = "RBF, thin plate"

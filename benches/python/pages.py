@@ -4,7 +4,8 @@
 
 A table stands between ``<!-- table: FILE KEY; column = Heading; ... -->`` and ``<!-- end -->``:
 rows of benches/results/FILE.json under KEY, the named columns, numbers to three digits or fewer.
-Sentences stand between ``<!-- words: FILE KEY -->`` and ``<!-- end -->``: what is under ``words``.
+Sentences stand between ``<!-- sentences: FILE KEY -->`` and ``<!-- end -->``: what is under
+``sentences``.
 ``tests/test_pages.py`` holds the pages to the files.
 """
 
@@ -18,7 +19,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = re.compile(r"(<!-- table: (\S+) (\S+?);(.*?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
-WORDS = re.compile(r"(<!-- words: (\S+) (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
+SENTENCES = re.compile(r"(<!-- sentences: (\S+) (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def set_tables(page: Path) -> None:
@@ -28,7 +29,7 @@ def set_tables(page: Path) -> None:
 
 def with_tables(text: str) -> str:
     """The page with its tables and sentences as benches/results has them."""
-    text = WORDS.sub(lambda found: found[1] + _words(*found.group(2, 3)) + found[4], text)
+    text = SENTENCES.sub(lambda found: found[1] + _sentences(*found.group(2, 3)) + found[4], text)
     return TABLE.sub(lambda found: found[1] + _table(*found.group(2, 3, 4)) + found[5], text)
 
 
@@ -36,9 +37,9 @@ def _content(file: str) -> Any:
     return json.loads((ROOT / "benches" / "results" / f"{file}.json").read_text("utf-8"))
 
 
-def _words(file: str, key: str) -> str:
+def _sentences(file: str, key: str) -> str:
     # A sentence that a record has no rows for is left out.
-    return f"\n{_content(file)['words'].get(key, '')}\n\n"
+    return f"\n{_content(file)['sentences'].get(key, '')}\n\n"
 
 
 def _table(file: str, key: str, columns: str) -> str:

@@ -18,6 +18,9 @@ import impasto
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "benches" / "results"
 
+# Scripts that are run by name find the recorded study, the package `study`, beside their folder.
+sys.path.insert(1, str(ROOT / "benches"))
+
 
 def data_folder() -> Path:
     """Real photographs and spectra: ``IMPASTO_DATA``, or beside the checkout."""

@@ -2,7 +2,7 @@
 
     python benches/python/reflectance_ladder.py [--data DIR] [--write]
 
-The set-up is that of ``impasto study`` (``impasto.study.pigments``), which sweeps the estimators
+The set-up is that of the recorded study (``benches/study/pigments.py``), which sweeps the estimators
 with the training spectra of colour-science and pigments that it only tests on. Here pigments
 are split: some are learnt from, others tested on.
 Speed is that of whole calls for a megapixel, the least of some rounds in turns.
@@ -24,9 +24,10 @@ import numpy as np
 from record import data_folder, run_info, show, write
 
 from impasto import Training
-from impasto.study import wiener
-from impasto.study.fits import reflectance
-from impasto.study.pigments import (
+from impasto.training import default_training
+from study import wiener_numpy
+from study.fits import reflectance
+from study.pigments import (
     GRID,
     Plate,
     misses,
@@ -35,8 +36,7 @@ from impasto.study.pigments import (
     six_bands,
     spectra_of,
 )
-from impasto.study.settings import ESTIMATORS
-from impasto.training import default_training
+from study.settings import ESTIMATORS
 
 LEARNING = tuple(name for name in ESTIMATORS if name != "linear-model")
 """All but the linear model, which learns no more than its few principal components."""
@@ -91,7 +91,7 @@ def speed(data: Path, pixels: int = 1 << 20) -> list[dict[str, Any]]:
     calls: dict[str, Callable[[], Any]] = {"a copy of six planes": flat.copy}
     for name in ESTIMATORS:
         calls[name] = partial(reflectance, plate, 1, estimator=name)
-    calls[wiener.NAME] = partial(wiener.fit, plate, 1)
+    calls[wiener_numpy.NAME] = partial(wiener_numpy.fit, plate, 1)
     calls["root-polynomial, numpy, no estimator built"] = root_polynomial
     least = dict.fromkeys(calls, math.inf)
     for _ in range(ROUNDS):

@@ -24,7 +24,7 @@ from record import RESULTS, data_folder, run_info, show, write
 import impasto
 from impasto.io import write_jpeg
 from impasto.pictures import contact_sheet, ramp_panel
-from impasto.study.peers import WEIGHTS, robust_lambert
+from study.peers import WEIGHTS, robust_lambert
 
 FOLDS = 6
 OURS = "impasto, one lobe per painting"

@@ -3,7 +3,8 @@
     python benches/python/suggestions.py [--data DIR] [--stacks 20] [--record]
 
 Twenty simulated paintings (seeds, varnishes, reliefs, sizes and lights that neither the study has
-nor the twenty, with seeds from 1000, by which `suggest.SHOWN` was chosen) and the icon. One
+nor the twenty, with seeds from 1000, by which `impasto.study.trials.HELD_OUT` was chosen) and the
+icon. One
 photograph in five is kept from the suggestion and from the fit. Asked is the geometric mean of the
 least and the largest error that the ladder was tried with, then of the least and the largest time:
 neither the first nor the last rung can answer both. The fit that was suggested is then made of the
@@ -26,7 +27,7 @@ from record import data_folder, run_info, show, write
 import impasto
 from impasto import simulate
 from impasto.relighting import full_scale, relative_error
-from impasto.study.specimens import dome
+from study.data_sets import dome
 
 FIRST_SEED, HELD, SLACK, ROUNDS = 2000, 5, 1.15, 3
 VARNISHES = ("patches", "satin", "gloss", "matte")
@@ -117,7 +118,7 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return found
 
 
-def words(rows: list[dict[str, Any]]) -> dict[str, str]:
+def sentences(rows: list[dict[str, Any]]) -> dict[str, str]:
     """Which were not met, and what suggestions took, for documentation."""
     missed = {
         what: [row["stack"].split(": ")[-1] for row in rows if not row[f"{what} met"]]
@@ -147,7 +148,7 @@ def main() -> None:
         info = run_info("python benches/python/suggestions.py --record")
         write(
             "suggestions.json",
-            {"run": info, "rows": rows, "summary": summary(rows), "words": words(rows)},
+            {"run": info, "rows": rows, "summary": summary(rows), "sentences": sentences(rows)},
         )
 
 

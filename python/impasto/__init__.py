@@ -34,7 +34,7 @@ from impasto.rig import DistantLight, PointLight, Rig
 from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status
-from impasto.suggest import Suggestion, suggest_effort
+from impasto.study.suggestion import Suggestion, suggest_effort
 from impasto.training import Training
 
 __all__ = [

@@ -100,7 +100,7 @@ PRESETS: dict[str, Effort] = {
     "standard": Effort(),
     "reference": Effort(pixels=1 << 18, start="table"),
 }
-"""What ``impasto.study.presets.derived`` makes of the study that is recorded."""
+"""Derived from the recorded study by ``python benches/study --presets``."""
 
 
 def resolved(effort: EffortLike) -> Effort:

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from impasto.effort import Effort
-from impasto.study import front as fronts
-from impasto.study import minpack
-from impasto.study.excess import BAD
-from impasto.study.front import ERROR, Row, knee
-from impasto.study.tables import (
+from impasto.study.pareto_front import knee, pareto_front
+from impasto.wording import counted
+from study import minpack
+from study.candidates import ERROR, Row
+from study.excess_cost import BAD
+from study.tables import (
     SETS,
     fits_of,
     front_of,
@@ -19,7 +20,6 @@ from impasto.study.tables import (
     preset_rows,
     searched_in,
 )
-from impasto.wording import counted
 
 # Okabe and Ito 2008: told apart by colour-blind readers, and in grey by their lightness.
 BLUE, ORANGE, GREEN, BLACK = "#0072b2", "#d55e00", "#009e73", "#202020"
@@ -240,7 +240,7 @@ def reflectance(axes: Any, found: Row, data: str) -> None:
     rows = [row for row in of_knob(found["rows"], "reflectance") if row["data"] == data]
     ours = [row for row in rows if row["options"]]
     places = [(1e3 * row["cost"]["cpu"], row["error"]["colour"]) for row in ours]
-    corners = [places[i] for i in fronts.front(places)]
+    corners = [places[i] for i in pareto_front(places)]
     axes.plot(*zip(*corners, strict=True), color=BLUE, lw=1.3, zorder=2, label="front")
     axes.plot(*zip(*places, strict=True), "o", ms=5, color=BLUE, ls="", label="estimators of ours")
     for row, at in zip(ours, places, strict=True):

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 
 from impasto.effort import PRESETS, Effort
-from impasto.study.front import BEST, Row, Rung, chosen, rungs, sparing
 from impasto.wording import counted
+from study.candidates import BEST, Candidate, Row, candidates_of, chosen, sparing
 
 PIXELS = {"draft": 1 << 12, "standard": 1 << 16, "reference": 1 << 18}
 """Sixty thousand pixels know the painting's beta and gamma to a thousandth, a sixteenth of them to
@@ -55,7 +55,7 @@ def derived(rows: Iterable[Row]) -> dict[str, Effort]:
     root of the pixels that it is looked for among (:data:`PIXELS`).
     """
     grid = chosen(_grid(rows))
-    return {name: effort_of(rung.options, PIXELS[name]) for name, rung in grid.items()}
+    return {name: effort_of(candidate.options, PIXELS[name]) for name, candidate in grid.items()}
 
 
 def effort_of(options: Row, pixels: int) -> Effort:
@@ -99,10 +99,10 @@ def checked(rows: Iterable[Row], presets: Mapping[str, Effort] = PRESETS) -> lis
     """
     rows = list(rows)
     grid = _grid(rows)
-    own = {name: _rung(grid, name, effort) for name, effort in presets.items()}
+    own = {name: _candidate(grid, name, effort) for name, effort in presets.items()}
     draft, standard, reference = own["draft"], own["standard"], own["reference"]
-    best, surest = (min(some, key=lambda rung: rung.error) for some in (grid, sparing(grid)))
-    shown = min(grid, key=lambda rung: rung.shown)
+    best, surest = (min(some, key=lambda c: c.error) for some in (grid, sparing(grid)))
+    shown = min(grid, key=lambda candidate: candidate.shown)
     everywhere = {row["data"] for row in rows if row["knob"] == "effort"}
     # That nothing is ambient is so of what is simulated: no preset can know it.
     fair = [
@@ -110,7 +110,7 @@ def checked(rows: Iterable[Row], presets: Mapping[str, Effort] = PRESETS) -> lis
         for row in rows
         if row["knob"] in FAIR and row["data"] in everywhere and "ambient" not in row["options"]
     ]
-    others = rungs(fair)
+    others = candidates_of(fair)
     better, fast = _better(others, standard), _as_fast(others, draft)
     return [
         Check(
@@ -162,40 +162,45 @@ def explained(rows: Iterable[Row]) -> str:
     return "\n".join(lines)
 
 
-def _grid(rows: Iterable[Row]) -> list[Rung]:
-    return rungs(row for row in rows if row["knob"] == "effort")
+def _grid(rows: Iterable[Row]) -> list[Candidate]:
+    return candidates_of(row for row in rows if row["knob"] == "effort")
 
 
-def _rung(grid: list[Rung], name: str, effort: Effort) -> Rung:
-    for rung in grid:
-        if effort_of(rung.options, effort.pixels) == effort:
-            return rung
+def _candidate(grid: list[Candidate], name: str, effort: Effort) -> Candidate:
+    for candidate in grid:
+        if effort_of(candidate.options, effort.pixels) == effort:
+            return candidate
     raise KeyError(name)
 
 
-def _above(error: float, least: float, best: Rung) -> str:
+def _above(error: float, least: float, best: Candidate) -> str:
     if error <= least:
         return "nothing is better"
     return f"{100.0 * (error / least - 1.0):.1f} % above {best.setting}"
 
 
-def _better(others: list[Rung], rung: Rung) -> list[Rung]:
+def _better(others: list[Candidate], candidate: Candidate) -> list[Candidate]:
     share = 1.0 - SAME
     return [
-        o for o in others if o.seconds < share * rung.seconds and o.error < share * rung.error
+        o
+        for o in others
+        if o.seconds < share * candidate.seconds and o.error < share * candidate.error
     ]  # fmt: skip
 
 
-def _as_fast(others: list[Rung], rung: Rung) -> list[Rung]:
+def _as_fast(others: list[Candidate], candidate: Candidate) -> list[Candidate]:
     share = 1.0 - SAME
-    return [o for o in others if o.seconds <= rung.seconds and o.error < share * rung.error]
+    return [
+        o for o in others if o.seconds <= candidate.seconds and o.error < share * candidate.error
+    ]
 
 
-def _said(better: list[Rung], rung: Rung) -> str:
+def _said(better: list[Candidate], candidate: Candidate) -> str:
     if not better:
         return "nothing is"
     most = min(better, key=lambda other: other.error)
     time, error = (
-        100.0 * (1.0 - a / b) for a, b in ((most.seconds, rung.seconds), (most.error, rung.error))
+        100.0 * (1.0 - a / b)
+        for a, b in ((most.seconds, candidate.seconds), (most.error, candidate.error))
     )
     return f"{most.setting} takes {time:.0f} % less, is off by {error:.0f} % less"

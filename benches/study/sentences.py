@@ -9,23 +9,23 @@ from typing import Any, get_args
 import numpy as np
 
 from impasto.effort import PRESETS, Effort, Origin
-from impasto.study import wiener
-from impasto.study.advice import choice, enough
-from impasto.study.agreement import TENTH, apart
-from impasto.study.choices import CHOICES
-from impasto.study.excess import PRECISIONS, STEPS
-from impasto.study.front import Row
-from impasto.study.phrases import between, by_data, differences, levels, named, ratio, share, span
-from impasto.study.presets import checked, grid_name
-from impasto.study.tables import SETS, beaten, compared, of_knob, preset_rows, searched_in, unbeaten
 from impasto.wording import counted
+from study import wiener_numpy
+from study.candidates import Row
+from study.excess_cost import PRECISIONS, STEPS
+from study.formatting import between, by_data, differences, levels, named, ratio, share, span
+from study.presets import checked, grid_name
+from study.recommendations import choice, enough
+from study.repeatability import TENTH, apart
+from study.tables import SETS, beaten, compared, of_knob, preset_rows, searched_in, unbeaten
+from study.treatments import SELECTIONS
 
 VIEWS = "770 views"
 CUT = 39
 """How many times fewer photographs Heuberger speaks of, at least: some forty."""
 
 
-def words(rows: Sequence[Row]) -> dict[str, str]:
+def paragraphs(rows: Sequence[Row]) -> dict[str, str]:
     """Paragraphs by their names; those that a study has rows for."""
     made = {}
     for sentence in SENTENCES:
@@ -52,7 +52,7 @@ def photographs(rows: Sequence[Row]) -> str:
     lines = []
     for count in (24, 14, 9):
         losses = {}
-        for kind in CHOICES:
+        for kind in SELECTIONS:
             some = levels(rows, "lights", f"{count} {kind}", "psnr")
             losses[kind] = float(np.mean([every[data] - some[data] for data in every]))
         lines.append(
@@ -272,7 +272,7 @@ def reflectance(rows: Sequence[Row]) -> str:
     if not lines:
         raise ValueError
     said = f"Instead of Wiener's estimate {'; '.join(lines)}."
-    if product := by_data(rows, "reflectance", wiener.NAME):
+    if product := by_data(rows, "reflectance", wiener_numpy.NAME):
         off = max(abs(value) for value in differences(product, usual, "colour"))
         said += (
             f" Wiener's by one product of numpy's takes {ratio(product, usual):.1f} times the time "
@@ -367,8 +367,8 @@ def again(rows: Sequence[Row]) -> str:
         f"Of the {len(pairs)} ratios of any two fits of a data set "
         f"{100.0 * float((pairs <= TENTH).mean()):.1f} % are within a tenth. Costs are thought "
         f"to be known to {100.0 * float(np.median(doubts)):.1f} % (standard error, the median; "
-        f"{100.0 * max(doubts):.1f} % at most), after {min(row['turns'] for row in rows)} to "
-        f"{max(row['turns'] for row in rows)} turns of the first run."
+        f"{100.0 * max(doubts):.1f} % at most), after {min(row['timings'] for row in rows)} to "
+        f"{max(row['timings'] for row in rows)} timings of the first run."
     )
 
 

@@ -17,9 +17,9 @@ from impasto.simulate import capture, painting
 from impasto.simulate import rig as rig_named
 from impasto.simulate.photography import Model, Truth
 from impasto.stack import Stack
-from impasto.study import pigments
-from impasto.study.materials import MODELS, forward_of
-from impasto.study.record import digest
+from study import pigments
+from study.journal import digest
+from study.materials import MODELS, forward_of
 
 LIGHTS = 60
 """Of the simulated dome; one in five is held out."""
@@ -32,7 +32,7 @@ FEWEST_VIEWS = 11
 
 
 @dataclass(frozen=True, eq=False)
-class Specimen:
+class PaintingData:
     """One painting of a data set, or a part of one.
 
     Attributes
@@ -70,7 +70,7 @@ class Specimen:
         return self.stack.shape[2] * self.stack.shape[3] / 1e6
 
 
-Paintings: TypeAlias = tuple[Specimen, ...]
+Paintings: TypeAlias = tuple[PaintingData, ...]
 """A data set: paintings under the same lights."""
 
 
@@ -136,7 +136,7 @@ def _simulated(recipe: Recipe, sizes: Sizes, seed: int, folder: Path | None) -> 
     return tuple(_painted(recipe, sizes, number, folder) for number in seeds)
 
 
-def _painted(recipe: Recipe, sizes: Sizes, seed: int, folder: Path | None) -> Specimen:
+def _painted(recipe: Recipe, sizes: Sizes, seed: int, folder: Path | None) -> PaintingData:
     size = sizes.views if recipe.views else sizes.painting
     forward = None
     if recipe.needs and folder is not None:
@@ -154,7 +154,7 @@ def _painted(recipe: Recipe, sizes: Sizes, seed: int, folder: Path | None) -> Sp
         scene, rig.take(held), "rgb", model=model, forward=forward, shadows=shadows,
         noise=False, bits=None, clip=False,
     ).stack  # fmt: skip
-    return Specimen(
+    return PaintingData(
         recipe.name, photographs.stack, truth.rig,
         np.array([truth.linear(i) for i in range(len(truth.rig))]),
         photographs.truth.exposure, photographs.truth.normal,
@@ -177,7 +177,7 @@ def _icon(recipe: Recipe, sizes: Sizes, seed: int, folder: Path | None) -> Paint
     places = [divmod(number, across) for number in range(sizes.paintings)]
     windows = [_window(stack.shape[2:], sizes.icon, place, across) for place in places]
     return tuple(
-        Specimen(
+        PaintingData(
             recipe.name, fitted._replace(samples=np.ascontiguousarray(fitted.samples[window])),
             shown.rig, light[window], 1.0, None,
         )
@@ -234,7 +234,7 @@ def _absent(recipe: Recipe, folder: Path | None) -> list[str]:
     return [name for name in recipe.needs if folder is None or not (folder / name).is_file()]
 
 
-def specimens(
+def available(
     sizes: Sizes, seed: int, folder: Path | None
 ) -> tuple[dict[str, Callable[[], tuple[Any, ...]]], dict[str, str]]:
     """What can be made, to be made when it is wanted; and why the rest cannot.
@@ -252,7 +252,7 @@ def specimens(
     -------
     tuple
         What makes each data set (:data:`Paintings`, of pigments one
-        :class:`~impasto.study.pigments.Swatches`); the reasons by name.
+        :class:`~study.pigments.Swatches`); the reasons by name.
     """
     if folder is not None and not folder.is_dir():
         raise ArgumentError(f"data: there is no folder {folder}")

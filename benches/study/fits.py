@@ -16,9 +16,9 @@ from impasto.fit.normals import Method, Normals
 from impasto.fit.reflectance import Estimator, Reflectance
 from impasto.rig import Rig
 from impasto.stack import Stack
-from impasto.study.measure import Fitted
-from impasto.study.pigments import GRID, NOISE, Plate
 from impasto.training import Training
+from study.held_out_error import Fitted
+from study.pigments import GRID, NOISE, Plate
 
 
 def sbrdf(stack: Stack, threads: int | None, **options: Any) -> Fitted:

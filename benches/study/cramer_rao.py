@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from impasto.rig import Rig
 from impasto.simulate.photography import Noise, Truth
-from impasto.study.minpack import base_of, radiance
+from study.minpack import base_of, radiance
 
 STRIDE = 6
 """Every so many pixels: the bound is a mean over the painting."""

@@ -13,10 +13,10 @@ from impasto.fit.normals import fit_normals
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.relighting import full_scale, relative_error
 from impasto.stack import Stack
-from impasto.study.parts import TooFewError
 from impasto.thinning import thinned
+from study.subsets import TooFewError
 
-CHOICES = ("random", "spread", "best")
+SELECTIONS = ("random", "spread", "best")
 SORTS = ("8-bit linear", "8-bit sRGB", "12-bit linear", "16-bit linear", "float16", "float32")
 TRIES = 64
 """Exchanges of a photograph for another that the best subset is looked for by."""

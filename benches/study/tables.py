@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from impasto.effort import PRESETS
-from impasto.study import front, minpack, presets
-from impasto.study.excess import PRECISIONS
-from impasto.study.front import ERROR, Row
+from impasto.study.pareto_front import pareto_front
+from study import minpack, presets
+from study.candidates import ERROR, Row, candidates_of
+from study.excess_cost import PRECISIONS
 
 SETS = {
     "own model": "simulated, our model",
@@ -74,7 +75,7 @@ def points(rows: Sequence[Row]) -> list[tuple[float, float]]:
 def front_of(rows: Sequence[Row], data: str) -> list[Row]:
     """Rows that no other fit of a data set beats in both time and error."""
     fits = fits_of(rows, data)
-    return [fits[i] for i in front.front(points(fits))]
+    return [fits[i] for i in pareto_front(points(fits))]
 
 
 def _best(rows: Sequence[Row]) -> list[Row]:
@@ -252,7 +253,7 @@ def _halving(rows: Sequence[Row]) -> list[Row]:
     asked = [row for row in of_knob(rows, "effort", "pooling") if row["data"] in everywhere]
     for row in asked:
         found.setdefault(row["setting"], {})[row["data"]] = row
-    rungs = front.rungs(asked)
+    rungs = candidates_of(asked)
     lines = []
     for name in PRESETS:
         own = next((r for r in rungs if presets.preset_of(r.options) == name), None)

@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 
 import impasto
 from impasto.stack import Stack
-from impasto.study.specimens import Sizes, specimens
-from impasto.study.turns import Turn
+from study.data_sets import Sizes, available
+from study.timing import Timing
 
 T = TypeVar("T")
 
 EDGE = 24
-"""Pixels of the yardstick: some ten milliseconds, for which a machine's speed lasts."""
+"""Pixels of the reference fit: some ten milliseconds, for which a machine's speed lasts."""
 ENOUGH = 0.04
-"""CPU seconds that the runs of one turn take together, at least: fits of milliseconds run often."""
+"""CPU seconds of the runs of one timing together, at least: fits of milliseconds run often."""
 SIDE = 0.02
-"""CPU seconds of the yardstick on either side of them, at least: a single run of it scatters more
+"""CPU seconds of the reference fit on either side of them, at least: single runs of it scatter more
 than the fits do."""
 
 
-class Yardstick:
+class ReferenceFit:
     """A fixed fit of lobes to a small painting, always the same.
 
     Parameters
@@ -44,21 +44,21 @@ class Yardstick:
     def _fit(self) -> None:
         impasto.fit_sbrdf(self._stack, pooling="pixel", threads=self._threads)
 
-    def beside(self, fit: Callable[[], T], megapixels: float) -> tuple[T, Turn]:
-        """Run a fit, a short one some times: its result, and one turn.
+    def beside(self, fit: Callable[[], T], megapixels: float) -> tuple[T, Timing]:
+        """Run a fit, a short one several times: its result, and one timing.
 
-        The turn of a short fit is the least of its runs: in the others another process has had the
-        processor, and left nothing in its caches.
+        The timing of a short fit is the fastest of its runs: in the others another process had the
+        processor and evicted the caches.
         """
         before = self._side()
         marks = [_clocks()]
         while marks[-1][0] - marks[0][0] < ENOUGH:
             result = fit()
             marks.append(_clocks())
-        yard = (before + self._side()) / 2.0
+        beside = (before + self._side()) / 2.0
         cpu, wall = np.diff(marks, axis=0).min(axis=0) / megapixels
         runs = len(marks) - 1
-        return result, Turn(float(cpu), float(wall), float(yard[0]), float(yard[1]), runs)
+        return result, Timing(float(cpu), float(wall), float(beside[0]), float(beside[1]), runs)
 
     def _side(self) -> NDArray[np.float64]:
         """CPU and wall seconds of a run, in the mean of some."""
@@ -73,7 +73,7 @@ class Yardstick:
 
 @cache
 def _photographs() -> Stack:
-    made, _ = specimens(Sizes(painting=EDGE, paintings=1), 0, None)
+    made, _ = available(Sizes(painting=EDGE, paintings=1), 0, None)
     stack: Stack = made["own model"]()[0].stack
     return stack
 

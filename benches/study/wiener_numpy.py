@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.colour.wavelengths import Floats
-from impasto.study.pigments import GRID, NOISE, Plate
 from impasto.training import default_training
+from study.pigments import GRID, NOISE, Plate
 
 NAME = "wiener, numpy"
 

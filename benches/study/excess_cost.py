@@ -22,9 +22,9 @@ from impasto.effort import Effort, Precision
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import Normals, fit_normals
 from impasto.stack import Stack
-from impasto.study import fits
-from impasto.study.minpack import START, Sight, base_of, tilted
-from impasto.study.parts import TooFewError
+from study import fits
+from study.minpack import START, Sight, base_of, tilted
+from study.subsets import TooFewError
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ def leasts_of(stack: Stack, threads: int | None = None) -> Leasts:
     """The least cost of every pixel that is known, from two starts.
 
     MINPACK goes on where our most thorough searches end, in single or in double precision, from
-    the better of the two; and it starts where the peer of :mod:`impasto.study.minpack` does, at
+    the better of the two; and it starts where the peer of :mod:`study.minpack` does, at
     the normal of photometric stereo. Whichever ends lower.
 
     Parameters

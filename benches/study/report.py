@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from impasto.io.files import atomic_bytes
-from impasto.study.tables import markdown, tables
-from impasto.study.words import words
+from study.sentences import paragraphs
+from study.tables import markdown, tables
 
 TITLES = {
     "summary": "In the mean of the data sets with one view",
@@ -78,7 +78,7 @@ def write(found: dict[str, Any], out: str | Path, *, figures: bool = True) -> li
     Parameters
     ----------
     found
-        What :func:`impasto.study.run` returned.
+        What :func:`study.run` returned.
     out
         A folder that is there.
     figures
@@ -92,8 +92,8 @@ def write(found: dict[str, Any], out: str | Path, *, figures: bool = True) -> li
     out = Path(out)
     made = tables(found["rows"])
     whole = out / "study.json"
-    said = words(found["rows"])
-    text = json.dumps(found | made | {"words": said}, indent=1, allow_nan=False) + "\n"
+    said = paragraphs(found["rows"])
+    text = json.dumps(found | made | {"sentences": said}, indent=1, allow_nan=False) + "\n"
     atomic_bytes(whole, text.encode("utf-8"))
     page = out / "study.md"
     parts = [f"## {HEADS[name]}\n\n{_unlinked(said[name])}\n" for name in said]
@@ -102,7 +102,7 @@ def write(found: dict[str, Any], out: str | Path, *, figures: bool = True) -> li
     atomic_bytes(page, text.encode("utf-8"))
     written = [whole, page]
     if figures:
-        from impasto.study.figures import draw
+        from study.figures import draw
 
         written += draw(found, out)
     return written

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from impasto.errors import ArgumentError
-from impasto.study.front import Row
-from impasto.study.record import CLOCKS, TERMS, key_of
+from study.candidates import Row
+from study.journal import CLOCKS, TERMS, key_of
 
 TENTH = 0.1
 """What ratios of two costs may differ by from run to run."""
@@ -30,7 +30,7 @@ def beside(first: dict[str, Any], second: dict[str, Any]) -> list[Row]:
     Parameters
     ----------
     first, second
-        What :func:`impasto.study.run` returned, in two processes.
+        What :func:`study.run` returned, in two processes.
 
     Returns
     -------

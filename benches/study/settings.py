@@ -12,12 +12,12 @@ import numpy as np
 from impasto.effort import PRESETS, Effort, Origin, Precision
 from impasto.fit.normals import Method
 from impasto.fit.reflectance import Estimator
-from impasto.study import choices, excess, fits, minpack, parts, peers, wiener
-from impasto.study.measure import compared
-from impasto.study.pigments import missed
-from impasto.study.presets import grid_name, preset_of
-from impasto.study.specimens import PIGMENTS
 from impasto.wording import counted
+from study import excess_cost, fits, minpack, peers, subsets, treatments, wiener_numpy
+from study.data_sets import PIGMENTS
+from study.held_out_error import compared
+from study.pigments import missed
+from study.presets import grid_name, preset_of
 
 Fit: TypeAlias = Callable[[Any, int | None], Any]
 Prepare: TypeAlias = Callable[[Any, int], Any]
@@ -75,10 +75,10 @@ class Setting:
     name: str
     fit: Fit
     on: tuple[str, ...]
-    prepare: Prepare = choices.everything
+    prepare: Prepare = treatments.everything
     options: dict[str, Any] = field(default_factory=dict)
     number: float | None = None
-    part: Part = parts.whole
+    part: Part = subsets.whole
     judge: Judge = compared
 
     @property
@@ -126,24 +126,24 @@ def _all() -> Iterator[Setting]:
     yield from _lobes()
     yield from _photographs()
     yield from _reflectances()
-    for sort in choices.SORTS:
-        prepare = partial(choices.recoded, sort=sort)
+    for sort in treatments.SORTS:
+        prepare = partial(treatments.recoded, sort=sort)
         yield _sbrdf("bits", sort, SIMULATED, **PER_PIXEL, prepare=prepare)
     for method in get_args(Method):
         yield Setting("normals", method, partial(fits.lambert, method=method), ONE_VIEW)
         yield _sbrdf("starts", method, ONE_VIEW, **PER_PIXEL, normals=method)
     for name, fit in peers.PEERS.items():
         yield Setting("peer", name, fit, ONE_VIEW)
-    some = partial(parts.strided, stride=minpack.STRIDE)
+    some = partial(subsets.strided, stride=minpack.STRIDE)
     yield Setting("peer", minpack.NAME, minpack.fit, ONE_VIEW, part=some)
     # What is so far apart is no picture: no pixel starts from what others found.
     alone: dict[str, Any] = {**PER_PIXEL, "effort": PRESETS["reference"], "part": some}
     yield _sbrdf("sample", "ours, MINPACK's pixels", ONE_VIEW, **alone)
     one = "ours, one lobe, MINPACK's pixels"
     yield _sbrdf("sample", one, ONE_VIEW, **alone, lobes=1, ambient=False)
-    for precision in excess.PRECISIONS:
-        for steps in excess.STEPS:
-            search = partial(fits.search, effort=excess.effort_of(precision, steps))
+    for precision in excess_cost.PRECISIONS:
+        for steps in excess_cost.STEPS:
+            search = partial(fits.search, effort=excess_cost.effort_of(precision, steps))
             name = f"{precision}, {counted(steps, 'step')}"
             yield Setting("search", name, search, ONE_VIEW, number=steps, part=some)
 
@@ -161,7 +161,7 @@ def _efforts() -> Iterator[Setting]:
     yield _sbrdf("pooling", "one lobe, as the papers have it", ONE_VIEW, joint=False)
     yield _sbrdf("pooling", ONE_LOBE, ONE_VIEW)
     yield _sbrdf("pooling", "Lafortune", (VIEWS,), model="lafortune")
-    large: dict[str, Any] = {"part": partial(parts.repeated, times=LARGE), "number": LARGE**2}
+    large: dict[str, Any] = {"part": partial(subsets.repeated, times=LARGE), "number": LARGE**2}
     yield _sbrdf("size", "one lobe, as the papers have it", SIMULATED[:1], joint=False, **large)
     yield _sbrdf("size", ONE_LOBE, SIMULATED[:1], **large)
     for preset, effort in PRESETS.items():
@@ -191,25 +191,25 @@ def _lobes() -> Iterator[Setting]:
         yield Setting("lobes", f"{lobes} always", always, ONE_VIEW, number=lobes)
     yield _sbrdf("lobes", "2 at most, no ambient light", ONE_VIEW, **PER_PIXEL, ambient=False)
     for count, name in enumerate(("no lobe", "one lobe", "two lobes")):
-        part = partial(parts.alike, lobes=count)
+        part = partial(subsets.alike, lobes=count)
         yield _sbrdf("classes", name, ONE_VIEW, **PER_PIXEL, part=part, number=count)
 
 
 def _photographs() -> Iterator[Setting]:
-    for choice in choices.CHOICES:
+    for choice in treatments.SELECTIONS:
         for count in COUNTS:
             yield _sbrdf(
                 "lights", f"{count} {choice}", ONE_VIEW, **PER_PIXEL, number=count,
-                prepare=partial(choices.fewer, count=count, choice=choice),
+                prepare=partial(treatments.fewer, count=count, choice=choice),
             )  # fmt: skip
         for count in VIEW_COUNTS:
             yield _sbrdf(
                 "views", f"{count} {choice}", (VIEWS,), model="lafortune", number=count,
-                prepare=partial(choices.fewer, count=count, choice=choice),
+                prepare=partial(treatments.fewer, count=count, choice=choice),
             )  # fmt: skip
     # With how few lights what comes without asking is the better fit.
     for count in COUNTS:
-        fewer = partial(choices.fewer, count=count, choice="spread")
+        fewer = partial(treatments.fewer, count=count, choice="spread")
         name = f"{count} spread, {ONE_LOBE}"
         yield _sbrdf("lights", name, ONE_VIEW, number=count, prepare=fewer)
     for count, on in LIGHTS.items():
@@ -224,4 +224,4 @@ def _reflectances() -> Iterator[Setting]:
             "reflectance", estimator, partial(fits.reflectance, estimator=estimator), PIGMENTS,
             options={"estimator": estimator}, judge=missed,
         )  # fmt: skip
-    yield Setting("reflectance", wiener.NAME, wiener.fit, PIGMENTS, judge=missed)
+    yield Setting("reflectance", wiener_numpy.NAME, wiener_numpy.fit, PIGMENTS, judge=missed)

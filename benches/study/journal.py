@@ -3,7 +3,7 @@
 A journal has sections. Each begins with a head: what its runs have in common. A study that goes on
 under what changes its times (another machine, other threads) opens a section of its own and times
 everything anew; back on the first machine it goes on in the sections of that one. The first line of
-a run says all of it, each of the others what one more turn took.
+a run says all of it, each of the others what one more timing took.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ import numpy as np
 from impasto import _core
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_bytes
-from impasto.study.turns import Turn, pace, steadiness, unit, unsure
+from study.timing import Timing, pace, steadiness, uncertain, unit
 
-SCHEMA = 4
+SCHEMA = 5
 RUNS = "runs.jsonl"
 
 TERMS = ("commit", "impasto", "seed", "quick", "sizes")
@@ -177,7 +177,7 @@ class Journal:
             raise CorruptInputError(self.path, "is no journal of a study that this version knows")
         self.head = head or heads[-1]
         self.runs: dict[tuple[str, str, str], dict[str, Any]] = {}
-        self._turns: dict[tuple[str, str, str], list[Turn]] = {}
+        self._timings: dict[tuple[str, str, str], list[Timing]] = {}
         alike = False
         for number, line in enumerate(lines):
             try:
@@ -199,37 +199,39 @@ class Journal:
     def found(self) -> dict[str, Any]:
         """``run``, ``missing``, ``skipped`` and ``failed`` (settings and why), ``rows``."""
         rows = list(self.runs.values())
-        every = [turn for turns in self._turns.values() for turn in turns]
+        every = [timing for timings in self._timings.values() for timing in timings]
         seconds = unit(every) if every else {}
         return {
-            "run": self.head["run"] | ({"yardstick": steadiness(every)} if every else {}),
+            "run": self.head["run"] | ({"reference fit": steadiness(every)} if every else {}),
             "missing": self.head["missing"],
             "skipped": sorted({f"{r['setting']}: {r['skipped']}" for r in rows if "skipped" in r}),
             "failed": sorted(
                 {f"{r['setting']} on {r['data']}: {r['failed']}" for r in rows if "failed" in r}
             ),
-            "rows": [self._row(row, seconds) for row in rows if "turn" in row],
+            "rows": [self._row(row, seconds) for row in rows if "timing" in row],
         }
 
     def _row(self, run: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
-        """A run with what it cost, how far that is sure, and after how many turns."""
-        turns = self._turns[key_of(run)]
-        paces = {kind: pace(turns, kind) for kind in seconds}
+        """A run with what it cost, how far that is sure, and after how many timings."""
+        timings = self._timings[key_of(run)]
+        paces = {kind: pace(timings, kind) for kind in seconds}
         cost = {kind: paces[kind][0] * seconds[kind] for kind in seconds}
-        doubt = paces["cpu"][1] if len(turns) > 1 else None
-        row = {"cost": cost, "doubt": doubt, "turns": len(turns)}
-        return {name: run[name] for name in run if name != "turn"} | row
+        doubt = paces["cpu"][1] if len(timings) > 1 else None
+        row = {"cost": cost, "doubt": doubt, "timings": len(timings)}
+        return {name: run[name] for name in run if name != "timing"} | row
 
-    def turns(self, run: dict[str, Any]) -> int:
-        """How often a run was timed; whatever is left out for a reason has had all its turns."""
+    def timings(self, run: dict[str, Any]) -> int:
+        """How often a run was timed; whatever is left out for a reason has had all its timings."""
         key = key_of(run)
-        return sys.maxsize if "skipped" in self.runs.get(key, {}) else len(self._turns.get(key, ()))
+        return (
+            sys.maxsize if "skipped" in self.runs.get(key, {}) else len(self._timings.get(key, ()))
+        )
 
     def wants(self, run: dict[str, Any], repeats: int, *, surely: bool) -> bool:
         """Whether a run is to be timed once more: until it is sure, else ``repeats`` times."""
-        taken = self._turns.get(key_of(run), [])
-        more = unsure(taken, repeats) if surely else len(taken) < repeats
-        return more and self.turns(run) < sys.maxsize
+        taken = self._timings.get(key_of(run), [])
+        more = uncertain(taken, repeats) if surely else len(taken) < repeats
+        return more and self.timings(run) < sys.maxsize
 
     def _lines(self) -> Iterator[dict[str, Any]]:
         lines = self.path.read_text(encoding="utf-8", errors="replace").splitlines()
@@ -258,10 +260,10 @@ class Journal:
     def _note(self, run: dict[str, Any]) -> None:
         key = key_of(run)
         if "again" in run:
-            self._turns[key].append(Turn(**run["again"]))
+            self._timings[key].append(Timing(**run["again"]))
         else:
             self.runs[key] = run
-            self._turns[key] = [Turn(**run["turn"])] if "turn" in run else []
+            self._timings[key] = [Timing(**run["timing"])] if "timing" in run else []
 
 
 def _under(head: dict[str, Any], terms: Sequence[str]) -> list[Any]:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from impasto.fit.sbrdf import fit_sbrdf
-from impasto.study.specimens import Paintings, Specimen
 from impasto.thinning import every, thinned
+from study.data_sets import PaintingData, Paintings
 
 WIDTH = 32
 """Pixels of a class stand in rows of so many."""
@@ -28,7 +28,7 @@ def strided(paintings: Paintings, *, stride: int) -> Paintings:
     return tuple(_strided(painting, stride) for painting in paintings)
 
 
-def _strided(specimen: Specimen, stride: int) -> Specimen:
+def _strided(specimen: PaintingData, stride: int) -> PaintingData:
     normal = specimen.normal
     window = every(specimen.stack.shape[2:], stride)
     return replace(

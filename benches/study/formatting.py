@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from impasto.study.front import Row
-from impasto.study.tables import of_knob, preset_rows
+from study.candidates import Row
+from study.tables import of_knob, preset_rows
 
 
 def named(rows: Sequence[Row]) -> dict[str, dict[str, Row]]:

@@ -7,9 +7,9 @@ from itertools import takewhile
 
 import numpy as np
 
-from impasto.study.front import Row
-from impasto.study.phrases import between, by_data, differences, named, ratio, span
-from impasto.study.tables import of_knob
+from study.candidates import Row
+from study.formatting import between, by_data, differences, named, ratio, span
+from study.tables import of_knob
 
 GAINS = (("psnr", 1.0, "dB", 1), ("colour", -1.0, "ΔE00", 2), ("normal", -1.0, "°", 2))
 """What is said of a fit: the error, its sign where more is better, unit and digits."""

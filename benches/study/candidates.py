@@ -1,4 +1,4 @@
-"""The front of time against error, its knee, and what makes a preset of a rung."""
+"""Candidates for presets: settings over all data sets, and which of them become presets."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
+
+from impasto.study.pareto_front import knee, pareto_front
 
 Row: TypeAlias = dict[str, Any]
 
@@ -31,33 +33,8 @@ DRAFT = 1 / 8
 """Share of the time of ``standard`` that ``draft`` may take, where anything keeps to it."""
 
 
-def front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Numbers of the points that no other beats in both coordinates, the cheapest first."""
-    best = float("inf")
-    kept = []
-    for index in sorted(range(len(points)), key=lambda i: points[i]):
-        if points[index][1] < best:
-            best = points[index][1]
-            kept.append(index)
-    return kept
-
-
-def knee(points: Sequence[tuple[float, float]]) -> int:
-    """Number of the point farthest below the chord of a front, on logarithmic axes.
-
-    Before it a little time buys much; behind it much time buys little.
-    """
-    logs = np.log(np.asarray(points, dtype=np.float64))
-    span = logs[-1] - logs[0]
-    if len(points) < 3 or not (span[0] > 0.0 and span[1] < 0.0):
-        return len(points) - 1
-    along = (logs - logs[0]) / span
-    # Both run from 0 to 1: how much of the gain is had, less how much of the time is spent.
-    return int((along[:, 1] - along[:, 0]).argmax())
-
-
 @dataclass(frozen=True, slots=True)
-class Rung:
+class Candidate:
     """A setting over all data sets.
 
     Attributes
@@ -67,7 +44,7 @@ class Rung:
     seconds
         Geometric mean of CPU seconds per megapixel.
     error, shown
-        :func:`score` of all that is judged, and of held-out photographs alone.
+        :func:`combined_error` of all that is judged, and of held-out photographs alone.
     flagged
         Mean share of the pixels that are flagged.
     """
@@ -80,19 +57,19 @@ class Rung:
     flagged: float = 0.0
 
 
-def rungs(rows: Iterable[Row]) -> list[Rung]:
+def candidates_of(rows: Iterable[Row]) -> list[Candidate]:
     """Settings of some rows that were measured on every data set that any of them was on."""
     by_setting: dict[str, dict[str, Row]] = {}
     for row in rows:
         by_setting.setdefault(row["setting"], {})[row["data"]] = row
     everywhere = set().union(*by_setting.values()) if by_setting else set()
     return [
-        Rung(
+        Candidate(
             setting,
             next(iter(found.values()))["options"],
             _mean([row["cost"]["cpu"] for row in found.values()]),
-            score(found.values()),
-            score(found.values(), JUDGED[:1]),
+            combined_error(found.values()),
+            combined_error(found.values(), JUDGED[:1]),
             float(np.mean([row["error"]["flagged"] for row in found.values()])),
         )
         for setting, found in by_setting.items()
@@ -100,7 +77,7 @@ def rungs(rows: Iterable[Row]) -> list[Rung]:
     ]
 
 
-def score(rows: Iterable[Row], kinds: Sequence[Sequence[str]] = JUDGED) -> float:
+def combined_error(rows: Iterable[Row], kinds: Sequence[Sequence[str]] = JUDGED) -> float:
     """Errors of a setting on all data sets as one number, of which ratios mean something.
 
     The geometric mean of the kinds, each the geometric mean of its errors on the data sets where
@@ -126,15 +103,14 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.exp(np.log(values).mean()))
 
 
-def chosen(candidates: Sequence[Rung]) -> dict[str, Rung]:
-    """``draft``, ``standard`` and ``reference`` among some rungs.
+def chosen(candidates: Sequence[Candidate]) -> dict[str, Candidate]:
+    """``draft``, ``standard`` and ``reference`` among some candidates.
 
     Of those that weigh samples anew twice or more, and flag at most one pixel in a hundred more
     than they need, ``reference`` is the cheapest within 1 % of the least error, ``standard`` the
-    cheapest within 3 %. ``draft`` is
-    the best of all that take at most an eighth of the time of ``standard`` and flag at most one
-    pixel in twenty more than they need; where nothing is so fast, the knee of what is faster.
-    Among those that each is taken from no rung is both faster and better.
+    cheapest within 3 %. ``draft`` is the best of all that take at most an eighth of the time of
+    ``standard`` and flag at most one pixel in twenty more than they need; where nothing is so fast,
+    the knee of what is faster. Each is on the Pareto front of those that it is taken from.
 
     Raises
     ------
@@ -145,27 +121,31 @@ def chosen(candidates: Sequence[Rung]) -> dict[str, Rung]:
     if not line:
         raise ValueError("candidates: none of them could be standard")
     reference, standard = (
-        next(rung for rung in line if rung.error <= near * line[-1].error)
+        next(candidate for candidate in line if candidate.error <= near * line[-1].error)
         for near in (BEST, NEAR_BEST)
     )
     every = _front(_flagging(candidates, DOUBTED))
-    line = [rung for rung in every if rung.seconds <= standard.seconds]
-    fast = [rung for rung in line if rung.seconds <= DRAFT * standard.seconds]
-    draft = fast[-1] if fast else line[knee([(rung.seconds, rung.error) for rung in line])]
+    line = [candidate for candidate in every if candidate.seconds <= standard.seconds]
+    fast = [candidate for candidate in line if candidate.seconds <= DRAFT * standard.seconds]
+    draft = fast[-1] if fast else line[knee(_points(line))]
     return {"draft": draft, "standard": standard, "reference": reference}
 
 
-def sparing(candidates: Sequence[Rung]) -> list[Rung]:
+def sparing(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Those that ``standard`` and ``reference`` are taken from."""
     few = _flagging(candidates, FLAGGED)
-    return [rung for rung in few if rung.options["effort"]["rounds"] >= ROUNDS]
+    return [candidate for candidate in few if candidate.options["effort"]["rounds"] >= ROUNDS]
 
 
-def _flagging(candidates: Sequence[Rung], share: float) -> list[Rung]:
+def _flagging(candidates: Sequence[Candidate], share: float) -> list[Candidate]:
     """Those that flag at most so many pixels more than the fewest."""
-    least = min(rung.flagged for rung in candidates)
-    return [rung for rung in candidates if rung.flagged <= least + share]
+    least = min(candidate.flagged for candidate in candidates)
+    return [candidate for candidate in candidates if candidate.flagged <= least + share]
 
 
-def _front(rungs: Sequence[Rung]) -> list[Rung]:
-    return [rungs[i] for i in front([(rung.seconds, rung.error) for rung in rungs])]
+def _front(some: Sequence[Candidate]) -> list[Candidate]:
+    return [some[i] for i in pareto_front(_points(some))]
+
+
+def _points(some: Sequence[Candidate]) -> list[tuple[float, float]]:
+    return [(candidate.seconds, candidate.error) for candidate in some]

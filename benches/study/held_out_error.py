@@ -15,7 +15,7 @@ from impasto.relighting import relative_error
 from impasto.rig import Rig
 from impasto.simulate.score import normal_error
 from impasto.status import Status
-from impasto.study.specimens import Paintings
+from study.data_sets import Paintings
 
 CODES = Encoding("srgb", 255.0)
 """On which decibels are counted."""

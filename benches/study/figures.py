@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from impasto.study import panels
-from impasto.study.tables import of_knob
+from study import panels
+from study.tables import of_knob
 
 DPI = 150
 STYLE = {
@@ -51,7 +51,7 @@ def draw(found: dict[str, Any], out: Path, *, prefix: str = "") -> list[Path]:
     Parameters
     ----------
     found
-        What :func:`impasto.study.run` returned.
+        What :func:`study.run` returned.
     out
         A folder that is there.
     prefix

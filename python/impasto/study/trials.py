@@ -1,0 +1,272 @@
+"""Settings tried on a small part of a stack: held-out photographs give the error, a clock the time.
+
+The error is that of cross-validation [@stone1974] over folds of photographs.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto import _core
+from impasto.effort import resolved
+from impasto.errors import ArgumentError, GeometryError
+from impasto.fit.border import RigArguments
+from impasto.fit.normals import fit_normals
+from impasto.fit.sbrdf import fit_sbrdf
+from impasto.relighting import full_scale, relative_error
+from impasto.report import status_counts
+from impasto.rig import Rig
+from impasto.stack import Stack, checked_stack
+from impasto.status import Status
+from impasto.thinning import painted, thinned, thinned_to
+
+PIXELS = 4096
+"""Approximate number of pixels in a trial. They are spread over the picture: as many pixels in one
+block would see fewer materials, and their error would say less about the whole."""
+FOLDS = 6
+"""One photograph in six is held out of each fit."""
+HELD_OUT = 24
+"""Photographs that are held out over all folds, at least, or every photograph. Highlights dominate
+the error, and a few photographs may show them by chance. The cost is bounded: all folds together
+fit about a hundred photographs of the trial's pixels."""
+TIMED_SECONDS = 0.3
+"""Total seconds of the timed runs of one trial, at least; the fastest run counts. The first run
+starts threads and allocates memory, and any run may be slowed by other programs."""
+EMPTY_EDGE = 256
+"""Edge in pixels of the empty picture that measures the cost of pixels outside the mask."""
+FEWEST = 8
+"""Photographs that a trial needs."""
+
+Setting: TypeAlias = dict[str, Any]
+"""Options of :func:`impasto.fit_sbrdf`."""
+Advance: TypeAlias = Callable[[int, int], None]
+"""Called after every setting: (done, total)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One setting, tried.
+
+    Attributes
+    ----------
+    options
+        Options of :func:`impasto.fit_sbrdf`.
+    seconds
+        Predicted wall-clock time of the whole stack.
+    error
+        Root mean square error of held-out photographs over their root mean square.
+    """
+
+    options: Setting
+    seconds: float
+    error: float
+
+
+def tried(
+    stack: Stack,
+    settings: Sequence[Setting],
+    *,
+    threads: int | None,
+    advance: Advance | None = None,
+) -> list[Trial]:
+    """Try each setting on about :data:`PIXELS` pixels of a stack.
+
+    Parameters
+    ----------
+    stack
+        At least :data:`FEWEST` photographs.
+    settings
+        What to try, in the order of the result.
+    threads
+        Threads of the fits; None: every allowed core.
+    advance
+        Called after each setting.
+
+    Raises
+    ------
+    ArgumentError
+        Too few photographs, or no pixel of the trial can be estimated.
+    GeometryError
+        The lights that remain cannot determine normals, in any fold.
+    """
+    checked_stack(stack)
+    count = len(stack.rig)
+    if count < FEWEST:
+        raise ArgumentError(f"stack: a trial needs {FEWEST} photographs, found {count}")
+    folds = _folds(thinned_to(stack, PIXELS), threads)
+    if not any((np.isfinite(fold.truth) & (fold.truth > 0.0)).any() for fold in folds):
+        raise ArgumentError("stack: a trial needs photographs that show something, found none")
+    if all(fold.unknown is not None for fold in folds):
+        raise ArgumentError(
+            f"stack: a trial needs pixels that can be estimated, found {folds[0].unknown} and "
+            "nothing else; impasto doctor tells what is wrong with the photographs"
+        )
+    trials = []
+    for done, options in enumerate(settings, start=1):
+        trials.append(_trial(folds, options, stack, threads))
+        if advance is not None:
+            advance(done, len(settings))
+    return trials
+
+
+def has_many_views(stack: Stack) -> bool:
+    """Whether the photographs were taken from more than one direction."""
+    return bool(_core.views_differ(RigArguments.of(stack.rig)))
+
+
+def ordered_by_work(trials: list[Trial]) -> list[Trial]:
+    """Times that do not decrease as the work grows, for settings listed in order of work.
+
+    On a busy machine a timing may be too long. A setting that does a part of what a later one of
+    the same kind does takes at most as long.
+    """
+    least: dict[str | None, float] = {}
+    found = []
+    for trial in reversed(trials):
+        kind = trial.options.get("pooling", trial.options.get("model"))
+        least[kind] = min(trial.seconds, least.get(kind, math.inf))
+        found.append(replace(trial, seconds=least[kind]))
+    return found[::-1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Fold:
+    """Photographs that are fitted, and photographs that are held out."""
+
+    known: Stack
+    rig: Rig
+    truth: NDArray[np.float32]
+    unknown: str | None
+    """Why no pixel of ``known`` can be estimated, if none can."""
+
+
+def _folds(part: Stack, threads: int | None) -> list[_Fold]:
+    """Folds that hold out :data:`HELD_OUT` photographs, without those that no lights determine."""
+    count = len(part.rig)
+    refusal: GeometryError | None = None
+    folds = []
+    for held in _split(part.rig)[: math.ceil(FOLDS * HELD_OUT / count)]:
+        known, shown = part.take(np.setdiff1d(np.arange(count), held)), part.take(held)
+        try:
+            # Photometric stereo takes a millisecond and refuses what any fit would refuse.
+            status = fit_normals(known, method="least-squares", threads=threads).status
+        except GeometryError as error:
+            words = f"{error} (of {count} photographs {len(held)} were held out of the trial)"
+            refusal = refusal or GeometryError(words)
+            continue
+        truth = np.array([shown.linear(i) for i in range(len(held))])
+        if part.mask is not None:
+            truth[..., ~part.mask] = np.nan
+        reasons = None if (status < Status.DARK).any() else ", ".join(status_counts(status))
+        folds.append(_Fold(known, shown.rig, truth, reasons))
+    if refusal is not None and not folds:
+        # If the whole stack is refused too, its own message is the better one.
+        fit_normals(part, method="least-squares", threads=threads)
+        raise refusal
+    return folds
+
+
+def _split(rig: Rig) -> list[NDArray[np.intp]]:
+    """Split the photographs into :data:`FOLDS` subsets, each spread over all directions.
+
+    Each photograph goes to the subset whose directions are farthest from its own. If neighbouring
+    directions were held out together, a narrow highlight could fall into the gap, and the error
+    would be twice that of a fit of all photographs.
+    """
+    places = np.concatenate([rig.directions, rig.views], axis=1)
+    nearest = np.full((FOLDS, len(rig)), np.inf)
+    subsets: list[list[int]] = [[] for _ in range(FOLDS)]
+    for index, place in enumerate(places):
+        subset = int(nearest[:, index].argmax())
+        subsets[subset].append(index)
+        nearest[subset] = np.minimum(nearest[subset], np.linalg.norm(places - place, axis=1))
+        if len(subsets[subset]) == len(range(subset, len(rig), FOLDS)):
+            # This subset is full.
+            nearest[subset] = -1.0
+    return [np.array(subset) for subset in subsets]
+
+
+def _trial(folds: list[_Fold], options: Setting, stack: Stack, threads: int | None) -> Trial:
+    """The first fold is timed; all folds are compared."""
+    first, *others = folds
+    fitted, took = _predicted(first.known, options, painted(stack), threads)
+    took += _outside_mask(stack, first.known, options, threads)
+    fits = [fitted, *(fit_sbrdf(fold.known, threads=threads, **options) for fold in others)]
+    shown = [fit.predict(fold.rig) for fit, fold in zip(fits, folds, strict=True)]
+    truth = np.concatenate([fold.truth for fold in folds])
+    error = relative_error(np.concatenate(shown), truth, full_scale(stack))
+    # Time grows with the pixels and almost linearly with the photographs.
+    return Trial(options, took * len(stack.rig) / len(first.known.rig), error)
+
+
+def _predicted(
+    known: Stack, options: Setting, pixels: int, threads: int | None
+) -> tuple[Any, float]:
+    """A fit of the trial's pixels, and the predicted seconds for ``pixels`` of them."""
+    few = painted(known)
+    if options.get("model") == "lafortune":
+        fitted, took = _timed(known, options, threads)
+        return fitted, took * pixels / few
+    if options.get("pooling") == "pixel":
+        fitted, took = _timed(known, options, threads)
+        if resolved(options.get("effort", "standard")).start == "pyramid":
+            return fitted, took * pixels / few
+        return fitted, took * _searches(pixels) / _searches(few)
+    # The pooled lobe is fitted to at most ``effort.pixels`` pixels, every pixel has a cost of its
+    # own, and there is a constant. Three fits with different numbers of pixels separate the three.
+    effort = resolved(options.get("effort", "standard"))
+    part = thinned(known, 2)
+    fewer = max(painted(part), 1)
+    all_, some = (options | {"effort": replace(effort, pixels=count)} for count in (few, fewer))
+    fitted, took = _timed(known, all_, threads)
+    _, unsearched = _timed(known, some, threads)
+    _, least = _timed(part, some, threads)
+    more = max(few - fewer, 1)
+    search = max(took - unsearched, 0.0) / more
+    each = max(unsearched - least, 0.0) / more
+    once = max(took - few * (search + each), 0.0)
+    return fitted, once + min(pixels, effort.pixels) * search + pixels * each
+
+
+def _timed(stack: Stack, options: Setting, threads: int | None) -> tuple[Any, float]:
+    """A fit, and the least of the seconds of some runs."""
+    least, spent = math.inf, 0.0
+    while spent < TIMED_SECONDS:
+        start = time.perf_counter()
+        fitted = fit_sbrdf(stack, threads=threads, **options)
+        took = time.perf_counter() - start
+        least, spent = min(least, took), spent + took
+    return fitted, least
+
+
+def _outside_mask(stack: Stack, known: Stack, options: Setting, threads: int | None) -> float:
+    """Seconds for the pixels outside the mask, where the trial has far fewer of them.
+
+    They have a place in every result map. In a picture that is mostly mask they take longer than
+    the fit.
+    """
+    inside, few = painted(stack), painted(known)
+    (height, width), (trial_height, trial_width) = stack.shape[2:], known.shape[2:]
+    left = height * width - trial_height * trial_width * inside / few
+    if left <= inside:
+        return 0.0
+    blank = np.zeros((*known.shape[:2], EMPTY_EDGE, EMPTY_EDGE), known.samples.dtype)
+    empty = known._replace(samples=blank, mask=np.zeros((EMPTY_EDGE, EMPTY_EDGE), np.bool_))
+    _, took = _timed(empty, options, threads)
+    return took * left / EMPTY_EDGE**2
+
+
+def _searches(pixels: int) -> float:
+    """Searches of a fit with lobes per pixel.
+
+    The painting's typical lobes are found first, by the same search, from at most
+    ``TYPICAL_PIXELS`` pixels on a regular grid.
+    """
+    return pixels * (1.0 + 1.0 / math.ceil(pixels / _core.TYPICAL_PIXELS))
