@@ -3,8 +3,8 @@
     python benches/python/reflectance_ladder.py [--data DIR] [--write]
 
 The set-up is that of the recorded study (``benches/study/pigments.py``), which sweeps the
-estimators with the training spectra of colour-science and pigments that it only tests on. Here pigments
-are split: some are learnt from, others tested on.
+estimators with the training spectra of colour-science and pigments that it only tests on. Here
+pigments are split: some are learnt from, others tested on.
 Speed is that of whole calls for a megapixel, the least of some rounds in turns.
 ``--write`` records both tables in benches/results/reflectance.json.
 """
