@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import fields
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -39,11 +38,11 @@ def _predict(capture: Any, **options: Any) -> Arrays:
 
 def _render(capture: Any, **options: Any) -> Arrays:
     truth = capture.truth
-    surface = SimpleNamespace(
-        normal=truth.normal,
-        diffuse=truth.diffuse[[4, 2, 0]],
-        beta=truth.beta[0],
-        gamma=truth.gamma[0],
+    surface = impasto.Surface.torrance_sparrow(
+        truth.normal,
+        truth.diffuse[[4, 2, 0]],
+        truth.beta[0],
+        truth.gamma[0],
         pitch_mm=truth.painting.pitch_mm,
     )
     image = impasto.render(surface, SCENE, height=truth.painting.height, **options)

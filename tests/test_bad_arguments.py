@@ -123,8 +123,8 @@ def test_arguments_that_were_swapped_or_are_something_else() -> None:
     calls: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any], str]] = [
         (render, (scene, fit), {}, "scene: expected an impasto.Scene.*found PooledSbrdf"),
         (render, (fit, DistantLight((0, 0, 1))), {}, "scene: .*found DistantLight"),
-        (render, (fit.normals, scene), {}, "sbrdf: expected what impasto.fit_sbrdf.*Normals"),
-        (render, ("demo", scene), {}, "sbrdf: .*found str"),
+        (render, (fit.normals, scene), {}, "surface: expected what impasto.fit_sbrdf.*Normals"),
+        (render, ("demo", scene), {}, "surface: .*found str"),
         (render, (fit, scene), {"reflectance": camera}, "reflectance: expected what.*Camera"),
         (fit_reflectance, (fit, taken, camera), {}, "stack: expected an impasto.Stack or None"),
         (fit_reflectance, (taken, camera, fit), {}, "camera: .*found PooledSbrdf"),

@@ -13,8 +13,7 @@ import pytest
 
 import impasto
 from impasto import DistantLight, PointLight, Scene, Status, simulate
-from impasto.fit.forward import shown
-from impasto.fit.surface import SurfaceArguments
+from impasto.surface import Lobe
 from oracles import lafortune_forward as oracle
 
 SIZE = (23, 37)
@@ -121,12 +120,8 @@ def test_a_picture_is_what_is_predicted(kind: str, light: Any, request: Any) -> 
         picture.linear[:, known(surface)], expected[:, known(surface)], rtol=0, atol=4e-6
     )
     np.testing.assert_array_equal(picture.coverage == 1.0, known(surface))
-    lobes = (
-        expected
-        - impasto.fit.forward.predict(
-            surface.normal, surface.diffuse, 0.0, 0.1, impasto.Rig([light], pitch_mm=0.3)
-        )[0]
-    )
+    matte = impasto.Surface(surface.normal, surface.diffuse, pitch_mm=0.3)
+    lobes = expected - matte.predict([light])[0]
     assert np.nanmax(lobes) > 0.05, "lobes are seen"
 
 
@@ -205,18 +200,58 @@ def test_spectra_tell_nothing_of_coloured_lobes(kind: str, request: Any) -> None
 def test_wrong_surfaces_are_refused(lafortune: impasto.LafortuneSbrdf) -> None:
     maps = (lafortune.normal, lafortune.diffuse)
     shape = {name: getattr(lafortune, name) for name in lafortune.SHAPE}
-
-    def surface(shape: dict[str, Any], model: Any = "lafortune", **more: Any) -> SurfaceArguments:
-        return SurfaceArguments.of_lobes(*maps, lafortune.specular, shape, model=model, **more)
-
     with pytest.raises(impasto.ArgumentError, match="cz"):
-        surface({**shape, "cz": shape["cz"][:1]})
+        impasto.Surface.lafortune(*maps, lafortune.specular, **(shape | {"cz": shape["cz"][:1]}))
     with pytest.raises(impasto.ArgumentError, match="ambient"):
-        surface(shape, ambient=np.zeros((3, 2, 2)))
-    # What only the numerics know: how many numbers a shape of the model has, and which there are.
-    too_few = surface({"cxy": shape["cxy"], "cz": shape["cz"]})
-    with pytest.raises(impasto.ArgumentError, match="shape of a lobe"):
-        shown(too_few, lafortune.rig)
-    unknown = surface(shape, "phong")
-    with pytest.raises(impasto.ArgumentError, match=r"model.*phong"):
-        shown(unknown, lafortune.rig)
+        impasto.Surface(*maps, ambient=np.zeros((3, 2, 2)))
+    with pytest.raises(impasto.ArgumentError, match="height"):
+        impasto.Surface(*maps, height=np.zeros((2, 2)))
+    with pytest.raises(impasto.ArgumentError, match="normal"):
+        impasto.Surface(lafortune.normal[:2], lafortune.diffuse)
+    with pytest.raises(impasto.ArgumentError, match=r"model.*'phong'"):
+        impasto.Surface(*maps, model="phong")  # type: ignore[arg-type]
+    with pytest.raises(impasto.ArgumentError, match="shape of a lobe of lafortune"):
+        impasto.Surface(*maps, (Lobe(0.5, (0.1,)),), "lafortune")
+    with pytest.raises(impasto.ArgumentError, match="lobes: expected"):
+        impasto.Surface(*maps, (0.5,))  # type: ignore[arg-type]
+    with pytest.raises(impasto.ArgumentError, match="gamma: expected a number"):
+        impasto.Surface(*maps, (Lobe(0.5, (np.ones((2, 2)),)),))
+
+
+def test_a_surface_of_arrays_is_predicted_and_rendered() -> None:
+    """Matte and flat, under light at 60 degrees: half the diffuse reflectance."""
+    normal = np.zeros((3, *SIZE), np.float32)
+    normal[2] = 1.0
+    matte = impasto.Surface(normal, np.full((3, *SIZE), 0.8))
+    half = DistantLight((np.sqrt(0.75), 0.0, 0.5))
+    # One rounding of the product in single precision.
+    np.testing.assert_allclose(matte.predict([half]), 0.4, rtol=2e-7)
+    picture = impasto.render(matte, Scene([half], exposure=1.0))
+    # To XYZ and back: a few roundings of 6e-8, times entries of up to 3.2.
+    np.testing.assert_allclose(picture.linear, 0.4, atol=2e-6)
+    assert repr(matte) == "<Surface 37 x 23 pixels, 3 bands, matte>"
+
+
+def test_a_result_is_rendered_as_its_surface(
+    facets: impasto.LobeSbrdf, lafortune: impasto.LafortuneSbrdf
+) -> None:
+    scene = Scene([DistantLight(LIGHT)])
+    for result in (facets, lafortune):
+        whole = impasto.render(result, scene)
+        assert impasto.render(result.surface(), scene).xyz.tobytes() == whole.xyz.tobytes()
+
+
+def test_a_simulated_painting_is_rendered_with_its_own_spectra() -> None:
+    painting = simulate.painting(seed=4, size=(16, 18))
+    warm, cool = (
+        impasto.render(painting, Scene([DistantLight(LIGHT)], illuminant=name))
+        for name in ("A", "D65")
+    )
+    red = [image.xyz[0].mean() / image.xyz[2].mean() for image in (warm, cool)]
+    assert red[0] > 2.0 * red[1], "illuminant A is redder than daylight"
+
+
+@pytest.mark.parametrize("thing", [None, 3.0, {"normal": 1}, impasto.Rig([LIGHT])])
+def test_only_surfaces_are_rendered(thing: Any) -> None:
+    with pytest.raises(impasto.ArgumentError, match=r"surface: expected .*found"):
+        impasto.render(thing, Scene([LIGHT]))

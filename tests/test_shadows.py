@@ -130,15 +130,11 @@ def test_threads_change_no_bit() -> None:
 
 
 def test_a_scene_with_shadows_darkens_only_the_shaded() -> None:
-    from types import SimpleNamespace
-
     height = np.zeros((20, 60), np.float32)
     height[:, 30] = 1.0
-    painting = SimpleNamespace(
-        normal=np.broadcast_to(np.array([0, 0, 1], np.float32)[:, None, None], (3, 20, 60)),
-        diffuse=np.full((3, 20, 60), 0.5, np.float32),
-        beta=0.0,
-        gamma=0.1,
+    painting = impasto.Surface(
+        np.broadcast_to(np.array([0, 0, 1], np.float32)[:, None, None], (3, 20, 60)),
+        np.full((3, 20, 60), 0.5, np.float32),
         pitch_mm=PITCH,
     )
     lights = [(0.8, 0.0, 0.6)]

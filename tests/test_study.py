@@ -340,7 +340,7 @@ def test_the_peer_s_radiance_is_the_papers() -> None:
     mine = minpack.radiance(rig, unknowns, base, 3)
     planes = normal.astype(np.float32)[:, None, None]
     diffuse = np.array([0.2, 0.3, 0.4], np.float32)[:, None, None]
-    theirs = impasto.fit.forward.predict(planes, diffuse, 8.0, 0.12, rig)[:, :, 0, 0]
+    theirs = impasto.Surface.torrance_sparrow(planes, diffuse, 8.0, 0.12).predict(rig)[:, :, 0, 0]
     assert np.allclose(mine, theirs, rtol=3e-5, atol=1e-6)
 
 

@@ -109,13 +109,9 @@ def calls() -> dict[str, Callable[[], Callable[..., Any]]]:
         return lambda **o: predict(normal, diffuse, 10.0, 0.15, lights, **o)
 
     def rendered() -> Callable[..., Any]:
-        from types import SimpleNamespace
-
         normal, diffuse, height = surface()
         beta, gamma = (np.full(height.shape, v, np.float32) for v in (10.0, 0.15))
-        thing = SimpleNamespace(
-            normal=normal, diffuse=diffuse, beta=beta, gamma=gamma, pitch_mm=0.1
-        )
+        thing = impasto.Surface.torrance_sparrow(normal, diffuse, beta, gamma, pitch_mm=0.1)
         scene = impasto.Scene(
             [impasto.DistantLight((0.7, 0.4, 0.3)), impasto.PointLight((30.0, 10.0, 40.0))],
             view=(0.3, -0.2, 1.0),

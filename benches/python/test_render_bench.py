@@ -67,7 +67,10 @@ def test_render(benchmark: Any, painting: SimpleNamespace, effects: str) -> None
         view=(0.5, 0.0, 0.8) if effects == "slanted" else (0.0, 0.0, 1.0),
     )
     height = np.zeros(SIZE, np.float32)
-    benchmark(impasto.render, painting, scene, height=height, threads=1)
+    surface = impasto.Surface.torrance_sparrow(
+        painting.normal, painting.coefficients, painting.beta, painting.gamma
+    )
+    benchmark(impasto.render, surface, scene, reflectance=painting, height=height, threads=1)
 
 
 @pytest.mark.benchmark(group="shadows and height")

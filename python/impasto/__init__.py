@@ -35,6 +35,7 @@ from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status
 from impasto.study.suggestion import Suggestion, suggest_effort
+from impasto.surface import Surface
 from impasto.training import Training
 
 __all__ = [
@@ -65,6 +66,7 @@ __all__ = [
     "Status",
     "Strengths",
     "Suggestion",
+    "Surface",
     "Training",
     "cast_shadows",
     "colour",

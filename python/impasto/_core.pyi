@@ -12,8 +12,8 @@ from impasto.fit.border import ProgressCallback, RigArguments, StackArguments, S
 from impasto.fit.highlight import LobeFit
 from impasto.fit.normals import Normals
 from impasto.fit.reflectance import Reflectance
-from impasto.fit.surface import SurfaceArguments
 from impasto.render import SceneArguments
+from impasto.surface import Surface
 
 @type_check_only
 class BuildInfo(TypedDict):
@@ -31,7 +31,7 @@ def build_info() -> BuildInfo: ...
 # Reflection models (crates/impasto-py/src/sbrdf.rs)
 
 def predict(
-    surface: SurfaceArguments,
+    surface: Surface,
     rig: RigArguments,
     intensities: NDArray[np.float64],
     threads: int,
@@ -216,7 +216,7 @@ def linear_from_bands(
     planes: NDArray[np.float32], matrix: NDArray[np.float64], threads: int
 ) -> NDArray[np.float32]: ...
 def render(
-    surface: SurfaceArguments,
+    surface: Surface,
     height: NDArray[np.float32] | None,
     scene: SceneArguments,
     threads: int,

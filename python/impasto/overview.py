@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from impasto.render import render
 from impasto.rig import DistantLight, Rig
 from impasto.scene import Scene
 from impasto.status import Status
+from impasto.surface import Surface
 
 PAPER_LIGHT = (0.0, 0.71, 0.71)
 """The light of the papers' pictures: from above, at 45 degrees."""
@@ -104,7 +104,7 @@ def diffuse_panel(sbrdf: Any, reflectance: Any = None, *, threads: int | None = 
     flat = np.zeros_like(shown.normal)
     flat[2] = 1.0
     flat[:, np.isnan(shown.normal[2])] = np.nan
-    matte = SimpleNamespace(normal=flat, diffuse=shown.diffuse, beta=0.0, gamma=0.1)
+    matte = Surface(flat, shown.diffuse)
     scene = Scene([DistantLight((0.0, 0.0, 1.0))], background=UNKNOWN)
     picture = render(matte, scene, reflectance=reflectance, threads=threads).display
     return Panel("Diffuse colour", picture, _colour_note(len(sbrdf.diffuse), reflectance))

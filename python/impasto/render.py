@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto.checks import holding, instance, refractive_index
+from impasto.bands import Camera, checked_camera
+from impasto.checks import holding, instance, length_mm
 from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_from_spectrum
 from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.border import ProgressCallback, RigArguments, reporting, thread_count
-from impasto.fit.result import Sbrdf
-from impasto.fit.surface import SurfaceArguments
+from impasto.fit.reflectance import Reflectance, fit_reflectance
 from impasto.height import integrate_normals
 from impasto.rig import PointLight, Rig
 from impasto.scene import Scene
+from impasto.surface import Relightable, Surface
 from impasto.waiting import floats
 
 CELLS = 2048
@@ -119,11 +120,11 @@ class Image:
 
 
 def render(
-    sbrdf: Any,
+    surface: Relightable,
     scene: Scene,
     *,
-    reflectance: Any = None,
-    camera: Any = None,
+    reflectance: Reflectance | None = None,
+    camera: Camera | None = None,
     height: ArrayLike | None = None,
     pitch_mm: float | None = None,
     index: float | None = None,
@@ -134,25 +135,24 @@ def render(
 
     Parameters
     ----------
-    sbrdf
-        What :func:`impasto.fit_sbrdf` returns, a simulated painting, or anything with ``normal
-        (3, y, x)``, ``beta`` and ``gamma`` (numbers, ``(y, x)``, or one per coat ``(coat, ...)``),
-        and ``diffuse (band, y, x)`` or ``coefficients``, ``basis`` and ``wavelengths``. NaN is a
-        pixel about which nothing is known: it shows the background.
+    surface
+        What :func:`impasto.fit_sbrdf` returns, a :class:`Surface`, or a simulated painting. NaN is
+        a pixel about which nothing is known: it shows the background.
     scene
         What lights it and who looks.
     reflectance
-        What :func:`impasto.fit_reflectance` returns: colours under any illuminant.
+        What :func:`impasto.fit_reflectance` returns: colours under any illuminant. Default: the
+        own spectra of a simulated painting, else none.
     camera
         Instead of a reflectance: the camera that took the bands; the reflectance is estimated from
-        ``sbrdf.diffuse``. With neither, three bands are taken for linear sRGB and one for grey:
-        colours as captured, under the light of the capture.
+        the surface's diffuse colours. With neither, three bands are taken for linear sRGB and one
+        for grey: colours as captured, under the light of the capture.
     height
-        ``(y, x)`` mm, for shadows; default: the normals, integrated.
+        ``(y, x)`` mm, for shadows; default: the surface's own, else the normals, integrated.
     pitch_mm
-        Width of a pixel; default: the painting's own. Needed by point lights only.
+        Width of a pixel; default: the surface's own. Needed by point lights only.
     index
-        Index of refraction of the interface; default: what the fit was made with, else 1.45.
+        Index of refraction of the interface; default: the surface's own.
     threads, progress
         As everywhere: None means every allowed core; a bool or a callable ``(done, total)``.
 
@@ -164,37 +164,36 @@ def render(
         A point light, and no width of a pixel.
     """
     instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
-    if not hasattr(sbrdf, "normal") or not (hasattr(sbrdf, "beta") or hasattr(sbrdf, "surface")):
-        raise ArgumentError(
-            "sbrdf: expected what impasto.fit_sbrdf or impasto.load_sbrdf returns, "
-            f"found {type(sbrdf).__name__}"
-        )
+    made_by = "what impasto.fit_sbrdf or impasto.load_sbrdf returns, or an impasto.Surface"
+    instance(surface, Relightable, "surface", made_by)
     if reflectance is not None:
         spectral = ("coefficients", "basis", "wavelengths")
         holding(spectral, reflectance, "reflectance", "what impasto.fit_reflectance returns")
-    pitch = getattr(sbrdf, "pitch_mm", None) if pitch_mm is None else pitch_mm
+    if camera is not None:
+        checked_camera(camera)
+    lit = surface.surface()
+    pitch = lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
     if pitch is None and any(isinstance(light, PointLight) for light in scene.lights):
         raise GeometryError("pitch_mm: point lights need the width of a pixel on the painting")
-    pitch = 1.0 if pitch is None else float(pitch)
+    pitch = 1.0 if pitch is None else pitch
+    if reflectance is None:
+        reflectance = surface.spectra()
     if reflectance is None and camera is not None:
-        from impasto.fit.reflectance import fit_reflectance
+        source: Any = surface
+        reflectance = fit_reflectance(None, source, camera)
+    lit = _coloured(lit, type(surface).__name__, reflectance, index)
+    relief = _relief(lit, height, pitch, threads) if scene.shadows else None
 
-        reflectance = fit_reflectance(None, sbrdf, camera)
-    if reflectance is None and hasattr(sbrdf, "basis"):
-        reflectance = sbrdf
-    surface = _surface(sbrdf, reflectance, index)
-    relief = _relief(sbrdf, surface.normal, height, pitch, threads) if scene.shadows else None
-
-    diffuse, interface, which, white = _colours(scene, reflectance, len(surface.diffuse))
+    diffuse, interface, which, white = _colours(scene, reflectance, len(lit.diffuse))
     exposure = scene.exposure
     if exposure is None:
         exposure = white_scale_of(white, scene.display).scale
     to_display = exposure * scene.display.linear_from_xyz
-    rig = RigArguments.of(Rig(scene.lights, views=scene.view, pitch_mm=pitch))
+    rig = Rig(scene.lights, views=scene.view, pitch_mm=pitch, origin=lit.origin).here
     background = np.linalg.solve(to_display, np.asarray(scene.background))
     arguments = SceneArguments(
-        rig=rig,
-        intensity=np.array([light.intensity for light in scene.lights], dtype=np.float64),
+        rig=RigArguments.of(rig),
+        intensity=rig.intensities,
         colour=which,
         diffuse=diffuse,
         interface=interface,
@@ -202,7 +201,7 @@ def render(
     )
     workers = thread_count(threads)
     with reporting(progress, "rendering") as callback:
-        xyz, coverage = _core.render(surface, relief, arguments, workers, callback)
+        xyz, coverage = _core.render(lit, relief, arguments, workers, callback)
     matrix = np.ascontiguousarray(to_display.T)
     linear = _core.linear_from_bands(xyz, matrix, workers)
     display, below, above = _core.display_from_bands(xyz, matrix, _table(scene.display), 8, workers)
@@ -265,25 +264,16 @@ def _table(display: Display) -> NDArray[np.float32]:
     )
 
 
-def _surface(sbrdf: Any, reflectance: Any, index: float | None) -> SurfaceArguments:
-    """The maps to be lit; with a reflectance its coefficients are the colours."""
-    size = np.shape(sbrdf.normal)[1:]
-    if np.ndim(sbrdf.normal) != 3:
+def _coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) -> Surface:
+    """The surface to be lit; with a reflectance its coefficients are the colours."""
+    if reflectance is None:
+        return lit if index is None else replace(lit, index=index)
+    if lit.tinted:
         raise ArgumentError(
-            f"sbrdf: expected a normal (3, y, x), found shape {np.shape(sbrdf.normal)}"
+            f"reflectance: the lobes of a {kind} have strengths per band, which spectra do not "
+            "tell; leave camera= and reflectance= out"
         )
-    colours = sbrdf.diffuse if reflectance is None else _planes(reflectance.coefficients, size)
-    if not isinstance(sbrdf, Sbrdf):
-        n = 1.45 if index is None else index
-        return SurfaceArguments.of_coats(sbrdf.normal, colours, sbrdf.beta, sbrdf.gamma, n)
-    surface = sbrdf.surface()
-    if reflectance is not None and surface.tinted:
-        raise ArgumentError(
-            f"reflectance: the lobes of a {type(sbrdf).__name__} have strengths per band, which "
-            "spectra do not tell; leave camera= and reflectance= out"
-        )
-    n = surface.index if index is None else refractive_index(index)
-    return replace(surface, diffuse=colours, index=n)
+    return lit.with_diffuse(_planes(reflectance.coefficients, lit.shape), index=index)
 
 
 def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:
@@ -296,19 +286,13 @@ def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:
 
 
 def _relief(
-    sbrdf: Any,
-    normal: NDArray[np.float32],
-    height: ArrayLike | None,
-    pitch: float,
-    threads: int | None,
+    lit: Surface, height: ArrayLike | None, pitch: float, threads: int | None
 ) -> NDArray[np.float32]:
-    if height is None:
-        height = getattr(sbrdf, "height", None)
-    if height is None:
-        return integrate_normals(normal, pitch, threads=threads)
-    relief = floats(height)
-    if relief.shape != normal.shape[1:]:
-        raise ArgumentError(f"height: expected {normal.shape[1:]}, found shape {relief.shape}")
+    relief = lit.height if height is None else floats(height)
+    if relief is None:
+        return integrate_normals(lit.normal, pitch, threads=threads)
+    if relief.shape != lit.shape:
+        raise ArgumentError(f"height: expected {lit.shape}, found shape {relief.shape}")
     return relief
 
 

@@ -6,14 +6,15 @@ millimetres. Directions have unit length and point away from the surface.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.checks import FARTHEST_MM, length_mm, numbers, picked, positive
+from impasto.checks import FARTHEST_MM, is_whole, length_mm, number, numbers, picked, positive
 from impasto.errors import ArgumentError, GeometryError
 
 FRONTAL = (0.0, 0.0, 1.0)
@@ -34,6 +35,47 @@ class DistantLight:
 
     direction: tuple[float, float, float]
     intensity: float = 1.0
+
+    @classmethod
+    def from_angles(cls, azimuth: float, elevation: float, intensity: float = 1.0) -> DistantLight:
+        """A light by its angles in radians.
+
+        Parameters
+        ----------
+        azimuth
+            0 is right, pi/2 up, pi left, 3 pi/2 (or -pi/2) down.
+        elevation
+            0 grazes the painting, pi/2 stands straight in front of it.
+        intensity
+            As in the class.
+
+        Raises
+        ------
+        ArgumentError
+            No finite number, or an elevation beyond pi/2: degrees, as a rule.
+
+        Examples
+        --------
+        >>> from math import radians
+        >>> from impasto import DistantLight
+        >>> light = DistantLight.from_angles(radians(90), radians(45))  # from above
+        """
+        angles = []
+        for name, angle in (("azimuth", azimuth), ("elevation", elevation)):
+            radians = number(angle, name, "an angle in radians")
+            if not math.isfinite(radians):
+                raise ArgumentError(f"{name}: expected an angle in radians, found {radians:g}")
+            angles.append(radians)
+        around, up = angles
+        for name, angle, most in (("azimuth", around, 2 * math.pi), ("elevation", up, math.pi / 2)):
+            # A rounding beyond the limit is no mistake.
+            if abs(angle) > most + 1e-6:
+                raise ArgumentError(
+                    f"{name}: expected radians of at most {most:.4g}, found {angle:g}; "
+                    "math.radians converts degrees"
+                )
+        across = math.cos(up)
+        return cls((across * math.cos(around), across * math.sin(around), math.sin(up)), intensity)
 
     def __post_init__(self) -> None:
         vector = _vector(self.direction, "direction")
@@ -107,11 +149,16 @@ class Rig:
         ``(obs, 3)`` or ``(3,)`` directions to the eye; default: frontal.
     pitch_mm
         Width of a pixel on the painting in mm; needed by point lights only.
+    origin
+        (x, y) of the middle of the picture in pixels from the middle of the painting, x right, y
+        up: where a part of a painting (:class:`Stack`, :class:`Sbrdf`) lies in it. Positions of
+        lights stay those of the whole painting. Default: (0, 0), the whole.
     """
 
     lights: tuple[Light, ...]
     views: NDArray[np.float64]
     pitch_mm: float | None
+    origin: tuple[float, float]
 
     def __init__(
         self,
@@ -119,16 +166,19 @@ class Rig:
         *,
         views: ArrayLike | None = None,
         pitch_mm: float | None = None,
+        origin: tuple[float, float] | None = None,
     ) -> None:
         if isinstance(lights, Rig):
             views = lights.views if views is None else views
             pitch_mm = lights.pitch_mm if pitch_mm is None else pitch_mm
+            origin = lights.origin if origin is None else origin
             lights = lights.lights
         parsed = _lights(lights)
         set_ = object.__setattr__
         set_(self, "lights", parsed)
         set_(self, "views", _views(views, len(parsed)))
         set_(self, "pitch_mm", pitch_mm)
+        set_(self, "origin", _origin(origin))
         if pitch_mm is not None:
             length_mm(pitch_mm, "pitch_mm")
         if pitch_mm is None and any(isinstance(light, PointLight) for light in parsed):
@@ -177,19 +227,88 @@ class Rig:
             dtype=np.bool_,
         )
 
+    @property
+    def here(self) -> Rig:
+        """The same rig with its origin in the middle of the picture."""
+        return self.seen_from(0.0, 0.0)
+
     def seen_from(self, x: float, y: float) -> Rig:
-        """The rig where ``(x, y, 0)`` is the origin, in mm, as in the middle of a part."""
-        if (x, y) == (0.0, 0.0) or not self.near.any():
+        """The rig with its origin at ``(x, y, 0)`` of the picture, in mm."""
+        pitch = 0.0 if self.pitch_mm is None else self.pitch_mm
+        x, y = x + self.origin[0] * pitch, y + self.origin[1] * pitch
+        if (x, y) == (0.0, 0.0) and self.origin == (0.0, 0.0):
             return self
-        lights = [a.seen_from(x, y) if isinstance(a, PointLight) else a for a in self.lights]
+        lights = self.lights
+        if (x, y) != (0.0, 0.0):
+            lights = tuple(a.seen_from(x, y) if isinstance(a, PointLight) else a for a in lights)
         return Rig(lights, views=self.views, pitch_mm=self.pitch_mm)
+
+    def with_lights(self, lights: Sequence[Light]) -> Rig:
+        """The same views and place with other lights, one per observation."""
+        return Rig(lights, views=self.views, pitch_mm=self.pitch_mm, origin=self.origin)
+
+    def part(self, right: float, up: float) -> Rig:
+        """The rig of a part whose middle lies so many pixels from that of the picture."""
+        origin = (self.origin[0] + right, self.origin[1] + up)
+        return Rig(self, origin=origin)
+
+    def rotated(self, quarter_turns: int = 1) -> Rig:
+        """The rig after the painting and its lights turned counterclockwise together.
+
+        Exact: coordinates change places and signs, and four quarter turns change no bit.
+        """
+        turns = quarter_turns_of(quarter_turns)
+        lights = [_turned_light(light, turns) for light in self.lights]
+        x, y, _ = turned((*self.origin, 0.0), turns)
+        return Rig(
+            lights, views=turned_rows(self.views, turns), pitch_mm=self.pitch_mm, origin=(x, y)
+        )
 
     def take(self, indices: Iterable[int]) -> Rig:
         """The rig of some observations, in the order given; negative ones count from the end."""
         chosen = picked(indices, len(self), "indices", "observation")
         return Rig(
-            [self.lights[i] for i in chosen], views=self.views[chosen], pitch_mm=self.pitch_mm
+            [self.lights[i] for i in chosen],
+            views=self.views[chosen],
+            pitch_mm=self.pitch_mm,
+            origin=self.origin,
         )
+
+
+def quarter_turns_of(value: Any) -> int:
+    """0 to 3 quarter turns counterclockwise, from any whole number."""
+    if not is_whole(value):
+        raise ArgumentError(f"quarter_turns: expected a whole number, found {value!r}")
+    return int(value) % 4
+
+
+def turned(vector: tuple[float, float, float], turns: int) -> tuple[float, float, float]:
+    """A vector after quarter turns counterclockwise about z."""
+    x, y, z = vector
+    for _ in range(turns):
+        x, y = -y, x
+    return x, y, z
+
+
+def turned_rows(vectors: NDArray[np.float64], turns: int) -> NDArray[np.float64]:
+    """Vectors ``(n, 3)`` after quarter turns counterclockwise about z."""
+    return np.array([turned((x, y, z), turns) for x, y, z in vectors.tolist()], dtype=np.float64)
+
+
+def _turned_light(light: Light, turns: int) -> Light:
+    if isinstance(light, PointLight):
+        return replace(light, position=turned(light.position, turns))
+    return replace(light, direction=turned(light.direction, turns))
+
+
+def _origin(origin: Any) -> tuple[float, float]:
+    if origin is None:
+        return (0.0, 0.0)
+    place = numbers(origin, "origin", "two numbers (x, y)")
+    if place.shape != (2,) or not np.isfinite(place).all():
+        raise ArgumentError(f"origin: expected two finite numbers (x, y), found {origin!r}")
+    x, y = place.tolist()
+    return x, y
 
 
 def _lights(lights: Any) -> tuple[Light, ...]:

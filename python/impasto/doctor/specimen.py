@@ -61,7 +61,7 @@ class Specimen:
         at_y, at_x = at_y.ravel(), at_x.ravel()
         inside = np.ones(len(at_y), bool) if stack.mask is None else stack.mask[at_y, at_x]
         grey = np.empty((observations, len(at_y)), dtype=np.float32)
-        for index, strength in enumerate(stack.rig.intensities):
+        for index, strength in enumerate(stack.rig.here.intensities):
             values = linear(stack, stack.samples[index][:, at_y, at_x])
             with np.errstate(invalid="ignore"):
                 mean = values.mean(axis=0) / np.float32(strength)
@@ -113,15 +113,16 @@ def _places(
 
 
 def _lights(stack: Stack, at_y: NDArray[np.int64], at_x: NDArray[np.int64]) -> Floats:
-    if not any(isinstance(light, PointLight) for light in stack.rig.lights):
-        return stack.rig.directions
+    rig = stack.rig.here
+    if not any(isinstance(light, PointLight) for light in rig.lights):
+        return rig.directions
     height, width = stack.shape[2:]
-    pitch = float(stack.rig.pitch_mm or 1.0)
+    pitch = float(rig.pitch_mm or 1.0)
     points = np.stack(
         [(at_x - (width - 1) / 2) * pitch, ((height - 1) / 2 - at_y) * pitch, 0.0 * at_x], axis=1
     )
-    lights = np.empty((len(stack.rig), len(points), 3))
-    for index, light in enumerate(stack.rig.lights):
+    lights = np.empty((len(rig), len(points), 3))
+    for index, light in enumerate(rig.lights):
         if isinstance(light, PointLight):
             towards = np.array(light.position) - points
             distance = np.linalg.norm(towards, axis=1, keepdims=True)

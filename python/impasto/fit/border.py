@@ -66,8 +66,9 @@ class StackArguments:
     def of(cls, stack: Stack) -> StackArguments:
         """The samples stay where they are; the rest is a few numbers per observation."""
         checked_stack(stack)
+        rig = stack.rig.here
         observations, bands = stack.shape[:2]
-        gain = stack.scale[None, :] / stack.rig.intensities[:, None]
+        gain = stack.scale[None, :] / rig.intensities[:, None]
         saturation = np.full(bands, np.inf) if stack.saturation is None else stack.saturation
         return cls(
             samples=stack.samples,
@@ -77,7 +78,7 @@ class StackArguments:
                 np.broadcast_to(saturation, (observations, bands)), dtype=np.float32
             ),
             mask=stack.mask,
-            rig=RigArguments.of(stack.rig),
+            rig=RigArguments.of(rig),
         )
 
 

@@ -5,24 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto import _core
-from impasto.fit.border import ProgressCallback, RigArguments, reporting, thread_count
-from impasto.fit.surface import SurfaceArguments
+from impasto.fit.border import ProgressCallback
 from impasto.rig import Rig
-
-
-def shown(
-    surface: SurfaceArguments,
-    rig: Rig,
-    *,
-    threads: int | None = None,
-    progress: bool | ProgressCallback = False,
-) -> NDArray[np.float32]:
-    """Samples ``(obs, band, y, x)`` of a surface, white board 1.0; NaN where its normal is."""
-    with reporting(progress, "predict") as callback:
-        return _core.predict(
-            surface, RigArguments.of(rig), rig.intensities, thread_count(threads), callback
-        )
+from impasto.surface import Surface
 
 
 def predict(
@@ -63,8 +48,8 @@ def predict(
         ``(obs, band, y, x)`` float32, never infinite: what exceeds the largest float32 is given as
         that number.
     """
-    surface = SurfaceArguments.of_coats(normal, diffuse, beta, gamma, index)
-    return shown(surface, rig, threads=threads, progress=progress)
+    surface = Surface.torrance_sparrow(normal, diffuse, beta, gamma, index=index, origin=rig.origin)
+    return surface.predict(rig, threads=threads, progress=progress)
 
 
 def predict_lobes(
@@ -106,6 +91,5 @@ def predict_lobes(
         ``(obs, band, y, x)`` float32, never infinite: what exceeds the largest float32 is given as
         that number.
     """
-    shape = {"cxy": cxy, "cz": cz, "exponent": exponent}
-    surface = SurfaceArguments.of_lobes(normal, diffuse, specular, shape, model="lafortune")
-    return shown(surface, rig, threads=threads, progress=progress)
+    surface = Surface.lafortune(normal, diffuse, specular, cxy, cz, exponent, origin=rig.origin)
+    return surface.predict(rig, threads=threads, progress=progress)

@@ -20,9 +20,9 @@ from impasto.fit.border import (
 from impasto.fit.normals import Normals
 from impasto.fit.result import PerPixelSbrdf, median, shared_fields
 from impasto.fit.saved import over
-from impasto.fit.surface import LobeModel
 from impasto.io.results import SavedMaps
 from impasto.stack import Stack
+from impasto.surface import Surface
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -75,7 +75,6 @@ class LafortuneSbrdf(PerPixelSbrdf):
         lobes are Phong's (``cxy = -1``, ``cz = 1``).
     """
 
-    MODEL: ClassVar[LobeModel] = "lafortune"
     SHAPE: ClassVar[tuple[str, ...]] = ("cxy", "cz", "exponent")
 
     cxy: NDArray[np.float32] = field(metadata=over("lobe", "y", "x"))
@@ -91,6 +90,18 @@ class LafortuneSbrdf(PerPixelSbrdf):
         from impasto.plots import lobe_plot
 
         return lobe_plot(self, y, x, stack)
+
+    def surface(self) -> Surface:
+        """The painting with every pixel's lobes, ready to be lit."""
+        return Surface.lafortune(
+            self.normal,
+            self.diffuse,
+            self.specular,
+            self.cxy,
+            self.cz,
+            self.exponent,
+            **self._place(),
+        )
 
     @property
     def width(self) -> NDArray[np.float32]:

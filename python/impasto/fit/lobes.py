@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -22,9 +22,9 @@ from impasto.fit.border import (
 from impasto.fit.normals import Normals
 from impasto.fit.result import PerPixelSbrdf, shared_fields
 from impasto.fit.saved import over
-from impasto.fit.surface import LobeModel, SurfaceArguments
 from impasto.io.results import SavedMaps
 from impasto.stack import Stack
+from impasto.surface import Surface
 
 MOST_LOBES = 3
 
@@ -66,7 +66,6 @@ class LobeSbrdf(PerPixelSbrdf):
         Index of refraction of the interface.
     """
 
-    MODEL: ClassVar[LobeModel] = "torrance-sparrow"
     SHAPE: ClassVar[tuple[str, ...]] = ("gamma",)
 
     ambient: NDArray[np.float32] = field(metadata=over("band", "y", "x"))
@@ -76,10 +75,17 @@ class LobeSbrdf(PerPixelSbrdf):
     converged: NDArray[np.bool_] = field(metadata=over("y", "x", dtype=np.bool_))
     index: float = field(metadata=over(dtype=np.float64))
 
-    def surface(self) -> SurfaceArguments:
+    def surface(self) -> Surface:
         """The painting with every pixel's lobes and what is ambient, ready to be lit."""
-        ambient = np.ascontiguousarray(self.ambient, dtype=np.float32)
-        return replace(super().surface(), index=self.index, ambient=ambient)
+        return Surface.torrance_sparrow(
+            self.normal,
+            self.diffuse,
+            self.specular,
+            self.gamma,
+            index=self.index,
+            ambient=self.ambient,
+            **self._place(),
+        )
 
     @property
     def width(self) -> NDArray[np.float32]:

@@ -22,10 +22,10 @@ from impasto.fit.border import (
 from impasto.fit.normals import Normals
 from impasto.fit.result import Sbrdf, shared_fields
 from impasto.fit.saved import over
-from impasto.fit.surface import SurfaceArguments
 from impasto.io.results import SavedMaps
 from impasto.stack import Stack
 from impasto.status import Status
+from impasto.surface import Surface
 from impasto.wording import percent
 
 Extraction = Literal["residual", "maximum", "papers"]
@@ -89,10 +89,15 @@ class PooledSbrdf(Sbrdf):
     converged: bool = field(metadata=over(dtype=np.bool_))
     misfit: NDArray[np.float32] = field(metadata=over("y", "x"))
 
-    def surface(self) -> SurfaceArguments:
+    def surface(self) -> Surface:
         """The painting with its one lobe, ready to be lit."""
-        return SurfaceArguments.of_coats(
-            self.normal, self.diffuse, self.beta, self.gamma, self.index
+        return Surface.torrance_sparrow(
+            self.normal,
+            self.diffuse,
+            self.beta,
+            self.gamma,
+            index=self.index,
+            **self._place(),
         )
 
     def report(self) -> dict[str, Any]:

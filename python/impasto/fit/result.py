@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -13,14 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto.checks import picked
 from impasto.fit.border import ProgressCallback
-from impasto.fit.forward import shown
 from impasto.fit.normals import Normals
 from impasto.fit.saved import Reader, arrays_of, over
-from impasto.fit.surface import LobeModel, SurfaceArguments
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
 from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.status import Status
+from impasto.surface import Relightable, Surface
 from impasto.waiting import wait_for
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sbrdf(ABC):
+class Sbrdf(Relightable):
     """A painting's surface: what every result of :func:`impasto.fit_sbrdf` holds and can do.
 
     In every map NaN stands exactly where ``status`` is 16 or more, and where a class says so
@@ -102,12 +101,8 @@ class Sbrdf(ABC):
             ``(obs, band, y, x)`` float32; NaN where the normal is. An ambient part is that of the
             photographs, times the light's intensity. No sample is above the largest float32.
         """
-        rig = Rig(
-            self.rig if lights is None else lights,
-            views=views,
-            pitch_mm=lights.pitch_mm if isinstance(lights, Rig) else self.pitch_mm,
-        )
-        return shown(self.surface(), rig, threads=threads, progress=progress)
+        rig = self.rig if lights is None else lights
+        return self.surface().predict(rig, views, threads=threads, progress=progress)
 
     def with_bands(self, chosen: Sequence[int]) -> Self:
         """The surface in some of its bands, by number; negative ones count from the end.
@@ -196,8 +191,12 @@ class Sbrdf(ABC):
         """Refuse a file whose numbers lie outside of their range; names begin with ``prefix``."""
 
     @abstractmethod
-    def surface(self) -> SurfaceArguments:
+    def surface(self) -> Surface:
         """The maps, ready to be lit by :meth:`predict` and :func:`impasto.render`."""
+
+    def _place(self) -> dict[str, Any]:
+        """Where the maps lie, as :class:`Surface` takes it."""
+        return {"pitch_mm": self.pitch_mm, "origin": self.rig.origin}
 
     @abstractmethod
     def _gloss(self) -> str:
@@ -218,22 +217,11 @@ class PerPixelSbrdf(Sbrdf):
         ``(y, x)`` uint8: how many lobes the photographs support.
     """
 
-    MODEL: ClassVar[LobeModel]
     SHAPE: ClassVar[tuple[str, ...]]
     """The maps ``(lobe, y, x)`` that make a lobe's shape."""
 
     specular: NDArray[np.float32] = field(metadata=over("lobe", "band", "y", "x"))
     lobes: NDArray[np.uint8] = field(metadata=over("y", "x", dtype=np.uint8))
-
-    def surface(self) -> SurfaceArguments:
-        """The painting with every pixel's lobes, ready to be lit."""
-        return SurfaceArguments.of_lobes(
-            self.normal,
-            self.diffuse,
-            self.specular,
-            {name: getattr(self, name) for name in self.SHAPE},
-            model=self.MODEL,
-        )
 
     @property
     @abstractmethod

@@ -18,9 +18,9 @@ from impasto.fit.normals import Normals
 from impasto.fit.pooled import PooledSbrdf
 from impasto.fit.result import Sbrdf
 from impasto.fit.saved import Reader, arrays_of, columns_of, over
-from impasto.fit.surface import SurfaceArguments
 from impasto.io.results import SavedMaps
 from impasto.status import Status
+from impasto.surface import Surface
 from impasto.waiting import wait_for
 
 if TYPE_CHECKING:
@@ -103,10 +103,15 @@ class SegmentSbrdf(Sbrdf):
         """The surface in some of its bands, by number; negative ones count from the end."""
         return replace(super().with_bands(chosen), painting=self.painting.with_bands(chosen))
 
-    def surface(self) -> SurfaceArguments:
+    def surface(self) -> Surface:
         """The painting with a lobe per segment, ready to be lit."""
-        return SurfaceArguments.of_coats(
-            self.normal, self.diffuse, self.beta, self.gamma, self.index
+        return Surface.torrance_sparrow(
+            self.normal,
+            self.diffuse,
+            self.beta,
+            self.gamma,
+            index=self.index,
+            **self._place(),
         )
 
     def to_xarray(self) -> Dataset:

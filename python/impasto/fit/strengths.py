@@ -13,13 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from impasto.checks import is_whole, refractive_index
 from impasto.errors import ArgumentError
 from impasto.fit.border import ProgressCallback, reporting
-from impasto.fit.forward import shown
 from impasto.fit.lobes import fit_lobes, lobe_count
 from impasto.fit.normals import fit_normals
-from impasto.fit.surface import SurfaceArguments
 from impasto.rig import Light, Rig
 from impasto.stack import Stack, checked_stack
 from impasto.status import Status
+from impasto.surface import Surface
 from impasto.thinning import thinned_to
 
 UNKNOWNS = 6
@@ -219,8 +218,8 @@ def fit_strengths(
 
     def matte(lit: Stack) -> tuple[Any, Any]:
         found = fit_normals(lit, threads=threads)
-        surface = SurfaceArguments.of_coats(found.normal, found.albedo, 0.0, 1.0, index)
-        return found.status, shown(surface, lit.rig, threads=threads)
+        surface = Surface(found.normal, found.albedo, index=index, origin=lit.rig.origin)
+        return found.status, surface.predict(lit.rig, threads=threads)
 
     def glossy(lit: Stack) -> tuple[Any, Any]:
         found = fit_lobes(
@@ -346,7 +345,7 @@ def _scaled(rig: Rig, factor: NDArray[np.float64]) -> Rig:
         replace(light, intensity=light.intensity * float(by))
         for light, by in zip(rig.lights, factor, strict=True)
     ]
-    return Rig(lights, views=rig.views, pitch_mm=rig.pitch_mm)
+    return rig.with_lights(lights)
 
 
 def _thin_plate(

@@ -89,6 +89,7 @@ def rig_from_arrays(maps: SavedMaps) -> Rig:
     """The rig that :func:`rig_arrays` took apart."""
     names = ("lights", "near", "falloff", "intensities", "views")
     arrays = {name: maps.take(f"rig.{name}") for name in names}
-    if "rig.pitch_mm" in maps.arrays:
-        arrays["pitch_mm"] = maps.take("rig.pitch_mm")
+    for name in ("pitch_mm", "origin"):
+        if f"rig.{name}" in maps.arrays:
+            arrays[name] = maps.take(f"rig.{name}")
     return rig_of_arrays(arrays)

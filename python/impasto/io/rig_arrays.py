@@ -23,6 +23,8 @@ def arrays_of_rig(rig: Rig) -> dict[str, NDArray[Any]]:
     }
     if rig.pitch_mm is not None:
         arrays["pitch_mm"] = np.array(rig.pitch_mm)
+    if rig.origin != (0.0, 0.0):
+        arrays["origin"] = np.array(rig.origin)
     return arrays
 
 
@@ -51,4 +53,5 @@ def rig_of_arrays(arrays: Mapping[str, NDArray[Any]]) -> Rig:
         for i, (x, y, z) in enumerate(vectors.tolist())
     ]
     pitch = float(arrays["pitch_mm"]) if "pitch_mm" in arrays else None
-    return Rig(lights, views=arrays.get("views"), pitch_mm=pitch)
+    origin = arrays.get("origin", np.zeros(2))
+    return Rig(lights, views=arrays.get("views"), pitch_mm=pitch, origin=(origin[0], origin[1]))

@@ -131,7 +131,7 @@ def without_falloff(rig: Rig) -> Rig:
         else DistantLight(light.direction)
         for light in rig.lights
     ]
-    return Rig(lights, views=rig.views, pitch_mm=rig.pitch_mm)
+    return rig.with_lights(lights)
 
 
 def _with(light: Light, strength: float) -> Light:

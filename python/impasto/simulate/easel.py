@@ -23,6 +23,7 @@ from impasto.simulate.pigments import (
 )
 from impasto.simulate.strokes import Layer, lay, settle
 from impasto.simulate.vision import landscape
+from impasto.surface import Relightable, Surface
 
 if TYPE_CHECKING:
     from impasto.bands import Camera
@@ -33,7 +34,7 @@ RANK = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Painting:
+class Painting(Relightable):
     """Everything there is to know about a simulated painting.
 
     Attributes
@@ -76,6 +77,21 @@ class Painting:
     def size(self) -> tuple[int, int]:
         """``(y, x)`` in pixels."""
         return (self.height.shape[0], self.height.shape[1])
+
+    def surface(self) -> Surface:
+        """The painting with its varnish, ready to be lit; its colours are the coefficients."""
+        return Surface.torrance_sparrow(
+            self.normal,
+            self.coefficients,
+            self.beta,
+            self.gamma,
+            height=self.height,
+            pitch_mm=self.pitch_mm,
+        )
+
+    def spectra(self) -> Painting:
+        """The painting itself: it has coefficients, basis and wavelengths."""
+        return self
 
     @property
     def masks(self) -> dict[str, NDArray[np.bool_]]:

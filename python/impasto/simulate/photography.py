@@ -201,7 +201,7 @@ def capture(
     common: dict[str, Any] = {"bands": camera.bands}
     if not linear:
         lit = [replace(light, intensity=light.intensity * exposure) for light in rig.lights]
-        exposed_rig = Rig(lit, views=rig.views, pitch_mm=rig.pitch_mm)
+        exposed_rig = rig.with_lights(lit)
         stack = Stack(samples, lights=exposed_rig, saturation=1.0, encoding=curve, **common)
     elif bits is None:
         stack = Stack(
@@ -315,7 +315,7 @@ def _resolved(
             replace(light, falloff=falloff) if isinstance(light, PointLight) else light
             for light in rig.lights
         ]
-        rig = Rig(lights, views=rig.views, pitch_mm=rig.pitch_mm)
+        rig = rig.with_lights(lights)
     return rig, camera
 
 
