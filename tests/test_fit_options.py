@@ -40,7 +40,7 @@ def stack() -> impasto.Stack:
     return impasto.Stack(np.full((4, 3, *SIZE), 0.5, np.float32), lights=LIGHTS)
 
 
-@pytest.mark.parametrize(("asked", "own"), FITS, ids=str)
+@pytest.mark.parametrize(("asked", "own"), FITS, ids=[str(asked) for asked, _ in FITS])
 @pytest.mark.parametrize("option", VALUES)
 def test_what_a_fit_does_not_have_is_refused(
     stack: impasto.Stack, asked: dict[str, Any], own: set[str], option: str
