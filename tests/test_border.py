@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto.fit.border import MOST_THREADS, reporting, thread_count
+from impasto._internal.calls import MOST_THREADS, reporting, thread_count
 
 
 @pytest.mark.parametrize("fit", [impasto.fit_normals, impasto.fit_sbrdf])

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 import impasto
+from impasto._internal.extras import need
 from impasto.cli import main
-from impasto.extras import need
-from impasto.plots import lobe_plot
+from impasto.pictures.plots import lobe_plot
 
 
 def test_an_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import impasto
-import impasto.waiting as waiting
+import impasto._internal.waiting as waiting
 from circumstances import capture
-from impasto.waiting import floats, wait_for
+from impasto._internal.waiting import floats, wait_for
 
 PATIENCE = 60.0
 """Seconds that nothing here takes: after them a test fails instead of waiting for ever."""
@@ -106,7 +106,7 @@ def waited(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     for module in ("fit.segments", "fit.sbrdf", "fit.reflectance", "fit.result", "io.files"):
         monkeypatch.setattr(f"impasto.{module}.wait_for", noted)
-    for module in ("io.codes", "io.reader", "stack", "waiting"):
+    for module in ("io.session.codes", "io.session.reader", "stack", "_internal.waiting"):
         monkeypatch.setattr(f"impasto.{module}.wait_for", noted)
     return names
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from impasto._internal.wording import counted
 from impasto.effort import Effort
 from impasto.study.pareto_front import knee, pareto_front
-from impasto.wording import counted
 from study import minpack
 from study.candidates import ERROR, Row
 from study.excess_cost import BAD

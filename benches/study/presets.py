@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 
+from impasto._internal.wording import counted
 from impasto.effort import PRESETS, Effort
-from impasto.wording import counted
 from study.candidates import BEST, Candidate, Row, candidates_of, chosen, sparing
 
 PIXELS = {"draft": 1 << 12, "standard": 1 << 16, "reference": 1 << 18}

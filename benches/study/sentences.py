@@ -8,8 +8,8 @@ from typing import Any, get_args
 
 import numpy as np
 
+from impasto._internal.wording import counted
 from impasto.effort import PRESETS, Effort, Origin
-from impasto.wording import counted
 from study import wiener_numpy
 from study.candidates import Row
 from study.excess_cost import PRECISIONS, STEPS

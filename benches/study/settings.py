@@ -9,10 +9,10 @@ from typing import Any, TypeAlias, get_args
 
 import numpy as np
 
+from impasto._internal.wording import counted
 from impasto.effort import PRESETS, Effort, Origin, Precision
 from impasto.fit.normals import Method
 from impasto.fit.reflectance import Estimator
-from impasto.wording import counted
 from study import excess_cost, fits, minpack, peers, subsets, treatments, wiener_numpy
 from study.data_sets import PIGMENTS
 from study.held_out_error import compared

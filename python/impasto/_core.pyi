@@ -8,10 +8,12 @@ from typing import Any, Literal, TypedDict, final, type_check_only
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.fit.border import ProgressCallback, RigArguments, StackArguments, StartArguments
+from impasto._internal.border import RigArguments, StackArguments
+from impasto._internal.calls import ProgressCallback
 from impasto.fit.highlight import LobeFit
 from impasto.fit.normals import Normals
 from impasto.fit.reflectance import Reflectance
+from impasto.fit.start import StartArguments
 from impasto.render import SceneArguments
 from impasto.surface import Surface
 

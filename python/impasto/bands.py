@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from impasto.checks import instance
+from impasto._internal.checks import instance
 from impasto.colour import interpolation_matrix, spectrum
 from impasto.colour.wavelengths import Floats, checked_spectra, checked_wavelengths
 from impasto.errors import ArgumentError

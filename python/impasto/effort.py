@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from impasto.checks import suggestion
+from impasto._internal.checks import suggestion
 from impasto.errors import ArgumentError
 
 Preset = Literal["draft", "standard", "reference"]

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto.checks import length_mm
+from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.checks import length_mm
+from impasto._internal.waiting import floats
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback, reporting, thread_count
-from impasto.waiting import floats
 
 
 def integrate_normals(

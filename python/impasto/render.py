@@ -10,18 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
+from impasto._internal.border import RigArguments
+from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.checks import holding, instance, length_mm
+from impasto._internal.waiting import floats
 from impasto.bands import Camera, checked_camera
-from impasto.checks import holding, instance, length_mm
 from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_from_spectrum
 from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError
-from impasto.fit.border import ProgressCallback, RigArguments, reporting, thread_count
 from impasto.fit.reflectance import Reflectance, fit_reflectance
 from impasto.height import integrate_normals
 from impasto.rig import PointLight, Rig
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
-from impasto.waiting import floats
 
 CELLS = 2048
 """Cells of the tone curve's table; the numerics fix the number."""

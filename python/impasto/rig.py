@@ -14,7 +14,15 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.checks import FARTHEST_MM, is_whole, length_mm, number, numbers, picked, positive
+from impasto._internal.checks import (
+    FARTHEST_MM,
+    is_whole,
+    length_mm,
+    number,
+    numbers,
+    picked,
+    positive,
+)
 from impasto.errors import ArgumentError, GeometryError
 
 FRONTAL = (0.0, 0.0, 1.0)

@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from numpy.typing import ArrayLike
 
-from impasto.checks import number, numbers, positive
+from impasto._internal.checks import number, numbers, positive
 from impasto.colour import Display
 from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError, GeometryError

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.checks import instance, numbers, picked, unmasked
+from impasto._internal.checks import instance, numbers, picked, unmasked
+from impasto._internal.waiting import floats, wait_for
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.rig import Light, Rig
-from impasto.waiting import floats, wait_for
 
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float16, np.float32)
 """Sample types that are read in place and converted block by block."""

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto.checks import length_mm, one_of, refractive_index
+from impasto._internal.border import RigArguments
+from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.checks import length_mm, one_of, refractive_index
+from impasto._internal.waiting import floats
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback, RigArguments, reporting, thread_count
 from impasto.rig import Rig
-from impasto.waiting import floats
 
 Map: TypeAlias = NDArray[np.float32]
 LobeModel = Literal["torrance-sparrow", "lafortune"]

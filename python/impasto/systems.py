@@ -15,11 +15,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
+from impasto._internal.calls import ProgressCallback
+from impasto._internal.checks import one_of
 from impasto.bands import Camera, checked_camera
-from impasto.checks import one_of
 from impasto.effort import EffortLike
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback
 from impasto.fit.normals import Method, Normals, fit_normals
 from impasto.fit.pooled import Extraction, PooledSbrdf
 from impasto.fit.reflectance import Estimator, Reflectance, fit_reflectance

@@ -7,9 +7,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from impasto._internal.waiting import wait_for
 from impasto.rig import Rig
 from impasto.stack import Stack
-from impasto.waiting import wait_for
 
 SPARSE = 4
 """Pixels of a picture for each that is wanted, from which on those of the mask are set side by

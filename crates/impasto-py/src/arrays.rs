@@ -14,7 +14,7 @@ use impasto::sbrdf::Start;
 use impasto::stack::{Decode, Samples, Shape, Stack};
 use impasto::{Error, Result};
 
-/// What `impasto.fit.border.StackArguments` holds: every array C-contiguous.
+/// What `impasto._internal.border.StackArguments` holds: every array C-contiguous.
 #[derive(FromPyObject)]
 pub(crate) struct StackArguments<'py> {
     samples: SampleArray<'py>,
@@ -29,7 +29,7 @@ pub(crate) struct StackArguments<'py> {
     pub(crate) rig: RigArguments<'py>,
 }
 
-/// What `impasto.fit.border.RigArguments` holds.
+/// What `impasto._internal.border.RigArguments` holds.
 #[derive(FromPyObject)]
 pub(crate) struct RigArguments<'py> {
     /// (obs, 3): unit directions, or positions in mm.
@@ -43,7 +43,7 @@ pub(crate) struct RigArguments<'py> {
     pub(crate) pitch_mm: f64,
 }
 
-/// What `impasto.fit.border.StartArguments` holds: the maps of photometric stereo.
+/// What `impasto.fit.start.StartArguments` holds: the maps of photometric stereo.
 #[derive(FromPyObject)]
 pub(crate) struct StartArguments<'py> {
     /// (3, y, x).
@@ -66,7 +66,7 @@ enum SampleArray<'py> {
     F32(PyReadonlyArray4<'py, f32>),
 }
 
-/// Says which array was not C-contiguous; `impasto.fit.border` makes them so.
+/// Says which array was not C-contiguous; `impasto._internal.border` makes them so.
 pub(crate) fn contiguous<T>(
     name: &'static str,
     slice: std::result::Result<T, impl ToString>,

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from rich.table import Table
 
+from impasto._internal.wording import percent
 from impasto.cli import console
 from impasto.cli.console import Stages
 from impasto.cli.measuring import measured
 from impasto.cli.options import Flag, SomeWhole, Whole, check_threads
 from impasto.errors import ArgumentError
 from impasto.systems import Name
-from impasto.wording import percent
 
 if TYPE_CHECKING:
     from impasto.simulate import Capture, Score

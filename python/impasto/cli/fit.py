@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import CycloptsError, Parameter
 from rich.markup import escape
 
-from impasto.checks import refractive_index
+from impasto._internal.checks import refractive_index
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.gloss import Gloss, with_labels

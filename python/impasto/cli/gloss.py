@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import CycloptsError, Group, Parameter
 
-from impasto.checks import refractive_index
+from impasto._internal.checks import refractive_index
 from impasto.cli.options import SomeWhole
 from impasto.errors import ArgumentError
 from impasto.fit.lobes import lobe_count

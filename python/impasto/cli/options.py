@@ -112,7 +112,7 @@ def _word(converter: Any, metavar: str) -> Parameter:
 
 def check_threads(threads: int | None) -> None:
     """Refuse a number of threads before any file is read; that of the environment as well."""
-    from impasto.fit.border import thread_count
+    from impasto._internal.calls import thread_count
 
     if threads is not None and threads < 1:
         raise ArgumentError(f"--threads: expected a number from 1 on, found {threads}")

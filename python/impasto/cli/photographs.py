@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from impasto.checks import length_mm
+from impasto._internal.checks import length_mm
 from impasto.cli.options import Flag
 from impasto.errors import ArgumentError
 

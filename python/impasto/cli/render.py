@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from impasto.checks import length_mm
+from impasto._internal.checks import length_mm
 from impasto.cli.console import Stages
 from impasto.cli.options import (
     Angles,

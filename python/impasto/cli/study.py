@@ -56,9 +56,9 @@ def study(
     quiet
         No progress, only the table.
     """
+    from impasto._internal.extras import need
     from impasto.cli.fit import stack_words, tell
     from impasto.cli.folder import REPORT, result_folder
-    from impasto.extras import need
     from impasto.report import report, write_report
     from impasto.study import run, write
     from impasto.study.report import to_dict

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from impasto.checks import one_of
+from impasto._internal.checks import one_of
 from impasto.colour._science import science
 from impasto.colour.illuminants import Illuminant, sampled, temperature_if_given
 from impasto.colour.wavelengths import Floats, checked_wavelengths, interpolation_matrix

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.doctor.specimen import Specimen
+from impasto.doctor.sampled_tiles import SampledTiles
 
 Floats = NDArray[np.float64]
 
@@ -81,9 +81,9 @@ class Curl:
         return value > np.log(RATIO) and value > SIGMAS * error
 
 
-def measure_curl(specimen: Specimen, surface: Floats) -> Curl:
-    """Sum up the curl of a surface ``(3, n)`` fitted to a specimen."""
-    tiles, height, width = specimen.tiles
+def measure_curl(sampled: SampledTiles, surface: Floats) -> Curl:
+    """Sum up the curl of a surface ``(3, n)`` fitted to sampled tiles."""
+    tiles, height, width = sampled.tiles
     fields = _smooth(surface.reshape(3, tiles, height, width))
     with np.errstate(divide="ignore", invalid="ignore"):
         known = fields[2] > 0.1 * np.linalg.norm(fields, axis=0)

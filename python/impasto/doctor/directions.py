@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from impasto.doctor.curl import RATIO, Curl, measure_curl
 from impasto.doctor.diagnosis import Finding
 from impasto.doctor.falloff import FallOff, measure_falloff
-from impasto.doctor.specimen import Specimen
+from impasto.doctor.sampled_tiles import SampledTiles
 
 Floats = NDArray[np.float64]
 
@@ -29,19 +29,19 @@ _REPAIRS = {
 """What is wrong with the given lights, and the lights (x, y, z) to use instead."""
 
 
-def directions(specimen: Specimen, surface: Floats, listed: Floats) -> list[Finding]:
+def directions(sampled: SampledTiles, surface: Floats, listed: Floats) -> list[Finding]:
     """Judge the light directions as a whole.
 
     Parameters
     ----------
-    specimen, surface
+    sampled, surface
         Where to look and what was fitted there ``(3, n)``.
     listed
         ``(obs, 3)``.
     """
     if len(listed) < 3:
         return []
-    curl, falloff = measure_curl(specimen, surface), measure_falloff(specimen, listed)
+    curl, falloff = measure_curl(sampled, surface), measure_falloff(sampled, listed)
     if not curl.known:
         return [_cannot("no relief to judge by", {})]
     numbers = _numbers(curl, falloff)

@@ -13,7 +13,7 @@ from impasto.doctor.lights import lights
 from impasto.doctor.order import order
 from impasto.doctor.pairing import measure_likeness, pairing
 from impasto.doctor.photographs import duplicates, reading
-from impasto.doctor.specimen import Specimen
+from impasto.doctor.sampled_tiles import SampledTiles
 from impasto.doctor.strength import strengths
 from impasto.doctor.surface import fit_surface
 from impasto.doctor.tone import tone
@@ -44,28 +44,28 @@ def examine(stack: Stack) -> Diagnosis:
         *exposure(stack, measured),
         *lights(stack),
     ]
-    specimen = Specimen.of(stack)
-    surface = _surface(stack, specimen)
-    likeness = measure_likeness(specimen)
+    sampled = SampledTiles.of(stack)
+    surface = _surface(stack, sampled)
+    likeness = measure_likeness(sampled)
     found += duplicates(stack, likeness)
     if surface is not None:
-        out_of_step, right_order = order(specimen)
+        out_of_step, right_order = order(sampled)
         found += out_of_step
         if right_order is not None:
             # Under wrong lights everything looks wrong: go on with the right ones.
             stack = stack._replace(rig=stack.rig.take(right_order.tolist()))
-            specimen = replace(specimen, lights=specimen.lights[right_order])
-            surface = fit_surface(specimen.grey, specimen.lights)
-        found += directions(specimen, surface, stack.rig.directions)
+            sampled = replace(sampled, lights=sampled.lights[right_order])
+            surface = fit_surface(sampled.grey, sampled.lights)
+        found += directions(sampled, surface, stack.rig.directions)
         found += pairing(stack, likeness)
-        found += strengths(stack, specimen)
+        found += strengths(stack, sampled)
         found += tone(stack)
     return Diagnosis(tuple(found), stack.names, stack.shape)
 
 
-def _surface(stack: Stack, specimen: Specimen) -> np.ndarray | None:
+def _surface(stack: Stack, sampled: SampledTiles) -> np.ndarray | None:
     """A surface to judge by, or None where the stack is too poor for one."""
     if len(stack.rig) < 3 or np.linalg.matrix_rank(stack.rig.directions, tol=1e-3) < 3:
         return None
-    surface = fit_surface(specimen.grey, specimen.lights)
+    surface = fit_surface(sampled.grey, sampled.lights)
     return surface if np.isfinite(surface).all(axis=0).sum() >= 30 else None

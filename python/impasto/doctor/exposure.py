@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.wording import counted
 from impasto.doctor.diagnosis import Finding, named
-from impasto.doctor.specimen import linear
+from impasto.doctor.sampled_tiles import linear
 from impasto.stack import Stack
-from impasto.wording import counted
 
 Floats = NDArray[np.float64]
 

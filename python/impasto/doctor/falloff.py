@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.doctor.specimen import Specimen
+from impasto.doctor.sampled_tiles import SampledTiles
 
 Floats = NDArray[np.float64]
 
@@ -58,17 +58,17 @@ class FallOff:
         return self.mirrored_turn_deg if self.is_mirrored else self.straight_turn_deg
 
 
-def measure_falloff(specimen: Specimen, directions: Floats) -> FallOff:
+def measure_falloff(sampled: SampledTiles, directions: Floats) -> FallOff:
     """Fit a gradient to each photograph and compare its azimuth with the light's.
 
     Parameters
     ----------
-    specimen
+    sampled
         Where to look; fall-off that the rig already knows is divided out.
     directions
         ``(obs, 3)`` of the lights.
     """
-    gradient = _gradients(specimen)
+    gradient = _gradients(sampled)
     listed = directions[:, 0] + 1j * directions[:, 1]
     usable = np.isfinite(gradient) & (np.abs(listed) > 0.1)
     gradient, listed = gradient[usable], listed[usable]
@@ -91,17 +91,17 @@ def measure_falloff(specimen: Specimen, directions: Floats) -> FallOff:
     )
 
 
-def _gradients(specimen: Specimen) -> NDArray[np.complex128]:
+def _gradients(sampled: SampledTiles) -> NDArray[np.complex128]:
     """Gradient of the logarithm of each photograph, x + i y, per longer side of the picture."""
-    modelled = specimen.lights[..., 2]
+    modelled = sampled.lights[..., 2]
     modelled = modelled[:, None] if modelled.ndim == 1 else modelled
     with np.errstate(divide="ignore", invalid="ignore"):
-        bright = np.log(np.where(specimen.grey > 0, specimen.grey, np.nan))
+        bright = np.log(np.where(sampled.grey > 0, sampled.grey, np.nan))
         bright = bright - np.log(np.where(modelled > 0, modelled, np.nan))
     counted = np.isfinite(bright).sum(axis=0)
     enough = counted >= max(3, len(bright) // 2)
     bright = bright[:, enough]
-    design = np.stack([np.ones(enough.sum()), specimen.x[enough], specimen.y[enough]], axis=1)
+    design = np.stack([np.ones(enough.sum()), sampled.x[enough], sampled.y[enough]], axis=1)
     result = np.full(len(bright), np.nan, dtype=np.complex128)
     if bright.shape[1] < 30:
         return result

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from impasto.errors import CorruptInputError
-from impasto.io.headers import read_header
-from impasto.io.images import list_images
+from impasto.io.images import list_images, read_header
 
 
 def damaged_files(folder: str | Path) -> tuple[CorruptInputError, ...]:

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
+from impasto._internal.wording import counted
 from impasto.doctor.diagnosis import Finding, named
 from impasto.stack import Stack
-from impasto.wording import counted
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.doctor.diagnosis import Finding
-from impasto.doctor.specimen import Specimen
+from impasto.doctor.sampled_tiles import SampledTiles
 from impasto.doctor.surface import fit_surface, shading
 
 Floats = NDArray[np.float64]
@@ -23,15 +23,15 @@ _BETTER = 1.4
 """An order is called wrong if another one leaves residuals smaller by this factor."""
 
 
-def order(specimen: Specimen) -> tuple[list[Finding], Order | None]:
+def order(sampled: SampledTiles) -> tuple[list[Finding], Order | None]:
     """Whether another order of the lights explains the photographs better, and which."""
-    count = len(specimen.grey)
+    count = len(sampled.grey)
     if count < _FEWEST:
         return [], None
-    given = _misfit(specimen, np.arange(count))
+    given = _misfit(sampled, np.arange(count))
     if not given > 0:
         return [], None
-    misfits = {name: _misfit(specimen, to) for name, to in orders(count).items()}
+    misfits = {name: _misfit(sampled, to) for name, to in orders(count).items()}
     best = min(misfits, key=lambda name: misfits[name])
     numbers = {"misfit": round(given, 5), **{n: round(m, 5) for n, m in misfits.items()}}
     times = given / max(misfits[best], 1e-12)
@@ -68,11 +68,11 @@ def orders(count: int) -> dict[str, Order]:
     return found
 
 
-def _misfit(specimen: Specimen, to: Order) -> float:
+def _misfit(sampled: SampledTiles, to: Order) -> float:
     """Median residual of a surface fitted with the lights in some order, relative to the light."""
-    pick = np.arange(0, specimen.grey.shape[1], max(1, specimen.grey.shape[1] // _PIXELS))
-    grey = specimen.grey[:, pick]
-    lights = specimen.lights[to]
+    pick = np.arange(0, sampled.grey.shape[1], max(1, sampled.grey.shape[1] // _PIXELS))
+    grey = sampled.grey[:, pick]
+    lights = sampled.lights[to]
     lights = lights if lights.ndim == 2 else lights[:, pick]
     surface = fit_surface(grey, lights)
     known = np.isfinite(surface).all(axis=0)

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.wording import counted
 from impasto.doctor.diagnosis import Finding
 from impasto.doctor.lights import angles_between
-from impasto.doctor.specimen import Specimen
+from impasto.doctor.sampled_tiles import SampledTiles
 from impasto.stack import Stack
-from impasto.wording import counted
 
 Floats = NDArray[np.float64]
 
@@ -87,13 +87,13 @@ def pairing(stack: Stack, likeness: Floats | None) -> list[Finding]:
     ]
 
 
-def measure_likeness(specimen: Specimen) -> Floats | None:
+def measure_likeness(sampled: SampledTiles) -> Floats | None:
     """``(obs, obs)`` correlation of the photographs after what all share is taken out."""
-    known = np.isfinite(specimen.grey).sum(axis=0) >= 0.7 * len(specimen.grey)
-    known &= specimen.inside
+    known = np.isfinite(sampled.grey).sum(axis=0) >= 0.7 * len(sampled.grey)
+    known &= sampled.inside
     if known.sum() < 100:
         return None
-    rows = specimen.grey[:, known].astype(np.float64)
+    rows = sampled.grey[:, known].astype(np.float64)
     # A clipped sample is as bright as the brightest that is not.
     rows = np.where(np.isfinite(rows), rows, np.nanmax(rows, axis=0))
     middle = np.median(rows, axis=0)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
+from impasto._internal.border import RigArguments
 from impasto.doctor.diagnosis import Finding, named
 from impasto.doctor.lights import angles_between
-from impasto.fit.border import RigArguments
 from impasto.stack import Stack
 
 Floats = NDArray[np.float64]

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.wording import counted
 from impasto.doctor.diagnosis import Finding
 from impasto.doctor.lights import elevation
-from impasto.doctor.specimen import Specimen
+from impasto.doctor.sampled_tiles import SampledTiles
 from impasto.doctor.surface import fit_surface, shading
 from impasto.rig import Rig
 from impasto.stack import Stack
-from impasto.wording import counted
 
 Floats = NDArray[np.float64]
 
@@ -28,11 +28,11 @@ _OPPOSITE = 1e-12
 """Shorter sums of two unit vectors are those of opposite ones: there is no half vector."""
 
 
-def strengths(stack: Stack, specimen: Specimen) -> list[Finding]:
+def strengths(stack: Stack, sampled: SampledTiles) -> list[Finding]:
     """The strength of each light that the photographs show, against the others."""
     if len(stack.rig) < _FEWEST:
         return []
-    gain = measure_strengths(specimen, stack.rig.views)
+    gain = measure_strengths(sampled, stack.rig.views)
     if gain is None:
         return []
     height = _height(stack.rig)
@@ -88,16 +88,16 @@ def _height(rig: Rig) -> Floats:
     return 2.0 * elevation(half / np.maximum(length, _OPPOSITE)) - 90.0
 
 
-def measure_strengths(specimen: Specimen, views: Floats) -> Floats | None:
+def measure_strengths(sampled: SampledTiles, views: Floats) -> Floats | None:
     """Strength of each light ``(obs,)`` relative to the given ones.
 
     A robust semi-calibrated estimate: the surface is fitted with the lights' strengths, these with
     the surface, in turn. Only pixels well away from shadow and from the mirror direction count.
     """
-    gain = np.ones(len(specimen.grey))
-    lights = specimen.lights
+    gain = np.ones(len(sampled.grey))
+    lights = sampled.lights
     for _ in range(_ROUNDS):
-        surface = fit_surface(specimen.grey / gain[:, None], lights)
+        surface = fit_surface(sampled.grey / gain[:, None], lights)
         known = np.isfinite(surface).all(axis=0)
         if known.sum() < 30:
             return None
@@ -105,7 +105,7 @@ def measure_strengths(specimen: Specimen, views: Floats) -> Floats | None:
         albedo = np.linalg.norm(surface, axis=0)
         half = _half_cosine(surface / np.maximum(albedo, 1e-30), lights, views)
         ratio = np.full(len(gain), np.nan)
-        for index, row in enumerate(specimen.grey):
+        for index, row in enumerate(sampled.grey):
             lit = known & np.isfinite(row) & (shown[index] > 0.2 * albedo)
             if lit.sum() < 30:
                 continue

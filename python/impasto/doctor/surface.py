@@ -1,4 +1,4 @@
-"""A quick Lambert surface under the specimen, to hold photographs against."""
+"""A quick Lambert surface under the sampled tiles, to hold photographs against."""
 
 from __future__ import annotations
 

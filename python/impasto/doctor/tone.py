@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.doctor.diagnosis import Finding
-from impasto.doctor.specimen import linear
+from impasto.doctor.sampled_tiles import linear
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.io.tone import CANDIDATES, ToneEstimate, estimate_tone, few
+from impasto.io.session.tone import CANDIDATES, ToneEstimate, estimate_tone, few
 from impasto.stack import Stack
 
 _PIXELS = 8000

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from impasto.extras import need
+from impasto._internal.extras import need
 from impasto.status import Status
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.fit.border import ProgressCallback
+from impasto._internal.calls import ProgressCallback
 from impasto.rig import Rig
 from impasto.surface import Surface
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto.checks import unmasked
+from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.checks import unmasked
+from impasto._internal.waiting import floats
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback, reporting, thread_count
-from impasto.waiting import floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,17 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
+from impasto._internal.border import StackArguments
+from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto.effort import Effort
-from impasto.fit.border import (
-    ProgressCallback,
-    StackArguments,
-    StartArguments,
-    reporting,
-    thread_count,
-)
 from impasto.fit.normals import Normals
 from impasto.fit.result import PerPixelSbrdf, median, shared_fields
 from impasto.fit.saved import over
+from impasto.fit.start import StartArguments
 from impasto.io.results import SavedMaps
 from impasto.stack import Stack
 from impasto.surface import Surface
@@ -86,8 +82,8 @@ class LafortuneSbrdf(PerPixelSbrdf):
     verdict: str = field(metadata=over(dtype=np.str_))
 
     def lobe_plot(self, y: int, x: int, stack: Stack | None = None) -> Figure:
-        """Draw a pixel's lobes: as ``impasto.plots.lobe_plot`` does."""
-        from impasto.plots import lobe_plot
+        """Draw a pixel's lobes: as ``impasto.pictures.plots.lobe_plot`` does."""
+        from impasto.pictures.plots import lobe_plot
 
         return lobe_plot(self, y, x, stack)
 

@@ -9,19 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
-from impasto.checks import is_whole, refractive_index
+from impasto._internal.border import StackArguments
+from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.checks import is_whole, refractive_index
 from impasto.effort import PRESETS, Effort
 from impasto.errors import ArgumentError
-from impasto.fit.border import (
-    ProgressCallback,
-    StackArguments,
-    StartArguments,
-    reporting,
-    thread_count,
-)
 from impasto.fit.normals import Normals
 from impasto.fit.result import PerPixelSbrdf, shared_fields
 from impasto.fit.saved import over
+from impasto.fit.start import StartArguments
 from impasto.io.results import SavedMaps
 from impasto.stack import Stack
 from impasto.surface import Surface

@@ -9,15 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
-from impasto.checks import is_whole, one_of
+from impasto._internal.border import StackArguments
+from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.checks import is_whole, one_of
 from impasto.effort import EffortLike, resolved
 from impasto.errors import ArgumentError, GeometryError
-from impasto.fit.border import (
-    ProgressCallback,
-    StackArguments,
-    reporting,
-    thread_count,
-)
 from impasto.fit.saved import over
 from impasto.stack import Stack
 from impasto.status import Status

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from impasto.checks import one_of
+from impasto._internal.checks import one_of
 from impasto.errors import ArgumentError
 
 Model = Literal["torrance-sparrow", "lafortune"]

@@ -10,23 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
-from impasto.checks import refractive_index
+from impasto._internal.border import StackArguments
+from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.checks import refractive_index
+from impasto._internal.wording import percent
 from impasto.effort import Effort
-from impasto.fit.border import (
-    ProgressCallback,
-    StackArguments,
-    StartArguments,
-    reporting,
-    thread_count,
-)
 from impasto.fit.normals import Normals
 from impasto.fit.result import Sbrdf, shared_fields
 from impasto.fit.saved import over
+from impasto.fit.start import StartArguments
 from impasto.io.results import SavedMaps
 from impasto.stack import Stack
 from impasto.status import Status
 from impasto.surface import Surface
-from impasto.wording import percent
 
 Extraction = Literal["residual", "maximum", "papers"]
 

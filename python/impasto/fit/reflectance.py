@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
+from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.checks import instance, is_whole, one_of
+from impasto._internal.waiting import floats, wait_for
 from impasto.bands import Camera, Integration, checked_camera
-from impasto.checks import instance, is_whole, one_of
 from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback, reporting, thread_count
 from impasto.fit.noise import noise_of_diffuse
 from impasto.io.results import read_maps, write_maps
 from impasto.stack import Stack
 from impasto.training import TrainingSpectra, checked_training
-from impasto.waiting import floats, wait_for
 
 Estimator = Literal["root-polynomial", "wiener", "linear-model", "radial-basis"]
 

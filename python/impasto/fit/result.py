@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.checks import picked
-from impasto.fit.border import ProgressCallback
+from impasto._internal.calls import ProgressCallback
+from impasto._internal.checks import picked
+from impasto._internal.waiting import wait_for
 from impasto.fit.normals import Normals
 from impasto.fit.saved import Reader, arrays_of, over
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
@@ -20,7 +21,6 @@ from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.status import Status
 from impasto.surface import Relightable, Surface
-from impasto.waiting import wait_for
 
 if TYPE_CHECKING:
     from xarray import Dataset

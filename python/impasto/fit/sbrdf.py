@@ -8,10 +8,11 @@ from typing import Literal, TypedDict, Unpack, get_args, overload
 
 from numpy.typing import ArrayLike
 
-from impasto.checks import one_of, refractive_index, truth
+from impasto._internal.calls import ProgressCallback
+from impasto._internal.checks import one_of, refractive_index, truth
+from impasto._internal.waiting import wait_for
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback
 from impasto.fit.lafortune import LafortuneSbrdf, fit_lafortune
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count
 from impasto.fit.normals import Method, Normals, fit_normals
@@ -21,7 +22,6 @@ from impasto.fit.result import Sbrdf
 from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
 from impasto.io.results import RESULT, read_maps
 from impasto.stack import Stack, checked_stack
-from impasto.waiting import wait_for
 
 RESULTS: dict[str, type[Sbrdf]] = {
     kind.kind(): kind for kind in (PooledSbrdf, SegmentSbrdf, LobeSbrdf, LafortuneSbrdf)

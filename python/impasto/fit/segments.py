@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.checks import unmasked
+from impasto._internal.checks import unmasked
+from impasto._internal.waiting import wait_for
 from impasto.errors import ArgumentError
 from impasto.fit.dataset import variable
 from impasto.fit.normals import Normals
@@ -21,7 +22,6 @@ from impasto.fit.saved import Reader, arrays_of, columns_of, over
 from impasto.io.results import SavedMaps
 from impasto.status import Status
 from impasto.surface import Surface
-from impasto.waiting import wait_for
 
 if TYPE_CHECKING:
     from xarray import Dataset

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.checks import is_whole, refractive_index
+from impasto._internal.calls import ProgressCallback, reporting
+from impasto._internal.checks import is_whole, refractive_index
 from impasto.errors import ArgumentError
-from impasto.fit.border import ProgressCallback, reporting
 from impasto.fit.lobes import fit_lobes, lobe_count
 from impasto.fit.normals import fit_normals
 from impasto.rig import Light, Rig

@@ -1,17 +1,9 @@
 """Files in, files out: photographs, light files, maps."""
 
-from impasto.io.archive import write_stack
 from impasto.io.cameras import read_camera, write_camera
 from impasto.io.files import atomic_bytes, atomic_path
-from impasto.io.headers import ImageHeader, read_header
-from impasto.io.images import read_image
-from impasto.io.labels import read_labels
-from impasto.io.lights import LightFile, read_lights
-from impasto.io.lp import write_lights
-from impasto.io.notes import Note
-from impasto.io.reader import read_stack
-from impasto.io.tone import ToneEstimate, estimate_tone
-from impasto.io.write import (
+from impasto.io.images import ImageHeader, read_header, read_image
+from impasto.io.images.write import (
     write_exr,
     write_jpeg,
     write_json,
@@ -20,6 +12,13 @@ from impasto.io.write import (
     write_tiff16,
     write_tiff32,
 )
+from impasto.io.labels import read_labels
+from impasto.io.lights import LightFile, read_lights
+from impasto.io.lights.lp import write_lights
+from impasto.io.notes import Note
+from impasto.io.session.archive import write_stack
+from impasto.io.session.reader import read_stack
+from impasto.io.session.tone import ToneEstimate, estimate_tone
 
 __all__ = [
     "ImageHeader",

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all."""
+"""Files appear whole or not at all; text is read whatever its encoding."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from impasto.waiting import wait_for
+from impasto._internal.waiting import wait_for
+from impasto.errors import ArgumentError
 
 
 @contextmanager
@@ -68,3 +69,17 @@ def _sync(path: Path, flags: int) -> None:
         wait_for(fsync, os.dup(handle))
     finally:
         os.close(handle)
+
+
+def read_text(path: Path) -> str:
+    """A text file of unknown origin: UTF-8 with or without BOM, UTF-16 with BOM, else Latin-1."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ArgumentError(f"{path}: cannot be read ({error.strerror})") from error
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")

@@ -7,8 +7,8 @@
 """
 
 from impasto.simulate.cameras import camera
-from impasto.simulate.easel import Painting, painting
 from impasto.simulate.lobes import Lobes
+from impasto.simulate.paintings import Painting, painting
 from impasto.simulate.photography import Capture, Noise, Truth, capture, default_capture
 from impasto.simulate.rigs import rig
 from impasto.simulate.score import Score, score

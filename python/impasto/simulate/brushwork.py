@@ -7,11 +7,11 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.simulate import vision as v
+from impasto.simulate import landscape as land
 from impasto.simulate.fields import blur
+from impasto.simulate.landscape import Landscape
 from impasto.simulate.pigments import lab_from_srgb
 from impasto.simulate.strokes import BRISTLE, DAB, KNIFE, LINER, Strokes
-from impasto.simulate.vision import Vision
 
 Where: TypeAlias = NDArray[np.floating[Any]]
 
@@ -21,7 +21,7 @@ class Painter:
 
     Parameters
     ----------
-    vision
+    landscape
         What is to be seen.
     size
         Rows and columns of the picture in pixels.
@@ -32,14 +32,14 @@ class Painter:
     """
 
     def __init__(
-        self, vision: Vision, size: tuple[int, int], pitch_mm: float, rng: np.random.Generator
+        self, landscape: Landscape, size: tuple[int, int], pitch_mm: float, rng: np.random.Generator
     ) -> None:
-        self.vision, self.size, self.rng = vision, size, rng
+        self.landscape, self.size, self.rng = landscape, size, rng
         self.unit = float(np.sqrt(size[0] * size[1]))
         """Side of the picture in px, were it square: brushes are chosen by it."""
         # Thick paint on a large picture is not thicker in proportion.
         self.body_mm = float(1.3 * np.clip((self.unit * pitch_mm / 100.0) ** 0.35, 0.4, 1.6))
-        self.lab = lab_from_srgb(vision.colour).astype(np.float32)
+        self.lab = lab_from_srgb(landscape.colour).astype(np.float32)
 
     def plan(self) -> Strokes:
         """All strokes in order."""
@@ -59,8 +59,8 @@ class Painter:
         return Strokes.join([group for group in groups if len(group)])
 
     def at(self, plane: NDArray[np.floating] | NDArray[np.integer], x: Where, y: Where) -> Where:
-        """A plane of the vision at pixels."""
-        rows, columns = self.vision.angle.shape
+        """A plane of the landscape at pixels."""
+        rows, columns = self.landscape.angle.shape
         row = np.clip((y + 0.5) / self.size[0] * rows, 0, rows - 1).astype(np.int32)
         column = np.clip((x + 0.5) / self.size[1] * columns, 0, columns - 1).astype(np.int32)
         return np.asarray(plane[row, column])
@@ -78,13 +78,15 @@ class Painter:
         count = grid_x.size
         shake = self.rng.uniform(-0.6, 0.6, (2, count)) * spacing
         x, y = grid_x.ravel() + shake[0], grid_y.ravel() + shake[1]
-        keep = (self.at(self.vision.detail, x, y) + self.rng.uniform(-0.12, 0.12, count)) >= detail
+        keep = (
+            self.at(self.landscape.detail, x, y) + self.rng.uniform(-0.12, 0.12, count)
+        ) >= detail
         if detail == 0.0:
             keep[:] = True
         order = self.rng.permutation(count)
         order = order[keep[order]]
         x, y = x[order], y[order]
-        matter = self.at(self.vision.matter, x, y)
+        matter = self.at(self.landscape.matter, x, y)
         stretch = np.array([3.4, 2.6, 2.4, 2.8, 3.4, 1.9, 1.5, 2.6])[matter]
         small = np.array([1.0, 0.9, 0.9, 0.85, 0.75, 0.70, 0.42, 0.6])[matter]
         wide = width * small * self.rng.uniform(0.75, 1.2, len(x))
@@ -92,9 +94,9 @@ class Painter:
             x, y,
             length=wide * stretch * self.rng.uniform(0.7, 1.25, len(x)),
             width=wide,
-            wander=0.12 + 0.25 * (matter == v.TREE),
+            wander=0.12 + 0.25 * (matter == land.TREE),
             jitter=jitter,
-            body=body[0] + body[1] * self.at(self.vision.body, x, y),
+            body=body[0] + body[1] * self.at(self.landscape.body, x, y),
             tool=BRISTLE,
         )  # fmt: skip
 
@@ -114,10 +116,10 @@ class Painter:
         jitter: float = 0.06,
         bend: float = 0.06,
     ) -> Strokes:
-        """Strokes at pixels; what is not given follows the vision there."""
+        """Strokes at pixels; what is not given follows the landscape there."""
         count = len(x)
         if angle is None:
-            angle = self.at(self.vision.angle, x, y)
+            angle = self.at(self.landscape.angle, x, y)
         if colour is None:
             colour = self.at(self.lab, x, y)
         if second is None:
@@ -144,7 +146,7 @@ class Painter:
         )
 
     def scatter(self, weight: NDArray[np.floating], count: int) -> tuple[Where, Where]:
-        """``count`` pixels drawn where ``weight`` (a plane of the vision) is large."""
+        """``count`` pixels drawn where ``weight`` (a plane of the landscape) is large."""
         share = weight.ravel().astype(np.float64)
         if share.sum() <= 0.0:
             return np.zeros(0, np.float32), np.zeros(0, np.float32)
@@ -157,12 +159,12 @@ class Painter:
 
     def tinted(self, name: str, count: int) -> Where:
         """A colour of the mood ``(count, 3)`` L*a*b*."""
-        return np.repeat(lab_from_srgb(np.array([self.vision.mood[name]])), count, axis=0)
+        return np.repeat(lab_from_srgb(np.array([self.landscape.mood[name]])), count, axis=0)
 
     def clouds(self) -> Strokes:
         """Lit rims of clouds: soft bristle first, the knife on the fullest of them."""
-        w = self.vision
-        cloud = (w.matter == v.CLOUD).astype(np.float32)
+        w = self.landscape
+        cloud = (w.matter == land.CLOUD).astype(np.float32)
         full = blur(cloud, 0.02 * float(np.sqrt(cloud.size))) * cloud
         weight = full**3 * np.clip(w.body - 0.35, 0.0, 1.0) ** 2
         x, y = self.scatter(weight, 260)
@@ -182,10 +184,10 @@ class Painter:
 
     def water(self) -> Strokes:
         """Glitter: short level touches, thickest under the sun."""
-        w = self.vision
+        w = self.landscape
         columns = np.arange(w.angle.shape[1])
         under = np.exp(-(((columns - w.sun[0]) / (0.10 * w.angle.shape[1])) ** 2))
-        weight = (w.matter == v.WATER) * (0.15 + under)[None, :]
+        weight = (w.matter == land.WATER) * (0.15 + under)[None, :]
         x, y = self.scatter(weight, 150)
         count = len(x)
         width = self.unit * self.rng.uniform(0.004, 0.010, count)
@@ -205,8 +207,8 @@ class Painter:
 
     def foliage(self) -> Strokes:
         """Leaves: dark ones first, then those against the light, thicker."""
-        w = self.vision
-        tree = (w.matter == v.TREE).astype(np.float32)
+        w = self.landscape
+        tree = (w.matter == land.TREE).astype(np.float32)
         groups = []
         for count, lights in ((500, False), (650, True)):
             weight = tree * (
@@ -230,7 +232,7 @@ class Painter:
     def walls(self) -> Strokes:
         """Walls and roofs, hatched from edge to edge with a small flat brush."""
         groups = []
-        for facet in self.vision.facets:
+        for facet in self.landscape.facets:
             corners = facet.corners * (self.size[1], self.size[0])
             along, across = (1, 0) if facet.down else (0, 1)
             low, high = corners[:, across].min(), corners[:, across].max()
@@ -252,8 +254,8 @@ class Painter:
 
     def meadow(self) -> Strokes:
         """Blades, then flowers on top of them."""
-        w = self.vision
-        x, y = self.scatter((w.matter == v.GRASS) * 1.0, 700)
+        w = self.landscape
+        x, y = self.scatter((w.matter == land.GRASS) * 1.0, 700)
         order = np.argsort(y, kind="stable")
         x, y = x[order], y[order]
         count = len(x)
@@ -266,7 +268,7 @@ class Painter:
             body=self.rng.uniform(0.04, 0.11, count), tool=LINER, colour=colour, jitter=0.07,
         )  # fmt: skip
         rows = np.arange(w.angle.shape[0])[:, None] / w.angle.shape[0]
-        x, y = self.scatter((w.matter == v.GRASS) * np.exp(-(((rows - 0.86) / 0.06) ** 2)), 75)
+        x, y = self.scatter((w.matter == land.GRASS) * np.exp(-(((rows - 0.86) / 0.06) ** 2)), 75)
         petals = self.rng.integers(1, 5, len(x))
         near = (0.6 + 1.6 * np.clip(y / self.size[0] - 0.75, 0, 1) / 0.25)[:, None]
         bloom = self.unit * 0.008 * near[:, 0] * self.rng.uniform(0.7, 1.3, len(x))
@@ -287,10 +289,10 @@ class Painter:
 
     def sun(self) -> Strokes:
         """Rings of the thickest paint on the picture."""
-        rows, columns = self.vision.angle.shape
-        x0 = self.vision.sun[0] / columns * self.size[1]
-        y0 = self.vision.sun[1] / rows * self.size[0]
-        radius = self.vision.sun[2] / rows * self.size[0]
+        rows, columns = self.landscape.angle.shape
+        x0 = self.landscape.sun[0] / columns * self.size[1]
+        y0 = self.landscape.sun[1] / rows * self.size[0]
+        radius = self.landscape.sun[2] / rows * self.size[0]
         counts = (30, 24, 18, 13, 8, 4)
         ring = np.repeat([2.6, 2.05, 1.5, 1.05, 0.65, 0.25], counts)
         around = np.concatenate([np.arange(n) / n * 2 * np.pi for n in counts])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from impasto._internal.checks import one_of
 from impasto.bands import Camera
-from impasto.checks import one_of
 from impasto.colour._science import science
 from impasto.simulate.pigments import WAVELENGTHS
 

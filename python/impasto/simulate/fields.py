@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.checks import is_whole
+from impasto._internal.checks import is_whole
 from impasto.errors import ArgumentError
 
 Field = NDArray[np.float32]

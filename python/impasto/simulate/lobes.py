@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impasto.simulate.easel import Painting
 from impasto.simulate.fields import Field
+from impasto.simulate.paintings import Painting
 
 INTERFACE = 0.0337
 """What a dielectric of index 1.45 reflects head on (Fresnel)."""

@@ -10,16 +10,16 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.checks import instance, is_whole, number, one_of, truth
 from impasto.bands import Camera
-from impasto.checks import instance, is_whole, number, one_of, truth
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import Light, PointLight, Rig
 from impasto.simulate.cameras import CAMERAS
 from impasto.simulate.cameras import camera as camera_named
-from impasto.simulate.easel import Painting, painting
 from impasto.simulate.fields import Field, check_seed
 from impasto.simulate.lobes import Lobes, lobes
+from impasto.simulate.paintings import Painting, painting
 from impasto.simulate.rigs import RIGS
 from impasto.simulate.rigs import rig as rig_named
 from impasto.stack import Stack

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.checks import one_of
+from impasto._internal.checks import one_of
 from impasto.errors import ArgumentError
 from impasto.rig import FRONTAL, DistantLight, Light, PointLight, Rig
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.checks import holding, instance
+from impasto._internal.checks import holding, instance
 from impasto.colour import (
     delta_e,
     interpolation_matrix,
@@ -17,7 +17,7 @@ from impasto.colour import (
     xyz_from_coefficients,
 )
 from impasto.errors import ArgumentError
-from impasto.simulate.easel import Painting
+from impasto.simulate.paintings import Painting
 from impasto.simulate.photography import Truth
 
 ILLUMINANTS = ("D65", "A")

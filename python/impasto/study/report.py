@@ -7,8 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from impasto._internal.extras import need
 from impasto.effort import Effort
-from impasto.extras import need
 from impasto.io.files import atomic_bytes
 from impasto.report import versions
 from impasto.study import table

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from impasto.checks import number
+from impasto._internal.checks import number
 from impasto.errors import ArgumentError
 from impasto.stack import Stack, checked_stack
 from impasto.study.table import call, duration, percent

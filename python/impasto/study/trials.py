@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
+from impasto._internal.border import RigArguments
 from impasto.effort import resolved
 from impasto.errors import ArgumentError, GeometryError
-from impasto.fit.border import RigArguments
 from impasto.fit.normals import fit_normals
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.relighting import full_scale, relative_error

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.io.images import list_images, load_image
-from impasto.io.match import match_names
 from impasto.io.notes import Notebook
+from impasto.io.session.match import match_names
 from impasto.rig import PointLight, Rig
 
 Region: TypeAlias = tuple[int, int, int, int]

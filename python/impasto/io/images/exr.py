@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.complaints import complaints
-from impasto.io.headers import ImageHeader, truncated
+from impasto.io.images.header import ImageHeader, truncated
+from impasto.io.images.native_stderr import complaints
 
 _PIXEL_BYTES = {0: 4, 1: 2, 2: 4}
 _ROWS_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256, 10: 256}

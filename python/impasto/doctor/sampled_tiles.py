@@ -21,7 +21,7 @@ _MOST, _FEWEST = 40_000, 2_500
 
 
 @dataclass(frozen=True, eq=False)
-class Specimen:
+class SampledTiles:
     """Tiles of a stack at full resolution, evenly spread over the painting.
 
     Tiles, because the curl of a surface needs neighbours, at full resolution, because the relief
@@ -51,7 +51,7 @@ class Specimen:
     inside: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, stack: Stack) -> Specimen:
+    def of(cls, stack: Stack) -> SampledTiles:
         """Cut the tiles out of a stack."""
         observations, bands, height, width = stack.shape
         budget = int(np.clip(_SAMPLES // (observations * bands), _FEWEST, _MOST))

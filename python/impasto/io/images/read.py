@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import CorruptInputError
-from impasto.io.complaints import complaints
-from impasto.io.headers import MAX_PIXELS, ImageHeader, header_of, read_bytes
+from impasto.io.images.exr import decode_exr, exr_header
+from impasto.io.images.header import MAX_PIXELS, ImageHeader, check_size, read_bytes, truncated
+from impasto.io.images.jpeg import jpeg_header
+from impasto.io.images.native_stderr import complaints
+from impasto.io.images.png import png_header
+from impasto.io.images.tiff import decode_tiff, tiff_header
 
 IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr"})
 
@@ -49,6 +54,46 @@ def read_image(
     return load_image(path, layer=layer, max_pixels=max_pixels)[1]
 
 
+def read_header(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> ImageHeader:
+    """Check an image file's structure to its end and return what it claims to hold.
+
+    Raises
+    ------
+    CorruptInputError
+        The file is empty, truncated, damaged or not an image of a known kind.
+    ArgumentError
+        The file cannot be opened, or is larger than ``max_pixels`` allows.
+    """
+    path = Path(path)
+    data = read_bytes(path)
+    return header_of(path, data, max_pixels=max_pixels)
+
+
+def header_of(path: Path, data: bytes, *, max_pixels: int = MAX_PIXELS) -> ImageHeader:
+    """As :func:`read_header`, for bytes already read."""
+    if not data:
+        raise CorruptInputError(path, "is empty (0 bytes): copy it again from the camera")
+    try:
+        if data.startswith(b"\xff\xd8"):
+            header = jpeg_header(path, data)
+        elif data.startswith(b"\x89PNG\r\n\x1a\n"):
+            header = png_header(path, data)
+        elif data[:4] in {b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"}:
+            header = tiff_header(path, data, lambda h: check_size(h, len(data), max_pixels))
+        elif data.startswith(b"\x76\x2f\x31\x01"):
+            header = exr_header(path, data)
+        else:
+            raise CorruptInputError(
+                path,
+                "is no JPEG, PNG, TIFF or OpenEXR picture (its first bytes are "
+                f"{data[:8].hex(' ')}); convert camera RAW to linear 16-bit TIFF first",
+            )
+    except (struct.error, IndexError) as error:
+        raise truncated(path, "its header") from error
+    check_size(header, len(data), max_pixels)
+    return header
+
+
 def load_image(
     path: str | Path, *, layer: str | None = None, max_pixels: int = MAX_PIXELS
 ) -> tuple[ImageHeader, NDArray[Any]]:
@@ -57,12 +102,8 @@ def load_image(
     data = read_bytes(path)
     header = header_of(path, data, max_pixels=max_pixels)
     if header.format == "exr":
-        from impasto.io.exr import decode_exr
-
         planes = decode_exr(path, data, layer)
     elif header.format == "tiff":
-        from impasto.io.tiff import decode_tiff
-
         planes = decode_tiff(path, data)
     else:
         planes = _decode(path, data, grey=header.channels <= 2)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import CorruptInputError
-from impasto.io.lights import LightFile, finish
+from impasto.io.lights.light_file import LightFile, finish
 from impasto.io.notes import Notebook
 
 

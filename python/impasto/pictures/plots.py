@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.checks import is_whole
+from impasto._internal.checks import is_whole
+from impasto._internal.extras import need
 from impasto.errors import ArgumentError
-from impasto.extras import need
 from impasto.fit.forward import predict_lobes
-from impasto.pictures import BACKGROUND, FAINT, INK
+from impasto.pictures.panels import BACKGROUND, FAINT, INK
 from impasto.rig import PointLight, Rig
 from impasto.stack import Stack
 from impasto.status import Status

@@ -10,10 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto._internal.waiting import wait_for
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.io.codes import read_codes
-from impasto.io.frames import (
+from impasto.io.images import MAX_PIXELS, read_image
+from impasto.io.lights import LightFile
+from impasto.io.notes import Notebook
+from impasto.io.session.codes import read_codes
+from impasto.io.session.frames import (
     Calibration,
     FrameSource,
     Region,
@@ -22,15 +26,10 @@ from impasto.io.frames import (
     frame_paths,
     read_dark,
 )
-from impasto.io.headers import MAX_PIXELS
-from impasto.io.images import read_image
-from impasto.io.lights import LightFile
-from impasto.io.notes import Notebook
-from impasto.io.observations import Observations, find_observations
-from impasto.io.rigs import build_rig, listed_lights, without_falloff
+from impasto.io.session.observations import Observations, find_observations
+from impasto.io.session.rigs import build_rig, listed_lights, without_falloff
 from impasto.rig import Rig
 from impasto.stack import Stack
-from impasto.waiting import wait_for
 
 ASSUMED = Encoding("linear")
 """The tone curve where nobody says one: told by identity from one that somebody said."""
@@ -128,7 +127,7 @@ def read_stack(
     if not path.exists():
         raise ArgumentError(f"path: {path} does not exist")
     if path.suffix.lower() == ".npz":
-        from impasto.io.archive import read_archive
+        from impasto.io.session.archive import read_archive
 
         given = {
             "lights": lights, "images": images, "mask": mask, "saturation": saturation,
@@ -292,7 +291,7 @@ def _curve(
                 "JPEGs, taken to hold linear light; most hold sRGB (encoding=)",
             )
         return told
-    from impasto.io.tone import estimate_tone
+    from impasto.io.session.tone import estimate_tone
 
     strengths = rig.intensities[:, None] if gains is None else gains
     estimate = estimate_tone(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import CorruptInputError, ImpastoError
-from impasto.io.headers import ImageHeader, truncated
+from impasto.io.images.header import ImageHeader, truncated
 
 _DTYPES = frozenset({"uint8", "uint16", "float16", "float32", "float64"})
 _GREY, _RGB = 1, 2

@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.waiting import wait_for
 from impasto.errors import ArgumentError
-from impasto.io.frames import Region, check_region, crop
-from impasto.io.headers import ImageHeader
-from impasto.io.images import load_image
+from impasto.io.images import ImageHeader, load_image
 from impasto.io.notes import Notebook
-from impasto.io.observations import Observations
-from impasto.waiting import wait_for
+from impasto.io.session.frames import Region, check_region, crop
+from impasto.io.session.observations import Observations
 
 
 def read_codes(

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.frames import Region
-from impasto.io.headers import ImageHeader
-from impasto.io.lights import LightFile, read_lights, read_text
+from impasto.io.files import read_text
+from impasto.io.images import ImageHeader
+from impasto.io.lights import LightFile, read_lights
 from impasto.io.notes import Notebook
-from impasto.io.observations import find_lights, is_light_file
+from impasto.io.session.frames import Region
+from impasto.io.session.observations import find_lights, is_light_file
 from impasto.rig import DistantLight, Light, PointLight, Rig
 
 _STRENGTHS = "light_intensities.txt"

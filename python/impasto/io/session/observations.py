@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from impasto.errors import ArgumentError
+from impasto.io.files import read_text
 from impasto.io.images import list_images, natural_key
-from impasto.io.lights import LIGHT_SUFFIXES, LightFile, read_lights, read_text
-from impasto.io.match import basename, match_names
+from impasto.io.lights import LIGHT_SUFFIXES, LightFile, read_lights
 from impasto.io.notes import Notebook, few
+from impasto.io.session.match import basename, match_names
 
 _NOT_PHOTOGRAPHS = re.compile(
     r"^(mask|white|board|flat|dark|black|ambient|ref|normals?[_-]gt)", re.I

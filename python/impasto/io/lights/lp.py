@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_bytes
-from impasto.io.lights import LightFile, comma_numbers, finish, number
+from impasto.io.lights.light_file import LightFile, comma_numbers, finish, number
 from impasto.io.notes import LOG, Notebook
 from impasto.rig import Rig
 

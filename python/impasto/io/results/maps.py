@@ -1,4 +1,4 @@
-"""Results of a fit in one ``.npz`` file."""
+"""Results of a fit in a file: the arrays, checked as they are taken."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import CorruptInputError, ImpastoError
-from impasto.io.npz import read_npz, write_npz
+from impasto.io.results.store import store_of
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
 from impasto.rig import Rig
 
@@ -61,14 +61,15 @@ class SavedMaps:
 
 def write_maps(path: str | os.PathLike[str], kind: str, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write a result so that it appears whole or not at all."""
-    write_npz(Path(path), {"kind": np.array(kind), **arrays})
+    target = Path(path)
+    store_of(target).write(target, {"kind": np.array(kind), **arrays})
 
 
 @contextmanager
 def read_maps(path: str | os.PathLike[str], *kinds: str) -> Iterator[SavedMaps]:
     """The arrays of a result; whatever fails while they are looked at is the file's fault."""
     target = Path(path)
-    arrays = read_npz(target)
+    arrays = store_of(target).read(target)
     found = str(arrays.get("kind", "something else"))
     if found not in kinds:
         raise CorruptInputError(target, f"holds {found}, not {' or '.join(kinds)}")

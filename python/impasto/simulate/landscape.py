@@ -1,4 +1,4 @@
-"""What the painter has in mind before the first stroke: a landscape under a low sun."""
+"""The landscape under a low sun that a simulated painting shows, before a stroke is placed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from impasto.simulate.fields import Field, blur, fractal, smoothstep
 
 SKY, CLOUD, HILL, FIELD, WATER, TREE, HOUSE, GRASS = range(8)
 LONGEST = 360
-"""Longer side of the vision in cells: finer than any stroke is placed."""
+"""Longer side of the landscape in cells: finer than any stroke is placed."""
 
 MOODS: tuple[dict[str, tuple[float, float, float]], ...] = (
     {  # late summer afternoon
@@ -55,7 +55,7 @@ class Facet:
 
 
 @dataclass(frozen=True)
-class Vision:
+class Landscape:
     """The picture before it is painted, coarse.
 
     Attributes
@@ -88,7 +88,7 @@ class Vision:
     facets: list[Facet]
 
 
-def landscape(rng: np.random.Generator, size: tuple[int, int]) -> Vision:
+def landscape(rng: np.random.Generator, size: tuple[int, int]) -> Landscape:
     """A landscape for a picture of ``size`` (rows, columns)."""
     scale = min(1.0, LONGEST / max(size))
     shape = (max(8, round(size[0] * scale)), max(8, round(size[1] * scale)))
@@ -100,7 +100,7 @@ def landscape(rng: np.random.Generator, size: tuple[int, int]) -> Vision:
     sketch.trees()
     sketch.house()
     sketch.grass()
-    return sketch.vision()
+    return sketch.landscape()
 
 
 class _Sketch:
@@ -347,7 +347,7 @@ class _Sketch:
         lean = -np.pi / 2 + 0.35 * self.fractal(0.12, 2)
         self.put(where, colour, GRASS, lean, 0.55, 0.30 + 0.3 * clumps)
 
-    def vision(self) -> Vision:
+    def landscape(self) -> Landscape:
         colour = np.clip(self.colour, 0.02, 1.0)
         grey = colour @ np.array([0.3, 0.59, 0.11], np.float32)
         gy, gx = np.gradient(blur(grey, 1.0))
@@ -356,7 +356,7 @@ class _Sketch:
         body = np.clip(self.body * (0.45 + 0.75 * grey), 0.0, 1.0)
         rows, columns = self.shape
         sun = (self.sun[0] * columns, self.sun[1] * rows, 0.030 * rows)
-        return Vision(
+        return Landscape(
             colour=colour,
             angle=self.angle,
             detail=np.clip(detail, 0.0, 1.0),

@@ -14,6 +14,7 @@ from impasto.simulate import surface
 from impasto.simulate.brushwork import Painter
 from impasto.simulate.canvas import primed, weave
 from impasto.simulate.fields import Field, blur, check_seed, smoothstep, stream
+from impasto.simulate.landscape import landscape
 from impasto.simulate.pigments import (
     WAVELENGTHS,
     Palette,
@@ -22,7 +23,6 @@ from impasto.simulate.pigments import (
     reflectance,
 )
 from impasto.simulate.strokes import Layer, lay, settle
-from impasto.simulate.vision import landscape
 from impasto.surface import Relightable, Surface
 
 if TYPE_CHECKING:
@@ -172,8 +172,8 @@ def painting(
     paints = palette(pigments)
     rng = stream(seed, "canvas")
     ground = primed(rng, weave(rng, size, pitch_mm, thread_mm), pitch_mm, thread_mm)
-    vision = landscape(stream(seed, "vision"), size)
-    strokes = Painter(vision, size, pitch_mm, stream(seed, "hand")).plan()
+    view = landscape(stream(seed, "vision"), size)
+    strokes = Painter(view, size, pitch_mm, stream(seed, "hand")).plan()
     layer = _toned(ground, paints)
     first, second = paints.match(strokes.colour), paints.match(strokes.second)
     lay(layer, strokes, first, second, stream(seed, "bristles"), pitch_mm)

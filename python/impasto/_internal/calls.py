@@ -1,0 +1,83 @@
+"""The options that every call has: ``threads=`` and ``progress=``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeAlias
+
+from impasto._internal.checks import is_whole
+from impasto.errors import ArgumentError
+
+ProgressCallback: TypeAlias = Callable[[int, int], object]
+"""Called with (tiles done, tiles in all), at most about twenty times a second."""
+
+MOST_THREADS = 64
+
+
+def thread_count(threads: int | None) -> int:
+    """How many threads a call may use.
+
+    The argument, else ``IMPASTO_NUM_THREADS``, else ``RAYON_NUM_THREADS``, else every core that
+    this process is allowed to run on. Results do not depend on it: a request for more than
+    :data:`MOST_THREADS` on a smaller machine, which would only stand in its own way, gets those.
+    """
+    if threads is not None:
+        if not (is_whole(threads) and threads >= 1):
+            raise ArgumentError(f"threads: expected a positive number or None, found {threads!r}")
+        return min(int(threads), max(MOST_THREADS, os.cpu_count() or 1))
+    for variable in ("IMPASTO_NUM_THREADS", "RAYON_NUM_THREADS"):
+        text = os.environ.get(variable, "")
+        if text:
+            if not text.isdecimal() or int(text) < 1:
+                raise ArgumentError(f"{variable}: expected a positive number, found {text!r}")
+            return min(int(text), max(MOST_THREADS, os.cpu_count() or 1))
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@contextmanager
+def reporting(
+    progress: bool | ProgressCallback, description: str
+) -> Iterator[ProgressCallback | None]:
+    """The callback that ``progress=`` asks for: none, a bar on stderr, or the caller's own.
+
+    A bar is gone when the block ends, however it ends.
+    """
+    if progress is False or progress is None:
+        yield None
+    elif callable(progress):
+        yield progress
+    elif progress is True:
+        with _bar(description) as update:
+            yield update
+    else:
+        raise ArgumentError(
+            f"progress: expected True, False or a callable (done, total), found {progress!r}"
+        )
+
+
+@contextmanager
+def _bar(description: str) -> Iterator[ProgressCallback]:
+    """A bar on stderr that starts with the first call and is gone at the end; none in a log."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda done, total: None
+        return
+    display = Progress(console=console, transient=True)
+    task = display.add_task(description, total=None)
+
+    def update(done: int, total: int) -> None:
+        if not display.live.is_started:
+            display.start()
+        display.update(task, completed=done, total=total)
+
+    try:
+        yield update
+    finally:
+        display.stop()

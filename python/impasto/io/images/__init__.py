@@ -1,0 +1,38 @@
+"""Pictures in files: one file per format, each read to its end before a pixel is believed."""
+
+from impasto.io.images.header import MAX_PIXELS, ImageHeader
+from impasto.io.images.read import (
+    IMAGE_SUFFIXES,
+    header_of,
+    list_images,
+    load_image,
+    natural_key,
+    read_header,
+    read_image,
+)
+from impasto.io.images.write import (
+    write_exr,
+    write_jpeg,
+    write_png8,
+    write_png16,
+    write_tiff16,
+    write_tiff32,
+)
+
+__all__ = [
+    "IMAGE_SUFFIXES",
+    "MAX_PIXELS",
+    "ImageHeader",
+    "header_of",
+    "list_images",
+    "load_image",
+    "natural_key",
+    "read_header",
+    "read_image",
+    "write_exr",
+    "write_jpeg",
+    "write_png8",
+    "write_png16",
+    "write_tiff16",
+    "write_tiff32",
+]

@@ -1,0 +1,105 @@
+"""What a picture claims to be, and whether its file can hold that, before a pixel is decoded.
+
+Libraries fill the missing rest of a truncated JPEG or TIFF with grey or zeros and say nothing;
+here the structure of the file is walked to its end first.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from impasto.errors import ArgumentError, CorruptInputError
+
+MAX_PIXELS = 1 << 31
+"""Pictures with more pixels than this are refused (about 46 000 x 46 000)."""
+
+_RATIO = 1100
+"""Deflate cannot expand by more than 1032; a header claiming more than that is a bomb."""
+_HARMLESS_BYTES = 1 << 26
+"""Claims below 64 MiB are decoded whatever the ratio: a flat picture compresses well."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImageHeader:
+    """The claims of an image file that passed the structural checks.
+
+    Parameters
+    ----------
+    format
+        ``"jpeg"``, ``"png"``, ``"tiff"`` or ``"exr"``.
+    width, height
+        In pixels, as stored (EXIF orientation is not applied).
+    channels
+        Number of stored channels, alpha included.
+    dtype
+        Of the decoded samples.
+    orientation
+        EXIF orientation 1..8; 1 where the file does not say.
+    """
+
+    path: Path
+    format: str
+    width: int
+    height: int
+    channels: int
+    dtype: np.dtype[np.generic]
+    orientation: int = 1
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the decoded picture."""
+        return self.width * self.height * self.channels * self.dtype.itemsize
+
+
+def read_bytes(path: Path) -> bytes:
+    """The file's bytes, with an error that names it."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ArgumentError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def truncated(path: Path, what: str) -> CorruptInputError:
+    """The error of a file that ends too early."""
+    return CorruptInputError(
+        path, f"is truncated: the file ends inside {what}; copy it again from the camera"
+    )
+
+
+def check_size(header: ImageHeader, file_bytes: int, max_pixels: int) -> None:
+    """Refuse sizes that no honest file of that length can hold, before anything is allocated."""
+    if header.width < 1 or header.height < 1:
+        raise CorruptInputError(
+            header.path, f"claims a size of {header.width} x {header.height} pixels"
+        )
+    claim = f"{header.width} x {header.height} x {header.channels} {header.dtype}"
+    if header.nbytes > _HARMLESS_BYTES and header.nbytes > _RATIO * file_bytes:
+        raise CorruptInputError(
+            header.path,
+            f"claims {claim} samples ({header.nbytes / 1e9:.1f} GB) in a file of {file_bytes} "
+            "bytes: refused as damaged or hostile",
+        )
+    if header.width * header.height > max_pixels:
+        raise ArgumentError(
+            f"{header.path}: {claim} is more than max_pixels={max_pixels}; cut the picture into "
+            "tiles, or raise max_pixels"
+        )
+
+
+def exif_orientation(block: bytes) -> int:
+    """Tag 274 of a TIFF-structured EXIF block; 1 where it is absent or damaged."""
+    try:
+        order = {b"II": "<", b"MM": ">"}[block[:2]]
+        (ifd,) = struct.unpack_from(order + "I", block, 4)
+        (count,) = struct.unpack_from(order + "H", block, ifd)
+        for index in range(count):
+            tag, _, _, value = struct.unpack_from(order + "HHIH", block, ifd + 2 + 12 * index)
+            if tag == 274 and 1 <= value <= 8:
+                return int(value)
+    except (KeyError, struct.error):
+        pass  # EXIF damage does not touch the pixels
+    return 1

@@ -1,0 +1,129 @@
+"""Tables of numbers as text and CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.lights.light_file import LightFile, comma_numbers, finish, number
+from impasto.io.notes import Notebook
+
+
+def parse_text(text: str, path: Path, notebook: Notebook, layout: str | None) -> LightFile:
+    """Tables of numbers: N x 3, 3 x N, with or without a first line that counts them."""
+    rows: list[list[float]] = []
+    labels: list[str] = []
+    commas = 0
+    for index, line in enumerate(text.splitlines(), start=1):
+        tokens = re.split(r"[\s;]+", line.split("#")[0].strip())
+        if tokens == [""]:
+            continue
+        values: list[float | None] | None = [number(token) for token in tokens]
+        if values is not None and None in values:
+            values = list(comma_numbers(tokens) or []) or None
+            commas += values is not None
+        if values is None:
+            values = [number(t) for t in re.split(r"[\s,;]+", line.strip().strip(",;"))]
+        if None in values:
+            raise CorruptInputError(
+                path, f"line {index}: expected numbers only, found {line.strip()!r}"
+            )
+        rows.append([v for v in values if v is not None])
+        labels.append(f"line {index}")
+    count = None
+    if len(rows) > 1 and len(rows[0]) == 1 and len(rows[1]) != 1:
+        count = rows.pop(0)[0]
+        labels.pop(0)
+    if commas:
+        notebook.repair("comma", path, f"{commas} line(s) with decimal commas: read as points")
+    vectors, transposed = _table(rows, path, layout)
+    if transposed:
+        labels = [f"column {i + 1}" for i in range(len(vectors))]
+        notebook.say("layout", path, f"3 x {len(vectors)} numbers: one light a column")
+    if count is not None and count != len(vectors):
+        notebook.repair(
+            "count",
+            path,
+            f"the first line promises {count:g} lights, {len(vectors)} follow: all used",
+        )
+    return finish(path, "text", vectors, labels, notebook, names=None)
+
+
+def _table(
+    rows: list[list[float]], path: Path, layout: str | None
+) -> tuple[NDArray[np.float64], bool]:
+    if not rows:
+        raise CorruptInputError(path, "is empty: one light direction x y z a line is expected")
+    widths = {len(row) for row in rows}
+    if len(widths) != 1:
+        raise CorruptInputError(
+            path, f"lines hold different numbers of values: {sorted(widths)}; expected x y z"
+        )
+    table = np.array(rows, dtype=np.float64)
+    if table.shape == (3, 3):
+        if layout not in {"rows", "columns"}:
+            raise ArgumentError(
+                f"{path}: 3 x 3 numbers can be read by row or by column; say "
+                'layout="rows" (one light a line) or layout="columns"'
+            )
+        return (table.T, True) if layout == "columns" else (table, False)
+    if table.shape[1] == 3:
+        return table, False
+    if table.shape[0] == 3:
+        return np.ascontiguousarray(table.T), True
+    raise CorruptInputError(
+        path, f"expected N x 3 or 3 x N numbers, found {table.shape[0]} x {table.shape[1]}"
+    )
+
+
+def parse_csv(text: str, path: Path, notebook: Notebook, layout: str | None) -> LightFile:
+    """CSV with or without a header, with or without a file name in the first column."""
+    first = text.lstrip().splitlines()[0] if text.strip() else ""
+    delimiter = max(";\t,", key=first.count)
+    records = [
+        (reader_line, [cell.strip() for cell in row])
+        for reader_line, row in enumerate(csv.reader(io.StringIO(text), delimiter=delimiter), 1)
+        if any(cell.strip() for cell in row)
+    ]
+    vectors: list[list[float]] = []
+    names: list[str] = []
+    labels: list[str] = []
+    commas = 0
+    for position, (line, cells) in enumerate(records):
+        while cells and not cells[-1]:
+            cells.pop()
+        values: list[float | None] = [number(cell) for cell in cells[-3:]]
+        if len(values) == 3 and None in values:
+            repaired = comma_numbers(cells[-3:])
+            if repaired is not None:
+                values, commas = list(repaired), commas + 1
+        if len(values) != 3 or None in values or len(cells) > 4:
+            if position == 0:
+                continue  # a header
+            raise CorruptInputError(
+                path, f"line {line}: expected [name{delimiter}] x y z, found {cells}"
+            )
+        vectors.append([v for v in values if v is not None])
+        labels.append(f"line {line}")
+        if len(cells) == 4:
+            names.append(cells[0])
+    if names and len(names) != len(vectors):
+        raise CorruptInputError(path, f"{len(names)} of {len(vectors)} lines name an image")
+    if commas:
+        notebook.repair("comma", path, f"{commas} line(s) with decimal commas: read as points")
+    if not names and len(vectors) == 3:
+        vectors = _table(vectors, path, layout or "rows")[0].tolist()
+    return finish(
+        path,
+        "csv",
+        np.array(vectors, dtype=np.float64).reshape(-1, 3),
+        labels,
+        notebook,
+        names=tuple(names) or None,
+    )

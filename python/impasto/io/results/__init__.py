@@ -1,0 +1,22 @@
+"""Results of a fit in a file, whatever its format."""
+
+from impasto.io.results.maps import (
+    RESULT,
+    SavedMaps,
+    read_maps,
+    rig_arrays,
+    rig_from_arrays,
+    write_maps,
+)
+from impasto.io.results.store import STORES, MapStore
+
+__all__ = [
+    "RESULT",
+    "STORES",
+    "MapStore",
+    "SavedMaps",
+    "read_maps",
+    "rig_arrays",
+    "rig_from_arrays",
+    "write_maps",
+]
