@@ -9,7 +9,7 @@ from pathlib import Path
 import pages
 import pytest
 
-from study.report import HEADS, TITLES
+from study.report import HEADS, TITLES, page_of
 from study.sentences import SENTENCES, paragraphs
 from study.tables import tables
 
@@ -43,6 +43,8 @@ def test_the_page_about_time_says_what_was_measured() -> None:
     assert recorded["sentences"] == said
     for name, table in tables(recorded["rows"]).items():
         assert recorded[name] == json.loads(json.dumps(table)), name
+    whole = (pages.ROOT / "benches/results/study.md").read_text("utf-8")
+    assert whole == page_of(recorded), "run python benches/study --redraw"
     page = (pages.ROOT / "docs/accuracy-and-time.md").read_text("utf-8")
     for name, paragraph in said.items():
         assert f"<!-- sentences: study {name} -->\n\n{paragraph}\n" in page

@@ -239,11 +239,10 @@ def test_two_runs_are_compared_in_proportion() -> None:
     assert pairs == pytest.approx([0.0, 0.2, 0.2])
     assert not repeatability.kept(rows)
     assert sentences.again(rows) == (
-        "A second run, in a process of its own, finds the errors of 3 of 3 fits the same bit for "
-        "bit, and of their costs, in proportion to all others, 2 of 3 within a tenth: half of them "
-        "within 0.0 %, the farthest 20 %. Of the 3 ratios of any two fits of a data set 33.3 % are "
-        "within a tenth. Costs are thought to be known to 1.0 % (standard error, the median; "
-        "1.0 % at most), after 8 to 10 timings of the first run."
+        "A second run reproduces the errors of 3 of 3 fits bit for bit. Its costs, relative to "
+        "their median, agree within a tenth for 2 of 3 fits (median difference 0.0 %, largest "
+        "20 %), and so do 33.3 % of the 3 ratios of two fits of a data set. The estimated standard "
+        "error of a cost is 1.0 % (median; at most 1.0 %) after 8 to 10 timings."
     )
     close = {"run": info, "rows": costing(4.0, 8.0, 4.2)}
     assert repeatability.kept(repeatability.beside(first, close))

@@ -145,11 +145,10 @@ def test_a_sentence_says_how_near_searches_come() -> None:
         for data, more in (("own model", 1.0), ("icon", 10.0))
     ]  # fmt: skip
     assert paragraphs(rows)["excess"] == (
-        'A search that may take 6 steps, as many as `"standard"` has, ends 1e-04 to 1e-03 above '
-        "the least cost in single precision (the 99th percentile), 1e-05 to 1e-04 in double; 0.1 "
-        "to 1.0 % of the pixels, depending on the data, end more than a hundredth above it. With "
-        "30 steps it is 1e-06 to 1e-05 and 1e-07 to 1e-06, half of the pixels are within 1e-08 to "
-        "1e-07 and 1e-09 to 1e-08, and 0.0 % are in a bad basin."
+        'A search of 6 steps (`"standard"`) ends 1e-04 to 1e-03 above the least cost in single '
+        "precision (99th percentile) and 1e-05 to 1e-04 in double; 0.1 to 1.0 % of the pixels end "
+        "more than a hundredth above it. With 30 steps these are 1e-06 to 1e-05 and 1e-07 to "
+        "1e-06, and 0.0 %; the medians are 1e-08 to 1e-07 and 1e-09 to 1e-08."
     )
     # The quick study has no search of six steps.
     assert "excess" not in paragraphs([row for row in rows if row["number"] == 30])

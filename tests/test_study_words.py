@@ -34,7 +34,7 @@ def test_sentences_say_what_rows_say() -> None:
     assert "lobes" not in paragraphs(rows)
     rows += [row("3 at most", "own model", 6, 31.46), row("3 at most", "icon", 6, 33.5)]
     at_most = (
-        "The first lobe is worth +10.0 dB; 2 at most instead of 1: 3.0 times the time, "
+        "The first lobe gains +10.0 dB; 2 at most instead of 1: 3.0 times the time, "
         "+1.5 to +3.5 dB; 3 at most instead of 2: 1.0 times the time, 0.0 dB"
     )
     assert paragraphs(rows) == {"lobes": f"{at_most}."}
@@ -60,9 +60,9 @@ def test_the_sentence_on_views_says_whether_the_claim_holds(loss: float, verdict
         for (count, name), value in decibels.items()
     ]  # fmt: skip
     text = paragraphs(rows)["views"]
-    assert f" about 1 dB. Here {verdict}. Against all photographs, for each number" in text
+    assert f" about 1 dB. Here {verdict}. Change against all photographs, by the best" in text
     lost = "1/2 0 dB, 1/4 -1 dB, 1/10 -1 dB, 1/20 -1 dB"
-    assert f"choice is best: {lost}, 1/39 -{loss:.0f} dB, 1/100 -30 dB. The surface" in text
+    assert f"selections: {lost}, 1/39 -{loss:.0f} dB, 1/100 -30 dB. The simulated surface" in text
 
 
 def test_the_advice_says_what_leaving_the_default_gives() -> None:
@@ -88,18 +88,19 @@ def test_the_advice_says_what_leaving_the_default_gives() -> None:
     ]  # fmt: skip
     many, first, last, default = recommendations.choice(rows).splitlines()
     assert (
-        "come out 6.0 to 10.0 dB nearer, their colours 0.50 to 0.90 ΔE00, normals 0.80 °." in many
+        "are 6.0 to 10.0 dB nearer than with one lobe, colours 0.50 to 0.90 ΔE00, normals 0.80 °."
+        in many
     )
     assert (
-        "0.50 times the time of pixels' own lobes; at worst 2.0 dB, 0.00 ΔE00 and 0.10 °" in first
+        "0.50 times the time of the standard effort; at most 2.0 dB, 0.00 ΔE00 and 0.10 °" in first
     )
     # In the mean of 5 and 1.5 % and of 0 and 1 %, as the table has it.
-    assert "3.2 % of the pixels are in doubt instead of 0.5 %." in first
-    assert "3.0 times the time; at best 0.0 dB, 0.00 ΔE00 and 0.05 ° are gained." in last
+    assert "3.2 % of the pixels are flagged instead of 0.5 %." in first
+    assert "3.0 times the time; at most 0.0 dB, 0.00 ΔE00 and 0.05 ° are gained." in last
     assert "takes 0.10 times the time and changes photographs by -2.0 to +1.0 dB." in default
     # Where no data set of both has true normals nothing is said of them.
     alone = [r for r in rows if r["setting"] != "draft" or r["data"] == "icon"]
-    assert "at worst 0.0 dB and 0.00 ΔE00 are lost" in paragraphs(alone)["choice"]
+    assert "at most 0.0 dB and 0.00 ΔE00 are lost" in paragraphs(alone)["choice"]
 
 
 def test_it_is_said_with_how_many_lights_pixels_have_lobes_of_their_own() -> None:
@@ -119,13 +120,13 @@ def test_it_is_said_with_how_many_lights_pixels_have_lobes_of_their_own() -> Non
         for data, value in zip(("own model", "icon"), values, strict=True)
     ]  # fmt: skip
     assert paragraphs(rows)["enough"] == (
-        "With 14 lights or more, spread evenly, lobes of every pixel's own show photographs better "
-        "than one lobe does on every data set. Instead of one lobe through the same photographs: "
+        "With 14 lights or more, spread evenly, lobes per pixel predict held-out photographs "
+        "better than one lobe on every data set. Difference to one lobe: "
         "14 lights +1.0 to +3.5 dB, normals -0.75 °; 9 lights -1.0 to +1.0 dB, normals -0.75 °; "
         "6 lights +1.0 dB, normals -0.75 °."
     )
     few = paragraphs([row for row in rows if row["number"] == 9])["enough"]
-    assert few.startswith("Not even with 9 lights do lobes of every pixel's own show")
+    assert few.startswith("Even with 9 lights, lobes per pixel do not predict")
     # A record without one lobe of fewer lights says nothing.
     assert paragraphs([row for row in rows if not row["setting"].endswith("one lobe")]) == {}
 
@@ -152,7 +153,7 @@ def test_waiting_is_told_in_processor_time() -> None:
         for seconds in (1.9, 2.3)
     ]
     assert paragraphs(rows) == {
-        "wall": "By the clock on the wall the same fits take 0.95 to 1.15 times their CPU seconds."
+        "wall": "Wall-clock times are 0.95 to 1.15 times these CPU seconds."
     }
 
 
@@ -172,15 +173,14 @@ def test_peers_that_are_not_beaten_are_named() -> None:
         )
     ]  # fmt: skip
     said = (
-        "2 of 3 peers that show photographs are beaten by a fit of ours in both time and error of "
-        "relighting; 1 of them by a fit that is no worse in decibels and ΔE00 either. Not "
-        "beaten:\n\n"
+        "2 of 3 peers are beaten by a fit of impasto in both time and error of relighting; 1 of "
+        "them by a fit that is no worse in decibels and ΔE00. Not beaten:\n\n"
         "* gilded icon, photographs: "
     )
     assert paragraphs(rows)["peers"] == f"{said}*RBF, thin plate*."
     assert paragraphs([rows[0], rows[2]])["peers"] == (
-        "Every peer is beaten: some fit of ours is at least as cheap and relights at least as "
-        "well; 0 of them by a fit that is no worse in decibels and ΔE00 either."
+        "A fit of impasto is as fast and as accurate as every peer; 0 of them by a fit that is no "
+        "worse in decibels and ΔE00."
     )
     # Without a fit of ours nobody has been compared with it.
     assert "peers" not in paragraphs(rows[1:])
@@ -199,10 +199,10 @@ def test_presets_are_compared_with_the_bound() -> None:
         for data in ("own model", "icon")
     ]  # fmt: skip
     assert paragraphs(rows) == {
-        "bound": "With all photographs of the simulated paintings, normals (in the mean), widths "
-        "and strengths of gloss (in the median) are off by so many times their bounds: "
+        "bound": "On the simulated paintings with all photographs, errors of normals (mean), "
+        "widths and strengths of gloss (median) are these multiples of their Cramér-Rao bounds: "
         '`"draft"` 1.40, 2.10 and 2.80, `"standard"` 1.20, 1.80 and 2.40, `"reference"` 1.10, 1.65 '
-        "and 2.20. The bound of a strength knows that varnish has no colour; a fit has to find out."
+        "and 2.20. The bound of a strength assumes a colourless varnish; the fit does not."
     }
     # A record of before widths were measured.
     assert paragraphs([{k: v for k, v in row.items() if k != "width"} for row in rows]) == {}
@@ -222,10 +222,9 @@ def test_a_sentence_says_what_precision_is_worth() -> None:
         )
     ]  # fmt: skip
     assert paragraphs(rows) == {
-        "precision": "A last round that goes on in double precision takes 1.20 times the time, and "
-        "changes held-out photographs by 0.0 dB, normals by 0.000 °; every search in double "
-        "precision takes 2.00 times the time, and changes held-out photographs by +1.0 dB, normals "
-        "by -0.010 °."
+        "precision": 'Against single precision: `precision="polished"` takes 1.20 times the time, '
+        'photographs 0.0 dB, normals 0.000 °; `precision="double"` takes 2.00 times the time, '
+        "photographs +1.0 dB, normals -0.010 °."
     }
     # A study of two precisions says nothing of the third.
     assert paragraphs(rows[:2]) == {}

@@ -4,6 +4,7 @@
 
 A table stands between ``<!-- table: FILE KEY; column = Heading; ... -->`` and ``<!-- end -->``:
 rows of benches/results/FILE.json under KEY, the named columns, numbers to three digits or fewer.
+``errors`` is no file: its tables join several (``errors_by_rig.py``).
 Sentences stand between ``<!-- sentences: FILE KEY -->`` and ``<!-- end -->``: what is under
 ``sentences``.
 ``tests/test_pages.py`` holds the pages to the files.
@@ -15,6 +16,8 @@ import json
 import re
 from pathlib import Path
 from typing import Any
+
+import errors_by_rig
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = re.compile(r"(<!-- table: (\S+) (\S+?);(.*?) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -34,6 +37,8 @@ def with_tables(text: str) -> str:
 
 
 def _content(file: str) -> Any:
+    if file == "errors":
+        return errors_by_rig.tables()
     return json.loads((ROOT / "benches" / "results" / f"{file}.json").read_text("utf-8"))
 
 

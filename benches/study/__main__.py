@@ -7,8 +7,8 @@ Measures every setting on every data set and writes study.json, study.md and the
 folder ``--out``. Every run is kept there: after an interruption the same command goes on.
 ``--quick`` takes few settings and small pictures, in less than two minutes.
 
-``--record`` runs the whole study and records it: benches/results/study.json, the figures of
-docs/accuracy-and-time.md in docs/_static, and the tables of that page.
+``--record`` runs the whole study and records it: study.json and study.md in benches/results,
+the figures of docs/accuracy-and-time.md in docs/_static, and the tables of that page.
 ``--again`` runs the recorded study a second time, in a folder of its own, and records beside every
 row what that run found. It exits with 1 if the two disagree, and runs nothing if code, data or
 machine are not those of the record.
@@ -44,6 +44,7 @@ from record import write as record
 from impasto.errors import ImpastoError
 from study import presets, repeatability, run, write
 from study.figures import draw
+from study.report import page_of
 from study.sentences import paragraphs
 from study.tables import tables, text
 
@@ -137,6 +138,7 @@ def _record(found: dict[str, Any]) -> None:
     found["run"] = {"command": "python benches/study --record"} | found["run"]
     rows = found["rows"]
     record("study.json", found | tables(rows) | {"sentences": paragraphs(rows)})
+    (RESULTS / "study.md").write_text(page_of(found), encoding="utf-8")
     static = ROOT / "docs" / "_static"
     for path in draw(found, static, prefix="study-") + kernel_figures.draw(static):
         print(path.relative_to(ROOT))

@@ -26,21 +26,18 @@ def choice(rows: Sequence[Row]) -> str:
     shown = span(differences(papers, painting, "psnr"), "dB")
     return "\n".join(
         (
-            '* **Gloss that differs from place to place: `pooling="pixel"`.** Photographs that the '
-            f"fit has not seen come out {nearer} nearer, their colours {colour}, normals {normal}. "
-            "It wants [lights enough](#how-many-photographs).",
-            '* **A first look at it: `pooling="pixel", effort="draft"`.** '
-            f"{ratio(draft, standard):.2f} times the time of pixels' own lobes; at worst "
+            '* **Gloss that varies over the painting: `pooling="pixel"`.** Held-out photographs '
+            f"are {nearer} nearer than with one lobe, colours {colour}, normals {normal}. It needs "
+            "[enough lights](#how-many-photographs).",
+            '* **A first look: `pooling="pixel", effort="draft"`.** '
+            f"{ratio(draft, standard):.2f} times the time of the standard effort; at most "
             f"{_most(standard, draft)} are lost, and {_doubted(draft, standard)}.",
-            '* **To know that nothing more is to be had: `pooling="pixel", effort="reference"`.** '
-            f"{ratio(reference, standard):.1f} times the time; at best "
+            '* **The most accurate: `pooling="pixel", effort="reference"`.** '
+            f"{ratio(reference, standard):.1f} times the time; at most "
             f"{_most(reference, standard)} are gained.",
-            "* **One strength and one width for the whole painting: ask for nothing, it is the "
-            "default.** What the papers estimate and paintings are compared by, and the fit that "
-            "wants the fewest lights. As the papers do it, from normals that gloss has bent "
-            "(`joint=False`), it "
-            f"takes {ratio(papers, painting):.2f} times the time and changes photographs by "
-            f"{shown}.",
+            "* **One strength and one width for the painting: the default.** It needs the fewest "
+            "lights. Without the joint fit (`joint=False`, as in the papers) it takes "
+            f"{ratio(papers, painting):.2f} times the time and changes photographs by {shown}.",
         )
     )
 
@@ -62,13 +59,13 @@ def enough(rows: Sequence[Row]) -> str:
         for count, (nearer, turned) in gains.items()
     )
     verdict = (
-        f"With {better[-1]} lights or more, spread evenly, lobes of every pixel's own show "
-        "photographs better than one lobe does on every data set"
+        f"With {better[-1]} lights or more, spread evenly, lobes per pixel predict held-out "
+        "photographs better than one lobe on every data set"
         if better
-        else f"Not even with {max(gains)} lights do lobes of every pixel's own show photographs "
+        else f"Even with {max(gains)} lights, lobes per pixel do not predict held-out photographs "
         "better than one lobe on every data set"
     )
-    return f"{verdict}. Instead of one lobe through the same photographs: {said}."
+    return f"{verdict}. Difference to one lobe: {said}."
 
 
 def _gains(one: dict[str, Row], other: dict[str, Row]) -> list[str]:
@@ -96,5 +93,5 @@ def _doubted(one: dict[str, Row], other: dict[str, Row]) -> str:
         for found in (one, other)
     )
     if few == many:
-        return f"as many of the pixels are in doubt ({few})"
-    return f"{few} of the pixels are in doubt instead of {many}"
+        return f"as many pixels are flagged ({few})"
+    return f"{few} of the pixels are flagged instead of {many}"

@@ -12,6 +12,7 @@ from study.sentences import paragraphs
 from study.tables import markdown, tables
 
 TITLES = {
+    "which": "Which fit for which rig and surface",
     "summary": "In the mean of the data sets with one view",
     "presets": "What each preset costs and gives",
     "halving": "The best fit in half the time: by how much its errors are larger (dB: more is "
@@ -62,12 +63,12 @@ HEADS = {
 }
 """Of the sentences, by name."""
 COLUMNS = """\
-*CPU s*, *wall s*: seconds for a megapixel of one photograph's size; *MB*: memory for it beyond the
+*CPU s*, *wall s*: seconds per megapixel of one photograph; *MB*: memory for it beyond the
 photographs. *relative %*: root mean square error of held-out photographs in linear light, as a
-share of their own root mean square; *dB*: how near they come on 8-bit sRGB codes (six more: half
-the error); *dE00*: how far their colours are off. *normal deg*: mean angle to the true normal.
-*flagged %*: pixels whose status says that their fit is in doubt. More decibels are better, less of
-all else."""
+share of their root mean square; *dB*: peak signal-to-noise ratio of held-out photographs on 8-bit
+sRGB codes; *dE00*: their mean colour difference (CIEDE2000). *normal deg*: mean angle to the true
+normal. *flagged %*: pixels whose status is not fitted. More decibels are better, less of all
+else."""
 LINK = re.compile(r"\[([^\]]+)\]\(#[^)]*\)")
 """Of the documentation's page, to a place on it."""
 
@@ -90,22 +91,25 @@ def write(found: dict[str, Any], out: str | Path, *, figures: bool = True) -> li
         Paths of what was written.
     """
     out = Path(out)
-    made = tables(found["rows"])
-    whole = out / "study.json"
-    said = paragraphs(found["rows"])
+    whole, page = out / "study.json", out / "study.md"
+    made, said = tables(found["rows"]), paragraphs(found["rows"])
     text = json.dumps(found | made | {"sentences": said}, indent=1, allow_nan=False) + "\n"
     atomic_bytes(whole, text.encode("utf-8"))
-    page = out / "study.md"
-    parts = [f"## {HEADS[name]}\n\n{_unlinked(said[name])}\n" for name in said]
-    parts += [f"## {TITLES[name]}\n\n{markdown(table)}\n" for name, table in made.items()]
-    text = "\n".join(["# What accuracy costs in time\n", *_where(found), f"{COLUMNS}\n", *parts])
-    atomic_bytes(page, text.encode("utf-8"))
+    atomic_bytes(page, page_of(found).encode("utf-8"))
     written = [whole, page]
     if figures:
         from study.figures import draw
 
         written += draw(found, out)
     return written
+
+
+def page_of(found: dict[str, Any]) -> str:
+    """``study.md``: every sentence and every table of a study."""
+    made, said = tables(found["rows"]), paragraphs(found["rows"])
+    parts = [f"## {HEADS[name]}\n\n{_unlinked(said[name])}\n" for name in said]
+    parts += [f"## {TITLES[name]}\n\n{markdown(table)}\n" for name, table in made.items()]
+    return "\n".join(["# What accuracy costs in time\n", *_where(found), f"{COLUMNS}\n", *parts])
 
 
 def _unlinked(text: str) -> str:

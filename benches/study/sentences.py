@@ -21,6 +21,8 @@ from study.tables import SETS, beaten, compared, of_knob, preset_rows, searched_
 from study.treatments import SELECTIONS
 
 VIEWS = "770 views"
+TABLE, SEEDED = get_args(Origin)
+"""Where searches start: at fixed widths, or at what other pixels found."""
 CUT = 39
 """How many times fewer photographs Heuberger speaks of, at least: some forty."""
 
@@ -55,11 +57,11 @@ def photographs(rows: Sequence[Row]) -> str:
         for kind in SELECTIONS:
             some = levels(rows, "lights", f"{count} {kind}", "psnr")
             losses[kind] = float(np.mean([every[data] - some[data] for data in every]))
-        lines.append(
-            f"{count} lights cost {losses['random']:.1f} dB at random, {losses['spread']:.1f} dB "
-            f"spread, {losses['best']:.1f} dB as the best found"
-        )
-    return "In the mean of the data sets " + "; ".join(lines) + "."
+        lines.append(f"{count} lights " + ", ".join(f"{loss:.1f}" for loss in losses.values()))
+    return (
+        "Decibels lost against all lights, in the mean of the data sets "
+        f"({', '.join(SELECTIONS)}): {'; '.join(lines)}."
+    )
 
 
 def bound(rows: Sequence[Row]) -> str:
@@ -71,9 +73,9 @@ def bound(rows: Sequence[Row]) -> str:
         for name, row in own.items()
     )
     return (
-        "With all photographs of the simulated paintings, normals (in the mean), widths and "
-        "strengths of gloss (in the median) are off by so many times their bounds: "
-        f"{said}. The bound of a strength knows that varnish has no colour; a fit has to find out."
+        "On the simulated paintings with all photographs, errors of normals (mean), widths and "
+        "strengths of gloss (median) are these multiples of their Cramér-Rao bounds: "
+        f"{said}. The bound of a strength assumes a colourless varnish; the fit does not."
     )
 
 
@@ -93,12 +95,11 @@ def views(rows: Sequence[Row]) -> str:
         for count in sorted(best, reverse=True)
     )
     return (
-        "Heuberger (2005) says of the rig of 770 views (the third paper's) that its sampling can "
-        f"be cut 40 to 100 times for about 1 dB. Here {verdict}. Against all photographs, for each "
-        f"number by whichever choice is best: {rest}. The "
-        "surface is one that the fit can describe exactly and held-out photographs have no noise: "
-        f"from {every:.0f} dB there is far to fall, where photographs of a real painting have a "
-        "floor. Random choices whose lights lie in one plane, which no fit takes, are drawn again."
+        "Heuberger (2005) reports that the 770 views of the third paper's rig can be cut 40 to 100 "
+        f"times for about 1 dB. Here {verdict}. Change against all photographs, by the best of the "
+        f"three selections: {rest}. The simulated surface follows the fitted model and the "
+        f"held-out photographs have no noise, so the loss is counted from {every:.0f} dB; "
+        "photographs of a real painting have a noise floor."
     )
 
 
@@ -111,11 +112,11 @@ def doubt(rows: Sequence[Row]) -> str:
     time = ratio(both, none)
     flagged = [float(np.mean([r["error"]["flagged"] for r in rs.values()])) for rs in (none, both)]
     return (
-        "Weighing samples by what is left of them (with normals that start from robust "
-        f"photometric stereo) costs {time:.2f} times the time of doing neither, "
-        f"and changes held-out photographs by {span(differences(both, none, 'psnr'), 'dB')}, "
-        f"normals by {span(differences(both, none, 'normal'), '°', 3)}; pixels that are flagged "
-        f"fall from {100 * flagged[0]:.0f} % to {100 * flagged[1]:.1f} %."
+        f"Robust weights and robust photometric stereo together take {time:.2f} times the time of "
+        "neither. They change held-out photographs by "
+        f"{span(differences(both, none, 'psnr'), 'dB')} and normals by "
+        f"{span(differences(both, none, 'normal'), '°', 3)}; flagged pixels fall "
+        f"from {100 * flagged[0]:.0f} % to {100 * flagged[1]:.1f} %."
     )
 
 
@@ -124,7 +125,7 @@ def steps(rows: Sequence[Row]) -> str:
     rounds = PRESETS["standard"].rounds
     few, many = (
         by_data(rows, "effort", grid_name(effort))
-        for effort in (Effort(rounds=rounds, iterations=n, start="table") for n in (2, 10))
+        for effort in (Effort(rounds=rounds, iterations=n, start=TABLE) for n in (2, 10))
     )
 
     def changed(what: str) -> str:
@@ -132,9 +133,9 @@ def steps(rows: Sequence[Row]) -> str:
         return span([100.0 * (b / a - 1.0) for a, b in pairs if a is not None], "%", 0)
 
     return (
-        f"From the table of widths and with {counted(rounds, 'round')} ten steps instead of two "
-        f"take {ratio(many, few):.1f} times the time, and change the error of held-out "
-        f"photographs by {changed('relative')}, that of normals by {changed('normal')}."
+        f'With {counted(rounds, "round")} and `start="{TABLE}"`, ten steps instead of two take '
+        f"{ratio(many, few):.1f} times the time. They change the error of held-out photographs by "
+        f"{changed('relative')} and that of normals by {changed('normal')}."
     )
 
 
@@ -150,23 +151,22 @@ def starts(rows: Sequence[Row]) -> str:
         gains += [some[data] - own[data] for data in own]
         turns += [more[d] - angle for d, angle in angles.items() if angle is not None]
     return (
-        f"The search starts at normals of photometric stereo. From those of {len(others)} other "
-        f"methods than the default it comes to {span(gains, 'dB')} and {span(turns, '°', 3)} of "
-        "the same."
+        f"Starting normals from {len(others)} other methods of photometric stereo change held-out "
+        f"photographs by {span(gains, 'dB')} and normals by {span(turns, '°', 3)}."
     )
 
 
 def searches(rows: Sequence[Row]) -> str:
     """What it is worth to start from what pixels about have found."""
-    table, pyramid = (
+    table, seeded = (
         by_data(rows, "effort", grid_name(effort))
         for effort in (replace(PRESETS["standard"], start=start) for start in get_args(Origin))
     )
     return (
-        'Searches that start from what pixels of a coarse grid found (`Effort(start="pyramid")`) '
-        f"take {ratio(pyramid, table):.2f} times the time of those from a table of widths, and "
-        f"change held-out photographs by {span(differences(pyramid, table, 'psnr'), 'dB')}, "
-        f"normals by {span(differences(pyramid, table, 'normal'), '°', 3)}."
+        f'`start="{SEEDED}"` takes {ratio(seeded, table):.2f} times the time of '
+        f'`start="{TABLE}"`. It changes held-out photographs by '
+        f"{span(differences(seeded, table, 'psnr'), 'dB')} and normals by "
+        f"{span(differences(seeded, table, 'normal'), '°', 3)}."
     )
 
 
@@ -176,16 +176,12 @@ def precision(rows: Sequence[Row]) -> str:
     for row in of_knob(rows, "precision"):
         found.setdefault(row["setting"], {})[row["data"]] = row
     lines = [
-        f"{what} takes {ratio(found[name], found['single']):.2f} times the time, and changes "
-        f"held-out photographs by {span(differences(found[name], found['single'], 'psnr'), 'dB')}"
-        f", normals by {span(differences(found[name], found['single'], 'normal'), '°', 3)}"
-        for name, what in {
-            "polished": "a last round that goes on in double precision",
-            "double": "every search in double precision",
-        }.items()
+        f'`precision="{name}"` takes {ratio(found[name], found["single"]):.2f} times the time, '
+        f"photographs {span(differences(found[name], found['single'], 'psnr'), 'dB')}, "
+        f"normals {span(differences(found[name], found['single'], 'normal'), '°', 3)}"
+        for name in ("polished", "double")
     ]
-    said = "; ".join(lines)
-    return f"{said[0].upper()}{said[1:]}."
+    return f"Against single precision: {'; '.join(lines)}."
 
 
 def excess(rows: Sequence[Row]) -> str:
@@ -208,11 +204,10 @@ def excess(rows: Sequence[Row]) -> str:
 
     single, double = (within(name, few, "p99") for name in PRECISIONS)
     return (
-        f'A search that may take {few} steps, as many as `"standard"` has, ends {single} above the '
-        f"least cost in single precision (the 99th percentile), {double} in double; {bad(few)} of "
-        "the pixels, depending on the data, end more than a hundredth above it. With "
-        f"{many} steps it is {both(many, 'p99')}, half of the pixels are within "
-        f"{both(many, 'median')}, and {bad(many)} are in a bad basin."
+        f'A search of {few} steps (`"standard"`) ends {single} above the least cost in single '
+        f"precision (99th percentile) and {double} in double; {bad(few)} of the pixels end more "
+        f"than a hundredth above it. With {many} steps these are {both(many, 'p99')}, and "
+        f"{bad(many)}; the medians are {both(many, 'median')}."
     )
 
 
@@ -232,7 +227,7 @@ def lobes(rows: Sequence[Row]) -> str:
         for n in (1, 2, 3)
         if (always := by_data(rows, "lobes", f"{n} always"))
     ]
-    return f"The first lobe is worth {span(matte, 'dB')}; " + "; ".join(lines) + "."
+    return f"The first lobe gains {span(matte, 'dB')}; " + "; ".join(lines) + "."
 
 
 def classes(rows: Sequence[Row]) -> str:
@@ -248,10 +243,10 @@ def classes(rows: Sequence[Row]) -> str:
             if name in found and "two lobes" in found
         ]
         if saved:
-            lines.append(f"those with {name} save {share(saved)} of the time")
+            lines.append(f"with {name} {share(saved)}")
     if not lines:
         raise ValueError
-    return "Against pixels that get two lobes " + ", ".join(lines) + "."
+    return f"Time saved against pixels with two lobes: {', '.join(lines)}."
 
 
 def reflectance(rows: Sequence[Row]) -> str:
@@ -265,18 +260,18 @@ def reflectance(rows: Sequence[Row]) -> str:
             continue
         spectra = [100.0 * value for value in differences(some, usual, "spectrum")]
         lines.append(
-            f'`"{name}"` takes {ratio(some, usual):.1f} times the time, and changes colours by '
+            f'`"{name}"` {ratio(some, usual):.1f} times the time, colours '
             f"{span(differences(some, usual, 'colour'), 'ΔE00', 2)}, "
-            f"spectra by {span(spectra, '%', 2)} of white"
+            f"spectra {span(spectra, '%', 2)} of white"
         )
     if not lines:
         raise ValueError
-    said = f"Instead of Wiener's estimate {'; '.join(lines)}."
+    said = f'Against `"wiener"`: {"; ".join(lines)}.'
     if product := by_data(rows, "reflectance", wiener_numpy.NAME):
         off = max(abs(value) for value in differences(product, usual, "colour"))
         said += (
-            f" Wiener's by one product of numpy's takes {ratio(product, usual):.1f} times the time "
-            f"of ours; mean colour differences are the same to {off:.1g} ΔE00."
+            f" The same estimate by one matrix product of numpy takes {ratio(product, usual):.1f} "
+            f"times the time; mean colour differences agree to {off:.1g} ΔE00."
         )
     return said
 
@@ -297,16 +292,13 @@ def peers(rows: Sequence[Row]) -> str:
     if not every:
         raise ValueError
     wholly = sum(beaten(peer, rows, wholly=True) for peer in every)
-    as_well = f"{wholly} of them by a fit that is no worse in decibels and ΔE00 either"
+    as_well = f"{wholly} of them by a fit that is no worse in decibels and ΔE00"
     if not left:
-        return (
-            "Every peer is beaten: some fit of ours is at least as cheap and relights at least as "
-            f"well; {as_well}."
-        )
+        return f"A fit of impasto is as fast and as accurate as every peer; {as_well}."
     best: Callable[[Row], Any] = lambda row: row["error"]["psnr"]  # noqa: E731
     lines = [
-        f"{len(every) - len(left)} of {len(every)} peers that show photographs are beaten by a fit "
-        f"of ours in both time and error of relighting; {as_well}. Not beaten:\n"
+        f"{len(every) - len(left)} of {len(every)} peers are beaten by a fit of impasto in both "
+        f"time and error of relighting; {as_well}. Not beaten:\n"
     ]
     for data in dict.fromkeys(row["data"] for row in left):
         # In italics: some names have commas.
@@ -320,9 +312,9 @@ def memory(rows: Sequence[Row]) -> str:
     held = {name: row["memory"] for name, row in preset_rows(rows) if row.get("memory")}
     own, views = held["pixels' own, standard"], held["Lafortune"]
     return (
-        "Beyond the photographs themselves a fit takes, at its peak, for every megapixel of one "
-        f"photograph: {own:.0f} MB with pixels' own lobes, {held['one lobe']:.0f} MB with one lobe "
-        f"(48 photographs with three bands), {views:.0f} MB with Lafortune lobes of 700 views."
+        "Peak memory beyond the photographs, per megapixel of one photograph: "
+        f"{own:.0f} MB with lobes per pixel, {held['one lobe']:.0f} MB with one lobe "
+        f"(48 photographs, three bands), {views:.0f} MB with Lafortune lobes (700 views)."
     )
 
 
@@ -345,10 +337,7 @@ def size(rows: Sequence[Row]) -> str:
 def wall(rows: Sequence[Row]) -> str:
     """How long one waits for a second of a processor's time."""
     times = [row["cost"]["wall"] / row["cost"]["cpu"] for row in rows]
-    return (
-        "By the clock on the wall the same fits take "
-        f"{min(times):.2f} to {max(times):.2f} times their CPU seconds."
-    )
+    return f"Wall-clock times are {min(times):.2f} to {max(times):.2f} times these CPU seconds."
 
 
 def again(rows: Sequence[Row]) -> str:
@@ -360,15 +349,15 @@ def again(rows: Sequence[Row]) -> str:
     fits, pairs = (np.array(shares) for shares in apart(rows))
     doubts = [doubt for row in rows for doubt in (row["doubt"], row["again"]["doubt"]) if doubt]
     return (
-        f"A second run, in a process of its own, finds the errors of {same} of {len(rows)} fits "
-        "the same bit for bit, and of their costs, in proportion to all others, "
-        f"{int((fits <= TENTH).sum())} of {len(fits)} within a tenth: half of them within "
-        f"{100.0 * float(np.median(fits)):.1f} %, the farthest {100.0 * float(fits.max()):.0f} %. "
-        f"Of the {len(pairs)} ratios of any two fits of a data set "
-        f"{100.0 * float((pairs <= TENTH).mean()):.1f} % are within a tenth. Costs are thought "
-        f"to be known to {100.0 * float(np.median(doubts)):.1f} % (standard error, the median; "
-        f"{100.0 * max(doubts):.1f} % at most), after {min(row['timings'] for row in rows)} to "
-        f"{max(row['timings'] for row in rows)} timings of the first run."
+        f"A second run reproduces the errors of {same} of {len(rows)} fits bit for bit. Its costs, "
+        f"relative to their median, agree within a tenth for {int((fits <= TENTH).sum())} of "
+        f"{len(fits)} fits (median difference {100.0 * float(np.median(fits)):.1f} %, largest "
+        f"{100.0 * float(fits.max()):.0f} %), and so do "
+        f"{100.0 * float((pairs <= TENTH).mean()):.1f} % of the {len(pairs)} ratios of two fits of "
+        "a data set. The estimated standard error of a cost is "
+        f"{100.0 * float(np.median(doubts)):.1f} % (median; at most "
+        f"{100.0 * max(doubts):.1f} %) after {min(row['timings'] for row in rows)} to "
+        f"{max(row['timings'] for row in rows)} timings."
     )
 
 

@@ -35,6 +35,7 @@ LADDERS = (
 def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
     """Every table by its name; numbers stay numbers."""
     made = {
+        "which": _which(rows),
         "summary": _summary(rows),
         "presets": [_line(row, name) for name, row in preset_rows(rows)],
         "front": [_line(row) for row in _best(rows)],
@@ -180,6 +181,52 @@ def _summary(rows: Sequence[Row]) -> list[Row]:
             }
         )
     return sorted(lines, key=lambda line: float(line["CPU s"]))
+
+
+SURFACES = {
+    "three varnishes, simulated": ("own model",),
+    "twelve measured materials": ("shifted gamma", "ABC"),
+    "gilded icon, photographs": ("icon",),
+}
+"""Surfaces by which a reader decides, and their data sets."""
+
+
+def _which(rows: Sequence[Row]) -> list[Row]:
+    """Which fit for which rig and surface: one lobe or lobes per pixel, whichever has more dB."""
+    lines: list[Row] = []
+    for count in ("6", "9", "all"):
+        one = ("lights", f"{count} spread, one lobe") if count != "all" else ("pooling", "one lobe")
+        own = ("lights", f"{count} spread" if count != "all" else "all")
+        for surface, sets in SURFACES.items():
+            fits = [_mean_line(rows, sets, *setting) for setting in (one, own)]
+            known = [fit for fit in fits if fit is not None]
+            if len(known) == 2:
+                best, other = sorted(known, key=lambda fit: -float(fit["dB"]))
+                lights = {row["number"] for row in of_knob(rows, "lights") if row["data"] in sets}
+                rig = f"{max(lights) if count == 'all' else count} lights"
+                line = {"rig": rig, "surface": surface, **best, "dB of the other": other["dB"]}
+                lines.append(line)
+    views = _mean_line(rows, ("770 views",), "pooling", "Lafortune")
+    if views is not None:
+        surface = "Lafortune lobes, simulated"
+        lines.append({"rig": "770 views", "surface": surface, **views, "dB of the other": None})
+    return lines
+
+
+def _mean_line(rows: Sequence[Row], sets: Sequence[str], knob: str, setting: str) -> Row | None:
+    """A setting in the mean of some data sets, seconds in their geometric mean."""
+    some = [row for row in of_knob(rows, knob) if row["setting"] == setting and row["data"] in sets]
+    if len(some) != len(sets):
+        return None
+    errors = [row["error"] for row in some]
+    angles = [error["normal"] for error in errors if error["normal"] is not None]
+    return {
+        "ask for": presets.call(some[0]["options"]),
+        "CPU s": float(np.exp(np.mean([np.log(row["cost"]["cpu"]) for row in some]))),
+        "dB": float(np.mean([error["psnr"] for error in errors])),
+        "dE00": float(np.mean([error["colour"] for error in errors])),
+        "normal deg": float(np.mean(angles)) if angles else None,
+    }
 
 
 def _classes(rows: Sequence[Row]) -> list[Row]:
