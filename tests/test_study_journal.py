@@ -219,7 +219,7 @@ def test_a_line_that_is_no_run_is_corrupt(tmp_path: Path, line: str) -> None:
 FULL_DISK = """
 import resource, sys
 from pathlib import Path
-from study.__main__ import main
+sys.path.insert(0, sys.argv[2])
 from study.journal import Journal, run_info
 from study.report import write
 out = Path(sys.argv[1])
@@ -241,8 +241,8 @@ def test_a_full_disk_leaves_a_study_as_it_was(tmp_path: Path) -> None:
     """One that goes on writes the whole journal anew: hours of runs."""
     study.write(run(tmp_path, knobs=("effort",)), tmp_path, figures=False)
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
-    said = subprocess.run(
-        [sys.executable, "-c", FULL_DISK, str(tmp_path)], capture_output=True, text=True, check=True
-    )
+    folder = Path(study.__file__).parents[1]
+    command = [sys.executable, "-c", FULL_DISK, str(tmp_path), str(folder)]
+    said = subprocess.run(command, capture_output=True, text=True, check=True)
     assert said.stdout.split() == ["refused"] * 2
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before

@@ -55,9 +55,11 @@ def _table(file: str, key: str, columns: str) -> str:
     pairs = [column.strip().rpartition("=")[::2] for column in columns.split(";")]
     heads = {name.strip(): heading.strip() for name, heading in pairs}
     lines = [" | ".join(heads.values())]
+    rows = content[key]
     # Words to the left, numbers to the right.
-    lines.append(" | ".join([":--", *["--:"] * (len(heads) - 1)]))
-    lines += [" | ".join(_cell(row[name]) for name in heads) for row in content[key]]
+    words = [all(isinstance(row[name], str) for row in rows) for name in heads]
+    lines.append(" | ".join(":--" if word else "--:" for word in words))
+    lines += [" | ".join(_cell(row[name]) for name in heads) for row in rows]
     return "\n" + "".join(f"| {line} |\n" for line in lines) + "\n"
 
 
