@@ -67,7 +67,7 @@ def _sbrdf(capture: Any, **options: Any) -> Arrays:
 def _lobe(capture: Any, **options: Any) -> Arrays:
     samples = capture.stack.samples[:, 0].astype(np.float32)
     phi = np.linspace(0.0, 0.6, len(samples), dtype=np.float32)[:, None, None]
-    return arrays(impasto.fit_lobe(np.broadcast_to(phi, samples.shape), samples, **options))
+    return arrays(impasto.fit_highlight(np.broadcast_to(phi, samples.shape), samples, **options))
 
 
 @cache
@@ -106,7 +106,7 @@ def _height(capture: Any, **options: Any) -> Arrays:
 CALLS: dict[str, Callable[..., Arrays]] = {
     "predict": _predict,
     "render": _render,
-    "fit_lobe": _lobe,
+    "fit_highlight": _lobe,
     "fit_normals": _normals,
     "fit_sbrdf": _sbrdf,
     "fit_sbrdf lafortune": _lafortune,

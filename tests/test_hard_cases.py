@@ -259,12 +259,12 @@ def lobes(count: int = 30) -> tuple[Any, Any]:
     return phi.astype(np.float32), samples.astype(np.float32)
 
 
-def lobe_alone(spoil: Callable[[Any, Any], None]) -> impasto.LobeFit:
+def lobe_alone(spoil: Callable[[Any, Any], None]) -> impasto.HighlightFit:
     """Spoils pixel 0 of the engine's smallest call and checks its neighbours."""
     phi, samples = lobes()
-    without = impasto.fit_lobe(phi[:, 1:], samples[:, 1:])
+    without = impasto.fit_highlight(phi[:, 1:], samples[:, 1:])
     spoil(phi[:, 0], samples[:, 0])
-    found = impasto.fit_lobe(phi, samples)
+    found = impasto.fit_highlight(phi, samples)
     for field in fields(found):
         plane = getattr(found, field.name)
         assert plane[..., 1:].tobytes() == getattr(without, field.name).tobytes(), field.name

@@ -97,15 +97,15 @@ def test_a_masked_sample_of_a_lobe_does_not_count(which: str) -> None:
     phi = np.linspace(0.0, 0.5, 16)[:, None] * np.ones(3)
     arrays = {"phi": phi, "samples": 100.0 * np.exp(-np.log(2.0) * phi**2 / 0.2**2)}
     arrays[which][4, 1] = np.nan
-    expected = impasto.fit_lobe(**arrays)
+    expected = impasto.fit_highlight(**arrays)
     arrays[which][4, 1] = 1e6
     hidden = np.zeros(phi.shape, np.bool_)
     hidden[4, 1] = True
     arrays[which] = np.ma.masked_array(arrays[which], mask=hidden)
-    same(impasto.fit_lobe(**arrays), expected)
+    same(impasto.fit_highlight(**arrays), expected)
     # Integers have no NaN of their own.
     arrays[which] = np.ma.masked_array(np.ones(phi.shape, int), mask=True)
-    assert (impasto.fit_lobe(**arrays).status == Status.INVALID_INPUT).all()
+    assert (impasto.fit_highlight(**arrays).status == Status.INVALID_INPUT).all()
 
 
 def test_a_mask_of_numpy_that_hides_nothing_changes_nothing() -> None:

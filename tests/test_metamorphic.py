@@ -327,7 +327,7 @@ def angles_and_samples(seed: int) -> tuple[Any, Any]:
     return phi.astype(np.float32), (samples + rng.normal(0.0, 1.0, phi.shape)).astype(np.float32)
 
 
-def lobe_maps(fit: impasto.LobeFit) -> dict[str, Any]:
+def lobe_maps(fit: impasto.HighlightFit) -> dict[str, Any]:
     return {field.name: getattr(fit, field.name) for field in fields(fit)}
 
 
@@ -340,13 +340,13 @@ def lobe_maps(fit: impasto.LobeFit) -> dict[str, Any]:
 )
 def test_the_engine_by_itself(seed: int, power: int, place: int, threads: int) -> None:
     phi, samples = angles_and_samples(seed)
-    plain = lobe_maps(impasto.fit_lobe(phi, samples, threads=1))
+    plain = lobe_maps(impasto.fit_highlight(phi, samples, threads=1))
     order = np.random.default_rng(seed).permutation(70)
-    shuffled = lobe_maps(impasto.fit_lobe(phi[:, order], samples[:, order], threads=threads))
+    shuffled = lobe_maps(impasto.fit_highlight(phi[:, order], samples[:, order], threads=threads))
     absent = lobe_maps(
-        impasto.fit_lobe(np.insert(phi, place, 0.2, axis=0), np.insert(samples, place, np.nan, 0))
+        impasto.fit_highlight(np.insert(phi, place, 0.2, axis=0), np.insert(samples, place, np.nan, 0))
     )
-    scaled = lobe_maps(impasto.fit_lobe(phi, np.ldexp(samples, power)))
+    scaled = lobe_maps(impasto.fit_highlight(phi, np.ldexp(samples, power)))
     for name, plane in plain.items():
         assert plane[..., order].tobytes() == shuffled[name].tobytes(), name
         assert plane.tobytes() == absent[name].tobytes(), name
@@ -355,7 +355,7 @@ def test_the_engine_by_itself(seed: int, power: int, place: int, threads: int) -
     np.testing.assert_array_equal(np.ldexp(plain["beta"], power), scaled["beta"])
     # Photographs in another order are other roundings: a thousandth of an error at most.
     turned = np.random.default_rng(seed).permutation(16)
-    mixed = impasto.fit_lobe(phi[turned], samples[turned])
+    mixed = impasto.fit_highlight(phi[turned], samples[turned])
     fitted = (plain["status"] == 0) & (mixed.status == 0)
     assert fitted.mean() > 0.9
     apart_by = np.abs(mixed.gamma - plain["gamma"]) / np.sqrt(plain["covariance"][2])

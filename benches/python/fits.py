@@ -62,7 +62,7 @@ def places(found: np.ndarray) -> np.ndarray:
 
 
 def ours(phi: np.ndarray, samples: np.ndarray, threads: int = 1) -> np.ndarray:
-    fit = impasto.fit_lobe(phi, samples, threads=threads)
+    fit = impasto.fit_highlight(phi, samples, threads=threads)
     return np.stack([fit.beta, fit.gamma], axis=1)
 
 
@@ -249,7 +249,7 @@ def accuracy(count: int = 2000) -> list[dict[str, Any]]:
     from scipy.optimize import least_squares
 
     phi, samples = pixels(count)
-    found = impasto.fit_lobe(phi, samples, threads=1)
+    found = impasto.fit_highlight(phi, samples, threads=1)
     kept = np.flatnonzero(found.status == impasto.Status.FITTED)
     truth = np.random.default_rng(SEED).uniform(50, 200, count)
     errors = []
@@ -325,7 +325,7 @@ def main() -> None:
             continue
         peers.append({"peer": name, **race(make(), count)})
     if peers:
-        show("impasto.fit_lobe over peers; one thread", peers)
+        show("impasto.fit_highlight over peers; one thread", peers)
     spread = accuracy()
     show("Errors of the default, in standard deviations", spread)
     calls = [

@@ -101,7 +101,7 @@ def calls() -> dict[str, Callable[[], Callable[..., Any]]]:
         rng = np.random.default_rng(2)
         phi = rng.uniform(0.0, 0.6, (16, 4 * SIZE[0] * SIZE[1])).astype(np.float32)
         samples = 100.0 * np.exp(-20.0 * phi**2)
-        return lambda **o: impasto.fit_lobe(phi, samples, **o)
+        return lambda **o: impasto.fit_highlight(phi, samples, **o)
 
     def shown() -> Callable[..., Any]:
         normal, diffuse, _ = surface()
@@ -152,7 +152,7 @@ def calls() -> dict[str, Callable[[], Callable[..., Any]]]:
         "fit_sbrdf, segment": sbrdf(pooling="segment"),
         "fit_sbrdf, pixel": sbrdf(pooling="pixel"),
         "fit_sbrdf, lafortune": lafortune,
-        "fit_lobe": lobe,
+        "fit_highlight": lobe,
         "predict": shown,
         "render": rendered,
         "integrate_normals": heights,

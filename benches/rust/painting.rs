@@ -33,6 +33,6 @@ pub(crate) fn rig() -> Rig {
         .map(|i| (i as f64 / LIGHTS as f64 * core::f64::consts::TAU).sin_cos())
         .map(|(sine, cosine)| Light::Distant(Vec3::new(cosine, sine, 1.0).normalised()))
         .collect();
-    let grid = Grid { width: SIDE, height: SIDE, pitch: 0.1 };
+    let grid = Grid::whole(SIDE, SIDE, 0.1);
     Rig::new(lights, vec![Vec3::new(0.0, 0.0, 1.0); LIGHTS], grid).expect("the rig is sound")
 }

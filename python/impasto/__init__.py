@@ -17,7 +17,7 @@ from impasto.errors import (
     InternalError,
     MissingExtraError,
 )
-from impasto.fit.highlight import LobeFit, fit_lobe
+from impasto.fit.highlight import HighlightFit, fit_highlight
 from impasto.fit.lafortune import LafortuneSbrdf
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import Normals, fit_normals
@@ -50,7 +50,7 @@ __all__ = [
     "ImpastoError",
     "InternalError",
     "LafortuneSbrdf",
-    "LobeFit",
+    "HighlightFit",
     "LobeSbrdf",
     "MissingExtraError",
     "Normals",
@@ -71,7 +71,7 @@ __all__ = [
     "cast_shadows",
     "colour",
     "display_from_bands",
-    "fit_lobe",
+    "fit_highlight",
     "fit_normals",
     "fit_reflectance",
     "fit_sbrdf",

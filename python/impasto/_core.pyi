@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.border import RigArguments, StackArguments
 from impasto._internal.calls import ProgressCallback
-from impasto.fit.highlight import LobeFit
+from impasto.fit.highlight import HighlightFit
 from impasto.fit.normals import Normals
 from impasto.fit.reflectance import Reflectance
 from impasto.fit.start import StartArguments
@@ -131,10 +131,10 @@ def fit_lobes(
 
 # One lobe per pixel (crates/impasto-py/src/highlight.rs)
 
-def fit_lobe(
+def fit_highlight(
     samples: NDArray[np.float32],
     phi: NDArray[np.float32],
-    maps: LobeFit,
+    maps: HighlightFit,
     threads: int,
     progress: ProgressCallback | None,
 ) -> None: ...

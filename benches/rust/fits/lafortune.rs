@@ -211,7 +211,7 @@ impl Photographs {
         let count = scene.normals.len();
         let lights = scene.directions.iter().map(|&[light, _]| Light::Distant(light)).collect();
         let views = scene.directions.iter().map(|&[_, view]| view).collect();
-        let grid = Grid { width: count, height: 1, pitch: 1.0 };
+        let grid = Grid::whole(count, 1, 1.0);
         Self {
             rig: Rig::new(lights, views, grid).expect("a light for every view"),
             samples: scene.samples.concat(),

@@ -41,6 +41,8 @@ pub(crate) struct RigArguments<'py> {
     /// (obs, 3).
     views: PyReadonlyArray2<'py, f64>,
     pub(crate) pitch_mm: f64,
+    /// Pixels that the middle of a part lies right of and above the middle of the painting.
+    origin: [f64; 2],
 }
 
 /// What `impasto.fit.start.StartArguments` holds: the maps of photometric stereo.
@@ -129,7 +131,8 @@ impl RigArguments<'_> {
                 }
             })
             .collect();
-        Rig::new(lights, vectors(&self.views), Grid { width, height, pitch: self.pitch_mm })
+        let grid = Grid::part(width, height, self.pitch_mm, self.origin)?;
+        Rig::new(lights, vectors(&self.views), grid)
     }
 }
 

@@ -1,4 +1,4 @@
-//! One lobe per pixel through samples of known angle.
+//! `fit_highlight`: one lobe per pixel through samples of known angle.
 
 use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -7,7 +7,7 @@ use impasto::sbrdf::{HighlightMaps, Highlights};
 
 use crate::run;
 
-/// The maps of an `impasto.LobeFit`, flat, to be filled.
+/// The maps of an `impasto.HighlightFit`, flat, to be filled.
 #[derive(FromPyObject)]
 pub(crate) struct FlatMaps<'py> {
     beta: PyReadwriteArray1<'py, f32>,
@@ -21,7 +21,7 @@ pub(crate) struct FlatMaps<'py> {
 #[pyfunction]
 #[pyo3(signature = (samples, phi, maps, threads, progress))]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
-pub(crate) fn fit_lobe<'py>(
+pub(crate) fn fit_highlight<'py>(
     py: Python<'py>,
     samples: PyReadonlyArray2<'py, f32>,
     phi: PyReadonlyArray2<'py, f32>,
@@ -42,6 +42,6 @@ pub(crate) fn fit_lobe<'py>(
         status: maps.status.as_slice_mut()?,
     };
     run::call(py, threads, progress.as_ref(), |run| {
-        impasto::sbrdf::fit_lobe(&highlights, &mut maps, run).map(drop)
+        impasto::sbrdf::fit_highlight(&highlights, &mut maps, run).map(drop)
     })
 }

@@ -39,7 +39,7 @@ struct BuildInfo {
 #[pymodule(gil_used = false)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(build_info, module)?)?;
-    module.add_function(wrap_pyfunction!(highlight::fit_lobe, module)?)?;
+    module.add_function(wrap_pyfunction!(highlight::fit_highlight, module)?)?;
     module.add_function(wrap_pyfunction!(relight::cast_shadows, module)?)?;
     module.add_function(wrap_pyfunction!(relight::display_from_bands, module)?)?;
     module.add_function(wrap_pyfunction!(relight::integrate_normals, module)?)?;

@@ -202,7 +202,7 @@ pub(crate) fn cast_shadows<'py>(
     threads: usize,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let values = slice("height", &height).map_err(|error| to_python(py, &error))?;
-    let grid = Grid { height: height.shape()[0], width: height.shape()[1], pitch: pitch_mm };
+    let grid = Grid::whole(height.shape()[1], height.shape()[0], pitch_mm);
     let [x, y, z] = light;
     let position = Vec3::new(x, y, z);
     let light =

@@ -70,7 +70,7 @@ impl SurfaceArguments<'_> {
 
     pub(crate) fn grid(&self, pitch: f64) -> Grid {
         let [_, height, width] = self.shape();
-        Grid { width, height, pitch }
+        Grid::whole(width, height, pitch)
     }
 
     /// The numerics' view of the maps.

@@ -58,7 +58,7 @@ impl Light {
     }
 }
 
-/// From pixels to millimetres.
+/// From pixels to millimetres: where the pixels of a painting, or of a tile of one, lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
     /// Columns.
@@ -67,21 +67,71 @@ pub struct Grid {
     pub height: usize,
     /// Width of a pixel on the painting, mm.
     pub pitch: f64,
+    /// Column and row of the first pixel in the whole painting: `[0, 0]` unless this is a tile.
+    pub origin: [usize; 2],
+    /// Columns and rows of the whole painting, whose middle is the origin of the world.
+    pub extent: [usize; 2],
 }
 
 impl Grid {
+    /// The pixels of a whole painting.
+    #[must_use]
+    pub const fn whole(width: usize, height: usize, pitch: f64) -> Self {
+        Self { width, height, pitch, origin: [0, 0], extent: [width, height] }
+    }
+
+    /// The `width` x `height` pixels from column and row `[column, row]` of these on. Their
+    /// coordinates are, to the bit, those that the same pixels have here.
+    ///
+    /// # Errors
+    /// If the tile reaches beyond the pixels.
+    pub fn tile(&self, [column, row]: [usize; 2], width: usize, height: usize) -> Result<Self> {
+        let inside = |start: usize, size: usize, all: usize| {
+            start.checked_add(size).is_some_and(|end| end <= all)
+        };
+        if !(inside(column, width, self.width) && inside(row, height, self.height)) {
+            let problem = format!(
+                "{width} x {height} pixels from column {column}, row {row} on reach beyond {} x {}",
+                self.width, self.height
+            );
+            return Err(Error::geometry("tile", problem));
+        }
+        let origin = [self.origin[0] + column, self.origin[1] + row];
+        Ok(Self { width, height, origin, ..*self })
+    }
+
+    /// The pixels of a part whose middle lies `right` and `up` pixels from the middle of a painting,
+    /// taken as a tile of the smallest painting that has this middle and holds it: coordinates are,
+    /// to the bit, those of any such painting.
+    ///
+    /// # Errors
+    /// If an offset is no multiple of a half, or far beyond any picture.
+    pub fn part(width: usize, height: usize, pitch: f64, [right, up]: [f64; 2]) -> Result<Self> {
+        if ![right, up].iter().all(|v| v.abs() < 1e9 && (2.0 * v).fract() == 0.0) {
+            let problem = format!("({right}, {up}) are no multiples of half a pixel");
+            return Err(Error::geometry("origin", problem));
+        }
+        let [first, more] = [
+            [right.abs() + right, up.abs() - up].map(|offset| offset as usize),
+            [2.0 * right.abs(), 2.0 * up.abs()].map(|margin| margin as usize),
+        ];
+        Self::whole(width + more[0], height + more[1], pitch).tile(first, width, height)
+    }
+
     /// x in mm of a (fractional) column.
     #[must_use]
     #[inline(always)]
     pub fn x(&self, column: f64) -> f64 {
-        (column - 0.5 * (self.width as f64 - 1.0)) * self.pitch
+        let column = column + self.origin[0] as f64;
+        (column - 0.5 * (self.extent[0] as f64 - 1.0)) * self.pitch
     }
 
     /// y in mm of a (fractional) row: rows run down, y runs up.
     #[must_use]
     #[inline(always)]
     pub fn y(&self, row: f64) -> f64 {
-        (0.5 * (self.height as f64 - 1.0) - row) * self.pitch
+        let row = row + self.origin[1] as f64;
+        (0.5 * (self.extent[1] as f64 - 1.0) - row) * self.pitch
     }
 
     /// Writes the coordinates in mm of the pixels from `start` on, counted row by row.
@@ -184,7 +234,7 @@ mod tests {
 
     #[test]
     fn views_differ_from_three_degrees_on() {
-        let grid = Grid { width: 1, height: 1, pitch: 1.0 };
+        let grid = Grid::whole(1, 1, 1.0);
         let rig = |degrees: f64| {
             let (sin, cos) = degrees.to_radians().sin_cos();
             let views = vec![Vec3::new(0.0, 0.0, 1.0), Vec3::new(sin, 0.0, cos)];
@@ -197,10 +247,33 @@ mod tests {
 
     #[test]
     fn rows_run_down_and_y_runs_up() {
-        let grid = Grid { width: 3, height: 2, pitch: 2.0 };
+        let grid = Grid::whole(3, 2, 2.0);
         let (mut x, mut y) = ([0.0; 6], [0.0; 6]);
         grid.coordinates(0, &mut x, &mut y);
         assert_eq!(x, [-2.0, 0.0, 2.0, -2.0, 0.0, 2.0]);
         assert_eq!(y, [1.0, 1.0, 1.0, -1.0, -1.0, -1.0]);
+    }
+
+    #[test]
+    fn a_pixel_of_a_tile_lies_where_it_lies_in_the_whole() {
+        let whole = Grid::whole(37, 23, 0.3);
+        let [mut x, mut y] = [(); 2].map(|()| vec![0.0; 37 * 23]);
+        whole.coordinates(0, &mut x, &mut y);
+        // A tile of a tile, too.
+        let tile = whole.tile([4, 2], 30, 20).unwrap().tile([1, 5], 11, 7).unwrap();
+        let [mut tile_x, mut tile_y] = [(); 2].map(|()| vec![0.0; 11 * 7]);
+        tile.coordinates(0, &mut tile_x, &mut tile_y);
+        for pixel in 0..11 * 7 {
+            let there = (7 + pixel / 11) * 37 + 5 + pixel % 11;
+            assert_eq!((tile_x[pixel], tile_y[pixel]), (x[there], y[there]));
+        }
+        // The same by its middle: columns 5 to 15 of 37, rows 7 to 13 of 23.
+        let [mut part_x, mut part_y] = [(); 2].map(|()| vec![0.0; 11 * 7]);
+        let part = Grid::part(11, 7, 0.3, [10.0 - 18.0, 11.0 - 10.0]).unwrap();
+        part.coordinates(0, &mut part_x, &mut part_y);
+        assert_eq!((part_x, part_y), (tile_x, tile_y));
+        assert!(Grid::part(11, 7, 0.3, [0.25, 0.0]).is_err());
+        assert!(whole.tile([4, 2], 34, 20).is_err());
+        assert!(whole.tile([usize::MAX, 2], 4, 20).is_err());
     }
 }

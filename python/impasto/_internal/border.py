@@ -24,6 +24,7 @@ class RigArguments:
     falloff: NDArray[np.bool_]
     views: NDArray[np.float64]
     pitch_mm: float
+    origin: tuple[float, float]
 
     @classmethod
     def of(cls, rig: Rig) -> RigArguments:
@@ -34,6 +35,7 @@ class RigArguments:
             falloff=rig.falloff,
             views=np.ascontiguousarray(rig.views, dtype=np.float64),
             pitch_mm=1.0 if rig.pitch_mm is None else float(rig.pitch_mm),
+            origin=rig.origin,
         )
 
 
@@ -52,7 +54,7 @@ class StackArguments:
     def of(cls, stack: Stack) -> StackArguments:
         """The samples stay where they are; the rest is a few numbers per observation."""
         checked_stack(stack)
-        rig = stack.rig.here
+        rig = _placed(stack.rig)
         observations, bands = stack.shape[:2]
         gain = stack.scale[None, :] / rig.intensities[:, None]
         saturation = np.full(bands, np.inf) if stack.saturation is None else stack.saturation
@@ -66,3 +68,18 @@ class StackArguments:
             mask=stack.mask,
             rig=RigArguments.of(rig),
         )
+
+
+_FARTHEST = 2**30
+"""Half pixels from the middle of a painting that no picture exceeds."""
+
+
+def _placed(rig: Rig) -> Rig:
+    """The rig in the painting's own coordinates, which give a part the bits of the whole.
+
+    The middle of a part of a painting lies a whole number of half pixels from the painting's
+    middle. A rig of any other origin is moved there.
+    """
+    halves = [2.0 * offset for offset in rig.origin]
+    exact = all(half.is_integer() and abs(half) < _FARTHEST for half in halves)
+    return rig if exact else rig.here

@@ -15,7 +15,7 @@ from impasto.errors import ArgumentError
 
 
 @dataclass(frozen=True, eq=False)
-class LobeFit:
+class HighlightFit:
     """Strength and width of every pixel's lobe; NaN where ``status`` says they are not known.
 
     Parameters
@@ -48,13 +48,13 @@ class LobeFit:
     status: NDArray[np.uint8]
 
 
-def fit_lobe(
+def fit_highlight(
     phi: ArrayLike,
     samples: ArrayLike,
     *,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
-) -> LobeFit:
+) -> HighlightFit:
     """Fit ``samples = beta exp(-ln 2 phi^2 / gamma^2)`` to every pixel by least squares.
 
     The specular term of the RGB-camera paper's eq. 9 where ``F G / (N . V)`` is one, or has been
@@ -74,7 +74,7 @@ def fit_lobe(
 
     Returns
     -------
-    LobeFit
+    HighlightFit
         Maps of the samples' shape without its first axis.
 
     Raises
@@ -86,7 +86,7 @@ def fit_lobe(
     --------
     >>> import numpy as np
     >>> phi = np.linspace(0.0, 0.5, 16)[:, None] * np.ones(1000)
-    >>> found = impasto.fit_lobe(phi, 100.0 * np.exp(-np.log(2) * phi**2 / 0.2**2))
+    >>> found = impasto.fit_highlight(phi, 100.0 * np.exp(-np.log(2) * phi**2 / 0.2**2))
     >>> bool(np.allclose(found.gamma, 0.2, rtol=1e-5))
     True
     """
@@ -99,7 +99,7 @@ def fit_lobe(
         raise ArgumentError(f"samples: expected (obs, ...) numbers, found shape {values.shape}")
     shape = values.shape[1:]
     pixels = values.size // len(values)
-    flat = LobeFit(
+    flat = HighlightFit(
         beta=np.empty(pixels, dtype=np.float32),
         gamma=np.empty(pixels, dtype=np.float32),
         covariance=np.empty((3, pixels), dtype=np.float32),
@@ -108,10 +108,10 @@ def fit_lobe(
     )
     rows = (len(values), pixels)
     with reporting(progress, "lobes") as callback:
-        _core.fit_lobe(
+        _core.fit_highlight(
             values.reshape(rows), angles.reshape(rows), flat, thread_count(threads), callback
         )
-    return LobeFit(
+    return HighlightFit(
         beta=flat.beta.reshape(shape),
         gamma=flat.gamma.reshape(shape),
         covariance=flat.covariance.reshape(3, *shape),

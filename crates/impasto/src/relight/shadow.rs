@@ -55,7 +55,7 @@ pub fn cast_shadows(relief: &[f32], grid: Grid, light: &Light, run: &Run<'_>) ->
 }
 
 fn distant(relief: &[f32], grid: Grid, light: Vec3<f64>, run: &Run<'_>) -> Result<Vec<f32>> {
-    let Grid { width, height, pitch } = grid;
+    let Grid { width, height, pitch, .. } = grid;
     // Rows run down, y runs up.
     let (across, down) = (light.x, -light.y);
     if across == 0.0 && down == 0.0 {
@@ -226,7 +226,7 @@ fn hidden(
     column: usize,
     highest: f64,
 ) -> bool {
-    let Grid { width, height, pitch } = grid;
+    let Grid { width, height, pitch, .. } = grid;
     let start = f64::from(relief[row * width + column]);
     let rise = light.z - start;
     // Where the light stands, in pixels from here.
@@ -269,7 +269,7 @@ mod tests {
     use crate::math::Level;
     use crate::pixels::serially;
 
-    const GRID: Grid = Grid { width: 61, height: 47, pitch: 0.1 };
+    const GRID: Grid = Grid::whole(61, 47, 0.1);
 
     fn distant(x: f64, y: f64, z: f64) -> Light {
         Light::Distant(Vec3::new(x, y, z).normalised())
@@ -297,7 +297,7 @@ mod tests {
 
     #[test]
     fn walking_rows_is_walking_columns_of_the_transposed_picture() {
-        let turned = Grid { width: GRID.height, height: GRID.width, ..GRID };
+        let turned = Grid::whole(GRID.height, GRID.width, GRID.pitch);
         let relief: Vec<f32> =
             (0..GRID.width * GRID.height).map(|i| ((i * 7919) % 101) as f32 * 1e-3).collect();
         serially(|run| {

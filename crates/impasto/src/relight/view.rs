@@ -49,7 +49,7 @@ impl Projection {
         };
         let (width, height) = (extent(forward[0]), extent(forward[1]));
         let samples = (2.0 / determinant).ceil().clamp(2.0, MOST_SAMPLES) as usize;
-        let picture = Grid { width, height, pitch: painting.pitch };
+        let picture = Grid::whole(width, height, painting.pitch);
         Self { forward, backward, samples, painting, picture }
     }
 
@@ -149,7 +149,7 @@ mod tests {
     use super::*;
     use crate::pixels::serially;
 
-    const GRID: Grid = Grid { width: 40, height: 30, pitch: 0.5 };
+    const GRID: Grid = Grid::whole(40, 30, 0.5);
 
     #[test]
     fn a_frontal_view_changes_nothing() {

@@ -5,37 +5,24 @@
 //! of the pixels whose normals and diffuse colours follow the lobe. At last all pixels settle under
 //! what was found. [`predict`] says what a surface would have shown.
 
-mod extract;
-mod gross;
 mod highlight;
-pub mod histogram;
-mod joint;
 pub mod lafortune;
 mod lanes;
 mod lobes;
-mod measure;
-mod passes;
-mod pixel;
 mod pooled;
 mod predict;
-mod scale;
-mod settle;
-mod subset;
+mod start;
 mod surface;
 #[cfg(test)]
 mod tests;
-mod tile;
-mod verdict;
 
-pub use extract::Extraction;
-pub use highlight::{HighlightMaps, Highlights, fit_lobe};
+pub use highlight::{HighlightMaps, Highlights, fit_highlight};
 pub use lobes::{
     Lafortune, LobeMaps, LobeModel, LobeOptions, MAX_NUMBERS, MAX_SHAPES, MOST_LOBES, Origin,
     Precision, Slope, TYPICAL_PIXELS, TorranceSparrow, Visit, fit_lobes,
 };
-pub use pooled::{Pooled, PooledOptions, fit_pooled};
+pub use pooled::{Extraction, Pooled, PooledOptions, Verdict, fit_pooled, histogram};
 pub use predict::predict;
+pub use start::Start;
 pub use surface::{Lobe, Parameter, Strength, Surface};
 pub(crate) use surface::{scaled, unit};
-pub use tile::Start;
-pub use verdict::Verdict;

@@ -169,7 +169,7 @@ mod tests {
     use core::sync::atomic::AtomicBool;
 
     /// Odd sizes: tiles and registers end in the middle of rows.
-    const GRID: Grid = Grid { width: 131, height: 67, pitch: 0.5 };
+    const GRID: Grid = Grid::whole(131, 67, 0.5);
     const PIXELS: usize = GRID.width * GRID.height;
 
     fn every_level_and_thread_count_gives_the_same_bits<M: LobeModel>(

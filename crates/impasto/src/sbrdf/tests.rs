@@ -1,37 +1,33 @@
 //! How soon fits stop, by looks at the caller's flag instead of a clock.
 
-use super::extract::Extraction;
 use super::lafortune::{LafortuneOptions, fit_lafortune};
-use super::passes::Fit;
-use super::pixel::Lobe;
-use super::settle::Yardstick;
-use super::tile::{Photographs, Start, State};
 use super::{
-    LobeOptions, Origin, PooledOptions, Precision, TorranceSparrow, fit_lobes, fit_pooled,
+    Extraction, LobeOptions, Origin, PooledOptions, Precision, Start, TorranceSparrow, fit_lobes,
+    fit_pooled,
 };
 use crate::error::{Error, Result};
 use crate::geometry::{Grid, Light, Rig};
-use crate::math::{Isa, Kernel, Level, Real, Vec3};
+use crate::math::Vec3;
 use crate::pixels::{Run, looks};
 use crate::stack::{Decode, Samples, Shape, Stack};
 use crate::stereo::{self, Method, Options};
 
 const OBSERVATIONS: usize = 12;
 const SHAPE: Shape = Shape { observations: OBSERVATIONS, bands: 2, height: 16, width: 40 };
-const PIXELS: usize = 640;
+pub(super) const PIXELS: usize = 640;
 
 /// A slightly curved, glossy painting of one tile.
-struct Painting {
-    samples: Vec<f32>,
+pub(super) struct Painting {
+    pub(super) samples: Vec<f32>,
     decode: Vec<Decode>,
-    rig: Rig,
+    pub(super) rig: Rig,
     normal: Vec<f32>,
     diffuse: Vec<f32>,
     status: Vec<u8>,
 }
 
 impl Painting {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let lights: Vec<Vec3<f64>> = (0..OBSERVATIONS)
             .map(|i| {
                 let (turn, out) = (2.4 * i as f64, 0.15 + 0.06 * i as f64);
@@ -61,18 +57,18 @@ impl Painting {
         Self {
             samples,
             decode: vec![plain; OBSERVATIONS * 2],
-            rig: Rig::new(lights, views, Grid { width: 40, height: 16, pitch: 1.0 }).unwrap(),
+            rig: Rig::new(lights, views, Grid::whole(40, 16, 1.0)).unwrap(),
             normal: (0..3).flat_map(axis).collect(),
             diffuse: [[0.3; PIXELS], [0.5; PIXELS]].concat(),
             status: vec![0; PIXELS],
         }
     }
 
-    fn stack(&self) -> Stack<'_> {
+    pub(super) fn stack(&self) -> Stack<'_> {
         Stack::new(Samples::F32(&self.samples), SHAPE, &self.decode, None).unwrap()
     }
 
-    fn start(&self) -> Start<'_> {
+    pub(super) fn start(&self) -> Start<'_> {
         Start { normal: &self.normal, diffuse: &self.diffuse, status: &self.status }
     }
 
@@ -123,62 +119,7 @@ impl Painting {
     }
 }
 
-/// Pixels of a register.
-struct Width;
-
-impl Kernel for Width {
-    type Output = usize;
-
-    #[inline(always)]
-    fn run<I: Isa>(self) -> usize {
-        I::F32::WIDTH
-    }
-}
-
 type Call<'a> = &'a dyn Fn(&Run<'_>) -> Result<()>;
-type Pass<'a> = &'a dyn Fn(&Fit<'_>, &State) -> Result<()>;
-
-#[test]
-fn a_pass_looks_before_every_register_of_pixels() {
-    let painting = Painting::new();
-    let (stack, start) = (&painting.stack(), &painting.start());
-    let lobe = Lobe { beta: 10.0, log_sharpness: 3.0 };
-    let looks_of = |level: Level, pass: Pass<'_>| {
-        let all = |run: &Run<'_>| {
-            let run = &Run { level, ..*run };
-            let photographs = &Photographs {
-                stack,
-                rig: &painting.rig,
-                index: 1.45,
-                bands: 2,
-                status: start.status,
-                places: None,
-            };
-            let yardstick = Yardstick { reference: 0.5, grain: 0.0 };
-            let state = State::new(start, run)?;
-            pass(&Fit { photographs, run, yardstick }, &state)
-        };
-        looks::count(all)
-    };
-    // How often each goes over the painting: what is specular is first asked how large it is.
-    let passes: [(&str, usize, Pass<'_>); 3] = [
-        ("extract", 2, &|fit, state| fit.extract(state, Extraction::Residual).map(drop)),
-        ("settle", 1, &|fit, state| {
-            let mut to = state.copied(fit.run)?;
-            fit.settle(state, &mut to, lobe, 1, true).map(drop)
-        }),
-        ("measure", 1, &|fit, state| fit.measure(state, lobe).map(drop)),
-    ];
-    for level in Level::ALL.into_iter().filter(|level| level.available()) {
-        let registers = PIXELS / level.run(Width);
-        let nothing = looks_of(level, &|_, _| Ok(()));
-        for (name, times, pass) in passes {
-            let looks = looks_of(level, pass) - nothing;
-            // Besides, a few: before and after each tile, and for copies.
-            assert!(looks >= times * registers, "{name} on {level:?}: {looks}");
-        }
-    }
-}
 
 #[test]
 fn photometric_stereo_looks_before_every_block_of_a_tile() {

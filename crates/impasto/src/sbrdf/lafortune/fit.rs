@@ -6,7 +6,7 @@ use crate::lm::Options;
 use crate::maps::Status;
 use crate::math::Level;
 use crate::pixels::Run;
-use crate::sbrdf::tile::Start;
+use crate::sbrdf::Start;
 use crate::stack::Stack;
 
 use super::aside::Aside;

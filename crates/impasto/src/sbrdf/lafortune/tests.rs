@@ -50,7 +50,7 @@ impl Scene {
             lights.push(Light::Distant(light));
             views.push(view);
         }
-        let rig = Rig::new(lights, views, Grid { width: pixels, height: 1, pitch: 1.0 }).unwrap();
+        let rig = Rig::new(lights, views, Grid::whole(pixels, 1, 1.0)).unwrap();
         let mut samples = vec![0.0; OBSERVATIONS * pixels];
         let mut normals = Vec::new();
         for pixel in 0..pixels {
@@ -233,7 +233,7 @@ fn hard_case_23_a_light_opposite_the_view_turns_no_normal() {
     let (mut lights, mut views) = (scene.rig.lights().to_vec(), scene.rig.views().to_vec());
     lights.push(Light::Distant(grazing));
     views.push(Vec3::new(-grazing.x, -grazing.y, -grazing.z));
-    scene.rig = Rig::new(lights, views, Grid { width: 20, height: 1, pitch: 1.0 }).unwrap();
+    scene.rig = Rig::new(lights, views, Grid::whole(20, 1, 1.0)).unwrap();
     // As bright as nothing else: no half vector may be made of it.
     scene.samples.extend([100.0; 20]);
     let pixels: Vec<usize> = (0..20).collect();

@@ -9,7 +9,7 @@ use core::cell::RefCell;
 
 use crate::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Reason, Rows, fit};
 use crate::math::{Element, Level, Real, Scalar, Vec3};
-use crate::sbrdf::pixel::tangents;
+use crate::sbrdf::pooled::tangents;
 
 use super::colours::Sums;
 use super::model::{LobeModel, MAX_SHAPES, Visit};

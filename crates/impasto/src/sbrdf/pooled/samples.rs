@@ -1,13 +1,13 @@
 //! The state of all pixels, cut into tiles, and the samples of a tile.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::Rig;
 use crate::maps::Status;
 use crate::math::{Isa, Kernel, Level, Mask, Real, Vec3};
 use crate::pixels::{self, Run};
+use crate::sbrdf::Start;
+use crate::sbrdf::lanes::{load, store};
 use crate::stack::Stack;
-
-use super::lanes::{load, store};
 
 /// The samples with all that was known of them beforehand: what all tiles share.
 #[derive(Clone, Copy)]
@@ -35,39 +35,6 @@ impl Photographs<'_> {
             y[..count].copy_from_slice(&all_y[start..start + count]);
         } else {
             self.rig.grid().coordinates(start, x, y);
-        }
-    }
-}
-
-/// Maps to start from: what photometric stereo gave.
-#[derive(Clone, Copy, Debug)]
-pub struct Start<'a> {
-    /// `(3, y, x)`.
-    pub normal: &'a [f32],
-    /// `(band, y, x)`.
-    pub diffuse: &'a [f32],
-    /// `(y, x)` [`Status`] codes.
-    pub status: &'a [u8],
-}
-
-impl Start<'_> {
-    /// One pixel's normal.
-    pub(super) fn normal(&self, pixel: usize) -> [f32; 3] {
-        let pixels = self.status.len();
-        [0, 1, 2].map(|axis| self.normal[axis * pixels + pixel])
-    }
-
-    pub(super) fn check(&self, pixels: usize, bands: usize) -> Result<()> {
-        let sizes = [
-            ("normal", self.normal.len(), 3 * pixels),
-            ("diffuse", self.diffuse.len(), bands * pixels),
-            ("status", self.status.len(), pixels),
-        ];
-        match sizes.iter().find(|(_, found, expected)| found != expected) {
-            Some((name, found, expected)) => {
-                Err(Error::argument(name, format!("{found} values, expected {expected}")))
-            }
-            None => Ok(()),
         }
     }
 }

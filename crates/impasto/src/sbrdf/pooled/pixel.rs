@@ -11,9 +11,9 @@ use crate::brdf::torrance_sparrow::{Facet, GAMMA_MAX, GAMMA_MIN, Glint, sharpnes
 use crate::lm::Bounds;
 use crate::math::{Real, Vec3};
 
-use super::lanes::load;
+use super::samples::Photographs;
 use super::scale::{count, squared_scale, weight};
-use super::tile::Photographs;
+use crate::sbrdf::lanes::load;
 
 /// A painting's lobe as the solver sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -254,7 +254,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
 
 /// Two directions of the tangent plane, orthonormal, without a branch for any normal with z > -1.
 #[inline(always)]
-pub(super) fn tangents<R: Real>(n: Vec3<R>) -> [Vec3<R>; 2] {
+pub(in crate::sbrdf) fn tangents<R: Real>(n: Vec3<R>) -> [Vec3<R>; 2] {
     let one = R::one();
     let across = one / (one + n.z);
     let bend = -(n.x * n.y * across);

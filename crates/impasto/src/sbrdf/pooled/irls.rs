@@ -12,9 +12,9 @@ use crate::math::lanes::Isa;
 use crate::math::{Kernel, Mask, Real, Vec3};
 use crate::pixels::Run;
 
-use super::lanes::{MAX_LANES, load};
 use super::pixel::{Equations, Lobe, Pixels, Reduced, tangents};
-use super::tile::{Photographs, Tile, TileMut};
+use super::samples::{Photographs, Tile, TileMut};
+use crate::sbrdf::lanes::{MAX_LANES, load};
 
 /// Longest step of a normal, rad: a lobe is not linear for longer.
 const LONGEST_STEP: f64 = 0.1;
@@ -24,24 +24,24 @@ const LONGEST_STEP: f64 = 0.1;
 const RIDGE: f64 = 1e-3;
 
 /// A pixel is settled when a step lowers its squared scale by less than this share.
-const SETTLED: f64 = 2e-5;
+const CONVERGED: f64 = 2e-5;
 
 /// What the scales of pixels are held against.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Yardstick {
+pub(super) struct ScaleReference {
     /// Brightness that scales are measured in.
     pub(super) reference: f64,
     /// Added to every squared scale that is judged: a pixel whose few codes the model happens to
     /// meet exactly knows no more than its painting's noise lets it know.
-    pub(super) grain: f64,
+    pub(super) noise_floor: f64,
 }
 
 /// What pixels say about (beta, log k), each in units of its own scale.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Share {
+pub(super) struct LobeEquations {
     /// Samples.
     pub(super) count: f64,
-    /// Samples times log of the squared scale and the grain, over the reference squared.
+    /// Samples times log of the squared scale and the noise floor, over the reference squared.
     pub(super) log_scale: f64,
     pub(super) descent: [f64; 2],
     pub(super) matrix: [[f64; 2]; 2],
@@ -52,7 +52,7 @@ pub(super) struct Share {
     pub(super) scatter: [[f64; 2]; 2],
 }
 
-impl Share {
+impl LobeEquations {
     pub(super) fn zero() -> Self {
         let zero = [[0.0; 2]; 2];
         Self {
@@ -84,7 +84,7 @@ impl Share {
     }
 
     /// As a sum of squares: the number of samples times the geometric mean over the pixels of the
-    /// squared scale and the grain. Where all pixels are equally noisy it is the weighted sum of squares; a pixel
+    /// squared scale and the noise floor. Where all pixels are equally noisy it is the weighted sum of squares; a pixel
     /// that the model does not describe cannot outweigh the others.
     pub(super) fn normal(&self, reference: f64) -> Normal<f64, 2> {
         let mean = if self.count > 0.0 { (self.log_scale / self.count).exp() } else { 0.0 };
@@ -97,7 +97,7 @@ impl Share {
     }
 }
 
-pub(super) struct Settle<'a, 'b> {
+pub(super) struct Irls<'a, 'b> {
     pub(super) photographs: &'a Photographs<'a>,
     pub(super) run: &'a Run<'a>,
     pub(super) tile: &'b Tile<'a>,
@@ -114,7 +114,7 @@ pub(super) struct Settle<'a, 'b> {
     /// the brightest photograph: a highlight that photometric stereo took for the diffuse part turns
     /// a normal far away, where no small step leads back.
     pub(super) restart: bool,
-    pub(super) yardstick: Yardstick,
+    pub(super) scale_reference: ScaleReference,
 }
 
 /// Scratch memory for the colours of one register of pixels.
@@ -127,11 +127,11 @@ struct Colours<R> {
     kept: Vec<R>,
 }
 
-impl Kernel for Settle<'_, '_> {
-    type Output = Share;
+impl Kernel for Irls<'_, '_> {
+    type Output = LobeEquations;
 
     #[inline(always)]
-    fn run<I: Isa>(self) -> Share {
+    fn run<I: Isa>(self) -> LobeEquations {
         let Self { photographs, run, tile, mut out, samples, stride, x, y, steps, restart, .. } =
             self;
         let (zero, one) = (I::F32::zero(), I::F32::one());
@@ -145,7 +145,7 @@ impl Kernel for Settle<'_, '_> {
             pulls: none(),
             kept: none(),
         };
-        let mut share = Share::zero();
+        let mut share = LobeEquations::zero();
         let mut at = 0;
         // A tile of hundreds of photographs takes long.
         while at < tile.count && !run.cancelled() {
@@ -193,7 +193,7 @@ impl Kernel for Settle<'_, '_> {
             let pixels = 0..I::F32::WIDTH.min(tile.count - at);
             for lane in pixels.filter(|&lane| tile.estimated(at + lane)) {
                 let values = lanes.map(|values| f64::from(values[lane]));
-                share.merge(&heard_of(values, photographs.bands, self.yardstick));
+                share.merge(&equations_of(values, photographs.bands, self.scale_reference));
             }
             at += I::F32::WIDTH;
         }
@@ -202,28 +202,28 @@ impl Kernel for Settle<'_, '_> {
 }
 
 /// One pixel's share.
-fn heard_of(values: [f64; 9], bands: usize, yardstick: Yardstick) -> Share {
+fn equations_of(values: [f64; 9], bands: usize, scale_reference: ScaleReference) -> LobeEquations {
     let [scale, floor, used, square, db, dk, bb, kb, kk] = values;
     let count = used * bands as f64;
     // As many samples as unknowns say nothing (hard case 30); NaN fails the tests (hard case 26).
     let heard =
         count > (bands + 2) as f64 && scale > 0.0 && values.iter().all(|value| value.is_finite());
     if !heard {
-        return Share::zero();
+        return LobeEquations::zero();
     }
-    let Yardstick { reference, grain } = yardstick;
+    let ScaleReference { reference, noise_floor } = scale_reference;
     // d log s^2 = -2 sum(w r dr) / sum(w r^2), and the pixel counts with its samples. At the floor
     // the scale moves no more.
     let moves = scale > floor && square > 0.0;
-    let share = if moves { scale / (scale + grain) } else { 0.0 };
+    let share = if moves { scale / (scale + noise_floor) } else { 0.0 };
     let rate = share * count / (square * bands as f64).max(f64::MIN_POSITIVE);
     let descent = [db * rate, dk * rate];
     let known = |rate: f64| [[bb * rate, 0.0], [kb * rate, kk * rate]];
     // A sample within one scale counts for more where the scale moves: this errs on the safe side.
-    let exact = known(if moves { 0.0 } else { (scale + grain).recip() });
-    Share {
+    let exact = known(if moves { 0.0 } else { (scale + noise_floor).recip() });
+    LobeEquations {
         count,
-        log_scale: count * ((scale + grain) / (reference * reference)).ln(),
+        log_scale: count * ((scale + noise_floor) / (reference * reference)).ln(),
         descent,
         matrix: known(rate),
         exact,
@@ -275,8 +275,9 @@ fn descend<R: Real<Scalar = f32>>(
         better = active & scale.lt(least);
         // A lane stops on its own account: how many lanes share a register changes no result. What
         // a shortened step gains says nothing of what is left.
-        let settled =
-            whole & scale.lt(least * R::of(1.0 + SETTLED)) & scale.gt(least * R::of(1.0 - SETTLED));
+        let settled = whole
+            & scale.lt(least * R::of(1.0 + CONVERGED))
+            & scale.gt(least * R::of(1.0 - CONVERGED));
         active = active & !settled;
         best = Vec3::select(better, trial, best);
         least = R::select(better, scale, least);
@@ -312,21 +313,21 @@ fn solve<R: Real>(xx: R, xy: R, yy: R, a: R, b: R) -> [R; 2] {
 }
 
 /// A pixel's equations of (beta, log k), colours and normal following.
-pub(super) struct LobeShare<R> {
+pub(super) struct PixelEquations<R> {
     pub(super) descent: [R; 2],
     /// beta beta, log k beta, log k log k.
     pub(super) matrix: [R; 3],
 }
 
 #[inline(always)]
-pub(super) fn eliminate_tilts<R: Real>(reduced: &Reduced<R>) -> LobeShare<R> {
+pub(super) fn eliminate_tilts<R: Real>(reduced: &Reduced<R>) -> PixelEquations<R> {
     let [xx, xy, yy, bx, by, bb, kx, ky, kb, kk] = reduced.matrix;
     let [gx, gy, gb, gk] = reduced.descent;
     let ridge = R::of(1.0 + RIDGE);
     let (rx, ry) = (xx * ridge, yy * ridge);
     let [b0, b1] = solve(rx, xy, ry, bx, by);
     let [k0, k1] = solve(rx, xy, ry, kx, ky);
-    LobeShare {
+    PixelEquations {
         descent: [
             (-b0).mul_add(gx, (-b1).mul_add(gy, gb)),
             (-k0).mul_add(gx, (-k1).mul_add(gy, gk)),

@@ -5,11 +5,11 @@ use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
 use crate::pixels::Run;
 
-use super::lanes::{load, store};
+use super::irls::eliminate_tilts;
 use super::pixel::{Lobe, Pixels};
+use super::samples::{Photographs, Tile};
 use super::scale::Gaussian;
-use super::settle::eliminate_tilts;
-use super::tile::{Photographs, Tile};
+use crate::sbrdf::lanes::{load, store};
 
 /// Maps that a tile fills.
 pub(super) struct Plates<'a> {

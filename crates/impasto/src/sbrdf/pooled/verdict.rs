@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::pixels::{Run, TILE, tiles};
 
-use super::gross::{CLASSES, class_of};
+use super::outliers::{CLASSES, class_of};
 
 /// A pixel knows its own strength if its error is below this share of the painting's.
 const KNOWN: f32 = 0.2;

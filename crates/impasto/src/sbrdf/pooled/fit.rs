@@ -5,18 +5,19 @@ use crate::geometry::Rig;
 use crate::lm::{self, Outcome};
 use crate::maps::Status;
 use crate::pixels::{Run, TILE, tiles};
+use crate::sbrdf::Start;
 use crate::stack::Stack;
 
 use super::extract::Extraction;
-use super::gross::Counts;
 use super::histogram::Histogram;
+use super::irls::{LobeEquations, ScaleReference};
 use super::joint::{FIRST_STEPS, Found, find_lobe};
+use super::outliers::Counts;
 use super::passes::Fit;
 use super::pixel::Lobe;
+use super::samples::{Photographs, State};
 use super::scale::Gaussian;
-use super::settle::{Share, Yardstick};
 use super::subset::Subset;
-use super::tile::{Photographs, Start, State};
 use super::verdict::{Agreement, DESCRIBES, Strengths, Verdict};
 
 /// How the pooled fit goes about it.
@@ -144,8 +145,11 @@ fn fit_near_one(
         status: start.status,
         places: None,
     };
-    let fit =
-        Fit { photographs: &photographs, run, yardstick: Yardstick { reference, grain: 0.0 } };
+    let fit = Fit {
+        photographs: &photographs,
+        run,
+        scale_reference: ScaleReference { reference, noise_floor: 0.0 },
+    };
     let state = State::new(start, run)?;
     let samples = fit.extract(&state, options.extraction)?;
     let first = samples.fit();
@@ -164,7 +168,7 @@ fn fit_near_one(
         find_lobe(Fit { photographs: &photographs, ..fit }, state, lobe)?
     };
     drop(subset);
-    Fit { yardstick: found.yardstick, ..fit }.judge_joint(state, found, start)
+    Fit { scale_reference: found.scale_reference, ..fit }.judge_joint(state, found, start)
 }
 
 /// A bright colour, whatever a tenth of the pixels show: a lamp in the frame is no colour. Scaling
@@ -234,7 +238,7 @@ impl Fit<'_> {
         let without = self.settle(&state, &mut settled, flat, FIRST_STEPS, false)?;
         let plain = self.run.copied(&settled.scale)?;
         let with = self.settle(&state, &mut settled, lobe, FIRST_STEPS, true)?;
-        let cost = |share: &Share| share.normal(self.yardstick.reference).cost;
+        let cost = |share: &LobeEquations| share.normal(self.scale_reference.reference).cost;
         if cost(&with) >= cost(&without) {
             estimate.covariance = None;
             return self.report(state, estimate, status, None);

@@ -7,9 +7,10 @@
 use crate::error::Result;
 use crate::maps::Status;
 use crate::pixels::{Run, TILE, tiles};
+use crate::sbrdf::Start;
 use crate::stack::{Decode, Samples, Shape, Stack};
 
-use super::tile::{Photographs, Start};
+use super::samples::Photographs;
 
 /// Samples at most, about: a quarter of a gibibyte. Many photographs of fewer pixels know as much.
 const SAMPLES: usize = 1 << 26;

@@ -6,10 +6,10 @@ use crate::brdf::torrance_sparrow::sharpness;
 use crate::error::{Error, Result};
 use crate::lm::{self, Normal, Options, Outcome, Problem};
 
+use super::irls::{LobeEquations, ScaleReference};
 use super::passes::Fit;
 use super::pixel::Lobe;
-use super::settle::{Share, Yardstick};
-use super::tile::State;
+use super::samples::State;
 
 /// Steps of a pixel from the normals of photometric stereo, and between two places of the lobe.
 pub(super) const FIRST_STEPS: usize = 16;
@@ -36,27 +36,27 @@ const SATIN: (f64, f64) = (12.0, 0.15);
 /// Smallest share of the model's curvature that the cost is taken to have along a step.
 const SOFTEST: f64 = 0.02;
 
-/// The grain as a share of the squared scale below which this share of the light is.
-const GRAIN: f64 = 0.25;
+/// The noise floor as a share of the squared scale below which this share of the light is.
+const FLOOR_SHARE: f64 = 0.25;
 const QUANTILE: f64 = 0.25;
 
 /// A pixel counts for the light of so many bright ones at most: a lamp in the frame would else be
 /// most of the painting's light.
 const MOST_LIGHT: f64 = 4.0;
 
-/// A grain known to a tenth moves the lobe by a small share of its error.
-const SAME_GRAIN: f64 = 0.1;
+/// A noise floor known to a tenth moves the lobe by a small share of its error.
+const SAME_FLOOR: f64 = 0.1;
 
-/// Times that the grain is taken anew.
+/// Times that the noise floor is taken anew.
 const REFINEMENTS: usize = 8;
 
 /// What the search found.
 pub(super) struct Found {
     pub(super) lobe: Lobe,
-    pub(super) share: Share,
+    pub(super) share: LobeEquations,
     /// (beta, gamma) as they got better.
     pub(super) path: Vec<[f64; 2]>,
-    pub(super) yardstick: Yardstick,
+    pub(super) scale_reference: ScaleReference,
     pub(super) converged: bool,
 }
 
@@ -65,7 +65,7 @@ struct Search<'a> {
     fit: Fit<'a>,
     best: RefCell<State>,
     trial: RefCell<State>,
-    share: Cell<Share>,
+    share: Cell<LobeEquations>,
     least: Cell<f64>,
     /// The best place, and its equations.
     last: Cell<([f64; 2], Normal<f64, 2>)>,
@@ -80,7 +80,7 @@ impl Search<'_> {
         let place = [lobe.beta, lobe.log_sharpness];
         let share = self.fit.settle(&best, &mut trial, lobe, self.steps.get(), restart)?;
         self.steps.set(STEPS);
-        let mut normal = share.normal(self.fit.yardstick.reference);
+        let mut normal = share.normal(self.fit.scale_reference.reference);
         let matrix = self.softened(place, &normal);
         // The rule by which `minimise` accepts a place.
         if normal.cost < self.least.get() {
@@ -99,14 +99,14 @@ impl Search<'_> {
         Ok(normal)
     }
 
-    /// Takes the grain that the best lobe leaves; whether that made a difference.
-    fn refine_grain(&mut self) -> Result<bool> {
-        let last = self.fit.yardstick.grain;
-        let grain = grain(&self.fit, self.best.get_mut())?;
-        let other = (grain - last).abs() > SAME_GRAIN * last;
+    /// Takes the noise floor that the best lobe leaves; whether that made a difference.
+    fn refine_noise_floor(&mut self) -> Result<bool> {
+        let last = self.fit.scale_reference.noise_floor;
+        let noise_floor = noise_floor(&self.fit, self.best.get_mut())?;
+        let other = (noise_floor - last).abs() > SAME_FLOOR * last;
         if other {
-            self.fit = self.fit.with_grain(grain);
-            // Costs of another grain are no measure for what comes.
+            self.fit = self.fit.with_noise_floor(noise_floor);
+            // Costs of another noise floor are no measure for what comes.
             self.least.set(f64::INFINITY);
         }
         Ok(other)
@@ -168,16 +168,16 @@ impl Problem<f64, 2> for Search<'_> {
 /// Finds the lobe while normals and colours settle with it.
 ///
 /// Two searches by Levenberg-Marquardt, each place of the lobe judged with all pixels settled;
-/// between them every pixel tries other normals ([`Settle::restart`](super::settle::Settle)).
+/// between them every pixel tries other normals ([`Irls::restart`](super::irls::Irls)).
 pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found> {
     let mut trial = state.copied(fit.run)?;
     let flat = Lobe { beta: 0.0, ..lobe };
     fit.settle(&state, &mut trial, flat, FIRST_STEPS, false)?;
     let mut search = Search {
-        fit: fit.with_grain(grain(&fit, &trial)?),
+        fit: fit.with_noise_floor(noise_floor(&fit, &trial)?),
         best: RefCell::new(state),
         trial: RefCell::new(trial),
-        share: Cell::new(Share::zero()),
+        share: Cell::new(LobeEquations::zero()),
         least: Cell::new(f64::INFINITY),
         last: Cell::new(([lobe.beta, lobe.log_sharpness], Normal::zero())),
         steps: Cell::new(FIRST_STEPS),
@@ -186,21 +186,23 @@ pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found>
     };
     // Sums of squares of all samples believe gross outliers (hard case 31); robust scales tell
     // which of two lobes is nearer.
-    let satin =
-        Lobe { beta: SATIN.0 * fit.yardstick.reference, log_sharpness: sharpness(SATIN.1).ln() };
+    let satin = Lobe {
+        beta: SATIN.0 * fit.scale_reference.reference,
+        log_sharpness: sharpness(SATIN.1).ln(),
+    };
     for lobe in [lobe, satin] {
         search.steps.set(FIRST_STEPS);
         search.visit(lobe, false)?;
     }
     let rough = Options { max_iterations: ROUGH, ..SEARCH };
     let [beta, log_sharpness] = search.minimise(search.last.get().0, rough)?.parameters;
-    search.refine_grain()?;
+    search.refine_noise_floor()?;
     search.steps.set(FIRST_STEPS);
     search.visit(Lobe { beta, log_sharpness }, true)?;
     let mut outcome = search.minimise([beta, log_sharpness], SEARCH)?;
-    // Without noise every better lobe leaves less grain.
+    // Without noise every better lobe leaves less noise floor.
     for _ in 0..REFINEMENTS {
-        if !search.refine_grain()? {
+        if !search.refine_noise_floor()? {
             break;
         }
         let [beta, log_sharpness] = outcome.parameters;
@@ -213,7 +215,7 @@ pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found>
         lobe: Lobe { beta, log_sharpness },
         share: share.get(),
         path: path.into_inner(),
-        yardstick: fit.yardstick,
+        scale_reference: fit.scale_reference,
         converged: outcome.reason.converged(),
     })
 }
@@ -222,8 +224,8 @@ pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found>
 ///
 /// Counted by light (of none more than of four bright pixels), since dark pixels are those whose few codes hide their noise, however many
 /// there are; by the lower quartile, since the model may describe most of a painting badly.
-fn grain(fit: &Fit<'_>, state: &State) -> Result<f64> {
-    let most = MOST_LIGHT * fit.photographs.bands as f64 * fit.yardstick.reference;
+fn noise_floor(fit: &Fit<'_>, state: &State) -> Result<f64> {
+    let most = MOST_LIGHT * fit.photographs.bands as f64 * fit.scale_reference.reference;
     let mut light = fit.brightness(state)?;
     for light in &mut light {
         *light = light.min(most as f32);
@@ -237,5 +239,5 @@ fn grain(fit: &Fit<'_>, state: &State) -> Result<f64> {
         left -= f64::from(*light);
         left <= 0.0
     });
-    Ok(typical.map_or(0.0, |&(scale, _)| GRAIN * f64::from(scale)))
+    Ok(typical.map_or(0.0, |&(scale, _)| FLOOR_SHARE * f64::from(scale)))
 }

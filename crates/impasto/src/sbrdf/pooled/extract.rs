@@ -6,10 +6,10 @@ use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
 use crate::pixels::Run;
 
-use super::gross::{Limits, Sizes};
 use super::histogram::Histogram;
-use super::lanes::{MAX_LANES, load};
-use super::tile::{Photographs, Tile};
+use super::outliers::{Limits, Sizes};
+use super::samples::{Photographs, Tile};
+use crate::sbrdf::lanes::{MAX_LANES, load};
 
 /// Which samples count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,13 +4,13 @@ use crate::error::Result;
 use crate::pixels::{Run, TILE, tiles};
 
 use super::extract::{Extract, Extraction, Sink, Tempered};
-use super::gross::{Limits, Sizes};
 use super::histogram::Histogram;
+use super::irls::{Irls, LobeEquations, ScaleReference};
 use super::measure::{Measure, Plates};
+use super::outliers::{Limits, Sizes};
 use super::pixel::Lobe;
+use super::samples::{Photographs, Reader, State};
 use super::scale::Gaussian;
-use super::settle::{Settle, Share, Yardstick};
-use super::tile::{Photographs, Reader, State};
 
 /// Tiles that tell how large samples are, about.
 const SOME_TILES: usize = 16;
@@ -23,12 +23,12 @@ const WAITING: usize = 256;
 pub(super) struct Fit<'a> {
     pub(super) photographs: &'a Photographs<'a>,
     pub(super) run: &'a Run<'a>,
-    pub(super) yardstick: Yardstick,
+    pub(super) scale_reference: ScaleReference,
 }
 
 impl Fit<'_> {
-    pub(super) fn with_grain(self, grain: f64) -> Self {
-        Self { yardstick: Yardstick { grain, ..self.yardstick }, ..self }
+    pub(super) fn with_noise_floor(self, noise_floor: f64) -> Self {
+        Self { scale_reference: ScaleReference { noise_floor, ..self.scale_reference }, ..self }
     }
 
     /// What is specular in all samples, gross ones tempered.
@@ -91,8 +91,8 @@ impl Fit<'_> {
         lobe: Lobe,
         steps: usize,
         restart: bool,
-    ) -> Result<Share> {
-        let Self { photographs, run, yardstick } = *self;
+    ) -> Result<LobeEquations> {
+        let Self { photographs, run, scale_reference } = *self;
         let level = run.level;
         let jobs = tiles(photographs.pixels()).into_iter().zip(to.tiles_mut()).collect();
         let parts = run.map(
@@ -103,7 +103,7 @@ impl Fit<'_> {
                 let Reader { samples, x, y } = reader;
                 let tile = &from.tile(photographs.status, start);
                 let stride = TILE;
-                level.run(Settle {
+                level.run(Irls {
                     photographs,
                     run,
                     tile,
@@ -115,11 +115,11 @@ impl Fit<'_> {
                     lobe,
                     steps,
                     restart,
-                    yardstick,
+                    scale_reference,
                 })
             },
         )?;
-        let mut sum = Share::zero();
+        let mut sum = LobeEquations::zero();
         for part in &parts {
             sum.merge(part);
         }
