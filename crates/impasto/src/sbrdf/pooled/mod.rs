@@ -2,10 +2,11 @@
 //! @tominaga2008six], with the normals and colours that go with it.
 
 mod extract;
-mod fit;
+
 pub mod histogram;
 mod irls;
 mod joint;
+mod learn;
 mod measure;
 mod outliers;
 mod passes;
@@ -18,6 +19,6 @@ mod tests;
 mod verdict;
 
 pub use extract::Extraction;
-pub use fit::{Pooled, PooledOptions, fit_pooled};
+pub use learn::{Pooled, PooledOptions, fit_pooled};
 pub(in crate::sbrdf) use pixel::tangents;
 pub use verdict::Verdict;
