@@ -344,7 +344,9 @@ def test_the_engine_by_itself(seed: int, power: int, place: int, threads: int) -
     order = np.random.default_rng(seed).permutation(70)
     shuffled = lobe_maps(impasto.fit_highlight(phi[:, order], samples[:, order], threads=threads))
     absent = lobe_maps(
-        impasto.fit_highlight(np.insert(phi, place, 0.2, axis=0), np.insert(samples, place, np.nan, 0))
+        impasto.fit_highlight(
+            np.insert(phi, place, 0.2, axis=0), np.insert(samples, place, np.nan, 0)
+        )
     )
     scaled = lobe_maps(impasto.fit_highlight(phi, np.ldexp(samples, power)))
     for name, plane in plain.items():
