@@ -89,10 +89,10 @@ def test_a_flat_painting_raises_no_alarm(rig: str, varnish: str | None) -> None:
 def test_wrong_directions_are_found(
     rig: str, varnish: str, matrix: list[list[float]], repairs: set[str]
 ) -> None:
-    """A distant lamp leaves the choice between two repairs that differ by half a turn."""
+    """A distant lamp leaves the choice between two repairs that differ by 180 degrees."""
     finding = doctor.examine(turned(captured(3, rig, varnish), matrix))["directions"]
     assert finding.severity == "error"
-    assert {finding.numbers["repair"], finding.numbers["or_else_repair"]} == repairs
+    assert {finding.numbers["repair"], finding.numbers["alternative_repair"]} == repairs
 
 
 @pytest.mark.parametrize(
@@ -117,17 +117,17 @@ def test_falloff_tells_one_side_from_the_other(
     finding = doctor.examine(turned(distant, matrix))["directions"]
     assert finding.severity == severity, finding
     assert finding.numbers.get("repair") == repair
-    assert "or_else" not in finding.numbers
+    assert "alternative" not in finding.numbers
 
 
 @pytest.mark.parametrize("angle", [15, 30, 45, 60, -30])
 def test_a_turned_camera_is_found(angle: float) -> None:
-    """The curl knows the turn to a degree or two, up to half a turn."""
+    """The curl gives the rotation to a degree or two, up to 180 degrees."""
     c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     stack = captured(1, varnish="matte")
     finding = doctor.examine(turned(stack, [[c, -s, 0], [s, c, 0], [0, 0, 1]]))["directions"]
     assert finding.severity in {"warning", "error"}
-    assert finding.numbers["curl_best_turn_deg"] == pytest.approx(angle, abs=2.0)
+    assert finding.numbers["curl_best_rotation_deg"] == pytest.approx(angle, abs=2.0)
 
 
 @pytest.mark.parametrize(
@@ -274,7 +274,7 @@ def test_a_wrong_tone_curve_is_found(rig: str, varnish: str | None) -> None:
     left_in = Stack(codes.astype(np.uint8), lights=coded.rig.directions)
     finding = doctor.examine(left_in)["encoding"]
     assert finding.severity == "warning"
-    assert finding.advice.startswith('say encoding="srgb"')
+    assert finding.advice.startswith('give encoding="srgb"')
     linear = captured(1, rig, varnish)
     share = (linear.samples - linear.black[0]) / (4095.0 - linear.black[0])
     light = Encoding("srgb").decode(share)
@@ -373,7 +373,7 @@ def test_the_report_reads_well() -> None:
     text = str(diagnosis)
     assert text.startswith("16 photographs, 6 bands, 72 x 72 pixels\n\nerror     directions: ")
     assert "-> use (x, -y, z)" in text
-    assert text.endswith("1 error: repair before this stack is used")
+    assert text.endswith("1 error: repair the stack before a fit")
     assert max(len(line) for line in text.splitlines()) <= 92
     assert repr(diagnosis).startswith("<Diagnosis of 16 photographs")
     with pytest.raises(KeyError, match="no finding"):
@@ -404,13 +404,13 @@ def test_icon_mirrored(icon: Stack, flip: tuple[int, int, int], repair: str) -> 
     finding = doctor.examine(altered(icon, lights=icon.rig.directions * flip))["directions"]
     assert finding.severity == "error"
     assert finding.numbers["repair"] == repair
-    assert "or_else" not in finding.numbers
+    assert "alternative" not in finding.numbers
 
 
 def test_icon_turned_by_half(icon: Stack) -> None:
     finding = doctor.examine(altered(icon, lights=icon.rig.directions * (-1, -1, 1)))["directions"]
     assert finding.severity == "warning"
-    assert "half a turn" in finding.message
+    assert "180 degrees" in finding.message
 
 
 def test_icon_exchanged_pair(icon: Stack) -> None:
@@ -447,7 +447,7 @@ def test_command_line(
     assert main(["doctor", "good.npz"]) == 0
     out = capsys.readouterr().out
     assert out.startswith("16 photographs, 6 bands, 72 x 72 pixels")
-    assert out.rstrip().endswith("nothing wrong was found")
+    assert out.rstrip().endswith("no fault found")
     assert main(["doctor", "bad.npz"]) == 1
     assert "error" in capsys.readouterr().out
     assert main(["doctor", "bad.npz", "--json"]) == 1

@@ -1,4 +1,4 @@
-"""Check a stack before it is used: what is wrong with it, and what to do about each fault.
+"""Check a stack before a fit: what is wrong with it, and how to repair each fault.
 
 >>> from impasto import doctor, simulate
 >>> stack = simulate.default_capture(size=(64, 64)).stack

@@ -1,12 +1,13 @@
-"""Are the light directions mirrored or turned? A surface has no curl, a false one has.
+"""The curl test for mirrored or rotated light directions.
 
-Normals come from a height, so the slopes p = -nx/nz, q = -ny/nz satisfy dq/dx = dp/dy. Lights that
-are mirrored or turned in the picture's plane give normals that are mirrored or turned at their
-places, and these are the slopes of nothing. Lights turned by an angle a give slopes turned by a;
-turned back, their curl is cos(a) C - sin(a) D with C = dq/dx - dp/dy and D = dp/dx + dq/dy as
-found. Lights mirrored in y and then turned by a leave cos(a) C' - sin(a) D' with
-C' = dq/dx + dp/dy and D' = dp/dx - dq/dy. So six sums over the picture judge every turn and every
-mirroring at once. A half turn only changes the curl's sign: :mod:`impasto.doctor.falloff` sees it.
+Normals belong to a height, so the slopes p = -nx/nz, q = -ny/nz satisfy dq/dx = dp/dy. Lights that
+are mirrored or rotated in the plane of the picture give normals that are mirrored or rotated in
+place, and these are not the slopes of any height. Lights rotated by an angle a rotate the slopes
+by a; rotated back, their curl is cos(a) C - sin(a) D with C = dq/dx - dp/dy and
+D = dp/dx + dq/dy of the measured slopes. Lights mirrored in y and then rotated by a give
+cos(a) C' - sin(a) D' with C' = dq/dx + dp/dy and D' = dp/dx - dq/dy. So six sums over the picture
+test every rotation and every mirroring at once. Rotation by 180 degrees only changes the sign of
+the curl; :mod:`impasto.doctor.falloff` detects it.
 """
 
 from __future__ import annotations
@@ -21,37 +22,38 @@ from impasto.doctor.sampled_tiles import SampledTiles
 Floats = NDArray[np.float64]
 
 _BLUR = 1.5
-"""Standard deviation in pixels: noise has as much curl as divergence, relief is wider than it."""
+"""Standard deviation in pixels. Noise has as much curl as divergence; relief is wider."""
 _STEEPEST = 3.0
 _BLOCK = 16
 _GROUPS = 20
 RATIO, SIGMAS = 1.3, 3.0
-"""Hypotheses are told apart if their curls differ by this factor, at so many standard errors."""
+"""Hypotheses are distinguished if their curls differ by this factor and by this many standard
+errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curl:
-    """Mean squared curl under every turn and mirroring.
+    """Squared curl under every rotation and mirroring.
 
     Attributes
     ----------
     sums
-        ``(block, 2, 3)``: sums of CC, CD, DD in blocks of pixels, straight and mirrored.
+        ``(block, 2, 3)``: sums of CC, CD, DD in blocks of pixels, unmirrored and mirrored.
     """
 
     sums: Floats
 
     @property
     def known(self) -> bool:
-        """Whether there are enough pixels, and any relief, to say anything."""
+        """Whether there are enough pixels with relief for the test."""
         return len(self.sums) >= 4 and bool((self.sums.sum(axis=0)[:, [0, 2]] > 0).all())
 
-    def of(self, turn_deg: float, mirrored: bool) -> float:
-        """Squared curl left if the given lights are the true ones turned (and mirrored in y)."""
-        return float(_energy(self.sums.sum(axis=0)[int(mirrored)], turn_deg))
+    def of(self, rotation_deg: float, mirrored: bool) -> float:
+        """Squared curl if the given lights are the true ones, rotated (and mirrored in y)."""
+        return float(_energy(self.sums.sum(axis=0)[int(mirrored)], rotation_deg))
 
-    def best_turn(self, mirrored: bool) -> float:
-        """The turn with the least curl, in degrees from -90 to 90: a half turn more is equal."""
+    def best_rotation(self, mirrored: bool) -> float:
+        """The rotation with the least curl, -90 to 90 degrees; 180 degrees more has the same."""
         cc, cd, dd = self.sums.sum(axis=0)[int(mirrored)]
         values, vectors = np.linalg.eigh(np.array([[cc, -cd], [-cd, dd]]))
         c, s = vectors[:, int(values.argmin())]
@@ -59,7 +61,7 @@ class Curl:
         return (turn + 90.0) % 180.0 - 90.0
 
     def beats(self, one: tuple[float, bool], other: tuple[float, bool]) -> bool:
-        """Whether hypothesis ``one`` (turn, mirrored) leaves less curl than ``other`` for sure."""
+        """Whether ``one`` (rotation, mirrored) has significantly less curl than ``other``."""
         groups = np.stack(
             [
                 self.sums[i :: min(_GROUPS, len(self.sums))].sum(axis=0)
@@ -76,7 +78,7 @@ class Curl:
 
         value, parts = float(log_ratio(total)), log_ratio(left_out)
         count = len(groups)
-        # The jackknife, by groups of blocks spread over the picture.
+        # Jackknife over groups of blocks that are spread over the picture.
         error = float(np.sqrt((count - 1) / count * ((parts - parts.mean()) ** 2).sum()))
         return value > np.log(RATIO) and value > SIGMAS * error
 
@@ -95,14 +97,14 @@ def measure_curl(sampled: SampledTiles, surface: Floats) -> Curl:
     return Curl(_block_sums(products))
 
 
-def _energy(sums: Floats, turn_deg: float) -> Floats:
-    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+def _energy(sums: Floats, rotation_deg: float) -> Floats:
+    c, s = np.cos(np.radians(rotation_deg)), np.sin(np.radians(rotation_deg))
     cc, cd, dd = sums[..., 0], sums[..., 1], sums[..., 2]
     return np.asarray(c * c * cc - 2.0 * c * s * cd + s * s * dd)
 
 
 def _along_x(field: Floats) -> Floats:
-    """Differences to the right in the middle of each 2 x 2 pixels, of ``(..., y, x)``."""
+    """Differences to the right, at the centre of each 2 x 2 pixels of ``(..., y, x)``."""
     right, left = field[..., :, 1:], field[..., :, :-1]
     return np.asarray(((right - left)[..., :-1, :] + (right - left)[..., 1:, :]) / 2.0)
 
@@ -114,7 +116,7 @@ def _along_y(field: Floats) -> Floats:
 
 
 def _smooth(fields: Floats) -> Floats:
-    """A Gaussian over the last two axes; unknown values neither count nor spread."""
+    """Gaussian filter over the last two axes; unknown values have weight 0 and stay unknown."""
     reach = int(np.ceil(2.5 * _BLUR))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / _BLUR) ** 2)
     known = np.isfinite(fields).all(axis=0)

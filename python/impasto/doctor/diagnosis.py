@@ -1,4 +1,4 @@
-"""What an examination found: findings, from fine to fatal."""
+"""The result of an examination: findings with their severity."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from impasto._internal.wording import counted
 
 Severity: TypeAlias = Literal["ok", "note", "warning", "error"]
 SEVERITIES: tuple[Severity, ...] = get_args(Severity)
-"""From fine to fatal."""
+"""In increasing order."""
 
 _WIDTH = 92
 _INDENT = " " * 10
@@ -19,22 +19,22 @@ _INDENT = " " * 10
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was checked, and what came out.
+    """One check and its result.
 
     Parameters
     ----------
     code
-        A short stable word for programs; ``docs/doctor.md`` lists them all.
+        A short stable name for programs; ``docs/doctor.md`` lists all codes.
     severity
-        ``"ok"``: checked and fine, or nothing can be told; ``"note"``: worth knowing;
-        ``"warning"``: results will be worse than they could be; ``"error"``: results would be
-        wrong or there would be none.
+        ``"ok"``: no fault, or the photographs cannot show whether there is one; ``"note"``: for
+        information; ``"warning"``: results will be worse than they could be; ``"error"``: results
+        would be wrong or impossible.
     message
         What was found, with numbers; angles in degrees.
     advice
-        What to do about it; empty where there is nothing to do.
+        What to do; empty if there is nothing to do.
     observations
-        Indices of the photographs concerned; empty where it concerns all of them.
+        Indices of the photographs concerned; empty for all of them.
     numbers
         The measurements behind the message.
     """
@@ -68,7 +68,7 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Everything an examination found; ``print`` shows it, the worst first.
+    """All findings of an examination; ``print`` shows them, the most severe first.
 
     Parameters
     ----------
@@ -86,21 +86,21 @@ class Diagnosis:
 
     @property
     def worst(self) -> Severity:
-        """The gravest severity that occurs."""
+        """The highest severity that occurs."""
         return max((f.severity for f in self.findings), key=SEVERITIES.index, default="ok")
 
     @property
     def usable(self) -> bool:
-        """Whether there is no error: results may still be worse than they could be."""
+        """Whether there is no error; warnings are possible."""
         return self.worst != "error"
 
     def of(self, *severities: Severity) -> tuple[Finding, ...]:
-        """The findings of some severities, gravest first, else in the order of the checks."""
+        """The findings of some severities, most severe first, then in order of the checks."""
         picked = [f for f in self.findings if f.severity in severities]
         return tuple(sorted(picked, key=lambda f: -SEVERITIES.index(f.severity)))
 
     def __getitem__(self, code: str) -> Finding:
-        """The gravest finding with a code."""
+        """The most severe finding with a code."""
         found = [f for f in self.findings if f.code == code]
         if not found:
             raise KeyError(f"no finding {code!r}, only {sorted({f.code for f in self.findings})}")
@@ -108,7 +108,7 @@ class Diagnosis:
 
     @property
     def title(self) -> str:
-        """What was examined, in one line."""
+        """The size of the stack, in one line."""
         observations, bands, height, width = self.shape
         return (
             f"{counted(observations, 'photograph')}, {counted(bands, 'band')}, "
@@ -117,13 +117,13 @@ class Diagnosis:
 
     @property
     def verdict(self) -> str:
-        """One sentence to close with."""
+        """The conclusion, in one sentence."""
         counts = {s: len(self.of(s)) for s in SEVERITIES}
         if counts["error"]:
-            return f"{counted(counts['error'], 'error')}: repair before this stack is used"
+            return f"{counted(counts['error'], 'error')}: repair the stack before a fit"
         if counts["warning"]:
             return f"usable, with {counted(counts['warning'], 'warning')}"
-        return "nothing wrong was found"
+        return "no fault found"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""

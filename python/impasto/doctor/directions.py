@@ -1,4 +1,4 @@
-"""Mirrored, turned or right: what curl and fall-off say together."""
+"""Whether the light directions are mirrored or rotated, by curl and fall-off."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from impasto.doctor.sampled_tiles import SampledTiles
 Floats = NDArray[np.float64]
 
 _NEAR_DEG, _SLIGHT_DEG = 20.0, 12.0
-"""Turns closer to a quarter count as a quarter, smaller ones are not reported."""
+"""Rotations this close to a multiple of 90 degrees count as one; smaller ones are not reported."""
 
 _REPAIRS = {
     (0, True): ("mirrored top to bottom (y counted downwards?)", "(x, -y, z)"),
     (180, True): ("mirrored left to right", "(-x, y, z)"),
     (90, True): ("x and y are swapped", "(y, x, z)"),
     (-90, True): ("x and y are swapped and negated", "(-y, -x, z)"),
-    (90, False): ("turned by a quarter counter-clockwise", "(y, -x, z)"),
-    (-90, False): ("turned by a quarter clockwise", "(-y, x, z)"),
-    (180, False): ("turned by half a turn", "(-x, -y, z)"),
+    (90, False): ("rotated by 90 degrees counter-clockwise", "(y, -x, z)"),
+    (-90, False): ("rotated by 90 degrees clockwise", "(-y, x, z)"),
+    (180, False): ("rotated by 180 degrees", "(-x, -y, z)"),
 }
-"""What is wrong with the given lights, and the lights (x, y, z) to use instead."""
+"""The fault of the given lights, and the lights (x, y, z) to use instead."""
 
 
 def directions(sampled: SampledTiles, surface: Floats, listed: Floats) -> list[Finding]:
-    """Judge the light directions as a whole.
+    """Check all light directions together.
 
     Parameters
     ----------
     sampled, surface
-        Where to look and what was fitted there ``(3, n)``.
+        The pixels examined, and the surface fitted to them ``(3, n)``.
     listed
         ``(obs, 3)``.
     """
@@ -43,44 +43,46 @@ def directions(sampled: SampledTiles, surface: Floats, listed: Floats) -> list[F
         return []
     curl, falloff = measure_curl(sampled, surface), measure_falloff(sampled, listed)
     if not curl.known:
-        return [_cannot("no relief to judge by", {})]
+        return [_undecided("there is too little relief", {})]
     numbers = _numbers(curl, falloff)
     given = (0.0, False)
     others = [(90.0, False), (0.0, True), (90.0, True)]
-    if all(curl.beats(given, other) for other in others) and abs(curl.best_turn(False)) < 45.0:
+    if all(curl.beats(given, other) for other in others) and abs(curl.best_rotation(False)) < 45.0:
         return [_straight(curl, falloff, numbers)]
-    rivals = [(curl.best_turn(m), m) for m in (False, True)]
+    rivals = [(curl.best_rotation(m), m) for m in (False, True)]
     best = min(rivals, key=lambda rival: curl.of(*rival))
     other = rivals[1 - rivals.index(best)]
     if curl.beats(best, given) and curl.beats(best, other):
         return [_wrong(best, falloff, numbers)]
-    return [_cannot(_ratios(numbers), numbers)]
+    return [_undecided(_ratios(numbers), numbers)]
 
 
 def _straight(curl: Curl, falloff: FallOff, numbers: dict[str, Any]) -> Finding:
     message = f"the light directions fit the relief: {_ratios(numbers)}"
     if falloff.decided and not falloff.is_mirrored:
-        if abs(falloff.turn_deg) > 180.0 - 45.0:
+        if abs(falloff.rotation_deg) > 180.0 - 45.0:
             return Finding(
                 "directions",
                 "warning",
-                f"{message}; but each lamp lights the far side of the picture more (by "
-                f"{100 * np.expm1(falloff.strength):.0f} % across): the directions are turned by "
-                "half a turn, or the painting is hollow",
-                "compare a photograph with its line in the light file; if the lamp stood on the "
+                f"{message}; but each lamp lights the opposite side of the picture more (by "
+                f"{100 * np.expm1(falloff.strength):.0f} % across): the directions are rotated by "
+                "180 degrees, or the painting is hollow",
+                "compare a photograph with its line in the light file; if the lamp was on the "
                 f"other side, {_use('(-x, -y, z)')}",
                 numbers=numbers,
             )
-        if abs(falloff.turn_deg) < 45.0:
-            message += "; each lamp also lights its own side more, so no half turn is hidden"
-    turn = curl.best_turn(False)
+        if abs(falloff.rotation_deg) < 45.0:
+            message += (
+                "; each lamp also lights its own side more, so they are not rotated by 180 degrees"
+            )
+    turn = curl.best_rotation(False)
     if abs(turn) > _SLIGHT_DEG and curl.beats((turn, False), (0.0, False)):
         return Finding(
             "directions",
             "warning",
-            f"the lights seem to be turned by about {turn:.0f} degrees (counter-clockwise): "
+            f"the lights seem to be rotated by about {turn:.0f} degrees (counter-clockwise): "
             f"{_ratios(numbers)}",
-            "check how the camera stood when the directions were measured",
+            "check the orientation of the camera when the directions were measured",
             numbers=numbers,
         )
     return Finding("directions", "ok", message, numbers=numbers)
@@ -89,15 +91,15 @@ def _straight(curl: Curl, falloff: FallOff, numbers: dict[str, Any]) -> Finding:
 def _wrong(best: tuple[float, bool], falloff: FallOff, numbers: dict[str, Any]) -> Finding:
     turn, mirrored = best
     certain = falloff.decided and falloff.is_mirrored == mirrored
-    if certain and np.cos(np.radians(falloff.turn_deg - turn)) < 0.0:
+    if certain and np.cos(np.radians(falloff.rotation_deg - turn)) < 0.0:
         turn += 180.0
     nearest = int(90 * round(turn / 90.0))
     nearest = (nearest + 180) % 360 - 180 or 0
     nearest = 180 if nearest == -180 else nearest
     if abs(turn - 90 * round(turn / 90.0)) > _NEAR_DEG or (nearest, mirrored) not in _REPAIRS:
-        kind = "mirrored and turned" if mirrored else "turned"
+        kind = "mirrored and rotated" if mirrored else "rotated"
         what = f"the light directions are {kind}, by about {turn:.0f} degrees"
-        advice = "measure the directions again, or find how the camera stood then"
+        advice = "measure the directions again, or check the orientation of the camera then"
         numbers |= {"verdict": kind}
         return Finding("directions", "error", f"{what}: {_ratios(numbers)}", advice, (), numbers)
     what, repair = _REPAIRS[nearest, mirrored]
@@ -107,7 +109,7 @@ def _wrong(best: tuple[float, bool], falloff: FallOff, numbers: dict[str, Any]) 
     if not certain:
         other = nearest - 180 if nearest > 0 else nearest + 180
         twin, twin_repair = _REPAIRS[other, mirrored]
-        numbers |= {"or_else": twin, "or_else_repair": twin_repair}
+        numbers |= {"alternative": twin, "alternative_repair": twin_repair}
         message += f", or {twin}"
         advice += f"; if hollows then look like bumps, it is {twin_repair}"
     return Finding("directions", "error", f"{message}. {_ratios(numbers)}", advice, (), numbers)
@@ -120,11 +122,11 @@ def _use(repair: str) -> str:
     )
 
 
-def _cannot(why: str, numbers: dict[str, Any]) -> Finding:
+def _undecided(why: str, numbers: dict[str, Any]) -> Finding:
     return Finding(
         "directions",
         "ok",
-        f"cannot tell whether the light directions are mirrored or turned: {why}",
+        f"cannot check whether the light directions are mirrored or rotated: {why}",
         "compare one photograph with its line in the light file by eye",
         numbers=numbers | {"verdict": "cannot tell"},
     )
@@ -135,21 +137,21 @@ def _numbers(curl: Curl, falloff: FallOff) -> dict[str, Any]:
     return {
         "verdict": "as given",
         "curl_mirrored": round(curl.of(0.0, True) / base, 3),
-        "curl_quarter_turn": round(curl.of(90.0, False) / base, 3),
+        "curl_quarter_rotation": round(curl.of(90.0, False) / base, 3),
         "curl_axes_swapped": round(curl.of(90.0, True) / base, 3),
-        "curl_best_turn_deg": round(curl.best_turn(False), 1),
+        "curl_best_rotation_deg": round(curl.best_rotation(False), 1),
         "needed_ratio": RATIO,
         "falloff_strength": round(falloff.strength, 4),
         "falloff_coherence": round(max(falloff.straight, falloff.mirrored), 3),
         "falloff_decided": falloff.decided,
         "falloff_mirrored": falloff.is_mirrored,
-        "falloff_turn_deg": round(falloff.turn_deg, 1),
+        "falloff_rotation_deg": round(falloff.rotation_deg, 1),
     }
 
 
 def _ratios(numbers: dict[str, Any]) -> str:
     return (
-        f"mirrored they leave {numbers['curl_mirrored']:.2f} times the curl, turned by a quarter "
-        f"{numbers['curl_quarter_turn']:.2f}, with x and y swapped "
+        f"mirrored, they have {numbers['curl_mirrored']:.2f} times the curl, rotated by 90 degrees "
+        f"{numbers['curl_quarter_rotation']:.2f}, with x and y swapped "
         f"{numbers['curl_axes_swapped']:.2f} times"
     )

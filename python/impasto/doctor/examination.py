@@ -1,4 +1,4 @@
-"""All checks, in the order in which a person would make them."""
+"""All checks, from reading to the tone curve."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from impasto.doctor.directions import directions
 from impasto.doctor.exposure import Exposure, exposure
 from impasto.doctor.lights import lights
 from impasto.doctor.order import order
-from impasto.doctor.pairing import measure_likeness, pairing
+from impasto.doctor.pairing import measure_similarity, pairing
 from impasto.doctor.photographs import duplicates, reading
 from impasto.doctor.sampled_tiles import SampledTiles
 from impasto.doctor.strength import strengths
@@ -21,22 +21,22 @@ from impasto.stack import Stack
 
 
 def examine(stack: Stack) -> Diagnosis:
-    """Check a stack before it is used; every finding says what to do.
+    """Check a stack before a fit; every finding says what to do.
 
-    Looks at tiles of at most 40,000 pixels and an even grid of at most 200,000 pixels of each
-    photograph, so that a stack of any size takes seconds. The same stack always gives the same
-    diagnosis. Never raises for what is wrong with the samples.
+    Examines tiles of at most 40,000 pixels and an even grid of at most 200,000 pixels of each
+    photograph, so that a stack of any size takes seconds. The same stack always gets the same
+    diagnosis. Faults of the samples never raise an error.
 
     Parameters
     ----------
     stack
-        As from :func:`impasto.read_stack`; its notes are reported too.
+        A stack, as from :func:`impasto.read_stack`; its notes become findings.
 
     Returns
     -------
     Diagnosis
-        ``print`` it, or go through ``.findings``. Its ``.worst`` is ``"error"`` where results
-        would be wrong.
+        ``print`` it, or read its ``.findings``. Its ``.worst`` is ``"error"`` if results would
+        be wrong.
     """
     measured = Exposure.of(stack)
     found: list[Finding] = [
@@ -46,25 +46,25 @@ def examine(stack: Stack) -> Diagnosis:
     ]
     sampled = SampledTiles.of(stack)
     surface = _surface(stack, sampled)
-    likeness = measure_likeness(sampled)
-    found += duplicates(stack, likeness)
+    similarity = measure_similarity(sampled)
+    found += duplicates(stack, similarity)
     if surface is not None:
         out_of_step, right_order = order(sampled)
         found += out_of_step
         if right_order is not None:
-            # Under wrong lights everything looks wrong: go on with the right ones.
+            # Under wrong lights all further checks fail: continue with the right order.
             stack = stack._replace(rig=stack.rig.take(right_order.tolist()))
             sampled = replace(sampled, lights=sampled.lights[right_order])
             surface = fit_surface(sampled.grey, sampled.lights)
         found += directions(sampled, surface, stack.rig.directions)
-        found += pairing(stack, likeness)
+        found += pairing(stack, similarity)
         found += strengths(stack, sampled)
         found += tone(stack)
     return Diagnosis(tuple(found), stack.names, stack.shape)
 
 
 def _surface(stack: Stack, sampled: SampledTiles) -> np.ndarray | None:
-    """A surface to judge by, or None where the stack is too poor for one."""
+    """A surface for the further checks, or None if the stack does not determine one."""
     if len(stack.rig) < 3 or np.linalg.matrix_rank(stack.rig.directions, tol=1e-3) < 3:
         return None
     surface = fit_surface(sampled.grey, sampled.lights)

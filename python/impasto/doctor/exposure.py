@@ -15,11 +15,11 @@ from impasto.stack import Stack
 Floats = NDArray[np.float64]
 
 _TORN = 0.04
-"""Share of rows of one value, beyond what is usual in the stack, that means damage."""
+"""Share of rows of one value, above the median of the stack, that indicates damage."""
 _BESIDE = 0.05
-"""Rows whose brightest sample is usually below this share of the brightest row's show nothing."""
+"""Rows whose median maximum is below this share of the brightest row's are background."""
 _PIXELS = 200_000
-"""Pixels looked at in each photograph; a larger one is read on an even grid."""
+"""Pixels examined in each photograph; a larger one is read on an even grid."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +33,11 @@ class Exposure:
     median, high
         Median and 99th percentile of the usable samples, as a share of full scale.
     piled
-        Share of samples that equal the photograph's largest one without being marked as clipped,
-        and
+        Share of samples that equal the photograph's largest one but are not marked as clipped.
     peak
-        that largest stored value.
+        The largest stored value.
     blank
-        ``(obs,)`` share of rows that hold one value throughout, and show something elsewhere.
+        ``(obs,)`` share of rows that hold one value only, but not in the other photographs.
     """
 
     clipped: Floats
@@ -74,14 +73,14 @@ class Exposure:
                     stored[band], value[band], float(full[band]), float(floor[band])
                 )
         clipped, dark, missing, median, high, piled, peak = table
-        # Rows beside the painting, black in any photograph, lack nothing where they are blank.
+        # Rows beside the painting are black in all photographs: blank is no fault there.
         usual = np.median(top, axis=0)
         shown = usual > _BESIDE * usual.max()
         return cls(clipped, dark, missing, median, high, piled, peak, (blank & shown).mean(axis=1))
 
 
 def _full_scale(stack: Stack) -> Floats:
-    """``(band,)`` linear light at the saturation level; NaN where it is not known."""
+    """``(band,)`` linear light at the saturation level; NaN if unknown."""
     if stack.saturation is None:
         return np.full(len(stack.bands), np.nan)
     level = (stack.saturation - stack.black) * stack.scale
@@ -89,7 +88,7 @@ def _full_scale(stack: Stack) -> Floats:
 
 
 def _black_level(stack: Stack) -> Floats:
-    """``(band,)`` linear light below which a sample holds hardly more than noise."""
+    """``(band,)`` linear light below which a sample is mostly noise."""
     if stack.encoding.white == 255.0 or stack.samples.dtype == np.uint8:
         share = float(stack.encoding.decode(3.0 / 255.0 * stack.encoding.white))
     else:
@@ -141,15 +140,15 @@ def _saturation(stack: Stack, measured: Exposure) -> Finding:
         "share": round(total, 6),
         "bands": dict(zip(stack.bands, np.round(share, 6).tolist(), strict=True)),
     }
-    told = f"{100 * total:.2f} % of the samples are clipped"
+    text = f"{100 * total:.2f} % of the samples are clipped"
     if share.max() > 0:
-        told += f" (most in {stack.bands[worst_band]}: {100 * share[worst_band]:.2f} %)"
+        text += f" (most in {stack.bands[worst_band]}: {100 * share[worst_band]:.2f} %)"
     if total > 0.99:
         return Finding(
             "saturation",
             "error",
-            f"{told}: nothing can be measured",
-            "expose less, or say from which code samples are clipped: saturation=",
+            f"{text}: nothing can be measured",
+            "expose less, or give the code from which samples are clipped: saturation=",
             numbers=numbers,
         )
     if heavy or total > 0.05:
@@ -162,9 +161,9 @@ def _saturation(stack: Stack, measured: Exposure) -> Finding:
         return Finding(
             "saturation",
             "warning",
-            told + more,
-            "clipped samples are left out and cost accuracy: expose these photographs less, or "
-            "merge brackets to 16 bit or OpenEXR",
+            text + more,
+            "clipped samples are left out, which costs accuracy: expose these photographs less, or "
+            "merge an exposure series to 16 bit or OpenEXR",
             tuple(heavy),
             numbers=numbers,
         )
@@ -172,15 +171,15 @@ def _saturation(stack: Stack, measured: Exposure) -> Finding:
         return Finding(
             "saturation",
             "note",
-            told,
+            text,
             "they are left out of every fit; highlights lose their peaks",
             numbers=numbers,
         )
-    return Finding("saturation", "ok", told, numbers=numbers)
+    return Finding("saturation", "ok", text, numbers=numbers)
 
 
 def _plateau(stack: Stack, measured: Exposure) -> list[Finding]:
-    """A level shared by the maxima of many photographs at which samples pile up is a clip."""
+    """A common maximum of many photographs that many samples have is a clipping level."""
     found = []
     for band, name in enumerate(stack.bands):
         peak, piled = measured.peak[:, band], measured.piled[:, band]
@@ -198,7 +197,7 @@ def _plateau(stack: Stack, measured: Exposure) -> list[Finding]:
                 "warning",
                 f"in {name}, {counted(len(at_level), 'photograph')} end at exactly {level:g} with "
                 f"{100 * share:.1f} % of their samples there: clipped, but not marked as such",
-                f"say saturation={level:g} (for coded files the file's own code)",
+                f"give saturation={level:g} (for coded files, the code in the file)",
                 tuple(at_level.tolist()),
                 numbers={"band": name, "level": level, "share": round(share, 5)},
             )
@@ -210,13 +209,13 @@ def _darkness(stack: Stack, measured: Exposure) -> list[Finding]:
     dark = measured.dark.min(axis=1)
     share = float(measured.dark.mean())
     numbers = {"share": round(share, 6)}
-    told = f"{100 * share:.1f} % of the samples are black or nearly so"
+    text = f"{100 * share:.1f} % of the samples are black or nearly black"
     if dark.min() > 0.99:
         return [
             Finding(
                 "darkness",
                 "error",
-                f"{told}: there is no signal",
+                f"{text}: there is no signal",
                 "expose more; check dark= and the black level, which are subtracted",
                 numbers=numbers,
             )
@@ -228,9 +227,9 @@ def _darkness(stack: Stack, measured: Exposure) -> list[Finding]:
             Finding(
                 "unlit",
                 "warning",
-                f"{counted(len(black), 'photograph')} black throughout "
+                f"{counted(len(black), 'photograph')} completely black "
                 f"({named(stack.names, black)}): the lamp did not fire",
-                "photograph again, or take these lines out of the light file",
+                "photograph again, or remove these lines from the light file",
                 tuple(black),
                 numbers=numbers,
             )
@@ -244,20 +243,20 @@ def _darkness(stack: Stack, measured: Exposure) -> list[Finding]:
                 "warning",
                 f"underexposed: the brightest photograph reaches {100 * np.nanmax(rest):.1f} % of "
                 "full scale (99th percentile), so noise and quantisation are large",
-                "expose more, or say saturation= if the files hold fewer bits than their type",
+                "expose more, or give saturation= if the files hold fewer bits than their type",
                 numbers=numbers | {"brightest": round(float(np.nanmax(rest)), 5)},
             )
         )
     elif share > 0.6:
         found.append(
             Finding(
-                "darkness", "warning", told, "expose more, or raise the lights", numbers=numbers
+                "darkness", "warning", text, "expose more, or use brighter lights", numbers=numbers
             )
         )
     else:
         severity = "note" if share > 0.25 else "ok"
         found.append(
-            Finding("darkness", "note" if severity == "note" else "ok", told, numbers=numbers)
+            Finding("darkness", "note" if severity == "note" else "ok", text, numbers=numbers)
         )
     return found
 
@@ -269,7 +268,7 @@ def _missing(stack: Stack, measured: Exposure) -> list[Finding]:
                 "mask",
                 "error",
                 "the mask is empty: no pixel belongs to the painting",
-                "the painting is where the mask is not 0; say another mask=",
+                "the painting is where the mask is not 0; give another mask=",
             )
         ]
     share = float(measured.missing.mean())
@@ -277,16 +276,16 @@ def _missing(stack: Stack, measured: Exposure) -> list[Finding]:
         return []
     empty = np.flatnonzero(measured.missing.min(axis=1) > 0.999).tolist()
     everything = len(empty) == len(stack.rig)
-    told = f"{100 * share:.2f} % of the samples are not numbers (NaN)"
+    text = f"{100 * share:.2f} % of the samples are not numbers (NaN)"
     if empty:
-        told += f"; nothing but NaN in {named(stack.names, empty)}"
+        text += f"; only NaN in {named(stack.names, empty)}"
     return [
         Finding(
             "missing-samples",
             "error" if everything else "warning" if empty or share > 0.05 else "note",
-            told,
-            "they are left out of every fit; where white= was used, the board is clipped, black or "
-            "shaded there",
+            text,
+            "they are left out of every fit; with white=, the board is clipped, black or shaded "
+            "there",
             tuple(empty),
             numbers={"share": round(share, 6)},
         )
@@ -294,7 +293,7 @@ def _missing(stack: Stack, measured: Exposure) -> list[Finding]:
 
 
 def _blank(stack: Stack, measured: Exposure) -> list[Finding]:
-    """Decoders fill the rest of a damaged picture with one value; JPEG ones do so silently."""
+    """Decoders fill the remainder of a damaged picture with one value; JPEG ones do so silently."""
     usual = float(np.median(measured.blank))
     whole = measured.dark.min(axis=1) > 0.98
     torn = np.flatnonzero((measured.blank > usual + _TORN) & ~whole & (stack.shape[3] > 1)).tolist()
@@ -306,8 +305,8 @@ def _blank(stack: Stack, measured: Exposure) -> list[Finding]:
             "blank",
             "warning",
             f"{counted(len(torn), 'photograph')} with up to {100 * share:.0f} % of the rows of one "
-            f"value ({named(stack.names, torn)}): damaged files, filled up by the decoder",
-            "copy them again from the camera, or take these lines out of the light file",
+            f"value ({named(stack.names, torn)}): damaged files, filled by the decoder",
+            "copy them again from the camera, or remove these lines from the light file",
             tuple(torn),
             numbers={"share": round(share, 4)},
         )

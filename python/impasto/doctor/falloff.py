@@ -1,8 +1,8 @@
-"""Which side does each lamp light more? Its own, unless it is infinitely far away.
+"""Fall-off: a near lamp lights its own side of the painting more.
 
-This knows left from right and a half turn from none, which the curl does not. A hollow painting
-under distant lamps looks the same as a flat one under near lamps on the other side, so fall-off
-alone is never more than a warning.
+It distinguishes left from right and detects rotation by 180 degrees, which the curl cannot. A
+hollow painting under distant lamps looks the same as a flat one under near lamps on the other
+side, so fall-off alone gives at most a warning.
 """
 
 from __future__ import annotations
@@ -17,45 +17,45 @@ from impasto.doctor.sampled_tiles import SampledTiles
 Floats = NDArray[np.float64]
 
 _STEEP = 0.05
-"""Logarithm of light from one side of the picture to the other that is worth a word."""
+"""Smallest change to report: logarithm of light from one side of the picture to the other."""
 _RANDOM = 7.0
-"""exp(-7): how rarely n gradients without any order reach a coherence of sqrt(7 / n)."""
+"""exp(-7) is the probability that n random gradients reach a coherence of sqrt(7 / n)."""
 _COHERENT = 0.5
 _CLEARER = 1.5
 
 
 @dataclass(frozen=True, slots=True)
 class FallOff:
-    """How the brightness gradients of the photographs agree with the directions of their lights.
+    """Agreement of the photographs' brightness gradients with the directions of their lights.
 
     Attributes
     ----------
     strength
-        Typical size: logarithm of light from one side of the picture to the other.
+        Median gradient: logarithm of light from one side of the picture to the other.
     straight, mirrored
-        Coherence 0..1 with the lights as given up to a turn, or mirrored in y and turned.
-    straight_turn_deg, mirrored_turn_deg
-        Those turns, -180 to 180.
+        Coherence, 0 to 1, with the lights rotated, or mirrored in y and rotated.
+    straight_rotation_deg, mirrored_rotation_deg
+        These rotations, -180 to 180.
     decided
-        Whether one of the two explains the gradients beyond doubt.
+        Whether one of the two explains the gradients significantly better.
     """
 
     strength: float
     straight: float
     mirrored: float
-    straight_turn_deg: float
-    mirrored_turn_deg: float
+    straight_rotation_deg: float
+    mirrored_rotation_deg: float
     decided: bool
 
     @property
     def is_mirrored(self) -> bool:
-        """Which of the two is the better one."""
+        """Whether the mirrored lights agree better."""
         return self.mirrored > self.straight
 
     @property
-    def turn_deg(self) -> float:
-        """The turn of the better one."""
-        return self.mirrored_turn_deg if self.is_mirrored else self.straight_turn_deg
+    def rotation_deg(self) -> float:
+        """The rotation of the better one."""
+        return self.mirrored_rotation_deg if self.is_mirrored else self.straight_rotation_deg
 
 
 def measure_falloff(sampled: SampledTiles, directions: Floats) -> FallOff:
@@ -64,7 +64,7 @@ def measure_falloff(sampled: SampledTiles, directions: Floats) -> FallOff:
     Parameters
     ----------
     sampled
-        Where to look; fall-off that the rig already knows is divided out.
+        The pixels examined; they are divided by the fall-off that the rig already contains.
     directions
         ``(obs, 3)`` of the lights.
     """
@@ -105,7 +105,7 @@ def _gradients(sampled: SampledTiles) -> NDArray[np.complex128]:
     result = np.full(len(bright), np.nan, dtype=np.complex128)
     if bright.shape[1] < 30:
         return result
-    # The middle photograph of each pixel stands for its colour and slope.
+    # The median photograph of each pixel stands for its colour and slope.
     bright = bright - np.nanmedian(bright, axis=0)
     for index, row in enumerate(bright):
         known = np.isfinite(row)

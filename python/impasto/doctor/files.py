@@ -1,4 +1,4 @@
-"""Every damaged photograph of a folder at once: reading stops at the first."""
+"""All damaged photographs of a folder; reading stops at the first."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from impasto.io.images import list_images, read_header
 
 
 def damaged_files(folder: str | Path) -> tuple[CorruptInputError, ...]:
-    """Check the structure of every picture in a folder to its end, without decoding.
+    """Check the structure of every picture in a folder, to its end, without decoding it.
 
     Parameters
     ----------
     folder
-        Where the photographs are.
+        Folder of the photographs.
 
     Returns
     -------
     tuple
-        One error, with ``.path`` and ``.problem``, for each damaged file, in the order of names.
+        One error for each damaged file, with ``.path`` and ``.problem``, in order of name.
     """
     found = []
     for path in list_images(Path(folder)):

@@ -1,8 +1,8 @@
-"""Photographs and lights that are out of step: shifted, reversed, or sorted as text.
+"""Lists of lights in a wrong order: shifted, reversed, or sorted as text.
 
-Lists of lights without file names are paired with the photographs by order. A photograph too many
-at one end, a list from the other end, or ``photo10`` sorted before ``photo2`` puts nearly every
-photograph under a wrong light, and no surface explains them any more.
+Lists of lights without file names are paired with the photographs by order. One photograph too
+many, a reversed list, or ``photo10`` sorted before ``photo2`` puts nearly every photograph under a
+wrong light, and no surface fits them any more.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ Order = NDArray[np.int64]
 _FEWEST = 6
 _PIXELS = 4000
 _BETTER = 1.4
-"""An order is called wrong if another one leaves residuals smaller by this factor."""
+"""An order is wrong if the residuals of another one are smaller by this factor."""
 
 
 def order(sampled: SampledTiles) -> tuple[list[Finding], Order | None]:
-    """Whether another order of the lights explains the photographs better, and which."""
+    """Whether another order of the lights fits the photographs better, and which."""
     count = len(sampled.grey)
     if count < _FEWEST:
         return [], None
@@ -36,14 +36,14 @@ def order(sampled: SampledTiles) -> tuple[list[Finding], Order | None]:
     numbers = {"misfit": round(given, 5), **{n: round(m, 5) for n, m in misfits.items()}}
     times = given / max(misfits[best], 1e-12)
     if not times > _BETTER:
-        message = "photographs and lights are in step: no shift or reversal of the list fits better"
+        message = "photographs and lights are in the same order: no shift or reversal fits better"
         return [Finding("order", "ok", message, numbers=numbers)], None
     found = Finding(
         "order",
         "error",
-        f"photographs and lights are out of step: with the list of lights {best}, a surface "
-        f"explains the photographs {times:.1f} times better (what follows is for that order)",
-        "correct the order of the light file, best with file names in it; impasto doctor "
+        f"photographs and lights are in different orders: with the list of lights {best}, a "
+        f"surface fits the photographs {times:.1f} times better (the checks below use that order)",
+        "correct the order of the light file, preferably with file names in it; impasto doctor "
         "--write FILE.lp does so",
         numbers=numbers | {"verdict": best, "order": orders(count)[best].tolist()},
     )
@@ -51,7 +51,7 @@ def order(sampled: SampledTiles) -> tuple[list[Finding], Order | None]:
 
 
 def orders(count: int) -> dict[str, Order]:
-    """For each likely mistake the light that each photograph should have."""
+    """The light that each photograph should have, for each likely mistake."""
     index = np.arange(count)
     # Numbers from 1 on: photo1, photo10, photo11, photo2 ...
     text = np.array(sorted(range(count), key=lambda i: str(i + 1)))
@@ -69,7 +69,7 @@ def orders(count: int) -> dict[str, Order]:
 
 
 def _misfit(sampled: SampledTiles, to: Order) -> float:
-    """Median residual of a surface fitted with the lights in some order, relative to the light."""
+    """Median residual of a surface fitted with the lights in this order, relative to the light."""
     pick = np.arange(0, sampled.grey.shape[1], max(1, sampled.grey.shape[1] // _PIXELS))
     grey = sampled.grey[:, pick]
     lights = sampled.lights[to]

@@ -1,9 +1,9 @@
-"""Does every photograph belong to its light? Neighbouring lights give similar photographs.
+"""Exchanged photographs: photographs under neighbouring lights are similar.
 
-No model of the paint is needed: take from each photograph what all have in common, and compare the
-rest. Whichever way the paint shines, photographs under lights that are close are more alike than
-others, so two photographs whose names were exchanged stand out: each resembles the neighbours of
-the other's light.
+No model of the paint is needed. What all photographs have in common is removed, and the remainders
+are compared. For any gloss, photographs under neighbouring lights are more similar than others. So
+two photographs whose names were exchanged stand out: each is similar to the neighbours of the
+other's light.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 _FEWEST = 7
 _ORDERED = 0.3
-"""Correlation of likeness with nearness from which the photographs say anything."""
+"""Least correlation of similarity with proximity for a check."""
 _WIDEST_DEG, _NARROWEST_DEG = 40.0, 10.0
 _FAR = 1.6
 """In units of the distance between neighbouring lights: closer exchanges do little harm."""
@@ -33,29 +33,29 @@ _MOST = 8
 _SIGMAS = 5.0
 
 
-def pairing(stack: Stack, likeness: Floats | None) -> list[Finding]:
+def pairing(stack: Stack, similarity: Floats | None) -> list[Finding]:
     """Photographs whose lights were exchanged.
 
     Parameters
     ----------
     stack
         What is examined.
-    likeness
-        As from :func:`measure_likeness`.
+    similarity
+        As from :func:`measure_similarity`.
     """
     directions = stack.rig.directions
-    if likeness is None or len(directions) < _FEWEST:
+    if similarity is None or len(directions) < _FEWEST:
         return []
-    swaps = find_swaps(likeness, directions)
-    agreement = order_agreement(likeness, _swapped(directions, swaps))
+    swaps = find_swaps(similarity, directions)
+    agreement = order_agreement(similarity, _swapped(directions, swaps))
     numbers: dict[str, Any] = {"agreement": round(agreement, 3)}
     if agreement < _ORDERED:
         return [
             Finding(
                 "pairing",
                 "ok",
-                "cannot tell whether photographs and lights belong together: photographs under "
-                "neighbouring lights are not more alike than others",
+                "cannot check whether photographs and lights belong together: photographs under "
+                "neighbouring lights are not more similar than others",
                 numbers=numbers,
             )
         ]
@@ -64,12 +64,12 @@ def pairing(stack: Stack, likeness: Floats | None) -> list[Finding]:
             Finding(
                 "pairing",
                 "ok",
-                "every photograph is like those under neighbouring lights",
+                "every photograph is similar to those under neighbouring lights",
                 numbers=numbers,
             )
         ]
     between = angles_between(directions, directions)
-    told = "; ".join(
+    text = "; ".join(
         f"{stack.names[a]} and {stack.names[b]} (lights {between[a, b]:.0f} degrees apart)"
         for a, b in swaps
     )
@@ -78,7 +78,7 @@ def pairing(stack: Stack, likeness: Floats | None) -> list[Finding]:
         Finding(
             "pairing",
             "error" if len(concerned) > 0.1 * len(directions) else "warning",
-            f"{counted(len(swaps), 'pair')} of photographs seems to be exchanged: {told}",
+            f"{counted(len(swaps), 'pair')} of photographs exchanged: {text}",
             "exchange the two directions in the light file (impasto doctor --write FILE.lp does "
             "so), or the two file names",
             concerned,
@@ -87,14 +87,14 @@ def pairing(stack: Stack, likeness: Floats | None) -> list[Finding]:
     ]
 
 
-def measure_likeness(sampled: SampledTiles) -> Floats | None:
-    """``(obs, obs)`` correlation of the photographs after what all share is taken out."""
+def measure_similarity(sampled: SampledTiles) -> Floats | None:
+    """``(obs, obs)`` correlation of the photographs without what all have in common."""
     known = np.isfinite(sampled.grey).sum(axis=0) >= 0.7 * len(sampled.grey)
     known &= sampled.inside
     if known.sum() < 100:
         return None
     rows = sampled.grey[:, known].astype(np.float64)
-    # A clipped sample is as bright as the brightest that is not.
+    # A clipped sample counts as bright as the brightest unclipped one.
     rows = np.where(np.isfinite(rows), rows, np.nanmax(rows, axis=0))
     middle = np.median(rows, axis=0)
     scale = np.maximum(middle, 1e-3 * float(np.median(middle)))
@@ -108,23 +108,24 @@ def measure_likeness(sampled: SampledTiles) -> Floats | None:
     if not (length > 0).all():
         return None
     rows /= length
-    likeness = rows @ rows.T
-    off = likeness[~np.eye(len(rows), dtype=bool)]
-    # Photographs of noise are alike by chance, to 1 / sqrt(pixels).
-    return np.asarray(likeness) if off.std() > _SIGMAS / np.sqrt(rows.shape[1]) else None
+    similarity = rows @ rows.T
+    off = similarity[~np.eye(len(rows), dtype=bool)]
+    # Photographs of noise are correlated by chance, to 1 / sqrt(pixels).
+    return np.asarray(similarity) if off.std() > _SIGMAS / np.sqrt(rows.shape[1]) else None
 
 
-def find_swaps(likeness: Floats, directions: Floats) -> list[tuple[int, int]]:
-    """Exchanges that put every photograph beside those it resembles, surest first.
+def find_swaps(similarity: Floats, directions: Floats) -> list[tuple[int, int]]:
+    """Exchanges that put every photograph next to similar ones, most significant first.
 
-    For photographs a and b the differences in likeness to every third photograph, S_am - S_bm,
-    follow the differences in nearness, K_am - K_bm. Exchanged, they follow them backwards.
+    For photographs a and b the differences in similarity to every third photograph, S_am - S_bm,
+    increase with the differences in proximity, K_am - K_bm. If a and b are exchanged, they
+    decrease.
     """
     swaps: list[tuple[int, int]] = []
     current = directions.copy()
     taken: set[int] = set()
     while len(swaps) < _MOST:
-        slope, correlation, far = _slopes(likeness, current)
+        slope, correlation, far = _slopes(similarity, current)
         if not far.any():
             break
         usual = float(np.median(slope[far]))
@@ -143,27 +144,27 @@ def find_swaps(likeness: Floats, directions: Floats) -> list[tuple[int, int]]:
     return swaps
 
 
-def order_agreement(likeness: Floats, directions: Floats) -> float:
-    """Correlation of likeness and nearness over all pairs."""
-    nearness = _nearness(directions)[0]
+def order_agreement(similarity: Floats, directions: Floats) -> float:
+    """Correlation of similarity and proximity over all pairs."""
+    proximity = _proximity(directions)[0]
     upper = np.triu_indices(len(directions), 1)
-    return float(np.corrcoef(likeness[upper], nearness[upper])[0, 1])
+    return float(np.corrcoef(similarity[upper], proximity[upper])[0, 1])
 
 
-def _nearness(directions: Floats) -> tuple[Floats, Floats, float]:
+def _proximity(directions: Floats) -> tuple[Floats, Floats, float]:
     between = angles_between(directions, directions)
     neighbour = float(np.median(np.sort(between, axis=1)[:, 1]))
     width = float(np.clip(neighbour, _NARROWEST_DEG, _WIDEST_DEG))
     return np.exp(-0.5 * (between / width) ** 2), between, neighbour
 
 
-def _slopes(likeness: Floats, directions: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Slope and correlation ``(obs, obs)`` of likeness on nearness for each exchange."""
-    nearness, between, neighbour = _nearness(directions)
-    product = _differences(likeness, nearness)
-    # Sums of numbers around 1: what is smaller than this is their rounding.
+def _slopes(similarity: Floats, directions: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Slope and correlation ``(obs, obs)`` of similarity on proximity for each exchange."""
+    proximity, between, neighbour = _proximity(directions)
+    product = _differences(similarity, proximity)
+    # Sums of numbers near 1: anything smaller is rounding error.
     size_like, size_near = (
-        np.maximum(_differences(each, each), 1e-12) for each in (likeness, nearness)
+        np.maximum(_differences(each, each), 1e-12) for each in (similarity, proximity)
     )
     slope = product / size_near
     correlation = product / np.sqrt(size_like * size_near)
@@ -172,9 +173,9 @@ def _slopes(likeness: Floats, directions: Floats) -> tuple[Floats, Floats, NDArr
 
 
 def _differences(one: Floats, other: Floats) -> Floats:
-    """For all a and b the sum of (S_am - S_bm) (K_am - K_bm) over all m but a and b.
+    """For all a and b the sum of (S_am - S_bm) (K_am - K_bm) over all m except a and b.
 
-    By products of the symmetric matrices: one pass over all triples of hundreds of lights.
+    Computed by products of the symmetric matrices, for all triples of hundreds of lights.
     """
     product = one @ other
     own = np.diag(product)

@@ -1,4 +1,4 @@
-"""Duplicate photographs, and what reading had to repair."""
+"""Duplicate photographs, and repairs made while reading."""
 
 from __future__ import annotations
 
@@ -21,31 +21,31 @@ _APART_DEG = 15.0
 """Only lights this far apart must give different photographs."""
 _FEWEST = 6
 _ALIKE, _NEVER = 0.25, 0.1
-"""Two photographs are one if they differ by less than this share of what is usual, and than this
-share of their variance."""
+"""Two photographs are copies if they differ by less than this share of the median difference, and
+less than this share of their variance."""
 
 _ADVICE = {
-    "missing": "copy the files to where the light file expects them, or say images=FOLDER",
+    "missing": "copy the files to the folder that the light file names, or give images=FOLDER",
     "match": "check the pairing of names and photographs; rename the files or correct the list",
     "unlisted": "if they belong to the stack, add lines for them to the light file",
     "length": "if these are positions in mm, use a .dome or .relight file, or lights=Rig(...)",
     "horizon": "check the sign of z",
-    "duplicate": "take the second line out of the light file",
+    "duplicate": "remove the second line from the light file",
     "orientation": "export all photographs with the same orientation",
-    "position": "say how wide a pixel is: pitch_mm=",
+    "position": "give the width of a pixel: pitch_mm=",
     "count": "correct the first line of the light file",
-    "comma": "write decimal points",
+    "comma": "write decimal points instead of commas",
 }
 _SERIOUS = frozenset({"missing", "position"})
 
 
 def reading(stack: Stack) -> list[Finding]:
-    """Everything that was repaired, dropped or assumed while the files were read."""
+    """Everything that was repaired, left out or assumed while the files were read."""
     found = []
     for note in stack.notes:
         kind, repair = str(getattr(note, "kind", "note")), bool(getattr(note, "repair", False))
         if kind == "encoding":
-            continue  # the tone curve has a check of its own
+            continue  # the tone curve has its own check
         by_order = kind == "match" and "order alone" in str(note)
         serious = kind in _SERIOUS or by_order or (kind == "orientation" and "has" in str(note))
         worth = repair or kind in {"unlisted", "horizon", "duplicate", "orientation"}
@@ -61,25 +61,25 @@ def reading(stack: Stack) -> list[Finding]:
     return found
 
 
-def duplicates(stack: Stack, likeness: Floats | None) -> list[Finding]:
-    """Photographs that are there twice: byte for byte or, if all have one view, saved again."""
+def duplicates(stack: Stack, similarity: Floats | None) -> list[Finding]:
+    """Photographs that occur twice: byte for byte or, if all have one view, saved again."""
     exact = _equal_samples(stack)
-    found = [_told(stack, group, "the same samples") for group in exact]
-    # How alike photographs are is foretold by their lights only where all look from one place.
+    found = [_duplicate(stack, group, "the same samples") for group in exact]
+    # Lights determine the similarity of photographs only if all have one view.
     one_view = not _core.views_differ(RigArguments.of(stack.rig))
-    if one_view and likeness is not None and len(likeness) >= _FEWEST:
+    if one_view and similarity is not None and len(similarity) >= _FEWEST:
         seen = {frozenset(pair) for group in exact for pair in _pairs(group)}
-        for first, second, times in _alike(stack, likeness):
+        for first, second, times in _copies(stack, similarity):
             if frozenset((first, second)) not in seen:
-                how = f"one picture saved twice ({min(times, 999.0):.0f} times more alike than "
+                how = f"one picture saved twice ({min(times, 999.0):.0f} times more similar than "
                 how += "others under such lights)"
-                found.append(_told(stack, (first, second), how))
+                found.append(_duplicate(stack, (first, second), how))
     if not found:
-        return [Finding("duplicates", "ok", "no photograph is there twice")]
+        return [Finding("duplicates", "ok", "no photograph occurs twice")]
     return found
 
 
-def _told(stack: Stack, group: tuple[int, ...], how: str) -> Finding:
+def _duplicate(stack: Stack, group: tuple[int, ...], how: str) -> Finding:
     apart = angles_between(stack.rig.directions[list(group)], stack.rig.directions[list(group)])
     names = named(stack.names, group)
     numbers: dict[str, Any] = {"lights_apart_deg": round(float(apart.max()), 2)}
@@ -88,7 +88,7 @@ def _told(stack: Stack, group: tuple[int, ...], how: str) -> Finding:
             "duplicates",
             "warning",
             f"{names}: {how}, under the same light: counted {len(group)} times",
-            "take all but one of these lines out of the light file",
+            "remove all but one of these lines from the light file",
             group,
             numbers,
         )
@@ -97,7 +97,7 @@ def _told(stack: Stack, group: tuple[int, ...], how: str) -> Finding:
         "warning",
         f"{names}: {how}, with light directions up to {apart.max():.0f} degrees apart: at most one "
         "of these directions is right",
-        "copy the photographs from the camera again, or take the wrong lines out of the light file",
+        "copy the photographs from the camera again, or remove the wrong lines from the light file",
         group,
         numbers,
     )
@@ -108,7 +108,7 @@ def _pairs(group: tuple[int, ...]) -> list[tuple[int, int]]:
 
 
 def _equal_samples(stack: Stack) -> list[tuple[int, ...]]:
-    """Groups of observations with equal samples; a few rows decide for most."""
+    """Groups of observations with equal samples; a few rows exclude most of them."""
     step = max(1, stack.shape[2] // 16)
     few: dict[bytes, list[int]] = defaultdict(list)
     for index in range(len(stack.rig)):
@@ -120,7 +120,7 @@ def _equal_samples(stack: Stack) -> list[tuple[int, ...]]:
         whole: dict[bytes, list[int]] = defaultdict(list)
         for index in candidates:
             whole[_digest(stack.samples[index])].append(index)
-        # Photographs of one value throughout (a lamp that did not fire) are another fault.
+        # Photographs of a single value (a lamp that did not fire) are another fault.
         groups += [
             tuple(group)
             for group in whole.values()
@@ -138,15 +138,15 @@ def _digest(samples: NDArray[np.generic]) -> bytes:
     return hashlib.blake2b(np.ascontiguousarray(samples).data, digest_size=16).digest()
 
 
-def _alike(stack: Stack, likeness: Floats) -> list[tuple[int, int, float]]:
-    """Pairs under far lights that are several times more alike than such photographs ever are.
+def _copies(stack: Stack, similarity: Floats) -> list[tuple[int, int, float]]:
+    """Pairs under distant lights that are several times more similar than other such pairs.
 
-    Measured against the other photographs of the stack: under its far lights a flat painting
-    looks much the same in all of them, and that is no fault. Photographs of their own always
-    differ by their noise.
+    The comparison is with the other photographs of this stack: a flat painting looks nearly the
+    same under all of its lights, and that is no fault. Two exposures always differ by their
+    noise.
     """
     apart = angles_between(stack.rig.directions, stack.rig.directions)
-    distance = np.where(apart > _APART_DEG, 1.0 - likeness, np.inf)
+    distance = np.where(apart > _APART_DEG, 1.0 - similarity, np.inf)
     nearest = distance.min(axis=1)
     if not np.isfinite(nearest).any():
         return []

@@ -12,16 +12,16 @@ _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def repaired_directions(stack: Stack, diagnosis: Diagnosis) -> NDArray[np.float64]:
-    """The stack's light directions with the repairs that a diagnosis names.
+    """The stack's light directions with the repairs of a diagnosis.
 
     The list is put in order, exchanged directions are exchanged back, and all are mirrored or
-    turned. Where the photographs
-    leave two repairs that differ by half a turn, the first one is made: compare by eye.
+    rotated. If the photographs allow two repairs that differ by 180 degrees, the first one is
+    used: check the result by eye.
 
     Parameters
     ----------
     stack, diagnosis
-        As given to :func:`examine`, and as it came back.
+        The argument of :func:`examine`, and its result.
 
     Returns
     -------

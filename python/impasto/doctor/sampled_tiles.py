@@ -1,4 +1,4 @@
-"""The few pixels that are looked at: bounded memory for a stack of any size."""
+"""The pixels that are examined: bounded memory for a stack of any size."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ _TILES = 3
 _SAMPLES = 12_000_000
 """Samples kept in memory (48 MB as float32) ..."""
 _MOST, _FEWEST = 40_000, 2_500
-"""... and the number of pixels that this is turned into, at most and at least."""
+"""... and the bounds on the number of pixels that follows from it."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampledTiles:
     """Tiles of a stack at full resolution, evenly spread over the painting.
 
-    Tiles, because the curl of a surface needs neighbours, at full resolution, because the relief
-    of paint has no low frequencies.
+    The curl of a surface needs neighbouring pixels, and the relief of paint has no low
+    frequencies.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class SampledTiles:
         at_y, at_x = at_y.ravel(), at_x.ravel()
         inside = np.ones(len(at_y), bool) if stack.mask is None else stack.mask[at_y, at_x]
         grey = np.empty((observations, len(at_y)), dtype=np.float32)
-        for index, strength in enumerate(stack.rig.here.intensities):
+        for index, strength in enumerate(stack.rig.intensities):
             values = linear(stack, stack.samples[index][:, at_y, at_x])
             with np.errstate(invalid="ignore"):
                 mean = values.mean(axis=0) / np.float32(strength)
@@ -103,7 +103,7 @@ def _places(
         return np.array([top]), np.array([left]), (bottom - top, right - left)
     side = int(np.sqrt(budget / _TILES**2))
     tile = (min(side, bottom - top), min(side, right - left))
-    # A narrow strip holds fewer rows of tiles, which then must not overlap.
+    # A narrow strip has room for fewer rows of tiles; tiles must not overlap.
     down = min(_TILES, (bottom - top) // tile[0])
     across = min(_TILES, (right - left) // tile[1])
     starts_y = np.linspace(top, bottom - tile[0], down).astype(np.int64)
@@ -113,16 +113,15 @@ def _places(
 
 
 def _lights(stack: Stack, at_y: NDArray[np.int64], at_x: NDArray[np.int64]) -> Floats:
-    rig = stack.rig.here
-    if not any(isinstance(light, PointLight) for light in rig.lights):
-        return rig.directions
+    if not any(isinstance(light, PointLight) for light in stack.rig.lights):
+        return stack.rig.directions
     height, width = stack.shape[2:]
-    pitch = float(rig.pitch_mm or 1.0)
+    pitch = float(stack.rig.pitch_mm or 1.0)
     points = np.stack(
         [(at_x - (width - 1) / 2) * pitch, ((height - 1) / 2 - at_y) * pitch, 0.0 * at_x], axis=1
     )
-    lights = np.empty((len(rig), len(points), 3))
-    for index, light in enumerate(rig.lights):
+    lights = np.empty((len(stack.rig), len(points), 3))
+    for index, light in enumerate(stack.rig.lights):
         if isinstance(light, PointLight):
             towards = np.array(light.position) - points
             distance = np.linalg.norm(towards, axis=1, keepdims=True)

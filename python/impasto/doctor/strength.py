@@ -1,4 +1,4 @@
-"""A lamp that is brighter or weaker than the rest, or was exposed differently."""
+"""Lamps that are brighter or weaker than the others, or were exposed differently."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from impasto.stack import Stack
 Floats = NDArray[np.float64]
 
 _OFF = 0.2
-"""Beyond this share light strengths cost degrees."""
+"""Errors of strengths beyond this share tilt normals by degrees."""
 _FEWEST = 5
 _ROUNDS = 3
 _SIGMAS = 5.0
 _SAME = 1e-3
-"""Degrees: heights of lights that are nearer are one. Files with six digits tell none apart."""
+"""Degrees: closer heights of lights count as equal. Files have six digits."""
 _OPPOSITE = 1e-12
-"""Shorter sums of two unit vectors are those of opposite ones: there is no half vector."""
+"""A shorter sum of two unit vectors means that they are opposite: there is no half vector."""
 
 
 def strengths(stack: Stack, sampled: SampledTiles) -> list[Finding]:
-    """The strength of each light that the photographs show, against the others."""
+    """The strength of each light in the photographs, relative to the others."""
     if len(stack.rig) < _FEWEST:
         return []
     gain = measure_strengths(sampled, stack.rig.views)
@@ -40,24 +40,24 @@ def strengths(stack: Stack, sampled: SampledTiles) -> list[Finding]:
     log = np.log(gain / expected)
     spread = 1.4826 * float(np.nanmedian(np.abs(log)))
     limit = max(np.log1p(_OFF), _SIGMAS * spread)
-    # Gloss brightens whole photographs from lights near the camera; it never darkens one.
+    # Gloss brightens whole photographs under lights near the camera; it darkens none.
     gloss = np.where(height > 75.0, np.inf, np.where(height > 60.0, np.log(3.0), 0.0))
     off = np.flatnonzero((log < -limit) | (log > np.maximum(limit, gloss)))
     numbers = {"gain": np.round(gain / expected, 4).tolist(), "spread": round(spread, 4)}
     if len(off) == 0:
         return [_none_stands_out(spread, numbers)]
     off = off[np.argsort(-np.abs(log[off]), kind="stable")]
-    told = ", ".join(f"{stack.names[i]} {np.exp(log[i]):.2f}" for i in off[:4].tolist())
+    text = ", ".join(f"{stack.names[i]} {np.exp(log[i]):.2f}" for i in off[:4].tolist())
     more = f" and {len(off) - 4} more" if len(off) > 4 else ""
     return [
         Finding(
             "strengths",
             "warning",
-            f"{counted(len(off), 'photograph')} of odd brightness, relative to the others: "
-            f"{told}{more}",
-            "if the lamp or the exposure differed, say so with intensities= (one number per "
-            "light), photograph a white board under each light (white=) or estimate it "
-            "(impasto.fit_strengths); if not, the direction of that light is wrong",
+            f"{counted(len(off), 'photograph')} of unexpected brightness, relative to the others: "
+            f"{text}{more}",
+            "if the lamp or the exposure differed, give intensities= (one number per light), "
+            "photograph a white board under each light (white=) or estimate the strengths "
+            "(impasto.fit_strengths); otherwise the direction of that light is wrong",
             tuple(sorted(off.tolist())),
             numbers=numbers,
         )
@@ -65,7 +65,7 @@ def strengths(stack: Stack, sampled: SampledTiles) -> list[Finding]:
 
 
 def _none_stands_out(spread: float, numbers: dict[str, Any]) -> Finding:
-    """Fine where a lamp that is off by :data:`_OFF` would have stood out, else: nobody can tell."""
+    """Ok if a lamp that is off by :data:`_OFF` would stand out; otherwise no check is possible."""
     scatter = f"their strengths scatter by {100 * np.expm1(spread):.0f} %"
     limit = _SIGMAS * spread
     if limit <= np.log1p(_OFF):
@@ -73,16 +73,16 @@ def _none_stands_out(spread: float, numbers: dict[str, Any]) -> Finding:
     return Finding(
         "strengths",
         "note",
-        f"cannot tell whether lamps differ: {scatter}, gloss and changing views included, so that "
-        f"only one {np.exp(limit):.2g} times as strong as the others would stand out",
-        "if nobody measured the lamps, impasto.fit_strengths (impasto fit --strengths) estimates "
-        "them with the gloss in its model",
+        f"cannot check whether lamps differ: {scatter}, including gloss and changing views; only "
+        f"one {np.exp(limit):.2g} times as strong as the others would stand out",
+        "if the lamps were not measured, impasto.fit_strengths (impasto fit --strengths) estimates "
+        "their strengths with gloss in its model",
         numbers=numbers,
     )
 
 
 def _height(rig: Rig) -> Floats:
-    """Degrees above the painting of a light that a camera over it would see as much gloss of."""
+    """Elevation in degrees of the light that shows as much gloss to a camera in front."""
     half = rig.directions + rig.views
     length = np.linalg.norm(half, axis=1, keepdims=True)
     return 2.0 * elevation(half / np.maximum(length, _OPPOSITE)) - 90.0
@@ -91,8 +91,8 @@ def _height(rig: Rig) -> Floats:
 def measure_strengths(sampled: SampledTiles, views: Floats) -> Floats | None:
     """Strength of each light ``(obs,)`` relative to the given ones.
 
-    A robust semi-calibrated estimate: the surface is fitted with the lights' strengths, these with
-    the surface, in turn. Only pixels well away from shadow and from the mirror direction count.
+    A robust semi-calibrated estimate: surface and strengths are fitted alternately. Only pixels far
+    from shadow and from the mirror direction are used.
     """
     gain = np.ones(len(sampled.grey))
     lights = sampled.lights
@@ -130,7 +130,7 @@ def _half_cosine(normal: Floats, lights: Floats, views: Floats) -> Floats:
 
 
 def _usual(gain: Floats, height: Floats) -> Floats:
-    """What a light of that height usually shows: sheen and a wrong tone curve bend the rule."""
+    """Median gain of lights of similar height: sheen and a wrong tone curve depend on it."""
     if len(gain) < 12:
         return np.full(len(gain), np.median(gain))
     ranked = np.sort(height)
@@ -141,11 +141,11 @@ def _usual(gain: Floats, height: Floats) -> Floats:
         for step in (-reach, reach)
     )
     usual = np.empty(len(gain))
-    # Hundreds of views are often lit from one height: all of them are near, in whatever order.
+    # Hundreds of views are often lit from one height: all of them count, in any order.
     first, last = (np.searchsorted(ranked, height + side * _SAME, "left") for side in (-1, 1))
     for index, place in enumerate((first + last - 1) // 2):
         near = (height >= low[place]) & (height <= high[place])
-        # Where there are enough, what is usual does not depend on the one that is judged.
+        # With enough lights the median does not include the light that is checked.
         near[index] = False
         usual[index] = np.median(gain[near])
     return usual

@@ -1,4 +1,4 @@
-"""A quick Lambert surface under the sampled tiles, to hold photographs against."""
+"""A quick Lambert surface for the sampled tiles, with which photographs are compared."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 _LOW, _HIGH = 0.2, 0.8
-"""Ranks of a pixel's samples that are kept: below may be shadow, above highlight."""
+"""Ranks of a pixel's samples that are kept: lower may be shadow, higher highlight."""
 _ENOUGH = 6
 """Pixels with fewer usable samples keep all of them."""
 _RIDGE = 1e-9
@@ -17,13 +17,13 @@ _RIDGE = 1e-9
 def fit_surface(grey: NDArray[np.floating], lights: Floats) -> Floats:
     """Albedo times normal ``(3, n)`` by least squares over the middle ranks.
 
-    The default of :func:`impasto.fit_normals` without its last steps: good enough to judge the
-    photographs by, and it works on stacks that are too poor for a fit.
+    The default of :func:`impasto.fit_normals` without its last steps: accurate enough for the
+    checks, also of stacks that a fit would refuse.
 
     Parameters
     ----------
     grey
-        ``(obs, n)``, NaN where a sample does not count.
+        ``(obs, n)``, NaN for samples without weight.
     lights
         ``(obs, 3)`` or ``(obs, n, 3)``.
 
@@ -52,7 +52,7 @@ def fit_surface(grey: NDArray[np.floating], lights: Floats) -> Floats:
 
 
 def kept_ranks(grey: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """``(obs, n)``: the samples of middle rank in each pixel, all of them where they are few."""
+    """``(obs, n)``: the samples of middle rank in each pixel, or all if there are few."""
     order = np.argsort(grey, axis=0, kind="stable")
     ranks = np.empty(grey.shape, dtype=np.int32)
     np.put_along_axis(ranks, order, np.arange(len(grey), dtype=np.int32)[:, None], axis=0)
@@ -64,7 +64,7 @@ def kept_ranks(grey: NDArray[np.floating]) -> NDArray[np.bool_]:
 
 
 def shading(surface: Floats, lights: Floats) -> Floats:
-    """What the surface shows under each light ``(obs, n)``, negative where it faces away."""
+    """Radiance of the surface under each light ``(obs, n)``, negative where it faces away."""
     if lights.ndim == 2:
         return np.asarray(lights @ surface)
     return np.asarray(np.einsum("kni,in->kn", lights, surface))

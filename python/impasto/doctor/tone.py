@@ -16,11 +16,11 @@ from impasto.stack import Stack
 
 _PIXELS = 8000
 _WORSE = 1.1
-"""A curve is called wrong if the best one predicts this much better, beyond doubt."""
+"""A curve is wrong if the best one predicts better by this factor, significantly."""
 
 
 def tone(stack: Stack) -> list[Finding]:
-    """Compare the stack's tone curve with what its photographs say."""
+    """Compare the stack's tone curve with an estimate from its photographs."""
     curve = stack.encoding.curve
     estimate = _estimate(stack)
     numbers: dict[str, Any] = {"curve": curve}
@@ -29,8 +29,8 @@ def tone(stack: Stack) -> list[Finding]:
             Finding(
                 "encoding",
                 "ok",
-                f"cannot tell whether the tone curve {curve!r} is right: six photographs with "
-                "usable samples are needed",
+                f"cannot check the tone curve {curve!r}: six photographs with usable samples are "
+                "needed",
                 numbers=numbers,
             )
         ]
@@ -50,14 +50,14 @@ def tone(stack: Stack) -> list[Finding]:
             Finding(
                 "encoding",
                 "warning",
-                f"read with the tone curve {curve!r}, but light does not add up: "
+                f"the tone curve {curve!r} seems to be wrong: "
                 f"{estimate.best!r} predicts held-out photographs {times:.1f} times better{also}",
-                f'say encoding="{better}" (command line: --encoding {better})',
+                f'give encoding="{better}" (command line: --encoding {better})',
                 numbers=numbers,
             )
         ]
     if len(estimate.plausible) == len(errors):
-        message = f"cannot tell whether the tone curve {curve!r} is right: no other fits worse"
+        message = f"cannot check the tone curve {curve!r}: no other fits worse"
     elif curve not in estimate.plausible:
         message = f"the tone curve {curve!r} fits nearly as well as {estimate.best!r}"
     else:
@@ -73,7 +73,7 @@ def tone(stack: Stack) -> list[Finding]:
 
 
 def _estimate(stack: Stack) -> ToneEstimate | None:
-    """The curve estimated from the codes, which are made again where the files were decoded."""
+    """The curve estimated from the codes; decoded files are encoded again."""
     photographs = few(len(stack.rig))
     codes = _codes(stack, photographs)
     if codes is None:
@@ -113,6 +113,6 @@ def _codes(stack: Stack, photographs: NDArray[np.int64]) -> NDArray[np.float32] 
         return None
     encoding = Encoding(stack.encoding.curve, stack.encoding.white)
     for photograph, known in zip(light, usable, strict=True):
-        # What is clipped or missing counts as clipped: it says nothing about the curve.
+        # Missing samples count as clipped: neither says anything about the curve.
         photograph[:] = encoding.encode(np.where(known, photograph / full[:, None], 1.0))
     return light[:, :, None]
