@@ -65,7 +65,7 @@ def test_a_fit_leaves_maps_an_overview_and_a_report(fitted: Path) -> None:
         "report.json",
         "sbrdf.npz",
         "status.png",
-        "trust.exr",
+        "quality.exr",
     }
     assert [path.name for path in fitted.parent.iterdir() if path.name.startswith(".")] == []
 
@@ -76,7 +76,7 @@ def test_maps_for_programs_are_the_fit_bit_for_bit(fitted: Path) -> None:
         planes = {name: channel.pixels for name, channel in file.channels().items()}
     for name, plane in zip("XYZ", sbrdf.normal, strict=True):
         np.testing.assert_array_equal(planes[name], plane)
-    with OpenEXR.File(str(fitted / "trust.exr"), separate_channels=True) as file:
+    with OpenEXR.File(str(fitted / "quality.exr"), separate_channels=True) as file:
         np.testing.assert_array_equal(file.channels()["status"].pixels, sbrdf.status)
 
 
@@ -152,7 +152,7 @@ def test_the_demonstration_can_be_fitted_from_its_files(demo: Path, tmp_path: Pa
 def test_the_same_command_gives_the_same_bytes(stack: Path, fitted: Path, tmp_path: Path) -> None:
     out = tmp_path / "again"
     assert main(["fit", str(stack), "--out", str(out), "--quiet", "--threads", "1"]) == 0
-    for name in ("normal.exr", "diffuse.exr", "trust.exr", "normal.png", "overview.jpg"):
+    for name in ("normal.exr", "diffuse.exr", "quality.exr", "normal.png", "overview.jpg"):
         assert (out / name).read_bytes() == (fitted / name).read_bytes(), name
 
 

@@ -481,7 +481,7 @@ def test_repaired_lights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert doctor.examine(altered(bad, lights=written.directions)).usable
     capsys.readouterr()
     assert main(["doctor", str(path), "--write", str(tmp_path / "good.lp")]) == 1
-    assert "exists already" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
 
 
 def test_every_damaged_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""The command line: ``impasto demo | fit | render | doctor | info``.
+"""The command line: ``impasto demo | fit | render | doctor | study | info``.
 
 Data goes to stdout or into files, progress to stderr. Angles are in degrees. Exit codes:
 
@@ -26,10 +26,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments
-        Words after the program's name; default: those of the process.
+        The arguments after the program name; default: those of the process.
     """
     try:
-        # Half a second of libraries: Ctrl-C may come already now.
+        # Importing takes half a second, in which Ctrl-C is possible.
         from impasto.cli import application
     except KeyboardInterrupt:
         import os

@@ -1,4 +1,4 @@
-"""From a command line to an exit code; no traceback for a user's mistake."""
+"""The commands, and an exit code for every error; no tracebacks for mistakes of the user."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ def application() -> App:
     )
     app.command("impasto.cli.demo:demo", help="Measure and relight a simulated painting.")
     app.command("impasto.cli.fit:fit", help="Measure a painting from its photographs.")
-    app.command("impasto.cli.render:render", help="Light a fitted painting and save the picture.")
-    app.command("impasto.cli.doctor:doctor", help="Check photographs before they are used.")
+    app.command("impasto.cli.render:render", help="Render a fitted painting and save the picture.")
+    app.command("impasto.cli.doctor:doctor", help="Check photographs before a fit.")
     app.command("impasto.cli.study:study", help="Measure what accuracy costs in time.")
-    app.command("impasto.cli.info:info", help="Say what is installed, or what a result holds.")
+    app.command("impasto.cli.info:info", help="Show what is installed, or what a result contains.")
     return app
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """What :func:`impasto.cli.main` does once everything is imported."""
+    """Run one command after all imports; see :func:`impasto.cli.main`."""
     console.make_output_safe()
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
@@ -64,11 +64,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
         console.complain(f"a defect in impasto, please report it: {error}")
         return Exit.DEFECT
     except BrokenPipeError:
-        # The reader of stdout has left (impasto info | head): say no more, also not at exit.
+        # The reader of stdout has ended (impasto info | head): write nothing more.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return Exit.OK
     except ImpastoError as error:
-        # What the lights of a stack do not determine is no fault of the option --lights.
+        # Lights that do not determine a surface are not an error of the option --lights.
         by_nature = isinstance(error, GeometryError) and str(error).startswith("lights:")
         console.complain(str(error) if by_nature else _in_options(str(error)))
         return Exit.USER_ERROR
@@ -76,7 +76,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
         console.complain(_os_words(error))
         return Exit.USER_ERROR
     except MemoryError:
-        console.complain("not enough memory: fit a crop, fewer photographs, or on a larger machine")
+        console.complain(
+            "not enough memory: fit a part (--region), fewer photographs, or use a larger machine"
+        )
         return Exit.USER_ERROR
     except KeyboardInterrupt:
         console.complain("interrupted")
@@ -94,7 +96,7 @@ def _one_line(error: CycloptsError) -> str:
 
 
 def _in_options(message: str) -> str:
-    """A message of the Python API in the words of the command line: ``images=`` is ``--images``."""
+    """A message of the Python API with options for arguments: ``images=`` becomes ``--images``."""
     message = re.sub(rf"^({ARGUMENTS}):", r"--\1:", message.removeprefix("path: "))
     message = message.replace(" or None, found", ", found")  # an option that is not given
     return re.sub(rf"\b({ARGUMENTS})=(?!\w)", r"--\1", message).replace("--pitch_mm", "--pitch")

@@ -1,4 +1,4 @@
-"""Words for people on stderr; stdout is left to data."""
+"""Messages and progress on stderr; stdout is for data."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NAME_WIDTH = 14
 NOTE_WIDTH = 52
 
 Advance = Callable[[int, int], None]
-"""Tells how far a stage is: (done, total)."""
+"""Progress of a stage: (done, total)."""
 
 
 def stdout() -> Console:
@@ -31,18 +31,18 @@ def stdout() -> Console:
 
 class _Stdout(Console):
     def on_broken_pipe(self) -> None:
-        # Called while the error is handled; Rich would leave with code 1.
+        # Called while the error is handled; Rich would exit with code 1.
         raise
 
 
 def stderr() -> Console:
-    """The console for progress and complaints."""
+    """The console for progress and messages."""
     return Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 def make_output_safe() -> None:
-    """Let an ASCII terminal show ``?`` for what it cannot show, and a closed stream take all."""
-    # Python starts with None for a stream that was closed (``>&-``).
+    """Let an ASCII terminal show ``?`` for other characters, and a closed stream accept output."""
+    # Python sets a stream to None that was closed (``>&-``).
     if sys.stdout is None:
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     if sys.stderr is None:
@@ -53,12 +53,12 @@ def make_output_safe() -> None:
 
 
 def complain(message: str) -> None:
-    """Say in one red line what is wrong."""
+    """Print an error message in red."""
     stderr().print(f"[bold red]impasto:[/] [red]{escape(message)}[/]")
 
 
 def hint(message: str) -> None:
-    """Add one faint line on what to do."""
+    """Print a dim line that says what to do."""
     stderr().print(f"[dim]{escape(message)}[/]")
 
 
@@ -86,14 +86,14 @@ class Stages:
 
     @contextmanager
     def stage(self, name: str, note: str = "") -> Iterator[Stage]:
-        """Run the body as one stage; the stage's ``note`` may still be changed inside."""
+        """Run the body as one stage; the body may change the ``note`` of the stage."""
         stage = Stage(note)
         columns = (
             SpinnerColumn(style="dim"),
             TextColumn(f"{name:<{NAME_WIDTH}}"),
             BarColumn(40, complete_style="cyan", finished_style="cyan", pulse_style="cyan"),
         )
-        # A log file gets the closing lines only.
+        # A log file only gets the final lines.
         hidden = not self._console.is_terminal
         bars = Progress(*columns, console=self._console, transient=True, disable=hidden)
         with bars as progress, self.timings.stage(name):
@@ -110,7 +110,7 @@ class Stages:
 
 
 class Stage:
-    """What a running stage may tell: how far it is, and a note for its closing line."""
+    """A running stage: its progress, and a note for its final line."""
 
     def __init__(self, note: str) -> None:
         self.note = note

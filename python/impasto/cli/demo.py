@@ -1,4 +1,4 @@
-"""``impasto demo``: paint, photograph, measure, relight, and compare with the truth."""
+"""``impasto demo``: simulate, photograph, measure, relight, and compare with the truth."""
 
 from __future__ import annotations
 
@@ -78,14 +78,14 @@ def demo(
     size
         Height and width in pixels.
     seed
-        Another number paints another painting.
+        Seed of the simulated painting.
     system
         impasto's own way to measure, or that of one of the papers as it is written.
     rig
         Camera and lights of one of the papers: six bands and 16 lights, or RGB and 9. Default:
-        those of the system; six bands for impasto's own.
+        those of the system; six bands for impasto.
     varnish
-        How glossy the painting is.
+        Gloss of the varnish.
     threads
         Default: every core.
     force
@@ -122,7 +122,7 @@ def demo(
         sbrdf, reflectance = measured(stages, procedure, stack, camera, threads)
         with stages.stage("pictures", "relit, under a lamp, from the side"):
             images = _images(sbrdf, reflectance, threads)
-        with stages.stage("truth", "compared with the painting's own"):
+        with stages.stage("truth", "errors against the true surface"):
             score = simulate.score(capture.truth, sbrdf, reflectance)
         with stages.stage("files", str(out)):
             write_maps(folder, sbrdf, reflectance)
@@ -194,9 +194,9 @@ def _print(score: Score, out: Path) -> None:
     for name, value, note in _rows(score):
         table.add_row(name, value, f"[dim]{note}[/]")
     page = console.stdout()
-    page.print("\nMeasured against the truth of the simulation:\n")
+    page.print("\nErrors against the truth of the simulation:\n")
     page.print(table)
-    page.print(f"\nLook at {out / 'overview.jpg'} first; report.json has the rest.")
+    page.print(f"\nLook at {out / 'overview.jpg'} first; report.json has all numbers.")
 
 
 def _rows(score: Score) -> list[tuple[str, str, str]]:

@@ -31,21 +31,21 @@ def doctor(
     write: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Check a stack before it is used, and say what to do about each fault.
+    """Check a stack before a fit, and say how to repair each fault.
 
-    Looks for mirrored, turned or exchanged light directions, duplicate and missing photographs,
+    Checks for mirrored, rotated or exchanged light directions, duplicate and missing photographs,
     clipped, dark and missing samples, a wrong tone curve, lights that cannot determine a surface
-    and lamps of odd strength; repeats what reading had to repair.
+    and lamps of unequal strength; lists what was repaired while reading.
 
-    Exit code 0: usable, perhaps with warnings. 1: results would be wrong, or none. 3: a file is
-    damaged.
+    Exit code 0: usable, possibly with warnings. 1: results would be wrong or impossible. 3: a file
+    is damaged.
 
     Parameters
     ----------
     stack
         Light file (.lp) beside its photographs, a folder of both, or an .npz.
     write
-        Write a light file (.lp) in which wrong directions are mirrored, turned or exchanged back.
+        Write a light file (.lp) with corrected directions.
     json
         Print JSON for programs.
     """
@@ -53,10 +53,10 @@ def doctor(
     from impasto.io import write_lights
 
     if write is not None and write.exists():
-        raise ArgumentError(f"--write: {write} exists already, choose another name")
+        raise ArgumentError(f"--write: {write} already exists; choose another name")
     reading = Reading() if reading is None else reading
     reading.check()
-    with console.stderr().status("looking at the photographs"):
+    with console.stderr().status("checking the photographs"):
         try:
             photographs = reading.read(stack)
         except CorruptInputError as error:
@@ -72,7 +72,7 @@ def doctor(
 
 
 def _complain_of_all(first: CorruptInputError) -> int:
-    """Name the file at which reading stopped, and every other damaged photograph beside it."""
+    """Report the file at which reading stopped, and all other damaged photographs beside it."""
     from impasto.doctor import damaged_files
 
     console.complain(str(first))
@@ -83,7 +83,7 @@ def _complain_of_all(first: CorruptInputError) -> int:
 
 
 def show(diagnosis: Diagnosis, out: Console) -> None:
-    """Print a diagnosis, the gravest findings first."""
+    """Print a diagnosis, the most severe findings first."""
     width = min(_WIDEST, out.width)
     out.print(f"[bold]{escape(diagnosis.title)}[/]\n")
     for finding in diagnosis.of("ok", "note", "warning", "error"):

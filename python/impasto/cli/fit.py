@@ -53,8 +53,8 @@ def fit(
 ) -> int:
     """Measure a painting: normals, diffuse reflectance and gloss from its photographs.
 
-    Exit code 4 says that some listed photographs are missing, or that some pixels were not
-    reached, or none could be measured: the result is there, but partial.
+    Exit code 4: the result is partial. Listed photographs are missing, pixels were not reached, or
+    no pixel could be measured.
 
     Parameters
     ----------
@@ -63,9 +63,9 @@ def fit(
     out
         Folder for maps, overview and report.
     strengths
-        First estimate from the photographs how much light each of them got (at least 7 lights);
-        for lamps that nobody measured, held by hand or in a dome. Takes longer than the fit, with
-        lobes of every pixel's own (--lobes, where --pooling pixel has them; else 2).
+        First estimate the strength of each lamp from the photographs (at least 7 lights), for lamps
+        that were not measured, hand-held or in a dome. Takes longer than the fit; uses lobes per
+        pixel (--lobes of --pooling pixel, else 2).
     system
         impasto's own way to measure, or that of one of the papers as it is written, with the
         paper's pictures; those need --camera. The options below change single steps.
@@ -102,8 +102,7 @@ def fit(
 
     if illuminant is not None and camera is None:
         raise CycloptsError(
-            msg="--illuminant is the light that a camera's sensitivities are used under: "
-            "it needs --camera"
+            msg="--illuminant is the light for the sensitivities of a camera: it needs --camera"
         )
     if system != "impasto" and camera is None:
         raise CycloptsError(msg=f"--system {system} estimates spectra: it needs --camera")
@@ -170,26 +169,26 @@ def fit(
         stages.say(f"[yellow]partial:[/] {unfinished} pixels were not reached")
     if system == "impasto" and getattr(sbrdf, "verdict", "") == "mixed":
         stages.say(
-            f"[dim]one lobe describes {100 * sbrdf.describes:.0f} % of the pixels: with some 20 "
-            "lights or more, --pooling pixel (without --camera) gives each its own[/]"
+            f"[dim]one lobe describes {100 * sbrdf.describes:.0f} % of the pixels: with about 20 "
+            "lights or more, use --pooling pixel (without --camera) for lobes per pixel[/]"
         )
     nothing = not (sbrdf.status < 16).any()
     if nothing:
-        stages.say("[red]no pixel could be measured:[/] impasto doctor says why")
+        stages.say("[red]no pixel could be measured:[/] run impasto doctor for the reason")
     if missing:
-        stages.say("[yellow]partial:[/] listed photographs are missing, the others were used")
+        stages.say("[yellow]partial:[/] listed photographs are missing; the others were used")
     return Exit.PARTIAL if missing or unfinished or nothing else Exit.OK
 
 
 def estimated_strengths(
     stages: Stages, stack: Stack, own: dict[str, Any], threads: int | None
 ) -> Strengths:
-    """What every lamp gave, as a stage of its own; ``own``: options of the fit that follows."""
+    """Strengths of the lamps, as a stage; ``own``: options of the fit that follows."""
     import numpy as np
 
     from impasto.fit.strengths import fit_strengths
 
-    # Lafortune lobes are not those that strengths are estimated with: theirs stay as they are.
+    # Strengths are not estimated with Lafortune lobes: their options do not apply.
     shared = () if own["model"] == "lafortune" else ("lobes", "index")
     options = {name: own[name] for name in shared if name in own}
     with stages.stage("strengths") as stage:
@@ -202,7 +201,7 @@ def estimated_strengths(
 
 
 def strength_numbers(lamps: Strengths) -> dict[str, Any]:
-    """What a report keeps of the lamps; ``--intensities`` reads such a column."""
+    """The lamps' part of a report; ``--intensities`` reads such a column."""
     return {
         "strengths": {
             "factor": lamps.factor,
@@ -219,13 +218,15 @@ def camera_of(text: str, illuminant: str | None) -> Any:
 
     if text.casefold() == "srgb":
         if illuminant is not None:
-            raise ArgumentError("--illuminant: colours developed to sRGB are those under D65")
+            raise ArgumentError(
+                "--illuminant: photographs developed to sRGB have D65; leave it out"
+            )
         return Camera.srgb()
     return read_camera(text, illuminant=illuminant)
 
 
 def tell(stages: Stages, stack: Stack) -> None:
-    """Say what was repaired, dropped or assumed: what matters in yellow, the rest faintly."""
+    """Print what was repaired, left out or assumed: important notes in yellow, others dim."""
     for note in stack.notes:
         odd = note.repair or not getattr(note, "decided", True)
         style = "yellow" if odd or note.kind in {"horizon", "duplicate", "unlisted"} else "dim"
@@ -244,7 +245,7 @@ def band_words(count: int) -> str:
 
 
 def painting_name(stack: Path) -> str:
-    """A title: the folder of a light file, or the name of the folder or archive itself."""
+    """The title: the folder of a light file, or the name of the folder or archive."""
     path = stack.resolve()
     return (
         path.name if path.is_dir() else (path.stem if path.suffix == ".npz" else path.parent.name)
@@ -252,7 +253,7 @@ def painting_name(stack: Path) -> str:
 
 
 def numbers(stack: Stack, sbrdf: Sbrdf, reflectance: Any) -> dict[str, Any]:
-    """What a report keeps beside the maps."""
+    """The numbers of a report."""
     import numpy as np
 
     from impasto.fit.result import median

@@ -1,4 +1,4 @@
-"""A result folder: it appears whole, and nobody else's files are touched."""
+"""Result folders: written completely or not at all, without touching other files."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import as_problem_of
 
 REPORT = "report.json"
-"""The file by which a folder is known to be ours; it is written last."""
+"""The file that marks a result folder; it is written last."""
 
 
 @contextmanager
 def result_folder(out: Path, *, inputs: Iterable[Path] = (), force: bool = False) -> Iterator[Path]:
     """A hidden folder beside ``out`` whose files become those of ``out`` if the block succeeds.
 
-    After an error or Ctrl-C nothing has changed. In a folder that exists, files of an earlier
-    result are replaced or, where the new result has no such file, removed; all others stay.
+    After an error or Ctrl-C nothing has changed. In an existing folder, files of an earlier result
+    are replaced, or removed if the new result has no such file; all others stay.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def result_folder(out: Path, *, inputs: Iterable[Path] = (), force: bool = False
     inputs
         Files and folders that are read.
     force
-        Whether to write into a folder that holds something else.
+        Whether to write into a folder with other files.
 
     Raises
     ------
@@ -65,15 +65,15 @@ def read_report(folder: Path) -> dict[str, Any]:
     Raises
     ------
     ArgumentError
-        There is none.
+        There is no report.
     CorruptInputError
-        It is no report of impasto.
+        The file is not a report of impasto.
     """
     path = folder / REPORT
     if not folder.exists():
         raise ArgumentError(f"{folder} does not exist")
     if not path.is_file():
-        raise ArgumentError(f"{folder} holds no {REPORT}: not the result of impasto fit or demo")
+        raise ArgumentError(f"{folder} has no {REPORT}: it is not a result of impasto fit or demo")
     content = _report(path)
     if content is None:
         raise CorruptInputError(path, "is not a report written by impasto")
@@ -85,25 +85,25 @@ def _earlier(out: Path, force: bool) -> set[Path]:
     if not out.exists():
         return set()
     if not out.is_dir():
-        raise ArgumentError(f"--out: {out} is a file; name a folder")
+        raise ArgumentError(f"--out: {out} is a file; give a folder")
     content = _report(out / REPORT)
     if content is not None:
         names = (Path(str(entry["file"])) for entry in content.get("outputs", []))
         return {name for name in names if not name.is_absolute() and ".." not in name.parts}
     if any(out.iterdir()) and not force:
         raise ArgumentError(
-            f"--out: {out} holds files that impasto did not make; name another folder, or say "
-            "--force to write among them"
+            f"--out: {out} contains files of other programs; give another folder, or use "
+            "--force to write into it"
         )
     return set()
 
 
 def _spare(out: Path, inputs: Iterable[Path]) -> None:
-    """Refuse to replace what is being read: an earlier demo's photographs are outputs, too."""
+    """Refuse to replace inputs: the photographs of an earlier demo are outputs, too."""
     target = out.resolve()
     for path in inputs:
         if path.resolve().is_relative_to(target):
-            raise ArgumentError(f"--out: {out} holds {path}, which is read; name another folder")
+            raise ArgumentError(f"--out: {out} contains the input {path}; give another folder")
 
 
 def _report(path: Path) -> dict[str, Any] | None:
@@ -115,7 +115,7 @@ def _report(path: Path) -> dict[str, Any] | None:
 
 
 def _is_report(content: Any) -> bool:
-    """Whether everything that is read of a report is of the kind that is written."""
+    """Whether all fields of a report have the types that impasto writes."""
     if not isinstance(content, dict) or not {"schema", "command", "versions"} <= content.keys():
         return False
     results, inputs, outputs = (
@@ -147,7 +147,7 @@ def _entries(value: Any) -> bool:
 
 
 def _numbers(value: Any, least: float = 0) -> bool:
-    """Numbers by name, of a size that can be added up."""
+    """A mapping from names to finite numbers."""
     return isinstance(value, dict) and all(
         isinstance(entry, int | float) and least <= entry < 1e15 for entry in value.values()
     )
@@ -158,7 +158,7 @@ def _shape(value: Any) -> bool:
 
 
 def _move(staging: Path, out: Path, made: list[Path]) -> None:
-    # The report last: until then the folder is still that of the earlier result.
+    # The report last: until then the folder still has the earlier result.
     for name in sorted(made, key=lambda name: name == Path(REPORT)):
         target = out / name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -166,7 +166,7 @@ def _move(staging: Path, out: Path, made: list[Path]) -> None:
 
 
 def _folder_mode() -> int:
-    """What ``mkdir`` would give the folder; ``mkdtemp`` makes private ones."""
+    """The mode that ``mkdir`` would set; ``mkdtemp`` makes private folders."""
     mask = os.umask(0)
     os.umask(mask)
     return 0o777 & ~mask

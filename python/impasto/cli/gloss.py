@@ -1,4 +1,4 @@
-"""Which model of the gloss `fit` fits, and to what: options that only go together in some ways."""
+"""Options of `fit` for the model of the gloss, and which of them go together."""
 
 from __future__ import annotations
 
@@ -26,56 +26,56 @@ GROUP = Group("Gloss", sort_key=2)
 @Parameter(name="*", group=GROUP)
 @dataclass(frozen=True, kw_only=True)
 class Gloss:
-    """Options of :func:`impasto.fit_sbrdf`, as words of a command line."""
+    """Options of :func:`impasto.fit_sbrdf` on the command line."""
 
     model: Model = "torrance-sparrow"
-    """The first two papers' lobe, or up to three of the third paper's for every pixel, which asks
-    for hundreds of photographs."""
+    """The lobe of the first two papers, or up to three lobes of the third paper per pixel, which
+    need hundreds of photographs."""
 
     pooling: Pooling | None = None
-    """One gloss for the painting; one for every segment; or lobes of its own for every pixel:
-    gilding, metal leaf, varnish that differs from place to place. The latter needs many lights and
-    no --camera. Default: the painting; Lafortune lobes are always every pixel's own."""
+    """One gloss for the painting, one per segment, or lobes per pixel (gilding, metal leaf, uneven
+    varnish). Lobes per pixel need many lights and exclude --camera. Default: the painting;
+    Lafortune lobes are always per pixel."""
 
     segments: Annotated[Path | None, Parameter(metavar="PICTURE")] = None
     """With --pooling segment: a picture as large as the photographs (PNG or TIFF) in which every
-    segment has a grey or a colour of its own; black: of none."""
+    segment has its own grey or colour; black belongs to none."""
 
     lobes: SomeWhole = None
-    """With --pooling pixel or --model lafortune: lobes per pixel at most, 1 to 3; default: 2, of
-    Lafortune's 3."""
+    """With --pooling pixel or --model lafortune: most lobes per pixel, 1 to 3; default: 2, with
+    --model lafortune 3."""
 
     ambient: Annotated[bool | None, Parameter(negative="--no-ambient")] = None
-    """With --pooling pixel: allow for light that comes from everywhere; default: yes."""
+    """With --pooling pixel: include ambient light in the model; default: yes."""
 
     def check(self, *, system: str, camera: str | None, steps: dict[str, Any]) -> None:
-        """Refuse what does not go together; ``steps`` are options of the papers' procedure."""
+        """Refuse options that exclude each other; ``steps``: options of the procedure."""
         kind = self._kind()
         word = _in_words(kind)
         for name in kind.idle({**self._own(), **steps}):
             others = " or ".join(map(_in_words, takers(name)))
             raise CycloptsError(msg=f"--{name} goes with {others}: {word} has no --{name}")
-        # Numbers out of range, too, before photographs are read.
+        # Numbers are checked before photographs are read, too.
         if self.lobes is not None:
             lobe_count(self.lobes)
         if steps.get("index") is not None:
             refractive_index(steps["index"])
         if "segments" in kind.defaults and self.segments is None:
             raise CycloptsError(
-                msg=f"{word} needs --segments, a picture in which every segment has a grey or a "
-                "colour of its own"
+                msg=f"{word} needs --segments, a picture in which every segment has its own "
+                "grey or colour"
             )
         if system != "impasto" and kind.chosen != ("pooling", "painting"):
             raise CycloptsError(
-                msg=f"{word} goes without --system: the papers have one gloss per painting"
+                msg=f"{word} excludes --system: the papers have one gloss per painting"
             )
         if camera is not None and "lobes" in kind.defaults:
             raise CycloptsError(
-                msg=f"{word} goes without --camera: spectra tell nothing of lobes with colours"
+                msg=f"{word} excludes --camera: spectra do not describe lobes with colours"
             )
 
     def options(self, procedure: System) -> dict[str, Any]:
-        """Arguments of :func:`impasto.fit_sbrdf`, none left out; segments are still a picture."""
+        """All arguments of :func:`impasto.fit_sbrdf`; segments are still a path."""
         kind = self._kind()
         given = {**procedure.options, **self._own()}
         own = kind.complete({name: given[name] for name in kind.defaults})
@@ -85,8 +85,8 @@ class Gloss:
         try:
             return fit_kind(self.model, self.pooling)
         except ArgumentError as error:
-            # Words are checked on the way in: these two do not go together.
-            words = f"--model {self.model} goes without --pooling {self.pooling}"
+            # Each value is valid: these two exclude each other.
+            words = f"--model {self.model} excludes --pooling {self.pooling}"
             raise CycloptsError(msg=words) from error
 
     def _own(self) -> dict[str, Any]:
@@ -101,13 +101,13 @@ def _in_words(kind: FitKind) -> str:
 def with_labels(
     options: dict[str, Any], stack: Stack, region: tuple[int, int, int, int] | None
 ) -> dict[str, Any]:
-    """The options with the picture of segments, if there is one, read."""
+    """The options, with the picture of segments read from its file."""
     path = options.get("segments")
     return options if path is None else options | {"segments": _labels(path, stack, region)}
 
 
 def _labels(path: Path, stack: Stack, region: tuple[int, int, int, int] | None) -> NDArray[Any]:
-    """The parts that a picture tells apart, in the pixels of the photographs."""
+    """The segments of a picture, in the pixels of the photographs."""
     from impasto.io import read_labels
 
     labels, size = read_labels(path), stack.shape[2:]
@@ -116,9 +116,9 @@ def _labels(path: Path, stack: Stack, region: tuple[int, int, int, int] | None) 
         top, left, height, width = region
         labels = labels[top : top + height, left : left + width]
     if labels.shape != size:
-        where = "" if region is None else " before --region is cut out of both"
+        where = "" if region is None else " before --region is applied to both"
         raise ArgumentError(
             f"--segments: {path} has {columns} x {rows} pixels, the photographs "
-            f"{size[1]} x {size[0]}; it must be as large as they are{where}"
+            f"{size[1]} x {size[0]}; both must have the same size{where}"
         )
     return labels

@@ -1,4 +1,4 @@
-"""``impasto info``: what is installed, or what a result holds."""
+"""``impasto info``: the installation, or the contents of a result."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ def info(
     *,
     json: Flag = False,
 ) -> None:
-    """Say what is installed, or what a result holds.
+    """Show what is installed, or what a result contains.
 
     Parameters
     ----------
     result
-        The --out folder of impasto fit or demo, its report.json, or an sbrdf.npz; without it, the
-        installation is described.
+        The --out folder of impasto fit or demo, its report.json, or an sbrdf.npz; default: the
+        installation.
     json
         Print JSON for programs.
     """
@@ -78,7 +78,7 @@ def _result(path: Path) -> dict[str, Any]:
     facts["files"] = f"{len(report.get('outputs', []))}, all as written"
     if lost or changed:
         facts["files"] = [f"{name} is missing" for name in lost]
-        facts["files"] += [f"{name} has changed since" for name in changed]
+        facts["files"] += [f"{name} has been changed" for name in changed]
     return {name: value for name, value in facts.items() if value not in ([], {}, None)}
 
 
@@ -100,7 +100,7 @@ def _archive(path: Path) -> dict[str, Any]:
 
 
 def _gloss(numbers: dict[str, Any]) -> dict[str, Any]:
-    """The gloss of a result's report, whatever its model."""
+    """The gloss in the report of a result of any model."""
     names = ("verdict", "beta", "gamma_degrees", "index")
     facts = {name: numbers[name] for name in names if name in numbers}
     if "lobes_per_pixel" in numbers:
@@ -118,18 +118,18 @@ def _gloss(numbers: dict[str, Any]) -> dict[str, Any]:
 
 
 def _strengths(lamps: dict[str, Any]) -> str:
-    """What the lamps gave, as the fit found it."""
+    """The estimated strengths of the lamps, in one line."""
     factor = lamps["factor"]
     told = [one for one in factor if one is not None]
     last = max(abs(one) for one in lamps["change"] if one is not None)
     state = "" if lamps["converged"] else f", the last round changed by up to {100 * last:.1f} %"
     if len(told) < len(factor):
-        state += f", {len(factor) - len(told)} that no pixel tells"
+        state += f", {len(factor) - len(told)} unknown"
     return f"{len(factor)} lights, {min(told):.2f} to {max(told):.2f}{state}"
 
 
 def _compared(folder: Path, outputs: list[dict[str, Any]]) -> tuple[list[str], list[str]]:
-    """Files that are gone, and files that are not what the report hashed."""
+    """Missing files, and files whose hash differs from the report's."""
     from impasto.report import file_entry
 
     lost = [entry["file"] for entry in outputs if not (folder / entry["file"]).is_file()]

@@ -1,4 +1,4 @@
-"""The files of a result: maps for programs, maps for people, and back again."""
+"""The files of a result: maps for programs, maps for viewing, and reading them back."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SPECTRA = "reflectance.npz"
 
 
 def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
-    """Every map as 32-bit OpenEXR, and what a picture can hold as 16-bit PNG or TIFF.
+    """Write every map as 32-bit OpenEXR, and those that fit as 16-bit PNG or TIFF.
 
     ============================  =============================================================
     ``normal.exr``                X, Y, Z; NaN where unknown, as in all ``.exr``
@@ -30,15 +30,15 @@ def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
     ``diffuse.png``, ``.tif``     16 bits: sRGB for one or three bands, else linear TIFF
     ``lobes.exr``                 with lobes per pixel: ``1.R`` and so on, the strength of lobe 1,
                                   ``1.gamma`` and ``1.sigma`` in degrees, ``ambient.R``, ``lobes``;
-                                  of Lafortune's ``1.cxy``, ``1.cz`` and ``1.exponent``, and the
-                                  deviations ``1.specular_sigma``, ``1.direction_sigma`` (degrees)
+                                  of Lafortune ``1.cxy``, ``1.cz`` and ``1.exponent``, and the
+                                  errors ``1.specular_sigma``, ``1.direction_sigma`` (degrees)
                                   and ``1.exponent_sigma``
     ``gloss.exr``                 with lobes per segment: ``beta``, and ``gamma`` in degrees
-    ``trust.exr``                 status, residual, sigma (degrees), misfit of the gloss,
+    ``quality.exr``               status, residual, sigma (degrees), misfit of the gloss,
                                   condition, samples used and rejected, by reason
     ``status.png``                8 bits: the codes of :class:`impasto.Status`
     ``sbrdf.npz``                 all of it, for ``impasto render`` and :func:`impasto.load_sbrdf`
-    ``reflectance.npz``           spectra, where the camera is known
+    ``reflectance.npz``           spectra, if the camera is known
     ``colour.png``                16 bits, sRGB: the diffuse colour under D65, from the spectra
     ============================  =============================================================
     """
@@ -53,7 +53,7 @@ def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
         write_exr(folder / "lobes.exr", _lobes(sbrdf))
     if isinstance(sbrdf, SegmentSbrdf):
         write_exr(folder / "gloss.exr", _segments(sbrdf))
-    write_exr(folder / "trust.exr", _trust(sbrdf))
+    write_exr(folder / "quality.exr", _quality(sbrdf))
     write_png8(folder / "status.png", np.asarray(sbrdf.status, dtype=np.uint8))
     sbrdf.save(folder / RESULT)
     if reflectance is not None:
@@ -67,20 +67,20 @@ def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
 
 
 def load_result(folder: Path) -> tuple[Any, Any]:
-    """The fit in a result folder and its reflectance, or None where the camera was unknown.
+    """The fit in a result folder and its reflectance, or None if the camera was unknown.
 
     Raises
     ------
     ArgumentError
-        No result there.
+        There is no result.
     CorruptInputError
-        A damaged one.
+        The result is damaged.
     """
     import impasto
 
     path = folder / RESULT if folder.is_dir() else folder
     if not path.is_file():
-        what = "does not exist" if not folder.exists() else f"holds no {RESULT}"
+        what = "does not exist" if not folder.exists() else f"has no {RESULT}"
         raise ArgumentError(f"{folder} {what}: expected the --out folder of impasto fit or demo")
     spectra = path.with_name(SPECTRA)
     reflectance = impasto.Reflectance.load(spectra) if spectra.is_file() else None
@@ -126,7 +126,7 @@ def _coded(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(coded, dtype=np.float32)
 
 
-def _trust(sbrdf: Any) -> dict[str, NDArray[Any]]:
+def _quality(sbrdf: Any) -> dict[str, NDArray[Any]]:
     stereo = sbrdf.normals
     reasons = ("saturated", "invalid", "shadow", "highlight")
     return {

@@ -26,10 +26,9 @@ def measured(
     threads: int | None,
     gloss: dict[str, Any] | None = None,
 ) -> tuple[Any, Reflectance | None]:
-    """Normals, gloss and, where the camera is known, spectra.
+    """Normals, gloss and, if the camera is known, spectra.
 
-    ``gloss`` holds arguments of :func:`impasto.fit_sbrdf` where the system's own gloss is not what
-    is asked for.
+    ``gloss`` holds arguments of :func:`impasto.fit_sbrdf` that replace those of the system.
     """
     import impasto
     from impasto.overview import gloss_words
@@ -62,7 +61,7 @@ def measured(
 
 
 def _share_estimated(status: NDArray[np.uint8]) -> str:
-    """``99.8 %``, of the pixels that no mask excludes."""
+    """``99.8 %`` of the pixels inside the mask."""
     inside = status != Status.MASKED
     share = float((status[inside] < Status.DARK).mean()) if inside.any() else float("nan")
     return "100 %" if np.isclose(share, 1.0, rtol=0, atol=5e-5) else f"{100 * share:.2f} %"

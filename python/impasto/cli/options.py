@@ -1,4 +1,4 @@
-"""Options as people say them: flags, directions in degrees, places in mm."""
+"""Types of options: flags, directions in degrees, positions in mm."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Angles:
     azimuth
         0 is right, 90 up, 180 left, 270 (or -90) down.
     elevation
-        0 grazes the painting, 90 stands straight in front of it.
+        0 is in the plane of the painting, 90 in front of it.
     """
 
     azimuth: float
@@ -46,7 +46,7 @@ def parsed(text: str) -> Angles:
     Raises
     ------
     ValueError
-        If these are not two finite numbers, or the direction lies behind the painting.
+        If there are not two finite numbers, or the direction is behind the painting.
     """
     words = text.split(",")
     try:
@@ -66,7 +66,7 @@ def position(text: str) -> Position:
     Raises
     ------
     ValueError
-        If these are not three finite numbers.
+        If there are not three finite numbers.
     """
     try:
         x, y, z = (float(word) for word in text.split(","))
@@ -86,7 +86,7 @@ def _several(_type: Any, tokens: Sequence[Token]) -> tuple[Angles, ...]:
 
 
 def _whole(_type: Any, tokens: Sequence[Token]) -> int:
-    """Cyclopts would take 1.5 for 2."""
+    """A whole number; Cyclopts would round 1.5 to 2."""
     word = tokens[-1].value
     try:
         return int(word)
@@ -99,7 +99,7 @@ def _positions(_type: Any, tokens: Sequence[Token]) -> tuple[Position, ...]:
 
 
 def _word(converter: Any, metavar: str) -> Parameter:
-    """One word, which may begin with a minus sign."""
+    """One argument, which may begin with a minus sign."""
     return Parameter(
         converter=converter,
         metavar=metavar,
@@ -111,7 +111,7 @@ def _word(converter: Any, metavar: str) -> Parameter:
 
 
 def check_threads(threads: int | None) -> None:
-    """Refuse a number of threads before any file is read; that of the environment as well."""
+    """Refuse an invalid number of threads (option or environment) before any file is read."""
     from impasto._internal.calls import thread_count
 
     if threads is not None and threads < 1:

@@ -1,4 +1,4 @@
-"""How photographs are read: the options that `fit` and its kin share."""
+"""How photographs are read: the options that `fit` and `doctor` share."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ if TYPE_CHECKING:
 
 GROUP = Group("Photographs", sort_key=1)
 TO_16_BITS = 4
-"""Shift that brings the 12 bits of the simulated sensor to the top of 16."""
+"""Shift of the simulated sensor's 12 bits to the top of 16."""
 
 
 @Parameter(name="*", group=GROUP)
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """Options of :func:`impasto.read_stack`, as words of a command line."""
+    """Options of :func:`impasto.read_stack` on the command line."""
 
     encoding: Annotated[str | None, Parameter(metavar="CURVE")] = None
     """Tone curve of the files: srgb, linear, a gamma such as 2.2, or auto to estimate it from the
-    photographs. Without it: srgb for 8-bit files, linear for all others."""
+    photographs. Default: srgb for 8-bit files, linear for all others."""
 
     lights: Path | None = None
-    """File of light directions, where STACK is a folder; default: the folder's only one."""
+    """File of light directions if STACK is a folder; default: the only one in the folder."""
 
     images: Path | None = None
-    """Folder of the photographs; default: where the light file is."""
+    """Folder of the photographs; default: that of the light file."""
 
     mask: Path | None = None
-    """Picture that is not black where the painting is."""
+    """Picture that is black outside the painting."""
 
     saturation: Annotated[
         tuple[float, ...] | None, Parameter(metavar="CODE", consume_multiple=True, negative="")
     ] = None
-    """Code from which a sample is clipped, one or one per band; default: the largest code."""
+    """Code from which samples are clipped, one or one per band; default: the largest code."""
 
     white: Path | None = None
     """Photograph of a white board, or a folder with one per light."""
@@ -63,18 +63,18 @@ class Reading:
     """Names of the bands, in the order of the files."""
 
     pitch: float | None = None
-    """Width of a pixel on the painting in mm; near lamps need it."""
+    """Width of a pixel on the painting in mm; required for near lamps."""
 
     region: Annotated[
         tuple[int, int, int, int] | None, Parameter(metavar="TOP LEFT HEIGHT WIDTH", negative="")
     ] = None
-    """Only this part, in pixels."""
+    """Read only this part, in pixels."""
 
     strict: Flag = False
-    """Refuse a stack in which anything would have to be repaired."""
+    """Refuse a stack that needs any repair."""
 
     def check(self) -> None:
-        """Refuse numbers that no photographs could make good."""
+        """Refuse values that no photographs could make valid."""
         if self.pitch is not None:
             length_mm(self.pitch, "pitch_mm")
         if self.region is not None:
@@ -99,7 +99,7 @@ class Reading:
         return read_stack(path, **arguments)
 
     def paths(self, stack: Path) -> list[Path]:
-        """What is read: ``stack`` and the files and folders that these options name."""
+        """The inputs: ``stack`` and the files and folders that these options name."""
         dark = None if self.dark is None or _is_number(self.dark) else Path(self.dark)
         named = (stack, self.lights, self.images, self.mask, self.white, self.intensities, dark)
         return [path for path in named if path is not None]
@@ -124,10 +124,10 @@ def _is_number(text: str) -> bool:
 
 
 def write_photographs(folder: Path, capture: Capture) -> Stack:
-    """A simulated session as files, and the stack that :func:`impasto.read_stack` makes of them.
+    """Write a simulated session as files, and read them with :func:`impasto.read_stack`.
 
     ``lights.lp``, ``light_intensities.txt``, one 16-bit TIFF per light and ``camera.csv``. The 12
-    bits of the sensor stand at the top of the 16, as raw converters leave them.
+    bits of the sensor are the upper ones of 16, as from raw converters.
     """
     from impasto.io import read_stack, write_camera, write_lights, write_tiff16
 
@@ -141,7 +141,7 @@ def write_photographs(folder: Path, capture: Capture) -> Stack:
     strength = stack.rig.intensities / (65535.0 * stack.scale[0] / (1 << TO_16_BITS))
     text = "".join(f"{value!r}\n" for value in strength.tolist())
     (folder / "light_intensities.txt").write_text(text, encoding="utf-8")
-    assert stack.saturation is not None  # it came from a sensor of 12 bits
+    assert stack.saturation is not None  # the simulated sensor has 12 bits
     return read_stack(
         folder / "lights.lp",
         encoding="linear",

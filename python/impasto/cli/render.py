@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from impasto.render import Image
 
 CLIPPED, DARK = 0.0005, 0.2
-"""More clipped pixels than the first share are told, and a picture that stays below the second."""
+"""A message is printed above this share of clipped pixels, or below this brightness."""
 
 
 def render(
@@ -47,7 +47,7 @@ def render(
     threads: SomeWhole = None,
     quiet: Flag = False,
 ) -> None:
-    """Light a fitted painting and save the picture.
+    """Render a fitted painting and save the picture.
 
     Parameters
     ----------
@@ -56,27 +56,28 @@ def render(
     out
         The picture: .png (codes of the display) or .exr (linear light).
     light
-        Azimuth,elevation of a distant light in degrees: 90,45 is above, 180,20 rakes from the
-        left. Give it again for more lights. Default: 90,45.
+        Azimuth,elevation of a distant light in degrees: 90,45 is above, 180,20 is raking light from
+        the left. Can be repeated. Default: 90,45.
     point
-        x,y,z in mm of a near lamp, from the middle of the painting; may be given again.
+        x,y,z in mm of a near lamp, from the middle of the painting. Can be repeated.
     illuminant
-        The lamps' light: A, D65, FL2 or kelvin, as in 2856K. Any but D65 needs spectra.
+        Light of the lamps: A, D65, FL2 or kelvin, as in 2856K. Any but D65 needs spectra.
     adaptation
-        Degree to which the eye has adapted from the illuminant to D65: 0 to 1. The papers'
-        observers settled at 0.56. Without it, the light is shown as it is.
+        Degree of adaptation of the eye from the illuminant to D65: 0 to 1; 0.56 in the six-band
+        paper. Default: no adaptation.
     adaptation_mode
-        As in the paper, between blackbodies, or anchored to the true whites.
+        planck: between blackbodies, as in the paper; anchored: between the true whites.
     display
         srgb, "Display P3", or a JSON file of measurements.
     view
         Azimuth,elevation of the eye in degrees; default: in front.
     exposure
-        Factor on all light; default: a white board in full light just does not clip.
+        Factor on all light; default: the largest at which a white board in full light does not
+        clip.
     shadows
-        Cast the shadows of the relief.
+        Include cast shadows of the relief.
     pitch
-        Width of a pixel in mm, where the result does not tell; near lamps need it.
+        Width of a pixel in mm, if the result does not contain it; required for near lamps.
     threads
         Default: every core.
     quiet
@@ -108,9 +109,9 @@ def render(
     )
     sbrdf, reflectance = load_result(result)
     if reflectance is None and (adaptation is not None or scene.illuminants[0] != "D65"):
-        known = f"--illuminant: {result} holds no spectra, so only its colours as photographed are "
+        known = f"--illuminant: {result} has no spectra, so only its colours as photographed are "
         raise ArgumentError(
-            f"{known}known; pixels' own lobes cannot be shown in another light yet, one gloss for "
+            f"{known}known; lobes per pixel cannot be rendered in another light yet, one gloss for "
             "the painting can (impasto fit --camera, without --pooling pixel and --model lafortune)"
             if isinstance(sbrdf, PerPixelSbrdf)
             else f"{known}known; fit again with --camera to render another light"
@@ -131,19 +132,19 @@ def render(
 
 
 def _tell(stages: Stages, image: Image) -> None:
-    """Clipping is said, not hidden; so is a picture that leaves most of the display unused."""
+    """Report clipped pixels, and a picture that leaves most of the display unused."""
     worst = max(image.clipped, key=lambda name: image.clipped[name])
     share = image.clipped[worst]
     if share > CLIPPED:
         stages.say(
             f"  {'':14}[dim]{100 * share:.1f} % of the pixels are brighter than the display can "
-            f"show ({worst} first); --exposure {0.7 * image.exposure:.2g} shows more of them[/]"
+            f"show ({worst} first); --exposure {0.7 * image.exposure:.2g} clips fewer of them[/]"
         )
     elif image.valid.any():
         bright = float(np.percentile(image.linear.max(axis=0)[image.valid], 99.0))
         if 0.0 < bright < DARK:
             stages.say(
                 f"  {'':14}[dim]a dark picture: 99 % of the pixels are below {100 * bright:.0f} % "
-                f"of the display's light; --exposure {0.9 * image.exposure / bright:.2g} makes "
-                "more of it[/]"
+                f"of the display's light; --exposure {0.9 * image.exposure / bright:.2g} uses "
+                "its full range[/]"
             )

@@ -1,4 +1,4 @@
-"""Simulated paintings of known truth, and the rigs that photograph them.
+"""Simulated paintings with a known true surface, and rigs to photograph them.
 
 >>> from impasto import simulate
 >>> painting = simulate.painting(seed=1, size=(64, 64))

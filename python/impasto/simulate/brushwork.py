@@ -1,4 +1,4 @@
-"""From the picture in mind to strokes: large brushes first, lights and accents last."""
+"""From a landscape to strokes: large brushes first, lights and accents last."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.simulate import landscape as land
+from impasto.simulate import landscape as area
 from impasto.simulate.fields import blur
 from impasto.simulate.landscape import Landscape
 from impasto.simulate.pigments import lab_from_srgb
@@ -22,21 +22,21 @@ class Painter:
     Parameters
     ----------
     landscape
-        What is to be seen.
+        The scene to paint.
     size
         Rows and columns of the picture in pixels.
     pitch_mm
         Width of a pixel in mm.
     rng
-        The hand.
+        Random numbers of the strokes.
     """
 
     def __init__(
         self, landscape: Landscape, size: tuple[int, int], pitch_mm: float, rng: np.random.Generator
     ) -> None:
-        self.landscape, self.size, self.rng = landscape, size, rng
+        self.land, self.size, self.rng = landscape, size, rng
         self.unit = float(np.sqrt(size[0] * size[1]))
-        """Side of the picture in px, were it square: brushes are chosen by it."""
+        """Side in px of a square picture of the same area: brushes scale with it."""
         # Thick paint on a large picture is not thicker in proportion.
         self.body_mm = float(1.3 * np.clip((self.unit * pitch_mm / 100.0) ** 0.35, 0.4, 1.6))
         self.lab = lab_from_srgb(landscape.colour).astype(np.float32)
@@ -60,7 +60,7 @@ class Painter:
 
     def at(self, plane: NDArray[np.floating] | NDArray[np.integer], x: Where, y: Where) -> Where:
         """A plane of the landscape at pixels."""
-        rows, columns = self.landscape.angle.shape
+        rows, columns = self.land.angle.shape
         row = np.clip((y + 0.5) / self.size[0] * rows, 0, rows - 1).astype(np.int32)
         column = np.clip((x + 0.5) / self.size[1] * columns, 0, columns - 1).astype(np.int32)
         return np.asarray(plane[row, column])
@@ -68,7 +68,7 @@ class Painter:
     def pass_(
         self, brush: float, step: float, jitter: float, body: tuple[float, float], detail: float
     ) -> Strokes:
-        """Cover what asks for ``detail`` with a brush of width ``brush`` (share of the side)."""
+        """Cover cells of at least this ``detail``; ``brush`` is a width as a share of the side."""
         width = max(brush * self.unit, 3.0)
         spacing = step * width
         rows, columns = self.size
@@ -78,15 +78,13 @@ class Painter:
         count = grid_x.size
         shake = self.rng.uniform(-0.6, 0.6, (2, count)) * spacing
         x, y = grid_x.ravel() + shake[0], grid_y.ravel() + shake[1]
-        keep = (
-            self.at(self.landscape.detail, x, y) + self.rng.uniform(-0.12, 0.12, count)
-        ) >= detail
+        keep = (self.at(self.land.detail, x, y) + self.rng.uniform(-0.12, 0.12, count)) >= detail
         if detail == 0.0:
             keep[:] = True
         order = self.rng.permutation(count)
         order = order[keep[order]]
         x, y = x[order], y[order]
-        matter = self.at(self.landscape.matter, x, y)
+        matter = self.at(self.land.matter, x, y)
         stretch = np.array([3.4, 2.6, 2.4, 2.8, 3.4, 1.9, 1.5, 2.6])[matter]
         small = np.array([1.0, 0.9, 0.9, 0.85, 0.75, 0.70, 0.42, 0.6])[matter]
         wide = width * small * self.rng.uniform(0.75, 1.2, len(x))
@@ -94,9 +92,9 @@ class Painter:
             x, y,
             length=wide * stretch * self.rng.uniform(0.7, 1.25, len(x)),
             width=wide,
-            wander=0.12 + 0.25 * (matter == land.TREE),
+            wander=0.12 + 0.25 * (matter == area.TREE),
             jitter=jitter,
-            body=body[0] + body[1] * self.at(self.landscape.body, x, y),
+            body=body[0] + body[1] * self.at(self.land.body, x, y),
             tool=BRISTLE,
         )  # fmt: skip
 
@@ -116,14 +114,14 @@ class Painter:
         jitter: float = 0.06,
         bend: float = 0.06,
     ) -> Strokes:
-        """Strokes at pixels; what is not given follows the landscape there."""
+        """Strokes at pixels; defaults follow the landscape."""
         count = len(x)
         if angle is None:
-            angle = self.at(self.landscape.angle, x, y)
+            angle = self.at(self.land.angle, x, y)
         if colour is None:
             colour = self.at(self.lab, x, y)
         if second is None:
-            # The brush still carries what it picked up a little way off.
+            # The brush still carries paint from a little way off.
             off = self.rng.normal(0.0, 0.05 * self.unit, (2, count))
             away = self.at(self.lab, x + off[0], y + 0.3 * off[1])
             second = colour + 0.35 * np.clip(away - colour, -25, 25)
@@ -146,7 +144,7 @@ class Painter:
         )
 
     def scatter(self, weight: NDArray[np.floating], count: int) -> tuple[Where, Where]:
-        """``count`` pixels drawn where ``weight`` (a plane of the landscape) is large."""
+        """``count`` random pixels with probabilities ``weight`` (a plane of the landscape)."""
         share = weight.ravel().astype(np.float64)
         if share.sum() <= 0.0:
             return np.zeros(0, np.float32), np.zeros(0, np.float32)
@@ -159,12 +157,12 @@ class Painter:
 
     def tinted(self, name: str, count: int) -> Where:
         """A colour of the mood ``(count, 3)`` L*a*b*."""
-        return np.repeat(lab_from_srgb(np.array([self.landscape.mood[name]])), count, axis=0)
+        return np.repeat(lab_from_srgb(np.array([self.land.mood[name]])), count, axis=0)
 
     def clouds(self) -> Strokes:
         """Lit rims of clouds: soft bristle first, the knife on the fullest of them."""
-        w = self.landscape
-        cloud = (w.matter == land.CLOUD).astype(np.float32)
+        w = self.land
+        cloud = (w.matter == area.CLOUD).astype(np.float32)
         full = blur(cloud, 0.02 * float(np.sqrt(cloud.size))) * cloud
         weight = full**3 * np.clip(w.body - 0.35, 0.0, 1.0) ** 2
         x, y = self.scatter(weight, 260)
@@ -184,10 +182,10 @@ class Painter:
 
     def water(self) -> Strokes:
         """Glitter: short level touches, thickest under the sun."""
-        w = self.landscape
+        w = self.land
         columns = np.arange(w.angle.shape[1])
         under = np.exp(-(((columns - w.sun[0]) / (0.10 * w.angle.shape[1])) ** 2))
-        weight = (w.matter == land.WATER) * (0.15 + under)[None, :]
+        weight = (w.matter == area.WATER) * (0.15 + under)[None, :]
         x, y = self.scatter(weight, 150)
         count = len(x)
         width = self.unit * self.rng.uniform(0.004, 0.010, count)
@@ -207,8 +205,8 @@ class Painter:
 
     def foliage(self) -> Strokes:
         """Leaves: dark ones first, then those against the light, thicker."""
-        w = self.landscape
-        tree = (w.matter == land.TREE).astype(np.float32)
+        w = self.land
+        tree = (w.matter == area.TREE).astype(np.float32)
         groups = []
         for count, lights in ((500, False), (650, True)):
             weight = tree * (
@@ -232,7 +230,7 @@ class Painter:
     def walls(self) -> Strokes:
         """Walls and roofs, hatched from edge to edge with a small flat brush."""
         groups = []
-        for facet in self.landscape.facets:
+        for facet in self.land.facets:
             corners = facet.corners * (self.size[1], self.size[0])
             along, across = (1, 0) if facet.down else (0, 1)
             low, high = corners[:, across].min(), corners[:, across].max()
@@ -254,8 +252,8 @@ class Painter:
 
     def meadow(self) -> Strokes:
         """Blades, then flowers on top of them."""
-        w = self.landscape
-        x, y = self.scatter((w.matter == land.GRASS) * 1.0, 700)
+        w = self.land
+        x, y = self.scatter((w.matter == area.GRASS) * 1.0, 700)
         order = np.argsort(y, kind="stable")
         x, y = x[order], y[order]
         count = len(x)
@@ -268,7 +266,7 @@ class Painter:
             body=self.rng.uniform(0.04, 0.11, count), tool=LINER, colour=colour, jitter=0.07,
         )  # fmt: skip
         rows = np.arange(w.angle.shape[0])[:, None] / w.angle.shape[0]
-        x, y = self.scatter((w.matter == land.GRASS) * np.exp(-(((rows - 0.86) / 0.06) ** 2)), 75)
+        x, y = self.scatter((w.matter == area.GRASS) * np.exp(-(((rows - 0.86) / 0.06) ** 2)), 75)
         petals = self.rng.integers(1, 5, len(x))
         near = (0.6 + 1.6 * np.clip(y / self.size[0] - 0.75, 0, 1) / 0.25)[:, None]
         bloom = self.unit * 0.008 * near[:, 0] * self.rng.uniform(0.7, 1.3, len(x))
@@ -289,10 +287,10 @@ class Painter:
 
     def sun(self) -> Strokes:
         """Rings of the thickest paint on the picture."""
-        rows, columns = self.landscape.angle.shape
-        x0 = self.landscape.sun[0] / columns * self.size[1]
-        y0 = self.landscape.sun[1] / rows * self.size[0]
-        radius = self.landscape.sun[2] / rows * self.size[0]
+        rows, columns = self.land.angle.shape
+        x0 = self.land.sun[0] / columns * self.size[1]
+        y0 = self.land.sun[1] / rows * self.size[0]
+        radius = self.land.sun[2] / rows * self.size[0]
         counts = (30, 24, 18, 13, 8, 4)
         ring = np.repeat([2.6, 2.05, 1.5, 1.05, 0.65, 0.25], counts)
         around = np.concatenate([np.arange(n) / n * 2 * np.pi for n in counts])

@@ -1,4 +1,4 @@
-"""What the painter buys: a plain-weave canvas, sized and primed."""
+"""A plain-weave canvas, sized and primed."""
 
 from __future__ import annotations
 

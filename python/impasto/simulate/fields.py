@@ -1,4 +1,4 @@
-"""Random fields: the irregularity of thread, hand and weather."""
+"""Random fields."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Field = NDArray[np.float32]
 def stream(seed: int, name: str) -> np.random.Generator:
     """An independent random stream for one purpose.
 
-    The purpose's name is part of the seed, so an option that draws more numbers (or a new option)
-    leaves every other stream as it was.
+    The name is part of the seed, so an option that draws more numbers (or a new option)
+    does not change any other stream.
     """
     key = zlib.crc32(name.encode())
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(key,)))

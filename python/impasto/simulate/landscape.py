@@ -1,4 +1,4 @@
-"""The landscape under a low sun that a simulated painting shows, before a stroke is placed."""
+"""The scene of a simulated painting: a landscape under a low sun."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from impasto.simulate.fields import Field, blur, fractal, smoothstep
 
 SKY, CLOUD, HILL, FIELD, WATER, TREE, HOUSE, GRASS = range(8)
 LONGEST = 360
-"""Longer side of the landscape in cells: finer than any stroke is placed."""
+"""Longer side of the landscape in cells: finer than the positions of strokes."""
 
 MOODS: tuple[dict[str, tuple[float, float, float]], ...] = (
     {  # late summer afternoon
@@ -37,7 +37,7 @@ MOODS: tuple[dict[str, tuple[float, float, float]], ...] = (
 
 @dataclass(frozen=True)
 class Facet:
-    """A flat thing with straight edges.
+    """A flat polygon: a wall or a roof.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Facet:
 
 @dataclass(frozen=True)
 class Landscape:
-    """The picture before it is painted, coarse.
+    """The scene to paint, at low resolution.
 
     Attributes
     ----------
@@ -65,11 +65,11 @@ class Landscape:
     angle
         ``(y, x)`` direction of the brush, radians from +x towards +row.
     detail
-        ``(y, x)`` 0 .. 1: how small a brush the place asks for.
+        ``(y, x)`` 0 .. 1: large values need a small brush.
     body
-        ``(y, x)`` 0 .. 1: how thick the paint; lights thick, darks thin.
+        ``(y, x)`` 0 .. 1: thickness of the paint; thick in lights, thin in darks.
     matter
-        ``(y, x)`` what is there: SKY, CLOUD, HILL ...
+        ``(y, x)`` class: SKY, CLOUD, HILL ...
     sun
         (x, y) of the sun in cells, and its radius.
     mood
@@ -100,7 +100,7 @@ def landscape(rng: np.random.Generator, size: tuple[int, int]) -> Landscape:
     sketch.trees()
     sketch.house()
     sketch.grass()
-    return sketch.landscape()
+    return sketch.finished()
 
 
 class _Sketch:
@@ -144,7 +144,7 @@ class _Sketch:
         detail: float | None = None,
         body: NDArray[np.floating] | float | None = None,
     ) -> None:
-        """Lay a colour over the sketch with soft ``where``; the rest follows above one half."""
+        """Blend a colour by ``where``; the other planes are set where it is above one half."""
         self.colour += where[..., None] * (np.broadcast_to(colour, self.colour.shape) - self.colour)
         inside = where > 0.5
         for plane, value in ((self.angle, angle), (self.detail, detail), (self.body, body)):
@@ -154,7 +154,7 @@ class _Sketch:
             self.matter[inside] = matter
 
     def mix(self, first: str, second: str, share: Field) -> Field:
-        """Between two colours of the mood, ``(y, x, 3)``."""
+        """A mixture of two colours of the mood, ``(y, x, 3)``."""
         a, b = self.mood[first], self.mood[second]
         return np.asarray(a + np.asarray(share)[..., None] * (b - a), np.float32)
 
@@ -347,7 +347,7 @@ class _Sketch:
         lean = -np.pi / 2 + 0.35 * self.fractal(0.12, 2)
         self.put(where, colour, GRASS, lean, 0.55, 0.30 + 0.3 * clumps)
 
-    def landscape(self) -> Landscape:
+    def finished(self) -> Landscape:
         colour = np.clip(self.colour, 0.02, 1.0)
         grey = colour @ np.array([0.3, 0.59, 0.11], np.float32)
         gy, gx = np.gradient(blur(grey, 1.0))

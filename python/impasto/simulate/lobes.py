@@ -10,18 +10,18 @@ from impasto.simulate.fields import Field
 from impasto.simulate.paintings import Painting
 
 INTERFACE = 0.0337
-"""What a dielectric of index 1.45 reflects head on (Fresnel)."""
+"""Fresnel reflectance of a dielectric of index 1.45 at normal incidence."""
 
 PAINT = (0.3, -0.92, 5.0)
-"""Paint's own directional lobe: share of the diffuse colour, Cxy, exponent."""
+"""The directional lobe of paint: share of the diffuse colour, Cxy, exponent."""
 
 HAZE = (0.2, 0.25, -0.97)
-"""A gloss varnish's halo: share of its lobe's strength and of its exponent, and Cxy."""
+"""The halo of a gloss varnish: share of its lobe's strength and of its exponent, and Cxy."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lobes:
-    """What :func:`impasto.fit_sbrdf` with ``model="lafortune"`` should find; sharpest lobe first.
+    """The true lobes for :func:`impasto.fit_sbrdf` with ``model="lafortune"``, sharpest first.
 
     Attributes
     ----------
@@ -42,11 +42,11 @@ def lobes(painting: Painting, diffuse: Field) -> Lobes:
 
     As the third paper describes them (section 4): a varnish reflects specularly, in the colour of
     the light; the paint itself has a directional diffuse lobe in its own colour. A gloss varnish
-    has a halo besides. One lobe without varnish, two under matte and satin, three under gloss.
+    also has a halo. One lobe without varnish, two under matte and satin, three under gloss.
 
     A coat's lobe has the width and the height of the Torrance-Sparrow lobe (beta, gamma) that the
-    painting would have had: ``n = ln 2 / (-4 ln cos gamma)``, strength ``beta F(0)``. Of several
-    coats the top one counts.
+    painting has otherwise: ``n = ln 2 / (-4 ln cos gamma)``, strength ``beta F(0)``. Only the top
+    coat counts.
     """
     bands = len(diffuse)
     beta, gamma = painting.beta[0], painting.gamma[0]
@@ -64,7 +64,7 @@ def lobes(painting: Painting, diffuse: Field) -> Lobes:
     exponent[0], exponent[1], exponent[2] = sharp, haze_exponent * sharp, paint_exponent
     cxy = np.empty_like(exponent)
     cxy[0], cxy[1], cxy[2] = -1.0, haze_cxy, paint_cxy
-    # The sharpest first, empty places last, as a fit leaves them.
+    # The sharpest first, empty entries last, as in the result of a fit.
     there = np.stack([varnished, varnished & glossy, np.ones_like(varnished)])
     order = np.argsort(np.where(there, -exponent, 0.0), axis=0, kind="stable")
     cxy, exponent = (np.take_along_axis(map_, order, axis=0) for map_ in (cxy, exponent))

@@ -1,4 +1,4 @@
-"""A painting of known truth, from a seed."""
+"""Simulated paintings: surface and materials from a seed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from impasto.simulate.pigments import (
     palette,
     reflectance,
 )
-from impasto.simulate.strokes import Layer, lay, settle
+from impasto.simulate.strokes import Layer, lay, level
 from impasto.surface import Relightable, Surface
 
 if TYPE_CHECKING:
@@ -30,12 +30,12 @@ if TYPE_CHECKING:
 
 VarnishKind = Literal["matte", "satin", "gloss", "patches"]
 RANK = 12
-"""Basis functions kept: mixtures of 15 paints under a glaze need no more (largest error ~1e-3)."""
+"""Number of basis functions, enough for 15 mixed paints under a glaze (largest error ~1e-3)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Painting(Relightable):
-    """Everything there is to know about a simulated painting.
+    """The true surface of a simulated painting.
 
     Attributes
     ----------
@@ -43,10 +43,10 @@ class Painting(Relightable):
         ``(y, x)`` float32, mm, towards the viewer.
     normal
         ``(3, y, x)`` float32 unit normals: central differences of ``height``
-        (``impasto.simulate.surface.normals`` states them).
+        (formulas in ``impasto.simulate.surface.normals``).
     coefficients, basis, wavelengths
         Diffuse reflectance S = coefficients . basis: ``(k, y, x)`` float32, ``(k, n)`` float64,
-        ``(n,)`` nm. This product is the truth, not an approximation of one.
+        ``(n,)`` nm. This product is exact by definition.
     beta, gamma
         ``(coat, y, x)`` float32: strength and half-width (rad) of each coat's interface
         reflection, the top coat first; beta is 0 where there is no varnish.
@@ -55,7 +55,7 @@ class Painting(Relightable):
     pitch_mm
         Width of a pixel in mm.
     seed
-        What it was made from.
+        The seed of the simulation.
     """
 
     height: Field
@@ -105,7 +105,7 @@ class Painting(Relightable):
         return np.asarray(np.moveaxis(picked, 0, -1) @ self.basis)
 
     def reflectance_in(self, camera: Camera) -> Field:
-        """Diffuse reflectance ``(band, y, x)`` as a camera sees it, white 1 in each band."""
+        """Diffuse reflectance ``(band, y, x)`` in the bands of a camera, white 1 in each band."""
         weights = np.asarray(camera.response(self.basis, self.wavelengths), dtype=np.float64)
         return self._project(weights)
 
@@ -133,23 +133,23 @@ def painting(
     thread_mm: float = 0.95,
     pigments: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Painting:
-    """Paint a landscape in oil on canvas.
+    """Simulate a landscape in oil on canvas.
 
     Parameters
     ----------
     seed
-        Same seed and options, same bytes. An option does not reshuffle what it does not concern.
+        The same seed and options give the same bytes. An option changes only what it concerns.
     size
         ``(y, x)`` in pixels.
     varnish
         ``"matte"``, ``"satin"`` or ``"gloss"``: one (beta, gamma) everywhere; ``"patches"``: all
-        three; None: none, the painting reflects diffusely only.
+        three; None: no varnish, purely diffuse.
     layers
         Coats of varnish, 1 to 3. Each adds its own interface reflection and levels the relief.
     yellowing
-        0: clear varnish; 1: a century old.
+        0: clear varnish; 1: varnish a century old.
     glazes
-        Whether transparent dark paint deepens the shadows and pools in the hollows.
+        Whether transparent dark paint covers the dark parts and collects in hollows.
     craquelure
         Whether the paint has cracked.
     relief
@@ -159,7 +159,7 @@ def painting(
     thread_mm
         Distance of the canvas threads in mm.
     pigments
-        ``(reflectance (count, n), wavelengths (n,) nm)`` to choose the paints from; default: two
+        ``(reflectance (count, n), wavelengths (n,) nm)`` to select the paints from; default: two
         charts of colour-science (``impasto.simulate.pigments.palette``).
 
     Raises
@@ -177,7 +177,7 @@ def painting(
     layer = _toned(ground, paints)
     first, second = paints.match(strokes.colour), paints.match(strokes.second)
     lay(layer, strokes, first, second, stream(seed, "bristles"), pitch_mm)
-    settle(layer, pitch_mm)
+    level(layer, pitch_mm)
     height, darkness = layer.height, np.zeros(size, np.float32)
     if craquelure:
         fall, darkness = surface.cracks(stream(seed, "cracks"), size, pitch_mm)
@@ -232,9 +232,9 @@ def _reflect(
     darkness: Field,
     rng: np.random.Generator,
 ) -> tuple[Field, NDArray[np.float64]]:
-    """Coefficients ``(k, y, x)`` and basis ``(k, n)`` of what lies on the canvas.
+    """Coefficients ``(k, y, x)`` and basis ``(k, n)`` of the reflectance.
 
-    Mixtures by Kubelka-Munk; glaze and varnish are transparent and passed twice (Beer):
+    Mixtures after Kubelka and Munk; light passes glaze and varnish twice (Beer's law):
     S = R exp(-2 a d).
     """
     solid = absorption(paints.reflectance).astype(np.float32)
@@ -290,7 +290,7 @@ def _checked(
     except (TypeError, ValueError) as error:
         raise ArgumentError(f"size: expected (y, x) in pixels, found {size!r}") from error
     if rows < 1 or columns < 1:
-        raise ArgumentError(f"size: expected at least one pixel each way, found {size!r}")
+        raise ArgumentError(f"size: expected at least one pixel in each direction, found {size!r}")
     if varnish is not None and varnish not in get_args(VarnishKind):
         raise ArgumentError(
             f'varnish: expected "matte", "satin", "gloss", "patches" or None, found {varnish!r}'

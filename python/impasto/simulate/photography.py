@@ -1,4 +1,4 @@
-"""Photographs of a simulated painting: light, lens-free optics, and a sensor with its faults."""
+"""Photographs of a simulated painting: light, ideal optics, and a noisy sensor."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What a fit of a capture should find.
+    """The true values for a fit of a capture.
 
     Attributes
     ----------
     painting
-        All of it.
+        The painting.
     rig, camera
-        What photographed it, without exposure.
+        Rig and camera, without exposure.
     normal
         ``(3, y, x)`` float32.
     diffuse
@@ -71,7 +71,7 @@ class Truth:
     beta, gamma
         ``(coat, y, x)`` float32.
     lobes
-        The Lafortune lobes that were photographed instead of beta and gamma; else None.
+        The Lafortune lobes that replace beta and gamma in the photographs; else None.
     exposure
         Share of full scale that a white board facing a light of intensity 1 reaches.
     """
@@ -89,7 +89,7 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """Photographs and what is true of them."""
+    """Photographs with their true values."""
 
     stack: Stack
     truth: Truth
@@ -118,7 +118,7 @@ def capture(
 ) -> Capture:
     """Photograph a painting under every light of a rig, from every view.
 
-    Photographs are made one at a time: what is held is the stack (770 of 512 x 512 pixels in three
+    Photographs are made one at a time: memory holds the stack (770 of 512 x 512 pixels in three
     bands of 12 bits take 1.2 GB) and one photograph.
 
     Parameters
@@ -126,12 +126,12 @@ def capture(
     painting
         From :func:`impasto.simulate.painting`.
     rig
-        A :class:`~impasto.Rig` or a name that :func:`impasto.simulate.rig` knows.
+        A :class:`~impasto.Rig` or a name of :func:`impasto.simulate.rig`.
     camera
-        A camera or a name; default: the one that goes with the rig's name, else ``"rgb"``.
+        A camera or a name; default: the camera of the named rig, else ``"rgb"``.
     model
-        What the gloss follows: ``"torrance-sparrow"`` or ``"lafortune"``
-        (:class:`impasto.simulate.Lobes`); default: the paper's of the rig's name, else the former.
+        Model of the gloss: ``"torrance-sparrow"`` or ``"lafortune"``
+        (:class:`impasto.simulate.Lobes`); default: that of the named rig's paper, else the former.
     noise
         Shot and read noise (True: 30,000 electrons full well, 3 electrons read noise).
     bits
@@ -139,23 +139,22 @@ def capture(
     exposure
         Share of full scale that a white board facing a light of intensity 1 reaches.
     clip
-        Whether light beyond full scale is lost. False exposes for the brightest highlight
-        instead: ``exposure`` is lowered to what keeps it below 95 % of full scale.
+        Whether light beyond full scale is clipped. False lowers ``exposure`` until the brightest
+        highlight stays below 95 % of full scale.
     falloff
-        Whether near lights weaken with 1 / r^2; default: as their own ``falloff`` says.
+        Whether near lights weaken with 1 / r^2; default: their own ``falloff``.
     shadows
         Whether the relief casts shadows.
     encoding
         ``"linear"``, ``"srgb"`` or a gamma such as ``"2.2"``. Coded photographs are decoded again,
-        so the samples keep the coarse steps in the lights; full scale is 1.0 and the exposure
-        goes into the intensities of the stack's lights.
+        so the samples keep the coarse quantisation of bright values; full scale is 1.0 and the
+        exposure is part of the intensities of the stack's lights.
     frames
         Exposures averaged before quantisation.
     seed
         Of the noise; default: the painting's.
     forward
-        Another Torrance-Sparrow model (for independent tests); default: the one that impasto
-        renders with.
+        Another Torrance-Sparrow model (for independent tests); default: that of impasto.
 
     Returns
     -------
@@ -165,7 +164,7 @@ def capture(
     Raises
     ------
     ArgumentError, GeometryError
-        An option is out of its range or the rig has another pixel width than the painting.
+        An option is out of range or the rig has another pixel width than the painting.
     """
     if model is None:
         model = "lafortune" if isinstance(rig, str) and rig == "snel-lafortune" else MODELS[0]
@@ -182,7 +181,7 @@ def capture(
     check_seed(seed)
     full = 1.0 if bits is None else float(2**bits - 1)
     linear = Encoding(encoding).curve == "linear"
-    # A pedestal keeps the noise of the darks from being cut at 0.
+    # A pedestal keeps the noise of dark samples from being clipped at 0.
     black = float(round(full / 64)) if bits is not None and sensor and linear else 0.0
     dtype = np.float32 if bits is None or not linear else np.uint8 if bits <= 8 else np.uint16
     samples = np.empty((len(rig), *diffuse.shape), dtype=dtype)
@@ -227,7 +226,7 @@ def default_capture(
     size: tuple[int, int] = (512, 512),
     **options: Any,
 ) -> Capture:
-    """The embedded default: a satin-varnished landscape photographed by one of the papers' systems.
+    """The default simulation: a satin-varnished landscape, photographed with the rig of a paper.
 
     ``options`` go to :func:`capture`.
     """
@@ -275,8 +274,8 @@ def _default_forward(
 
 
 def _noisy(exposed: Field, sensor: Noise, frames: int, rng: np.random.Generator) -> Field:
-    # A Poisson count above some 50 electrons is normal to within a hundredth of its deviation;
-    # below, the read noise rules.
+    # A Poisson count above about 50 electrons is normal to within a hundredth of its deviation;
+    # below, the read noise dominates.
     electrons = np.maximum(exposed, 0.0) * np.float32(sensor.full_well)
     deviation = np.sqrt((electrons + np.float32(sensor.read**2)) / np.float32(frames))
     deviation /= np.float32(sensor.full_well)
@@ -291,7 +290,7 @@ def _noise_stream(seed: int, observation: int) -> np.random.Generator:
 def _resolved(
     painting: Painting, rig: Rig | str, camera: Camera | str | None, falloff: bool | None
 ) -> tuple[Rig, Camera]:
-    instance(painting, Painting, "painting", "what impasto.simulate.painting returns")
+    instance(painting, Painting, "painting", "an impasto.simulate.Painting")
     if camera is None:
         camera = rig if isinstance(rig, str) and rig in CAMERAS else "rgb"
     if isinstance(rig, str):

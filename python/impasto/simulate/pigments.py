@@ -36,12 +36,12 @@ ROLES: dict[str, tuple[float, float, float]] = {
     "violet": (31, 24, -21),
     "black": (20, 0, 0),
 }
-"""The paints on the palette and the CIE L*a*b* (D65) each is looked for at."""
+"""The paints of the palette, each with its wanted CIE L*a*b* (D65)."""
 
 
 @dataclass(frozen=True)
 class Palette:
-    """Paints and every mixture that the painter thinks of.
+    """Paints and their mixtures.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Palette:
     def match(self, lab: NDArray[np.floating]) -> NDArray[np.int32]:
         """The mixture nearest to each wanted colour: ``(count, 3)`` to ``(count,)``."""
         wanted = np.asarray(lab, dtype=np.float32).reshape(-1, 3)
-        # A painter forgives a wrong lightness least.
+        # Errors of lightness weigh most.
         weight = np.array([1.25, 1.0, 1.0], dtype=np.float32)
         table = self.lab * weight
         norm = (table * table).sum(axis=1)
@@ -86,7 +86,7 @@ def reflectance(absorption: NDArray[np.floating]) -> NDArray[np.floating]:
 
 
 def palette(pigments: tuple[ArrayLike, ArrayLike] | None = None) -> Palette:
-    """Paints picked from measured spectra, one for each role.
+    """Paints selected from measured spectra, one for each role.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def lab_from_srgb(srgb: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def _recipes(count: int) -> NDArray[np.float64]:
-    """Pure paints, pairs and pairs let down with white, by ratios that double."""
+    """Pure paints, pairs and pairs mixed with white, in ratios that double."""
     white = 0
     ratios = [1.0, 0.5, 0.2, 0.08, 0.03]
     shares = [1.0, 0.5, 0.25, 0.12, 0.06, 0.03, 0.015, 0.006]

@@ -22,10 +22,10 @@ INCIDENCES = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
 """Degrees from the normal at which the lamp of Snel's rig stands."""
 
 RINGS = ((0, 1), (3, 6), (6, 8), (9, 10), (13, 12), (18, 12), (25, 12), (35, 14))
-"""Snel's views about the mirror direction: degrees from it, and how many of them."""
+"""Views about the mirror direction in Snel's rig: degrees from it, and their number."""
 
 LOWEST = 75.0
-"""Degrees from the normal beyond which a rectified photograph shows too little."""
+"""Degrees from the normal beyond which a rectified photograph has too little resolution."""
 
 PER_INCIDENCE = 115
 
@@ -62,13 +62,13 @@ def _snel() -> tuple[Directions, Directions]:
     for incidence in INCIDENCES:
         light, mirror = _direction([incidence, incidence], [180.0, 0.0])
         dense = [_about(mirror, angle, count, 0.5 * angle) for angle, count in RINGS]
-        # Elsewhere the reflection varies little: a sparse spiral over the hemisphere.
+        # The reflection varies little elsewhere: a sparse spiral over the hemisphere.
         turns = np.arange(400)
         cosine = 1.0 - (turns + 0.5) / turns.size * (1.0 - np.cos(np.radians(LOWEST)))
         sparse = _direction(np.degrees(np.arccos(cosine)), 137.50776 * turns)
         sparse = sparse[sparse @ mirror < np.cos(np.radians(RINGS[-1][0] + 5.0))]
         near = np.concatenate(dense)
-        # The camera neither looks along the painting nor stands in front of the lamp.
+        # The camera neither grazes the painting nor blocks the lamp.
         near, sparse = (
             v[(v[:, 2] > np.cos(np.radians(LOWEST))) & (v @ light < np.cos(np.radians(5.0)))]
             for v in (near, sparse)
@@ -96,30 +96,30 @@ RIGS: dict[str, Callable[[], tuple[Directions, Directions]]] = {
 
 
 def rig(name: str, *, distance_mm: float | None = None, pitch_mm: float = PITCH_MM) -> Rig:
-    """The lights and views of one of the papers.
+    """The lights and views of the rig of a paper.
 
     ``"tominaga-rgb-camera"``: 9 lights, first the top one, then 8 at 45 degrees elevation every
     45 degrees, from +x counter-clockwise (Figure 3 of the paper). The camera is straight above.
 
-    ``"tominaga-six-band-adaptation"``: 16 lights. The paper says only that none is extremely
-    raking; here two staggered rings: 8 at 45 degrees every 45, then 8 at 67.5 degrees elevation
-    half a step further. The lower ring fixes the normals, the upper one reaches the highlights of
-    nearly flat places (their half vectors lean 22.5 and 11.25 degrees). The camera is straight
-    above.
+    ``"tominaga-six-band-adaptation"``: 16 lights. The paper only says that none is at an
+    extremely low elevation. Here they form two staggered rings: 8 at 45 degrees elevation every 45
+    degrees, then 8 at 67.5 degrees elevation, half a step further. The lower ring determines the
+    normals; the upper one reaches the highlights of nearly flat areas (their half vectors lean
+    22.5 and 11.25 degrees). The camera is straight above.
 
     ``"snel-lafortune"``: 690 + 80 pairs of light and view, every observation with its own view.
-    The paper (section 2, Figure 6) says how many, that they crowd about the mirror direction,
-    where steps are 3 degrees, that azimuths of the light were dropped with anisotropy, and that
-    80 more serve the normals; it prints no positions. Here the first 690 are six incidences of a
-    lamp in the plane y = 0 (10 to 60 degrees) with 115 views each: rings 0 to 35 degrees about
-    the mirror direction, the rest spread thinly over the hemisphere down to 75 degrees. The last
-    80 are lamps from eight azimuths at 20 and 45 degrees, each seen from the mirror direction and
-    from 8 degrees about it.
+    The paper (section 2, Figure 6) gives their number, says that they are dense about the mirror
+    direction, in steps of 3 degrees, that azimuths of the light were left out together with
+    anisotropy, and that 80 more are for the normals; it lists no positions. Here the first 690 are
+    six incidences of a lamp in the plane y = 0 (10 to 60 degrees) with 115 views each: rings 0 to
+    35 degrees about the mirror direction, the others sparse over the hemisphere down to 75
+    degrees. The last 80 are lamps from eight azimuths at 20 and 45 degrees, each seen from the
+    mirror direction and from 8 degrees about it.
 
     Parameters
     ----------
     name
-        Which paper.
+        The name of the paper's system.
     distance_mm
         Distance of the lamps from the middle of the painting; None: infinitely far.
     pitch_mm

@@ -1,4 +1,4 @@
-"""How far a fit is from the truth of a simulated painting."""
+"""Errors of a fit relative to the truth of a simulated painting."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from impasto.simulate.paintings import Painting
 from impasto.simulate.photography import Truth
 
 ILLUMINANTS = ("D65", "A")
-"""Lights under which colours are compared."""
+"""Illuminants under which colours are compared."""
 _BLOCK = 32768
-"""Pixels whose spectra are expanded at a time."""
+"""Pixels per block of expanded spectra."""
 
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """Differences between a fit and the truth, over the pixels that were estimated.
+    """Errors of a fit relative to the truth, over the pixels that were estimated.
 
     Attributes
     ----------
@@ -41,9 +41,8 @@ class Score:
     colour_mean, colour_p95
         CIEDE2000 of the diffuse colour, by illuminant; empty without a reflectance.
     beta, gamma
-        Relative error of the pooled specular parameters against the median of the top coat's.
-        NaN where the painting has no varnish or none was found, and for segments' or pixels' own
-        lobes.
+        Relative error of the pooled specular parameters; the truth is the median of the top coat.
+        NaN if the painting has no varnish or none was found, and for lobes per segment or pixel.
     normal_error, colour_error
         Maps ``(y, x)``: degrees, and CIEDE2000 under D65 (None without a reflectance).
     """
@@ -61,7 +60,7 @@ class Score:
     colour_error: NDArray[np.float32] | None
 
     def numbers(self) -> dict[str, Any]:
-        """Everything but the maps."""
+        """All values except the maps."""
         return {name: value for name, value in asdict(self).items() if not name.endswith("_error")}
 
 
@@ -73,16 +72,16 @@ def score(truth: Truth, sbrdf: Any, reflectance: Any = None) -> Score:
     truth
         ``Capture.truth``.
     sbrdf
-        What :func:`impasto.fit_sbrdf` returned for ``Capture.stack``.
+        The result of :func:`impasto.fit_sbrdf` for ``Capture.stack``.
     reflectance
-        What :func:`impasto.fit_reflectance` returned.
+        The result of :func:`impasto.fit_reflectance`.
 
     Raises
     ------
     ArgumentError
-        Something else, or maps of another size than the painting's.
+        Arguments of other types, or maps of another size than the painting's.
     """
-    instance(truth, Truth, "truth", "the truth of what impasto.simulate.capture returns")
+    instance(truth, Truth, "truth", "the truth of an impasto.simulate.Capture")
     holding(("normal", "diffuse"), sbrdf, "sbrdf", "what impasto.fit_sbrdf returns")
     _same_size(sbrdf.normal, truth, "sbrdf")
     if reflectance is not None:
@@ -143,7 +142,7 @@ def _same_size(maps: NDArray[Any], truth: Truth, name: str) -> None:
     if maps.shape[1:] != (height, width):
         size = " x ".join(map(str, maps.shape[:0:-1]))
         raise ArgumentError(
-            f"{name}: expected {width} x {height} pixels, as the painting has, found {size}; "
+            f"{name}: expected {width} x {height} pixels as of the painting, found {size}; "
             "fit the photographs that belong to this truth"
         )
 
@@ -167,7 +166,7 @@ def _rmse(painting: Painting, reflectance: Any) -> float:
 
 
 def _relative(sbrdf: Any, name: str, truth: Truth) -> float:
-    """NaN, too, for a fit that has no such number of the whole painting."""
+    """Relative error; NaN for a fit without such a number for the whole painting."""
     found, true = getattr(sbrdf, name, None), float(np.median(getattr(truth, name)[0]))
     if found is None or np.ndim(found) > 0 or true == 0.0:
         return float("nan")

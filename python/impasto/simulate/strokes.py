@@ -1,9 +1,8 @@
-"""One stroke after another: bristles, loaded paint, overlapping and never mixed by a blur.
+"""Strokes of paint: bristles, loaded paint, overlapping without mixing.
 
 Each pixel of the paint layer holds two paints and the share of the second. A stroke covers what
-lies below (only its antialiased rim keeps some of it), flattens the relief it is dragged over and
-leaves its own: grooves of the bristles, ridges where paint was pushed aside, a lip where the brush
-was lifted.
+lies below (except under its antialiased rim), flattens the relief below and adds its own: grooves
+of the bristles, ridges where paint was pushed aside, a lip where the brush was lifted.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ VARIANTS = 10
 
 @dataclass(frozen=True)
 class Strokes:
-    """Strokes in the order they are laid; every array is ``(count,)`` unless it says otherwise.
+    """Strokes in painting order; arrays are ``(count,)`` unless stated otherwise.
 
     Attributes
     ----------
@@ -71,7 +70,7 @@ class Strokes:
 
 @dataclass
 class Layer:
-    """The wet painting: relief, and what paint lies on top at each pixel.
+    """The wet painting: relief and topmost paint of each pixel.
 
     Attributes
     ----------
@@ -100,7 +99,7 @@ def lay(
     rng: np.random.Generator,
     pitch_mm: float,
 ) -> None:
-    """Lay strokes on the layer, in order; ``first`` and ``second`` are their recipes."""
+    """Paint strokes on the layer, in order; ``first`` and ``second`` are their recipes."""
     import cv2
 
     rows, columns = layer.height.shape
@@ -122,7 +121,7 @@ def lay(
         dy = np.arange(top, bottom, dtype=np.float32)[:, None] - np.float32(y)
         u = cos * dx + sin * dy
         v = -sin * dx + cos * dy
-        # A parabola: the stroke's middle line bulges by `bend` of its length.
+        # A parabola: the middle line of the stroke bulges by `bend` times its length.
         v += bend * length * (1.0 - (2.0 / length * u) ** 2)
         stamp = stamps.get(int(strokes.tool[i]), width, length, int(variant[i]))
         scale_v, scale_u = stamp.shape[0] - 1.0, stamp.shape[1] - 1.0
@@ -139,12 +138,12 @@ def lay(
 
 
 def _press(layer: Layer, window: tuple[slice, slice], stamp: Field, body: float) -> None:
-    """Level the relief under the stroke, then add the stroke's own."""
+    """Level the relief under the stroke, then add that of the stroke."""
     import cv2
 
     height, paint = layer.height[window], layer.paint[window]
     cover, profile = stamp[..., 0], stamp[..., 1]
-    # A loaded brush fills what it passes over; thin paint follows every thread.
+    # A loaded brush fills the relief below; thin paint follows every thread.
     level = 0.02 + 0.83 * float(np.clip((body - 0.015) / 0.16, 0.0, 1.0)) ** 0.8
     mean = cv2.blur(height, (7, 7), borderType=cv2.BORDER_REFLECT)
     mean_paint = cv2.blur(paint, (7, 7), borderType=cv2.BORDER_REFLECT)
@@ -241,7 +240,7 @@ def _touch(
 def _knife(
     rng: np.random.Generator, u: Field, v: Field, edge: Field, grooves: Field, streak: Field
 ) -> Field:
-    """A slab: flat on top, proud at its rims, torn where the blade left it."""
+    """A slab: flat on top, raised at its rims, torn at its end."""
     shape = edge.shape
     tear = noise(rng, shape, (shape[0] / 6, shape[1] / 9))
     slope = 0.12 * float(rng.standard_normal()) * v
@@ -254,13 +253,13 @@ def _knife(
 
 
 def _stack(cover: Field, relief: Field, streak: Field) -> Field:
-    """One texture, its rim forced to nothing so that sampling outside it finds nothing."""
+    """One texture with a rim of 0, so that samples outside are 0."""
     texture = np.dstack(np.broadcast_arrays(cover, relief, streak)).astype(np.float32)
     texture[0], texture[-1] = 0.0, 0.0
     texture[:, 0], texture[:, -1] = 0.0, 0.0
     return np.ascontiguousarray(texture)
 
 
-def settle(layer: Layer, pitch_mm: float) -> None:
-    """Wet paint levels a little before it dries: features below 0.1 mm go."""
+def level(layer: Layer, pitch_mm: float) -> None:
+    """Level the wet paint: features below 0.1 mm disappear."""
     layer.height[:] = blur(layer.height, 0.09 / pitch_mm)

@@ -1,4 +1,4 @@
-"""What time and the restorer add: glazes, cracks, varnish."""
+"""Glazes, cracks and varnish of a simulated painting."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ NONE, MATTE, SATIN, GLOSS = range(4)
 """Classes of the varnish map."""
 
 GAMMA: dict[int, float] = {MATTE: 0.30, SATIN: 0.12, GLOSS: 0.075}
-"""Half-width of the facets' tilt in radians; 0.075 is what the RGB-camera paper measured."""
+"""Half-width of the facets' tilt in radians; 0.075 is from the RGB-camera paper."""
 
 COAT_SHARE = (1.0, 0.35, 0.2)
-"""What the first, second, third coat from the top reflect of a full interface with air: the lower
-ones show where the upper is thin."""
+"""Reflectance of the first, second and third coat from the top, relative to a full interface with
+air: lower ones show where the upper is thin."""
 
 
 def normals(height: Field, pitch_mm: float) -> Field:
@@ -54,7 +54,7 @@ def beta_of(gamma: float) -> float:
 
 
 def glaze_depth(rng: np.random.Generator, height: Field, dark: Field, pitch_mm: float) -> Field:
-    """Optical depth ``(y, x)`` of a glaze: over the darks, pooled in the hollows."""
+    """Optical depth ``(y, x)`` of a glaze: on dark paint, deeper in hollows."""
     patches = smoothstep(
         -0.2, 1.0, fractal(rng, height.shape, 0.22 * float(np.sqrt(height.size)), 3)
     )
@@ -86,11 +86,11 @@ class Varnish:
 def varnish(
     rng: np.random.Generator, shape: tuple[int, int], kind: str | None, layers: int
 ) -> Varnish:
-    """Brush varnish on: one kind everywhere, or patches of all three."""
+    """Varnish of one kind everywhere, or patches of all three."""
     classes = {None: NONE, "matte": MATTE, "satin": SATIN, "gloss": GLOSS}
     unit = float(np.sqrt(shape[0] * shape[1]))
     if kind == "patches":
-        # Where the old varnish was cleaned off, where it sank in, where it was fed again.
+        # Old varnish cleaned off, sunk in, or renewed.
         field = fractal(rng, shape, 0.34 * unit, 3)
         order = np.argsort(field, axis=None, kind="stable")
         label = np.empty(field.size, dtype=np.uint8)
@@ -103,7 +103,7 @@ def varnish(
     beta = np.zeros((layers, *shape), dtype=np.float32)
     for coat in range(layers):
         for value, width in GAMMA.items():
-            # An older, lower coat has dried rougher.
+            # An older, lower coat is rougher.
             rough = width * 1.5**coat
             gamma[coat][label == value] = rough
             beta[coat][label == value] = COAT_SHARE[coat] * beta_of(rough)
@@ -113,7 +113,7 @@ def varnish(
 
 
 def levelled(height: Field, layers: int, pitch_mm: float) -> Field:
-    """The relief under ``layers`` coats of varnish: each fills a tenth of the finest hollows."""
+    """The relief under ``layers`` coats of varnish; each partly fills the finest hollows."""
     for _ in range(layers):
         soft = blur(height, 0.22 / pitch_mm)
         height = height + np.float32(0.15) * (soft - height)
@@ -166,7 +166,7 @@ def cracks(
         border[:-1] |= island[:-1] != island[1:]
         border[:, :-1] |= island[:, :-1] != island[:, 1:]
         away = cv2.distanceTransform((~border).astype(np.uint8), cv2.DIST_L2, 5) * pitch_mm
-        # A picture inside one island has no border: cv2 then answers the largest float.
+        # A picture inside one island has no border: cv2 then returns the largest float.
         away = np.minimum(away, 1e3)
         strength = smoothstep(-0.9, 0.2, fractal(rng, shape, 2.2 * cell, 2) + (share - 0.5) * 2.0)
         gap = np.exp(-((away / (0.5 * width_mm)) ** 2)) * strength
