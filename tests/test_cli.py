@@ -224,7 +224,7 @@ def test_photographs_that_an_earlier_result_holds_stay(
     own = tmp_path / "demo"
     shutil.copytree(demo, own)
     assert main(["fit", str(own / "photographs"), "--out", str(own), "--quiet"]) == 1
-    assert "name another folder" in capsys.readouterr().err
+    assert "give another folder" in capsys.readouterr().err
     assert (own / "photographs" / "lights.lp").is_file()
 
 
@@ -256,7 +256,7 @@ def test_info_sees_a_file_that_was_changed(
     (out / "status.png").unlink()
     assert main(["info", str(out)]) == 0
     printed = capsys.readouterr().out
-    assert "normal.png has changed" in printed
+    assert "normal.png has been changed" in printed
     assert "status.png is missing" in printed
 
 
@@ -396,8 +396,8 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         ("study {two} --error 1.5", 1, "error: expected a share below 1"),
         ("study {two} --seconds 0", 1, "seconds: expected a number above 0, found 0"),
         ("study {two} --images {images}", 1, "stack: a trial needs 8 photographs, found 2"),
-        ("study {two} --out {images} --no-figure", 1, "holds files that impasto did not make"),
-        ("study {two} --out {two} --no-figure", 1, "two.lp is a file; name a folder"),
+        ("study {two} --out {images} --no-figure", 1, "contains files of other programs"),
+        ("study {two} --out {two} --no-figure", 1, "two.lp is a file; give a folder"),
         # The stack's lights, not the option of that name.
         ("fit {two} --images {images} --out {out}", 1, "impasto: lights: a normal needs"),
         ("info {tmp}/nowhere", 1, "nowhere"),
