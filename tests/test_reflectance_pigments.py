@@ -28,7 +28,7 @@ benchmark = _benchmark()
 def shipped(data):
     found = {}
     for camera in pigments.CAMERAS:
-        plate = pigments.swatches(camera, camera, data, 1, seed=1)
+        plate = pigments.pigment_data(camera, camera, data, 1, seed=1)
         for estimator in ESTIMATORS:
             fitted = reflectance(plate.stack, 1, estimator=estimator)
             found[camera, estimator] = asdict(pigments.missed([fitted], [plate]))

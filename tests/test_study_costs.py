@@ -28,7 +28,7 @@ def hungry(stack: impasto.Stack, threads: int | None) -> int:
 
 
 class Busy:
-    """A yardstick on a machine whose speed is any; the fits themselves take what is said here."""
+    """A reference fit on a machine whose speed is any; the fits themselves take what is said here."""
 
     seconds: ClassVar[dict[str, float]] = {}
     noise = 0.0
@@ -66,7 +66,7 @@ def test_costs_are_ratios_to_what_is_timed_beside(
         # Exponentials of means of logarithms: a few roundings.
         for name, cost in costs.items():
             assert cost[kind] / least == pytest.approx(seconds[name], rel=1e-12)
-        # A hundred yardsticks to the second, whose seconds are those of the median.
+        # A hundred reference fits to the second, whose seconds are those of the median.
         assert least == pytest.approx(100.0 * found["run"]["reference fit"][kind], rel=1e-12)
     assert [row["timings"] for row in found["rows"]] == [3] * 5
     assert found["run"]["reference fit"]["timings"] == 15
@@ -79,10 +79,10 @@ def test_turns_go_on_until_a_cost_is_sure(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(Busy, "noise", 0.04)
     rows = stereo(tmp_path / "some", 8)["rows"]
     for row in rows:
-        assert row["doubt"] <= timing.SURE or row["timings"] == 8 * timing.MOST
-        assert abs(np.log(row["cost"]["cpu"] / rows[0]["cost"]["cpu"])) < 5.0 * timing.SURE
-    # The error of a mean of half of n falls with the root of 0.84 n, for a normal law: of 12 turns
-    # it is SURE on the average, by luck of fewer; all five of 8 would be too much of it.
+        assert row["doubt"] <= timing.CERTAIN or row["timings"] == 8 * timing.MOST
+        assert abs(np.log(row["cost"]["cpu"] / rows[0]["cost"]["cpu"])) < 5.0 * timing.CERTAIN
+    # The error of a mean of half of n falls with the root of 0.84 n, for a normal law: of 12
+    # it is CERTAIN on the average, by luck of fewer; all five of 8 would be too much of it.
     assert max(row["timings"] for row in rows) > 8
     monkeypatch.setattr(Busy, "noise", 0.5)
     assert [row["timings"] for row in stereo(tmp_path / "all", 8)["rows"]] == [8 * timing.MOST] * 5
@@ -153,8 +153,8 @@ def test_a_cost_is_as_sure_as_it_says_where_turns_end_once_it_seems_sure(
         count = next(n for n in itertools.count() if not timing.uncertain(drawn[:n], repeats))
         doubts = [timing.pace(drawn[:n], "cpu")[1] for n in range(repeats, count + 1)]
         assert repeats <= count <= most
-        assert all(doubt > timing.SURE for doubt in doubts[:-1])
-        assert doubts[-1] <= timing.SURE or count == most
+        assert all(doubt > timing.CERTAIN for doubt in doubts[:-1])
+        assert doubts[-1] <= timing.CERTAIN or count == most
         found.append(timing.pace(drawn[:count], "cpu"))
         fewest.append(timing.pace(drawn[:repeats], "cpu")[0])
         all_of_them.append(timing.pace(drawn, "cpu")[0])
@@ -173,7 +173,7 @@ def test_a_cost_is_as_sure_as_it_says_where_turns_end_once_it_seems_sure(
     assert 0.9 < logs.std() / np.sqrt((said**2).mean()) < most_luck
 
 
-def test_the_yardstick_is_timed_before_and_after(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reference_fit_is_timed_before_and_after(monkeypatch: pytest.MonkeyPatch) -> None:
     """A clock that is told what everything takes."""
     now = [0.0]
 
@@ -196,7 +196,7 @@ def test_the_yardstick_is_timed_before_and_after(monkeypatch: pytest.MonkeyPatch
     result, turn = stick.beside(fit, 0.5)
     assert result == "found"
     # Five runs are the first to take 40 ms, and the third of them the least: 3 ms. Two of the
-    # yardstick's are the first to take 20 ms before, one is enough after.
+    # reference fit's are the first to take 20 ms before, one is enough after.
     assert now[0] == pytest.approx(0.015 + 2 * 0.015 + 0.053 + 0.045)
     assert turn.cpu == pytest.approx(0.006)
     assert turn.wall == pytest.approx(0.012)

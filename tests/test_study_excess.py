@@ -29,11 +29,11 @@ def stack() -> impasto.Stack:
 
 
 @pytest.fixture(scope="module")
-def leasts(stack: impasto.Stack) -> excess_cost.Leasts:
-    return excess_cost.leasts_of(stack)
+def leasts(stack: impasto.Stack) -> excess_cost.LeastCosts:
+    return excess_cost.least_costs_of(stack)
 
 
-def ends(stack: impasto.Stack, leasts: excess_cost.Leasts, steps: int, precision: Any) -> Any:
+def ends(stack: impasto.Stack, leasts: excess_cost.LeastCosts, steps: int, precision: Any) -> Any:
     effort = excess_cost.effort_of(precision, steps)
     return leasts.excess(fits.search(stack, 1, effort=effort))
 
@@ -48,7 +48,7 @@ def test_the_cost_is_that_of_the_oracle() -> None:
     light = forward.stack(normal, diffuse, np.full((2, 3), 6.0), 0.15, impasto.Rig(lights)) + 0.02
     samples = light.astype(np.float32)
     stack = impasto.Stack(samples, lights=lights, saturation=float(samples.max()))
-    found = excess_cost.leasts_of(stack)
+    found = excess_cost.least_costs_of(stack)
     for number, target in enumerate(found.targets):
         pixel = samples.astype(np.float64).reshape(*light.shape[:2], -1)[:, :, number]
         n = normal.reshape(3, -1)[:, number]
@@ -64,7 +64,7 @@ def test_the_cost_is_that_of_the_oracle() -> None:
             assert found.costs[number] < theirs
 
 
-def test_searches_come_to_the_least_with_steps(stack: Any, leasts: excess_cost.Leasts) -> None:
+def test_searches_come_to_the_least_with_steps(stack: Any, leasts: excess_cost.LeastCosts) -> None:
     few, some, many = (ends(stack, leasts, steps, "double") for steps in (1, 3, 30))
     for shares in (few, some, many):
         assert np.isfinite(shares).all()
@@ -81,13 +81,13 @@ def test_searches_come_to_the_least_with_steps(stack: Any, leasts: excess_cost.L
     assert np.median(many) < np.median(single) < 1e-6
 
 
-def test_the_least_is_the_same_again(stack: impasto.Stack, leasts: excess_cost.Leasts) -> None:
-    again = excess_cost.leasts_of(stack, threads=1)
+def test_the_least_is_the_same_again(stack: impasto.Stack, leasts: excess_cost.LeastCosts) -> None:
+    again = excess_cost.least_costs_of(stack, threads=1)
     assert again.costs.tobytes() == leasts.costs.tobytes()
 
 
 def test_pixels_without_a_lobe_do_not_count(
-    stack: impasto.Stack, leasts: excess_cost.Leasts
+    stack: impasto.Stack, leasts: excess_cost.LeastCosts
 ) -> None:
     fitted = fits.search(stack, 1, effort=excess_cost.effort_of("single", 30))
     lobes = fitted.lobes.copy()

@@ -50,7 +50,7 @@ def test_errors_of_wiener_are_those_of_its_equation(
     name: str, data: Path, swept: tuple[Path, dict[str, Any]]
 ) -> None:
     """Eq. 5 of the six-band paper in a few lines, through the same responses."""
-    plate = pigments.swatches("", name, data, 1, seed=0)
+    plate = pigments.pigment_data("", name, data, 1, seed=0)
     grid = pigments.GRID * 1e-9
     light = grid**-5 / np.expm1(1.438776877e-2 / (grid * 3000.0))
     seen = plate.stack.camera.sensitivities * light
@@ -96,10 +96,10 @@ def test_every_camera_has_every_estimator(swept: tuple[Path, dict[str, Any]]) ->
 
 
 def test_a_large_picture_of_pigments_is_a_small_one_over_and_over(data: Path) -> None:
-    small = pigments.swatches("small", "6BP", data, 1, seed=3)
+    small = pigments.pigment_data("small", "6BP", data, 1, seed=3)
     count = len(small.spectra)
     assert (count, small.megapixels) == (1586, pytest.approx(0.001586))
-    large = pigments.swatches("large", "6BP", data, count + 1, seed=3)
+    large = pigments.pigment_data("large", "6BP", data, count + 1, seed=3)
     assert large.megapixels == 2 * small.megapixels
     assert (large.stack.responses[:, :, count:] == small.stack.responses).all()
     # Errors are of the pigments, in a picture of any size the same bits.

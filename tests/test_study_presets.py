@@ -77,7 +77,7 @@ def test_a_reference_is_the_cheapest_that_is_as_good_as_the_best() -> None:
 
 
 def test_what_weighs_samples_but_once_is_neither() -> None:
-    """Whatever photographs say of it: they hardly show what it misses (hard case 3)."""
+    """Whatever photographs say of it: they hardly show what it spectral_errors (hard case 3)."""
     once = {(1, 10): (60.0, (0.20, 0.17), 0.014)}
     found = _numbers(presets.derived(_rows(FRONT | once)))
     assert found["standard"] == (2, 3)

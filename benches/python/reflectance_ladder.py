@@ -29,12 +29,12 @@ from study import wiener_numpy
 from study.fits import reflectance
 from study.pigments import (
     GRID,
-    Plate,
-    misses,
+    PigmentPhotograph,
     photographed,
     read_pigments,
     six_bands,
     spectra_of,
+    spectral_errors,
 )
 from study.settings import ESTIMATORS
 
@@ -56,7 +56,7 @@ def ladder(data: Path) -> list[dict[str, Any]]:
         names = rng.permutation(np.unique(number))
         held = np.cumsum([(number == name).sum() for name in names]) <= 378
         test = np.isin(number, names[held])
-        plate = photographed(camera, truth[test], rng)
+        photograph = photographed(camera, truth[test], rng)
         others = truth[~test]
         order = rng.permutation(len(others))
         for count in (289, 449, 692, 1497):
@@ -64,8 +64,8 @@ def ladder(data: Path) -> list[dict[str, Any]]:
                 GRID, np.vstack([default_training().at(GRID), others[order[: count - 289]]])
             )
             for estimator in LEARNING:
-                fitted = reflectance(plate, 1, estimator=estimator, training=training)
-                found = misses(spectra_of(fitted, len(truth[test])), truth[test])
+                fitted = reflectance(photograph, 1, estimator=estimator, training=training)
+                found = spectral_errors(spectra_of(fitted, len(truth[test])), truth[test])
                 scores.setdefault((count, estimator), []).append(asdict(found))
     return [
         {"training": count, "estimator": estimator}
@@ -80,8 +80,8 @@ def speed(data: Path, pixels: int = 1 << 20) -> list[dict[str, Any]]:
     truth, _ = read_pigments(data)
     rho = camera.response(truth, GRID, integration="sum")
     rho = rho[np.random.default_rng(0).integers(0, len(rho), pixels)].astype(np.float32).T
-    plate = Plate(camera, np.ascontiguousarray(rho[:, None]))
-    flat = plate.responses[:, 0]
+    photograph = PigmentPhotograph(camera, np.ascontiguousarray(rho[:, None]))
+    flat = photograph.responses[:, 0]
 
     def root_polynomial() -> np.ndarray:
         root = np.sqrt(np.maximum(flat, 0))
@@ -90,8 +90,8 @@ def speed(data: Path, pixels: int = 1 << 20) -> list[dict[str, Any]]:
 
     calls: dict[str, Callable[[], Any]] = {"a copy of six planes": flat.copy}
     for name in ESTIMATORS:
-        calls[name] = partial(reflectance, plate, 1, estimator=name)
-    calls[wiener_numpy.NAME] = partial(wiener_numpy.fit, plate, 1)
+        calls[name] = partial(reflectance, photograph, 1, estimator=name)
+    calls[wiener_numpy.NAME] = partial(wiener_numpy.fit, photograph, 1)
     calls["root-polynomial, numpy, no estimator built"] = root_polynomial
     least = dict.fromkeys(calls, math.inf)
     for _ in range(ROUNDS):

@@ -13,24 +13,24 @@ from impasto.study.pareto_front import knee, pareto_front
 Row: TypeAlias = dict[str, Any]
 
 ERROR = "relative"
-"""What fronts are drawn of: root mean square error of relighting."""
+"""The error of Pareto fronts: root mean square error of relighting."""
 JUDGED = (("relative", "psnr", "colour"), ("normal", "normal_p95"))
-"""What presets are judged by: held-out photographs and, as much, normals. Neither is a measure of
-the other: highlights rule the photographs, where what a lobe and a normal share hardly shows."""
+"""Errors by which presets are chosen; held-out photographs and normals count equally. Neither can
+stand for the other: highlights dominate the photographs, which hardly show errors of normals."""
 BEST = 1.01
 """``reference`` is within one per cent of the best."""
 NEAR_BEST = 1.03
-"""``standard`` is the cheapest within three per cent of the best: less is seen by nobody."""
+"""``standard`` is the cheapest within three per cent of the best."""
 FLAGGED = 0.01
-"""Share of the pixels that ``standard`` and ``reference`` may flag beyond what they need not."""
+"""Share of pixels that ``standard`` and ``reference`` may flag above the least share."""
 ROUNDS = 2
-"""Times that they weigh samples anew, at least. Fits that do so once miss the width of a highlight
-whose tip is clipped by four times as much (hard case 3), which hardly shows on photographs whose
-highlights are clipped, too."""
+"""Least rounds of reweighting. With a single round the error of the width of a highlight with a
+clipped tip is four times as large (hard case 3), which photographs with clipped highlights hardly
+show."""
 DOUBTED = 0.05
-"""The same of ``draft``: where every other pixel is in doubt, there is not much to look at."""
+"""The same for ``draft``."""
 DRAFT = 1 / 8
-"""Share of the time of ``standard`` that ``draft`` may take, where anything keeps to it."""
+"""Share of the time of ``standard`` that ``draft`` may take, if any candidate is so fast."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +78,10 @@ def candidates_of(rows: Iterable[Row]) -> list[Candidate]:
 
 
 def combined_error(rows: Iterable[Row], kinds: Sequence[Sequence[str]] = JUDGED) -> float:
-    """Errors of a setting on all data sets as one number, of which ratios mean something.
+    """Errors of a setting on all data sets as one number, on a ratio scale.
 
     The geometric mean of the kinds, each the geometric mean of its errors on the data sets where
-    they are known: a hundredth less of all errors of either kind is worth the same.
+    they are known: a relative change of all errors of either kind has the same effect.
     """
     rows = list(rows)
     means = []
@@ -94,7 +94,7 @@ def combined_error(rows: Iterable[Row], kinds: Sequence[Sequence[str]] = JUDGED)
 
 
 def _size(error: Row, name: str) -> float | None:
-    """Decibels as what they are decibels of: the root of the mean square of differences."""
+    """An error; decibels are converted to the root mean square of differences."""
     value: float | None = error[name]
     return 10.0 ** (-value / 20.0) if name == "psnr" and value is not None else value
 
@@ -106,16 +106,16 @@ def _mean(values: Sequence[float]) -> float:
 def chosen(candidates: Sequence[Candidate]) -> dict[str, Candidate]:
     """``draft``, ``standard`` and ``reference`` among some candidates.
 
-    Of those that weigh samples anew twice or more, and flag at most one pixel in a hundred more
-    than they need, ``reference`` is the cheapest within 1 % of the least error, ``standard`` the
+    Of those with two or more rounds of reweighting that flag at most one pixel in a hundred more
+    than the least, ``reference`` is the cheapest within 1 % of the least error, ``standard`` the
     cheapest within 3 %. ``draft`` is the best of all that take at most an eighth of the time of
-    ``standard`` and flag at most one pixel in twenty more than they need; where nothing is so fast,
+    ``standard`` and flag at most one pixel in twenty more than the least; where nothing is so fast,
     the knee of what is faster. Each is on the Pareto front of those that it is taken from.
 
     Raises
     ------
     ValueError
-        There are none, or none of them weighs samples anew twice without flagging many.
+        There are none, or none with two rounds of reweighting flags few pixels.
     """
     line = _front(sparing(candidates))
     if not line:

@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound of a pixel's normal and gloss: what no unbiased fit can beat."""
+"""The Cramér-Rao bound of a pixel's normal and gloss: the least error of an unbiased fit."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from impasto.simulate.photography import Noise, Truth
 from study.minpack import base_of, radiance
 
 STRIDE = 6
-"""Every so many pixels: the bound is a mean over the painting."""
+"""Stride of the pixels that have a bound: it is averaged over the painting."""
 DEVIATE = 0.6744897501960817
-"""Median of the size of a normal deviate."""
+"""Median absolute value of a standard normal variable."""
 STEP = 1e-5
-"""Of the differences, in the unknowns' own units: halfway between rounding and curvature."""
+"""Step of the central differences: a balance of rounding and curvature."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """By how much a fit of every :data:`STRIDE`-th pixel must be off.
+    """Least errors of a fit at every :data:`STRIDE`-th pixel.
 
     Attributes
     ----------
     normal
         ``(pixel,)`` mean angle in degrees.
     width, strength
-        ``(pixel,)`` deviation of log gamma, and of beta as a share of it; Inf where the photographs
-        tell nothing of them.
+        ``(pixel,)`` deviation of log gamma, and relative deviation of beta; infinite where the
+        photographs do not determine them.
     """
 
     normal: NDArray[np.float64]
@@ -40,11 +40,11 @@ class Bound:
 
 
 def bound_of(truth: Truth, rig: Rig, bits: int = 12) -> Bound:
-    """Of a lobe and a free normal per pixel.
+    """Bounds for one lobe and a free normal per pixel.
 
     From the Fisher information of two tilts, a diffuse colour per band, beta and log gamma, under
-    the sensor's shot, read and rounding noise; clipped samples tell nothing. The two tilts' errors
-    are taken for equal, so that the mean angle is ``sqrt(pi / 2)`` of their deviation.
+    the sensor's shot, read and rounding noise; clipped samples carry no information. The errors of
+    the two tilts are taken as equal, so that the mean angle is ``sqrt(pi / 2)`` of their deviation.
     """
     noise, full = Noise(), 2.0**bits - 1.0
     angles, widths, strengths = [], [], []
@@ -61,14 +61,14 @@ def bound_of(truth: Truth, rig: Rig, bits: int = 12) -> Bound:
         slopes = _slopes(rig, unknowns, base, len(diffuse)) / deviation
         known = exposed < 1.0
         information = slopes[:, known] @ slopes[:, known].T
-        # A matte pixel tells nothing of a width: the unknowns that matter stay determined.
+        # Without gloss the width is undetermined; the pseudo-inverse keeps the other unknowns.
         size = np.sqrt(np.maximum(information.diagonal(), 1e-30))
         covariance = np.linalg.pinv(information / np.outer(size, size)) / np.outer(size, size)
         angles.append(np.sqrt(0.5 * (covariance[0, 0] + covariance[1, 1])))
-        # As if all else were known: what even that leaves open nothing tells.
-        told = size[-1] > 1.0, lobe[0] * size[-2] > 1.0
-        widths.append(np.sqrt(covariance[-1, -1]) if told[0] else np.inf)
-        strengths.append(np.sqrt(covariance[-2, -2]) / lobe[0] if told[1] else np.inf)
+        # Undetermined even if all other unknowns were known.
+        determined = size[-1] > 1.0, lobe[0] * size[-2] > 1.0
+        widths.append(np.sqrt(covariance[-1, -1]) if determined[0] else np.inf)
+        strengths.append(np.sqrt(covariance[-2, -2]) / lobe[0] if determined[1] else np.inf)
     angles = np.degrees(angles) * np.sqrt(np.pi / 2.0)
     return Bound(angles, np.array(widths), np.array(strengths))
 
@@ -76,11 +76,11 @@ def bound_of(truth: Truth, rig: Rig, bits: int = 12) -> Bound:
 def widths_off(
     gammas: Sequence[NDArray[Any]], truths: Sequence[Truth], bounds: Sequence[Bound]
 ) -> float:
-    """How many bounds the widths of some paintings' first lobes ``(y, x)`` are off.
+    """Errors of the widths of the paintings' first lobes ``(y, x)``, in units of their bounds.
 
-    The median over the pixels whose width the photographs tell, over that of a normal deviate: 1
-    is as near as can be. A pixel without a width is as far off as can be; infinite where half of
-    them have none, or the photographs tell of none.
+    The median over the pixels whose width the photographs determine, divided by that of a normal
+    deviate: 1 is the least possible. A pixel without a width counts as infinite, so the result is
+    infinite if half of them have none.
     """
     pairs = zip(gammas, truths, strict=True)
     logs = [np.log(_here(gamma) / _here(truth.gamma[0])) for gamma, truth in pairs]
@@ -90,9 +90,9 @@ def widths_off(
 def strengths_off(
     betas: Sequence[NDArray[Any]], truths: Sequence[Truth], bounds: Sequence[Bound]
 ) -> float:
-    """The same of their strengths ``(y, x)``, in the mean of the bands."""
+    """The same for their strengths ``(y, x)``, in the mean of the bands."""
     pairs = zip(betas, truths, strict=True)
-    # Where there is no gloss nothing is told of it.
+    # Zero strength divides by zero and is left out below.
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = [_here(beta) / _here(truth.beta[0]) - 1.0 for beta, truth in pairs]
     return _off(shares, [bound.strength for bound in bounds])
@@ -100,10 +100,10 @@ def strengths_off(
 
 def _off(errors: Sequence[NDArray[Any]], deviations: Sequence[NDArray[Any]]) -> float:
     error, deviation = np.concatenate(errors), np.concatenate(deviations)
-    told = np.isfinite(deviation)
-    if not told.any():
+    known = np.isfinite(deviation)
+    if not known.any():
         return float("inf")
-    bounds = np.nan_to_num(np.abs(error[told]), nan=np.inf) / deviation[told]
+    bounds = np.nan_to_num(np.abs(error[known]), nan=np.inf) / deviation[known]
     return float(np.median(bounds)) / DEVIATE
 
 

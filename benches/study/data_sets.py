@@ -195,10 +195,10 @@ def _window(shape: tuple[int, ...], edge: int, place: tuple[int, int], across: i
 
 def _pigments(
     recipe: Recipe, sizes: Sizes, seed: int, folder: Path | None
-) -> tuple[pigments.Swatches]:
+) -> tuple[pigments.PigmentData]:
     assert folder is not None
     camera = recipe.name.removeprefix(OF_PIGMENTS)
-    return (pigments.swatches(recipe.name, camera, folder, sizes.pigments, seed),)
+    return (pigments.pigment_data(recipe.name, camera, folder, sizes.pigments, seed),)
 
 
 OF_PIGMENTS = "pigments, "
@@ -252,7 +252,7 @@ def available(
     -------
     tuple
         What makes each data set (:data:`Paintings`, of pigments one
-        :class:`~study.pigments.Swatches`); the reasons by name.
+        :class:`~study.pigments.PigmentData`); the reasons by name.
     """
     if folder is not None and not folder.is_dir():
         raise ArgumentError(f"data: there is no folder {folder}")

@@ -1,12 +1,12 @@
-"""How far above the least cost a search for a pixel's lobe ends: in float64, from the paper.
+"""The excess of a search's final cost over the least cost of a pixel, in float64 from the paper.
 
-A fit without rounds searches on the mean of the bands: for the normal and log gamma of eq. 1
-of the six-band paper, with a diffuse colour, a strength and ambient light that are the best there
-are, none of them negative. Its samples are weighed before anything is known of the lobe, so that
-all such fits minimise the same, whatever steps they may take: one over the sample, or over a tenth
-of the pixel's mean where that is more; less where photometric stereo would show more light, which
-says shadow. A clipped sample counts as full scale. Here that cost is computed anew, in plain
-numpy, and its least is looked for by MINPACK.
+A fit without rounds of reweighting searches on the mean of the bands: for the normal and log gamma
+of eq. 1 of the six-band paper, with the best non-negative diffuse colour, strength and ambient
+light (variable projection). The weights do not depend on the lobe, so all such fits minimise the
+same cost, whatever their steps: the weight is one over the larger of the sample and a tenth of the
+pixel's mean, and is reduced where photometric stereo predicts more light than the sample (shadow).
+A clipped sample counts as full scale. This module computes that cost in plain numpy and minimises
+it by MINPACK.
 """
 
 from __future__ import annotations
@@ -23,36 +23,36 @@ from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import Normals, fit_normals
 from impasto.stack import Stack
 from study import fits
-from study.minpack import START, Sight, base_of, tilted
+from study.minpack import START, RigTable, base_of, tilted
 from study.subsets import TooFewError
 
 Array: TypeAlias = NDArray[np.float64]
 
 PRECISIONS: tuple[Precision, ...] = ("single", "double")
-"""What a search computes in: one that is polished is polished by a round, and here is none."""
+"""Precisions of a search. ``"polished"`` is a matter of the last round; here is none."""
 STEPS = (1, 2, 3, 4, 6, 10, 30)
-"""That a search may take; with the last of them it is thorough."""
+"""Largest numbers of steps of a search; the last one is a thorough search."""
 BAD = 0.01
-"""Excess beyond which a pixel has ended in a bad basin, or on its way.
+"""Excess above which a pixel is in a bad basin or has run out of steps.
 
-Of the study's two thousand pixels those that are searched to the end come within 5e-4 but for one
-at 3e-3, and where steps run out a few are off by tenths: a hundredth stands between. It is little,
-besides: of 48 samples less six unknowns, an unknown one standard deviation off costs a 42nd."""
+Of the study's two thousand pixels, thorough searches end within 5e-4 but for one at 3e-3; where
+steps run out, a few are off by tenths. A hundredth separates the two. It is also small: with 48
+samples and six unknowns, an unknown that is off by one standard deviation costs a 42nd."""
 WIDTHS = (5e-4, 1.25)
-"""Half-widths among which ours searches, rad."""
+"""Range of half-widths of our search, rad."""
 FAR = 1e3
-"""Tangent of a tilt beyond which one is like another."""
+"""Limit of the tangent of a tilt."""
 FLOOR = 0.1
-"""Share of a pixel's mean sample below which noise does not shrink with the light."""
+"""Share of a pixel's mean sample below which the noise is taken as constant."""
 SHADE = 0.03
 """Share of a pixel's colour that is added to samples before they are compared with stereo's."""
-SURE: dict[str, Any] = {"method": "lm", "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
-"""Finer than what single precision says of a place, whose square the cost is off by."""
+TOLERANCES: dict[str, Any] = {"method": "lm", "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
+"""Tolerances of MINPACK, finer than single precision resolves."""
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What the search of one pixel minimises.
+    """The cost function of one pixel's search.
 
     Attributes
     ----------
@@ -64,63 +64,63 @@ class Target:
         ``(obs,)`` roots of the weights.
     """
 
-    sight: Sight
+    sight: RigTable
     samples: Array
     root: Array
 
     def left(self, normal: Array, gamma: float) -> Array:
-        """``(obs,)`` weighted residuals about a unit normal, the colours at their best."""
+        """``(obs,)`` weighted residuals for a unit normal, with the best colours."""
         from scipy.optimize import nnls
 
-        shapes = (self.sight.matte(normal), self.sight.gloss(normal, gamma))
+        shapes = (self.sight.diffuse(normal), self.sight.gloss(normal, gamma))
         columns = np.stack([*shapes, np.ones_like(self.samples)], axis=1) * self.root[:, None]
         light = self.samples * self.root
         return np.asarray(columns @ nnls(columns, light)[0] - light)
 
     def cost(self, normal: Array, gamma: float) -> float:
-        """Weighted sum of squares there; infinite where there is no lobe."""
+        """Weighted sum of squares; infinite without a lobe."""
         if not (np.isfinite(gamma) and gamma > 0.0):
             return np.inf
         left = self.left(normal / np.linalg.norm(normal), gamma)
         return float(left @ left)
 
     def least(self, normal: Array, gamma: float) -> float:
-        """Where MINPACK ends from there."""
+        """Final cost of MINPACK from these parameters."""
         from scipy.optimize import least_squares
 
         base = base_of(normal / np.linalg.norm(normal))
         narrow, wide = np.log(WIDTHS)
 
         def residuals(unknowns: Array) -> Array:
-            # Far outside what means anything a step must still cost something finite.
+            # The cost must stay finite far outside the range of the parameters.
             unknowns = np.clip(np.nan_to_num(unknowns), -FAR, FAR)
             gamma = np.exp(np.clip(unknowns[2], narrow, wide))
             return self.left(tilted(base, unknowns[:2]), gamma)
 
-        found: Any = least_squares(residuals, [0.0, 0.0, np.log(gamma)], **SURE)
+        found: Any = least_squares(residuals, [0.0, 0.0, np.log(gamma)], **TOLERANCES)
         return 2.0 * float(found.cost)
 
 
 @dataclass(frozen=True, eq=False)
-class Leasts:
-    """Pixels of a painting: what is minimised there, and the least cost known.
+class LeastCosts:
+    """The cost functions of a painting's pixels, and the least cost found.
 
     Attributes
     ----------
     targets
-        One a pixel.
+        One per pixel.
     costs
-        ``(pixel,)``; infinite where our most thorough searches leave no lobe.
+        ``(pixel,)``; infinite where our thorough searches find no lobe.
     """
 
     targets: list[Target]
     costs: Array
 
     def excess(self, fitted: LobeSbrdf) -> Array:
-        """``(pixel,)`` share of the least cost by which a fit ends above it.
+        """``(pixel,)`` relative excess of a fit's cost over the least.
 
-        NaN where it has no lobe, or the least is not known: fits leave lobes out whose highlight no
-        photograph shows, whatever they cost.
+        NaN where the fit has no lobe or the least is unknown: fits omit a lobe whose highlight no
+        photograph shows.
         """
         ends = zip(self.targets, _normals(fitted), _widths(fitted), strict=True)
         own = np.array([target.cost(normal, gamma) for target, normal, gamma in ends])
@@ -128,7 +128,7 @@ class Leasts:
         return np.where(known, own, np.nan) / np.where(known, self.costs, 1.0) - 1.0
 
 
-def leasts_of(stack: Stack, threads: int | None = None) -> Leasts:
+def least_costs_of(stack: Stack, threads: int | None = None) -> LeastCosts:
     """The least cost of every pixel that is known, from two starts.
 
     MINPACK goes on where our most thorough searches end, in single or in double precision, from
@@ -160,7 +160,7 @@ def leasts_of(stack: Stack, threads: int | None = None) -> Leasts:
         known = np.isfinite(cost)
         goals = [target.least(*start) for start in ((first, START), best)] if known else [np.nan]
         costs.append(min(cost, *goals))
-    return Leasts(targets, np.array(costs))
+    return LeastCosts(targets, np.array(costs))
 
 
 def effort_of(precision: Precision, steps: int) -> Effort:
@@ -192,14 +192,14 @@ def _targets(stack: Stack, stereo: Normals) -> list[Target]:
         full = (stack.saturation - stack.black) * stack.scale
         light = np.minimum(light, full[:, None, None])
     light = light.reshape(*light.shape[:2], -1)
-    sight = Sight.of(stack.rig)
+    sight = RigTable.of(stack.rig)
     albedo = stereo.albedo.astype(np.float64).mean(axis=0).ravel()
     targets = []
     pixels = zip(np.moveaxis(light, 2, 0), _normals(stereo), albedo, strict=True)
     for samples, normal, colour in pixels:
         grey = samples.mean(axis=1)
         weight = 1.0 / np.maximum(grey, FLOOR * samples.mean())
-        shown = np.maximum(colour * (sight.matte(normal) + SHADE), 1e-30)
+        shown = np.maximum(colour * (sight.diffuse(normal) + SHADE), 1e-30)
         lit = (grey + SHADE * colour) / shown
         weight *= np.minimum(np.maximum(lit, 0.0), 1.0) ** 3
         targets.append(Target(sight, grey, np.sqrt(weight)))

@@ -18,11 +18,11 @@ from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.training import Training
 from study.held_out_error import Fitted
-from study.pigments import GRID, NOISE, Plate
+from study.pigments import GRID, NOISE, PigmentPhotograph
 
 
 def sbrdf(stack: Stack, threads: int | None, **options: Any) -> Fitted:
-    """Whatever :func:`impasto.fit_sbrdf` makes of the options."""
+    """A fit by :func:`impasto.fit_sbrdf` with these options."""
     fitted: Fitted = impasto.fit_sbrdf(stack, threads=threads, **options)
     return fitted
 
@@ -35,7 +35,7 @@ def always(
     effort: Effort = PRESETS["standard"],
     typical: bool = True,
 ) -> LobeSbrdf:
-    """So many lobes of pixels' own, worth their unknowns or not."""
+    """A fixed number of lobes per pixel, without selection by BIC."""
     stereo = impasto.fit_normals(stack, threads=threads)
     return fit_lobes(
         stack,
@@ -52,12 +52,12 @@ def always(
 
 
 def search(stack: Stack, threads: int | None, *, effort: Effort) -> LobeSbrdf:
-    """One lobe of every pixel by a search alone: no other pixel is asked what is typical."""
+    """One lobe per pixel by a search alone, without the typical lobe of the painting."""
     return always(stack, threads, lobes=1, effort=effort, typical=False)
 
 
 @dataclass(frozen=True, eq=False)
-class Matte:
+class DiffuseSurface:
     """A surface without gloss, from photometric stereo alone."""
 
     normals: Normals
@@ -81,17 +81,21 @@ def lambert(
     stack: Stack, threads: int | None, *, method: Method, effort: EffortLike = "standard"
 ) -> Fitted:
     """Photometric stereo alone."""
-    return Matte(impasto.fit_normals(stack, method=method, effort=effort, threads=threads))
+    return DiffuseSurface(impasto.fit_normals(stack, method=method, effort=effort, threads=threads))
 
 
 def reflectance(
-    plate: Plate, threads: int | None, *, estimator: Estimator, training: Training | None = None
+    photograph: PigmentPhotograph,
+    threads: int | None,
+    *,
+    estimator: Estimator,
+    training: Training | None = None,
 ) -> Reflectance:
     """Spectra of photographed pigments, on the grid that they are compared on."""
     return impasto.fit_reflectance(
         None,
-        plate.responses,
-        plate.camera,
+        photograph.responses,
+        photograph.camera,
         estimator=estimator,
         training=training,
         noise=NOISE,

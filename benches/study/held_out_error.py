@@ -1,4 +1,4 @@
-"""How far a fit is from photographs and normals that it did not see."""
+"""Errors of a fit against held-out photographs and true normals."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from impasto.status import Status
 from study.data_sets import Paintings
 
 CODES = Encoding("srgb", 255.0)
-"""On which decibels are counted."""
+"""Display codes on which decibels are computed."""
 
 XYZ_FROM_SRGB = np.array(
     [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
 )
-"""IEC 61966-2-1: colours are compared as if the three bands were those of a display."""
+"""IEC 61966-2-1: the three bands are compared as the primaries of a display."""
 
 COMPARED = 50_000
-"""Pixels whose colours are compared, at most: colour differences are slower than most fits."""
+"""Largest number of pixels whose colours are compared: this is slower than most fits."""
 
 
 class Fitted(Protocol):
-    """What every fit, ours or a peer's, can be asked for."""
+    """What a fit, ours or a peer's, offers."""
 
     @property
     def normal(self) -> NDArray[Any] | None:
-        """``(3, y, x)``; None where the method knows none."""
+        """``(3, y, x)``; None if the method estimates none."""
 
     @property
     def status(self) -> NDArray[np.uint8]:
@@ -76,28 +76,27 @@ def lobes_of(fits: Sequence[Fitted]) -> list[float] | None:
     maps: list[Any] = [getattr(fitted, "lobes", None) for fitted in fits]
     if any(lobes is None for lobes in maps):
         return None
-    lobes = _beside(maps)
+    lobes = _side_by_side(maps)
     return [float(count) / lobes.size for count in np.bincount(lobes.ravel(), minlength=4)]
 
 
 def compared(fits: Sequence[Fitted], paintings: Paintings) -> Errors:
-    """How far fits of some paintings, one each, are from what they did not see.
-
-    As if all stood side by side in one photograph.
-    """
+    """Errors of the fits of a data set, one per painting, over all their pixels together."""
     pairs = list(zip(fits, paintings, strict=True))
     exposure = paintings[0].exposure
     top = 1.0 / exposure
-    shown = _beside([np.nan_to_num(f.predict(p.rig), nan=0.0) for f, p in pairs]).clip(0.0, top)
-    held = _beside([p.held for p in paintings]).clip(0.0, top)
+    shown = _side_by_side([np.nan_to_num(f.predict(p.rig), nan=0.0) for f, p in pairs]).clip(
+        0.0, top
+    )
+    held = _side_by_side([p.held for p in paintings]).clip(0.0, top)
     codes = CODES.encode(shown * exposure) - CODES.encode(held * exposure)
     squared = (codes.astype(np.float64) ** 2).mean(axis=(1, 2, 3))
     angles = None
     known = [(f.normal, p.normal) for f, p in pairs]
     apart = [normal_error(a, b) for a, b in known if a is not None and b is not None]
     if apart:
-        angles = _beside(apart).astype(np.float64)
-        # What was not estimated is not left out: a right angle says that nothing is known.
+        angles = _side_by_side(apart).astype(np.float64)
+        # A normal that was not estimated counts as a right angle.
         angles = np.nan_to_num(angles, nan=90.0)
     return Errors(
         relative=relative_error(shown, held, top),
@@ -105,11 +104,11 @@ def compared(fits: Sequence[Fitted], paintings: Paintings) -> Errors:
         colour=_colour_difference(shown * exposure, held * exposure),
         normal=None if angles is None else float(angles.mean()),
         normal_p95=None if angles is None else float(np.percentile(angles, 95)),
-        flagged=float((_beside([f.status for f in fits]) != Status.FITTED).mean()),
+        flagged=float((_side_by_side([f.status for f in fits]) != Status.FITTED).mean()),
     )
 
 
-def _beside(maps: Sequence[NDArray[Any]]) -> NDArray[Any]:
+def _side_by_side(maps: Sequence[NDArray[Any]]) -> NDArray[Any]:
     return np.concatenate(maps, axis=-1)
 
 

@@ -1,4 +1,4 @@
-"""Memory that a fit takes at its peak, beyond the photographs: in a process of its own."""
+"""Peak memory of a fit beyond the photographs, measured in a separate process."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ import numpy as np
 from impasto.stack import Stack
 
 PICTURES = (800_000, 5_000_000)
-"""Pixels times photographs of two pictures: what both take is the process's, not the picture's."""
+"""Samples per band of two pictures: the difference of their peaks is due to the picture."""
 
 Fit = Callable[[Stack, int | None], Any]
 
 
 def per_megapixel(fit: Fit, stack: Stack, threads: int | None) -> float | None:
-    """Megabytes for every megapixel more; None where the system does not say (Linux does).
+    """Megabytes per megapixel; None where the system does not report it (Linux does).
 
-    Of the resident set, with what threads work in; what the allocator would keep of memory that is
-    given back is not counted, as it differs from run to run.
+    The resident set, including the threads' working memory. Freed memory that the allocator would
+    keep is not counted, because it differs from run to run.
     """
     edges = [math.isqrt(samples // len(stack.rig)) for samples in PICTURES]
     peaks = []
     for edge in edges:
-        # A fresh process each: what another fit has left would be there to be taken again.
+        # A new process each, because a fit could reuse memory that an earlier one has freed.
         with _returning(), ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
             peaks.append(pool.submit(peak, fit, stack, edge, threads).result())
     small, large = peaks
@@ -40,14 +40,14 @@ def per_megapixel(fit: Fit, stack: Stack, threads: int | None) -> float | None:
 
 
 def peak(fit: Fit, stack: Stack, edge: int, threads: int | None) -> float | None:
-    """Megabytes beyond what was held before, of a fit to the stack over and over ``edge`` wide."""
+    """Peak megabytes of a fit to the stack, repeated to ``edge`` pixels, above those before it."""
     height, width = stack.shape[2:]
     again = (1, 1, -(-edge // height), -(-edge // width))
     large = stack._replace(samples=np.tile(stack.samples, again)[:, :, :edge, :edge].copy())
-    # Threads, and what is imported late.
+    # Start threads and load late imports first.
     fit(stack, threads)
     try:
-        # The peak until now is forgotten.
+        # Reset the peak.
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
         before = _resident("VmRSS")
         fit(large, threads)
@@ -58,7 +58,7 @@ def peak(fit: Fit, stack: Stack, edge: int, threads: int | None) -> float | None
 
 @contextmanager
 def _returning() -> Iterator[None]:
-    """Processes that begin now return blocks of 64 KiB or more to the system at once (glibc)."""
+    """New processes return freed blocks of 64 KiB or more to the system at once (glibc)."""
     names = ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_")
     before = {name: os.environ.get(name) for name in names}
     os.environ.update(dict.fromkeys(names, str(1 << 16)))

@@ -2,7 +2,7 @@
 
 Eq. 1 of the six-band paper in float64 numpy: normal (two tilts), a diffuse colour per band, beta
 and log gamma; all bands at once, clipped samples left out, derivatives by differences, one pixel
-after the other. It starts where our own fit does: at the normals of photometric stereo.
+after the other. It starts, like our own fit, at the normals of photometric stereo.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ Array: TypeAlias = NDArray[np.float64]
 
 NAME = "MINPACK (SciPy), one lobe"
 STRIDE = 8
-"""Every so many pixels along both axes: the others would take as long again each."""
+"""Stride of the pixels that are fitted, along both axes."""
 INDEX = 1.45
 START = 0.15
-"""Half-width of the facets at the start, rad: a satin varnish."""
+"""Initial half-width of the facets, rad: a satin varnish."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """What of a rig no surface changes: ``(obs, 3)`` directions, ``(obs,)`` numbers.
+class RigTable:
+    """What depends on the rig alone: ``(obs, 3)`` directions, ``(obs,)`` numbers.
 
     Attributes
     ----------
     lights, views, half
-        Unit vectors away from the surface, and what bisects them.
+        Unit vectors away from the surface, and their bisectors.
     v_h
         Cosine between view and bisector.
     fresnel
-        What the facet that mirrors the light into the view reflects.
+        Reflectance of the facet that mirrors the light into the view.
     intensities
         Of the lights.
     """
@@ -52,7 +52,7 @@ class Sight:
     intensities: Array
 
     @classmethod
-    def of(cls, rig: Rig) -> Sight:
+    def of(cls, rig: Rig) -> RigTable:
         """Of distant lights."""
         lights, views = rig.directions, rig.views
         half = lights + views
@@ -63,7 +63,7 @@ class Sight:
         fresnel *= 1.0 + ((v_h * (root + v_h) - 1.0) / (v_h * (root - v_h) + 1.0)) ** 2
         return cls(lights, views, half, v_h, fresnel, rig.intensities)
 
-    def matte(self, normal: Array) -> Array:
+    def diffuse(self, normal: Array) -> Array:
         """``(obs,)`` radiance of a white diffuse surface with a unit normal."""
         return np.asarray(np.maximum(self.lights @ normal, 0.0) * self.intensities)
 
@@ -80,9 +80,9 @@ class Sight:
 
 def radiance(rig: Rig, unknowns: Array, base: Array, bands: int) -> Array:
     """``(obs, band)`` of one pixel; ``base`` ``(3, 3)``: where the normal started, two tangents."""
-    sight, normal = Sight.of(rig), tilted(base, unknowns[:2])
+    sight, normal = RigTable.of(rig), tilted(base, unknowns[:2])
     gloss = unknowns[-2] * sight.gloss(normal, np.exp(unknowns[-1]))
-    return np.asarray(sight.matte(normal)[:, None] * unknowns[2 : 2 + bands] + gloss[:, None])
+    return np.asarray(sight.diffuse(normal)[:, None] * unknowns[2 : 2 + bands] + gloss[:, None])
 
 
 @dataclass(frozen=True, eq=False)

@@ -121,7 +121,7 @@ def robust_lambert(train: Array, held: Array, linear: Array, steps: int = 10) ->
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class Interpolation:
     """What a method of this file makes of a stack: it knows no normals, and leaves no pixel out."""
 
     weights: Weights
@@ -149,10 +149,10 @@ def light_of(stack: Stack) -> Array:
     return np.asarray(clipped / stack.rig.intensities[:, None, None, None].astype(np.float32))
 
 
-def _peer(weights: Weights) -> Callable[[Stack, int | None], Shown]:
-    def fit(stack: Stack, threads: int | None) -> Shown:
+def _peer(weights: Weights) -> Callable[[Stack, int | None], Interpolation]:
+    def fit(stack: Stack, threads: int | None) -> Interpolation:
         del threads
-        shown = Shown(weights, stack.rig.directions, light_of(stack))
+        shown = Interpolation(weights, stack.rig.directions, light_of(stack))
         # What interpolates has nothing to fit: it costs what it takes to show one photograph.
         shown.predict(stack.rig.take([0]))
         return shown

@@ -24,7 +24,7 @@ GRID = np.arange(400.0, 701.0, 10.0)
 LIGHT = 3000.0
 """Kelvin."""
 NOISE = 9.1e-4
-"""Standard deviation of a response, as estimators are told."""
+"""Standard deviation of a response; the estimators get the same value."""
 FULL_WELL, READ, FRAMES = 30_000.0, 3.0, 8
 PIGMENTS = "spectra/hyppigments.npz"
 SENSITIVITIES = "spectra/cameras.npz"
@@ -83,7 +83,7 @@ def read_pigments(folder: Path) -> tuple[Floats, NDArray[Any]]:
 
 
 @dataclass(frozen=True, eq=False)
-class Plate:
+class PigmentPhotograph:
     """One photograph of pigments: all that an estimator is given.
 
     Attributes
@@ -98,17 +98,17 @@ class Plate:
     responses: NDArray[np.float32]
 
 
-def photographed(camera: Camera, spectra: Floats, rng: np.random.Generator) -> Plate:
+def photographed(camera: Camera, spectra: Floats, rng: np.random.Generator) -> PigmentPhotograph:
     """A pixel of every spectrum ``(N, 31)``, with shot and read noise."""
     rho = camera.response(spectra, GRID, integration="sum")
     electrons = np.maximum(FULL_WELL * rho + READ**2, 0.0)
     deviation = np.sqrt(electrons) / FULL_WELL / np.sqrt(FRAMES)
     noisy = rho + rng.standard_normal(rho.shape) * deviation
-    return Plate(camera, np.ascontiguousarray(noisy.T[:, None], np.float32))
+    return PigmentPhotograph(camera, np.ascontiguousarray(noisy.T[:, None], np.float32))
 
 
 @dataclass(frozen=True, eq=False)
-class Swatches:
+class PigmentData:
     """A data set of the study: pigments through one camera, over and over in a large picture.
 
     Attributes
@@ -123,7 +123,7 @@ class Swatches:
     """
 
     name: str
-    stack: Plate
+    stack: PigmentPhotograph
     spectra: Floats
     truth: None = None
     share: float = 1.0
@@ -134,16 +134,20 @@ class Swatches:
         return float(self.stack.responses.shape[2]) / 1e6
 
 
-def swatches(name: str, camera: str, folder: Path, pixels: int, seed: int) -> Swatches:
+def pigment_data(name: str, camera: str, folder: Path, pixels: int, seed: int) -> PigmentData:
     """The pigments through a camera of :data:`CAMERAS`, in so many pixels at least."""
     spectra, _ = read_pigments(folder)
-    plate = photographed(CAMERAS[camera][0](folder), spectra, np.random.default_rng(seed))
+    photograph = photographed(CAMERAS[camera][0](folder), spectra, np.random.default_rng(seed))
     times = -(-pixels // len(spectra))
-    return Swatches(name, Plate(plate.camera, np.tile(plate.responses, (1, 1, times))), spectra)
+    return PigmentData(
+        name,
+        PigmentPhotograph(photograph.camera, np.tile(photograph.responses, (1, 1, times))),
+        spectra,
+    )
 
 
 class Estimated(Protocol):
-    """What every estimate, ours or a peer's, can be asked for."""
+    """What an estimate, ours or a peer's, offers."""
 
     @property
     def coefficients(self) -> NDArray[np.float32]:
@@ -155,7 +159,7 @@ class Estimated(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Misses:
+class SpectralErrors:
     """How far estimated spectra are from measured ones, over the pigments.
 
     Attributes
@@ -175,10 +179,12 @@ class Misses:
     fitness: float
 
 
-def missed(estimates: Sequence[Estimated], plates: Sequence[Swatches]) -> Misses:
+def judged_spectra(
+    estimates: Sequence[Estimated], photographs: Sequence[PigmentData]
+) -> SpectralErrors:
     """How far the estimate of a data set's one picture is off: every pigment counts once."""
-    (estimate,), (plate,) = estimates, plates
-    return misses(spectra_of(estimate, len(plate.spectra)), plate.spectra)
+    (estimate,), (photograph,) = estimates, photographs
+    return spectral_errors(spectra_of(estimate, len(photograph.spectra)), photograph.spectra)
 
 
 def spectra_of(estimate: Estimated, count: int) -> Floats:
@@ -186,7 +192,7 @@ def spectra_of(estimate: Estimated, count: int) -> Floats:
     return np.asarray(estimate.coefficients[:, 0, :count].T.astype(np.float64) @ estimate.basis)
 
 
-def misses(found: Floats, truth: Floats) -> Misses:
+def spectral_errors(found: Floats, truth: Floats) -> SpectralErrors:
     """How far spectra ``(N, 31)`` are from others."""
     operator = xyz_from_spectrum(GRID, "D65")
 
@@ -198,7 +204,7 @@ def misses(found: Floats, truth: Floats) -> Misses:
     spectrum = np.sqrt(((found - truth) ** 2).mean(axis=1))
     cosine = (found * truth).sum(axis=1)
     cosine /= np.linalg.norm(found, axis=1) * np.linalg.norm(truth, axis=1)
-    return Misses(
+    return SpectralErrors(
         colour=float(colour.mean()),
         colour_p95=float(np.percentile(colour, 95)),
         spectrum=float(spectrum.mean()),

@@ -1,4 +1,4 @@
-"""A fixed fit that is timed beside every other: how fast the machine is at that moment."""
+"""A fixed fit that is timed beside every other: it measures the speed of the machine then."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class ReferenceFit:
     def __init__(self, threads: int | None) -> None:
         self._stack = _photographs()
         self._threads = threads
-        # Threads, and what is imported late.
+        # Start threads and load late imports first.
         self._fit()
 
     def _fit(self) -> None:

@@ -1,4 +1,4 @@
-"""Whether a second run of a study says the same: errors bit for bit, costs in their ratios."""
+"""Repeatability of a study: errors bit for bit, costs in their ratios."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from study.candidates import Row
 from study.journal import CLOCKS, TERMS, key_of
 
 TENTH = 0.1
-"""What ratios of two costs may differ by from run to run."""
+"""Allowed difference of the ratio of two costs between runs."""
 
 
 def check_alike(first: dict[str, Any], second: dict[str, Any]) -> None:
-    """Refuse to compare two studies of which ``run`` says that they are not runs of one."""
+    """Refuse to compare two studies that differ in code, data, machine or options."""
     for term in (*TERMS, *CLOCKS):
         one, other = first.get(term), second.get(term)
         if one != other:

@@ -145,14 +145,14 @@ def starts(rows: Sequence[Row]) -> str:
     others = [name for name in dict.fromkeys(found) if name != "robust"]
     own = levels(rows, "starts", "robust", "psnr")
     angles = levels(rows, "starts", "robust", "normal")
-    gains, turns = [], []
+    gains, angles_off = [], []
     for name in others:
         some, more = (levels(rows, "starts", name, what) for what in ("psnr", "normal"))
         gains += [some[data] - own[data] for data in own]
-        turns += [more[d] - angle for d, angle in angles.items() if angle is not None]
+        angles_off += [more[d] - angle for d, angle in angles.items() if angle is not None]
     return (
         f"Starting normals from {len(others)} other methods of photometric stereo change held-out "
-        f"photographs by {span(gains, 'dB')} and normals by {span(turns, '°', 3)}."
+        f"photographs by {span(gains, 'dB')} and normals by {span(angles_off, '°', 3)}."
     )
 
 
@@ -220,14 +220,14 @@ def lobes(rows: Sequence[Row]) -> str:
         f"{span(differences(at_most[n], at_most[n - 1], 'psnr'), 'dB')}"
         for n in (2, 3)
     ]
-    matte = differences(at_most[1], at_most[0], "psnr")
+    first = differences(at_most[1], at_most[0], "psnr")
     lines += [
         f"{n} always instead of at most: {ratio(always, at_most[n]):.1f} times the time, "
         f"{span(differences(always, at_most[n], 'psnr'), 'dB')}"
         for n in (1, 2, 3)
         if (always := by_data(rows, "lobes", f"{n} always"))
     ]
-    return f"The first lobe gains {span(matte, 'dB')}; " + "; ".join(lines) + "."
+    return f"The first lobe gains {span(first, 'dB')}; " + "; ".join(lines) + "."
 
 
 def classes(rows: Sequence[Row]) -> str:

@@ -16,7 +16,7 @@ from impasto.fit.reflectance import Estimator
 from study import excess_cost, fits, minpack, peers, subsets, treatments, wiener_numpy
 from study.data_sets import PIGMENTS
 from study.held_out_error import compared
-from study.pigments import missed
+from study.pigments import judged_spectra
 from study.presets import grid_name, preset_of
 
 Fit: TypeAlias = Callable[[Any, int | None], Any]
@@ -30,18 +30,18 @@ ONE_VIEW = (*SIMULATED, "icon")
 COUNTS = (6, 9, 14, 24)
 """Lights that are kept of 48, of the icon's of 60."""
 LIGHTS = {48: SIMULATED, 60: ("icon",)}
-"""That there are, and on which data sets."""
+"""Lights that a data set has, and the data sets."""
 VIEW_COUNTS = (7, 12, 18, 35, 70, 175, 350)
 """Photographs that are kept of 700: a hundredth to a half."""
 LARGE = 8
-"""Times as wide and as high is a picture that tells what size does to a fit's time."""
+"""A picture so many times as wide and as high shows how the time depends on the size."""
 PER_PIXEL = {"pooling": "pixel"}
 ESTIMATORS: tuple[Estimator, ...] = (
     "wiener", "linear-model", "root-polynomial", "radial-basis",
 )  # fmt: skip
 """Of reflectance; the quick study takes every other."""
 ONE_LOBE = "one lobe"
-"""What comes without asking."""
+"""The default fit."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Setting:
     Attributes
     ----------
     knob
-        What is turned: settings of one knob make one ladder.
+        The parameter that is varied; settings of one knob are compared with each other.
     name
         Unique within the knob, on each data set.
     fit
@@ -88,12 +88,12 @@ class Setting:
 
     @property
     def search(self) -> bool:
-        """Whether it is a search alone, whose end is held against the least cost."""
+        """Whether it is a search alone, whose final cost is compared with the least cost."""
         return self.knob == "search"
 
 
 def settings(*, quick: bool = False) -> list[Setting]:
-    """All of them, or of every knob a few but nothing large; the presets always."""
+    """All settings; quick: a few of every knob and the presets, without large pictures."""
     every = [setting for setting in _all() if not (quick and setting.knob == "size")]
     if not quick:
         return every
@@ -105,14 +105,14 @@ def settings(*, quick: bool = False) -> list[Setting]:
 
 
 def named(setting: Setting) -> bool:
-    """Whether somebody gets it by name: one lobe, or a preset of pixels' own."""
+    """Whether it is a default or a preset."""
     preset = setting.knob == "effort" and preset_of(setting.options) is not None
     return setting.knob == "pooling" or preset
 
 
-def _spread(rungs: list[str], count: int) -> list[str]:
-    places = np.linspace(0, len(rungs) - 1, min(count, len(rungs))).round().astype(int)
-    return [rungs[place] for place in places]
+def _spread(names: list[str], count: int) -> list[str]:
+    places = np.linspace(0, len(names) - 1, min(count, len(names))).round().astype(int)
+    return [names[place] for place in places]
 
 
 def _sbrdf(knob: str, name: str, on: tuple[str, ...], /, **more: Any) -> Setting:
@@ -126,9 +126,9 @@ def _all() -> Iterator[Setting]:
     yield from _lobes()
     yield from _photographs()
     yield from _reflectances()
-    for sort in treatments.SORTS:
-        prepare = partial(treatments.recoded, sort=sort)
-        yield _sbrdf("bits", sort, SIMULATED, **PER_PIXEL, prepare=prepare)
+    for name in treatments.NUMBER_FORMATS:
+        prepare = partial(treatments.recoded, number_format=name)
+        yield _sbrdf("bits", name, SIMULATED, **PER_PIXEL, prepare=prepare)
     for method in get_args(Method):
         yield Setting("normals", method, partial(fits.lambert, method=method), ONE_VIEW)
         yield _sbrdf("starts", method, ONE_VIEW, **PER_PIXEL, normals=method)
@@ -136,7 +136,7 @@ def _all() -> Iterator[Setting]:
         yield Setting("peer", name, fit, ONE_VIEW)
     some = partial(subsets.strided, stride=minpack.STRIDE)
     yield Setting("peer", minpack.NAME, minpack.fit, ONE_VIEW, part=some)
-    # What is so far apart is no picture: no pixel starts from what others found.
+    # A sample of pixels has no neighbours to start from.
     alone: dict[str, Any] = {**PER_PIXEL, "effort": PRESETS["reference"], "part": some}
     yield _sbrdf("sample", "ours, MINPACK's pixels", ONE_VIEW, **alone)
     one = "ours, one lobe, MINPACK's pixels"
@@ -149,7 +149,7 @@ def _all() -> Iterator[Setting]:
 
 
 def _efforts() -> Iterator[Setting]:
-    """The grid that presets are taken from, and what presets do not turn."""
+    """The grid that presets are chosen from, and options that presets do not change."""
     for start in get_args(Origin):
         for rounds in (0, 1, 2, 4):
             for iterations in (1, 2, 3, 4, 6, 10, 30):
@@ -181,7 +181,7 @@ def _efforts() -> Iterator[Setting]:
 
 
 def _lobes() -> Iterator[Setting]:
-    """How many a pixel may have: Schwarz's criterion takes fewer where they do not pay."""
+    """The largest number of lobes; BIC selects fewer where they do not improve the fit."""
     yield Setting("lobes", "none", partial(fits.lambert, method="robust"), ONE_VIEW, number=0)
     for lobes in (1, 2, 3):
         name = f"{lobes} at most"
@@ -207,7 +207,7 @@ def _photographs() -> Iterator[Setting]:
                 "views", f"{count} {choice}", (VIEWS,), model="lafortune", number=count,
                 prepare=partial(treatments.fewer, count=count, choice=choice),
             )  # fmt: skip
-    # With how few lights what comes without asking is the better fit.
+    # With few lights the default is the better fit.
     for count in COUNTS:
         fewer = partial(treatments.fewer, count=count, choice="spread")
         name = f"{count} spread, {ONE_LOBE}"
@@ -218,10 +218,12 @@ def _photographs() -> Iterator[Setting]:
 
 
 def _reflectances() -> Iterator[Setting]:
-    """What is fitted to pigments has errors of its own; whose options are none is a peer's."""
+    """Estimators have errors of their own kind; a setting without options is a peer."""
     for estimator in ESTIMATORS:
         yield Setting(
             "reflectance", estimator, partial(fits.reflectance, estimator=estimator), PIGMENTS,
-            options={"estimator": estimator}, judge=missed,
+            options={"estimator": estimator}, judge=judged_spectra,
         )  # fmt: skip
-    yield Setting("reflectance", wiener_numpy.NAME, wiener_numpy.fit, PIGMENTS, judge=missed)
+    yield Setting(
+        "reflectance", wiener_numpy.NAME, wiener_numpy.fit, PIGMENTS, judge=judged_spectra
+    )

@@ -1,4 +1,4 @@
-"""Which pixels of a data set a setting is measured on."""
+"""The pixels of a data set that a setting is measured on."""
 
 from __future__ import annotations
 
@@ -11,43 +11,43 @@ from impasto.thinning import every, thinned
 from study.data_sets import PaintingData, Paintings
 
 WIDTH = 32
-"""Pixels of a class stand in rows of so many."""
+"""Width of the picture that holds the pixels of a class."""
 
 
 class TooFewError(Exception):
-    """A data set has fewer such pixels, or photographs, than a setting takes."""
+    """A data set has fewer such pixels, or photographs, than a setting needs."""
 
 
 def whole(paintings: Paintings) -> Paintings:
-    """All of them."""
+    """All pixels."""
     return paintings
 
 
 def strided(paintings: Paintings, *, stride: int) -> Paintings:
-    """Every so many along both axes."""
+    """Every ``stride``-th pixel along both axes."""
     return tuple(_strided(painting, stride) for painting in paintings)
 
 
-def _strided(specimen: PaintingData, stride: int) -> PaintingData:
-    normal = specimen.normal
-    window = every(specimen.stack.shape[2:], stride)
+def _strided(painting: PaintingData, stride: int) -> PaintingData:
+    normal = painting.normal
+    window = every(painting.stack.shape[2:], stride)
     return replace(
-        specimen,
-        stack=thinned(specimen.stack, stride),
-        held=specimen.held[window],
+        painting,
+        stack=thinned(painting.stack, stride),
+        held=painting.held[window],
         normal=None if normal is None else normal[window],
         truth=None,
     )
 
 
 def repeated(paintings: Paintings, *, times: int) -> Paintings:
-    """The first painting side by side, so often along both axes: a picture as large as people's."""
-    specimen = paintings[0]
-    stack, normal = specimen.stack, specimen.normal
+    """The first painting repeated along both axes: a picture of realistic size."""
+    painting = paintings[0]
+    stack, normal = painting.stack, painting.normal
     part = replace(
-        specimen,
+        painting,
         stack=stack._replace(samples=np.tile(stack.samples, (1, 1, times, times))),
-        held=np.tile(specimen.held, (1, 1, times, times)),
+        held=np.tile(painting.held, (1, 1, times, times)),
         normal=None if normal is None else np.tile(normal, (1, times, times)),
         truth=None,
     )
@@ -55,30 +55,30 @@ def repeated(paintings: Paintings, *, times: int) -> Paintings:
 
 
 def alike(paintings: Paintings, *, lobes: int) -> Paintings:
-    """Those that the standard effort gives so many lobes, over and over in a picture as large.
+    """Pixels to which the standard effort gives this number of lobes, repeated to a picture.
 
-    Of the first painting, on which fits are timed: as many pixels as it has, so that what a fit
-    asks of a painting at first weighs as much.
+    The picture has as many pixels as the first painting, on which fits are timed, so that the
+    fixed cost per painting has the same weight.
 
     Raises
     ------
     TooFewError
         There are fewer than one in a hundred.
     """
-    specimen = paintings[0]
-    stack = specimen.stack
+    painting = paintings[0]
+    stack = painting.stack
     fitted = fit_sbrdf(stack, pooling="pixel")
     y, x = np.nonzero(fitted.lobes == lobes)
     count = stack.shape[2] * stack.shape[3]
     if len(y) < 0.01 * count:
         raise TooFewError(f"only {len(y)} of {count} pixels")
-    turns = np.resize(np.arange(len(y)), max(count // WIDTH, 1) * WIDTH).reshape(-1, WIDTH)
-    place = np.s_[..., y[turns], x[turns]]
-    normal = specimen.normal
+    order = np.resize(np.arange(len(y)), max(count // WIDTH, 1) * WIDTH).reshape(-1, WIDTH)
+    place = np.s_[..., y[order], x[order]]
+    normal = painting.normal
     part = replace(
-        specimen,
+        painting,
         stack=stack._replace(samples=np.ascontiguousarray(stack.samples[place])),
-        held=specimen.held[place],
+        held=painting.held[place],
         normal=None if normal is None else normal[place],
         truth=None,
         share=len(y) / count,

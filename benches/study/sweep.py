@@ -19,21 +19,20 @@ from impasto.stack import Stack
 from study import subsets
 from study.cramer_rao import Bound, bound_of, strengths_off, widths_off
 from study.data_sets import FULL, QUICK, PaintingData, Sizes, available, digests
-from study.excess_cost import Leasts, leasts_of, summary
+from study.excess_cost import LeastCosts, least_costs_of, summary
 from study.held_out_error import lobes_of
 from study.journal import TERMS, Journal, alone, check_folder, run_info
 from study.memory import per_megapixel
-from study.pigments import Swatches
+from study.pigments import PigmentData
 from study.reference_fit import ReferenceFit
 from study.repeatability import check_alike
 from study.settings import VIEWS, Setting, named, settings
 
-WEIGHED = ("own model", VIEWS)
-"""Data sets on which the memory of what has a name is measured: of others it is the same, sample
-for sample."""
+MEMORY_MEASURED = ("own model", VIEWS)
+"""Data sets on which memory is measured for presets; on others it is the same per sample."""
 
 Advance = Callable[[int, int, str], None]
-"""Told before every run: (done, total, what comes)."""
+"""Called before every run: (done, total, name of the run)."""
 
 
 def run(
@@ -119,8 +118,10 @@ def run(
     left = places
     with alone(out):
         journal = Journal(out, {"run": info, "missing": missing}, TERMS)
-        stick = ReferenceFit(threads)
-        desks = {name: _Desk(made[name], seed, threads, stick, weigh=not quick) for name in made}
+        beside = ReferenceFit(threads)
+        runners = {
+            name: _Runner(made[name], seed, threads, beside, memory=not quick) for name in made
+        }
         for turn in count():
             left = [p for p in left if journal.wants(_key(*p), repeats, surely=not quick)]
             if not left:
@@ -131,7 +132,7 @@ def run(
                 key = _key(name, setting)
                 taken = sum(min(journal.timings(_key(*place)), repeats) for place in places)
                 advance(taken, repeats * len(places), f"{name}: {setting.name}")
-                run = key | desks[name].measured(setting, first=journal.timings(key) == 0)
+                run = key | runners[name].measured(setting, first=journal.timings(key) == 0)
                 journal.add(run)
                 if "failed" in run:
                     left.remove((name, setting))
@@ -153,12 +154,12 @@ def _key(data: str, setting: Setting) -> dict[str, str]:
     return {"data": data, "knob": setting.knob, "setting": setting.name}
 
 
-Taken: TypeAlias = tuple[PaintingData | Swatches, Any]
+Taken: TypeAlias = tuple[PaintingData | PigmentData, Any]
 """Pixels of a painting or of pigments, and the photographs of them that are fitted."""
 
 
-class _Desk:
-    """A data set, and what settings take of it: made once, when it is needed."""
+class _Runner:
+    """Runs settings on one data set, which is made when it is first needed."""
 
     def __init__(
         self,
@@ -167,18 +168,18 @@ class _Desk:
         threads: int | None,
         reference: ReferenceFit,
         *,
-        weigh: bool,
+        memory: bool,
     ) -> None:
         self._paintings = cache(make)
-        self._seed, self._threads, self._weigh = seed, threads, weigh
+        self._seed, self._threads, self._memory = seed, threads, memory
         self._reference = reference
         self._timed: dict[tuple[str, str], Taken] = {}
         # Most settings are fitted to the same photographs.
         self._bounds: dict[tuple[int, bytes], Bound] = {}
-        self._leasts: dict[bytes, Leasts] = {}
+        self._leasts: dict[bytes, LeastCosts] = {}
 
     def _take(self, setting: Setting, *, first: bool) -> list[Taken]:
-        """What a setting takes of every painting; of the first alone where it is only timed."""
+        """Stacks that a setting is fitted to: of all paintings, or of the first when only timed."""
         key = (setting.knob, setting.name)
         if key in self._timed and not first:
             return [self._timed[key]]
@@ -191,7 +192,7 @@ class _Desk:
         return taken
 
     def measured(self, setting: Setting, *, first: bool) -> dict[str, Any]:
-        """All about a fit, or what it takes once more: of the first painting."""
+        """A row of the record at the first run of a setting, later one more timing."""
         try:
             taken = self._take(setting, first=first)
             (part, stack), *others = taken
@@ -200,13 +201,13 @@ class _Desk:
             )
             if not first:
                 return {"again": asdict(timing)}
-            # What is not timed may take every core: its bits are the same.
+            # Fits that are not timed may use every core: the results are the same bits.
             fits = [fitted, *(setting.fit(stack, None) for _, stack in others)]
             row: dict[str, Any] = {"number": setting.number, "options": setting.options}
             row |= self._bounded(fits, taken)
             if setting.search:
                 row["excess"] = self._excess(fits, [stack for _, stack in taken])
-            if self._weigh and part.name in WEIGHED and named(setting):
+            if self._memory and part.name in MEMORY_MEASURED and named(setting):
                 row["memory"] = per_megapixel(setting.fit, stack, self._threads)
             row |= {"share": part.share, "lobes": lobes_of(fits)}
             error = asdict(setting.judge(fits, tuple(part for part, _ in taken)))
@@ -219,19 +220,18 @@ class _Desk:
         except Exception as error:
             if (setting.peer or setting.search) and isinstance(error, ImportError):
                 return {"skipped": str(error)}
-            # Whatever a fit of ours refuses here it should have made: the others go on, and it
-            # shows.
+            # No fit of ours should fail here. The study goes on and reports it.
             return {"failed": f"{type(error).__name__}: {error}"}
 
     def _bounded(self, fits: Sequence[Any], taken: Sequence[Taken]) -> dict[str, float]:
-        """What no fit can beat, and how near this one's gloss comes, where the truth is known."""
+        """Cramér-Rao bounds and errors of gloss in units of them, where the truth is known."""
         known = [(part.truth, stack) for part, stack in taken if part.truth is not None]
         if not known:
             return {}
         truths = [truth for truth, _ in known]
         bounds = [self._bound(truth, stack.rig) for truth, stack in known]
         if not all(bound.normal.size for bound in bounds):
-            # A painting of a few pixels has none on the grid of bounds.
+            # A very small painting has no pixel on the grid of bounds.
             return {}
         row = {"bound": float(np.mean([bound.normal for bound in bounds]))}
         gammas: list[Any] = [getattr(fit, "gamma", None) for fit in fits]
@@ -241,18 +241,18 @@ class _Desk:
         if all(np.ndim(strength) == 4 for strength in lobes):
             betas = [strength[0].mean(axis=0) for strength in lobes]
             row["strength"] = strengths_off(betas, truths, bounds)
-        # Half of the pixels may have no lobe: as far off as can be, for which JSON has no number.
+        # Infinite if half of the pixels have no lobe; JSON has no such number.
         return {name: value for name, value in row.items() if np.isfinite(value)}
 
     def _excess(self, fits: Sequence[Any], stacks: Sequence[Stack]) -> dict[str, float]:
-        """How far above the least cost searches of some paintings end."""
+        """Final cost of searches above the least cost."""
         pairs = zip(fits, stacks, strict=True)
         return summary(self._least(stack).excess(fitted) for fitted, stack in pairs)
 
-    def _least(self, stack: Stack) -> Leasts:
+    def _least(self, stack: Stack) -> LeastCosts:
         key = stack.samples.tobytes()
         if key not in self._leasts:
-            self._leasts[key] = leasts_of(stack)
+            self._leasts[key] = least_costs_of(stack)
         return self._leasts[key]
 
     def _bound(self, truth: Truth, rig: Rig) -> Bound:

@@ -300,14 +300,18 @@ def _halving(rows: Sequence[Row]) -> list[Row]:
     asked = [row for row in of_knob(rows, "effort", "pooling") if row["data"] in everywhere]
     for row in asked:
         found.setdefault(row["setting"], {})[row["data"]] = row
-    rungs = candidates_of(asked)
+    candidates = candidates_of(asked)
     lines = []
     for name in PRESETS:
-        own = next((r for r in rungs if presets.preset_of(r.options) == name), None)
-        fast = [rung for rung in rungs if own is not None and rung.seconds <= 0.5 * own.seconds]
+        own = next((r for r in candidates if presets.preset_of(r.options) == name), None)
+        fast = [
+            candidate
+            for candidate in candidates
+            if own is not None and candidate.seconds <= 0.5 * own.seconds
+        ]
         if own is None or not fast:
             continue
-        best = min(fast, key=lambda rung: rung.error)
+        best = min(fast, key=lambda candidate: candidate.error)
 
         def less(what: str, half: str = best.setting, whole: str = own.setting) -> float | None:
             one, other = found[half], found[whole]

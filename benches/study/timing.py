@@ -17,14 +17,14 @@ from typing import Any
 
 import numpy as np
 
-SURE = 0.0125
-"""Relative standard error of a cost that is sure. The ratio of two costs, each of two runs, is off
-by twice as much: a tenth is four deviations, or three (:func:`uncertain`)."""
+CERTAIN = 0.0125
+"""Relative standard error below which a cost is certain. The ratio of two costs, compared between
+two runs, has twice this error: a tenth is three to four deviations (:func:`uncertain`)."""
 MOST = 2
-"""Times ``repeats``: timings of a fit that is never sure."""
+"""Largest number of timings of a fit, in units of ``repeats``."""
 MORE = 6
-"""The same of one so short that it runs several times a timing: what else uses the caches makes its
-timings differ most, and they cost least."""
+"""The same for a fit so short that it runs several times per timing: its timings scatter most and
+cost least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Timing:
     reference_cpu, reference_wall
         Seconds of the reference fit, in the mean of right before and right after.
     runs
-        Times that the fit ran in it.
+        Runs of the fit in this timing.
     """
 
     cpu: float
@@ -73,15 +73,15 @@ def pace(timings: Sequence[Timing], kind: str) -> tuple[float, float]:
 
 
 def uncertain(timings: Sequence[Timing], repeats: int) -> bool:
-    """Whether a fit wants another timing: it had fewer than ``repeats``, or its cost is not sure.
+    """Whether a fit needs another timing: fewer than ``repeats``, or its cost is not certain.
 
-    An end that waits for the error to seem small finds it smaller than it is: by less than a third,
-    of fits of milliseconds by less than half.
+    This stopping rule underestimates the error: by less than a third, for fits of milliseconds by
+    less than half.
     """
     if len(timings) < max(repeats, 2):
         return len(timings) < repeats
     most = MORE if min(timing.runs for timing in timings) > 1 else MOST
-    return len(timings) < most * repeats and pace(timings, "cpu")[1] > SURE
+    return len(timings) < most * repeats and pace(timings, "cpu")[1] > CERTAIN
 
 
 def unit(timings: Sequence[Timing]) -> dict[str, float]:
@@ -93,6 +93,6 @@ def unit(timings: Sequence[Timing]) -> dict[str, float]:
 
 
 def steadiness(timings: Sequence[Timing]) -> dict[str, Any]:
-    """The reference fit in a record: its seconds, and how they went up and down."""
+    """The reference fit in a record: its seconds and their variation."""
     low, high = np.percentile([timing.reference_cpu for timing in timings], (5.0, 95.0))
     return unit(timings) | {"p95 over p5": float(high / low), "timings": len(timings)}

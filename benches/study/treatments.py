@@ -1,4 +1,4 @@
-"""What is changed about the photographs before they are fitted."""
+"""Treatments of the photographs before a fit: subsets of the lights, other number formats."""
 
 from __future__ import annotations
 
@@ -17,14 +17,21 @@ from impasto.thinning import thinned
 from study.subsets import TooFewError
 
 SELECTIONS = ("random", "spread", "best")
-SORTS = ("8-bit linear", "8-bit sRGB", "12-bit linear", "16-bit linear", "float16", "float32")
+NUMBER_FORMATS = (
+    "8-bit linear",
+    "8-bit sRGB",
+    "12-bit linear",
+    "16-bit linear",
+    "float16",
+    "float32",
+)
 TRIES = 64
-"""Exchanges of a photograph for another that the best subset is looked for by."""
+"""Exchanges of a photograph that are tried for the best subset."""
 DRAWN = 100
-"""Subsets drawn at most for one that determines normals. Nine in ten of the 770 views are lit from
-one arc: of seven at random four times in ten no light stands outside it."""
+"""Random subsets drawn, at most, until one determines normals. Nine in ten of the 770 views are lit
+from one arc: of seven random ones, four times in ten none lies outside it."""
 JUDGED = 3
-"""Every so many pixels judge a subset."""
+"""Stride of the pixels by which a subset is judged."""
 
 
 def everything(stack: Stack, seed: int) -> Stack:
@@ -34,12 +41,11 @@ def everything(stack: Stack, seed: int) -> Stack:
 
 
 def fewer(stack: Stack, seed: int, *, count: int, choice: str) -> Stack:
-    """Some photographs: at random, spread as evenly as a greedy choice gets, or the best found.
+    """Some photographs: random, spread evenly by a greedy choice, or the best subset found.
 
-    A random subset whose lights lie in one plane, which no fit takes, is drawn again: the seed's
-    first that can be fitted. The best is looked for from the spread one by exchange: it is the one
-    whose fit shows all photographs best. It needs them all, so it tells what there is to gain, not
-    how to photograph.
+    A random subset whose lights lie in one plane cannot be fitted and is drawn again. The best
+    subset is found by exchange from the spread one; its fit predicts all photographs best. It needs
+    all photographs, so it shows what there is to gain, not how to photograph.
 
     Raises
     ------
@@ -59,9 +65,9 @@ def fewer(stack: Stack, seed: int, *, count: int, choice: str) -> Stack:
 
 
 def _drawn(stack: Stack, rng: np.random.Generator, count: int) -> NDArray[np.intp]:
-    """All photographs in some order of which the first ``count`` determine normals.
+    """A random order of all photographs, of which the first ``count`` determine normals.
 
-    Where no such order is found the last one is what a fit refuses, in its own words.
+    If none is found, the last order; the fit then says why it refuses it.
     """
     few = thinned(stack, min(stack.shape[2:]))
     for _ in range(DRAWN):
@@ -72,7 +78,7 @@ def _drawn(stack: Stack, rng: np.random.Generator, count: int) -> NDArray[np.int
 
 
 def _determined(stack: Stack) -> bool:
-    """Whether there are lights enough outside one plane: photometric stereo knows at once."""
+    """Whether the lights determine normals: photometric stereo refuses them at once if not."""
     try:
         fit_normals(stack, method="least-squares", threads=1)
     except GeometryError:
@@ -83,7 +89,7 @@ def _determined(stack: Stack) -> bool:
 def _exchanged(
     stack: Stack, picked: NDArray[np.intp], rng: np.random.Generator
 ) -> NDArray[np.intp]:
-    """One photograph after another for one that was left, pairs at random (after Fedorov 1972)."""
+    """Exchange algorithm with random pairs (after Fedorov 1972)."""
     part = thinned(stack, JUDGED)
     light = np.array([part.linear(i) for i in range(len(part.rig))])
     order = np.concatenate([picked, np.setdiff1d(np.arange(len(part.rig)), picked)])
@@ -99,7 +105,7 @@ def _exchanged(
 
 
 def _error(stack: Stack, picked: NDArray[np.intp], light: NDArray[Any]) -> float:
-    """Of all photographs by a fit of some; the same judge all subsets, those fitted among them."""
+    """Relighting error on all photographs of a fit of some."""
     many = len(np.unique(stack.rig.views, axis=0)) > 1
     options: Any = {"model": "lafortune"} if many else {"pooling": "pixel"}
     try:
@@ -110,7 +116,7 @@ def _error(stack: Stack, picked: NDArray[np.intp], light: NDArray[Any]) -> float
 
 
 def spread(places: NDArray[Any], count: int) -> NDArray[np.intp]:
-    """Begin at the middle of all; then always the place farthest from those already chosen."""
+    """Farthest-point sampling from the place nearest to the mean."""
     apart = ((places - places.mean(axis=0)) ** 2).sum(axis=1)
     chosen = [int(apart.argmin())]
     nearest = np.full(len(places), np.inf)
@@ -120,24 +126,24 @@ def spread(places: NDArray[Any], count: int) -> NDArray[np.intp]:
     return np.array(chosen)
 
 
-def recoded(stack: Stack, seed: int, *, sort: str) -> Stack:
-    """The same light in other numbers; what is clipped stays clipped."""
+def recoded(stack: Stack, seed: int, *, number_format: str) -> Stack:
+    """The same light in another number format; clipped samples stay clipped."""
     del seed
-    # Clipped samples are +inf: full scale in whatever comes.
+    # Clipped samples are +inf and become full scale.
     light = np.array([stack.linear(i) for i in range(len(stack.rig))])
     white = float((np.asarray(stack.saturation) - stack.black).max() * stack.scale.max())
-    if sort.endswith("bit linear"):
-        top = 2 ** int(sort.partition("-")[0]) - 1
+    if number_format.endswith("bit linear"):
+        top = 2 ** int(number_format.partition("-")[0]) - 1
         codes = np.rint(np.clip(light / white, 0.0, 1.0) * top)
         kind = np.uint8 if top == 255 else np.uint16
         return Stack(
             codes.astype(kind), lights=stack.rig, bands=stack.bands, scale=white / top,
             saturation=float(top),
         )  # fmt: skip
-    if sort == "8-bit sRGB":
+    if number_format == "8-bit sRGB":
         curve = Encoding("srgb", 255.0)
         decoded = curve.decode(np.rint(curve.encode(light / white))) * np.float32(white)
         full = float(np.float32(white))
         return Stack(decoded, lights=stack.rig, bands=stack.bands, saturation=full)
-    number = np.float16 if sort == "float16" else np.float32
+    number = np.float16 if number_format == "float16" else np.float32
     return Stack(light.astype(number), lights=stack.rig, bands=stack.bands)

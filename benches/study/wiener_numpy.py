@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from impasto.colour.wavelengths import Floats
 from impasto.training import default_training
-from study.pigments import GRID, NOISE, Plate
+from study.pigments import GRID, NOISE, PigmentPhotograph
 
 NAME = "wiener, numpy"
 
@@ -22,7 +22,7 @@ class Product:
     basis: Floats
 
 
-def fit(plate: Plate, threads: int | None) -> Product:
+def fit(photograph: PigmentPhotograph, threads: int | None) -> Product:
     """Eq. 5 of Tominaga and Tanaka's six-band paper, in float64; applied as one product in float32.
 
     ``G = R H^T (H R H^T + s^2 I)^-1`` with the correlation R of the training spectra. Its columns
@@ -32,11 +32,11 @@ def fit(plate: Plate, threads: int | None) -> Product:
     del threads
     training = default_training().at(GRID)
     correlation = training.T @ training / len(training)
-    seen = plate.camera.operator(GRID, integration="sum")
+    seen = photograph.camera.operator(GRID, integration="sum")
     noise = NOISE**2 * np.eye(len(seen))
     matrix = np.linalg.solve(seen @ correlation @ seen.T + noise, seen @ correlation).T
     basis, size, turn = np.linalg.svd(matrix, full_matrices=False)
     apply = (size[:, None] * turn).astype(np.float32)
-    bands, height, width = plate.responses.shape
-    product = apply @ plate.responses.reshape(bands, -1)
+    bands, height, width = photograph.responses.shape
+    product = apply @ photograph.responses.reshape(bands, -1)
     return Product(product.reshape(-1, height, width), basis.T)

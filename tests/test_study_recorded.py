@@ -237,10 +237,10 @@ def test_the_best_photographs_are_better_than_those_spread_evenly() -> None:
     assert errors[1] < errors[0]
 
 
-@pytest.mark.parametrize("sort", treatments.SORTS)
+@pytest.mark.parametrize("sort", treatments.NUMBER_FORMATS)
 def test_recoded_photographs_show_the_same_light(sort: str) -> None:
     stack = simulate.default_capture("tominaga-rgb-camera", size=(16, 16)).stack
-    other = treatments.recoded(stack, 0, sort=sort)
+    other = treatments.recoded(stack, 0, number_format=sort)
     first, second = (np.array([s.linear(i) for i in range(9)]) for s in (stack, other))
     clipped = ~np.isfinite(first)
     assert not np.isfinite(second[clipped]).any()
@@ -302,10 +302,10 @@ def test_a_perfect_fit_has_no_error() -> None:
     first, second = made["own model"]()
 
     class Perfect:
-        def __init__(self, specimen: data_sets.PaintingData) -> None:
-            self.normal = specimen.normal
-            self.status = np.zeros(specimen.stack.shape[2:], np.uint8)
-            self.held = specimen.held
+        def __init__(self, painting: data_sets.PaintingData) -> None:
+            self.normal = painting.normal
+            self.status = np.zeros(painting.stack.shape[2:], np.uint8)
+            self.held = painting.held
 
         def predict(self, lights: Any) -> Any:
             del lights
@@ -347,10 +347,10 @@ def test_the_peer_s_radiance_is_the_papers() -> None:
 def test_the_bound_falls_with_the_root_of_the_photographs() -> None:
     """Every photograph twice holds twice the information."""
     made, _ = data_sets.available(SIZES, 0, None)
-    specimen, _ = made["own model"]()
-    assert specimen.truth is not None
+    painting, _ = made["own model"]()
+    assert painting.truth is not None
     once, twice = (
-        bound_of(specimen.truth, specimen.stack.rig.take([*range(16)] * count)) for count in (1, 2)
+        bound_of(painting.truth, painting.stack.rig.take([*range(16)] * count)) for count in (1, 2)
     )
     # Sums of products in another order: rounding of float64, times the condition of 7 unknowns.
     assert once.normal / twice.normal == pytest.approx(np.sqrt(2.0), rel=1e-6)
@@ -361,13 +361,13 @@ def test_the_bound_falls_with_the_root_of_the_photographs() -> None:
 def _bounded() -> tuple[data_sets.PaintingData, Truth, Bound, Any]:
     """A painting, what is true of it, what no fit can beat, and where that is known."""
     made, _ = data_sets.available(SIZES, 0, None)
-    specimen, _ = made["own model"]()
-    assert specimen.truth is not None
-    return specimen, specimen.truth, bound_of(specimen.truth, specimen.stack.rig), np.s_[3::6, 3::6]
+    painting, _ = made["own model"]()
+    assert painting.truth is not None
+    return painting, painting.truth, bound_of(painting.truth, painting.stack.rig), np.s_[3::6, 3::6]
 
 
 def test_widths_are_off_by_so_many_bounds() -> None:
-    specimen, truth, bound, places = _bounded()
+    painting, truth, bound, places = _bounded()
     here = truth.gamma[0][places]
     off = bound.width.reshape(here.shape)
     gamma = np.full(truth.gamma.shape[1:], np.nan)
@@ -380,7 +380,7 @@ def test_widths_are_off_by_so_many_bounds() -> None:
     assert widths_off([np.full_like(gamma, np.nan)], [truth], [bound]) == np.inf
     # Where there is no gloss nothing tells of its width, and no fit is asked.
     matte = replace(truth, beta=np.zeros_like(truth.beta))
-    none = bound_of(matte, specimen.stack.rig)
+    none = bound_of(matte, painting.stack.rig)
     assert np.isinf(none.width).all()
     assert np.isinf(none.strength).all()
 
