@@ -54,7 +54,7 @@ study: $(VENV)/built $(VENV)/extras $(VENV)/peers  ## measure anew all that docs
 	$(BIN)/python benches/python/fits.py --record
 	$(BIN)/python benches/python/reflectance_ladder.py --write
 	$(BIN)/python benches/python/suggestions.py --record
-	$(BIN)/python benches/python/kernel_figures.py
+	$(BIN)/python benches/study --redraw
 	$(BIN)/python benches/python/pages.py
 
 pictures: $(VENV)/built  ## make the pictures of README and documentation again

@@ -19,3 +19,11 @@ def test_every_script_finds_what_it_imports() -> None:
     code = f"import sys; sys.path.insert(0, {str(FOLDER)!r}); import {', '.join(SCRIPTS)}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_recorded_study_starts() -> None:
+    """As a folder, from anywhere: it finds its package and the scripts beside it."""
+    command = [sys.executable, str(FOLDER.parent / "study"), "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "--record" in done.stdout

@@ -28,7 +28,7 @@ def hungry(stack: impasto.Stack, threads: int | None) -> int:
 
 
 class Busy:
-    """A reference fit on a machine whose speed is any; the fits themselves take what is said here."""
+    """A reference fit on a machine of random speed; the fits take the seconds given here."""
 
     seconds: ClassVar[dict[str, float]] = {}
     noise = 0.0

@@ -36,13 +36,12 @@ if not __package__:
     BENCHES = Path(__file__).resolve().parents[1]
     sys.path[:1] = [str(BENCHES), str(BENCHES / "python")]
 
-import kernel_figures
 from pages import set_tables
 from record import RESULTS, ROOT, data_folder
 from record import write as record
 
 from impasto.errors import ImpastoError
-from study import presets, repeatability, run, write
+from study import kernel_figures, presets, repeatability, run, write
 from study.figures import draw
 from study.report import page_of
 from study.sentences import paragraphs

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from impasto._internal.wording import counted
-from impasto.effort import PRESETS, Effort, Origin
+from impasto.effort import PRESETS, Effort
 from study import wiener_numpy
 from study.candidates import Row
 from study.excess_cost import PRECISIONS, STEPS
@@ -21,7 +21,7 @@ from study.tables import SETS, beaten, compared, of_knob, preset_rows, searched_
 from study.treatments import SELECTIONS
 
 VIEWS = "770 views"
-TABLE, SEEDED = get_args(Origin)
+TABLE, SEEDED = PRESETS["reference"].start, PRESETS["standard"].start
 """Where searches start: at fixed widths, or at what other pixels found."""
 CUT = 39
 """How many times fewer photographs Heuberger speaks of, at least: some forty."""
@@ -160,7 +160,7 @@ def searches(rows: Sequence[Row]) -> str:
     """What it is worth to start from what pixels about have found."""
     table, seeded = (
         by_data(rows, "effort", grid_name(effort))
-        for effort in (replace(PRESETS["standard"], start=start) for start in get_args(Origin))
+        for effort in (replace(PRESETS["standard"], start=start) for start in (TABLE, SEEDED))
     )
     return (
         f'`start="{SEEDED}"` takes {ratio(seeded, table):.2f} times the time of '

@@ -1,9 +1,4 @@
-"""Figures of docs/accuracy-and-time.md from other records than the study's own.
-
-    python benches/python/kernel_figures.py
-
-Draws what benches/results/kernels.json and fits.json hold into docs/_static.
-"""
+"""Figures of docs/accuracy-and-time.md from the records of the solver: kernels.json, fits.json."""
 
 from __future__ import annotations
 
@@ -12,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from record import RESULTS, ROOT
+from record import RESULTS
 
 from study.figures import save
 from study.panels import BLACK, BLUE, FAINT, GREEN, ORANGE, dress, logarithmic, note, plain
@@ -139,8 +134,3 @@ def draw(out: Path) -> list[Path]:
         if (RESULTS / f"{record}.json").is_file():
             written += save(out / f"study-{name}", panels, panel)
     return written
-
-
-if __name__ == "__main__":
-    for path in draw(ROOT / "docs" / "_static"):
-        print(path.relative_to(ROOT))
