@@ -7,7 +7,7 @@ use impasto::brdf::lafortune::{Lobe, Pair};
 use impasto::geometry::{Grid, Light, Rig};
 use impasto::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, ROWS, Rows, fit};
 use impasto::math::{Element, Level, Real, Vec3};
-use impasto::sbrdf::lafortune::{Found, Luminance, Sequence};
+use impasto::sbrdf::lafortune::{LafortuneEstimate, LafortuneSelection, Luminance};
 use levenberg_marquardt::LeastSquaresProblem;
 use nalgebra::{Const, Dyn, OMatrix, OVector, Owned, SVector, U1};
 
@@ -227,11 +227,11 @@ pub(crate) fn sequential(
     photographs: &Photographs,
     select: bool,
     options: &Options,
-) -> (Vec<Found>, Occupancy) {
+) -> (Vec<LafortuneEstimate>, Occupancy) {
     let Photographs { rig, samples, normals, places } = photographs;
     let data = Luminance { rig, samples, stride: normals.len(), normals, places };
     let pixels: Vec<usize> = (0..normals.len()).collect();
-    let sequence = Sequence { lobes: 3, select, turning: true, options: *options };
+    let sequence = LafortuneSelection { lobes: 3, select, turning: true, options: *options };
     sequence.fit(Level::detect(), &data, &pixels, &|| false)
 }
 

@@ -1,4 +1,5 @@
-//! Snel's third pass: with shapes and normal known, colours are linear.
+//! Diffuse part and strengths by non-negative least squares [@lawson1974nnls]: Snel's third pass
+//! [@snel]. With shapes and normal known, colours are linear.
 
 use crate::brdf::lafortune::{Lobe, Pair};
 use crate::geometry::Rig;
@@ -6,14 +7,14 @@ use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Mask, Real, Vec3};
 use crate::sbrdf::lobes::Sums;
 
-use super::found::{Found, GROSS, MOST_LOBES, SHARE};
-use super::scratch::{Scratch, TILE};
+use super::estimate::{LafortuneEstimate, MOST_LOBES, OUTLIER_DEVIATIONS, OUTLIER_SHARE};
+use super::scratch::{LafortuneScratch, TILE};
 
 /// Diffuse part and lobes.
 pub(super) const COLUMNS: usize = 1 + MOST_LOBES;
 
 /// Strengths of a tile.
-pub(super) struct Tints {
+pub(super) struct TileColours {
     pixels: usize,
     /// `(band, column, pixel)`.
     values: Vec<f32>,
@@ -21,7 +22,7 @@ pub(super) struct Tints {
     pub(super) residual: Vec<f32>,
 }
 
-impl Tints {
+impl TileColours {
     pub(super) fn new(bands: usize, pixels: usize) -> Self {
         Self {
             pixels,
@@ -41,17 +42,17 @@ impl Tints {
     }
 }
 
-/// Finds the colours of some pixels of a tile.
+/// Estimates the colours of some pixels of a tile.
 ///
-/// A photograph that clipped in a band, or lacks it, has had no say in the lobes, and nobody has
-/// asked whether it shows the surface: a flash may clip red alone. What its other bands show counts
-/// if it is not gross beside what the whole photographs say (hard case 31).
+/// A photograph that clipped in a band, or lacks it, was not used for the lobes, and was not tested
+/// for outliers: a flash may clip red alone. Its other bands count if they are no outliers beside the
+/// fit to the complete photographs (hard case 31).
 pub(super) struct Colours<'a> {
     pub(super) rig: &'a Rig,
-    pub(super) scratch: &'a Scratch,
+    pub(super) scratch: &'a LafortuneScratch,
     pub(super) fine: &'a [usize],
-    pub(super) found: &'a [Found],
-    pub(super) tints: &'a mut Tints,
+    pub(super) found: &'a [LafortuneEstimate],
+    pub(super) tints: &'a mut TileColours,
 }
 
 impl Kernel for Colours<'_> {
@@ -65,7 +66,7 @@ impl Kernel for Colours<'_> {
         let mut columns = vec![[I::F32::zero(); COLUMNS]; rig.observations()];
         let mut means = vec![I::F32::zero(); rig.observations()];
         for (pixels, found) in fine.chunks(width).zip(found.chunks(width)) {
-            let facets = Facets::<I::F32>::new(scratch, pixels, found);
+            let facets = LaneLobes::<I::F32>::new(scratch, pixels, found);
             for (photograph, columns) in columns.iter_mut().enumerate() {
                 *columns = facets.columns(rig, photograph);
             }
@@ -75,9 +76,9 @@ impl Kernel for Colours<'_> {
             }
             let whole = means.iter().all(|mean| mean.is_finite().all());
             // The bands' noise, in their mean square if it is independent; a noisier band is left to
-            // `SHARE`.
-            let gross: I::F32 = gather(pixels, |place, _| {
-                (GROSS * (bands as f64 * found[place].mean()).sqrt()) as f32
+            // `OUTLIER_SHARE`.
+            let limit: I::F32 = gather(pixels, |place, _| {
+                (OUTLIER_DEVIATIONS * (bands as f64 * found[place].mean()).sqrt()) as f32
             });
             let (mut square, mut count) = (I::F32::zero(), I::F32::zero());
             for band in 0..bands {
@@ -96,8 +97,8 @@ impl Kernel for Colours<'_> {
                 let first = colours;
                 let near = |columns: &[I::F32; COLUMNS], sample: I::F32| {
                     let off = left(columns, &first, sample);
-                    let share = I::F32::splat(SHARE) * sample.max(sample - off);
-                    off.abs().le(gross.max(share))
+                    let share = I::F32::splat(OUTLIER_SHARE) * sample.max(sample - off);
+                    off.abs().le(limit.max(share))
                 };
                 if !whole {
                     for (photograph, (columns, mean)) in columns.iter().zip(&means).enumerate() {
@@ -135,7 +136,7 @@ impl Kernel for Colours<'_> {
     }
 }
 
-/// What colours leave of a sample.
+/// The residual of a sample.
 #[inline(always)]
 fn left<R: Real>(columns: &[R; COLUMNS], colours: &[R; COLUMNS], sample: R) -> R {
     let mut left = sample;
@@ -145,7 +146,7 @@ fn left<R: Real>(columns: &[R; COLUMNS], colours: &[R; COLUMNS], sample: R) -> R
     left
 }
 
-/// One number of each of some pixels, told their places among them and in the tile; lanes beyond
+/// One number of each of some pixels, from their indices in the list and in the tile; lanes beyond
 /// the last pixel repeat it.
 #[inline(always)]
 pub(super) fn gather<R: Real<Scalar = f32>>(
@@ -161,15 +162,19 @@ pub(super) fn gather<R: Real<Scalar = f32>>(
 }
 
 /// Pixels side by side in registers, with lobes of strength 1.
-pub(super) struct Facets<R> {
+pub(super) struct LaneLobes<R> {
     normal: Vec3<R>,
     place: [R; 2],
     lobes: [Lobe<R>; MOST_LOBES],
 }
 
-impl<R: Real<Scalar = f32>> Facets<R> {
+impl<R: Real<Scalar = f32>> LaneLobes<R> {
     #[inline(always)]
-    pub(super) fn new(scratch: &Scratch, pixels: &[usize], found: &[Found]) -> Self {
+    pub(super) fn new(
+        scratch: &LafortuneScratch,
+        pixels: &[usize],
+        found: &[LafortuneEstimate],
+    ) -> Self {
         let normal = [0, 1, 2].map(|axis| gather(pixels, |_, pixel| scratch.normals[pixel][axis]));
         let lobes = core::array::from_fn(|lobe| {
             let [cxy, cz, exponent] = [0, 1, 2].map(|i| {

@@ -9,8 +9,8 @@ use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Rows
 use crate::math::elementary::exp;
 use crate::math::{Element, Level, Real, Vec3};
 
-use super::found::{MOST_LOBES, TURN};
-use super::luminance::{Luminance, Sights};
+use super::estimate::{MOST_LOBES, TURN};
+use super::luminance::{Geometries, Luminance};
 
 /// `ln n` of the widest and of the sharpest lobe: n = 1/2 is broader than a cosine, 22,000 sharper
 /// than any that was measured.
@@ -29,7 +29,7 @@ pub(super) fn bounds<S: Element, const N: usize>(others: usize, turning: bool) -
 }
 
 /// A search for some pixels of [`Luminance`].
-pub(super) struct Search<'a> {
+pub(super) struct LafortuneSearch<'a> {
     pub(super) data: &'a Luminance<'a>,
     /// Whether lobes may turn away from the mirror direction.
     pub(super) turning: bool,
@@ -37,11 +37,11 @@ pub(super) struct Search<'a> {
     pub(super) options: &'a Options,
     /// How many photographs are looked at.
     pub(super) photographs: usize,
-    /// Asked before a pixel is taken up: whether to leave the rest.
+    /// Called before each pixel; true ends the search.
     pub(super) stopped: &'a (dyn Fn() -> bool + Sync),
 }
 
-impl Search<'_> {
+impl LafortuneSearch<'_> {
     /// Fits the pixels from their starts and hands every end to `store`.
     pub(super) fn run<S: Element, const N: usize>(
         &self,
@@ -50,40 +50,40 @@ impl Search<'_> {
         store: impl FnMut(usize, &Outcome<S, N>),
     ) -> Occupancy {
         let bounds = bounds::<S, N>(0, self.turning);
-        let sights = Sights::<S>::some(self.data.rig, self.photographs);
-        let mut lanes = Lanes { data: self.data, sights, pixels, start, store };
+        let geometries = Geometries::<S>::some(self.data.rig, self.photographs);
+        let mut lanes = LafortuneBatch { data: self.data, geometries, pixels, start, store };
         let problems = (0..pixels.len()).take_while(|_| !(self.stopped)());
         fit(self.level, &mut lanes, problems, &bounds, self.options)
     }
 }
 
-struct Lanes<'a, S, A, T> {
+struct LafortuneBatch<'a, S, A, T> {
     data: &'a Luminance<'a>,
-    sights: Sights<'a, S>,
+    geometries: Geometries<'a, S>,
     pixels: &'a [usize],
     start: A,
     store: T,
 }
 
-impl<S, A, T, const N: usize> Batch<S, N> for Lanes<'_, S, A, T>
+impl<S, A, T, const N: usize> Batch<S, N> for LafortuneBatch<'_, S, A, T>
 where
     S: Element,
     A: Fn(usize) -> [f64; N],
     T: FnMut(usize, &Outcome<S, N>),
 {
     fn rows(&self) -> usize {
-        self.sights.rows()
+        self.geometries.rows()
     }
     fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N] {
-        column.fill(self.data.column(self.pixels[problem], &self.sights));
+        column.fill(self.data.column(self.pixels[problem], &self.geometries));
         (self.start)(problem).map(S::from_f64)
     }
     #[inline(always)]
     fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
-        let count = self.sights.len();
+        let count = self.geometries.len();
         let up = Vec3::new(rows.get(count), rows.get(count + 1), rows.get(count + 2));
         let shapes = Shapes::new(&at);
-        self.sights.equations(rows, |light, view, light_view, irradiance| {
+        self.geometries.equations(rows, |light, view, light_view, irradiance| {
             let mut pair = Pair::against(up, light, view, light_view);
             pair.cosine = pair.cosine * irradiance;
             let mut slope = [R::zero(); N];

@@ -32,13 +32,13 @@ impl Luminance<'_> {
         self.rig.observations()
     }
 
-    /// A pixel's column: its samples in the photographs of `sights`, its normal and its place.
+    /// A pixel's column: its samples in the photographs of `geometries`, its normal and its place.
     pub(super) fn column<S: Element>(
         &self,
         pixel: usize,
-        sights: &Sights<'_, S>,
+        geometries: &Geometries<'_, S>,
     ) -> impl Iterator<Item = S> {
-        let samples = sights.numbers.iter().map(move |number| number * self.stride + pixel);
+        let samples = geometries.numbers.iter().map(move |number| number * self.stride + pixel);
         let samples = samples.map(|place| self.samples[place]);
         samples
             .chain(self.normals[pixel])
@@ -47,17 +47,17 @@ impl Luminance<'_> {
     }
 
     /// How many of a pixel's samples count, among some photographs.
-    pub(super) fn count<S>(&self, pixel: usize, sights: &Sights<'_, S>) -> usize {
+    pub(super) fn count<S>(&self, pixel: usize, geometries: &Geometries<'_, S>) -> usize {
         let sample = |number: &&usize| self.samples[**number * self.stride + pixel].is_finite();
-        sights.numbers.iter().filter(sample).count()
+        geometries.numbers.iter().filter(sample).count()
     }
 
-    /// The normal that mirrors the light of the brightest photograph of `sights` into its view; one
+    /// The normal that mirrors the light of the brightest photograph of `geometries` into its view; one
     /// that clipped is brightest of all.
-    pub(super) fn brightest<S>(&self, pixel: usize, sights: &Sights<'_, S>) -> [f32; 3] {
+    pub(super) fn brightest<S>(&self, pixel: usize, geometries: &Geometries<'_, S>) -> [f32; 3] {
         let [across, up] = self.places[pixel].map(f64::from);
         let (mut peak, mut facing) = (0.0, Vec3::new(0.0, 0.0, 1.0));
-        for &photograph in &sights.numbers {
+        for &photograph in &geometries.numbers {
             let sample = self.samples[photograph * self.stride + pixel];
             if sample > peak {
                 let (towards, _) = self.rig.lights()[photograph].at(across, up);
@@ -138,8 +138,8 @@ impl Side {
     }
 }
 
-/// Lights and views of some photographs, in the precision of a search.
-pub(super) struct Sights<'a, S> {
+/// Illumination and viewing geometry of some photographs, in the precision of a search.
+pub(super) struct Geometries<'a, S> {
     rig: &'a Rig,
     /// Which photographs.
     numbers: Vec<usize>,
@@ -149,7 +149,7 @@ pub(super) struct Sights<'a, S> {
     all_distant: bool,
 }
 
-impl<'a, S: Element> Sights<'a, S> {
+impl<'a, S: Element> Geometries<'a, S> {
     /// All photographs.
     pub(super) fn all(rig: &'a Rig) -> Self {
         Self::some(rig, rig.observations())

@@ -35,13 +35,13 @@ pub struct LafortuneMaps {
     pub sigma: Vec<f32>,
     /// `(y, x)` [`Status`](crate::maps::Status) codes.
     pub status: Vec<u8>,
-    /// Whether views told normals from lobe axes; else normals are those of photometric stereo and
+    /// Whether views separate normals from lobe axes; else normals are those of photometric stereo and
     /// lobes Phong's (hard case 18).
     pub views_differ: bool,
 }
 
 /// A tile of every map, to be written.
-pub(super) struct Sheet<'a> {
+pub(super) struct LafortuneTile<'a> {
     pub(super) start: usize,
     pub(super) normal: Vec<&'a mut [f32]>,
     pub(super) diffuse: Vec<&'a mut [f32]>,
@@ -81,7 +81,7 @@ impl LafortuneMaps {
     }
 
     /// The maps cut into tiles.
-    pub(super) fn sheets(&mut self, tile: usize) -> Vec<Sheet<'_>> {
+    pub(super) fn tiles(&mut self, tile: usize) -> Vec<LafortuneTile<'_>> {
         let pixels = self.status.len();
         let maps = [
             &mut self.normal,
@@ -107,7 +107,7 @@ impl LafortuneMaps {
                     planes.iter_mut().filter_map(Iterator::next).collect()
                 });
                 let mut map = || next.next().unwrap_or_default();
-                Sheet {
+                LafortuneTile {
                     start: number * tile,
                     normal: map(),
                     diffuse: map(),

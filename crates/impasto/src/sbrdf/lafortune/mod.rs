@@ -1,42 +1,43 @@
-//! Lafortune lobes for every pixel, as Snel, Heuberger, Pasman and Jansen fit them: three passes.
+//! Lafortune lobes [@lafortune1997nonlinear] for every pixel, in the three passes of Snel, Heuberger,
+//! Pasman and Jansen [@snel].
 //!
 //! 1. [`normal`]: a cosine lobe and a diffuse term about a free normal, on the luminance (the mean
-//!    of the bands);
-//! 2. [`sequence`]: with that normal, lobes on the luminance, one more at a time as long as the
-//!    Bayesian information criterion falls. A cosine lobe leans with lobes that lean: normal and
-//!    lobes are then searched for together ([`turned`]) and, where the normal was wrong or samples
-//!    are gross [`outliers`], lobes added anew ([`settle`]);
-//! 3. colours: with those shapes, what enters linearly, band by band, by non-negative least
-//!    squares.
+//!    of the bands). A [`consensus`] over disjoint subsets of the photographs rejects outliers;
+//! 2. [`forward_selection`]: with that normal, lobes on the luminance, one more at a time as long as
+//!    the Bayesian information criterion falls. A lobe that leans makes the cosine lobe lean with
+//!    it: a [`joint`] search then frees normal and lobes together. Where the normal was wrong or
+//!    samples are [`outliers`], lobes are selected anew ([`refine`]);
+//! 3. [`colours`]: with those shapes, diffuse part and strengths are linear: non-negative least
+//!    squares, band by band.
 //!
-//! How far what they found can be [`trust`]ed is told last, from the slopes of all unknowns at once.
+//! The [`covariance`] of all unknowns is computed last, from their derivatives at the minimum.
 //!
-//! All passes compare radiance, `(N.L) f`: samples are never divided by a cosine that the fit is
-//! still to find. Under one view alone, normal and lobe axes cannot be told apart (hard cases 17
-//! and 18): the normal is then given and lobes are Phong's.
+//! All passes compare radiance, `(N.L) f`: samples are never divided by a cosine that is still
+//! unknown. Under one view alone, normal and lobe axes cannot be separated (hard cases 17 and 18):
+//! the normal is then given and lobes are Phong's.
 
-mod aside;
 mod colours;
+mod consensus;
+mod covariance;
+mod estimate;
 mod fit;
-mod found;
+mod forward_selection;
+mod joint;
 mod lobes;
 mod luminance;
 mod maps;
 mod normal;
 mod outliers;
+mod refine;
 mod scratch;
 mod seen;
-mod sequence;
-mod settle;
-mod trust;
-mod turned;
 
+pub use estimate::{LafortuneEstimate, MOST_LOBES};
 pub use fit::{LafortuneOptions, fit_lafortune};
-pub use found::{Found, MOST_LOBES};
+pub use forward_selection::LafortuneSelection;
 pub use luminance::Luminance;
 pub use maps::LafortuneMaps;
-pub use normal::{Facing, fit_normal};
-pub use sequence::Sequence;
+pub use normal::{NormalEstimate, fit_normal};
 
 #[cfg(test)]
 mod tests;

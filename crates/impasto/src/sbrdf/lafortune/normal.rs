@@ -1,10 +1,11 @@
-//! Snel's first pass: where a pixel faces, by a cosine lobe and a diffuse term.
+//! The normal of a pixel by a cosine lobe and a diffuse term: Snel's first pass [@snel], by
+//! Levenberg-Marquardt [@levenberg1944; @marquardt1963] from several starts.
 
 use crate::brdf::cosine_lobe::{CosineLobe, PARAMETERS};
 use crate::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Rows, fit};
 use crate::math::{Level, Real, Vec3};
 
-use super::luminance::{Luminance, Sights};
+use super::luminance::{Geometries, Luminance};
 
 /// Exponent that Snel starts from: moderate, free to become a highlight or nearly diffuse.
 const START: f64 = 20.0;
@@ -12,9 +13,9 @@ const START: f64 = 20.0;
 /// Steepest slope: 84 degrees.
 pub(super) const STEEPEST: f32 = 10.0;
 
-/// Where a pixel faces.
+/// A pixel's normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Facing {
+pub struct NormalEstimate {
     /// Unit normal.
     pub normal: [f32; 3],
     /// Standard deviation along its worst axis, radians, by the pixel's own residuals.
@@ -25,9 +26,9 @@ pub struct Facing {
 
 /// A pixel's cosine lobe.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shine {
-    pub(super) facing: Facing,
-    /// `[rho_d, rho_s, ln n, p, q]`; NaN where no search got anywhere.
+pub(super) struct CosineFit {
+    pub(super) facing: NormalEstimate,
+    /// `[rho_d, rho_s, ln n, p, q]`; NaN where no search converged.
     pub(super) at: [f32; PARAMETERS],
 }
 
@@ -36,38 +37,43 @@ pub(super) struct Shine {
 /// beside the highlight may find no way to it; the smallest cost counts.
 const STARTS: usize = 3;
 
-/// Finds the normals of some pixels; the answers stand in their order, as `data` has them where no
-/// search got anywhere.
+/// Estimates the normals of some pixels, in their order; where no search converges, the normal is the
+/// one in `data`.
 pub fn fit_normal(
     level: Level,
     data: &Luminance<'_>,
     pixels: &[usize],
     options: &Options,
     stopped: &(dyn Fn() -> bool + Sync),
-) -> Vec<Facing> {
-    let found = fit_shine(level, data, Sights::all(data.rig), pixels, options, stopped);
-    found.into_iter().map(|shine| shine.facing).collect()
+) -> Vec<NormalEstimate> {
+    let found = fit_cosine_lobe(level, data, Geometries::all(data.rig), pixels, options, stopped);
+    found.into_iter().map(|fit| fit.facing).collect()
 }
 
 /// Finds the cosine lobes of some pixels in some photographs.
-pub(super) fn fit_shine(
+pub(super) fn fit_cosine_lobe(
     level: Level,
     data: &Luminance<'_>,
-    sights: Sights<'_, f32>,
+    geometries: Geometries<'_, f32>,
     pixels: &[usize],
     options: &Options,
     stopped: &(dyn Fn() -> bool + Sync),
-) -> Vec<Shine> {
+) -> Vec<CosineFit> {
     let found = pixels
         .iter()
-        .map(|&pixel| Shine {
-            facing: Facing { normal: data.normals[pixel], sigma: f32::NAN, cost: f32::NAN },
+        .map(|&pixel| CosineFit {
+            facing: NormalEstimate { normal: data.normals[pixel], sigma: f32::NAN, cost: f32::NAN },
             at: [f32::NAN; PARAMETERS],
         })
         .collect();
     let place = usize::MAX;
-    let mut lanes =
-        Lanes { data, sights, pixels, best: vec![(f32::INFINITY, place); pixels.len()], found };
+    let mut lanes = CosineLobeBatch {
+        data,
+        geometries,
+        pixels,
+        best: vec![(f32::INFINITY, place); pixels.len()],
+        found,
+    };
     let bounds = Bounds {
         lower: [0.0, 0.0, 0.0, -STEEPEST, -STEEPEST],
         upper: [f32::MAX, f32::MAX, 10.0, STEEPEST, STEEPEST],
@@ -77,26 +83,26 @@ pub(super) fn fit_shine(
     lanes.found
 }
 
-struct Lanes<'a> {
+struct CosineLobeBatch<'a> {
     data: &'a Luminance<'a>,
-    sights: Sights<'a, f32>,
+    geometries: Geometries<'a, f32>,
     pixels: &'a [usize],
     /// The smallest cost so far, and the start that led to it.
     best: Vec<(f32, usize)>,
-    found: Vec<Shine>,
+    found: Vec<CosineFit>,
 }
 
-impl Batch<f32, PARAMETERS> for Lanes<'_> {
+impl Batch<f32, PARAMETERS> for CosineLobeBatch<'_> {
     fn rows(&self) -> usize {
-        self.sights.rows()
+        self.geometries.rows()
     }
     fn load(&mut self, problem: usize, column: &mut Column<'_, f32>) -> [f32; PARAMETERS] {
         let pixel = self.pixels[problem / STARTS];
-        column.fill(self.data.column(pixel, &self.sights));
+        column.fill(self.data.column(pixel, &self.geometries));
         let [p, q] = slopes(match problem % STARTS {
             0 => [0.0, 0.0, 1.0],
             1 => self.data.normals[pixel],
-            _ => self.data.brightest(pixel, &self.sights),
+            _ => self.data.brightest(pixel, &self.geometries),
         });
         let strength = (0.5 * self.data.plain(pixel).diffuse) as f32;
         [strength, strength, START.ln() as f32, p, q]
@@ -108,7 +114,7 @@ impl Batch<f32, PARAMETERS> for Lanes<'_> {
         at: [R; PARAMETERS],
     ) -> Normal<R, PARAMETERS> {
         let model = CosineLobe::new(at);
-        self.sights.equations(rows, |light, view, light_view, irradiance| {
+        self.geometries.equations(rows, |light, view, light_view, irradiance| {
             let (value, slope) = model.gradient(light, view, light_view);
             (value * irradiance, slope.map(|slope| slope * irradiance))
         })
@@ -116,8 +122,8 @@ impl Batch<f32, PARAMETERS> for Lanes<'_> {
     fn store(&mut self, problem: usize, outcome: &Outcome<f32, PARAMETERS>) {
         let (place, start) = (problem / STARTS, problem % STARTS);
         let cost = outcome.normal.cost;
-        let free = self.data.count(self.pixels[place], &self.sights) as f32 - PARAMETERS as f32;
-        // Lanes end in any order: of equal costs the first start's counts.
+        let free = self.data.count(self.pixels[place], &self.geometries) as f32 - PARAMETERS as f32;
+        // CosineLobeBatch end in any order: of equal costs the first start's counts.
         if !outcome.reason.converged() || free < 1.0 || (cost, start) >= self.best[place] {
             return;
         }
@@ -127,7 +133,7 @@ impl Batch<f32, PARAMETERS> for Lanes<'_> {
         let facing = facing([p, q], tilts, cost);
         if facing.sigma.is_finite() {
             self.best[place] = (cost, start);
-            self.found[place] = Shine { facing, at: outcome.parameters };
+            self.found[place] = CosineFit { facing, at: outcome.parameters };
         }
     }
 }
@@ -137,11 +143,11 @@ pub(super) fn slopes([x, y, z]: [f32; 3]) -> [f32; 2] {
     [x, y].map(|v| (-v / z.max(0.1)).clamp(-STEEPEST, STEEPEST))
 }
 
-/// Where slopes face, with the variances `pp`, `pq`, `qq` of the slopes.
-pub(super) fn facing([p, q]: [f32; 2], [pp, pq, qq]: [f32; 3], cost: f32) -> Facing {
+/// The normal of slopes, with the variances `pp`, `pq`, `qq` of the slopes.
+pub(super) fn facing([p, q]: [f32; 2], [pp, pq, qq]: [f32; 3], cost: f32) -> NormalEstimate {
     let Vec3 { x, y, z } = Vec3::new(-p, -q, 1.0).normalised();
     let (middle, half) = (0.5 * (pp + qq), 0.5 * (pp - qq));
     // A change of slope turns the normal by at most its cosine.
     let sigma = (middle + half.mul_add(half, pq * pq).sqrt()).sqrt() * z;
-    Facing { normal: [x, y, z], sigma, cost }
+    NormalEstimate { normal: [x, y, z], sigma, cost }
 }

@@ -1,23 +1,24 @@
-//! Samples that have nothing to do with the surface (hard case 31).
+//! Rejection of outliers: samples that do not show the surface (hard case 31), by the median absolute
+//! deviation of the residuals.
 
 use crate::geometry::Rig;
 use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Real};
 
-use super::colours::{COLUMNS, Facets, gather};
-use super::found::{Found, GROSS, SHARE};
-use super::scratch::{Scratch, TILE};
+use super::colours::{COLUMNS, LaneLobes, gather};
+use super::estimate::{LafortuneEstimate, OUTLIER_DEVIATIONS, OUTLIER_SHARE};
+use super::scratch::{LafortuneScratch, TILE};
 
 /// A normal deviation over the median size.
 const PER_MEDIAN: f64 = 1.4826;
 
-/// Weighs the samples of some pixels anew: 0 where one is grossly off what lobes say, else 1. The
-/// answers say whether a pixel's choice of samples changed; its cost is then that of the choice.
+/// Weights the samples of some pixels anew: 0 for outliers, else 1. Returns per pixel whether its
+/// choice of samples changed; its cost is then that of the new choice.
 pub(super) struct Outliers<'a> {
     pub(super) rig: &'a Rig,
-    pub(super) scratch: &'a mut Scratch,
+    pub(super) scratch: &'a mut LafortuneScratch,
     pub(super) pixels: &'a [usize],
-    pub(super) found: &'a mut [Found],
+    pub(super) found: &'a mut [LafortuneEstimate],
 }
 
 impl Kernel for Outliers<'_> {
@@ -31,7 +32,7 @@ impl Kernel for Outliers<'_> {
         let mut sizes = Vec::with_capacity(rig.observations());
         let mut changed = Vec::with_capacity(pixels.len());
         for (pixels, found) in pixels.chunks(width).zip(found.chunks_mut(width)) {
-            let facets = Facets::<I::F32>::new(scratch, pixels, found);
+            let facets = LaneLobes::<I::F32>::new(scratch, pixels, found);
             let strengths: [I::F32; COLUMNS] = core::array::from_fn(|column| {
                 gather(pixels, |place, _| found[place].strength(column) as f32)
             });
@@ -44,7 +45,7 @@ impl Kernel for Outliers<'_> {
                     shown = column.mul_add(strength, shown);
                 }
                 (sample - shown).store(residuals);
-                (I::F32::splat(SHARE) * sample.max(shown)).store(shares);
+                (I::F32::splat(OUTLIER_SHARE) * sample.max(shown)).store(shares);
             }
             for (lane, (&pixel, found)) in pixels.iter().zip(found).enumerate() {
                 sizes.clear();
@@ -53,9 +54,9 @@ impl Kernel for Outliers<'_> {
                 let (mut cost, mut samples, mut new) = (0.0_f64, 0, false);
                 for (photograph, [residuals, shares]) in off.iter().enumerate() {
                     let residual = residuals[lane];
-                    let gross = residual.abs() > limit && residual.abs() > shares[lane];
+                    let outlier = residual.abs() > limit && residual.abs() > shares[lane];
                     let place = photograph * TILE + pixel;
-                    let sample = if gross { f32::NAN } else { scratch.means[place] };
+                    let sample = if outlier { f32::NAN } else { scratch.means[place] };
                     new |= sample.is_finite() != scratch.kept[place].is_finite();
                     scratch.kept[place] = sample;
                     if sample.is_finite() {
@@ -73,8 +74,8 @@ impl Kernel for Outliers<'_> {
     }
 }
 
-/// The size that gross outliers exceed; `sizes` are in any order afterwards.
-fn limit(sizes: &mut [f32], found: &Found) -> f32 {
+/// Residuals above this are outliers; `sizes` are in any order afterwards.
+fn limit(sizes: &mut [f32], found: &LafortuneEstimate) -> f32 {
     // Rounding is no outlier where there is no noise.
     six_deviations(sizes).max(found.floor.sqrt() as f32)
 }
@@ -86,5 +87,5 @@ pub(super) fn six_deviations(sizes: &mut [f32]) -> f32 {
     }
     let middle = sizes.len() / 2;
     let (_, &mut median, _) = sizes.select_nth_unstable_by(middle, f32::total_cmp);
-    (GROSS * PER_MEDIAN * f64::from(median)) as f32
+    (OUTLIER_DEVIATIONS * PER_MEDIAN * f64::from(median)) as f32
 }

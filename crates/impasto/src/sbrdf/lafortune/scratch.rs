@@ -16,8 +16,8 @@ use super::luminance::Luminance;
 /// three bands take 6 MB.
 pub(super) const TILE: usize = 512;
 
-/// One tile's samples; one per worker.
-pub(super) struct Scratch {
+/// One tile's samples; each worker has one.
+pub(super) struct LafortuneScratch {
     /// Powers of two that samples were divided by.
     pub(super) scales: Vec<f32>,
     /// `(obs, band, pixel)` linear, at each pixel's own scale, as the next two.
@@ -33,7 +33,7 @@ pub(super) struct Scratch {
     pub(super) normals: Vec<[f32; 3]>,
 }
 
-impl Scratch {
+impl LafortuneScratch {
     pub(super) fn new(stack: &Stack<'_>) -> Self {
         let shape = stack.shape();
         Self {
@@ -50,7 +50,7 @@ impl Scratch {
 
     /// Takes up the samples of the tile that begins at a pixel.
     pub(super) fn read(&mut self, level: Level, stack: &Stack<'_>, start: usize) {
-        level.run(Read { stack, start, scratch: self });
+        level.run(ReadTile { stack, start, scratch: self });
     }
 
     pub(super) fn luminance<'a>(&'a self, rig: &'a Rig) -> Luminance<'a> {
@@ -79,13 +79,13 @@ impl Scratch {
 }
 
 /// Decodes a tile and scales its pixels.
-struct Read<'a> {
+struct ReadTile<'a> {
     stack: &'a Stack<'a>,
     start: usize,
-    scratch: &'a mut Scratch,
+    scratch: &'a mut LafortuneScratch,
 }
 
-impl Kernel for Read<'_> {
+impl Kernel for ReadTile<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -1,4 +1,4 @@
-//! Which lobes the photographs show, and which they only seem to ask for.
+//! Which lobes the photographs show at their peak, and which are extrapolated.
 //!
 //! A lobe that leans is strongest under light and view that no photograph may have had; a sharp one
 //! beside an odd sample fits it with its outermost slope. From elsewhere either may be as bright as
@@ -8,12 +8,16 @@ use crate::brdf::lafortune::{Lobe, Pair, log_peak};
 use crate::math::Vec3;
 use crate::sbrdf::lobes::SEEN;
 
-use super::found::Found;
+use super::estimate::LafortuneEstimate;
 use super::luminance::Luminance;
 
 /// The first of a pixel's lobes that no photograph shows at [`SEEN`] of the most light that it
 /// reflects anywhere.
-pub(super) fn unseen(data: &Luminance<'_>, pixel: usize, found: &Found) -> Option<usize> {
+pub(super) fn unseen(
+    data: &Luminance<'_>,
+    pixel: usize,
+    found: &LafortuneEstimate,
+) -> Option<usize> {
     let [x, y, z] = data.normals[pixel].map(f64::from);
     let [across, up] = data.places[pixel].map(f64::from);
     let samples = data.samples[pixel..].iter().step_by(data.stride).take(data.photographs());

@@ -79,13 +79,13 @@ impl Scene {
         }
     }
 
-    fn fit(&self, lobes: usize, select: bool) -> Vec<Found> {
+    fn fit(&self, lobes: usize, select: bool) -> Vec<LafortuneEstimate> {
         self.fit_on(Level::detect(), lobes, select)
     }
 
-    fn fit_on(&self, level: Level, lobes: usize, select: bool) -> Vec<Found> {
+    fn fit_on(&self, level: Level, lobes: usize, select: bool) -> Vec<LafortuneEstimate> {
         let options = Options { damping: 1.0, max_iterations: 200, ..Options::single() };
-        let sequence = Sequence { lobes, select, turning: true, options };
+        let sequence = LafortuneSelection { lobes, select, turning: true, options };
         let pixels: Vec<usize> = (0..self.normals.len()).collect();
         sequence.fit(level, &self.luminance(), &pixels, &|| false).0
     }
@@ -203,13 +203,13 @@ fn hard_case_14_two_lobes_of_one_are_searched_on_in_double_precision() {
             let mut twice = *found;
             twice.at[1] *= 0.5;
             twice.at.copy_within(1..4, 4);
-            Found { lobes: 2, cost: f64::MAX, ..twice }
+            LafortuneEstimate { lobes: 2, cost: f64::MAX, ..twice }
         })
         .collect();
     let pixels: Vec<usize> = (0..20).collect();
     let options = Options::single();
     let data = scene.luminance();
-    let search = lobes::Search {
+    let search = lobes::LafortuneSearch {
         data: &data,
         turning: true,
         level: Level::detect(),
@@ -217,7 +217,7 @@ fn hard_case_14_two_lobes_of_one_are_searched_on_in_double_precision() {
         photographs: OBSERVATIONS,
         stopped: &|| false,
     };
-    turned::turn(&search, &pixels, &mut double);
+    joint::fit_jointly(&search, &pixels, &mut double);
     for (single, double) in single.iter().zip(&double) {
         assert!(double.at.iter().all(|value| value.is_finite()));
         // More is free than in the search on the known normal: no more is left.
@@ -238,9 +238,9 @@ fn hard_case_23_a_light_opposite_the_view_turns_no_normal() {
     scene.samples.extend([100.0; 20]);
     let pixels: Vec<usize> = (0..20).collect();
     let data = scene.luminance();
-    let sights = luminance::Sights::<f32>::all(&scene.rig);
+    let geometries = luminance::Geometries::<f32>::all(&scene.rig);
     for pixel in 0..20 {
-        assert!(data.brightest(pixel, &sights).iter().all(|v| v.is_finite()));
+        assert!(data.brightest(pixel, &geometries).iter().all(|v| v.is_finite()));
     }
     let options = Options::single();
     let facing = fit_normal(Level::detect(), &data, &pixels, &options, &|| false);

@@ -1,14 +1,15 @@
-//! Snel's second pass: lobes added one at a time.
+//! Forward selection [@miller2002subset] of lobes by the Bayesian information criterion
+//! [@schwarz1978bic]: Snel's second pass [@snel], lobes added one at a time.
 
 use crate::lm::{Occupancy, Options, Outcome};
 use crate::math::{Element, Level};
 
-use super::found::{Found, MOST_LOBES};
-use super::lobes::{LOG_EXPONENT, Search};
-use super::luminance::{Luminance, Sights};
+use super::estimate::{LafortuneEstimate, MOST_LOBES};
+use super::lobes::{LOG_EXPONENT, LafortuneSearch};
+use super::luminance::{Geometries, Luminance};
 
 /// Exponents that Snel starts lobes from, in the order in which they are added, and two more
-/// orders for pixels whose lobes look odd.
+/// orders for pixels whose lobes look like a local minimum.
 const STARTS: [[f64; MOST_LOBES]; 3] = [[50.0, 5.0, 20.0], [20.0, 50.0, 5.0], [5.0, 20.0, 50.0]];
 
 /// `n` and `n turn` from which a first lobe starts that stands towards the light: `Cxy = Cz`.
@@ -17,7 +18,7 @@ const RETRO: f64 = 5.0;
 /// Photographs that all but a pixel's last lobe are looked for in, if there are twice as many.
 const SOME: usize = 151;
 
-/// How closely a lobe is searched for that another joins: a cost to a thousandth is one to 0.7 in
+/// Tolerance of the search for a lobe to which another will be added: a cost to a thousandth is one to 0.7 in
 /// the criterion of 700 samples, and a lobe costs 20.
 pub(super) const ROUGH: f64 = 1e-3;
 
@@ -28,9 +29,9 @@ const STRENGTH: f64 = 0.5;
 /// Rounding of a predicted sample relative to the largest: costs below it are noiseless.
 const ROUNDING: f64 = 1.0 / (1_u64 << 21) as f64;
 
-/// How lobes are looked for.
+/// How many lobes are selected, and how they are searched for.
 #[derive(Clone, Copy, Debug)]
-pub struct Sequence {
+pub struct LafortuneSelection {
     /// Most lobes, 0 to [`MOST_LOBES`].
     pub lobes: usize,
     /// Whether a lobe that does not lower the Bayesian information criterion is left out.
@@ -41,17 +42,17 @@ pub struct Sequence {
     pub options: Options,
 }
 
-impl Sequence {
-    /// Fits some pixels; the answers stand in their order.
+impl LafortuneSelection {
+    /// Fits some pixels; estimates come in their order.
     ///
-    /// `stopped` is asked before a pixel is taken up; once it says yes the answers are worthless.
+    /// `stopped` is called before each pixel; once it returns true the estimates are incomplete.
     pub fn fit(
         &self,
         level: Level,
         data: &Luminance<'_>,
         pixels: &[usize],
         stopped: &(dyn Fn() -> bool + Sync),
-    ) -> (Vec<Found>, Occupancy) {
+    ) -> (Vec<LafortuneEstimate>, Occupancy) {
         let mut adding =
             Adding { sequence: self, level, data, stopped, occupancy: Occupancy::default() };
         let [first, others @ ..] = STARTS;
@@ -62,8 +63,9 @@ impl Sequence {
             let again: Vec<_> = doubtful.iter().map(|&i| pixels[i]).collect();
             let plain = again.iter().map(|&pixel| self.plain(data, pixel));
             // These start from the mirror direction wherever the first search did.
-            let plain = plain.map(|plain| Found { retro: false, ..plain }).collect();
-            let mut other = adding.lobes(&again, plain, starts, &to(ROUGH, &self.options));
+            let plain = plain.map(|plain| LafortuneEstimate { retro: false, ..plain }).collect();
+            let mut other =
+                adding.lobes(&again, plain, starts, &with_tolerance(ROUGH, &self.options));
             // Few of them are better: only those are worth the last digits.
             let better: Vec<_> =
                 (0..again.len()).filter(|&j| other[j].bic() < found[doubtful[j]].bic()).collect();
@@ -72,7 +74,7 @@ impl Sequence {
                 found[doubtful[j]] = other[j];
             }
         }
-        found.iter_mut().for_each(Found::sort);
+        found.iter_mut().for_each(LafortuneEstimate::sort);
         (found, adding.occupancy)
     }
 
@@ -82,25 +84,25 @@ impl Sequence {
         level: Level,
         data: &Luminance<'_>,
         pixels: &[usize],
-        found: &mut [Found],
+        found: &mut [LafortuneEstimate],
         stopped: &(dyn Fn() -> bool + Sync),
     ) {
         let mut adding =
             Adding { sequence: self, level, data, stopped, occupancy: Occupancy::default() };
         let all: Vec<_> = (0..pixels.len()).collect();
         adding.finish(&self.options, pixels, &all, found);
-        // What is left without lobes is linear, and no search asked what it leaves.
+        // A pixel left without lobes is linear: no search computed its cost.
         for (found, &pixel) in found.iter_mut().zip(pixels).filter(|(found, _)| found.lobes == 0) {
             *found = self.plain(data, pixel);
         }
-        found.iter_mut().for_each(Found::sort);
+        found.iter_mut().for_each(LafortuneEstimate::sort);
     }
 
-    fn plain(&self, data: &Luminance<'_>, pixel: usize) -> Found {
+    fn plain(&self, data: &Luminance<'_>, pixel: usize) -> LafortuneEstimate {
         let plain = data.plain(pixel);
         let mut at = [0.0; 1 + 3 * MOST_LOBES];
         at[0] = plain.diffuse;
-        Found {
+        LafortuneEstimate {
             lobes: 0,
             at,
             cost: plain.cost,
@@ -114,7 +116,7 @@ impl Sequence {
 
 /// Lobes being added to some pixels.
 struct Adding<'a> {
-    sequence: &'a Sequence,
+    sequence: &'a LafortuneSelection,
     level: Level,
     data: &'a Luminance<'a>,
     stopped: &'a (dyn Fn() -> bool + Sync),
@@ -127,14 +129,14 @@ impl Adding<'_> {
     fn lobes(
         &mut self,
         pixels: &[usize],
-        mut found: Vec<Found>,
+        mut found: Vec<LafortuneEstimate>,
         starts: [f64; MOST_LOBES],
         options: &Options,
-    ) -> Vec<Found> {
-        let Sequence { lobes: most, select, .. } = *self.sequence;
+    ) -> Vec<LafortuneEstimate> {
+        let LafortuneSelection { lobes: most, select, .. } = *self.sequence;
         let all = self.data.photographs();
         let some = some(all);
-        let (rough, sure) = (to(ROUGH, options), to(0.1 * ROUGH, options));
+        let (rough, sure) = (with_tolerance(ROUGH, options), with_tolerance(0.1 * ROUGH, options));
         let mut open: Vec<_> = (0..pixels.len()).collect();
         for lobes in 1..=most.min(MOST_LOBES) {
             open.retain(|&i| room_for(lobes, found[i].samples) && found[i].at[0] > 0.0);
@@ -143,21 +145,21 @@ impl Adding<'_> {
                 trial[i] = with_lobe(&found[i], starts[lobes - 1]);
             }
             let options = if lobes == most && some == all { options } else { &rough };
-            self.refine(options, some, pixels, &open, &mut trial);
+            self.search(options, some, pixels, &open, &mut trial);
             if select {
-                // What some photographs leave open all of them decide.
-                let unclear = |these: &[Found], i: usize| {
+                // Where some photographs leave it open, all of them decide.
+                let unclear = |these: &[LafortuneEstimate], i: usize| {
                     these[i].photographs < all && !trial[i].clearly_better(&found[i])
                 };
                 let [before, after] = [&found, &trial].map(|these| -> Vec<_> {
                     open.iter().copied().filter(|&i| unclear(these, i)).collect()
                 });
-                self.refine(&sure, all, pixels, &before, &mut found);
-                self.refine(&sure, all, pixels, &after, &mut trial);
+                self.search(&sure, all, pixels, &before, &mut found);
+                self.search(&sure, all, pixels, &after, &mut trial);
             }
             open.retain(|&i| {
                 let (next, last) = (&trial[i], &found[i]);
-                // What is unclear both know from all photographs by now.
+                // Where it was unclear, both are by now fits to all photographs.
                 let lower = next.clearly_better(last) || next.bic() < last.bic();
                 let better = !select || (next.whole() && lower);
                 if better {
@@ -178,47 +180,47 @@ impl Adding<'_> {
         options: &Options,
         pixels: &[usize],
         which: &[usize],
-        found: &mut [Found],
+        found: &mut [LafortuneEstimate],
     ) {
         // Where the search ended it begins: long first steps.
         let last = Options { damping: 1e-2, ..*options };
         for lobes in 1..=self.sequence.lobes {
             let these: Vec<_> =
                 which.iter().copied().filter(|&i| found[i].lobes == lobes).collect();
-            self.refine(&last, self.data.photographs(), pixels, &these, found);
+            self.search(&last, self.data.photographs(), pixels, &these, found);
         }
     }
 
     /// Searches on from where some pixels, all with as many lobes, stand.
-    fn refine(
+    fn search(
         &mut self,
         options: &Options,
         photographs: usize,
         pixels: &[usize],
         which: &[usize],
-        found: &mut [Found],
+        found: &mut [LafortuneEstimate],
     ) {
         let Self { level, data, stopped, .. } = *self;
         let turning = self.sequence.turning;
-        let search = Search { data, turning, level, options, photographs, stopped };
+        let search = LafortuneSearch { data, turning, level, options, photographs, stopped };
         let more = match which.first().map_or(0, |&i| found[i].lobes) {
             0 => return,
-            1 => refine::<f32, 4>(&search, pixels, which, found),
-            2 => refine::<f32, 7>(&search, pixels, which, found),
-            _ => refine::<f32, 10>(&search, pixels, which, found),
+            1 => search_lobes::<f32, 4>(&search, pixels, which, found),
+            2 => search_lobes::<f32, 7>(&search, pixels, which, found),
+            _ => search_lobes::<f32, 10>(&search, pixels, which, found),
         };
         self.occupancy.lanes += more.lanes;
         self.occupancy.useful += more.useful;
     }
 }
 
-/// How many of the photographs a first look takes.
+/// How many of the photographs a rough search uses.
 pub(super) fn some(all: usize) -> usize {
     if all >= 2 * SOME { SOME } else { all }
 }
 
 /// A search that stops at another tolerance.
-pub(super) fn to(tolerance: f64, options: &Options) -> Options {
+pub(super) fn with_tolerance(tolerance: f64, options: &Options) -> Options {
     Options { cost: tolerance, step: tolerance, gradient: tolerance, ..*options }
 }
 
@@ -228,7 +230,7 @@ fn room_for(lobes: usize, samples: usize) -> bool {
 }
 
 /// One lobe more, as strong as a diffuse part that shares the light with it.
-fn with_lobe(found: &Found, exponent: f64) -> Found {
+fn with_lobe(found: &LafortuneEstimate, exponent: f64) -> LafortuneEstimate {
     let mut next = *found;
     if found.lobes == 0 {
         next.at[0] *= STRENGTH;
@@ -246,15 +248,16 @@ fn with_lobe(found: &Found, exponent: f64) -> Found {
     next
 }
 
-fn refine<S: Element, const N: usize>(
-    search: &Search<'_>,
+fn search_lobes<S: Element, const N: usize>(
+    search: &LafortuneSearch<'_>,
     pixels: &[usize],
     which: &[usize],
-    found: &mut [Found],
+    found: &mut [LafortuneEstimate],
 ) -> Occupancy {
     let chosen: Vec<_> = which.iter().map(|&i| pixels[i]).collect();
-    let sights = Sights::<f32>::some(search.data.rig, search.photographs);
-    let counts: Vec<_> = chosen.iter().map(|&pixel| search.data.count(pixel, &sights)).collect();
+    let geometries = Geometries::<f32>::some(search.data.rig, search.photographs);
+    let counts: Vec<_> =
+        chosen.iter().map(|&pixel| search.data.count(pixel, &geometries)).collect();
     let starts: Vec<[f64; N]> =
         which.iter().map(|&i| core::array::from_fn(|p| found[i].at[p])).collect();
     search.run(

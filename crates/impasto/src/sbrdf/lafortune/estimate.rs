@@ -1,4 +1,4 @@
-//! The lobes of a pixel while they are looked for, and what speaks for or against them.
+//! The lobes of one pixel, and the criteria by which estimates are compared.
 
 use crate::brdf::lafortune::coefficients;
 
@@ -8,14 +8,14 @@ pub const MOST_LOBES: usize = 3;
 /// Largest `n |turn|`; measured lobes have up to 6.
 pub(super) const TURN: f64 = 8.0;
 
-/// Standard deviations that a gross outlier is off by, the deviation told by the median of the
-/// residuals' sizes; noise of 770 samples reaches 6 in one pixel of 600,000.
-pub(super) const GROSS: f64 = 6.0;
+/// Residuals beyond this many standard deviations are outliers, the deviation estimated by the median
+/// of the absolute residuals; noise of 770 samples reaches 6 in one pixel of 600,000.
+pub(super) const OUTLIER_DEVIATIONS: f64 = 6.0;
 
-/// What a gross outlier is also off by, relative to the larger of sample and fit. Lobes describe
-/// the bright and few samples of a sharp highlight to some percent, which may be many deviations
-/// of the rest: they stay.
-pub(super) const SHARE: f32 = 0.5;
+/// Outliers also differ by this share of the larger of sample and fit. Lobes describe the few bright
+/// samples of a sharp highlight to some percent, which may be many deviations of the rest: those
+/// samples are kept.
+pub(super) const OUTLIER_SHARE: f32 = 0.5;
 
 /// Fall of the criterion that no choice of photographs brings about: 151 of them tell the
 /// logarithm of a variance to 0.12, which is 17 in the criterion; six times that.
@@ -26,12 +26,12 @@ pub(super) const CLEAR: f64 = 100.0;
 const ALIKE: f64 = 1.5;
 const FAINT: f64 = 0.05;
 
-/// `ln n` of lobes that need no second look: n from 2.2 to 200.
+/// `ln n` of lobes that are not searched again: n from 2.2 to 200.
 const ORDINARY: [f64; 2] = [0.8, 5.3];
 
-/// What was found for a pixel.
+/// Diffuse part and lobes of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found {
+pub struct LafortuneEstimate {
     /// How many lobes.
     pub lobes: usize,
     /// Diffuse part, then (strength, n times turn, ln n) of every lobe, the sharpest first.
@@ -40,7 +40,7 @@ pub struct Found {
     pub cost: f64,
     /// Samples that counted.
     pub samples: usize,
-    /// Photographs that were looked at.
+    /// Photographs that were used.
     pub(super) photographs: usize,
     /// Whether the first lobe starts towards the light, not its mirror image (hard case 16).
     pub(super) retro: bool,
@@ -48,8 +48,8 @@ pub struct Found {
     pub(super) floor: f64,
 }
 
-impl Found {
-    /// Schwarz's criterion, `m ln(C / m) + p ln m`.
+impl LafortuneEstimate {
+    /// The Bayesian information criterion [@schwarz1978bic], `m ln(C / m) + p ln m`.
     #[must_use]
     pub fn bic(&self) -> f64 {
         let m = self.samples as f64;
@@ -102,9 +102,8 @@ impl Found {
         m * (other.mean() / self.mean()).ln() > CLEAR
     }
 
-    /// Whether lobes look as they do where a search went astray: two that are one, one that is
-    /// none, one at a bound, one so sharp or so broad that it may describe noise or a remainder, or
-    /// no lobe at all.
+    /// Whether the lobes look like a local minimum: two alike, one of almost no strength, one at a
+    /// bound, one so sharp or so broad that it may describe noise or a remainder, or no lobe at all.
     pub(super) fn doubtful(&self) -> bool {
         let most = self.each().map(|lobe| lobe[0]).fold(0.0, f64::max);
         let odd = |[strength, turning, log_exponent]: [f64; 3]| {

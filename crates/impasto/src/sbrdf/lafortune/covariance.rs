@@ -1,20 +1,20 @@
-//! How far the numbers of a pixel's lobes can be trusted.
+//! The covariance of a pixel's normal and lobes: `variance (J'J)^-1` at the minimum.
 //!
-//! Once normal, lobes and the choice of samples stand, one pass in double precision over the
-//! samples that count tells the covariance of all unknowns, for noise as large as the residuals
-//! say. What ended at a bound the photographs do not tell: it has no deviation, and those of the
-//! others are what they would be without the bound. Under one view normal and turns are given
-//! (hard case 18): those of the others take them for known.
+//! Once normal, lobes and the choice of samples are final, one pass in double precision over the
+//! samples that count gives the covariance of all unknowns, with the noise that the residuals show.
+//! An unknown that ended at a bound is not determined by the photographs: it has no deviation, and
+//! those of the others are computed as if there were no bound. Under one view normal and turns are
+//! given (hard case 18): the deviations of the others treat them as known.
 
 use crate::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Rows, fit};
 use crate::math::{Level, Real};
 
-use super::found::{Found, TURN};
+use super::estimate::{LafortuneEstimate, TURN};
+use super::joint::JointModel;
 use super::lobes::LOG_EXPONENT;
-use super::luminance::{Luminance, Sights};
-use super::maps::Sheet;
+use super::luminance::{Geometries, Luminance};
+use super::maps::LafortuneTile;
 use super::normal::{facing, slopes};
-use super::turned::Model;
 
 /// By how much a variance may exceed that with all others known: beyond, 12 of the matrix's 16
 /// digits are gone, and another parameter does as well (hard case 14).
@@ -28,47 +28,48 @@ const STAY: Options =
     Options { max_iterations: 0, cost: 0.0, step: 0.0, gradient: 0.0, damping: 1.0, memory: 0.0 };
 
 /// Pixels of a tile whose normals and lobes have settled.
-pub(super) struct Trust<'a> {
+pub(super) struct Covariance<'a> {
     pub(super) data: &'a Luminance<'a>,
     /// Whether normals and turns were searched for.
     pub(super) turning: bool,
     pub(super) pixels: &'a [usize],
-    pub(super) found: &'a [Found],
+    pub(super) found: &'a [LafortuneEstimate],
     pub(super) stopped: &'a (dyn Fn() -> bool + Sync),
 }
 
-impl Trust<'_> {
-    /// Writes how far their normals and lobes can be trusted.
-    pub(super) fn write(&self, level: Level, sheet: &mut Sheet<'_>) {
-        self.run::<6>(level, sheet);
-        self.run::<9>(level, sheet);
-        self.run::<12>(level, sheet);
+impl Covariance<'_> {
+    /// Writes the standard deviations of normals and lobes.
+    pub(super) fn write(&self, level: Level, tile: &mut LafortuneTile<'_>) {
+        self.run::<6>(level, tile);
+        self.run::<9>(level, tile);
+        self.run::<12>(level, tile);
     }
 
     /// The pixels with `N / 3 - 1` lobes.
-    fn run<const N: usize>(&self, level: Level, sheet: &mut Sheet<'_>) {
+    fn run<const N: usize>(&self, level: Level, tile: &mut LafortuneTile<'_>) {
         let these = (0..self.pixels.len()).filter(|&i| self.found[i].lobes == N / 3 - 1);
-        let mut lanes = Lanes { trust: self, sights: Sights::all(self.data.rig), sheet };
+        let mut lanes =
+            CovarianceBatch { covariance: self, geometries: Geometries::all(self.data.rig), tile };
         let these = these.take_while(|_| !(self.stopped)());
         fit::<f64, N>(level, &mut lanes, these, &Bounds::none(), &STAY);
     }
 }
 
-struct Lanes<'a, 'sheet> {
-    trust: &'a Trust<'a>,
-    sights: Sights<'a, f64>,
-    sheet: &'a mut Sheet<'sheet>,
+struct CovarianceBatch<'a, 'tile> {
+    covariance: &'a Covariance<'a>,
+    geometries: Geometries<'a, f64>,
+    tile: &'a mut LafortuneTile<'tile>,
 }
 
-impl<const N: usize> Batch<f64, N> for Lanes<'_, '_> {
+impl<const N: usize> Batch<f64, N> for CovarianceBatch<'_, '_> {
     const COVARIANCE: bool = true;
 
     fn rows(&self) -> usize {
-        self.sights.rows()
+        self.geometries.rows()
     }
     fn load(&mut self, i: usize, column: &mut Column<'_, f64>) -> [f64; N] {
-        let Trust { data, pixels, found, .. } = *self.trust;
-        column.fill(data.column(pixels[i], &self.sights));
+        let Covariance { data, pixels, found, .. } = *self.covariance;
+        column.fill(data.column(pixels[i], &self.geometries));
         let [p, q] = slopes(data.normals[pixels[i]]).map(f64::from);
         core::array::from_fn(|unknown| match unknown {
             0 => p,
@@ -79,12 +80,12 @@ impl<const N: usize> Batch<f64, N> for Lanes<'_, '_> {
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "a matrix is written with its indices")]
     fn normal<R: Real<Scalar = f64>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
-        let model = Model::new(&at);
-        let mut normal = self.sights.equations(rows, |light, view, light_view, irradiance| {
+        let model = JointModel::new(&at);
+        let mut normal = self.geometries.equations(rows, |light, view, light_view, irradiance| {
             model.gradient(light, view, light_view, irradiance)
         });
         let given = |i: usize| i < 2 || i % 3 == 1;
-        if !self.trust.turning {
+        if !self.covariance.turning {
             // Nothing depends on what is given.
             for i in 0..N {
                 for j in (0..=i).filter(|&j| given(i) || given(j)) {
@@ -95,30 +96,31 @@ impl<const N: usize> Batch<f64, N> for Lanes<'_, '_> {
         normal
     }
     fn store(&mut self, i: usize, outcome: &Outcome<f64, N>) {
-        let (pixel, found) = (self.trust.pixels[i], &self.trust.found[i]);
-        let spread = Spread::of(outcome, self.trust.data.count(pixel, &self.sights));
-        let normal = spread.normal(outcome);
-        // Where a parameter of some lobe hides the normal's, what the search said of it stays.
+        let (pixel, found) = (self.covariance.pixels[i], &self.covariance.found[i]);
+        let covariance =
+            PixelCovariance::of(outcome, self.covariance.data.count(pixel, &self.geometries));
+        let normal = covariance.normal(outcome);
+        // Where a lobe's parameter is confounded with the normal, the search's own deviation stays.
         if normal.is_finite() {
-            self.sheet.sigma[pixel] = normal;
+            self.tile.sigma[pixel] = normal;
         }
         for lobe in 0..found.lobes {
-            let [strength, direction, exponent] = spread.lobe(found, lobe);
-            self.sheet.specular_sigma[lobe][pixel] = strength as f32;
-            self.sheet.direction_sigma[lobe][pixel] = direction as f32;
-            self.sheet.exponent_sigma[lobe][pixel] = exponent as f32;
+            let [strength, direction, exponent] = covariance.lobe(found, lobe);
+            self.tile.specular_sigma[lobe][pixel] = strength as f32;
+            self.tile.direction_sigma[lobe][pixel] = direction as f32;
+            self.tile.exponent_sigma[lobe][pixel] = exponent as f32;
         }
     }
 }
 
 /// Covariance of two slopes, the diffuse part, and (strength, n times turn, ln n) of every lobe.
-struct Spread<const N: usize> {
-    /// 0 for what is given; NaN for what the samples do not tell apart from others.
+struct PixelCovariance<const N: usize> {
+    /// 0 for what is given; NaN for what the samples do not separate from others.
     covariance: [[f64; N]; N],
     given: [bool; N],
 }
 
-impl<const N: usize> Spread<N> {
+impl<const N: usize> PixelCovariance<N> {
     fn of(outcome: &Outcome<f64, N>, samples: usize) -> Self {
         let alone: [f64; N] = core::array::from_fn(|i| outcome.normal.matrix[i][i]);
         let given = alone.map(|own| own <= 0.0);
@@ -126,11 +128,11 @@ impl<const N: usize> Spread<N> {
         // As many samples as unknowns leave no noise to judge by (hard case 30).
         let noise = if free > 0.0 { outcome.normal.cost / free } else { f64::NAN };
         let unit = outcome.covariance(1.0);
-        let told = |i: usize| alone[i] * unit[i][i] < LOST;
+        let separable = |i: usize| alone[i] * unit[i][i] < LOST;
         let entry = |i: usize, j: usize| {
             if given[i] || given[j] {
                 0.0
-            } else if told(i) && told(j) {
+            } else if separable(i) && separable(j) {
                 unit[i][j] * noise
             } else {
                 f64::NAN
@@ -151,7 +153,7 @@ impl<const N: usize> Spread<N> {
 
     /// Standard deviations of a lobe: of its strength, relative; of the direction of (Cxy, Cz),
     /// radians; of `ln n`.
-    fn lobe(&self, found: &Found, lobe: usize) -> [f64; 3] {
+    fn lobe(&self, found: &LafortuneEstimate, lobe: usize) -> [f64; 3] {
         let [strength, turning, log_exponent] = found.lobe(lobe);
         let first = 3 + 3 * lobe;
         let [of_strength, of_turning, of_exponent] =
@@ -168,7 +170,7 @@ impl<const N: usize> Spread<N> {
             turning.abs() < SHORT * TURN,
             broadest < log_exponent && log_exponent < sharpest,
         ];
-        let told = |i: usize| open[i] && !self.given[first + i];
-        core::array::from_fn(|i| if told(i) { sigmas[i] } else { f64::NAN })
+        let determined = |i: usize| open[i] && !self.given[first + i];
+        core::array::from_fn(|i| if determined(i) { sigmas[i] } else { f64::NAN })
     }
 }

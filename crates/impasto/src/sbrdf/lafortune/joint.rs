@@ -1,4 +1,5 @@
-//! Normal and lobes together, from where the first two passes left them.
+//! A joint search for normal and lobes by Levenberg-Marquardt [@levenberg1944; @marquardt1963],
+//! from where the first two passes ended.
 //!
 //! A cosine lobe stands in for lobes that lean away from the mirror direction: the normal that it
 //! finds leans with them. Once lobes are known, everything but their number is free, on the same
@@ -8,10 +9,10 @@ use crate::brdf::lafortune::Pair;
 use crate::lm::{Batch, Column, Normal, Options, Outcome, Rows, fit};
 use crate::math::{Element, Real, Vec3};
 
-use super::found::Found;
-use super::lobes::{Search, Shapes, bounds};
-use super::luminance::{Luminance, Sights};
-use super::normal::{Facing, STEEPEST, facing, slopes};
+use super::estimate::LafortuneEstimate;
+use super::lobes::{LafortuneSearch, Shapes, bounds};
+use super::luminance::{Geometries, Luminance};
+use super::normal::{NormalEstimate, STEEPEST, facing, slopes};
 
 /// How double precision goes on where single precision met a matrix that it could not tell from a
 /// singular one, or did not get to an end.
@@ -24,29 +25,29 @@ const POLISH: Options = Options {
     memory: 0.0,
 };
 
-/// Searches on for normal and lobes of some pixels at once; `found` takes what is better, and the
-/// answers, in its order, say where pixels face: nothing where nothing better was found.
-pub(super) fn turn(
-    search: &Search<'_>,
+/// Searches on for normal and lobes of some pixels at once; `found` takes what is better. Returns the
+/// new normals in its order: none where nothing better was found.
+pub(super) fn fit_jointly(
+    search: &LafortuneSearch<'_>,
     pixels: &[usize],
-    found: &mut [Found],
-) -> Vec<Option<Facing>> {
+    found: &mut [LafortuneEstimate],
+) -> Vec<Option<NormalEstimate>> {
     let facing = &mut *vec![None; pixels.len()];
-    let mut turn = Turn { search, pixels, found, facing };
-    turn.run::<6>();
-    turn.run::<9>();
-    turn.run::<12>();
+    let mut joint = JointFit { search, pixels, found, facing };
+    joint.run::<6>();
+    joint.run::<9>();
+    joint.run::<12>();
     facing.to_vec()
 }
 
-struct Turn<'a> {
-    search: &'a Search<'a>,
+struct JointFit<'a> {
+    search: &'a LafortuneSearch<'a>,
     pixels: &'a [usize],
-    found: &'a mut [Found],
-    facing: &'a mut [Option<Facing>],
+    found: &'a mut [LafortuneEstimate],
+    facing: &'a mut [Option<NormalEstimate>],
 }
 
-impl Turn<'_> {
+impl JointFit<'_> {
     /// The pixels with `N / 3 - 1` lobes.
     fn run<const N: usize>(&mut self) {
         let lobes = N / 3 - 1;
@@ -62,7 +63,7 @@ impl Turn<'_> {
         these: &[usize],
         options: &Options,
     ) -> Vec<usize> {
-        let Search { data, turning, level, photographs, stopped, .. } = *self.search;
+        let LafortuneSearch { data, turning, level, photographs, stopped, .. } = *self.search;
         // Two slopes, then what a search on a known normal has.
         let mut bounds = bounds::<S, N>(2, turning);
         let steepest = S::from_f64(STEEPEST.into());
@@ -70,9 +71,9 @@ impl Turn<'_> {
             (bounds.lower[slope], bounds.upper[slope]) = (-steepest, steepest);
         }
         let problems = (0..these.len()).take_while(|_| !stopped());
-        let mut lanes = Lanes::<S, N> {
+        let mut lanes = JointBatch::<S, N> {
             data,
-            sights: Sights::some(data.rig, photographs),
+            geometries: Geometries::some(data.rig, photographs),
             pixels: self.pixels,
             these,
             found: self.found,
@@ -86,26 +87,26 @@ impl Turn<'_> {
     }
 }
 
-struct Lanes<'a, S, const N: usize> {
+struct JointBatch<'a, S, const N: usize> {
     data: &'a Luminance<'a>,
-    sights: Sights<'a, S>,
+    geometries: Geometries<'a, S>,
     pixels: &'a [usize],
     these: &'a [usize],
-    found: &'a mut [Found],
-    facing: &'a mut [Option<Facing>],
+    found: &'a mut [LafortuneEstimate],
+    facing: &'a mut [Option<NormalEstimate>],
     doubtful: Vec<usize>,
 }
 
-impl<S: Element, const N: usize> Batch<S, N> for Lanes<'_, S, N> {
+impl<S: Element, const N: usize> Batch<S, N> for JointBatch<'_, S, N> {
     const COVARIANCE: bool = true;
 
     fn rows(&self) -> usize {
-        self.sights.rows()
+        self.geometries.rows()
     }
     fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N] {
         let i = self.these[problem];
         let pixel = self.pixels[i];
-        column.fill(self.data.column(pixel, &self.sights));
+        column.fill(self.data.column(pixel, &self.geometries));
         let normal = self.facing[i].map_or(self.data.normals[pixel], |facing| facing.normal);
         let [p, q] = slopes(normal);
         core::array::from_fn(|unknown| match unknown {
@@ -116,8 +117,8 @@ impl<S: Element, const N: usize> Batch<S, N> for Lanes<'_, S, N> {
     }
     #[inline(always)]
     fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
-        let model = Model::new(&at);
-        self.sights.equations(rows, |light, view, light_view, irradiance| {
+        let model = JointModel::new(&at);
+        self.geometries.equations(rows, |light, view, light_view, irradiance| {
             model.gradient(light, view, light_view, irradiance)
         })
     }
@@ -126,7 +127,7 @@ impl<S: Element, const N: usize> Batch<S, N> for Lanes<'_, S, N> {
         if !outcome.reason.converged() || outcome.deficient().contains(&true) {
             self.doubtful.push(i);
         }
-        let samples = self.data.count(self.pixels[i], &self.sights);
+        let samples = self.data.count(self.pixels[i], &self.geometries);
         let free = samples as f64 - N as f64;
         let cost = outcome.normal.cost.to_f64();
         if free < 1.0 || cost >= self.found[i].cost {
@@ -148,13 +149,13 @@ impl<S: Element, const N: usize> Batch<S, N> for Lanes<'_, S, N> {
 }
 
 /// Lobes about a normal of slopes p and q.
-pub(super) struct Model<R> {
+pub(super) struct JointModel<R> {
     normal: Vec3<R>,
     upright: R,
     shapes: Shapes<R>,
 }
 
-impl<R: Real> Model<R> {
+impl<R: Real> JointModel<R> {
     #[inline(always)]
     pub(super) fn new<const N: usize>(at: &[R; N]) -> Self {
         let (p, q) = (at[0], at[1]);
