@@ -6,7 +6,7 @@ use impasto::geometry::Rig;
 use impasto::pixels::serially;
 use impasto::sbrdf::{Lobe, Parameter, Strength, Surface, TorranceSparrow, predict};
 use impasto::stack::{Decode, Samples, Shape, Stack};
-use impasto::stereo::{Maps, Method, Options, fit_normals};
+use impasto::stereo::{Method, NormalMaps, StereoOptions, fit_normals};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::painting::{LIGHTS, SIDE, diffuse, normal, rig};
@@ -53,12 +53,12 @@ fn impasto(bencher: Bencher<'_, '_>, name: &str) {
     let decode = [DECODE; LIGHTS];
     let stack = Stack::new(Samples::U16(&codes), SHAPE, &decode, None).expect("it is sound");
     let (_, method) = METHODS.into_iter().find(|&(other, _)| other == name).expect("it is listed");
-    let options = Options { method, steps: method.usual_steps(), selection: None };
+    let options = StereoOptions { method, steps: method.usual_steps(), selection: None };
     let (mut vectors, mut albedo) = (vec![0.0; 3 * PIXELS], vec![0.0; PIXELS]);
     let (mut used, mut rejected) = (vec![0; PIXELS], vec![0; 4 * PIXELS]);
     let (mut residual, mut condition) = (vec![0.0; PIXELS], vec![0.0; PIXELS]);
     let (mut sigma, mut status) = (vec![0.0; PIXELS], vec![0; PIXELS]);
-    let mut maps = Maps {
+    let mut maps = NormalMaps {
         normal: &mut vectors,
         albedo: &mut albedo,
         used: &mut used,

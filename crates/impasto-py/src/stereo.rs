@@ -4,14 +4,14 @@ use numpy::{PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
 use impasto::Error;
-use impasto::stereo::{Maps, Method, Options};
+use impasto::stereo::{Method, NormalMaps, StereoOptions};
 
 use crate::arrays::StackArguments;
 use crate::{errors, run};
 
 /// The maps of an `impasto.Normals`, to be filled; `rejected` and `status` hold zeros.
 #[derive(FromPyObject)]
-pub(crate) struct NormalMaps<'py> {
+pub(crate) struct NormalArrays<'py> {
     normal: PyReadwriteArray3<'py, f32>,
     albedo: PyReadwriteArray3<'py, f32>,
     used: PyReadwriteArray2<'py, u16>,
@@ -30,7 +30,7 @@ pub(crate) struct NormalMaps<'py> {
 pub(crate) fn fit_normals<'py>(
     py: Python<'py>,
     stack: StackArguments<'py>,
-    mut maps: NormalMaps<'py>,
+    mut maps: NormalArrays<'py>,
     method: &str,
     low: f64,
     high: f64,
@@ -57,12 +57,12 @@ pub(crate) fn fit_normals<'py>(
         }
     };
     let options =
-        Options { method, steps: steps.unwrap_or_else(|| method.usual_steps()), selection };
+        StereoOptions { method, steps: steps.unwrap_or_else(|| method.usual_steps()), selection };
     let decode = stack.decode();
     let samples = stack.stack(&decode).map_err(refuse)?;
     let shape = samples.shape();
     let rig = stack.rig.rig(shape.height, shape.width).map_err(refuse)?;
-    let mut maps = Maps {
+    let mut maps = NormalMaps {
         normal: maps.normal.as_slice_mut()?,
         albedo: maps.albedo.as_slice_mut()?,
         used: maps.used.as_slice_mut()?,

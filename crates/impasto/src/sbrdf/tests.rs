@@ -10,7 +10,7 @@ use crate::geometry::{Grid, Light, Rig};
 use crate::math::Vec3;
 use crate::pixels::{Run, looks};
 use crate::stack::{Decode, Samples, Shape, Stack};
-use crate::stereo::{self, Method, Options};
+use crate::stereo::{self, Method, StereoOptions};
 
 const OBSERVATIONS: usize = 12;
 const SHAPE: Shape = Shape { observations: OBSERVATIONS, bands: 2, height: 16, width: 40 };
@@ -104,7 +104,7 @@ impl Painting {
         let (mut used, mut rejected) = (vec![0; PIXELS], vec![0; 4 * PIXELS]);
         let mut planes = [(); 3].map(|()| vec![0.0; PIXELS]);
         let [residual, condition, sigma] = planes.each_mut();
-        let mut maps = stereo::Maps {
+        let mut maps = stereo::NormalMaps {
             normal: &mut normal,
             albedo: &mut albedo,
             used: &mut used,
@@ -114,7 +114,7 @@ impl Painting {
             sigma,
             status: &mut vec![0; PIXELS],
         };
-        let options = Options { method, steps: method.usual_steps(), selection: None };
+        let options = StereoOptions { method, steps: method.usual_steps(), selection: None };
         stereo::fit_normals(&self.stack(), &self.rig, &options, &mut maps, run)
     }
 }

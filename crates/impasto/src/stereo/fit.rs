@@ -3,20 +3,20 @@
 use crate::math::lanes::{Isa, Pair};
 use crate::math::{Kernel, Mask, Real};
 
-use super::found::Found;
+use super::lanes::NormalLanes;
 use super::lights::{Distant, Lights, Near};
-use super::pixels::Pixels;
-use super::problem::Problem;
-use super::samples::{BLOCK, Samples, Scratch, Sifted};
-use super::tile::Tile;
+use super::problem::StereoProblem;
+use super::results::NormalResults;
+use super::samples::{BLOCK, Samples, ScreenedSamples, StereoScratch};
+use super::tile::NormalTile;
 
-pub(super) struct Fit<'a, 'b, 'c> {
-    pub(super) problem: &'a Problem<'a>,
-    pub(super) scratch: &'c mut Scratch,
-    pub(super) tile: &'c mut Tile<'b>,
+pub(super) struct NormalFit<'a, 'b, 'c> {
+    pub(super) problem: &'a StereoProblem<'a>,
+    pub(super) scratch: &'c mut StereoScratch,
+    pub(super) tile: &'c mut NormalTile<'b>,
 }
 
-impl Kernel for Fit<'_, '_, '_> {
+impl Kernel for NormalFit<'_, '_, '_> {
     type Output = ();
 
     #[inline(always)]
@@ -29,12 +29,12 @@ impl Kernel for Fit<'_, '_, '_> {
     }
 }
 
-impl Fit<'_, '_, '_> {
+impl NormalFit<'_, '_, '_> {
     #[inline(always)]
     fn fit<R: Real<Scalar = f32>, L: Lights<R>>(self) {
         let Self { problem, scratch, tile } = self;
-        let mut pixels = Pixels::<R, L>::new(problem);
-        let mut sifted = Sifted::new(problem);
+        let mut pixels = NormalLanes::<R, L>::new(problem);
+        let mut screened = ScreenedSamples::new(problem);
         let mut start = 0;
         // A tile of hundreds of photographs takes long.
         while start < tile.count && !problem.run.cancelled() {
@@ -53,11 +53,11 @@ impl Fit<'_, '_, '_> {
                 }
                 // A sum is finite only if all samples are; then none needs to be looked at again.
                 let estimate = if sum.is_finite().all() {
-                    pixels.fit_all(&samples, sum, &mut sifted)
+                    pixels.fit_all(&samples, sum, &mut screened)
                 } else {
-                    pixels.fit_some(&samples, &mut sifted)
+                    pixels.fit_some(&samples, &mut screened)
                 };
-                Found::new(&pixels, &estimate).write(&pixels, tile, start + at);
+                NormalResults::new(&pixels, &estimate).write(&pixels, tile, start + at);
                 at += R::WIDTH;
             }
             start += BLOCK;

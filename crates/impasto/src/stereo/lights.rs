@@ -1,4 +1,4 @@
-//! Where each pixel's light comes from.
+//! Directions and irradiances of the lights at one register of pixels.
 
 use crate::geometry::Rig;
 use crate::math::{Real, Vec3};

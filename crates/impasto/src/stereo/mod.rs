@@ -1,44 +1,45 @@
-//! Photometric stereo: normals and albedo from samples under known lights.
+//! Photometric stereo [@woodham1980photometric]: normals and albedo from samples under known lights.
 //!
 //! A matte pixel under light `k` sends `I_k = b . l_k`, with `b` the normal times the albedo
-//! (eq. 2 of the RGB-camera paper). Three things decide which samples carry `b`:
+//! (eq. 2 of the RGB-camera paper [@tominaga-rgb-camera]). Three steps decide which samples determine `b`:
 //!
-//! 1. clipped and missing samples weigh nothing, whatever the method;
-//! 2. a *rule* drops highlights and shadows by the size of a sample among its pixel's samples
-//!    ([`Method::Threshold`], [`Method::Rank`]);
-//! 3. a *loss* weighs the rest by their residuals and solves again ([`Method::L1`] and others).
+//! 1. clipped and missing samples have weight 0, whatever the method;
+//! 2. a [`rejection`] rule drops highlights and shadows by the size of a sample among its pixel's
+//!    samples ([`Method::Threshold`], [`Method::Rank`]);
+//! 3. an M-estimator ([`m_estimators`]) weights the rest by their residuals, in iteratively
+//!    reweighted least squares ([`irls`]: [`Method::L1`] and others).
 //!
-//! Rules look at the mean of the bands; `b` is solved from that mean or from one band. The albedo
+//! Rejection rules use the mean of the bands; `b` is solved from that mean or from one band. The albedo
 //! of every band follows along the normal, by least squares with the same weights.
 
+mod distant_system;
 mod fit;
-mod found;
+mod irls;
+mod lanes;
 mod lights;
-mod loss;
-mod pixels;
+mod m_estimators;
 mod problem;
-mod reweigh;
+mod rejection;
+mod results;
 mod rows;
-mod rule;
 mod samples;
 mod solve;
-mod sort;
+mod sorting_network;
 mod sums;
 mod tile;
-mod uniform;
 
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::pixels::Run;
 use crate::stack::Stack;
 
-use problem::Problem;
-pub use problem::{Method, Options};
-use rule::Rule;
+use distant_system::DistantSystem;
+use problem::StereoProblem;
+pub use problem::{Method, StereoOptions};
+use rejection::RejectionRule;
 use solve::determined;
 pub use solve::{CONDITION_LIMIT, ENOUGH, RANK_LIMIT};
-pub use tile::Maps;
-use uniform::Uniform;
+pub use tile::NormalMaps;
 
 /// Fits every pixel's normal and albedo.
 ///
@@ -48,31 +49,33 @@ use uniform::Uniform;
 pub fn fit_normals(
     stack: &Stack<'_>,
     rig: &Rig,
-    options: &Options,
-    maps: &mut Maps<'_>,
+    options: &StereoOptions,
+    maps: &mut NormalMaps<'_>,
     run: &Run<'_>,
 ) -> Result<()> {
     check(stack, rig, options)?;
     let rule = options.method.rule();
-    let problem = Problem {
+    let problem = StereoProblem {
         stack,
         rig,
         rule,
         loss: options.method.loss(),
         options: *options,
         run,
-        uniform: (rule == Rule::All && rig.is_distant()).then(|| Uniform::new(rig)),
+        uniform: (rule == RejectionRule::All && rig.is_distant()).then(|| DistantSystem::new(rig)),
     };
     let shape = stack.shape();
     let level = run.level;
     run.for_each(
         maps.tiles(shape.pixels(), shape.bands)?,
-        || samples::Scratch::new(&problem),
-        |scratch, mut tile| level.run(fit::Fit { problem: &problem, scratch, tile: &mut tile }),
+        || samples::StereoScratch::new(&problem),
+        |scratch, mut tile| {
+            level.run(fit::NormalFit { problem: &problem, scratch, tile: &mut tile })
+        },
     )
 }
 
-fn check(stack: &Stack<'_>, rig: &Rig, options: &Options) -> Result<()> {
+fn check(stack: &Stack<'_>, rig: &Rig, options: &StereoOptions) -> Result<()> {
     let shape = stack.shape();
     let count = rig.observations();
     if count != shape.observations {
@@ -86,7 +89,7 @@ fn check(stack: &Stack<'_>, rig: &Rig, options: &Options) -> Result<()> {
         );
         return Err(Error::geometry("lights", problem));
     }
-    if rig.is_distant() && !determined(Uniform::new(rig).squared) {
+    if rig.is_distant() && !determined(DistantSystem::new(rig).squared) {
         let problem = format!(
             "the {count} lights lie in one plane, which leaves the normal undetermined; add a \
              photograph under a light well outside it"

@@ -1,12 +1,12 @@
-//! What is asked of every pixel, and what all tiles share.
+//! Methods and options of photometric stereo, and what all tiles share.
 
 use crate::geometry::Rig;
 use crate::pixels::Run;
 use crate::stack::Stack;
 
-use super::loss::Loss;
-use super::rule::Rule;
-use super::uniform::Uniform;
+use super::distant_system::DistantSystem;
+use super::m_estimators::LossFunction;
+use super::rejection::RejectionRule;
 
 /// How highlights and shadows are kept out.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +25,7 @@ pub enum Method {
     /// Of `n` samples, those of rank `int(low n) <= rank < round(high n)` count; ties go by the
     /// order of the lights.
     Rank {
-        /// Share of the darkest samples that is dropped.
+        /// ErrorScale of the darkest samples that is dropped.
         low: f64,
         /// One minus the share of the brightest samples that is dropped.
         high: f64,
@@ -48,21 +48,23 @@ pub enum Method {
 }
 
 impl Method {
-    pub(super) fn rule(self) -> Rule {
+    pub(super) fn rule(self) -> RejectionRule {
         match self {
-            Self::Threshold { w1, w2 } => Rule::Threshold { w1, w2 },
-            Self::Rank { low, high } | Self::Robust { low, high } => Rule::Rank { low, high },
-            _ => Rule::All,
+            Self::Threshold { w1, w2 } => RejectionRule::Threshold { w1, w2 },
+            Self::Rank { low, high } | Self::Robust { low, high } => {
+                RejectionRule::Rank { low, high }
+            }
+            _ => RejectionRule::All,
         }
     }
 
-    pub(super) fn loss(self) -> Loss {
+    pub(super) fn loss(self) -> LossFunction {
         match self {
-            Self::L1 | Self::Robust { .. } => Loss::Absolute,
-            Self::Huber => Loss::Huber,
-            Self::Cauchy => Loss::Cauchy,
-            Self::Tukey => Loss::Tukey,
-            _ => Loss::Squares,
+            Self::L1 | Self::Robust { .. } => LossFunction::Absolute,
+            Self::Huber => LossFunction::Huber,
+            Self::Cauchy => LossFunction::Cauchy,
+            Self::Tukey => LossFunction::Tukey,
+            _ => LossFunction::Squares,
         }
     }
 
@@ -80,7 +82,7 @@ impl Method {
 
 /// What is estimated, and how.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Options {
+pub struct StereoOptions {
     /// Which samples carry the normal.
     pub method: Method,
     /// Steps of reweighting.
@@ -90,13 +92,13 @@ pub struct Options {
 }
 
 /// What all tiles share.
-pub(super) struct Problem<'a> {
+pub(super) struct StereoProblem<'a> {
     pub(super) stack: &'a Stack<'a>,
     pub(super) rig: &'a Rig,
-    pub(super) rule: Rule,
-    pub(super) loss: Loss,
-    pub(super) options: Options,
+    pub(super) rule: RejectionRule,
+    pub(super) loss: LossFunction,
+    pub(super) options: StereoOptions,
     pub(super) run: &'a Run<'a>,
-    /// Where every valid sample counts and all lights are distant.
-    pub(super) uniform: Option<Uniform>,
+    /// Only where every valid sample counts and all lights are distant.
+    pub(super) uniform: Option<DistantSystem>,
 }

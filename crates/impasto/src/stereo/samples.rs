@@ -2,10 +2,10 @@
 
 use crate::math::Real;
 
-use super::problem::Problem;
+use super::problem::StereoProblem;
 use super::rows::{Aligned, MAX_LANES, Rows};
 
-/// Pixels that are decoded at a time: 16 photographs of them fill the first-level cache.
+/// NormalLanes that are decoded at a time: 16 photographs of them fill the first-level cache.
 pub(super) const BLOCK: usize = 512;
 
 /// From plane to plane of a block: not a power of two, so that the planes do not compete for the
@@ -16,8 +16,8 @@ const STRIDE: usize = BLOCK + 16;
 /// does to answer, and of planes that lie a power of two apart a set of the cache holds eight.
 const AHEAD: usize = 4;
 
-/// One block of pixels; one per worker.
-pub(super) struct Scratch {
+/// One block of pixels; each worker has one.
+pub(super) struct StereoScratch {
     /// Linear samples `(obs, band)`.
     samples: Aligned,
     /// Their means over the bands `(obs)`, empty if there is only one band.
@@ -27,8 +27,8 @@ pub(super) struct Scratch {
     pub(super) y: Vec<f32>,
 }
 
-impl Scratch {
-    pub(super) fn new(problem: &Problem<'_>) -> Self {
+impl StereoScratch {
+    pub(super) fn new(problem: &StereoProblem<'_>) -> Self {
         let shape = problem.stack.shape();
         let means = if shape.bands == 1 { 0 } else { shape.observations };
         Self {
@@ -40,7 +40,11 @@ impl Scratch {
     }
 
     #[inline(always)]
-    pub(super) fn read<R: Real<Scalar = f32>>(&mut self, problem: &Problem<'_>, start: usize) {
+    pub(super) fn read<R: Real<Scalar = f32>>(
+        &mut self,
+        problem: &StereoProblem<'_>,
+        start: usize,
+    ) {
         let bands = problem.stack.shape().bands;
         let planes = problem.stack.shape().observations * bands;
         for (plane, out) in self.samples.get_mut().chunks_exact_mut(STRIDE).enumerate() {
@@ -80,7 +84,7 @@ pub(super) struct Samples<'a> {
 
 impl<'a> Samples<'a> {
     #[inline(always)]
-    pub(super) fn of(scratch: &'a Scratch, problem: &Problem<'_>, at: usize) -> Self {
+    pub(super) fn of(scratch: &'a StereoScratch, problem: &StereoProblem<'_>, at: usize) -> Self {
         let count = problem.stack.shape().bands;
         let bands = Rows::new(&scratch.samples.get()[at..], STRIDE);
         let means = if count == 1 { bands } else { Rows::new(&scratch.means.get()[at..], STRIDE) };
@@ -93,15 +97,15 @@ impl<'a> Samples<'a> {
 }
 
 /// Samples of one register of pixels after a look at each, `(obs, lane)`.
-pub(super) struct Sifted {
+pub(super) struct ScreenedSamples {
     /// Means of the bands relative to the light's irradiance; NaN where invalid.
     pub(super) relative: Vec<f32>,
     /// What normals are solved from; 0 where invalid.
     pub(super) signal: Vec<f32>,
 }
 
-impl Sifted {
-    pub(super) fn new(problem: &Problem<'_>) -> Self {
+impl ScreenedSamples {
+    pub(super) fn new(problem: &StereoProblem<'_>) -> Self {
         let empty = vec![0.0; problem.rig.observations() * MAX_LANES];
         Self { relative: empty.clone(), signal: empty }
     }

@@ -1,4 +1,5 @@
-//! The symmetric 3 x 3 system of one pixel: solution, condition, predicted error.
+//! The symmetric 3 x 3 system of one pixel: solution by cofactors, condition number by closed-form
+//! eigenvalues [@smith1961eigenvalues], predicted error.
 
 use crate::math::{Real, Vec3};
 
@@ -219,7 +220,7 @@ impl<R: Real> Inverse<R> {
     }
 }
 
-/// The least-squares solution over some samples, and what it says about them.
+/// The least-squares solution over some samples, and its accuracy.
 #[derive(Clone, Copy)]
 pub(super) struct Solution<R> {
     /// Normal times albedo.

@@ -4,12 +4,12 @@ use crate::error::{Error, Result};
 use crate::maps::{Rejection, Status};
 use crate::pixels;
 
-/// Maps in the caller's memory.
+/// NormalMaps in the caller's memory.
 ///
 /// `rejected` and `status` must hold zeros: registers of zeros are not written to them, so that
 /// fresh memory in which nothing goes wrong is never touched. All other values are written.
 #[derive(Debug)]
-pub struct Maps<'a> {
+pub struct NormalMaps<'a> {
     /// `(3, y, x)` unit vectors.
     pub normal: &'a mut [f32],
     /// `(band, y, x)` relative to the white board.
@@ -29,7 +29,7 @@ pub struct Maps<'a> {
 }
 
 /// The part of the maps that one tile holds.
-pub(super) struct Tile<'a> {
+pub(super) struct NormalTile<'a> {
     pub(super) start: usize,
     pub(super) count: usize,
     pub(super) normal: Vec<&'a mut [f32]>,
@@ -42,8 +42,8 @@ pub(super) struct Tile<'a> {
     pub(super) status: &'a mut [u8],
 }
 
-impl Maps<'_> {
-    pub(super) fn tiles(&mut self, pixels: usize, bands: usize) -> Result<Vec<Tile<'_>>> {
+impl NormalMaps<'_> {
+    pub(super) fn tiles(&mut self, pixels: usize, bands: usize) -> Result<Vec<NormalTile<'_>>> {
         let sizes = [
             ("normal", self.normal.len(), 3 * pixels),
             ("albedo", self.albedo.len(), bands * pixels),
@@ -67,7 +67,7 @@ impl Maps<'_> {
             .zip(self.condition.chunks_mut(pixels::TILE))
             .zip(self.sigma.chunks_mut(pixels::TILE))
             .zip(self.status.chunks_mut(pixels::TILE))
-            .map(|((((((start, count), used), residual), condition), sigma), status)| Tile {
+            .map(|((((((start, count), used), residual), condition), sigma), status)| NormalTile {
                 start,
                 count,
                 normal: normal.iter_mut().filter_map(Iterator::next).collect(),
@@ -88,7 +88,7 @@ fn planes<T>(map: &mut [T], pixels: usize) -> Vec<core::slice::ChunksMut<'_, T>>
     map.chunks_mut(pixels).map(|plane| plane.chunks_mut(pixels::TILE)).collect()
 }
 
-impl Tile<'_> {
+impl NormalTile<'_> {
     /// What a pixel outside the mask shows.
     pub(super) fn mask(&mut self, pixel: usize) {
         for plane in self.normal.iter_mut().chain(&mut self.albedo) {

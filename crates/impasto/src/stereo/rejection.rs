@@ -1,4 +1,5 @@
-//! Which samples are highlight or shadow, by their size among the pixel's samples.
+//! Rejection of highlights and shadows by threshold [@tominaga-rgb-camera] or by rank (trimming), from the
+//! size of a sample among the pixel's samples.
 
 use core::cmp::Ordering;
 
@@ -7,17 +8,17 @@ use crate::math::{Mask, Real};
 
 use super::rows::{MAX_LANES, Rows, lanes};
 use super::solve::ENOUGH;
-use super::sort::Network;
+use super::sorting_network::SortingNetwork;
 
 /// See [`Method`](super::Method).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Rule {
+pub(super) enum RejectionRule {
     All,
     Threshold { w1: f64, w2: f64 },
     Rank { low: f64, high: f64 },
 }
 
-impl Rule {
+impl RejectionRule {
     pub(super) fn check(self) -> Result<()> {
         match self {
             Self::All => Ok(()),
@@ -51,15 +52,15 @@ impl Rule {
     }
 }
 
-/// Ranks `first <= rank < end` that a rule keeps of so many samples.
+/// Ranks `first <= rank < end` that are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Kept {
+pub(super) struct RankRange {
     pub(super) first: usize,
     pub(super) end: usize,
     pub(super) relaxed: bool,
 }
 
-impl Kept {
+impl RankRange {
     /// `int(low n) <= rank < round(high n)`, and more in rank order where that leaves too few.
     pub(super) fn of(n: usize, low: f64, high: f64) -> Self {
         let count = n as f64;
@@ -87,15 +88,15 @@ impl Kept {
     }
 }
 
-/// What a rule says of one register of pixels.
-pub(super) struct Verdict<R: Real> {
+/// Counts of kept and rejected samples of one register of pixels.
+pub(super) struct RejectionOutcome<R: Real> {
     pub(super) kept: R,
     pub(super) shadow: R,
     pub(super) highlight: R,
     pub(super) relaxed: R::Mask,
 }
 
-impl<R: Real> Verdict<R> {
+impl<R: Real> RejectionOutcome<R> {
     /// No rule: everything valid is kept.
     #[inline(always)]
     pub(super) fn all(valid: R) -> Self {
@@ -104,7 +105,7 @@ impl<R: Real> Verdict<R> {
     }
 }
 
-/// The papers' thresholds: no longer kept is what is highlight or shadow.
+/// The papers' thresholds: clears `kept` where a sample is highlight or shadow.
 ///
 /// `relative` are the samples relative to their lights' irradiance, NaN where invalid, `mean` is
 /// their mean and `valid` their number. With `ALL` every sample is valid, and `kept` only written.
@@ -115,7 +116,7 @@ pub(super) fn threshold<R: Real<Scalar = f32>, const ALL: bool>(
     mean: R,
     kept: &mut [R::Mask],
     valid: R,
-) -> Verdict<R> {
+) -> RejectionOutcome<R> {
     let (zero, one) = (R::zero(), R::one());
     let (upper, lower) = (mean * R::of(w1), mean * R::of(w2));
     let (mut shadow, mut highlight) = (zero, zero);
@@ -130,25 +131,25 @@ pub(super) fn threshold<R: Real<Scalar = f32>, const ALL: bool>(
     }
     let count = valid - shadow - highlight;
     let relaxed = count.lt(valid.min(R::of(ENOUGH as f64)));
-    let mut verdict = Verdict { kept: count, shadow, highlight, relaxed };
+    let mut rejection = RejectionOutcome { kept: count, shadow, highlight, relaxed };
     if relaxed.any() {
-        readmit(relative, kept, &mut verdict, lower);
+        readmit(relative, kept, &mut rejection, lower);
     }
-    verdict
+    rejection
 }
 
-/// Takes rejected samples back, lane by lane: rare, and no place for clever code.
+/// Accepts rejected samples again, lane by lane: rare, so simple code is fast enough.
 #[inline(always)]
 fn readmit<R: Real<Scalar = f32>>(
     relative: Rows<'_>,
     kept: &mut [R::Mask],
-    verdict: &mut Verdict<R>,
+    rejection: &mut RejectionOutcome<R>,
     lower: R,
 ) {
-    let mut count = lanes(verdict.kept);
-    let (mut shadow, mut highlight) = (lanes(verdict.shadow), lanes(verdict.highlight));
+    let mut count = lanes(rejection.kept);
+    let (mut shadow, mut highlight) = (lanes(rejection.shadow), lanes(rejection.highlight));
     let lower = lanes(lower);
-    for lane in (0..R::WIDTH).filter(|&lane| verdict.relaxed.lane(lane)) {
+    for lane in (0..R::WIDTH).filter(|&lane| rejection.relaxed.lane(lane)) {
         let mut order: Vec<(f32, usize)> = (0..kept.len())
             .map(|k| (relative.lane(k, lane), k))
             .filter(|(value, _)| value.is_finite())
@@ -168,16 +169,16 @@ fn readmit<R: Real<Scalar = f32>>(
             reason[lane] -= 1.0;
         }
     }
-    verdict.kept = R::load(&count);
-    verdict.shadow = R::load(&shadow);
-    verdict.highlight = R::load(&highlight);
+    rejection.kept = R::load(&count);
+    rejection.shadow = R::load(&shadow);
+    rejection.highlight = R::load(&highlight);
 }
 
 /// Rank trimming: what it needs at every pixel.
 pub(super) struct Ranks<R> {
-    network: Network,
+    network: SortingNetwork,
     /// For every number of valid samples.
-    kept: Vec<Kept>,
+    kept: Vec<RankRange>,
     sorted: Vec<R>,
 }
 
@@ -193,8 +194,8 @@ struct Limits<R: Real> {
 impl<R: Real<Scalar = f32>> Ranks<R> {
     pub(super) fn new((low, high): (f64, f64), observations: usize) -> Self {
         Self {
-            network: Network::new(observations),
-            kept: (0..=observations).map(|n| Kept::of(n, low, high)).collect(),
+            network: SortingNetwork::new(observations),
+            kept: (0..=observations).map(|n| RankRange::of(n, low, high)).collect(),
             sorted: vec![R::zero(); observations],
         }
     }
@@ -206,7 +207,7 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
         relative: Rows<'_>,
         kept: &mut [R::Mask],
         valid: R,
-    ) -> Verdict<R> {
+    ) -> RejectionOutcome<R> {
         let (zero, one) = (R::zero(), R::one());
         let infinity = R::splat(f32::INFINITY);
         for (k, sorted) in self.sorted.iter_mut().enumerate() {
@@ -226,7 +227,12 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
             Self::split_ties(relative, kept, &limits);
         }
         let highlight = valid - limits.end;
-        Verdict { kept: expected, shadow: limits.first, highlight, relaxed: limits.relaxed }
+        RejectionOutcome {
+            kept: expected,
+            shadow: limits.first,
+            highlight,
+            relaxed: limits.relaxed,
+        }
     }
 
     /// Of samples that equal a limit, those of the first lights have the lower ranks.
@@ -295,18 +301,18 @@ mod tests {
 
     #[test]
     fn sixteen_samples_keep_ranks_3_to_12() {
-        assert_eq!(Kept::of(16, 0.2, 0.8), Kept { first: 3, end: 13, relaxed: false });
+        assert_eq!(RankRange::of(16, 0.2, 0.8), RankRange { first: 3, end: 13, relaxed: false });
     }
 
     #[test]
     fn four_samples_are_kept_wherever_there_are_four() {
         for n in 0..40 {
             for (low, high) in [(0.2, 0.8), (0.45, 0.55), (0.0, 0.01), (0.9, 1.0), (0.99, 1.0)] {
-                let kept = Kept::of(n, low, high);
+                let kept = RankRange::of(n, low, high);
                 assert!(kept.first <= kept.end && kept.end <= n);
                 assert!(kept.end - kept.first >= ENOUGH.min(n), "{n} {low} {high} {kept:?}");
             }
         }
-        assert_eq!(Kept::of(5, 0.2, 0.8), Kept { first: 0, end: 4, relaxed: true });
+        assert_eq!(RankRange::of(5, 0.2, 0.8), RankRange { first: 0, end: 4, relaxed: true });
     }
 }

@@ -1,10 +1,10 @@
-//! How much a sample weighs, by its residual.
+//! M-estimators [@huber1964]: loss functions, their weights by residual, and their efficiency.
 
 use crate::math::Real;
 
-/// What is minimised over the samples that a rule kept.
+/// What is minimised over the samples that the rejection rule kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Loss {
+pub(super) enum LossFunction {
     Squares,
     Absolute,
     Huber,
@@ -12,7 +12,7 @@ pub(super) enum Loss {
     Tukey,
 }
 
-impl Loss {
+impl LossFunction {
     /// Standard error of an estimate by this loss over what least squares' formula makes of its
     /// residuals, for normal noise and so many degrees of freedom.
     #[inline(always)]
@@ -38,16 +38,16 @@ const SIGMA_PER_MEDIAN: f64 = 1.482_602_218_505_602;
 /// Mean of absolute normal deviates, inverted.
 const SIGMA_PER_MEAN: f64 = 1.253_314_137_315_500_3;
 
-/// Share of the signal below which single precision sees no residual: 2^-22.
-const UNSEEN: f64 = 1.0 / 4_194_304.0;
+/// ErrorScale of the signal below which single precision sees no residual: 2^-22.
+const LEAST_RESIDUAL: f64 = 1.0 / 4_194_304.0;
 
 /// A loss whose weights depend on residuals.
-pub(super) trait Weigh {
+pub(super) trait WeightFunction {
     /// Whether its scale is the median of the absolute residuals, else their mean.
     const MEDIAN: bool;
     /// Whether samples can lose all weight.
     const DROPS: bool;
-    /// What [`Self::weight`] needs to know of a pixel: from the median or mean of `|R|`, and from
+    /// The scale that [`Self::weight`] divides a pixel's residuals by: from the median or mean of `|R|`, and from
     /// the `signal`, which keeps it positive where there is any.
     fn tune<R: Real>(size: R, signal: R) -> R;
     /// Weight, 1 where there is no residual.
@@ -62,10 +62,10 @@ pub(super) struct Tukey;
 /// `tuning` standard deviations; tuned for 95 % efficiency on normal noise.
 #[inline(always)]
 fn deviations<R: Real>(tuning: f64, median: R, signal: R) -> R {
-    median.mul_add(R::of(tuning * SIGMA_PER_MEDIAN), signal * R::of(UNSEEN))
+    median.mul_add(R::of(tuning * SIGMA_PER_MEDIAN), signal * R::of(LEAST_RESIDUAL))
 }
 
-impl Weigh for Absolute {
+impl WeightFunction for Absolute {
     /// Here the scale only guards a division, for which the mean is as good.
     const MEDIAN: bool = false;
     const DROPS: bool = false;
@@ -73,7 +73,7 @@ impl Weigh for Absolute {
     #[inline(always)]
     fn tune<R: Real>(size: R, signal: R) -> R {
         // A thousandth of the noise.
-        size.mul_add(R::of(1e-3 * SIGMA_PER_MEAN), signal * R::of(UNSEEN))
+        size.mul_add(R::of(1e-3 * SIGMA_PER_MEAN), signal * R::of(LEAST_RESIDUAL))
     }
 
     #[inline(always)]
@@ -82,7 +82,7 @@ impl Weigh for Absolute {
     }
 }
 
-impl Weigh for Huber {
+impl WeightFunction for Huber {
     const MEDIAN: bool = true;
     const DROPS: bool = false;
 
@@ -97,7 +97,7 @@ impl Weigh for Huber {
     }
 }
 
-impl Weigh for Cauchy {
+impl WeightFunction for Cauchy {
     const MEDIAN: bool = true;
     const DROPS: bool = false;
 
@@ -113,7 +113,7 @@ impl Weigh for Cauchy {
     }
 }
 
-impl Weigh for Tukey {
+impl WeightFunction for Tukey {
     const MEDIAN: bool = true;
     const DROPS: bool = true;
 
@@ -130,21 +130,21 @@ impl Weigh for Tukey {
     }
 }
 
-/// What a number of samples says about their sum of squares.
+/// Factors that turn a sum of squared residuals into errors, for a number of samples.
 #[derive(Clone, Copy)]
-pub(super) struct Share<R> {
+pub(super) struct ErrorScale<R> {
     pub(super) count: R,
     pub(super) per_count: R,
     pub(super) per_freedom: R,
-    pub(super) spread: R,
+    pub(super) quantile: R,
 }
 
-impl<R: Real> Share<R> {
+impl<R: Real> ErrorScale<R> {
     #[inline(always)]
-    pub(super) fn of(count: R, loss: Loss) -> Self {
+    pub(super) fn of(count: R, loss: LossFunction) -> Self {
         let freedom = count - R::of(3.0);
         let (per_count, per_freedom) = (count.recip(), freedom.recip());
-        Self { count, per_count, per_freedom, spread: spread(loss, freedom) }
+        Self { count, per_count, per_freedom, quantile: quantile(loss, freedom) }
     }
 }
 
@@ -153,7 +153,7 @@ impl<R: Real> Share<R> {
 /// same few residuals (within 0.3 % of its quantile), times what the loss loses against least
 /// squares.
 #[inline(always)]
-fn spread<R: Real>(loss: Loss, freedom: R) -> R {
+fn quantile<R: Real>(loss: LossFunction, freedom: R) -> R {
     let student = R::of(0.521) / (freedom - R::of(0.377)) + R::one();
     student * loss.inefficiency(freedom)
 }

@@ -1,26 +1,26 @@
-//! Iteratively reweighted least squares.
+//! Iteratively reweighted least squares [@holland1977robust] for one register of pixels.
 
 use crate::math::{Mask, Real, Vec3};
 
 use super::lights::Lights;
-use super::loss::Weigh;
+use super::m_estimators::WeightFunction;
 use super::rows::{MAX_LANES, Rows, lanes};
 use super::solve::{ENOUGH, Symmetric};
-use super::sort::Network;
+use super::sorting_network::SortingNetwork;
 use super::sums::residual;
 
-pub(super) struct Reweigh<R> {
-    network: Network,
+pub(super) struct StereoIrls<R> {
+    network: SortingNetwork,
     /// Weights of the last step, and of the one before.
     weights: Vec<R>,
     previous: Vec<R>,
     sorted: Vec<R>,
 }
 
-impl<R: Real<Scalar = f32>> Reweigh<R> {
+impl<R: Real<Scalar = f32>> StereoIrls<R> {
     pub(super) fn new(observations: usize) -> Self {
         Self {
-            network: Network::new(observations),
+            network: SortingNetwork::new(observations),
             weights: vec![R::zero(); observations],
             previous: vec![R::zero(); observations],
             sorted: vec![R::zero(); observations],
@@ -35,10 +35,10 @@ impl<R: Real<Scalar = f32>> Reweigh<R> {
     /// Improves `b` in place. Each step solves for a correction of `b` from its residuals, so that
     /// what rounding leaves behind is found by the next step.
     ///
-    /// Returns which pixels could be followed to the end; the others stopped before a step that
-    /// would have dropped too many samples, or left single precision no determinant.
+    /// Returns which pixels took all steps; the others stopped before a step that would have dropped too
+    /// many samples, or left single precision no determinant.
     #[inline(always)]
-    pub(super) fn run<W: Weigh, L: Lights<R>>(
+    pub(super) fn run<W: WeightFunction, L: Lights<R>>(
         &mut self,
         lights: &L,
         kept: &[R::Mask],

@@ -1,11 +1,11 @@
-//! What distant lights say once for all pixels, in double precision.
+//! The linear system of distant lights, solved once for all pixels, in double precision.
 
 use crate::geometry::Rig;
 use crate::math::Vec3;
 
 use super::solve::{Inverse, Symmetric};
 
-pub(super) struct Uniform {
+pub(super) struct DistantSystem {
     pub(super) matrix: Symmetric<f64>,
     pub(super) inverse: Inverse<f64>,
     pub(super) squared: f64,
@@ -13,7 +13,7 @@ pub(super) struct Uniform {
     pub(super) pseudoinverse: Vec<Vec3<f64>>,
 }
 
-impl Uniform {
+impl DistantSystem {
     pub(super) fn new(rig: &Rig) -> Self {
         let mut matrix = Symmetric::zero();
         for light in rig.lights() {

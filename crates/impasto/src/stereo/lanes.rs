@@ -1,20 +1,20 @@
-//! One register of pixels on its way through the fit.
+//! The fit of one register of pixels: rejection, least squares, reweighting, albedo.
 
 use crate::math::{Mask, Real, Vec3};
 
+use super::irls::StereoIrls;
 use super::lights::Lights;
-use super::loss::{Absolute, Cauchy, Huber, Loss, Share, Tukey};
-use super::problem::Problem;
-use super::reweigh::Reweigh;
+use super::m_estimators::{Absolute, Cauchy, ErrorScale, Huber, LossFunction, Tukey};
+use super::problem::StereoProblem;
+use super::rejection::{Ranks, RejectionOutcome, RejectionRule, threshold};
 use super::rows::{MAX_LANES, Rows, any};
-use super::rule::{Ranks, Rule, Verdict, threshold};
-use super::samples::{Samples, Sifted};
+use super::samples::{Samples, ScreenedSamples};
 use super::solve::{Inverse, Solution, Symmetric};
 use super::sums::{Accumulate, Multiply, Squares};
 
-/// What a register's samples say of its pixels; the albedo stays in [`Pixels`].
-pub(super) struct Estimate<R: Real> {
-    pub(super) verdict: Verdict<R>,
+/// The solution for one register of pixels; the albedo stays in [`NormalLanes`].
+pub(super) struct NormalSolution<R: Real> {
+    pub(super) rejection: RejectionOutcome<R>,
     /// Least squares over the kept samples.
     pub(super) start: Solution<R>,
     /// After reweighting.
@@ -26,12 +26,12 @@ pub(super) struct Estimate<R: Real> {
     pub(super) squares: R,
 }
 
-pub(super) struct Pixels<R: Real, L> {
-    rule: Rule,
-    loss: Loss,
+pub(super) struct NormalLanes<R: Real, L> {
+    rule: RejectionRule,
+    loss: LossFunction,
     steps: usize,
     ranks: Option<Ranks<R>>,
-    reweigh: Reweigh<R>,
+    irls: StereoIrls<R>,
     pub(super) lights: L,
     /// Of all lights, where that is the same for every pixel; without `b` and `total`.
     uniform: Option<Solution<R>>,
@@ -43,14 +43,14 @@ pub(super) struct Pixels<R: Real, L> {
     pub(super) valid: R,
     pub(super) saturated: R,
     /// Of as many samples as the last pixels kept.
-    pub(super) share: Share<R>,
+    pub(super) share: ErrorScale<R>,
     /// Every band's albedo.
     pub(super) albedo: Vec<R>,
 }
 
-impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
+impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
     #[inline(always)]
-    pub(super) fn new(problem: &Problem<'_>) -> Self {
+    pub(super) fn new(problem: &StereoProblem<'_>) -> Self {
         let shape = problem.stack.shape();
         let (zero, count) = (R::zero(), shape.observations);
         let mut pixels = Self {
@@ -58,17 +58,17 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
             loss: problem.loss,
             steps: problem.options.steps,
             ranks: match problem.rule {
-                Rule::Rank { low, high } => Some(Ranks::new((low, high), count)),
+                RejectionRule::Rank { low, high } => Some(Ranks::new((low, high), count)),
                 _ => None,
             },
-            reweigh: Reweigh::new(count),
+            irls: StereoIrls::new(count),
             lights: L::new(problem.rig),
             uniform: None,
             pseudoinverse: Vec::new(),
             kept: vec![Mask::splat(false); count],
             valid: zero,
             saturated: zero,
-            share: Share::of(zero, problem.loss),
+            share: ErrorScale::of(zero, problem.loss),
             albedo: vec![zero; shape.bands],
         };
         if let Some(uniform) = &problem.uniform {
@@ -94,26 +94,30 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
         &mut self,
         samples: &Samples<'_>,
         mut sum: R,
-        sifted: &mut Sifted,
-    ) -> Estimate<R> {
+        screened: &mut ScreenedSamples,
+    ) -> NormalSolution<R> {
         self.valid = R::of(self.kept.len() as f64);
         self.saturated = R::zero();
         let mut relative = samples.means;
-        if !L::DISTANT && self.rule != Rule::All {
+        if !L::DISTANT && self.rule != RejectionRule::All {
             sum = R::zero();
             for k in 0..self.kept.len() {
                 let mean = samples.means.at::<R>(k) * self.lights.per_irradiance(k);
                 sum = sum + mean;
-                mean.store(&mut sifted.relative[k * MAX_LANES..]);
+                mean.store(&mut screened.relative[k * MAX_LANES..]);
             }
-            relative = Rows::new(&sifted.relative, MAX_LANES);
+            relative = Rows::new(&screened.relative, MAX_LANES);
         }
         self.fit::<true>(relative, sum, samples.signal, samples.bands)
     }
 
     /// Everything about pixels, after a look at each sample.
     #[inline(always)]
-    pub(super) fn fit_some(&mut self, samples: &Samples<'_>, sifted: &mut Sifted) -> Estimate<R> {
+    pub(super) fn fit_some(
+        &mut self,
+        samples: &Samples<'_>,
+        screened: &mut ScreenedSamples,
+    ) -> NormalSolution<R> {
         let (zero, one, nan) = (R::zero(), R::one(), R::splat(f32::NAN));
         let largest = R::splat(f32::MAX);
         (self.valid, self.saturated) = (zero, zero);
@@ -126,11 +130,11 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
             self.saturated = self.saturated + R::keep(mean.gt(largest), one);
             let relative = mean * self.lights.per_irradiance(k);
             sum = sum + R::keep(valid, relative);
-            R::select(valid, relative, nan).store(&mut sifted.relative[k * MAX_LANES..]);
-            R::keep(valid, samples.signal.at(k)).store(&mut sifted.signal[k * MAX_LANES..]);
+            R::select(valid, relative, nan).store(&mut screened.relative[k * MAX_LANES..]);
+            R::keep(valid, samples.signal.at(k)).store(&mut screened.signal[k * MAX_LANES..]);
         }
-        let relative = Rows::new(&sifted.relative, MAX_LANES);
-        self.fit::<false>(relative, sum, Rows::new(&sifted.signal, MAX_LANES), samples.bands)
+        let relative = Rows::new(&screened.relative, MAX_LANES);
+        self.fit::<false>(relative, sum, Rows::new(&screened.signal, MAX_LANES), samples.bands)
     }
 
     /// With `ALL` every sample is valid; `sum` is that of the `relative` samples that are.
@@ -141,24 +145,26 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
         sum: R,
         signal: Rows<'_>,
         bands: Rows<'_>,
-    ) -> Estimate<R> {
-        let mut verdict = self.select::<ALL>(relative, sum);
+    ) -> NormalSolution<R> {
+        let mut rejection = self.select::<ALL>(relative, sum);
         let start = self.start::<ALL>(signal);
         let mut b = start.b;
-        if self.loss != Loss::Squares && self.steps > 0 {
+        if self.loss != LossFunction::Squares && self.steps > 0 {
             let steps = self.steps;
-            let (lights, kept, reweigh) = (&self.lights, &self.kept, &mut self.reweigh);
+            let (lights, kept, irls) = (&self.lights, &self.kept, &mut self.irls);
             let left = match self.loss {
-                Loss::Absolute => reweigh.run::<Absolute, L>(lights, kept, signal, steps, &mut b),
-                Loss::Huber => reweigh.run::<Huber, L>(lights, kept, signal, steps, &mut b),
-                Loss::Cauchy => reweigh.run::<Cauchy, L>(lights, kept, signal, steps, &mut b),
-                Loss::Tukey => reweigh.run::<Tukey, L>(lights, kept, signal, steps, &mut b),
-                Loss::Squares => Mask::splat(true),
+                LossFunction::Absolute => {
+                    irls.run::<Absolute, L>(lights, kept, signal, steps, &mut b)
+                }
+                LossFunction::Huber => irls.run::<Huber, L>(lights, kept, signal, steps, &mut b),
+                LossFunction::Cauchy => irls.run::<Cauchy, L>(lights, kept, signal, steps, &mut b),
+                LossFunction::Tukey => irls.run::<Tukey, L>(lights, kept, signal, steps, &mut b),
+                LossFunction::Squares => Mask::splat(true),
             };
-            verdict.relaxed = verdict.relaxed | !left;
+            rejection.relaxed = rejection.relaxed | !left;
         }
         let (lights, kept) = (&self.lights, &self.kept[..]);
-        let squares = if ALL && self.rule == Rule::All {
+        let squares = if ALL && self.rule == RejectionRule::All {
             R::apart(Squares::<_, _, _, true> { lights, kept, signal, b })
         } else {
             R::apart(Squares::<_, _, _, false> { lights, kept, signal, b })
@@ -168,18 +174,18 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
         let normal = b.scale(per_length);
         self.follow::<ALL>(bands, normal, length);
         // Dividing takes time, and the number of kept samples is mostly that of the neighbours.
-        if any(verdict.kept - self.share.count) {
-            self.share = Share::of(verdict.kept, self.loss);
+        if any(rejection.kept - self.share.count) {
+            self.share = ErrorScale::of(rejection.kept, self.loss);
         }
-        Estimate { verdict, start, normal, length, per_length, squares }
+        NormalSolution { rejection, start, normal, length, per_length, squares }
     }
 
     /// Which samples the rule keeps.
     #[inline(always)]
-    fn select<const ALL: bool>(&mut self, relative: Rows<'_>, sum: R) -> Verdict<R> {
+    fn select<const ALL: bool>(&mut self, relative: Rows<'_>, sum: R) -> RejectionOutcome<R> {
         match (&mut self.ranks, self.rule) {
             (Some(ranks), _) => ranks.apply::<ALL>(relative, &mut self.kept, self.valid),
-            (None, Rule::Threshold { w1, w2 }) => {
+            (None, RejectionRule::Threshold { w1, w2 }) => {
                 let mean = sum / self.valid;
                 threshold::<R, ALL>((w1, w2), relative, mean, &mut self.kept, self.valid)
             }
@@ -187,12 +193,12 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
                 if ALL {
                     self.kept.fill(Mask::splat(true));
                 }
-                Verdict::all(self.valid)
+                RejectionOutcome::all(self.valid)
             }
         }
     }
 
-    /// Least squares over the kept samples. Pixels all of whose samples count, under distant
+    /// Least squares over the kept samples. NormalLanes all of whose samples count, under distant
     /// lights, are multiplied by the one pseudoinverse.
     #[inline(always)]
     fn start<const ALL: bool>(&self, signal: Rows<'_>) -> Solution<R> {
@@ -247,19 +253,20 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Pixels<R, L> {
             *albedo = length;
             return;
         }
-        let by_rule = self.loss == Loss::Squares || self.steps == 0;
+        let by_rule = self.loss == LossFunction::Squares || self.steps == 0;
         self.albedo.fill(zero);
         let mut squares = zero;
         let count = self.albedo.len();
         for (k, &kept) in self.kept.iter().enumerate() {
             let cosine = normal.dot(self.lights.at(k));
-            let weight = if ALL && self.rule == Rule::All && self.loss == Loss::Squares {
-                one
-            } else if by_rule {
-                R::keep(kept, one)
-            } else {
-                self.reweigh.weights()[k]
-            };
+            let weight =
+                if ALL && self.rule == RejectionRule::All && self.loss == LossFunction::Squares {
+                    one
+                } else if by_rule {
+                    R::keep(kept, one)
+                } else {
+                    self.irls.weights()[k]
+                };
             let weighted = cosine * weight;
             squares = weighted.mul_add(cosine, squares);
             for (band, albedo) in self.albedo.iter_mut().enumerate() {

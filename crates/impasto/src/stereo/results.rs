@@ -1,16 +1,16 @@
-//! What a register of pixels says in the end, and its way into the maps.
+//! The results of one register of pixels: statuses, errors, and how they are written to the maps.
 
 use crate::maps::{Rejection, Status};
 use crate::math::{Mask, Real, Vec3};
 
-use super::pixels::{Estimate, Pixels};
+use super::lanes::{NormalLanes, NormalSolution};
+use super::rejection::RejectionOutcome;
 use super::rows::{any, store, store_codes, store_counts};
-use super::rule::Verdict;
 use super::solve::{Solution, determined, well_determined};
-use super::tile::Tile;
+use super::tile::NormalTile;
 
-/// A register's results; the albedo stays in [`Pixels`].
-pub(super) struct Found<R: Real> {
+/// A register's results; the albedo stays in [`NormalLanes`].
+pub(super) struct NormalResults<R: Real> {
     normal: Vec3<R>,
     residual: R,
     condition: R,
@@ -26,27 +26,33 @@ fn code<R: Real>(status: Status) -> R {
     R::of(f64::from(status.code()))
 }
 
-impl<R: Real<Scalar = f32>> Found<R> {
+impl<R: Real<Scalar = f32>> NormalResults<R> {
     #[inline(always)]
-    pub(super) fn new<L>(pixels: &Pixels<R, L>, estimate: &Estimate<R>) -> Self {
-        let Estimate { ref verdict, ref start, normal, length, per_length, squares } = *estimate;
+    pub(super) fn new<L>(pixels: &NormalLanes<R, L>, estimate: &NormalSolution<R>) -> Self {
+        let NormalSolution { ref rejection, ref start, normal, length, per_length, squares } =
+            *estimate;
         let share = pixels.share;
         let worst = start.matrix.worst_tangent_variance(&start.inverse, normal);
-        let sigma = (squares * worst * share.per_freedom).sqrt() * per_length * share.spread;
+        let sigma = (squares * worst * share.per_freedom).sqrt() * per_length * share.quantile;
         Self {
             normal,
             residual: (squares * share.per_count).sqrt(),
             condition: start.condition,
             sigma,
-            status: status(pixels, verdict, start, &Size { length, squares, worst, sigma }),
-            used: verdict.kept,
-            shadow: verdict.shadow,
-            highlight: verdict.highlight,
+            status: status(pixels, rejection, start, &Magnitudes { length, squares, worst, sigma }),
+            used: rejection.kept,
+            shadow: rejection.shadow,
+            highlight: rejection.highlight,
         }
     }
 
     #[inline(always)]
-    pub(super) fn write<L>(&self, pixels: &Pixels<R, L>, tile: &mut Tile<'_>, at: usize) {
+    pub(super) fn write<L>(
+        &self,
+        pixels: &NormalLanes<R, L>,
+        tile: &mut NormalTile<'_>,
+        at: usize,
+    ) {
         let nan = R::splat(f32::NAN);
         store_counts(self.used, tile.used, at);
         let all = R::of(pixels.kept.len() as f64);
@@ -104,8 +110,8 @@ impl<R: Real<Scalar = f32>> Found<R> {
 /// 2^-126. A shorter albedo's direction is no unit vector, and its pixel as good as black.
 const SHORTEST: f64 = 1.0 / 9_223_372_036_854_775_808.0;
 
-/// What tells whether single precision has room for a pixel.
-struct Size<R> {
+/// Numbers that must lie within the range of single precision.
+struct Magnitudes<R> {
     /// Of the albedo times the normal.
     length: R,
     /// Sum of the residuals' squares.
@@ -121,10 +127,10 @@ struct Size<R> {
 /// taken back.
 #[inline(always)]
 fn status<R: Real<Scalar = f32>, L>(
-    pixels: &Pixels<R, L>,
-    verdict: &Verdict<R>,
+    pixels: &NormalLanes<R, L>,
+    rejection: &RejectionOutcome<R>,
     &Solution { squared, total, .. }: &Solution<R>,
-    &Size { length, squares, worst, sigma }: &Size<R>,
+    &Magnitudes { length, squares, worst, sigma }: &Magnitudes<R>,
 ) -> R {
     let zero = R::zero();
     let three = R::of(3.0);
@@ -132,14 +138,14 @@ fn status<R: Real<Scalar = f32>, L>(
     let lit = total.gt(zero) & (length.ge(R::of(SHORTEST)) | !solved);
     // Irradiances so unlike that rounding leaves no inverse have a condition that is rounding, too.
     let certain = worst.ge(zero);
-    let spare = verdict.kept.gt(three);
-    let told = sigma.is_finite() | !(spare & certain);
-    let finite = length.is_finite() & squares.is_finite() & told;
+    let spare = rejection.kept.gt(three);
+    let sigma_known = sigma.is_finite() | !(spare & certain);
+    let finite = length.is_finite() & squares.is_finite() & sigma_known;
     let plain = lit & solved & well_determined(squared) & finite & certain;
-    if (plain & spare & !verdict.relaxed).all() {
+    if (plain & spare & !rejection.relaxed).all() {
         return zero;
     }
-    let mut status = R::select(verdict.relaxed, code(Status::Relaxed), code(Status::Fitted));
+    let mut status = R::select(rejection.relaxed, code(Status::Relaxed), code(Status::Fitted));
     status = R::select(well_determined(squared), status, code(Status::IllConditioned));
     status = R::select(spare, status, code(Status::Exact));
     status = R::select(certain, status, code(Status::RankDeficient));

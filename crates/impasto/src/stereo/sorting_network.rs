@@ -1,12 +1,12 @@
-//! Sorting lane by lane: a fixed network of comparators, no branch.
+//! Batcher's odd-even merge sorting network [@batcher1968sorting], lane by lane and without a branch.
 
 use crate::math::Real;
 
-/// Batcher's odd-even merge sort for any length (Knuth, TAOCP vol. 3, algorithm 5.2.2M).
+/// The comparators for any length (Knuth, TAOCP vol. 3, algorithm 5.2.2M).
 #[derive(Clone, Debug)]
-pub(super) struct Network(Vec<(usize, usize)>);
+pub(super) struct SortingNetwork(Vec<(usize, usize)>);
 
-impl Network {
+impl SortingNetwork {
     pub(super) fn new(length: usize) -> Self {
         let mut comparators = Vec::new();
         let mut p = 1;
@@ -46,7 +46,7 @@ mod tests {
     fn every_sequence_of_zeros_and_ones_is_sorted() {
         // The zero-one principle: a network that sorts these sorts everything.
         for length in 1..=12_usize {
-            let network = Network::new(length);
+            let network = SortingNetwork::new(length);
             for bits in 0..1_u32 << length {
                 let mut values: Vec<f32> =
                     (0..length).map(|i| if bits >> i & 1 == 1 { 1.0 } else { 0.0 }).collect();
@@ -58,6 +58,6 @@ mod tests {
 
     #[test]
     fn sixteen_values_take_sixty_three_comparators() {
-        assert_eq!(Network::new(16).0.len(), 63);
+        assert_eq!(SortingNetwork::new(16).0.len(), 63);
     }
 }
