@@ -1,4 +1,4 @@
-"""How far Lafortune lobes can be trusted: against numpy, against noise drawn many times."""
+"""Standard deviations of Lafortune lobes: against numpy, against noise drawn many times."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pytest
 
 import impasto
 from impasto import simulate
+from oracles import lafortune_covariance
 from oracles import lafortune_forward as oracle
-from oracles import lafortune_trust
 
 SIGMAS = ("specular_sigma", "direction_sigma", "exponent_sigma")
 SIZE = (24, 24)
@@ -55,7 +55,7 @@ def by_numpy(
     fit: impasto.LafortuneSbrdf, samples: np.ndarray, there: np.ndarray, count: int, **how: Any
 ) -> tuple[np.ndarray, np.ndarray]:
     """Deviations of pixels that have so many lobes: of normals, and of lobes (lobe, 3, pixel)."""
-    return lafortune_trust.deviations(
+    return lafortune_covariance.deviations(
         fit.normal[:, there], fit.diffuse.mean(axis=0)[there],
         fit.specular.mean(axis=1)[:count, there], fit.cxy[:count, there], fit.cz[:count, there],
         fit.exponent[:count, there], samples[:, there], fit.rig, **how,
