@@ -7,15 +7,17 @@ import re
 import shutil
 import subprocess
 import sys
-from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
+
+import rust_modules
 
 ROOT = Path(__file__).resolve().parents[1]
 CORE = ROOT / "crates" / "impasto" / "src"
 BORDER = ROOT / "crates" / "impasto-py" / "src"
 PACKAGE = ROOT / "python" / "impasto"
+CRATES = sorted(path.parent for path in (ROOT / "crates").glob("*/Cargo.toml"))
 
 
 def rust(folder: Path) -> list[Path]:
@@ -35,20 +37,6 @@ def imports(path: Path) -> set[str]:
     for group in re.findall(r"\bcrate::\{([^;]*)\};", text):
         names |= set(re.findall(r"(?:^|,)\s*(\w+)", re.sub(r"\{[^{}]*\}", "", group)))
     return {name for name in names if name[0].islower()}
-
-
-def neighbours(room: Path) -> dict[str, set[str]]:
-    """What each file of a Rust folder imports from the others, by the folder's own names, too."""
-    files = {path.stem: code(path) for path in room.glob("*.rs")}
-    doors = {}
-    for module, names in re.findall(r"\buse (\w+)::(\w+|\{[^;]*\});", files.pop("mod")):
-        doors |= dict.fromkeys(re.findall(r"\w+", names), module)
-    found = {}
-    for name, text in files.items():
-        words = " ".join(re.findall(r"\buse super::(\w+|\{[^;]*\})", text))
-        named = {doors.get(word, word) for word in re.findall(r"\w+", words)}
-        found[name] = (named & files.keys()) - {name}
-    return found
 
 
 def tracked() -> list[Path]:
@@ -95,12 +83,32 @@ def test_a_room_imports_only_what_lies_below_it(room: str, allowed: set[str]) ->
         assert imports(path) <= allowed, path.relative_to(ROOT)
 
 
-@pytest.mark.parametrize("room", ["lm", "stereo", "sbrdf", "sbrdf/lobes", "sbrdf/lafortune"])
-def test_no_file_imports_from_one_that_imports_from_it(room: str) -> None:
-    found = neighbours(CORE / room)
-    assert any(found.values())
-    # CycleError names the circle.
-    TopologicalSorter(found).prepare()
+@pytest.mark.parametrize("crate", CRATES, ids=lambda crate: crate.name)
+def test_no_file_imports_from_one_that_imports_from_it(crate: Path) -> None:
+    graph = rust_modules.imports(crate / "src")
+    assert any(graph.values())
+    assert rust_modules.circles(graph) == []
+
+
+def test_a_circle_of_imports_is_found(tmp_path: Path) -> None:
+    files = {
+        "lib.rs": "pub mod room;\npub mod other;",
+        "room/mod.rs": "mod a;\nmod b;\npub use a::{A, Other};\npub struct Own;",
+        "room/a.rs": "use super::{b::{B, C}, Own};\npub struct A;\npub struct Other;",
+        "room/b.rs": "use crate::other::D;\npub struct B;\npub struct C;",
+        # A re-exported item belongs to the file that defines it.
+        "other.rs": "use crate::room::Other;\npub struct D;",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    graph = rust_modules.imports(tmp_path)
+    assert graph["room", "a"] == {("room",), ("room", "b")}
+    assert graph["other",] == {("room", "a")}
+    assert rust_modules.circles(graph) == [["other", "room", "room::a", "room::b"]]
+    (tmp_path / "other.rs").write_text("pub struct D;")
+    # What a folder's own file defines must not come from one that it re-exports.
+    assert rust_modules.circles(rust_modules.imports(tmp_path)) == [["room", "room::a"]]
 
 
 def test_errors_name_no_other_module() -> None:

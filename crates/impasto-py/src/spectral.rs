@@ -6,8 +6,8 @@ use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteAr
 use pyo3::prelude::*;
 
 use impasto::Error;
-use impasto::spectral::apply::{Output, apply};
-use impasto::spectral::{Diagnostics, Estimator, Kind, Problem};
+use impasto::spectral::apply::{ReflectanceMaps, apply};
+use impasto::spectral::{Diagnostics, Estimator, Kind, SpectralProblem};
 
 use crate::arrays::contiguous;
 use crate::{errors, run};
@@ -31,7 +31,7 @@ pub(crate) fn spectral_estimator(
     let wavelengths = response.shape()[1];
     let problem = contiguous("response", response.as_slice())
         .and_then(|h| Ok((h, contiguous("training", training.as_slice())?)))
-        .and_then(|(h, spectra)| Problem::new(h, spectra, wavelengths, noise))
+        .and_then(|(h, spectra)| SpectralProblem::new(h, spectra, wavelengths, noise))
         .map_err(|error| errors::to_python(py, &error))?;
     let kind = Kind::NAMES.into_iter().find(|(name, _)| *name == kind).map(|(_, kind)| kind);
     let kind = kind.ok_or_else(|| {
@@ -43,7 +43,7 @@ pub(crate) fn spectral_estimator(
 
 /// The maps of an `impasto.Reflectance`, to be filled.
 #[derive(FromPyObject)]
-struct ReflectanceMaps<'py> {
+struct ReflectanceArrays<'py> {
     /// `(k, y, x)`.
     coefficients: PyReadwriteArray3<'py, f32>,
     /// `(y, x)`.
@@ -114,7 +114,7 @@ impl SpectralEstimator {
         py: Python<'py>,
         responses: PyReadonlyArray3<'py, f32>,
         status: Option<PyReadonlyArray2<'py, u8>>,
-        mut maps: ReflectanceMaps<'py>,
+        mut maps: ReflectanceArrays<'py>,
         threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
@@ -125,7 +125,7 @@ impl SpectralEstimator {
             .map(|status| contiguous("status", status.as_slice()))
             .transpose()
             .map_err(fail)?;
-        let output = Output {
+        let output = ReflectanceMaps {
             coefficients: maps.coefficients.as_slice_mut()?,
             status: maps.status.as_slice_mut()?,
         };

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
-use super::Fit;
-use super::linear::decomposed;
+use super::fitted_map::FittedMap;
+use super::svd::decomposed;
 
 /// Coefficients of a nonlinear estimator are dropped, weakest first, as long as the root mean
 /// square error over the training spectra rises by less than this: a fortieth of an
@@ -29,7 +29,7 @@ pub struct Factor {
 impl Factor {
     /// Splits a fitted map; `rank` limits the number of coefficients.
     #[must_use]
-    pub fn of(fit: &Fit, rank: Option<usize>) -> Self {
+    pub fn of(fit: &FittedMap, rank: Option<usize>) -> Self {
         let (left, values, _) = decomposed(&fit.map);
         let kept = values.iter().filter(|&&s| s > NEGLIGIBLE * values[0]).count().max(1);
         let range = left.columns(0, kept).into_owned();
@@ -57,7 +57,7 @@ impl Factor {
 }
 
 /// Root mean square error with the first `0 .. =k` axes of the basis.
-fn errors(fit: &Fit, basis: &DMatrix<f64>) -> Vec<f64> {
+fn errors(fit: &FittedMap, basis: &DMatrix<f64>) -> Vec<f64> {
     let estimates = &fit.samples * (basis.transpose() * &fit.map).transpose();
     let truths = &fit.targets * basis;
     let mut rest = fit.targets.norm_squared();

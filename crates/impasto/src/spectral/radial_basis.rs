@@ -1,4 +1,5 @@
-//! A linear estimate plus Gaussians around training responses, on directions.
+//! Gaussian radial basis functions around training responses, added to a linear estimate, on
+//! directions.
 //!
 //! `f(rho) = |rho| g(rho / |rho|)`: the estimator `g` of Gaussian ridge regression sees only the
 //! direction of the response vector, so that `f` is homogeneous of degree one.
@@ -6,9 +7,11 @@
 use nalgebra::{DMatrix, DVector, RowDVector};
 
 use super::features::{Centres, Features};
+use super::fitted_map::FittedMap;
+use super::problem::SpectralProblem;
 use super::random::Source;
-use super::ridge::{FOLDS, Normal, best, cross_validated, folds};
-use super::{Fit, Problem};
+use super::ridge::{FOLDS, RidgeEquations, best, cross_validated, folds};
+
 use crate::error::{Error, Result};
 
 /// Gaussians, drawn from the training spectra.
@@ -33,7 +36,7 @@ const RIDGES: [f64; 6] = [1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3];
 ///
 /// # Errors
 /// If there are fewer training spectra than folds, or none is bright enough to have a direction.
-pub fn fit(problem: &Problem, seed: u64) -> Result<Fit> {
+pub fn fit(problem: &SpectralProblem, seed: u64) -> Result<FittedMap> {
     let mut source = Source::new(seed);
     let directions = Directions::of(problem, &mut source)?;
     let count = directions.lengths.len();
@@ -55,7 +58,7 @@ pub fn fit(problem: &Problem, seed: u64) -> Result<Fit> {
     let features = Features::RadialBasis(centres.clone());
     let samples = features.of_rows(&directions.responses);
     let targets = directions.spectra;
-    Ok(Fit { features, map, samples, targets, lossless: false, ridge: *ridge, regression: None })
+    Ok(FittedMap { features, map, samples, targets, lossless: false, ridge: *ridge })
 }
 
 /// Training responses and spectra divided by the length of the response.
@@ -81,7 +84,7 @@ struct Directions {
 }
 
 impl Directions {
-    fn of(problem: &Problem, source: &mut Source) -> Result<Self> {
+    fn of(problem: &SpectralProblem, source: &mut Source) -> Result<Self> {
         let clean = problem.responses();
         let bright: Vec<usize> =
             (0..clean.nrows()).filter(|&row| clean.row(row).norm() >= FLOOR).collect();
@@ -188,6 +191,6 @@ fn linear(
     weights: &DVector<f64>,
     noise: f64,
 ) -> DMatrix<f64> {
-    let normal = Normal::of(centred, targets, weights).divided(centred.nrows() as f64);
+    let normal = RidgeEquations::of(centred, targets, weights).divided(centred.nrows() as f64);
     normal.solve(noise.max(SAME).powi(2)).transpose()
 }

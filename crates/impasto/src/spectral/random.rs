@@ -1,8 +1,8 @@
-//! Random numbers that are the same on every machine.
+//! SplitMix64 [@steele2014splittable]: random numbers that are the same on every machine.
 
 use nalgebra::DMatrix;
 
-/// A stream of random numbers: `SplitMix64` (Steele, Lea and Flood 2014).
+/// A stream of random numbers: `SplitMix64`.
 #[derive(Clone, Debug)]
 pub(super) struct Source(u64);
 

@@ -1,4 +1,4 @@
-//! Ridge regression whose weight is chosen by cross-validation.
+//! Ridge regression [@hoerl1970ridge], its weight chosen by cross-validation.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
@@ -7,14 +7,14 @@ pub(super) const FOLDS: usize = 5;
 
 /// Weighted sums of products, divided by the number of rows: all that a regression needs.
 #[derive(Clone, Debug)]
-pub(super) struct Normal {
+pub(super) struct RidgeEquations {
     /// `(m, m)`: features with features.
     pub(super) gram: DMatrix<f64>,
     /// `(m, n)`: features with targets.
     pub(super) cross: DMatrix<f64>,
 }
 
-impl Normal {
+impl RidgeEquations {
     pub(super) fn of(
         features: &DMatrix<f64>,
         targets: &DMatrix<f64>,
@@ -34,19 +34,19 @@ impl Normal {
 
     /// `(n, m)`: the map from features to targets.
     pub(super) fn solve(&self, ridge: f64) -> DMatrix<f64> {
-        Solver::of(self).map(ridge)
+        RidgeSolver::of(self).map(ridge)
     }
 }
 
-/// Normal equations on the axes of their matrix: any ridge weight costs one product.
-struct Solver {
+/// RidgeEquations equations on the axes of their matrix: any ridge weight costs one product.
+struct RidgeSolver {
     axes: DMatrix<f64>,
     values: DVector<f64>,
     rotated: DMatrix<f64>,
 }
 
-impl Solver {
-    fn of(normal: &Normal) -> Self {
+impl RidgeSolver {
+    fn of(normal: &RidgeEquations) -> Self {
         let eigen = SymmetricEigen::new(normal.gram.clone());
         let rotated = eigen.eigenvectors.transpose() * &normal.cross;
         Self { axes: eigen.eigenvectors, values: eigen.eigenvalues, rotated }
@@ -69,7 +69,7 @@ impl Solver {
     }
 }
 
-/// Normal equations over all rows, and the squared error of held-out rows for each ridge weight.
+/// RidgeEquations equations over all rows, and the squared error of held-out rows for each ridge weight.
 ///
 /// `fold` names the part of each row; replicas of one spectrum belong to the same part.
 pub(super) fn cross_validated(
@@ -78,7 +78,7 @@ pub(super) fn cross_validated(
     weights: &DVector<f64>,
     fold: &[usize],
     ridges: &[f64],
-) -> (Normal, Vec<f64>) {
+) -> (RidgeEquations, Vec<f64>) {
     let rows =
         |part: usize| -> Vec<usize> { (0..fold.len()).filter(|&row| fold[row] == part).collect() };
     let parts: Vec<_> = (0..FOLDS)
@@ -86,7 +86,7 @@ pub(super) fn cross_validated(
             let rows = rows(part);
             let (features, targets) = (features.select_rows(&rows), targets.select_rows(&rows));
             let weights = weights.select_rows(&rows);
-            let normal = Normal::of(&features, &targets, &weights);
+            let normal = RidgeEquations::of(&features, &targets, &weights);
             (features, targets, weights, normal)
         })
         .collect();
@@ -97,8 +97,9 @@ pub(super) fn cross_validated(
     }
     let mut errors = vec![0.0; ridges.len()];
     for (features, targets, weights, part) in &parts {
-        let rest = Normal { gram: &whole.gram - &part.gram, cross: &whole.cross - &part.cross };
-        let solver = Solver::of(&rest.divided((fold.len() - features.nrows()) as f64));
+        let rest =
+            RidgeEquations { gram: &whole.gram - &part.gram, cross: &whole.cross - &part.cross };
+        let solver = RidgeSolver::of(&rest.divided((fold.len() - features.nrows()) as f64));
         let turned = features * &solver.axes;
         for (error, &ridge) in errors.iter_mut().zip(ridges) {
             let residual = &turned * solver.shrunk(ridge) - targets;

@@ -1,14 +1,17 @@
-//! Ridge regression on the responses and the roots of their products.
+//! Root-polynomial regression [@finlayson2015rootpoly]: ridge regression on the responses and the roots
+//! of their products.
 //!
-//! Root-polynomials keep colour correction independent of exposure (Finlayson, Mackiewicz and
-//! Hurlbert 2015, three channels); here they estimate spectra from any number of bands.
+//! Root-polynomials keep colour correction independent of exposure (three channels in the paper);
+//! here they estimate spectra from any number of bands.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::features::Features;
+use super::fitted_map::FittedMap;
+use super::problem::SpectralProblem;
 use super::random::Source;
-use super::ridge::{FOLDS, Normal, best, cross_validated, folds};
-use super::{Fit, Problem};
+use super::ridge::{FOLDS, RidgeEquations, best, cross_validated, folds};
+
 use crate::error::{Error, Result};
 
 /// Noisy copies of the training responses.
@@ -23,7 +26,7 @@ const RIDGES: [f64; 17] = [
 /// The regression's sums: the operator of any subset of bands is a part of them.
 #[derive(Clone, Debug)]
 pub struct Regression {
-    normal: Normal,
+    normal: RidgeEquations,
     ridge: f64,
     bands: usize,
 }
@@ -33,7 +36,7 @@ impl Regression {
     #[must_use]
     pub fn of_bands(&self, present: &[usize]) -> DMatrix<f64> {
         let picked = places(self.bands, present);
-        let part = Normal {
+        let part = RidgeEquations {
             gram: self.normal.gram.select_rows(&picked).select_columns(&picked),
             cross: self.normal.cross.select_rows(&picked),
         };
@@ -56,11 +59,11 @@ fn places(bands: usize, present: &[usize]) -> Vec<usize> {
     picked
 }
 
-/// Fits the regression.
+/// Fits the regression; its sums come too, for pixels with missing bands.
 ///
 /// # Errors
 /// If there are fewer training spectra than folds.
-pub fn fit(problem: &Problem, seed: u64) -> Result<Fit> {
+pub fn fit(problem: &SpectralProblem, seed: u64) -> Result<(FittedMap, Regression)> {
     let count = problem.training.nrows();
     if count < FOLDS {
         let problem = format!("a regression needs at least {FOLDS} spectra, found {count}");
@@ -78,15 +81,7 @@ pub fn fit(problem: &Problem, seed: u64) -> Result<Fit> {
     let ridge = RIDGES[best(&errors)];
     let map = normal.solve(ridge);
     let regression = Regression { normal, ridge, bands: problem.bands() };
-    Ok(Fit {
-        features,
-        map,
-        samples,
-        targets,
-        lossless: false,
-        ridge,
-        regression: Some(regression),
-    })
+    Ok((FittedMap { features, map, samples, targets, lossless: false, ridge }, regression))
 }
 
 /// The matrix, several times below itself.

@@ -8,14 +8,16 @@
 #![allow(unsafe_code, reason = "vector intrinsics are unsafe to call; each use says why it holds")]
 
 mod array;
+mod kernel;
 mod pair;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
 use array::Array;
+pub use kernel::{Element, Isa, Kernel};
 pub use pair::Pair;
 
-use super::real::{Real, Scalar};
+use super::real::Scalar;
 
 /// Writes one number, by an instruction of its own: where neighbours lie apart, compilers would
 /// gather many and scatter them, which takes three times as long.
@@ -23,28 +25,6 @@ use super::real::{Real, Scalar};
 pub(crate) fn put<S: Scalar>(place: &mut S, value: S) {
     // SAFETY: a reference is aligned, and valid for a write; numbers have nothing to drop.
     unsafe { core::ptr::write_volatile(place, value) };
-}
-
-/// Registers of one instruction set.
-pub trait Isa: Copy + Send + Sync + 'static {
-    /// Single-precision lanes.
-    type F32: Real<Scalar = f32>;
-    /// Double-precision lanes.
-    type F64: Real<Scalar = f64>;
-}
-
-/// A scalar that comes in registers of every instruction set.
-pub trait Element: Scalar {
-    /// The registers of one instruction set.
-    type Lanes<I: Isa>: Real<Scalar = Self>;
-}
-
-impl Element for f32 {
-    type Lanes<I: Isa> = I::F32;
-}
-
-impl Element for f64 {
-    type Lanes<I: Isa> = I::F64;
 }
 
 /// Lanes of the widest register (single precision, AVX-512).
@@ -64,17 +44,6 @@ pub fn prefetch<T>(values: &[T]) {
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = values;
-}
-
-/// A computation that is compiled once per instruction set.
-///
-/// `run`, and every generic function that it calls, must be `#[inline(always)]`: only inlined
-/// code is compiled with the instruction set that [`Level::run`] enables.
-pub trait Kernel {
-    /// What the computation returns.
-    type Output;
-    /// The computation.
-    fn run<I: Isa>(self) -> Self::Output;
 }
 
 /// An instruction set that this build knows.
@@ -158,7 +127,7 @@ impl Isa for Baseline {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::real::Mask;
+    use crate::math::real::{Mask, Real};
 
     /// Every operation over awkward values, as bits, in the order of the input.
     struct EveryOperation<'a>(&'a [f32]);

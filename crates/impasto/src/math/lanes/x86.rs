@@ -8,7 +8,7 @@
 use core::arch::x86_64::*;
 use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-use super::{Isa, Kernel};
+use super::kernel::{Isa, Kernel};
 use crate::math::real::{Mask, Part, Real, SQRT_HALF_32, SQRT_HALF_64};
 
 #[derive(Clone, Copy, Debug)]
