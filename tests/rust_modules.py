@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 Module = tuple[str, ...]
-"""A module's path inside its crate: ``()`` is ``lib.rs``, ``("a", "b")`` is ``a/b.rs`` or ``a/b/mod.rs``."""
+"""A path inside the crate: ``()`` is ``lib.rs``, ``("a", "b")`` is ``a/b.rs`` or ``a/b/mod.rs``."""
 
 _USE = r"\b(?:pub(?:\([^)]*\))?\s+)?use\s+([^;]+);"
 _TESTS = r"#\[cfg\(test\)\]\s*(?:pub(?:\([^)]*\))?\s+)?mod "
@@ -59,7 +59,7 @@ def _absolute(module: Module, path: Module, known: dict[Module, Path]) -> Module
 
 
 def imports(crate: Path) -> dict[Module, set[Module]]:
-    """The modules whose items each module names; a re-exported item belongs to the file that defines it."""
+    """The modules whose items each module names, a re-exported item's being its definition's."""
     known = modules(crate)
     texts = {module: code(path) for module, path in known.items()}
     used: dict[Module, list[Module]] = {}

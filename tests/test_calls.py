@@ -107,6 +107,58 @@ def test_a_forked_child_may_call_with_threads_after_its_parent_did() -> None:
     run(FORK)
 
 
+FORK_DURING_CALLS = """
+import os, sys, threading, time
+import numpy as np
+import impasto
+
+normal = np.zeros((3, 8, 8), np.float32)
+normal[2] = 1.0
+
+def call(threads):
+    impasto.integrate_normals(normal, threads=threads)
+
+stop = threading.Event()
+
+def work():
+    # Another number of threads in every call: each makes a pool.
+    while not stop.is_set():
+        for threads in (2, 3, 4, 5):
+            call(threads)
+
+call(2)
+worker = threading.Thread(target=work)
+worker.start()
+failed = 0
+for _ in range(30):
+    child = os.fork()
+    if child == 0:
+        call(2)
+        call(3)
+        os._exit(0)
+    patience = time.monotonic() + 20.0
+    while not (done := os.waitpid(child, os.WNOHANG))[0]:
+        if time.monotonic() > patience:
+            os.kill(child, 9)
+            done = os.waitpid(child, 0)
+            break
+        time.sleep(0.001)
+    if done[1]:
+        failed = 1
+        break
+stop.set()
+worker.join()
+sys.exit(failed)
+"""
+
+
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_a_child_forked_while_another_thread_is_in_a_call_may_call() -> None:
+    """It inherits whatever lock that thread holds, and none of the threads that would release it."""
+    run(FORK_DURING_CALLS)
+
+
 POOL = """
 import multiprocessing
 from circumstances import capture, digests

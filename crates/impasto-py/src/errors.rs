@@ -1,4 +1,4 @@
-//! The one map from Rust's refusals to Python's exceptions.
+//! The one map from Rust's errors to Python's exceptions.
 
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
@@ -6,12 +6,12 @@ use pyo3::types::PyType;
 
 use impasto::Error;
 
-/// The Python exception that says what the error says.
+/// The Python exception of an error. No wildcard: a new variant must be given its class here.
 pub(crate) fn to_python(py: Python<'_>, error: &Error) -> PyErr {
     let class = match error {
         Error::Cancelled => return PyKeyboardInterrupt::new_err(()),
+        Error::Argument { .. } => "ArgumentError",
         Error::Geometry { .. } => "GeometryError",
-        _ => "ArgumentError",
     };
     named(py, class, error.to_string())
 }

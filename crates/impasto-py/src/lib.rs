@@ -1,8 +1,8 @@
 //! The border between Python and the numerics: borrow, detach, call, wrap.
 //!
 //! No formula and no loop over pixels lives here. Arrays are borrowed, never copied; every call
-//! releases the interpreter, answers Ctrl-C and reports progress ([`run`]); every refusal becomes
-//! the Python exception that says it ([`errors`]).
+//! releases the interpreter, answers Ctrl-C and reports progress ([`run`]); every error becomes a
+//! Python exception ([`errors`]).
 
 use pyo3::prelude::*;
 
@@ -38,6 +38,8 @@ struct BuildInfo {
 /// The numerics of impasto.
 #[pymodule(gil_used = false)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    // Before any thread can fork: a child must not inherit it half initialised.
+    run::level();
     module.add_function(wrap_pyfunction!(build_info, module)?)?;
     module.add_function(wrap_pyfunction!(highlight::fit_highlight, module)?)?;
     module.add_function(wrap_pyfunction!(relight::cast_shadows, module)?)?;

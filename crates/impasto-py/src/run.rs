@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, TryLockError};
 use std::time::Duration;
 
 use pyo3::prelude::*;
@@ -92,10 +92,14 @@ fn report(py: Python<'_>, progress: Option<&Py<PyAny>>, tally: &Progress) -> PyR
     }
 }
 
-/// The pool of the last call if it has as many threads and belongs to this process.
+/// The pool of the last call if it has as many threads and belongs to this process, else a new one.
 ///
-/// A forked child inherits the memory of its parent's pool but none of its threads: using it
-/// would wait for ever, so the pool is keyed by process and the parent's is leaked in the child.
+/// A forked child inherits the memory of its parent's pool but none of its threads: work given to
+/// that pool would wait for ever. The pool is therefore kept with its process, and the child leaks
+/// the parent's.
+///
+/// The child also inherits the lock, locked if another thread of the parent held it during the fork.
+/// Nobody waits for it: who does not get it at once works on a pool of its own.
 fn pool(threads: usize) -> impasto::Result<Option<Arc<Pool>>> {
     struct Kept {
         process: u32,
@@ -103,20 +107,27 @@ fn pool(threads: usize) -> impasto::Result<Option<Arc<Pool>>> {
         pool: Arc<Pool>,
     }
     static LAST: Mutex<Option<Kept>> = Mutex::new(None);
+    let last = || match LAST.try_lock() {
+        Ok(last) => Some(last),
+        Err(TryLockError::Poisoned(last)) => Some(last.into_inner()),
+        Err(TryLockError::WouldBlock) => None,
+    };
 
     if threads <= 1 {
         return Ok(None);
     }
     let process = std::process::id();
-    let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(kept) = last.as_ref()
+    if let Some(last) = last()
+        && let Some(kept) = last.as_ref()
         && kept.process == process
         && kept.threads == threads
     {
         return Ok(Some(Arc::clone(&kept.pool)));
     }
+    // Threads are started without the lock, which is held for a moment only.
     let pool = Arc::new(Pool::new(threads)?);
-    let previous = last.replace(Kept { process, threads, pool: Arc::clone(&pool) });
+    let kept = Kept { process, threads, pool: Arc::clone(&pool) };
+    let previous = last().and_then(|mut last| last.replace(kept));
     if let Some(previous) = previous
         && previous.process != process
     {

@@ -2,8 +2,10 @@
 //! [`Status`](crate::maps::Status).
 
 /// A call that cannot be carried out.
+///
+/// The enum is exhaustive: whoever maps errors to another language's, as the border to Python does,
+/// learns of a new variant when it is compiled.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
 pub enum Error {
     /// An argument's value cannot be used.
     #[error("{name}: {problem}")]

@@ -12,25 +12,53 @@
 //!    Levenberg-Marquardt ([`lm`]);
 //! 5. [`height`] integrates normals, [`scene`] says what to light, [`relight`] lights it.
 //!
-//! [`maps::Status`] says of every pixel why its result is what it is, [`pixels`] spreads the work
+//! [`maps::Status`] states for every pixel why its result is what it is, [`pixels`] spreads the work
 //! over tiles and threads, and [`math`] holds the numbers that all of it is written in.
+//!
+//! # Features
+//!
+//! | feature | modules | dependencies |
+//! |---|---|---|
+//! | `painting` (default) | all | half, nalgebra, rayon, rustdct, thiserror |
+//! | `lm` | [`lm`], [`math`] | none |
+//!
+//! To fit many small problems of another kind, take the solver alone:
+//! `impasto = { version = "0.1", default-features = false, features = ["lm"] }`.
+//!
+//! The examples are a start: `decay` fits 50,000 exponential decays on all threads with the solver
+//! alone, `photographs_to_picture` goes from photographs to a relit picture.
 
 #![deny(unsafe_code)]
 
+#[cfg(feature = "painting")]
 pub mod brdf;
+#[cfg(feature = "painting")]
 pub mod effects;
+#[cfg(feature = "painting")]
 pub mod error;
+#[cfg(feature = "painting")]
 pub mod geometry;
+#[cfg(feature = "painting")]
 pub mod height;
+#[cfg(feature = "lm")]
 pub mod lm;
+#[cfg(feature = "painting")]
 pub mod maps;
 pub mod math;
+#[cfg(feature = "painting")]
 pub mod pixels;
+#[cfg(feature = "painting")]
 pub mod relight;
+#[cfg(feature = "painting")]
 pub mod sbrdf;
+#[cfg(feature = "painting")]
 pub mod scene;
+#[cfg(feature = "painting")]
 pub mod spectral;
+#[cfg(feature = "painting")]
 pub mod stack;
+#[cfg(feature = "painting")]
 pub mod stereo;
 
+#[cfg(feature = "painting")]
 pub use error::{Error, Result};

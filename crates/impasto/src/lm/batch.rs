@@ -1,9 +1,9 @@
-//! Many problems, one per lane; a lane that has finished takes the next.
+//! Many problems by Levenberg-Marquardt, one per lane; a lane that has finished takes the next.
 
 use core::array::from_fn;
 use core::marker::PhantomData;
 
-use super::search::{Outcomes, Search};
+use super::search::{LmSearch, Outcomes};
 use super::{Bounds, Normal, Options, Outcome};
 use crate::math::lanes::{Element, Isa, MAX_LANES, put};
 use crate::math::{Kernel, Level, Real, Scalar};
@@ -18,11 +18,10 @@ pub trait Batch<S: Scalar, const N: usize> {
     /// it where every problem is asked for them.
     const COVARIANCE: bool = false;
 
-    /// Whether two groups of lanes take turns where a block of rows is small (4 KB at most): what
-    /// one group waits for in a step, divisions and roots, the processor fills with the pass of the
-    /// other. Worth a tenth of the time where passes are as short as steps, as those over 16
+    /// Whether two groups of lanes alternate where a block of rows is small (4 KB at most): while one
+    /// group waits for divisions and roots of a step, the processor runs the pass of the other. Worth a tenth of the time where passes are as short as steps, as those over 16
     /// samples; compiled twice.
-    const TURNS: bool = false;
+    const INTERLEAVE: bool = false;
 
     /// How many numbers a problem has.
     fn rows(&self) -> usize;
@@ -49,7 +48,7 @@ pub trait Batch<S: Scalar, const N: usize> {
     fn store(&mut self, problem: usize, outcome: &Outcome<S, N>);
 }
 
-/// One problem's place among the lanes.
+/// The memory of one problem: a lane of the block.
 #[derive(Debug)]
 pub struct Column<'a, S> {
     block: &'a mut [S],
@@ -159,10 +158,10 @@ pub fn fit<S: Element, const N: usize>(
         }
         return Occupancy::default();
     }
-    level.run(Fit { batch, problems, bounds, options, scalar: PhantomData::<S> })
+    level.run(BatchFit { batch, problems, bounds, options, scalar: PhantomData::<S> })
 }
 
-struct Fit<'a, B, P, S, const N: usize> {
+struct BatchFit<'a, B, P, S, const N: usize> {
     batch: &'a mut B,
     problems: P,
     bounds: &'a Bounds<S, N>,
@@ -171,14 +170,14 @@ struct Fit<'a, B, P, S, const N: usize> {
 }
 
 impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kernel
-    for Fit<'_, B, P, S, N>
+    for BatchFit<'_, B, P, S, N>
 {
     type Output = Occupancy;
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Occupancy {
         let size = self.batch.rows() * S::Lanes::<I>::WIDTH;
-        if B::TURNS && size * size_of::<S>() <= SMALL {
+        if B::INTERLEAVE && size * size_of::<S>() <= SMALL {
             self.search::<S::Lanes<I>, 2>(size)
         } else {
             self.search::<S::Lanes<I>, 1>(size)
@@ -186,8 +185,10 @@ impl<S: Element, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Kern
     }
 }
 
-impl<S: Scalar, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Fit<'_, B, P, S, N> {
-    /// All problems, in so many groups of lanes that take turns.
+impl<S: Scalar, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize>
+    BatchFit<'_, B, P, S, N>
+{
+    /// All problems, in so many groups of lanes that alternate.
     #[inline(always)]
     fn search<R: Real<Scalar = S>, const GROUPS: usize>(self, size: usize) -> Occupancy {
         let Self { batch, mut problems, bounds, options, .. } = self;
@@ -202,7 +203,7 @@ impl<S: Scalar, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Fit<'
                 if search.running() {
                     running = true;
                     let (place, next) = batch.visit(Rows { block }, search.trial);
-                    search.judge(place, &next, options);
+                    search.accept(place, &next, options);
                     search.step(bounds, options);
                     occupancy.lanes += R::WIDTH as u64;
                     occupancy.useful += u64::from(busy.count_ones());
@@ -215,13 +216,13 @@ impl<S: Scalar, B: Batch<S, N>, P: Iterator<Item = usize>, const N: usize> Fit<'
     }
 }
 
-/// Bytes of a block up to which two groups take turns. Larger blocks spend their time in passes:
-/// problems of 100 samples lose some hundredths by turns.
+/// Bytes of a block up to which two groups alternate. Larger blocks spend their time in passes:
+/// problems of 100 samples lose some hundredths by alternating.
 const SMALL: usize = 1 << 12;
 
 /// Problems that are searched side by side.
 struct Group<S, R: Real, const N: usize> {
-    search: Search<R, N>,
+    search: LmSearch<R, N>,
     block: Vec<S>,
     /// Which problem is in a lane, if the lane's bit says that one is.
     held: [usize; MAX_LANES],
@@ -232,7 +233,7 @@ impl<S: Scalar, R: Real<Scalar = S>, const N: usize> Group<S, R, N> {
     #[inline(always)]
     fn idle(size: usize, options: &Options) -> Self {
         let block = vec![S::default(); size];
-        Self { search: Search::idle(options), block, held: [0; MAX_LANES], busy: 0 }
+        Self { search: LmSearch::idle(options), block, held: [0; MAX_LANES], busy: 0 }
     }
 
     /// Takes finished problems out of their lanes and puts the next ones in.

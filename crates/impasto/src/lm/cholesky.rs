@@ -1,8 +1,8 @@
-//! Cholesky's factor of a small matrix, without roots, with a floor under its pivots.
+//! Square-root-free Cholesky factors (`L D L'`) of a small matrix, with a floor under the pivots.
 
 use crate::math::{Mask, Real, Scalar};
 
-/// Pivots below this share of their diagonal name a parameter that the data do not tell apart
+/// Pivots below this share of their diagonal belong to a parameter that the data do not separate
 /// from those before it: hard cases 5 and 14. In single precision 8 units of rounding are the
 /// floor.
 const DEFICIENT: f64 = 1e-12;

@@ -1,4 +1,4 @@
-//! Whether a test that ended a search says what it seems to.
+//! A second check of searches that passed a test of convergence.
 
 use super::{Bounds, Normal, Options, Reason};
 use crate::math::Scalar;
@@ -7,15 +7,15 @@ use crate::math::Scalar;
 const ROUNDING: f64 = 16.0;
 
 /// The place where one of the search's tests was passed.
-pub(super) struct Ending<'a, S, const N: usize> {
+pub(super) struct MinimumCheck<'a, S, const N: usize> {
     pub(super) normal: &'a Normal<S, N>,
     pub(super) parameters: &'a [S; N],
     pub(super) bounds: &'a Bounds<S, N>,
     pub(super) options: &'a Options,
 }
 
-impl<S: Scalar, const N: usize> Ending<'_, S, N> {
-    /// Why the place is no minimum after all, if so; `first` is the start's cost, `damping` that of
+impl<S: Scalar, const N: usize> MinimumCheck<'_, S, N> {
+    /// Why the place is no minimum, if so; `first` is the start's cost, `damping` that of
     /// the step that would be next.
     pub(super) fn doubt(&self, first: S, damping: S) -> Option<Reason> {
         if self.loses(first) {

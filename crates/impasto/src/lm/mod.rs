@@ -1,15 +1,30 @@
-//! Levenberg-Marquardt for many small problems; knows nothing of light.
+//! Levenberg-Marquardt [@levenberg1944; @marquardt1963] for many small least-squares problems.
 //!
-//! One search ([`Reason`] lists its endings) is written once for every kind of number. On plain
-//! numbers it is [`minimise`]; on vector registers it is [`fit`], which takes one problem per lane
-//! and gives a lane the next problem as soon as it has finished the last. A lane is a closed
-//! computation: what becomes of a problem depends neither on its neighbours nor on the width of
-//! the registers, by not one bit.
+//! It knows nothing of light or images: it fits a parabola or an exponential decay as well as a
+//! reflectance lobe. The crate's feature `lm` alone builds this module and [`math`](crate::math)
+//! without any dependency.
 //!
-//! A step is `(H + damping diag H) s = J' r` with Nielsen's damping, solved by Cholesky's method
-//! scaled to unit diagonal, with a relative floor under its pivots, within bounds. Every test is
+//! | to fit | implement | call | see |
+//! |---|---|---|---|
+//! | one problem | [`Problem`] | [`minimise`] | [a decay](#one-problem), [a lobe](#a-reflectance-lobe-of-your-own) |
+//! | many of one kind | [`Batch`] | [`fit`] | [many decays](#many-problems-side-by-side) |
+//! | many, doubtful ones again in `f64` | [`Batch`] for `f32` and `f64` | [`fit_polished`] | |
+//!
+//! A model enters as its [`Normal`] equations: for each sample, the derivatives of the model by its
+//! parameters and the residual `y - f`, summed by [`Normal::add`]. An [`Outcome`] holds the
+//! parameters, why the search ended ([`Reason`]), and the covariance.
+//!
+//! The search is written once for every kind of number: [`minimise`] runs it on plain numbers,
+//! [`fit`] on vector registers, one problem per lane. A lane that has finished takes the next
+//! problem. A lane is a closed computation: neither its neighbours nor the width of the registers
+//! change a problem's result by one bit.
+//!
+//! A step is `(H + damping diag H) s = J' r` with Nielsen's damping [@nielsen1999damping], solved by
+//! Cholesky's method scaled to unit diagonal, with a relative floor under its pivots, within bounds. Every test is
 //! relative: scaling data or a parameter by a power of two changes no bit of the path, as long as
 //! the squares of residuals and of derivatives are numbers of the kind in use.
+//!
+//! # One problem
 //!
 //! An exponential decay `a exp(-b t)` through four points:
 //!
@@ -34,7 +49,80 @@
 //! assert!((outcome.parameters[0] - 5.0).abs() < 1e-6 && (outcome.parameters[1] - 0.7).abs() < 1e-6);
 //! ```
 //!
-//! Many such decays, side by side in registers:
+//! # A reflectance lobe of your own
+//!
+//! Samples of a glossy surface, `y = (N.L) (d + s D(N.H))`, with the facet distribution of GGX
+//! [@walter2007microfacet], `D = t / (pi q^2)`, `q = (N.H)^2 (t - 1) + 1`, `t` the squared roughness.
+//! The unknowns are `d`, `s` and `u = ln t`: a logarithm keeps `t` positive, and one step means the
+//! same for sharp and for broad lobes. Write down the value and its three derivatives:
+//!
+//! ```
+//! use impasto::lm::{Bounds, Normal, Options, Problem, minimise};
+//!
+//! /// Cosines `[N.L, N.H]` and the sample.
+//! struct Ggx(Vec<([f64; 2], f64)>);
+//!
+//! /// The model and its derivatives by `[d, s, u]`.
+//! fn ggx([nl, nh]: [f64; 2], [d, s, u]: [f64; 3]) -> (f64, [f64; 3]) {
+//!     let t = u.exp();
+//!     let q = nh * nh * (t - 1.0) + 1.0;
+//!     let facets = t / (std::f64::consts::PI * q * q);
+//!     let by_u = facets * (1.0 - 2.0 * t * nh * nh / q);
+//!     (nl * (d + s * facets), [nl, nl * facets, nl * s * by_u])
+//! }
+//!
+//! impl Problem<f64, 3> for Ggx {
+//!     fn normal(&self, at: [f64; 3]) -> Normal<f64, 3> {
+//!         let mut normal = Normal::zero();
+//!         for &(cosines, sample) in &self.0 {
+//!             let (value, slope) = ggx(cosines, at);
+//!             normal.add(slope, sample - value);
+//!         }
+//!         normal
+//!     }
+//! }
+//!
+//! // 40 photographs of a surface of roughness 0.2.
+//! let truth = [0.3, 0.05, 0.04_f64.ln()];
+//! let samples = (0..40).map(|i| {
+//!     let tilt = 0.02 * f64::from(i);
+//!     let cosines = [(0.6 + tilt).cos(), tilt.cos()];
+//!     (cosines, ggx(cosines, truth).0)
+//! });
+//! let problem = Ggx(samples.collect());
+//!
+//! // Test derivatives before the first fit: `descent` is minus half the slope of the cost.
+//! let at = [0.2, 0.1, -2.0];
+//! for i in 0..3 {
+//!     let cost = |step: f64| {
+//!         let mut near = at;
+//!         near[i] += step;
+//!         problem.normal(near).cost
+//!     };
+//!     let slope = (cost(1e-5) - cost(-1e-5)) / 2e-5;
+//!     assert!((problem.normal(at).descent[i] / (-0.5 * slope) - 1.0).abs() < 1e-6);
+//! }
+//!
+//! // No negative reflectance; roughness from 0.01 to 1.
+//! let bounds = Bounds { lower: [0.0, 0.0, -9.2], upper: [f64::MAX, f64::MAX, 0.0] };
+//! let outcome = minimise(&problem, [0.1, 0.1, -1.0], &bounds, &Options::default());
+//! assert!(outcome.reason.converged());
+//! for (found, truth) in outcome.parameters.iter().zip(truth) {
+//!     assert!((found / truth - 1.0).abs() < 1e-6);
+//! }
+//! // Standard deviations, for samples with noise of 0.001.
+//! let deviations = outcome.covariance(1e-6);
+//! assert!(deviations[2][2].sqrt() < 0.1);
+//! ```
+//!
+//! With noise, outliers or several lobes, start from more than one place and keep the smallest
+//! `outcome.normal.cost`; [`Outcome::deficient`] names parameters that the samples do not determine.
+//! For every pixel of a picture, write the model generic over [`Real`](crate::math::Real) and
+//! implement [`Batch`].
+//!
+//! # Many problems, side by side
+//!
+//! The same decays in vector registers, one problem per lane:
 //!
 //! ```
 //! use impasto::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Rows, fit};

@@ -1,4 +1,5 @@
-//! What one pass over the samples hands to the search.
+//! The normal equations of one pass over the samples, and variable projection of an amplitude
+//! [@golub1973varpro; @kaufman1975varpro].
 
 use core::array::from_fn;
 
@@ -9,7 +10,7 @@ use crate::math::{Mask, Real, Scalar};
 pub struct Normal<R, const N: usize> {
     /// Sum of squared residuals `r = y - f`.
     pub cost: R,
-    /// `J' r`: downhill.
+    /// `J' r`, minus half the derivative of the cost: it points downhill.
     pub descent: [R; N],
     /// `J' J`; the lower triangle is read.
     pub matrix: [[R; N]; N],

@@ -1,4 +1,4 @@
-//! What a search is told: where to stay, and when to stop.
+//! Bounds of the parameters, and tolerances of the search.
 
 use crate::math::{Real, Scalar};
 
@@ -38,7 +38,7 @@ impl<S: Scalar, const N: usize> Bounds<S, N> {
 pub struct Options {
     /// Steps tried at most.
     pub max_iterations: usize,
-    /// Relative decrease of the cost, found and foretold, below which nothing is left to gain.
+    /// Relative decrease of the cost, actual and predicted, below which nothing is left to gain.
     pub cost: f64,
     /// Step relative to the parameters, both in the matrix's diagonal norm.
     pub step: f64,
@@ -72,7 +72,7 @@ impl Options {
         Self { max_iterations: 10_000, damping: 100.0, memory: 0.1, ..Self::default() }
     }
 
-    /// What single precision can tell: cost to 1e-6, a tenth of what its sums are good for.
+    /// For single precision: cost to 1e-6, about ten units of its rounding.
     #[must_use]
     pub fn single() -> Self {
         Self { cost: 1e-6, step: 1e-5, gradient: 1e-5, ..Self::default() }

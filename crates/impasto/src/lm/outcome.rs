@@ -1,4 +1,4 @@
-//! What a search answers: where it ended, and why.
+//! The result of a search: where it ended, why, and the covariance there.
 
 use super::{Normal, factor};
 use crate::math::{Mask, Real, Scalar};

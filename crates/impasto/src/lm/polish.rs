@@ -41,7 +41,7 @@ impl<B: Batch<f32, N>, D: Fn(&Outcome<f32, N>) -> bool, const N: usize> Batch<f3
     for First<'_, B, D, N>
 {
     const COVARIANCE: bool = <B as Batch<f32, N>>::COVARIANCE;
-    const TURNS: bool = <B as Batch<f32, N>>::TURNS;
+    const INTERLEAVE: bool = <B as Batch<f32, N>>::INTERLEAVE;
 
     fn rows(&self) -> usize {
         self.batch.rows()
@@ -77,7 +77,7 @@ struct Second<'a, B, const N: usize> {
 
 impl<B: Batch<f64, N>, const N: usize> Batch<f64, N> for Second<'_, B, N> {
     const COVARIANCE: bool = B::COVARIANCE;
-    const TURNS: bool = B::TURNS;
+    const INTERLEAVE: bool = B::INTERLEAVE;
 
     fn rows(&self) -> usize {
         self.batch.rows()

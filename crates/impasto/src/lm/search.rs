@@ -1,7 +1,8 @@
-//! The search itself, on any kind of number: a state, a judgement and a step.
+//! The Levenberg-Marquardt search [@levenberg1944; @marquardt1963; @more1978levenberg] on any kind of
+//! number: its state, the test of a trial, and the step.
 
 use super::cholesky::factor_damped;
-use super::ending::Ending;
+use super::ending::MinimumCheck;
 use super::outcome::Inverse;
 use super::{Bounds, Normal, Options, Outcome, Reason};
 use crate::math::lanes::MAX_LANES;
@@ -12,7 +13,7 @@ const DAMPING_MAX: f64 = 1e10;
 
 /// One search per lane.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Search<R: Real, const N: usize> {
+pub(super) struct LmSearch<R: Real, const N: usize> {
     /// Where the next pass is to be taken.
     pub(super) trial: [R; N],
     place: [R; N],
@@ -21,9 +22,9 @@ pub(super) struct Search<R: Real, const N: usize> {
     diagonal: [R; N],
     damping: R,
     growth: R,
-    /// Fall of the cost that the quadratic model foretells for the trial.
+    /// Decrease of the cost that the quadratic model predicts for the trial.
     gain: R,
-    /// Passes judged so far; the first is that of the start.
+    /// Passes so far; the first is that of the start.
     passes: R,
     /// Cost at the start.
     first: R,
@@ -44,7 +45,7 @@ fn damping<R: Real>(options: &Options) -> R {
     R::of(options.damping.max(0.0).min(DAMPING_MAX))
 }
 
-impl<R: Real, const N: usize> Search<R, N> {
+impl<R: Real, const N: usize> LmSearch<R, N> {
     /// No lane has anything to search.
     #[inline(always)]
     pub(super) fn idle(options: &Options) -> Self {
@@ -90,9 +91,9 @@ impl<R: Real, const N: usize> Search<R, N> {
         self.reason.le(R::zero()).any()
     }
 
-    /// Takes or leaves the places that the pass went to, and sees which lanes are done with it.
+    /// Accepts or rejects the trials of the last pass, and ends the lanes that have converged.
     #[inline(always)]
-    pub(super) fn judge(&mut self, place: [R; N], next: &Normal<R, N>, options: &Options) {
+    pub(super) fn accept(&mut self, place: [R; N], next: &Normal<R, N>, options: &Options) {
         let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
         let open = self.reason.le(zero);
         let first = self.passes.le(zero);
@@ -107,14 +108,15 @@ impl<R: Real, const N: usize> Search<R, N> {
         let better = finite & fall.gt(zero);
         let taken = open & finite & (first | better);
         let tolerance = tolerance::<R>(options.cost) * self.normal.cost;
-        // MINPACK's test: neither what was found nor what was foretold is worth another step.
+        // MINPACK's test: neither the actual nor the predicted decrease is worth another step.
         let settled = finite & fall.abs().le(tolerance) & self.gain.le(tolerance);
         self.normal.replace(taken, next);
         for (own, place) in self.place.iter_mut().zip(place) {
             *own = R::select(taken, place, *own);
         }
-        // Nielsen: damping follows how well the quadratic model foretold the fall. A step cut short by
-        // bounds may have fallen where the model foretold a rise: no more than where it foretold much.
+        // Nielsen [@nielsen1999damping]: damping follows how well the quadratic model predicted the
+        // decrease. For a step cut short by bounds the model may have predicted an increase: the damping
+        // is eased no more than after a large predicted decrease.
         let surprise = two * fall / self.gain - one;
         let factor = (one - surprise * surprise * surprise).max(R::of(1.0 / 3.0)).min(two);
         let eased = (self.damping * factor).max(R::splat(R::Scalar::EPSILON));
@@ -129,7 +131,7 @@ impl<R: Real, const N: usize> Search<R, N> {
         self.first = R::select(first, next.cost, self.first);
 
         self.end(first & !finite, Reason::NotFinite);
-        // Rare enough for a branch: the search would go on blindfold.
+        // Rare enough for a branch: without it the search would continue on a cost of 0.
         let lost = first & next.cost.lt(R::splat(R::Scalar::MIN_POSITIVE));
         if lost.any() {
             self.end(lost & next.underflows(), Reason::Underflow);
@@ -138,7 +140,7 @@ impl<R: Real, const N: usize> Search<R, N> {
         self.end(!first & !better & stuck, Reason::NoProgress);
     }
 
-    /// Solves for the next trial places, and sees which lanes need none.
+    /// Solves for the next trials, and ends the lanes that need none.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
     pub(super) fn step(&mut self, bounds: &Bounds<R::Scalar, N>, options: &Options) {
@@ -198,7 +200,7 @@ impl<R: Real, const N: usize> Search<R, N> {
         self.reason.gt(R::zero()).any()
     }
 
-    /// Writes the state down as plain numbers, for whoever takes lanes out.
+    /// Writes the state as plain numbers, from which finished lanes are read.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
     pub(super) fn write(&self, out: &mut Outcomes<R::Scalar, N>, covariance: bool) {
@@ -267,8 +269,8 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
         }
     }
 
-    /// A bit for every lane that has ended: loops over bits are foretold better than a question to
-    /// every lane.
+    /// A bit for every lane that has ended: a loop over bits is predicted better than a branch per
+    /// lane.
     #[inline(always)]
     pub(super) fn ended(&self, width: usize) -> u32 {
         let ends = self.reason[..width].iter().enumerate();
@@ -287,7 +289,7 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
         let mut reason = Reason::of_code(self.reason[lane].to_f64());
         let doubtful = normal.cost < S::MIN_POSITIVE || self.damping[lane] > S::one();
         if doubtful && reason.converged() {
-            reason = self.second_look(lane, bounds, options).unwrap_or(reason);
+            reason = self.unconverged(lane, bounds, options).unwrap_or(reason);
         }
         if reason == Reason::NotFinite {
             // Nothing was taken: what the lane holds is another problem's.
@@ -303,7 +305,7 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
         }
     }
 
-    /// A lane's inverse. Loops, as in [`Search::write`].
+    /// A lane's inverse. Loops, as in [`LmSearch::write`].
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "a matrix is written with its indices")]
     fn inverse_at(&self, lane: usize) -> Inverse<S, bool, N> {
@@ -317,7 +319,7 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
         inverse
     }
 
-    /// Where a lane stands, and the equations there.
+    /// A lane's parameters, and the equations there.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
     fn at(&self, lane: usize) -> ([S; N], Normal<S, N>) {
@@ -333,12 +335,12 @@ impl<S: Scalar, const N: usize> Outcomes<S, N> {
         (parameters, normal)
     }
 
-    /// Why a lane's place is no minimum after all, if so.
+    /// Why a lane that passed a test has not converged, if so.
     #[cold]
     #[inline(never)]
-    fn second_look(&self, lane: usize, bounds: &Bounds<S, N>, options: &Options) -> Option<Reason> {
+    fn unconverged(&self, lane: usize, bounds: &Bounds<S, N>, options: &Options) -> Option<Reason> {
         let (parameters, normal) = self.at(lane);
-        let ending = Ending { normal: &normal, parameters: &parameters, bounds, options };
+        let ending = MinimumCheck { normal: &normal, parameters: &parameters, bounds, options };
         ending.doubt(self.first[lane], self.damping[lane])
     }
 }

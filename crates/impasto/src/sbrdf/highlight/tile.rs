@@ -116,7 +116,7 @@ const SEARCH: Options = Options {
 
 impl Batch<f32, 2> for HighlightTile<'_> {
     const COVARIANCE: bool = true;
-    const TURNS: bool = true;
+    const INTERLEAVE: bool = true;
 
     fn rows(&self) -> usize {
         2 * self.observations
