@@ -1,10 +1,11 @@
-//! Normals to height: the surface whose slopes are closest to the measured ones.
+//! Normals to height by a Poisson equation, solved with the discrete cosine transform
+//! [@simchony1990poisson]: the surface whose slopes are closest to the measured ones.
 //!
 //! Least squares over all pixel edges is a Poisson equation with Neumann borders, which the
-//! cosine transform solves exactly (Simchony, Chellappa and Shao 1990): the slopes are averaged
+//! cosine transform solves exactly: the slopes are averaged
 //! onto the edges between pixels, their divergence is transformed, divided by the eigenvalues
 //! `(2 cos(pi k / W) - 2) + (2 cos(pi j / H) - 2)` and transformed back. The mean height, which no
-//! slope tells, is zero.
+//! slope determines, is zero.
 
 use std::sync::Arc;
 
@@ -13,7 +14,7 @@ use rustdct::{DctPlanner, TransformType2And3};
 use crate::error::{Error, Result};
 use crate::pixels::{Run, TILE};
 
-/// Steepest slope that is believed, tan 80 degrees.
+/// Steepest slope that is used, tan 80 degrees.
 ///
 /// Guard: one normal that noise has tilted to the horizon (slope 1000) would lift the whole
 /// surface, since the transform spreads every residual everywhere.
@@ -25,7 +26,7 @@ const ROWS: usize = 16;
 /// Height above the mean, in the unit of `pitch`, from normals `(3, y, x)`.
 ///
 /// Only the direction of a normal counts. A normal that is not finite, or that does not point to
-/// the viewer, says nothing: an edge next to it takes the slope of its other pixel, and an edge
+/// the viewer, is left out: an edge next to it takes the slope of its other pixel, and an edge
 /// between two such pixels the slope zero.
 ///
 /// # Errors
@@ -71,7 +72,7 @@ pub fn integrate(
     Ok(heights)
 }
 
-/// Slopes along columns (right) and rows (down) per pixel; none where the normal says nothing.
+/// Slopes along columns (right) and rows (down) per pixel; none where the normal is left out.
 fn slope(normal: &[f32], pixels: usize, pixel: usize) -> Option<(f64, f64)> {
     let [x, y, z] = [0, 1, 2].map(|axis| f64::from(normal[axis * pixels + pixel]));
     let limited = |slope: f64| slope.clamp(-STEEPEST, STEEPEST);

@@ -1,4 +1,4 @@
-//! What every result map shares: a word per pixel that says why it is what it is.
+//! What every result map shares: a status per pixel, why its result is what it is.
 
 /// Why a pixel's result is what it is; one byte in the maps.
 ///

@@ -4,9 +4,9 @@
 //! and whatever is summed over pixels is summed tile by tile in tile order: no result depends on
 //! the number of threads or on which thread did what.
 //!
-//! A caller who asks to stop waits for no more than is done between two looks at his flag: a tile,
-//! or less where a tile of hundreds of photographs takes long ([`Run::cancelled`]). Nothing that is
-//! as large as the picture, a copy or a sum, goes without a look ([`Run::in_turn`]).
+//! A call stops at the next check of its cancel flag: after a tile, or within it where a tile of
+//! hundreds of photographs takes long ([`Run::cancelled`]). Work as large as the picture, such as a
+//! copy or a sum, checks the flag as well ([`Run::in_turn`]).
 
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -116,7 +116,7 @@ impl Run<'_> {
         Ok(map)
     }
 
-    /// What tiles found, one after another.
+    /// The results of tiles, one after another.
     ///
     /// # Errors
     /// [`Error::Cancelled`] if the caller asked to stop.
@@ -145,8 +145,8 @@ impl Run<'_> {
 
     /// Applies `body` to every tile and returns the answers in tile order.
     ///
-    /// A body that itself looks at the flag may leave its tile when it is set: nobody reads what a
-    /// cancelled call has found.
+    /// A body that itself checks the flag may leave its tile when it is set: the results of a cancelled
+    /// call are discarded.
     ///
     /// # Errors
     /// [`Error::Cancelled`] if the caller asked to stop before the last tile's end.

@@ -172,7 +172,7 @@ impl<'a> Stack<'a> {
         decode.saturation.mul_add(decode.gain, decode.offset)
     }
 
-    /// Asks for the memory of so many pixels from `start` on, of one photograph and band, that are
+    /// Prefetches the memory of so many pixels from `start` on, of one photograph and band, that are
     /// to be read soon.
     #[inline(always)]
     pub fn prefetch(&self, observation: usize, band: usize, start: usize, count: usize) {

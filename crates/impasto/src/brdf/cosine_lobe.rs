@@ -1,4 +1,4 @@
-//! Snel's first pass: a diffuse term and one mirror lobe about a free normal.
+//! A diffuse term and one mirror lobe about a free normal: the model of Snel's first pass [@snel].
 //!
 //! ```text
 //! Y = (N.L) (rho_d + rho_s d^n)        d = 2 (N.L)(N.V) - L.V = R.V
@@ -10,7 +10,8 @@
 //! | `ln n` | sharpness; Snel starts from n = 20 | 0 .. 10 |
 //! | `p`, `q` | slopes of the surface: `N = (-p, -q, 1) / sqrt(1 + p^2 + q^2)` | any |
 //!
-//! Both terms speak of the normal: a matte surface by the cosine alone, a glossy one by the lobe.
+//! Both terms depend on the normal: a matte surface shows it by the cosine alone, a glossy one by the
+//! lobe.
 //! The factor (N.L) belongs to the model; samples are not divided by it (hard case 22).
 
 use crate::math::{Real, Vec3};

@@ -1,4 +1,5 @@
-//! Isotropic lobes after Lafortune et al. 1997, with an arbitrary normal (Snel's extension):
+//! Isotropic lobes after Lafortune et al. [@lafortune1997nonlinear], with an arbitrary normal (Snel's
+//! extension [@snel]):
 //!
 //! ```text
 //! f = rho_d + sum over lobes of  A d^n          d = Cxy tau + Cz b, 0 where d <= 0
@@ -162,7 +163,7 @@ impl<R: Real> Lobe<R> {
         self.cxy.mul_add(pair.tangential, self.cz * pair.upright)
     }
 
-    /// `d^n`, its logarithm and d, kept from 0 for whoever divides by it.
+    /// `d^n`, its logarithm and d, kept from 0 so that one may divide by it.
     #[inline(always)]
     fn power(&self, pair: &Pair<R>) -> [R; 3] {
         let base = self.base(pair);

@@ -4,7 +4,7 @@ use crate::math::{Real, Vec3};
 
 /// Cosine of incidence, 0 where the light stands behind the surface.
 ///
-/// NaN in the normal gives 0 here: whoever writes a map decides what a missing normal means.
+/// NaN in the normal gives 0 here: the writer of a map decides what a missing normal means.
 #[must_use]
 #[inline(always)]
 pub fn cosine<R: Real>(normal: Vec3<R>, light: Vec3<R>) -> R {

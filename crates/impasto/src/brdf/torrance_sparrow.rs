@@ -1,4 +1,5 @@
-//! The interface term of eq. 1 (six-band paper) and eq. 9 (RGB-camera paper):
+//! The specular lobe of Torrance and Sparrow [@torrance1967theory], the interface term of eq. 1
+//! (six-band paper) and eq. 9 (RGB-camera paper):
 //!
 //! ```text
 //! Y_s = beta D(phi, gamma) F(theta_H, n) G / (N.V)
@@ -26,7 +27,7 @@ use crate::math::{Real, Vec3};
 /// Narrowest lobe: hard case 6, a mirror-like varnish, whose `k` would overflow.
 pub const GAMMA_MIN: f64 = 5e-4;
 
-/// Widest lobe: beyond it the interface cannot be told from the diffuse part (hard case 7).
+/// Widest lobe: beyond it the interface cannot be separated from the diffuse part (hard case 7).
 pub const GAMMA_MAX: f64 = 1.25;
 
 /// `k = ln 2 / gamma^2`, with gamma kept inside [`GAMMA_MIN`] .. [`GAMMA_MAX`].

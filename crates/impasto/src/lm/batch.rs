@@ -15,7 +15,7 @@ use crate::math::{Kernel, Level, Real, Scalar};
 pub trait Batch<S: Scalar, const N: usize> {
     /// Whether matrices are inverted lane by lane as problems finish: [`Outcome::covariance`] and
     /// [`Outcome::deficient`] have the same bits without it, but take a fraction of the time with
-    /// it where every problem is asked for them.
+    /// it where they are read for every problem.
     const COVARIANCE: bool = false;
 
     /// Whether two groups of lanes alternate where a block of rows is small (4 KB at most): while one
@@ -35,7 +35,7 @@ pub trait Batch<S: Scalar, const N: usize> {
     /// that have nothing to do hold zeros or the numbers of a finished problem.
     fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, parameters: [R; N]) -> Normal<R, N>;
 
-    /// [`normal`](Self::normal) for models that can do better than the asked-for place without
+    /// [`normal`](Self::normal) for models that find a better place than the trial without
     /// another pass, as those with an amplitude can
     /// ([`Normal::project`]): the better place and the equations there. It must be
     /// `#[inline(always)]`, too.

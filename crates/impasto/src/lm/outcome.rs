@@ -24,7 +24,7 @@ pub enum Reason {
     /// Damping alone made the steps too small: the slopes promise more than they have kept so far, and
     /// no step finds it. They are hardly the model's.
     Stalled = 7,
-    /// There are residuals, but the numbers do not hold their squares: the cost says nothing. Scale
+    /// There are residuals, but the numbers do not hold their squares: the cost has no meaning. Scale
     /// the samples, or take double precision.
     Underflow = 8,
     /// A lower bound lies above its upper one, or is NaN: there is no place to look at.

@@ -1,12 +1,12 @@
-//! Single precision first, double precision where it is asked for.
+//! Single precision first, double precision for problems whose result is doubtful.
 
 use super::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Rows, fit};
 use crate::math::{Level, Real};
 
-/// Fits in single precision, then goes on in double precision from there wherever `doubtful` says
-/// so of a single-precision outcome.
+/// Fits in single precision, then goes on in double precision from there wherever `doubtful` is
+/// true of a single-precision outcome.
 ///
-/// The batch's double-precision [`load`](Batch::load) is asked for the numbers only: the start is
+/// The batch's double-precision [`load`](Batch::load) is used for the numbers only: the start is
 /// where single precision ended. [`store`](Batch::store) is called once per problem and precision,
 /// the double-precision call last. Returns the occupancy of either.
 pub fn fit_polished<B, const N: usize>(

@@ -143,9 +143,9 @@ pub trait Mask:
 
     /// The same answer in every lane.
     fn splat(value: bool) -> Self;
-    /// Whether any lane says yes.
+    /// Whether any lane is true.
     fn any(self) -> bool;
-    /// Whether every lane says yes.
+    /// Whether every lane is true.
     fn all(self) -> bool;
     /// The answer of one lane.
     fn lane(self, index: usize) -> bool;

@@ -1,7 +1,7 @@
-//! Numbers in two parts, for the few sums where one part is not enough.
+//! Double-word arithmetic [@dekker1971], for the few sums where one number is not enough.
 //!
 //! A [`Two`] is the unevaluated sum of a number and what rounding left of it: twice the digits at
-//! some ten times the cost (Dekker 1971; products by fused multiply-add).
+//! some ten times the cost (products by fused multiply-add).
 
 use super::elementary::{exp, ln_series};
 use super::real::{Real, Scalar};

@@ -30,14 +30,14 @@ struct ReflectanceTile<'a> {
 
 /// Estimates the coefficients of every pixel.
 ///
-/// `responses` is `(band, pixels)`; `status` says how each pixel's responses were estimated. A
+/// `responses` is `(band, pixels)`; `status` states how each pixel's responses were estimated. A
 /// pixel that was not estimated stays so, with its reason: NaN coefficients, except that a
 /// [`Status::Dark`] one is black (all zero). Where some bands are not finite the others stand in
 /// ([`Status::IllConditioned`]); where none is, the pixel is [`Status::Saturated`] if a band is
 /// clipped, else [`Status::InvalidInput`].
 ///
 /// # Errors
-/// If a length disagrees, or the caller asked to stop.
+/// If a length disagrees, or the call is cancelled.
 pub fn apply(
     estimator: &Estimator,
     responses: &[f32],

@@ -105,7 +105,7 @@ impl Directions {
             directions.row_mut(row).unscale_mut(length);
             divided.row_mut(row).unscale_mut(length);
         }
-        // The linear part knows the noise as a number: a noisy copy would make signal of what
+        // The linear part takes the noise as a number: a noisy copy would make signal of what
         // duplicate bands differ by.
         let weights = &lengths / lengths.mean();
         let mean = (weighted_mean(&directions, &weights), weighted_mean(&divided, &weights));

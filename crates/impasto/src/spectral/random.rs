@@ -1,4 +1,4 @@
-//! SplitMix64 [@steele2014splittable]: random numbers that are the same on every machine.
+//! The `SplitMix64` generator [@steele2014splittable]: random numbers that are the same on every machine.
 
 use nalgebra::DMatrix;
 

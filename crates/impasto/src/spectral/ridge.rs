@@ -38,7 +38,7 @@ impl RidgeEquations {
     }
 }
 
-/// RidgeEquations equations on the axes of their matrix: any ridge weight costs one product.
+/// Normal equations on the axes of their matrix: any ridge weight costs one product.
 struct RidgeSolver {
     axes: DMatrix<f64>,
     values: DVector<f64>,
@@ -69,7 +69,7 @@ impl RidgeSolver {
     }
 }
 
-/// RidgeEquations equations over all rows, and the squared error of held-out rows for each ridge weight.
+/// Normal equations over all rows, and the squared error of held-out rows for each ridge weight.
 ///
 /// `fold` names the part of each row; replicas of one spectrum belong to the same part.
 pub(super) fn cross_validated(

@@ -198,7 +198,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
         }
     }
 
-    /// Least squares over the kept samples. NormalLanes all of whose samples count, under distant
+    /// Least squares over the kept samples. Pixels all of whose samples count, under distant
     /// lights, are multiplied by the one pseudoinverse.
     #[inline(always)]
     fn start<const ALL: bool>(&self, signal: Rows<'_>) -> Solution<R> {

@@ -25,7 +25,7 @@ pub enum Method {
     /// Of `n` samples, those of rank `int(low n) <= rank < round(high n)` count; ties go by the
     /// order of the lights.
     Rank {
-        /// ErrorScale of the darkest samples that is dropped.
+        /// Share of the darkest samples that is dropped.
         low: f64,
         /// One minus the share of the brightest samples that is dropped.
         high: f64,

@@ -85,7 +85,7 @@ pub(super) fn store<R: Real<Scalar = f32>>(value: R, map: &mut [f32], at: usize)
 pub(super) fn store_counts<R: Real<Scalar = f32>>(value: R, map: &mut [u16], at: usize) {
     let (map, lanes) = (&mut map[at..], lanes(value));
     if map.len() >= R::WIDTH {
-        // A length that the compiler knows.
+        // A length known when this is compiled.
         for (out, &lane) in map[..R::WIDTH].iter_mut().zip(&lanes) {
             *out = lane as u16;
         }

@@ -5,14 +5,14 @@ use crate::math::Real;
 use super::problem::StereoProblem;
 use super::rows::{Aligned, MAX_LANES, Rows};
 
-/// NormalLanes that are decoded at a time: 16 photographs of them fill the first-level cache.
+/// Pixels that are decoded at a time: 16 photographs of them fill the first-level cache.
 pub(super) const BLOCK: usize = 512;
 
 /// From plane to plane of a block: not a power of two, so that the planes do not compete for the
 /// same lines of the cache.
 const STRIDE: usize = BLOCK + 16;
 
-/// Planes that are asked for ahead of the one that is read: reading four takes as long as memory
+/// Planes that are prefetched ahead of the one that is read: reading four takes as long as memory
 /// does to answer, and of planes that lie a power of two apart a set of the cache holds eight.
 const AHEAD: usize = 4;
 

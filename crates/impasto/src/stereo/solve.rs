@@ -10,7 +10,7 @@ pub const CONDITION_LIMIT: f64 = 30.0;
 
 /// Condition number beyond which a pixel is
 /// [`RankDeficient`](crate::maps::Status::RankDeficient): half a percent of noise moves the
-/// normal by 25 degrees, and single precision no longer tells such lights from coplanar ones
+/// normal by 25 degrees, and single precision cannot distinguish such lights from coplanar ones
 /// (their squared condition number is 2^16, of the 2^24 that it resolves).
 pub const RANK_LIMIT: f64 = 256.0;
 

@@ -55,7 +55,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Accumulate<'_, L, R::Mask>
     }
 }
 
-/// The kept samples' squared residuals; `WHOLE` says that all are kept.
+/// The kept samples' squared residuals; `WHOLE` means that all are kept.
 pub(super) struct Squares<'a, R, L, M, const WHOLE: bool> {
     pub(super) lights: &'a L,
     pub(super) kept: &'a [M],

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::maps::{Rejection, Status};
 use crate::pixels;
 
-/// NormalMaps in the caller's memory.
+/// Maps in the caller's memory.
 ///
 /// `rejected` and `status` must hold zeros: registers of zeros are not written to them, so that
 /// fresh memory in which nothing goes wrong is never touched. All other values are written.

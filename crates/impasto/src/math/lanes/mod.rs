@@ -5,7 +5,10 @@
 //! slowly, where the processor has none).
 //!
 //! This module and its children are the only place of the crate that may use `unsafe`.
-#![allow(unsafe_code, reason = "vector intrinsics are unsafe to call; each use says why it holds")]
+#![allow(
+    unsafe_code,
+    reason = "vector intrinsics are unsafe to call; each use states why it holds"
+)]
 
 mod array;
 mod kernel;
@@ -33,7 +36,7 @@ pub const MAX_LANES: usize = 16;
 /// Bytes of a line of the cache.
 pub const LINE: usize = 64;
 
-/// Asks for the memory that holds some values; it arrives while other work goes on.
+/// Prefetches the memory that holds some values; it arrives while other work goes on.
 #[inline(always)]
 pub fn prefetch<T>(values: &[T]) {
     #[cfg(target_arch = "x86_64")]
