@@ -73,7 +73,7 @@ impl<const PROJECTED: bool> Lanes<PROJECTED> {
 }
 
 impl<const PROJECTED: bool> Batch<f32, 2> for Lanes<PROJECTED> {
-    const TURNS: bool = true;
+    const INTERLEAVE: bool = true;
 
     fn rows(&self) -> usize {
         2 * OBSERVATIONS

@@ -10,24 +10,16 @@
 //! by a power of two give the same lobe to the last bit.
 
 mod kernels;
+mod samples;
+mod search;
 mod tile;
 
 use crate::error::{Error, Result};
 use crate::lm::Occupancy;
 use crate::pixels::{Run, TILE, tiles};
 
+pub use samples::Highlights;
 use tile::{HighlightTile, HighlightTileMaps};
-
-/// Samples and their angles, both `(obs, pixel)`.
-#[derive(Clone, Copy, Debug)]
-pub struct Highlights<'a> {
-    /// Specular light; what is not finite does not count.
-    pub samples: &'a [f32],
-    /// Angle between normal and half vector, rad; what is not finite does not count.
-    pub phi: &'a [f32],
-    /// How many pixels there are.
-    pub pixels: usize,
-}
 
 /// What is written, pixel by pixel; NaN where the status says that it is not known.
 #[derive(Debug)]
