@@ -155,7 +155,7 @@ sys.exit(failed)
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
 def test_a_child_forked_while_another_thread_is_in_a_call_may_call() -> None:
-    """It inherits whatever lock that thread holds, and none of the threads that would release it."""
+    """It inherits the locks that this thread holds, not the thread that would release them."""
     run(FORK_DURING_CALLS)
 
 
