@@ -1,15 +1,14 @@
-"""Whether `suggest_effort` keeps its word, on stacks that nothing was chosen on.
+"""Whether `suggest_effort` predicts errors and times, on stacks that no setting was tuned on.
 
     python benches/python/suggestions.py [--data DIR] [--stacks 20] [--record]
 
-Twenty simulated paintings (seeds, varnishes, reliefs, sizes and lights that neither the study has
-nor the twenty, with seeds from 1000, by which `impasto.study.trials.HELD_OUT` was chosen) and the
-icon. One
-photograph in five is kept from the suggestion and from the fit. Asked is the geometric mean of the
-least and the largest error that the ladder was tried with, then of the least and the largest time:
-neither the first nor the last rung can answer both. The fit that was suggested is then made of the
-whole stack. Met is what is at most 15 % above what was asked; `foretold` is what came over what
-the suggestion said to expect, 1 is best; `took` are the seconds of the suggestion itself.
+Twenty simulated paintings and the icon. Their seeds, varnishes, reliefs, sizes and lights are
+neither those of the study nor of the twenty (seeds from 1000) by which
+`impasto.study.trials.HELD_OUT` was chosen. One photograph in five is kept from the suggestion and
+from the fit. The wish is the geometric mean of the least and the largest error that was tried, then
+of the least and the largest time: neither the first nor the last setting meets both. The suggested
+fit is then made of the whole stack. A wish is met within 15 %; `foretold` is the result over the
+prediction, 1 is best; `took` are the seconds of the suggestion itself.
 """
 
 from __future__ import annotations

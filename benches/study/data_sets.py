@@ -22,13 +22,13 @@ from study.journal import digest
 from study.materials import MODELS, forward_of
 
 LIGHTS = 60
-"""Of the simulated dome; one in five is held out."""
+"""Number of lights of the simulated dome; one in five is held out."""
 LOWEST = 25.0
 """Degrees of elevation of its lowest light."""
 HELD = 5
-"""One photograph in so many is held out."""
+"""One photograph in this number is held out."""
 FEWEST_VIEWS = 11
-"""The same for the rig of 770 views, whose held-out photographs are the slowest to compare."""
+"""The same for the rig of 770 views, where comparing held-out photographs is slowest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ FULL = Sizes()
 
 
 def dome(count: int = LIGHTS) -> NDArray[np.float64]:
-    """``(obs, 3)`` directions over a dome, in an order of which every stretch is spread evenly.
+    """``(obs, 3)`` directions over a dome; every run of consecutive ones is spread evenly.
 
     Equal areas by height and azimuth, from the additive sequence of the plastic number (Roberts
     2018), in which neither the first few nor every fifth lie in a ring.
@@ -149,7 +149,7 @@ def _painted(recipe: Recipe, sizes: Sizes, seed: int, folder: Path | None) -> Pa
     photographs = capture(
         scene, rig.take(train), "rgb", model=model, forward=forward, shadows=shadows, seed=seed
     )
-    # Unlike the fitted photographs without noise, rounding or clipping: errors are the fit's own.
+    # Without noise, rounding or clipping: errors are those of the fit.
     truth = capture(
         scene, rig.take(held), "rgb", model=model, forward=forward, shadows=shadows,
         noise=False, bits=None, clip=False,
@@ -203,7 +203,7 @@ def _pigments(
 
 OF_PIGMENTS = "pigments, "
 PIGMENTS = tuple(f"{OF_PIGMENTS}{camera}" for camera in pigments.CAMERAS)
-"""Data sets: one for every camera, which is what spectra are estimated from."""
+"""Data sets of pigments, one per camera."""
 
 RECIPES = (
     Recipe("own model", _simulated),
@@ -218,13 +218,13 @@ RECIPES = (
 
 
 def digests(folder: Path | None) -> dict[str, str]:
-    """Which real data there are: a digest of what every recipe needs and finds."""
+    """Digests of the real data that recipes need and find."""
     found = {}
     for recipe in RECIPES:
         if folder is None or not recipe.needs or _absent(recipe, folder):
             continue
         paths = [folder / name for name in recipe.needs]
-        # Photographs lie beside the file that says how they were lit; tables are files alone.
+        # A light file is hashed with the photographs beside it, a table alone.
         whole = [path.parent if path.suffix == ".lp" else path for path in paths]
         found[recipe.name] = "+".join(digest(path) for path in whole)
     return found
@@ -237,7 +237,7 @@ def _absent(recipe: Recipe, folder: Path | None) -> list[str]:
 def available(
     sizes: Sizes, seed: int, folder: Path | None
 ) -> tuple[dict[str, Callable[[], tuple[Any, ...]]], dict[str, str]]:
-    """What can be made, to be made when it is wanted; and why the rest cannot.
+    """Makers of the data sets that are available, and why the others are not.
 
     Parameters
     ----------

@@ -25,12 +25,12 @@ STYLE = {
     "xtick.minor.size": 0,
     "ytick.minor.size": 0,
     "svg.fonttype": "none",
-    # Ids of clip paths from a constant, not from chance: the same figure is the same file.
+    # Constant ids of clip paths: the same figure gives the same file.
     "svg.hashsalt": "impasto",
 }
 
 LETTER = 0.065
-"""Inches that a letter of a legend takes."""
+"""Width of a letter of the legend, inches."""
 
 Panel = Callable[[Any, dict[str, Any], str], None]
 FIGURES: dict[str, tuple[tuple[str, ...], Panel]] = {
@@ -42,7 +42,7 @@ FIGURES: dict[str, tuple[tuple[str, ...], Panel]] = {
     "excess": (("search",), panels.excess),
     "reflectance": (("reflectance",), panels.reflectance),
 }
-"""Name of the file: the knobs that it shows, and what draws one data set."""
+"""Name of the file: its knobs, and the function that draws one panel."""
 
 
 def draw(found: dict[str, Any], out: Path, *, prefix: str = "") -> list[Path]:
@@ -106,7 +106,7 @@ def save(stem: Path, panels: int, paint: Callable[[list[Any]], None]) -> list[Pa
 
 
 def _explain(figure: Any, axes: list[Any], places: int) -> None:
-    """What is labelled in any panel."""
+    """One legend for the labels of all panels."""
     known: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):

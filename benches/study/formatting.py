@@ -1,4 +1,4 @@
-"""Numbers of a study's rows as parts of sentences: differences between settings, and their span."""
+"""Numbers of a study's rows as parts of sentences: differences of settings and their ranges."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from study.tables import of_knob, preset_rows
 
 
 def named(rows: Sequence[Row]) -> dict[str, dict[str, Row]]:
-    """Rows by the name that somebody gets them by, and by data set."""
+    """Rows of defaults and presets by name and data set."""
     found: dict[str, dict[str, Row]] = {}
     for name, row in preset_rows(rows):
         found.setdefault(name, {})[row["data"]] = row
@@ -38,13 +38,13 @@ def levels(rows: Sequence[Row], knob: str, setting: str, what: str) -> dict[str,
 
 
 def differences(one: dict[str, Row], other: dict[str, Row], what: str) -> list[float]:
-    """``one`` less ``other`` on every data set where both know the error."""
+    """``one`` minus ``other`` on every data set where both have the error."""
     pairs = [(one[d]["error"][what], other[d]["error"][what]) for d in one if d in other]
     return [a - b for a, b in pairs if a is not None and b is not None]
 
 
 def ratio(one: dict[str, Row], other: dict[str, Row]) -> float:
-    """How many times as long, in the geometric mean of the data sets that both were measured on.
+    """Ratio of times, geometric mean over the data sets that both were measured on.
 
     Raises
     ------
@@ -58,8 +58,8 @@ def ratio(one: dict[str, Row], other: dict[str, Row]) -> float:
 
 
 def span(values: Sequence[float], unit: str, digits: int = 1) -> str:
-    """From the least to the largest of some changes, with their signs."""
-    # Rounded first: what is nothing has no sign.
+    """The range of some changes, with signs."""
+    # Rounded first, so that zero has no sign.
     low, high = (
         f"{round(value, digits) + 0.0:+.{digits}f}".replace(f"+{0:.{digits}f}", f"{0:.{digits}f}")
         for value in (min(values), max(values))
@@ -68,10 +68,10 @@ def span(values: Sequence[float], unit: str, digits: int = 1) -> str:
 
 
 def between(values: Sequence[float], unit: str, digits: int = 0) -> str:
-    """The same of sizes: what is above nothing has no sign."""
+    """The range of some sizes, without plus signs."""
     return span(values, unit, digits).replace("+", "")
 
 
 def share(values: Sequence[float]) -> str:
-    """The same of shares, in per cent."""
+    """The range of some shares, in per cent."""
     return between([100.0 * value for value in values], "%")

@@ -1,4 +1,4 @@
-"""What ran where: a file of one line per run, so that an interrupted study goes on.
+"""The journal of a study: a file with one line per run, so that an interrupted study continues.
 
 A journal has sections. Each begins with a head: what its runs have in common. A study that goes on
 under what changes its times (another machine, other threads) opens a section of its own and times
@@ -30,9 +30,9 @@ SCHEMA = 5
 RUNS = "runs.jsonl"
 
 TERMS = ("commit", "impasto", "seed", "quick", "sizes")
-"""What errors depend on: a folder holds one study of these."""
+"""What errors depend on; a folder holds runs with one value of each."""
 CLOCKS = ("processor", "cores", "simd", "python", "numpy", "threads", "repeats", "data")
-"""What times depend on, and which photographs there are."""
+"""What times depend on, and the data."""
 
 
 def run_info() -> dict[str, Any]:
@@ -79,7 +79,7 @@ def _commit() -> str | None:
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a folder of somebody else's files: a study is known by its journal, its first file.
+    """Refuse a folder with other files; a study's folder has a journal.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def check_folder(folder: Path) -> None:
 
 @contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Keep every other study out of a folder, which is made if it is not there.
+    """Lock a folder for one study; it is created if necessary.
 
     A process that ends, even killed, lets go of it. Windows and some file systems lock no folders:
     there nobody is kept out.
@@ -212,7 +212,7 @@ class Journal:
         }
 
     def _row(self, run: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
-        """A run with what it cost, how far that is sure, and after how many timings."""
+        """A run with its cost, the error of the cost, and the number of timings."""
         timings = self._timings[key_of(run)]
         paces = {kind: pace(timings, kind) for kind in seconds}
         cost = {kind: paces[kind][0] * seconds[kind] for kind in seconds}
@@ -221,14 +221,14 @@ class Journal:
         return {name: run[name] for name in run if name != "timing"} | row
 
     def timings(self, run: dict[str, Any]) -> int:
-        """How often a run was timed; whatever is left out for a reason has had all its timings."""
+        """How often a run was timed; for a skipped one a very large number."""
         key = key_of(run)
         return (
             sys.maxsize if "skipped" in self.runs.get(key, {}) else len(self._timings.get(key, ()))
         )
 
     def wants(self, run: dict[str, Any], repeats: int, *, surely: bool) -> bool:
-        """Whether a run is to be timed once more: until it is sure, else ``repeats`` times."""
+        """Whether a run needs another timing: until its cost is certain, else ``repeats`` times."""
         taken = self._timings.get(key_of(run), [])
         more = uncertain(taken, repeats) if surely else len(taken) < repeats
         return more and self.timings(run) < sys.maxsize
@@ -252,7 +252,7 @@ class Journal:
         return CorruptInputError(self.path, f"line {number + 1} is no run of a study")
 
     def add(self, run: dict[str, Any]) -> None:
-        """Note a run; it is on the disk when this returns."""
+        """Record a run; it is on the disk when this returns."""
         self._note(run)
         with self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(run, allow_nan=False) + "\n")
@@ -271,7 +271,7 @@ def _under(head: dict[str, Any], terms: Sequence[str]) -> list[Any]:
 
 
 def digest(path: Path) -> str:
-    """What tells a file, or all files of a folder, from others: the first 16 digits of SHA-256."""
+    """The first 16 digits of the SHA-256 of a file, or of all files of a folder."""
     found = hashlib.sha256()
     for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
         if file.is_file():

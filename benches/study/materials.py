@@ -30,7 +30,7 @@ MATERIALS = (
     "fruitwood-241", "orange-paint", "light-red-paint", "yellow-paint", "yellow-matte-plastic",
     "white-paint", "white-fabric",
 )  # fmt: skip
-"""What the study paints with: seven paints, two varnished woods and three others, darkest first."""
+"""Materials of the study: seven paints, two varnished woods and three others, darkest first."""
 
 
 def read_materials(path: Path) -> dict[str, Row]:
@@ -64,7 +64,7 @@ def _row(line: dict[str, str]) -> Row:
 
 
 def shifted_gamma(row: Row, n_l: Array, n_v: Array, n_h: Array, l_h: Array) -> Array:
-    """Bagher et al. 2012: facets by a shifted gamma distribution, a shadowing fitted for itself."""
+    """Bagher et al. 2012: shifted gamma distribution of facets with its own shadowing."""
     p = {name: np.asarray(value)[:, None] for name, value in row.items()}
     tan2 = 1.0 / (n_h * n_h) - 1.0
     a = p["alpha"] + tan2 / p["alpha"]
@@ -73,7 +73,7 @@ def shifted_gamma(row: Row, n_l: Array, n_v: Array, n_h: Array, l_h: Array) -> A
 
     def shadowing(cosine: Array) -> Array:
         theta = np.maximum(np.arccos(np.minimum(cosine, 1.0)) - p["theta0"], 0.0)
-        # Beyond 700 the exponential overflows; what stands before it is then clipped at 0 anyway.
+        # Beyond 700 the exponential overflows; its factor is clipped to 0 there.
         bend = np.minimum(p["c"] * theta ** p["k"], 700.0)
         return np.asarray(np.clip(1.0 + p["lambda"] * (1.0 - np.exp(bend)), 0.0, 1.0))
 
@@ -82,7 +82,7 @@ def shifted_gamma(row: Row, n_l: Array, n_v: Array, n_h: Array, l_h: Array) -> A
 
 
 def abc(row: Row, n_l: Array, n_v: Array, n_h: Array, l_h: Array) -> Array:
-    """Low et al. 2012: facets by the ABC distribution, V-grooves, an exact dielectric."""
+    """Löw et al. 2012: ABC distribution of facets, V-grooves, exact dielectric Fresnel term."""
     facets = np.asarray(row["a"])[:, None] / (1.0 + float(row["b"]) * (1.0 - n_h)) ** float(
         row["c"]
     )
@@ -101,7 +101,7 @@ MODELS: dict[str, tuple[str, Reflect]] = {
 
 
 def forward_of(folder: Path, model: str) -> Forward:
-    """What :func:`impasto.simulate.capture` takes: a painting in measured materials.
+    """A forward model for :func:`impasto.simulate.capture`: a painting in measured materials.
 
     A pixel is of the material whose place among :data:`MATERIALS` is that of the pixel's lightness
     among the pixels; beta and gamma of the simulated varnish play no part.

@@ -1,4 +1,4 @@
-"""What stands in one panel of a figure: one data set."""
+"""Panels of figures, one per data set."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ BY = {
     "l1": (-9, 3), "rank": (-21, -2), "huber": (5, 6), "cauchy": (6, -1), "tukey": (6, -8),
     "robust": (3, -10), "threshold": (-14, -12),
 }  # fmt: skip
-"""Where names stand beside their points, in points of the type."""
+"""Offsets of labels from their points, in typographic points."""
 BESIDE = {
     "wiener": (7, -1), "linear-model": (-14, 7),
     "root-polynomial": (6, -10), "radial-basis": (-32, 7),
 }  # fmt: skip
-"""The same of estimators."""
+"""The same for estimators."""
 LOOKS = {"random": ("s--", ORANGE), "spread": ("o-", BLUE), "best": ("D:", GREEN)}
-"""Lines of the choices of photographs."""
+"""Line styles of the selections of photographs."""
 SEARCHES = {"single": ("o-", BLUE), "double": ("s--", ORANGE)}
-"""Lines of what a search computes in, as in the figure of the solver alone."""
+"""Line styles of the precisions of a search, as in the figure of the solver alone."""
 FILLS = {"p99": None, "median": "white"}
-"""Marks of the pixel that 99 of 100 end below, and of that in the middle."""
+"""Fill of the marks of the 99th percentile and of the median."""
 MARKS: dict[str, tuple[str, str]] = {
     "one lobe, as the papers have it": ("d", "white"),
     "one lobe": ("D", "white"),
@@ -50,12 +50,12 @@ MARKS: dict[str, tuple[str, str]] = {
     "pixels' own, standard": ("o", BLUE),
     "pixels' own, reference": ("^", BLUE),
 }
-"""Marks of what somebody gets by name, and their fill."""
+"""Marks of defaults and presets, and their fill."""
 PEERS: dict[str, str] = {
     "PTM": "s", "HSH": "X", "RBF, normalised Gaussian": "P", "RBF, thin plate": "p",
     minpack.NAME: "*",
 }  # fmt: skip
-"""Marks of other people's methods."""
+"""Marks of other methods."""
 
 
 def dress(axes: Any, data: str, across: str, up: str) -> None:
@@ -68,7 +68,7 @@ def dress(axes: Any, data: str, across: str, up: str) -> None:
 
 
 def plain(axis: Any) -> None:
-    """0.1, 1, 10 and what lies between where there is room, rather than powers of ten."""
+    """Label the axis with plain numbers instead of powers of ten."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
     low, high = sorted(axis.get_view_interval())
@@ -98,7 +98,7 @@ def front(axes: Any, found: Row, data: str) -> None:
         if row["data"] == data:
             _named(axes, name, _percent([row])[0])
     place = knee(corners)
-    # One that lies above its chord everywhere has none.
+    # A front that lies above its chord has no knee.
     if 0 < place < len(corners) - 1:
         axes.plot(*corners[place], "o", ms=11, mfc="none", mec=BLUE, mew=1.0, ls="", label="knee")
     for row in of_knob(rows, "peer"):
@@ -125,7 +125,7 @@ def _percent(rows: Sequence[Row]) -> list[tuple[float, float]]:
 
 
 def note(axes: Any, words: str, at: tuple[float, float], colour: str, by: tuple[int, int]) -> None:
-    """Words beside a point."""
+    """A label beside a point."""
     axes.annotate(
         words, at, xytext=by, textcoords="offset points", color=colour, fontsize=7,
         annotation_clip=False,
@@ -140,7 +140,7 @@ def normals(axes: Any, found: Row, data: str) -> None:
         axes.plot(*at, "o", ms=4, color=BLACK)
         note(axes, row["setting"], at, BLACK, BY.get(row["setting"], (5, 2)))
     for name, row in preset_rows(rows):
-        # The papers' fit of a lobe leaves the normals as photometric stereo has them.
+        # The fit of the papers does not change the normals of photometric stereo.
         if row["options"].get("joint", True):
             _named(axes, name, (row["cost"]["cpu"], row["error"]["normal"]))
     dress(axes, data, "CPU microseconds per pixel", "error of the normals, degrees")
@@ -166,7 +166,7 @@ def lights(axes: Any, found: Row, data: str) -> None:
 
     for choice, (style, colour) in LOOKS.items():
         some = [row for row in rows if row["setting"].endswith((choice, "all"))]
-        # What all lights give is no choice.
+        # All lights alone are no selection.
         if len(some) > 1:
             _curve(axes, some, error, style, colour, choice)
     painting = [row for row in rows if row["setting"].endswith("one lobe")]
@@ -188,14 +188,14 @@ def steps(axes: Any, found: Row, data: str) -> None:
         effort = Effort(**row["options"]["effort"])
         if effort.start == "table":
             by_rounds.setdefault(effort.rounds, []).append(row | {"number": effort.iterations})
-    # One hue from light to dark: more rounds are more of the same.
+    # One hue from light to dark for an ordered quantity.
     for shade, (rounds, some) in zip(SHADES, sorted(by_rounds.items()), strict=False):
         label = counted(rounds, "round")
         _curve(axes, some, lambda row: 100.0 * row["error"][ERROR], "o-", shade, label)
     dress(axes, data, "steps of a search, at most", "error of relighting, %")
     logarithmic(axes)
     low, high = axes.get_ylim()
-    # Half as much again at least: less is no more than it looks.
+    # A range of at least a factor of 1.5, so that small differences look small.
     stretch = max(1.0, (1.5 * low / high) ** 0.5)
     axes.set_ylim(low / stretch, high * stretch)
     plain(axes.yaxis)

@@ -1,4 +1,4 @@
-"""Measured pigments as three cameras see them, and how far estimated spectra are from them.
+"""Measured pigments photographed by three cameras, and errors of estimated spectra.
 
 400 to 700 nm in steps of 10 (the first as at 405, where the data begin), plain sums; the light is a
 blackbody of 3000 K, a white board reads 1 in each band; the noise is that of eight averaged frames
@@ -22,7 +22,7 @@ from impasto.colour.wavelengths import Floats
 
 GRID = np.arange(400.0, 701.0, 10.0)
 LIGHT = 3000.0
-"""Kelvin."""
+"""Colour temperature of the lamp, K."""
 NOISE = 9.1e-4
 """Standard deviation of a response; the estimators get the same value."""
 FULL_WELL, READ, FRAMES = 30_000.0, 3.0, 8
@@ -63,7 +63,7 @@ CAMERAS: dict[str, tuple[Callable[[Path], Camera], tuple[str, ...]]] = {
     "RGB+2": (filtered, (PIGMENTS, SENSITIVITIES, FILTERS)),
     "6BP": (six_bands, (PIGMENTS,)),
 }
-"""What makes each camera, and the files that its photograph of the pigments needs."""
+"""Each camera's maker and the files that it needs."""
 
 
 def _body(folder: Path) -> Floats:
@@ -84,12 +84,12 @@ def read_pigments(folder: Path) -> tuple[Floats, NDArray[Any]]:
 
 @dataclass(frozen=True, eq=False)
 class PigmentPhotograph:
-    """One photograph of pigments: all that an estimator is given.
+    """One photograph of pigments: the input of an estimator.
 
     Attributes
     ----------
     camera
-        Who took it.
+        The camera.
     responses
         ``(band, 1, pixel)`` float32, a white board at 1.
     """
@@ -99,7 +99,7 @@ class PigmentPhotograph:
 
 
 def photographed(camera: Camera, spectra: Floats, rng: np.random.Generator) -> PigmentPhotograph:
-    """A pixel of every spectrum ``(N, 31)``, with shot and read noise."""
+    """One pixel per spectrum ``(N, 31)``, with shot and read noise."""
     rho = camera.response(spectra, GRID, integration="sum")
     electrons = np.maximum(FULL_WELL * rho + READ**2, 0.0)
     deviation = np.sqrt(electrons) / FULL_WELL / np.sqrt(FRAMES)
@@ -109,17 +109,16 @@ def photographed(camera: Camera, spectra: Floats, rng: np.random.Generator) -> P
 
 @dataclass(frozen=True, eq=False)
 class PigmentData:
-    """A data set of the study: pigments through one camera, over and over in a large picture.
+    """A data set: pigments photographed by one camera, repeated to a large picture.
 
     Attributes
     ----------
     name
         Of the data set.
     stack
-        What may be fitted: the pigments' photograph, so often side by side that the time of a fit
-        is that of its pixels.
+        The photograph to fit, large enough that the time of a fit is that of its pixels.
     spectra
-        ``(N, 31)`` what is to be found, of the first N pixels; all others are those again.
+        ``(N, 31)`` true spectra of the first N pixels; the others repeat them.
     """
 
     name: str
@@ -135,7 +134,7 @@ class PigmentData:
 
 
 def pigment_data(name: str, camera: str, folder: Path, pixels: int, seed: int) -> PigmentData:
-    """The pigments through a camera of :data:`CAMERAS`, in so many pixels at least."""
+    """The pigments by a camera of :data:`CAMERAS`, in at least ``pixels`` pixels."""
     spectra, _ = read_pigments(folder)
     photograph = photographed(CAMERAS[camera][0](folder), spectra, np.random.default_rng(seed))
     times = -(-pixels // len(spectra))
@@ -160,7 +159,7 @@ class Estimated(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SpectralErrors:
-    """How far estimated spectra are from measured ones, over the pigments.
+    """Errors of estimated spectra over the pigments.
 
     Attributes
     ----------
@@ -182,7 +181,7 @@ class SpectralErrors:
 def judged_spectra(
     estimates: Sequence[Estimated], photographs: Sequence[PigmentData]
 ) -> SpectralErrors:
-    """How far the estimate of a data set's one picture is off: every pigment counts once."""
+    """Errors of the estimate of a data set's one picture; every pigment counts once."""
     (estimate,), (photograph,) = estimates, photographs
     return spectral_errors(spectra_of(estimate, len(photograph.spectra)), photograph.spectra)
 
@@ -193,7 +192,7 @@ def spectra_of(estimate: Estimated, count: int) -> Floats:
 
 
 def spectral_errors(found: Floats, truth: Floats) -> SpectralErrors:
-    """How far spectra ``(N, 31)`` are from others."""
+    """Errors of spectra ``(N, 31)``."""
     operator = xyz_from_spectrum(GRID, "D65")
 
     def lab(spectra: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""The efforts that a study calls for, and whether those that have names keep their promises."""
+"""Presets derived from a study, and checks of the presets that impasto has."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from impasto.effort import PRESETS, Effort
 from study.candidates import BEST, Candidate, Row, candidates_of, chosen, sparing
 
 PIXELS = {"draft": 1 << 12, "standard": 1 << 16, "reference": 1 << 18}
-"""Sixty thousand pixels know the painting's beta and gamma to a thousandth, a sixteenth of them to
-four, four times as many to half of one."""
+"""With 65536 pixels the relative error of the painting's beta and gamma is a thousandth, with a
+sixteenth of them four thousandths, with four times as many half of one."""
 FAIR = ("effort", "precision", "pooling", "pixels", "lobes", "starts", "robust")
-"""Knobs whose settings a preset is held against: fits of ours to all photographs."""
+"""Knobs with whose settings a preset is compared: our fits to all photographs."""
 SAME = 0.05
-"""What is nearer in time and error than that is no better: times of runs differ by as much."""
+"""Smaller differences of time or error do not count: timings of runs differ as much."""
 FASTER = 8.0
-"""``draft`` is so many times faster than ``standard``, or nothing as fast is better."""
+"""Speed of ``draft`` relative to ``standard``, unless nothing as fast is better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Check:
 
 
 def grid_name(effort: Effort) -> str:
-    """A place on the grid that presets are taken from."""
+    """The name of an effort on the grid that presets are chosen from."""
     steps = f"{counted(effort.rounds, 'round')}, {counted(effort.iterations, 'step')}"
     start = "" if effort.start == "table" else f", {effort.start}"
     precision = "" if effort.precision == "single" else f", {effort.precision}"
@@ -49,7 +49,7 @@ def grid_name(effort: Effort) -> str:
 
 
 def derived(rows: Iterable[Row]) -> dict[str, Effort]:
-    """The efforts that a study's rows call for.
+    """The presets derived from a study's rows.
 
     ``pixels`` is no result of the study, whose pictures are smaller: a lobe's error falls with the
     root of the pixels that it is looked for among (:data:`PIXELS`).
@@ -59,7 +59,7 @@ def derived(rows: Iterable[Row]) -> dict[str, Effort]:
 
 
 def effort_of(options: Row, pixels: int) -> Effort:
-    """What a row was measured with, but for ``pixels``; what it does not name is the default."""
+    """The effort of a row, except ``pixels``; fields that it does not name are the defaults."""
     return Effort(**options["effort"] | {"pixels": pixels})
 
 
@@ -75,7 +75,7 @@ def preset_of(options: Row) -> str | None:
 
 
 def call(options: Row) -> str:
-    """What :func:`impasto.fit_sbrdf` is to be asked for, as somebody would write it."""
+    """The arguments of :func:`impasto.fit_sbrdf`, as Python."""
     asked = {name: value for name, value in options.items() if name != "effort"}
     words = [_written(asked)] if asked else []
     if "effort" in options and (name := preset_of(options)) != "standard":
@@ -90,7 +90,7 @@ def _written(arguments: Row) -> str:
 
 
 def checked(rows: Iterable[Row], presets: Mapping[str, Effort] = PRESETS) -> list[Check]:
-    """Whether presets are where a study's front says that they should be.
+    """Whether the presets keep what they promise.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def checked(rows: Iterable[Row], presets: Mapping[str, Effort] = PRESETS) -> lis
     best, surest = (min(some, key=lambda c: c.error) for some in (grid, sparing(grid)))
     shown = min(grid, key=lambda candidate: candidate.shown)
     everywhere = {row["data"] for row in rows if row["knob"] == "effort"}
-    # That nothing is ambient is so of what is simulated: no preset can know it.
+    # Fits without ambient light know that the simulations have none.
     fair = [
         row
         for row in rows
@@ -150,7 +150,7 @@ def table(rows: Iterable[Row]) -> list[Row]:
 
 
 def explained(rows: Iterable[Row]) -> str:
-    """What the study calls for beside what the names stand for, and the checks, for people."""
+    """The derived presets beside the existing ones, and the checks, as text."""
     rows = list(rows)
     lines = []
     for name, effort in derived(rows).items():

@@ -1,4 +1,4 @@
-"""Which fit to ask for: what stands at the top of the page, for whoever reads no further."""
+"""Recommendations at the top of the page: which fit to choose."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from study.formatting import between, by_data, differences, named, ratio, span
 from study.tables import of_knob
 
 GAINS = (("psnr", 1.0, "dB", 1), ("colour", -1.0, "ΔE00", 2), ("normal", -1.0, "°", 2))
-"""What is said of a fit: the error, its sign where more is better, unit and digits."""
+"""Errors that are named: key, sign (1: more is better), unit, digits."""
 
 
 def choice(rows: Sequence[Row]) -> str:
-    """A line for every wish: what to ask for, and what it gives and costs."""
+    """One line per wish: the arguments, what they gain and cost."""
     of = named(rows)
     draft, standard, reference = (
         of[f"pixels' own, {name}"] for name in ("draft", "standard", "reference")
@@ -43,7 +43,7 @@ def choice(rows: Sequence[Row]) -> str:
 
 
 def enough(rows: Sequence[Row]) -> str:
-    """With how many lights pixels' own lobes are the better choice."""
+    """The number of lights from which lobes per pixel are the better choice."""
     counts = {r["number"] for r in of_knob(rows, "lights") if r["setting"].endswith("one lobe")}
     gains: dict[int, list[list[float]]] = {}
     for count in sorted(counts, reverse=True):
@@ -69,7 +69,7 @@ def enough(rows: Sequence[Row]) -> str:
 
 
 def _gains(one: dict[str, Row], other: dict[str, Row]) -> list[str]:
-    """By how much the one is nearer, on all data sets."""
+    """Gains of one fit over another, over the data sets."""
     return [
         between([sign * value for value in differences(one, other, what)], unit, digits)
         for what, sign, unit, digits in GAINS
@@ -77,7 +77,7 @@ def _gains(one: dict[str, Row], other: dict[str, Row]) -> list[str]:
 
 
 def _most(one: dict[str, Row], other: dict[str, Row]) -> str:
-    """The same on the data set where it is most, or nothing."""
+    """The largest gain over the data sets, at least zero."""
     *most, last = (
         between([max([0.0, *(sign * value for value in known)])], unit, digits)
         for what, sign, unit, digits in GAINS
@@ -87,7 +87,7 @@ def _most(one: dict[str, Row], other: dict[str, Row]) -> str:
 
 
 def _doubted(one: dict[str, Row], other: dict[str, Row]) -> str:
-    """How many pixels are flagged beside those of the other, in the mean of the data sets."""
+    """Shares of flagged pixels of two fits, in the mean of the data sets."""
     few, many = (
         f"{100.0 * np.mean([row['error']['flagged'] for row in found.values()]):.1f} %"
         for found in (one, other)

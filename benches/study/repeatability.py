@@ -25,7 +25,7 @@ def check_alike(first: dict[str, Any], second: dict[str, Any]) -> None:
 
 
 def beside(first: dict[str, Any], second: dict[str, Any]) -> list[Row]:
-    """Rows of a study, each with what a second run of it says under ``again``.
+    """Rows of a study, each with the result of a second run under ``again``.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def beside(first: dict[str, Any], second: dict[str, Any]) -> list[Row]:
 
 
 def apart(rows: Sequence[Row]) -> tuple[list[float], list[float]]:
-    """How far costs of two runs differ: as a share, in ascending order.
+    """Relative differences of the costs of two runs, in ascending order.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def apart(rows: Sequence[Row]) -> tuple[list[float], list[float]]:
 
 
 def kept(rows: Sequence[Row]) -> bool:
-    """Whether two runs have the same errors, and costs that agree within a tenth in proportion."""
+    """Whether two runs have the same errors and costs whose ratios agree within a tenth."""
     same = all(row.get("again", {}).get("same", False) for row in rows)
     return same and apart(rows)[0][-1] <= TENTH
 

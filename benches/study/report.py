@@ -1,4 +1,4 @@
-"""A study as files: everything in one JSON, sentences and tables as a page, the figures."""
+"""A study as files: a JSON with everything, a page of sentences and tables, figures."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ HEADS = {
     "wall": "CPU seconds and the clock",
     "again": "A second run",
 }
-"""Of the sentences, by name."""
+"""Headings of the sentences."""
 COLUMNS = """\
 *CPU s*, *wall s*: seconds per megapixel of one photograph; *MB*: memory for it beyond the
 photographs. *relative %*: root mean square error of held-out photographs in linear light, as a
@@ -70,7 +70,7 @@ sRGB codes; *dE00*: their mean colour difference (CIEDE2000). *normal deg*: mean
 normal. *flagged %*: pixels whose status is not fitted. More decibels are better, less of all
 else."""
 LINK = re.compile(r"\[([^\]]+)\]\(#[^)]*\)")
-"""Of the documentation's page, to a place on it."""
+"""A link within the page of the documentation."""
 
 
 def write(found: dict[str, Any], out: str | Path, *, figures: bool = True) -> list[Path]:
@@ -113,12 +113,12 @@ def page_of(found: dict[str, Any]) -> str:
 
 
 def _unlinked(text: str) -> str:
-    """A sentence without its links, which lead to places of the documentation's page."""
+    """A sentence without links to other places of the documentation's page."""
     return LINK.sub(r"\1", text)
 
 
 def _where(found: dict[str, Any]) -> list[str]:
-    """What ran where, and what did not."""
+    """Machine, commit, and what was not measured."""
     info = found["run"]
     commit = f" (commit {info['commit']})" if info["commit"] else ""
     kind = "quick study, on small pictures" if info["quick"] else "full study"

@@ -28,18 +28,18 @@ VIEWS = "770 views"
 SIMULATED = ("own model", "shifted gamma", "ABC")
 ONE_VIEW = (*SIMULATED, "icon")
 COUNTS = (6, 9, 14, 24)
-"""Lights that are kept of 48, of the icon's of 60."""
+"""Numbers of lights kept, of 48 or (icon) 60."""
 LIGHTS = {48: SIMULATED, 60: ("icon",)}
 """Lights that a data set has, and the data sets."""
 VIEW_COUNTS = (7, 12, 18, 35, 70, 175, 350)
-"""Photographs that are kept of 700: a hundredth to a half."""
+"""Numbers of photographs kept of 700: a hundredth to a half."""
 LARGE = 8
 """A picture so many times as wide and as high shows how the time depends on the size."""
 PER_PIXEL = {"pooling": "pixel"}
 ESTIMATORS: tuple[Estimator, ...] = (
     "wiener", "linear-model", "root-polynomial", "radial-basis",
 )  # fmt: skip
-"""Of reflectance; the quick study takes every other."""
+"""Reflectance estimators; the quick study takes every other."""
 ONE_LOBE = "one lobe"
 """The default fit."""
 
@@ -83,7 +83,7 @@ class Setting:
 
     @property
     def peer(self) -> bool:
-        """Whether it is somebody else's."""
+        """Whether it is another program's method."""
         return self.knob == "peer"
 
     @property

@@ -1,4 +1,4 @@
-"""What a study's rows say, as tables: for the console, for files and for the documentation."""
+"""Tables of a study's rows: for the terminal, for files and for the documentation."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ SETS = {
     "pigments, RGB+2": "pigments, RGB through two filters",
     "pigments, 6BP": "pigments, six bandpass filters",
 }
-"""Data sets in the words of the tables."""
+"""Names of the data sets in tables."""
 
-LADDERS = (
+KNOBS = (
     "effort", "precision", "pixels", "robust", "stereo", "starts", "lobes", "lights", "bits",
     "normals", "views",
 )  # fmt: skip
-"""Knobs whose settings make a table each."""
+"""Knobs with a table of their own."""
 
 
 def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
-    """Every table by its name; numbers stay numbers."""
+    """All tables by name."""
     made = {
         "which": _which(rows),
         "summary": _summary(rows),
@@ -48,7 +48,7 @@ def tables(rows: Sequence[Row]) -> dict[str, list[Row]]:
         "peer": [_line(row) for data in SETS for row in _of_set(rows, data, "peer", "sample")],
         "reflectance": _reflectance(rows),
     }
-    for knob in LADDERS:
+    for knob in KNOBS:
         made[knob] = [_line(row) for row in of_knob(rows, knob)]
     return {name: table for name, table in made.items() if table}
 
@@ -63,7 +63,7 @@ def _of_set(rows: Sequence[Row], data: str, *knobs: str) -> list[Row]:
 
 
 def fits_of(rows: Sequence[Row], data: str) -> list[Row]:
-    """Our own fits of a data set to all its photographs: what its front is made of."""
+    """Our fits to all photographs of a data set: the candidates of its Pareto front."""
     knobs = {*presets.FAIR, "normals", "stereo"}
     return [row for row in rows if row["data"] == data and row["knob"] in knobs]
 
@@ -74,7 +74,7 @@ def points(rows: Sequence[Row]) -> list[tuple[float, float]]:
 
 
 def front_of(rows: Sequence[Row], data: str) -> list[Row]:
-    """Rows that no other fit of a data set beats in both time and error."""
+    """Rows of a data set on its Pareto front."""
     fits = fits_of(rows, data)
     return [fits[i] for i in pareto_front(points(fits))]
 
@@ -84,7 +84,7 @@ def _best(rows: Sequence[Row]) -> list[Row]:
 
 
 def preset_rows(rows: Sequence[Row]) -> list[tuple[str, Row]]:
-    """Rows that somebody gets by name: poolings, and of pixels' own lobes the presets.
+    """Rows of the defaults and of the presets of lobes per pixel.
 
     On pictures of the study's size ``pixels`` makes no difference.
     """
@@ -110,19 +110,19 @@ def unbeaten(rows: Sequence[Row]) -> list[Row]:
 
 
 def compared(rows: Sequence[Row]) -> list[Row]:
-    """Peers beside which something of ours has been measured."""
+    """Peers for which a fit of ours was measured on the same pixels."""
     return [peer for peer in of_knob(rows, "peer") if _rivals(peer, rows)]
 
 
 def _rivals(peer: Row, rows: Sequence[Row]) -> list[Row]:
-    """Our fits of the same pixels: MINPACK sees a sample of them."""
+    """Our fits of the same pixels; MINPACK fits a sample of them."""
     if peer["setting"] == minpack.NAME:
         return _of_set(rows, peer["data"], "sample")
     return fits_of(rows, peer["data"])
 
 
 def beaten(peer: Row, rows: Sequence[Row], *, wholly: bool = False) -> bool:
-    """Whether a single fit of ours is as cheap as a peer, and relights as well.
+    """Whether one fit of ours is at least as fast as a peer and relights at least as well.
 
     ``wholly``: in decibels and colours as well.
     """
@@ -154,7 +154,7 @@ def _line(row: Row, name: str | None = None) -> Row:
 
 
 def _summary(rows: Sequence[Row]) -> list[Row]:
-    """What somebody gets by name, over the data sets with one view: a reader decides on it."""
+    """Defaults and presets, in the mean of the data sets with one view."""
     by_name: dict[str, dict[str, Row]] = {}
     for name, row in preset_rows(rows):
         by_name.setdefault(name, {})[row["data"]] = row
@@ -171,7 +171,7 @@ def _summary(rows: Sequence[Row]) -> list[Row]:
                 "setting": name,
                 "ask for": presets.call(next(iter(found.values()))["options"]),
                 "CPU s": float(seconds),
-                # Of the one data set that it is measured on.
+                # Memory is measured on one data set.
                 "MB": next((row["memory"] for row in found.values() if "memory" in row), None),
                 "relative %": 100.0 * float(np.mean([error["relative"] for error in errors])),
                 "dB": float(np.mean([error["psnr"] for error in errors])),
@@ -188,7 +188,7 @@ SURFACES = {
     "twelve measured materials": ("shifted gamma", "ABC"),
     "gilded icon, photographs": ("icon",),
 }
-"""Surfaces by which a reader decides, and their data sets."""
+"""Surfaces of the first table, and their data sets."""
 
 
 def _which(rows: Sequence[Row]) -> list[Row]:
@@ -230,7 +230,7 @@ def _mean_line(rows: Sequence[Row], sets: Sequence[str], knob: str, setting: str
 
 
 def _classes(rows: Sequence[Row]) -> list[Row]:
-    """What pixels that need fewer lobes save, against those that need most of their data set."""
+    """Time of pixels by number of lobes, and what fewer lobes save."""
     lines: list[Row] = []
     for data in SETS:
         some = _of_set(rows, data, "classes")
@@ -249,7 +249,7 @@ def _classes(rows: Sequence[Row]) -> list[Row]:
 
 
 def _excess(rows: Sequence[Row]) -> list[Row]:
-    """How far above the least cost searches end that may take so many steps, in per cent of it."""
+    """Excess of searches over the least cost by steps, in per cent."""
     lines: list[Row] = []
     for data in SETS:
         some = _of_set(rows, data, "search")
@@ -265,7 +265,7 @@ def _excess(rows: Sequence[Row]) -> list[Row]:
 
 
 def searched_in(row: Row) -> str:
-    """What a search of the knob ``search`` computes in."""
+    """The precision of a row of the knob ``search``."""
     return str(row["setting"].partition(",")[0])
 
 
@@ -291,7 +291,7 @@ def _seconds(row: Row) -> float:
 
 
 def _halving(rows: Sequence[Row]) -> list[Row]:
-    """From each preset of pixels' own lobes to the best that may be asked for in half its time.
+    """For each preset of lobes per pixel the best fit in at most half its time.
 
     In the mean of the data sets that presets are taken from.
     """
