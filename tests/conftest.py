@@ -7,6 +7,23 @@ from pathlib import Path
 
 import pytest
 
+SLOW = {
+    "test_advice", "test_calls", "test_cli", "test_docs", "test_doctor", "test_effort",
+    "test_inputs", "test_lafortune", "test_lafortune_hard_cases", "test_lafortune_trust",
+    "test_masks", "test_metamorphic", "test_normals", "test_sbrdf_pooled", "test_simulate",
+    "test_simulate_capture", "test_study", "test_study_costs", "test_study_excess",
+    "test_study_journal", "test_study_of_a_stack", "test_stubs", "test_suggestions",
+    "test_systems", "test_tone",
+}  # fmt: skip
+"""Files that took more than 3 s of CPU time: nine tenths of the time, a third of the tests."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of slow files; ``make test-fast`` leaves them out."""
+    for item in items:
+        if item.path.stem in SLOW:
+            item.add_marker(pytest.mark.slow)
+
 
 @pytest.fixture(scope="session")
 def data() -> Path:
