@@ -28,10 +28,10 @@ benchmark = _benchmark()
 def shipped(data):
     found = {}
     for camera in pigments.CAMERAS:
-        plate = pigments.pigment_data(camera, camera, data, 1, seed=1)
+        photograph = pigments.pigment_data(camera, camera, data, 1, seed=1)
         for estimator in ESTIMATORS:
-            fitted = reflectance(plate.stack, 1, estimator=estimator)
-            found[camera, estimator] = asdict(pigments.missed([fitted], [plate]))
+            fitted = reflectance(photograph.stack, 1, estimator=estimator)
+            found[camera, estimator] = asdict(pigments.judged_spectra([fitted], [photograph]))
     return found
 
 

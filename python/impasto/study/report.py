@@ -40,7 +40,7 @@ def to_dict(study: Study) -> dict[str, Any]:
     return {
         "versions": versions(),
         "shape": list(study.shape),
-        "trials": [_plain(trial) | {"front": trial in front} for trial in study.trials],
+        "trials": [_trial(trial) | {"front": trial in front} for trial in study.trials],
         "suggestion": {
             "options": _options(suggestion.options),
             "seconds": suggestion.seconds,
@@ -78,7 +78,7 @@ def write(study: Study, out: str | Path, *, figure: bool = True) -> list[Path]:
     return written + (_draw(study, out / "front") if figure else [])
 
 
-def _plain(trial: Trial) -> dict[str, Any]:
+def _trial(trial: Trial) -> dict[str, Any]:
     return asdict(trial) | {"options": _options(trial.options)}
 
 
@@ -87,32 +87,45 @@ def _options(options: Setting) -> dict[str, Any]:
 
 
 def _draw(study: Study, stem: Path) -> list[Path]:
-    """Error against time: every trial, the front as a line with its settings by name."""
+    """Error against time: every trial, and the front as a line; its settings are listed below."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
     # No date and constant ids: the same figure gives the same file.
     formats: dict[str, dict[str, Any]] = {".svg": {"metadata": {"Date": None}}, ".png": {}}
     with mpl.rc_context({"font.size": 8.5, "svg.fonttype": "none", "svg.hashsalt": "impasto"}):
-        figure = Figure(figsize=(6.4, 4.0))
+        figure = Figure(figsize=(6.4, 4.0 + 0.16 * len(study.front)))
         figure.set_layout_engine("constrained")
         axes = figure.add_subplot()
         points = [(trial.seconds, 100.0 * trial.error) for trial in study.trials]
         axes.plot(*zip(*points, strict=True), "o", ms=4, color=GREY, ls="", label="other settings")
         front = [(trial.seconds, 100.0 * trial.error) for trial in study.front]
         axes.plot(*zip(*front, strict=True), "o-", ms=5, color=BLUE, lw=1.3, label="Pareto front")
-        for trial, at in zip(study.front, front, strict=True):
-            name = table.call(trial.options).removeprefix("fit_sbrdf(stack, ").removesuffix(")")
-            axes.annotate(name, at, xytext=(5, 4), textcoords="offset points", fontsize=6.5)
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        axes.margins(x=0.15, y=0.15)
+        for number, (trial, at) in enumerate(zip(study.front, front, strict=True), start=1):
+            axes.annotate(str(number), at, xytext=(3, 4), textcoords="offset points", color=BLUE)
+            axes.plot([], [], " ", label=f"{number}  {table.call(trial.options)}")
         axes.set_xlabel("predicted time of the whole stack, s")
         axes.set_ylabel("error of held-out photographs, %")
-        axes.legend(frameon=False)
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.margins(x=0.1, y=0.1)
+        for axis in (axes.xaxis, axes.yaxis):
+            _plain(axis)
+        figure.legend(loc="outside lower left", frameon=False)
         paths = []
         for suffix, more in formats.items():
             path = stem.with_name(stem.name + suffix)
             figure.savefig(path, dpi=150, **more)
             paths.append(path)
     return paths
+
+
+def _plain(axis: Any) -> None:
+    """Plain numbers on a logarithmic axis."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    low, high = axis.get_view_interval()
+    subs = (1.0, 2.0, 5.0) if high > 10.0 * low else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+    axis.set_major_locator(LogLocator(subs=subs))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
