@@ -9,10 +9,10 @@ import pytest
 
 SLOW = {
     "test_advice", "test_calls", "test_cli", "test_docs", "test_doctor", "test_effort",
-    "test_inputs", "test_lafortune", "test_lafortune_hard_cases", "test_lafortune_trust",
+    "test_inputs", "test_lafortune", "test_lafortune_hard_cases", "test_lafortune_covariance",
     "test_masks", "test_metamorphic", "test_normals", "test_sbrdf_pooled", "test_simulate",
-    "test_simulate_capture", "test_study", "test_study_costs", "test_study_excess",
-    "test_study_journal", "test_study_of_a_stack", "test_stubs", "test_suggestions",
+    "test_simulate_capture", "test_study_costs", "test_study_excess",
+    "test_study_journal", "test_study_own", "test_study_recorded", "test_stubs", "test_suggestions",
     "test_systems", "test_tone",
 }  # fmt: skip
 """Files that took more than 3 s of CPU time: nine tenths of the time, a third of the tests."""
