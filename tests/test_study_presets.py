@@ -198,7 +198,7 @@ def test_half_the_time_is_had_for_what_can_be_asked_for() -> None:
         for row in [*_rows(), *(row | mine for row in _rows(points))]
     ]
     (line,) = tables.tables(rows)["halving"]
-    assert line["setting"] == "pixels' own, reference"
+    assert line["setting"] == "lobes per pixel, reference"
     assert line["half"] == '`pooling="pixel", effort=Effort(rounds=0, iterations=3, start="table")`'
     # Means of two: 0.238 and 0.190 instead of 0.222 and 0.182.
     assert line["dE00"] == pytest.approx(0.012)

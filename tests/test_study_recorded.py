@@ -268,7 +268,7 @@ def test_a_large_picture_is_a_small_one_over_and_over() -> None:
     # Every fit that somebody gets by name has its time on a large one.
     every = settings.settings()
     one_view = {s.name for s in every if s.knob == "pooling" and s.name != "Lafortune"}
-    named = one_view | {f"pixels' own, {preset}" for preset in PRESETS}
+    named = one_view | {f"lobes per pixel, {preset}" for preset in PRESETS}
     assert {s.name for s in every if s.knob == "size"} == named
     # What all lights give is on every data set of the quick study, too.
     quick = settings.settings(quick=True)
@@ -449,7 +449,7 @@ def test_the_command(
     command = ["--quick", "--out", str(out), "--repeats", "1", "--no-figures"]
     assert main(command) == 0
     said = capsys.readouterr()
-    assert "pixels' own, standard" in said.out
+    assert "lobes per pixel, standard" in said.out
     assert "without icon" in said.err
     assert {path.name for path in out.iterdir()} == {RUNS, "study.json", "study.md"}
     assert main(["--quick", "--out", str(out), "--seed", "1"]) == 1

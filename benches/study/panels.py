@@ -46,9 +46,9 @@ MARKS: dict[str, tuple[str, str]] = {
     "one lobe, as the papers have it": ("d", "white"),
     "one lobe": ("D", "white"),
     "Lafortune": ("s", "white"),
-    "pixels' own, draft": ("v", BLUE),
-    "pixels' own, standard": ("o", BLUE),
-    "pixels' own, reference": ("^", BLUE),
+    "lobes per pixel, draft": ("v", BLUE),
+    "lobes per pixel, standard": ("o", BLUE),
+    "lobes per pixel, reference": ("^", BLUE),
 }
 """Marks of defaults and presets, and their fill."""
 PEERS: dict[str, str] = {

@@ -19,7 +19,7 @@ def choice(rows: Sequence[Row]) -> str:
     """One line per wish: the arguments, what they gain and cost."""
     of = named(rows)
     draft, standard, reference = (
-        of[f"pixels' own, {name}"] for name in ("draft", "standard", "reference")
+        of[f"lobes per pixel, {name}"] for name in ("draft", "standard", "reference")
     )
     painting, papers = of["one lobe"], of["one lobe, as the papers have it"]
     nearer, colour, normal = _gains(standard, painting)

@@ -66,7 +66,7 @@ def photographs(rows: Sequence[Row]) -> str:
 
 def bound(rows: Sequence[Row]) -> str:
     """How near the presets come to what no fit can beat."""
-    own = {name: named(rows)[f"pixels' own, {name}"]["own model"] for name in PRESETS}
+    own = {name: named(rows)[f"lobes per pixel, {name}"]["own model"] for name in PRESETS}
     said = ", ".join(
         f'`"{name}"` {row["error"]["normal"] / row["bound"]:.2f}, {row["width"]:.2f} and '
         f"{row['strength']:.2f}"
@@ -310,7 +310,7 @@ def peers(rows: Sequence[Row]) -> str:
 def memory(rows: Sequence[Row]) -> str:
     """What fits need beyond the photographs."""
     held = {name: row["memory"] for name, row in preset_rows(rows) if row.get("memory")}
-    own, views = held["pixels' own, standard"], held["Lafortune"]
+    own, views = held["lobes per pixel, standard"], held["Lafortune"]
     return (
         "Peak memory beyond the photographs, per megapixel of one photograph: "
         f"{own:.0f} MB with lobes per pixel, {held['one lobe']:.0f} MB with one lobe "

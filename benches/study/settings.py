@@ -166,7 +166,7 @@ def _efforts() -> Iterator[Setting]:
     yield _sbrdf("size", ONE_LOBE, SIMULATED[:1], **large)
     for preset, effort in PRESETS.items():
         own: dict[str, Any] = PER_PIXEL | {"effort": effort}
-        yield _sbrdf("size", f"pixels' own, {preset}", SIMULATED[:1], **own, **large)
+        yield _sbrdf("size", f"lobes per pixel, {preset}", SIMULATED[:1], **own, **large)
     for pixels in (1 << 8, 1 << 10):
         effort = Effort(pixels=pixels)
         yield _sbrdf("pixels", f"{pixels} pixels", ONE_VIEW, effort=effort, number=pixels)

@@ -94,8 +94,8 @@ def preset_rows(rows: Sequence[Row]) -> list[tuple[str, Row]]:
             named.append((row["setting"], row))
             continue
         if (name := presets.preset_of(row["options"])) is not None:
-            named.append((f"pixels' own, {name}", row))
-    order = [*SETS, *(f"pixels' own, {name}" for name in PRESETS)]
+            named.append((f"lobes per pixel, {name}", row))
+    order = [*SETS, *(f"lobes per pixel, {name}" for name in PRESETS)]
 
     def place(item: tuple[str, Row]) -> tuple[int, int]:
         name, row = item
@@ -321,7 +321,7 @@ def _halving(rows: Sequence[Row]) -> list[Row]:
 
         lines.append(
             {
-                "setting": f"pixels' own, {name}",
+                "setting": f"lobes per pixel, {name}",
                 "half": presets.call(best.options),
                 "normal deg": less("normal"),
                 "dE00": less("colour"),
