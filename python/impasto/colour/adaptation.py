@@ -1,4 +1,8 @@
-"""Incomplete chromatic adaptation on the mired scale: eq. 7 and 9 to 12 of the six-band paper."""
+"""Incomplete chromatic adaptation on the mired scale: eq. 7 and 9 to 12 of the six-band paper.
+
+The von Kries matrix is our own: colour-science's agrees to 4e-16, but equal whites do not give the
+identity there, and a light that is no white to adapt to is not refused.
+"""
 
 from __future__ import annotations
 

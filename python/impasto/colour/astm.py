@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from impasto.colour._science import science
 from impasto.colour.illuminants import Illuminant
 from impasto.colour.observers import STANDARD_OBSERVER, fine_weights
-from impasto.colour.wavelengths import NODES, Floats, checked_wavelengths, lagrange_rows
+from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError
 
 RANGE = (360.0, 780.0)
@@ -46,25 +47,25 @@ def xyz_from_spectrum_astm(
     """
     grid = checked_wavelengths(wavelengths)
     step = _checked_step(grid)
-    start, stop = RANGE
+    tools = science()
     fine, weights = fine_weights(illuminant, observer, grid)
+    nanometres = np.arange(RANGE[0], RANGE[1] + 0.5)
     # Some observers start at 390 nm: nothing is seen below, and no weight is lost.
-    inside = (fine >= start) & (fine <= stop)
-    fine, weights = fine[inside], weights[:, inside]
-    weights = weights / weights[1].sum()
-    nodes = np.arange(start, stop + 0.5, step)
-    # Beyond the last node (steps that do not divide the range) its value continues.
-    at = np.minimum(fine, nodes[-1])
-    rows = lagrange_rows(nodes, at, NODES)
-    for end in (slice(0, 3), slice(-3, None)):
-        edge = nodes[end]
-        parabola = (at < edge[1]) if end.start == 0 else (at > edge[1])
-        rows[parabola] = 0.0
-        rows[parabola, end] = lagrange_rows(edge, at[parabola], 3)
-    table = weights @ rows
-    nearest = np.rint((np.clip(nodes, grid[0], grid[-1]) - grid[0]) / step).astype(int)
-    folded = nearest[:, None] == np.arange(grid.size)
-    return np.asarray(table @ folded)
+    seen = np.zeros((nanometres.size, 3))
+    inside = (fine >= RANGE[0]) & (fine <= RANGE[1])
+    seen[np.rint(fine[inside] - RANGE[0]).astype(int)] = weights[:, inside].T
+    standard = tools.SpectralShape(*RANGE, step)
+    # The light is in the weights already; colour-science multiplies the two.
+    table = tools.colorimetry.tristimulus_weighting_factors_ASTME2022(
+        tools.MultiSpectralDistributions(seen, nanometres),
+        tools.SpectralDistribution(np.ones(nanometres.size), nanometres),
+        standard,
+    )
+    # Steps that do not divide the range have their last node below its end.
+    nodes = tools.SpectralShape(RANGE[0], RANGE[0] + step * (len(table) - 1), step)
+    measured = tools.SpectralShape(grid[0], grid[-1], step)
+    adjust = tools.colorimetry.adjust_tristimulus_weighting_factors_ASTME308
+    return np.ascontiguousarray(adjust(table, nodes, measured).T / 100.0)
 
 
 def _checked_step(grid: Floats) -> float:

@@ -1,6 +1,10 @@
 """Tone curves: the light a display channel emits for a code, and the code that emits a light.
 
 Codes and light both run from 0 to 1; every curve maps 0 to 0 and 1 to 1 and never falls.
+
+The formulas are our own: colour-science's sRGB curve gives the same bits but takes a second to
+import, which every picture would wait for, and SciPy (isotonic regression, monotone cubic) would be
+a dependency of 35 MB for 45 lines.
 """
 
 from __future__ import annotations

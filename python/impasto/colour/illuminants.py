@@ -58,6 +58,7 @@ def planck(temperature: float, wavelengths: ArrayLike) -> Floats:
     """
     kelvin = checked_temperature(temperature)
     metres = checked_wavelengths(wavelengths) * 1e-9
+    # Our own: colour-science's agrees to 1e-15, but overflows with a warning where this is 0.
     # exp(-x) / -expm1(-x) is 1 / (exp(x) - 1) without the overflow of exp(x) below 25 K.
     exponent = SECOND_RADIATION_CONSTANT / (metres * kelvin)
     return np.asarray(
