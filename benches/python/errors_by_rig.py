@@ -23,8 +23,8 @@ CASES = (
     ("16 lights, six bands", SIX, "several varnishes", "patches of all three"),
 )
 """Rows of benches/results/accuracy.json: rig, its key, surface, case."""
-ALIKE = ("matte varnish", "gloss varnish", "two coats of satin", "cracks")
-"""Cases that the page leaves out: their errors are those of a satin varnish or near them."""
+LEFT_OUT = ("matte varnish", "gloss varnish", "two coats of satin", "cracks")
+"""Cases that only the record has, for brevity."""
 
 
 def tables() -> dict[str, list[dict[str, Any]]]:
@@ -80,7 +80,7 @@ def _papers() -> list[dict[str, Any]]:
     accuracy = _record("accuracy")
     lines = []
     for first in accuracy[SIX]:
-        if first["case"] in ALIKE:
+        if first["case"] in LEFT_OUT:
             continue
         second = _one(accuracy[RGB], case=first["case"])
         line = {"case": first["case"]}
