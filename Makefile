@@ -16,7 +16,7 @@ export PIP_QUIET := 1
 PYTEST := IMPASTO_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo test test-fast test-rust test-python lint docs bench study pictures clean
+.PHONY: help build demo test test-fast test-rust test-python lint docs wheel bench study pictures clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -48,6 +48,14 @@ docs: $(VENV)/built $(VENV)/extras  ## build the documentation into docs/_build/
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 	@echo "docs: open docs/_build/html/index.html"
 
+wheel: $(VENV)/built $(VENV)/release  ## build wheel and source archive into dist/; try each in an empty environment
+	rm -rf dist
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/maturin build --release --zig --compatibility manylinux2014 --out dist
+	$(BIN)/maturin sdist --out dist
+	$(BIN)/auditwheel show dist/*.whl
+	PYTHON=$(BIN)/python .ci/try_archive dist/*.whl
+	PYTHON=$(BIN)/python .ci/try_archive dist/*.tar.gz
+
 bench: $(VENV)/built $(VENV)/extras $(VENV)/peers  ## time the numerics against peers; ratios go to benches/results
 	cargo bench --package impasto-benches --bench numerics
 	$(BIN)/python benches/python/fits.py --record
@@ -67,7 +75,7 @@ pictures: $(VENV)/built  ## make the pictures of README and documentation again
 	$(BIN)/python docs/pictures.py
 
 clean:  ## remove .venv and everything built
-	rm -rf $(VENV) target demo docs/_build docs/_generated python/impasto/*.so
+	rm -rf $(VENV) target demo dist docs/_build docs/_generated python/impasto/*.so
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(VENV)/created:
@@ -91,6 +99,12 @@ $(VENV)/peers: pyproject.toml | $(VENV)/built
 	@echo "make: fetching fitters to compare with"
 	@$(BIN)/python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; print("\n".join(p["peers"]))' > $(VENV)/peers.txt
 	@$(BIN)/python -m pip install --requirement $(VENV)/peers.txt || echo "make: going on without them"
+	@touch $@
+
+# A compiler and a C library that are the same everywhere: the wheel runs on Linux since glibc 2.17.
+$(VENV)/release: pyproject.toml constraints.txt | $(VENV)/built
+	@$(BIN)/python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; print("\n".join(p["release"]))' > $(VENV)/release.txt
+	@$(BIN)/python -m pip install --requirement $(VENV)/release.txt
 	@touch $@
 
 $(VENV)/extras: pyproject.toml constraints.txt | $(VENV)/built
