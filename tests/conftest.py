@@ -20,6 +20,9 @@ SLOW = {
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the tests of slow files; ``make test-fast`` leaves them out."""
+    here = Path(__file__).parent
+    if gone := sorted(name for name in SLOW if not (here / f"{name}.py").is_file()):
+        raise pytest.UsageError(f"tests/conftest.py: SLOW names files that are gone: {gone}")
     for item in items:
         if item.path.stem in SLOW:
             item.add_marker(pytest.mark.slow)
