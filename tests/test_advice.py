@@ -146,7 +146,7 @@ def test_one_lobe_for_several_kinds_hints_at_the_pixels_own(
     assert impasto.fit_sbrdf(patches).verdict == "mixed"
     write_stack(tmp_path / "stack.npz", patches)
     assert main(["fit", str(tmp_path / "stack.npz"), "--out", str(tmp_path / "fit")]) == 0
-    assert "--pooling pixel (without --camera) gives each its own" in said(capsys)
+    assert "--pooling pixel (without --camera) for lobes per pixel" in said(capsys)
 
 
 def test_advice_on_spectra_does_not_lead_into_a_wall(
@@ -157,7 +157,7 @@ def test_advice_on_spectra_does_not_lead_into_a_wall(
     picture = tmp_path / "a.png"
     assert main(f"render {out} --illuminant A --out {picture} --quiet".split()) == 1
     told = said(capsys)
-    assert "pixels' own lobes cannot be shown in another light yet" in told
+    assert "lobes per pixel cannot be rendered in another light yet" in told
     assert "fit again with --camera" not in told
 
 
