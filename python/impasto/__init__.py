@@ -17,10 +17,12 @@ from impasto.errors import (
     InternalError,
     MissingExtraError,
 )
+from impasto.fit.gloss import Gloss
 from impasto.fit.highlight import HighlightFit, fit_highlight
 from impasto.fit.lafortune import LafortuneSbrdf
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import Normals, fit_normals
+from impasto.fit.pixel import Pixel
 from impasto.fit.pooled import PooledSbrdf
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
 from impasto.fit.result import Sbrdf
@@ -46,6 +48,7 @@ __all__ = [
     "Effort",
     "Encoding",
     "GeometryError",
+    "Gloss",
     "HighlightFit",
     "Image",
     "ImpastoError",
@@ -54,6 +57,7 @@ __all__ = [
     "LobeSbrdf",
     "MissingExtraError",
     "Normals",
+    "Pixel",
     "PointLight",
     "PooledSbrdf",
     "Reflectance",

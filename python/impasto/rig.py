@@ -263,7 +263,7 @@ class Rig:
     def rotated(self, quarter_turns: int = 1) -> Rig:
         """The rig after the painting and its lights turned counterclockwise together.
 
-        Exact: coordinates change places and signs, and four quarter turns change no bit.
+        Coordinates only change places and signs: four quarter turns change no bit.
         """
         turns = quarter_turns_of(quarter_turns)
         lights = [_turned_light(light, turns) for light in self.lights]

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import instance, numbers, picked, unmasked
 from impasto._internal.waiting import floats, wait_for
+from impasto._internal.windows import offset, turned_map, window
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.rig import Light, Rig
+from impasto.rig import Light, Rig, quarter_turns_of
 
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float16, np.float32)
 """Sample types that are read in place and converted block by block."""
@@ -163,6 +164,26 @@ class Stack:
         return self._replace(
             samples=samples, rig=self.rig.take(chosen), names=[self.names[i] for i in chosen]
         )
+
+    def __getitem__(self, key: Any) -> Stack:
+        """``stack[y0:y1, x0:x1]``: a part of the photographs, copied; near lights stay right."""
+        size = self.shape[2:]
+        rows, columns = part = window(key, size)
+        mask = None if self.mask is None else self.mask[rows, columns]
+        samples = wait_for(np.ascontiguousarray, self.samples[..., rows, columns])
+        return self._replace(samples=samples, rig=self.rig.part(*offset(part, size)), mask=mask)
+
+    def rotated(self, quarter_turns: int = 1) -> Stack:
+        """The photographs after quarter turns counterclockwise, with their lights and views.
+
+        Coordinates only change places and signs: four turns change no bit.
+        """
+        turns = quarter_turns_of(quarter_turns)
+        if not turns:
+            return self
+        samples = wait_for(np.ascontiguousarray, turned_map(self.samples, turns))
+        mask = None if self.mask is None else turned_map(self.mask, turns)
+        return self._replace(samples=samples, rig=self.rig.rotated(turns), mask=mask)
 
     def linear(self, index: int) -> NDArray[np.float32]:
         """One observation as linear light ``(band, y, x)``; clipped samples are +inf."""

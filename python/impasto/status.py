@@ -41,6 +41,27 @@ class Status(IntEnum):
     """Not reached (an interrupted or partial job)."""
 
     @property
+    def reason(self) -> str:
+        """Why a pixel has this status, in a few words."""
+        return _REASONS[self.name]
+
+    @property
     def estimated(self) -> bool:
         """Whether the pixel's quantity was estimated (its maps hold numbers)."""
         return self < 16
+
+
+_REASONS = {
+    "FITTED": "estimated from enough samples",
+    "RELAXED": "estimated; too few samples passed the selection, so some were taken back",
+    "EXACT": "estimated from as many samples as unknowns, without a residual",
+    "ILL_CONDITIONED": "estimated, but the usable lights barely determine it",
+    "POOLED": "estimated; its gloss is the painting's, its own samples show none",
+    "DARK": "no signal in any photograph",
+    "SATURATED": "too few samples are below saturation",
+    "TOO_FEW_SAMPLES": "fewer usable samples than unknowns",
+    "RANK_DEFICIENT": "the usable lights lie in one plane or line",
+    "INVALID_INPUT": "no finite sample",
+    "MASKED": "outside the mask",
+    "NOT_COMPUTED": "not reached",
+}

@@ -56,7 +56,8 @@ def dataset_of(surface: Sbrdf) -> Dataset:
     coordinates: dict[str, Any] = {"band": list(surface.bands), "axis": ["x", "y", "z"]}
     if surface.pitch_mm is not None:
         height, width = surface.shape
-        across = (np.arange(width) - (width - 1) / 2) * surface.pitch_mm
-        up = ((height - 1) / 2 - np.arange(height)) * surface.pitch_mm
+        x, y = rig.origin
+        across = (np.arange(width) - (width - 1) / 2 + x) * surface.pitch_mm
+        up = ((height - 1) / 2 - np.arange(height) + y) * surface.pitch_mm
         coordinates |= {"x": ("x", across, {"units": "mm"}), "y": ("y", up, {"units": "mm"})}
     return xarray.Dataset(variables, coords=coordinates, attrs=numbers)

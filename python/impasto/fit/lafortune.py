@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +13,17 @@ from impasto._internal.border import StackArguments
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto.effort import Effort
 from impasto.fit.normals import Normals
-from impasto.fit.result import PerPixelSbrdf, median, shared_fields
+from impasto.fit.result import PerPixelSbrdf, deviation, median, shared_fields
 from impasto.fit.saved import over
 from impasto.fit.start import StartArguments
 from impasto.io.results import SavedMaps
 from impasto.stack import Stack
 from impasto.surface import Surface
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 VERDICTS = ("fitted", "one-view")
+
+FRONTAL_FRESNEL = (0.45 / 2.45) ** 2
+"""Fresnel reflectance of an interface of index 1.45 seen from the front, ((n - 1) / (n + 1))^2."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,12 +81,6 @@ class LafortuneSbrdf(PerPixelSbrdf):
     exponent_sigma: NDArray[np.float32] = field(metadata=over("lobe", "y", "x"))
     verdict: str = field(metadata=over(dtype=np.str_))
 
-    def lobe_plot(self, y: int, x: int, stack: Stack | None = None) -> Figure:
-        """Draw a pixel's lobes: as ``impasto.pictures.plots.lobe_plot`` does."""
-        from impasto.pictures.plots import lobe_plot
-
-        return lobe_plot(self, y, x, stack)
-
     def surface(self) -> Surface:
         """The painting with every pixel's lobes, ready to be lit."""
         return Surface.lafortune(
@@ -107,6 +101,18 @@ class LafortuneSbrdf(PerPixelSbrdf):
         Torrance-Sparrow lobes. NaN where there is no lobe.
         """
         return np.asarray(0.5 * np.arccos(0.5 ** (1.0 / self.exponent)), dtype=np.float32)
+
+    def _beta(self, strength: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The beta whose frontal highlight is as bright as a Phong lobe of this strength.
+
+        At index 1.45, as a Torrance-Sparrow fit has by default.
+        """
+        return strength / np.float32(FRONTAL_FRESNEL)
+
+    def lobe_words(self, lobe: int, y: int, x: int) -> str:
+        """The sharpness of a pixel's lobe in a legend."""
+        exponent, sigma = (float(m[lobe, y, x]) for m in (self.exponent, self.exponent_sigma))
+        return f"n = {exponent:.3g}" + deviation(sigma)
 
     def report(self) -> dict[str, Any]:
         """Plain numbers of the gloss for a report file."""

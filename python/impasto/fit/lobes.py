@@ -88,6 +88,9 @@ class LobeSbrdf(PerPixelSbrdf):
         """``gamma``, by the name that lobes of all models have."""
         return self.gamma
 
+    def _shape_sigma(self, lobe: int, y: int, x: int) -> float:
+        return float(self.gamma_sigma[lobe, y, x])
+
     def report(self) -> dict[str, Any]:
         """Plain numbers of the gloss for a report file."""
         return {**super().report(), "index": self.index}

@@ -14,6 +14,7 @@ from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import is_whole, one_of
 from impasto.effort import EffortLike, resolved
 from impasto.errors import ArgumentError, GeometryError
+from impasto.fit.parts import PixelMaps
 from impasto.fit.saved import over
 from impasto.stack import Stack
 from impasto.status import Status
@@ -26,7 +27,7 @@ MOST_STEPS = 1000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Normals:
+class Normals(PixelMaps):
     """Normals and albedo, and how far each can be trusted.
 
     NaN stands where ``status`` says that a quantity could not be estimated: everywhere from 16 on,

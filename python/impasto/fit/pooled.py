@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +16,7 @@ from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import refractive_index
 from impasto._internal.wording import percent
 from impasto.effort import Effort
+from impasto.fit.gloss import Gloss, fitted_gloss
 from impasto.fit.normals import Normals
 from impasto.fit.result import Sbrdf, shared_fields
 from impasto.fit.saved import over
@@ -95,6 +97,14 @@ class PooledSbrdf(Sbrdf):
             index=self.index,
             **self._place(),
         )
+
+    @cached_property
+    def gloss(self) -> Gloss:
+        """The fitted (beta, gamma) with the standard deviations of its covariance."""
+        return fitted_gloss(self.beta, self.gamma, self.covariance, self.describes)
+
+    def _shape_sigma(self, lobe: int, y: int, x: int) -> float:
+        return math.sqrt(self.covariance[1, 1])
 
     def report(self) -> dict[str, Any]:
         """Plain numbers of the gloss for a report file."""

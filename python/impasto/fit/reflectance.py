@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, TypeAlias, get_args, runtime_checkable
 
 import numpy as np
@@ -19,6 +19,8 @@ from impasto.bands import Camera, Integration, checked_camera
 from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError
 from impasto.fit.noise import noise_of_diffuse
+from impasto.fit.parts import PixelMaps
+from impasto.fit.saved import over
 from impasto.io.results import read_maps, write_maps
 from impasto.stack import Stack
 from impasto.training import TrainingSpectra, checked_training
@@ -55,7 +57,7 @@ DiffuseSource: TypeAlias = _Sbrdf | _Normals | ArrayLike
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Reflectance:
+class Reflectance(PixelMaps):
     """Spectral reflectance of every pixel as coefficients of a few basis spectra.
 
     Attributes
@@ -76,10 +78,10 @@ class Reflectance:
         wavelengths per unit of noise), ``training_rmse``, ``truncation``, ``ridge``, ``gamma``.
     """
 
-    coefficients: NDArray[np.float32]
+    coefficients: NDArray[np.float32] = field(metadata=over("k", "y", "x"))
     basis: Floats
     wavelengths: Floats
-    status: NDArray[np.uint8]
+    status: NDArray[np.uint8] = field(metadata=over("y", "x", dtype=np.uint8))
     info: dict[str, Any]
 
     def __repr__(self) -> str:

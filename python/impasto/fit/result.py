@@ -6,6 +6,7 @@ import os
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -14,20 +15,27 @@ from numpy.typing import ArrayLike, NDArray
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import picked
 from impasto._internal.waiting import wait_for
+from impasto._internal.windows import place
+from impasto.fit.gloss import Gloss, gloss_of_pixels
 from impasto.fit.normals import Normals
+from impasto.fit.parts import PixelMaps
+from impasto.fit.pixel import Pixel, lobes_of
 from impasto.fit.saved import Reader, arrays_of, over
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
+from impasto.render import Image, render
 from impasto.rig import Rig
+from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status
 from impasto.surface import Relightable, Surface
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from xarray import Dataset
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sbrdf(Relightable):
+class Sbrdf(PixelMaps, Relightable):
     """A painting's surface: what every result of :func:`impasto.fit_sbrdf` holds and can do.
 
     In every map NaN stands exactly where ``status`` is 16 or more, and where a class says so
@@ -64,10 +72,9 @@ class Sbrdf(Relightable):
     bands: tuple[str, ...] = field(metadata=over("band", dtype=np.str_))
 
     @property
-    def shape(self) -> tuple[int, int]:
-        """``(y, x)``."""
-        height, width = self.status.shape
-        return height, width
+    @abstractmethod
+    def gloss(self) -> Gloss:
+        """One (beta, gamma) for the whole painting, with its spread."""
 
     @property
     def pitch_mm(self) -> float | None:
@@ -103,6 +110,85 @@ class Sbrdf(Relightable):
         """
         rig = self.rig if lights is None else lights
         return self.surface().predict(rig, views, threads=threads, progress=progress)
+
+    def render(self, scene: Scene, **options: Any) -> Image:
+        """Light the painting and show it: :func:`impasto.render`, which takes the same options."""
+        return render(self, scene, **options)
+
+    def pixel(self, y: int, x: int) -> Pixel:
+        """All that is known of one pixel, in a form to read.
+
+        Parameters
+        ----------
+        y, x
+            Row and column; negative ones count from the end.
+
+        Raises
+        ------
+        ArgumentError
+            A pixel outside of the painting.
+        """
+        y, x = place(y, x, self.shape)
+        one = self[y : y + 1, x : x + 1]
+        lobes = lobes_of(one.surface(), self.bands) if one.estimated.all() else ()
+        along_x, along_y, along_z = one.normal.ravel().tolist()
+        return Pixel(
+            y=y,
+            x=x,
+            normal=(along_x, along_y, along_z),
+            diffuse=dict(zip(self.bands, one.diffuse.ravel().tolist(), strict=True)),
+            lobes=lobes,
+            status=Status(int(one.status[0, 0])),
+            residual=float(one.residual[0, 0]),
+            sigma=float(one.sigma[0, 0]),
+        )
+
+    def lobe_plot(self, y: int, x: int, stack: Stack | None = None) -> Figure:
+        """Draw a pixel's lobes in the plane of incidence, with the photographs of ``stack``.
+
+        A half disc per incidence of the light, the three at which most photographs were taken, the
+        pixel's own normal upright, the light from the left. The radius is reflectance, the mean
+        over the bands: diffuse part and lobes added up (light line) and each lobe by itself, with
+        one standard deviation of its shape. Each half disc has a scale of its own. Dots are the
+        photographs within 6 degrees of the slice, less what is ambient, divided by ``(N.L)``.
+
+        Parameters
+        ----------
+        y, x
+            Row and column; negative ones count from the end.
+        stack
+            The photographs; None: no dots.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            To be shown, or saved by its ``savefig``.
+
+        Raises
+        ------
+        ArgumentError
+            A pixel outside of the painting or one that was not estimated, or a stack of another
+            size.
+        MissingExtraError
+            matplotlib is not installed.
+        """
+        from impasto.pictures.plots import lobe_plot
+
+        return lobe_plot(self, y, x, stack)
+
+    @property
+    def estimated(self) -> NDArray[np.bool_]:
+        """``(y, x)``: whether the pixel's normal was estimated."""
+        return np.asarray(self.status < Status.DARK)
+
+    def lobe_words(self, lobe: int, y: int, x: int) -> str:
+        """The shape of a pixel's lobe in a legend."""
+        gamma = float(np.ravel(self[y : y + 1, x : x + 1].surface().lobes[lobe].shape[0])[0])
+        return f"gamma = {np.degrees(gamma):.3g}°" + deviation(self._shape_sigma(lobe, y, x))
+
+    def _shape_sigma(self, lobe: int, y: int, x: int) -> float:
+        """Standard deviation of the logarithm of the lobe's width; NaN if unknown."""
+        return float("nan")
 
     def with_bands(self, chosen: Sequence[int]) -> Self:
         """The surface in some of its bands, by number; negative ones count from the end.
@@ -228,10 +314,19 @@ class PerPixelSbrdf(Sbrdf):
     def width(self) -> NDArray[np.float32]:
         """``(lobe, y, x)`` tilt of the facets at which their number has halved, radians."""
 
+    @cached_property
+    def gloss(self) -> Gloss:  # noqa: D102
+        strength = self._beta(self.specular.mean(axis=1))
+        return wait_for(gloss_of_pixels, strength, self.width, self.estimated)
+
+    def _beta(self, strength: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Strengths of lobes as the beta of Torrance-Sparrow lobes."""
+        return strength
+
     def report(self) -> dict[str, Any]:  # noqa: D102
         fine = self.lobes[self.status < Status.DARK]
         return {
-            "lobes": np.bincount(self.lobes.ravel(), minlength=len(self.specular) + 1).tolist(),
+            "lobes": np.bincount(fine, minlength=len(self.specular) + 1).tolist(),
             "lobes_per_pixel": float(fine.mean()) if fine.size else float("nan"),
             "width_degrees_median": [median(np.degrees(plane)) for plane in self.width],
         }
@@ -250,6 +345,11 @@ def shared_fields(found: Mapping[str, Any], stack: Stack, stereo: Normals) -> di
     """The fields of :class:`Sbrdf` from what the numerics found."""
     maps = {name: found[name] for name in ("normal", "diffuse", "residual", "sigma", "status")}
     return {**maps, "normals": stereo, "rig": stack.rig, "bands": stack.bands}
+
+
+def deviation(sigma: float) -> str:
+    """A standard deviation of a logarithm in a legend: `` ± 3 %``, or nothing."""
+    return f" ± {100 * sigma:.2g} %" if np.isfinite(sigma) else ""
 
 
 def median(plane: NDArray[Any]) -> float:

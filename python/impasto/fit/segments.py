@@ -15,6 +15,7 @@ from impasto._internal.checks import unmasked
 from impasto._internal.waiting import wait_for
 from impasto.errors import ArgumentError
 from impasto.fit.dataset import variable
+from impasto.fit.gloss import Gloss
 from impasto.fit.normals import Normals
 from impasto.fit.pooled import PooledSbrdf
 from impasto.fit.result import Sbrdf
@@ -99,6 +100,11 @@ class SegmentSbrdf(Sbrdf):
         """Index of refraction of the interface."""
         return self.painting.index
 
+    @property
+    def gloss(self) -> Gloss:
+        """That of ``painting``, the fit with one lobe for all."""
+        return self.painting.gloss
+
     def with_bands(self, chosen: Sequence[int]) -> Self:
         """The surface in some of its bands, by number; negative ones count from the end."""
         return replace(super().with_bands(chosen), painting=self.painting.with_bands(chosen))
@@ -130,6 +136,11 @@ class SegmentSbrdf(Sbrdf):
                 if one.name in columns
             }
         )
+
+    def _shape_sigma(self, lobe: int, y: int, x: int) -> float:
+        label = int(self.labels[y, x])
+        own = [one.covariance for one in self.segments if one.label == label and one.own]
+        return math.sqrt((*own, self.painting.covariance)[0][1, 1])
 
     def report(self) -> dict[str, Any]:
         """Plain numbers of the gloss for a report file."""

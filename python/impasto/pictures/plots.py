@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.checks import is_whole
 from impasto._internal.extras import need
+from impasto._internal.windows import place
 from impasto.errors import ArgumentError
-from impasto.fit.forward import predict_lobes
 from impasto.pictures.panels import BACKGROUND, FAINT, INK
 from impasto.rig import PointLight, Rig
 from impasto.stack import Stack
 from impasto.status import Status
+from impasto.surface import Surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from impasto.fit.lafortune import LafortuneSbrdf
 
 Angles = NDArray[np.float64]
 
@@ -32,59 +31,43 @@ WITHIN = 6.0
 PANELS = 3
 
 
-def lobe_plot(sbrdf: LafortuneSbrdf, y: int, x: int, stack: Stack | None = None) -> Figure:
-    """Draw a pixel's lobes: reflectance against the direction of the view.
-
-    A half disc per incidence of the light, the three at which most photographs were taken: a slice
-    in the plane of incidence, the pixel's own normal upright, the light from the left. The radius
-    is reflectance, the mean over the bands: diffuse part and lobes added up (light line) and each
-    lobe by itself, its exponent with one standard deviation. Dots are the photographs within 6
-    degrees of the slice, divided by ``(N.L)``.
-
-    Parameters
-    ----------
-    sbrdf
-        What :func:`impasto.fit_sbrdf` returned with ``model="lafortune"``.
-    y, x
-        Row and column.
-    stack
-        The photographs; None: no dots.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        To be shown, or saved by its ``savefig``.
-
-    Raises
-    ------
-    ArgumentError
-        A pixel outside the painting or one that was not estimated, or a stack of another size.
-    MissingExtraError
-        matplotlib is not installed.
-    """
+def lobe_plot(sbrdf: Any, y: int, x: int, stack: Stack | None = None) -> Figure:
+    """Draw a pixel's lobes: see :meth:`impasto.Sbrdf.lobe_plot`."""
     need("matplotlib", "plot", "lobe_plot")
     from matplotlib.figure import Figure
 
-    y, x = _pixel(sbrdf, y, x)
+    y, x = place(y, x, sbrdf.shape)
+    status = Status(int(sbrdf.status[y, x]))
+    if not status < Status.DARK:
+        raise ArgumentError(f"y, x: pixel ({y}, {x}) has no lobes, its status is {status.name}")
     if stack is not None and stack.shape[2:] != sbrdf.shape:
         raise ArgumentError(f"stack: expected {sbrdf.shape} pixels, found {stack.shape[2:]}")
     rig = sbrdf.rig if stack is None else stack.rig
     normal = sbrdf.normal[:, y, x].astype(np.float64)
     light, view, beside = _angles(normal, _towards(rig, sbrdf.shape, y, x), rig.views)
-    samples = np.full(len(rig), np.nan) if stack is None else _reflectances(stack, y, x, light)
+    surface = sbrdf[y : y + 1, x : x + 1].surface()
+    samples = np.full(len(rig), np.nan)
+    if stack is not None:
+        samples = _reflectances(stack, y, x, light, surface.ambient)
     incidences = _incidences(light, beside)
-    slices = [_slice(sbrdf, y, x, incidence) for incidence in incidences]
-    top = 1.08 * max(float(total.max()) for _, total, _ in slices) or 1.0
+    shown = [number for number, lobe in enumerate(surface.lobes) if np.any(lobe.strength)]
+    upright = np.array([0.0, 0.0, 1.0], np.float32)[:, None, None]
+    chosen = tuple(surface.lobes[number] for number in shown)
+    surface = replace(surface, normal=upright, lobes=chosen, ambient=None)
+    words = [sbrdf.lobe_words(number, y, x) for number in shown]
+    slices = [_slice(surface, incidence) for incidence in incidences]
     figure = Figure(figsize=(4.2 * len(incidences), 3.2), facecolor=_colour(BACKGROUND))
-    for place, (incidence, (angle, total, lobes)) in enumerate(
+    for panel, (incidence, (angle, total, lobes)) in enumerate(
         zip(incidences, slices, strict=True)
     ):
-        axes = figure.add_subplot(1, len(incidences), place + 1, projection="polar")
+        axes = figure.add_subplot(1, len(incidences), panel + 1, projection="polar")
+        # A scale for each: grazing light makes a highlight some hundred times as bright.
+        top = 1.08 * float(total.max()) or 1.0
         _dress(axes, incidence, top)
         axes.fill(np.radians(angle), lobes[0], color=_colour(FAINT), alpha=0.25, lw=0)
         axes.plot(np.radians(angle), lobes[0], color=_colour(FAINT), lw=0.8, label="diffuse")
         for number, lobe in enumerate(lobes[1:]):
-            label = f"lobe {number + 1}: {_sharpness(sbrdf, number, y, x)}"
+            label = f"lobe {number + 1}: {words[number]}"
             axes.plot(np.radians(angle), lobe, color=LOBES[number], lw=1.4, label=label)
         axes.plot(np.radians(angle), total, color=_colour(INK), lw=1.6, label="all")
         near = (np.abs(light - incidence) < WITHIN) & (beside < WITHIN) & np.isfinite(samples)
@@ -104,21 +87,9 @@ def lobe_plot(sbrdf: LafortuneSbrdf, y: int, x: int, stack: Stack | None = None)
     return figure
 
 
-def _pixel(sbrdf: LafortuneSbrdf, y: int, x: int) -> tuple[int, int]:
-    for name, value, size in (("y", y, sbrdf.shape[0]), ("x", x, sbrdf.shape[1])):
-        if not is_whole(value):
-            raise ArgumentError(f"{name}: expected a whole number, found {value!r}")
-        if not -size <= value < size:
-            raise ArgumentError(f"{name}: {value} is outside a painting of {size}")
-    y, x = y % sbrdf.shape[0], x % sbrdf.shape[1]
-    status = Status(int(sbrdf.status[y, x]))
-    if status >= Status.DARK:
-        raise ArgumentError(f"y, x: pixel ({y}, {x}) has no lobes, its status is {status.name}")
-    return y, x
-
-
 def _towards(rig: Rig, shape: tuple[int, int], y: int, x: int) -> Angles:
     """``(obs, 3)`` unit vectors to the lights from a pixel."""
+    rig = rig.here
     pitch = rig.pitch_mm or 0.0
     place = ((x - (shape[1] - 1) / 2) * pitch, ((shape[0] - 1) / 2 - y) * pitch, 0.0)
     vectors = [
@@ -161,42 +132,33 @@ def _incidences(light: Angles, beside: Angles) -> list[float]:
     return [float(angle) for angle in sorted(chosen)] or [45.0]
 
 
-def _slice(
-    sbrdf: LafortuneSbrdf, y: int, x: int, incidence: float
-) -> tuple[Angles, Angles, list[Angles]]:
+def _slice(surface: Surface, incidence: float) -> tuple[Angles, Angles, list[Angles]]:
     """Angles of view in degrees, reflectance there, and its parts: diffuse, then each lobe."""
     angle = np.linspace(-89.5, 89.5, 359)
     a, b = np.radians(incidence), np.radians(angle)
     light = (-np.sin(a), 0.0, np.cos(a))
     views = np.stack([np.sin(b), np.zeros_like(b), np.cos(b)], axis=1)
     rig = Rig(np.broadcast_to(light, views.shape), views=views)
-    upright = np.array([0.0, 0.0, 1.0], np.float32)[:, None, None]
-    pixel = np.s_[..., y : y + 1, x : x + 1]
-    count = int(sbrdf.lobes[y, x])
-    cxy, cz, exponent = (map_[:count][pixel] for map_ in (sbrdf.cxy, sbrdf.cz, sbrdf.exponent))
-    diffuse, specular = sbrdf.diffuse[pixel], sbrdf.specular[:count][pixel]
 
-    def shown(diffuse: Any, specular: Any) -> Angles:
-        radiance = predict_lobes(upright, diffuse, specular, cxy, cz, exponent, rig, threads=1)
+    def shown(part: Surface) -> Angles:
+        radiance = part.predict(rig, threads=1)
         return np.asarray(radiance[:, :, 0, 0].mean(axis=1, dtype=np.float64) / np.cos(a))
 
-    parts = [shown(diffuse, 0.0 * specular)]
-    for number in range(count):
-        only = np.zeros_like(specular)
-        only[number] = specular[number]
-        parts.append(shown(0.0 * diffuse, only))
+    black = np.zeros_like(surface.diffuse)
+    parts = [shown(replace(surface, lobes=()))]
+    parts += [shown(replace(surface, diffuse=black, lobes=(lobe,))) for lobe in surface.lobes]
     return angle, np.sum(parts, axis=0), parts
 
 
-def _sharpness(sbrdf: LafortuneSbrdf, lobe: int, y: int, x: int) -> str:
-    exponent, sigma = (float(m[lobe, y, x]) for m in (sbrdf.exponent, sbrdf.exponent_sigma))
-    return f"n = {exponent:.3g}" + (f" ± {100 * sigma:.2g} %" if np.isfinite(sigma) else "")
+def _reflectances(stack: Stack, y: int, x: int, light: Angles, ambient: Any) -> Angles:
+    """``(obs,)`` mean of the bands over ``(N.L)``; NaN where clipped or lit from behind.
 
-
-def _reflectances(stack: Stack, y: int, x: int, light: Angles) -> Angles:
-    """``(obs,)`` mean of the bands over ``(N.L)``; NaN where clipped or lit from behind."""
+    ``ambient (band, 1, 1)`` is what comes whatever the lamp's direction, or None.
+    """
     stored = stack.samples[:, :, y, x].astype(np.float64)
-    linear = (stored - stack.black) * stack.scale / stack.rig.intensities[:, None]
+    linear = (stored - stack.black) * stack.scale / stack.rig.here.intensities[:, None]
+    if ambient is not None:
+        linear = linear - ambient[:, 0, 0]
     if stack.saturation is not None:
         linear[stored >= stack.saturation] = np.nan
     cosine = np.cos(np.radians(light))

@@ -1,0 +1,84 @@
+"""Parts of a picture and quarter turns: what stacks and results share."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto._internal.checks import is_whole
+from impasto.errors import ArgumentError
+
+Window: TypeAlias = tuple[slice, slice]
+"""Rows and columns, with a start and an end."""
+
+
+def window(key: Any, shape: tuple[int, int]) -> Window:
+    """The rows and columns of ``[y0:y1, x0:x1]``; a part left out is the whole.
+
+    Raises
+    ------
+    ArgumentError
+        Anything but slices of step 1 that hold a pixel.
+    """
+    parts = key if isinstance(key, tuple) else (key,)
+    if not 1 <= len(parts) <= 2 or not all(isinstance(part, slice) for part in parts):
+        raise ArgumentError(
+            f"[y0:y1, x0:x1]: expected one or two slices, found {key!r}; .pixel(y, x) of a result "
+            "is one pixel"
+        )
+    rows, columns = (*parts, slice(None))[:2]
+    return _bounds(rows, shape[0], "y"), _bounds(columns, shape[1], "x")
+
+
+def _bounds(part: slice, size: int, axis: str) -> slice:
+    for value in (part.start, part.stop, part.step):
+        if value is not None and not is_whole(value):
+            raise ArgumentError(f"{axis}: expected whole numbers in a slice, found {value!r}")
+    if part.step not in (None, 1):
+        raise ArgumentError(f"{axis}: expected a slice of step 1, found {part.step}")
+    start, stop, _ = part.indices(size)
+    if stop <= start:
+        raise ArgumentError(f"{axis}: the slice holds none of {size} pixels")
+    return slice(start, stop)
+
+
+def offset(part: Window, shape: tuple[int, int]) -> tuple[float, float]:
+    """Pixels to the right and up from the middle of a picture to that of its part."""
+    rows, columns = part
+    height, width = shape
+    right = (columns.start + columns.stop - width) / 2
+    up = (height - rows.start - rows.stop) / 2
+    return right, up
+
+
+def turned_map(plane: NDArray[Any], turns: int, axis: int | None = None) -> NDArray[Any]:
+    """A map ``(..., y, x)`` after quarter turns counterclockwise.
+
+    ``axis`` is that of the x, y, z of vectors, which turn with it: exact, as x and y only change
+    places and signs.
+    """
+    found = np.rot90(plane, turns, axes=(-2, -1))
+    if axis is None or turns == 0:
+        return found
+    x, y, z = np.moveaxis(found, axis, 0)
+    for _ in range(turns):
+        x, y = -y, x
+    return np.stack([x, y, z], axis=axis)
+
+
+def place(y: Any, x: Any, shape: tuple[int, int]) -> tuple[int, int]:
+    """Row and column from 0 on; negative ones count from the end.
+
+    Raises
+    ------
+    ArgumentError
+        No whole numbers, or a pixel outside.
+    """
+    for name, value, size in (("y", y, shape[0]), ("x", x, shape[1])):
+        if not is_whole(value):
+            raise ArgumentError(f"{name}: expected a whole number, found {value!r}")
+        if not -size <= value < size:
+            raise ArgumentError(f"{name}: {value} is outside a painting of {size}")
+    return int(y) % shape[0], int(x) % shape[1]
