@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+import python_modules
 import rust_modules
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -121,7 +122,8 @@ def test_only_pixels_names_rayon() -> None:
 
 def test_only_the_lanes_are_unsafe() -> None:
     unsafe = [p for p in rust(ROOT / "crates") if re.search(r"\bunsafe\b", code(p))]
-    lanes = [CORE / "math" / "lanes.rs", *rust(CORE / "math" / "lanes")]
+    lanes = rust(CORE / "math" / "lanes")
+    assert lanes
     assert set(unsafe) <= set(lanes)
 
 
@@ -146,6 +148,41 @@ def test_the_package_knows_no_benchmark() -> None:
     reach = re.compile(r"^\s*(from|import) (study|record|pages)\b", re.MULTILINE)
     found = [p for p in PACKAGE.rglob("*.py") if reach.search(p.read_text(encoding="utf-8"))]
     assert found == []
+
+
+def test_no_python_module_imports_one_that_imports_it() -> None:
+    graph = python_modules.imports(PACKAGE)
+    assert graph["impasto.io.images.read"] >= {"impasto.io.images.exr", "impasto.errors"}
+    assert python_modules.circle(graph) == []
+    assert python_modules.circle(python_modules.folders(graph, PACKAGE.name)) == []
+
+
+def test_a_circle_of_python_imports_is_found(tmp_path: Path) -> None:
+    """Also one that a function or a type checker closes, and one between folders only."""
+    package = tmp_path / "house"
+    files = {
+        "__init__.py": "from house.a.first import A\nfrom house import _core",
+        "a/__init__.py": "",
+        "a/first.py": "from house.b import second",
+        "a/other.py": "",
+        "b/__init__.py": "",
+        "b/second.py": "import os",
+    }
+    for name, text in files.items():
+        (package / name).parent.mkdir(parents=True, exist_ok=True)
+        (package / name).write_text(text)
+
+    def circles() -> tuple[list[str], list[str]]:
+        graph = python_modules.imports(package)
+        rooms = python_modules.folders(graph, "house")
+        return python_modules.circle(graph), python_modules.circle(rooms)
+
+    assert circles() == ([], [])
+    (package / "b" / "second.py").write_text("def f():\n    from ..a.other import thing\n")
+    assert circles()[0] == []
+    assert set(circles()[1]) == {"house.a", "house.b"}
+    (package / "b" / "second.py").write_text("if TYPE_CHECKING:\n    from house.a.first import A\n")
+    assert set(circles()[0]) == {"house.a.first", "house.b.second"}
 
 
 def test_colour_science_has_one_door() -> None:

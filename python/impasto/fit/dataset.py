@@ -13,8 +13,6 @@ from impasto.status import Status
 if TYPE_CHECKING:
     from xarray import Dataset
 
-    from impasto.fit.result import Sbrdf
-
 
 Variable: TypeAlias = tuple[tuple[str, ...], Any, dict[str, Any]]
 """Dimensions, values, attributes: as xarray takes them."""
@@ -26,8 +24,8 @@ def variable(of: Field[Any], values: Any, *first: str) -> Variable:
     return (*first, *of.metadata["dims"]), values, {"units": unit} if unit else {}
 
 
-def dataset_of(surface: Sbrdf) -> Dataset:
-    """See :meth:`impasto.Sbrdf.to_xarray`."""
+def dataset_of(surface: Any) -> Dataset:
+    """See :meth:`impasto.Sbrdf.to_xarray`; the result's own file imports this one."""
     need("xarray", "scale", "to_xarray")
     import xarray
 
