@@ -55,16 +55,16 @@ class LafortuneMaps(TypedDict):
     residual: NDArray[np.float32]
     sigma: NDArray[np.float32]
     status: NDArray[np.uint8]
-    views_differ: bool
 
 def fit_lafortune(
     stack: StackArguments,
     start: StartArguments,
+    maps: LafortuneMaps,
     lobes: int,
     rounds: int,
     threads: int,
     progress: ProgressCallback | None,
-) -> LafortuneMaps: ...
+) -> None: ...
 def views_differ(rig: RigArguments) -> bool: ...
 
 @type_check_only

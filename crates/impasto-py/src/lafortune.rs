@@ -1,31 +1,31 @@
 //! Lafortune lobes of every pixel.
 
-use numpy::{PyArray2, PyArray3, PyArray4};
+use numpy::{PyReadwriteArray2, PyReadwriteArray3, PyReadwriteArray4};
 use pyo3::prelude::*;
 
 use impasto::Error;
-use impasto::sbrdf::lafortune::LafortuneOptions;
+use impasto::sbrdf::lafortune::{LafortuneMapsMut, LafortuneOptions};
 
-use crate::arrays::{RigArguments, Size, StackArguments, StartArguments};
+use crate::arrays::{RigArguments, StackArguments, StartArguments};
 use crate::{errors, run};
 
-/// Maps; meanings stand in `impasto.LafortuneSbrdf`.
-#[derive(IntoPyObject)]
-pub(crate) struct Maps<'py> {
-    normal: Bound<'py, PyArray3<f32>>,
-    diffuse: Bound<'py, PyArray3<f32>>,
-    specular: Bound<'py, PyArray4<f32>>,
-    cxy: Bound<'py, PyArray3<f32>>,
-    cz: Bound<'py, PyArray3<f32>>,
-    exponent: Bound<'py, PyArray3<f32>>,
-    specular_sigma: Bound<'py, PyArray3<f32>>,
-    direction_sigma: Bound<'py, PyArray3<f32>>,
-    exponent_sigma: Bound<'py, PyArray3<f32>>,
-    lobes: Bound<'py, PyArray2<u8>>,
-    residual: Bound<'py, PyArray2<f32>>,
-    sigma: Bound<'py, PyArray2<f32>>,
-    status: Bound<'py, PyArray2<u8>>,
-    views_differ: bool,
+/// The maps of an `impasto.LafortuneSbrdf`, to be filled.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct LafortuneArrays<'py> {
+    normal: PyReadwriteArray3<'py, f32>,
+    diffuse: PyReadwriteArray3<'py, f32>,
+    specular: PyReadwriteArray4<'py, f32>,
+    cxy: PyReadwriteArray3<'py, f32>,
+    cz: PyReadwriteArray3<'py, f32>,
+    exponent: PyReadwriteArray3<'py, f32>,
+    specular_sigma: PyReadwriteArray3<'py, f32>,
+    direction_sigma: PyReadwriteArray3<'py, f32>,
+    exponent_sigma: PyReadwriteArray3<'py, f32>,
+    lobes: PyReadwriteArray2<'py, u8>,
+    residual: PyReadwriteArray2<'py, f32>,
+    sigma: PyReadwriteArray2<'py, f32>,
+    status: PyReadwriteArray2<'py, u8>,
 }
 
 /// Whether a rig's photographs were taken from more than one direction.
@@ -38,40 +38,41 @@ pub(crate) fn views_differ(py: Python<'_>, rig: RigArguments<'_>) -> PyResult<bo
 
 /// Snel's three passes, from the maps of photometric stereo.
 #[pyfunction]
+#[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lafortune")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
 pub(crate) fn fit_lafortune<'py>(
     py: Python<'py>,
     stack: StackArguments<'py>,
     start: StartArguments<'py>,
+    mut maps: LafortuneArrays<'py>,
     lobes: usize,
     rounds: usize,
     threads: usize,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Maps<'py>> {
+) -> PyResult<()> {
     let refuse = |error: Error| errors::to_python(py, &error);
     let decode = stack.decode();
     let samples = stack.stack(&decode).map_err(refuse)?;
-    let (size, bands) = (Size::of(samples.shape()), samples.shape().bands);
-    let rig = stack.rig.rig(size.height, size.width).map_err(refuse)?;
+    let shape = samples.shape();
+    let rig = stack.rig.rig(shape.height, shape.width).map_err(refuse)?;
     let start = start.start().map_err(refuse)?;
-    let maps = run::call(py, threads, progress.as_ref(), |run| {
+    let maps = LafortuneMapsMut {
+        normal: maps.normal.as_slice_mut()?,
+        diffuse: maps.diffuse.as_slice_mut()?,
+        specular: maps.specular.as_slice_mut()?,
+        cxy: maps.cxy.as_slice_mut()?,
+        cz: maps.cz.as_slice_mut()?,
+        exponent: maps.exponent.as_slice_mut()?,
+        specular_sigma: maps.specular_sigma.as_slice_mut()?,
+        direction_sigma: maps.direction_sigma.as_slice_mut()?,
+        exponent_sigma: maps.exponent_sigma.as_slice_mut()?,
+        lobes: maps.lobes.as_slice_mut()?,
+        residual: maps.residual.as_slice_mut()?,
+        sigma: maps.sigma.as_slice_mut()?,
+        status: maps.status.as_slice_mut()?,
+    };
+    run::call(py, threads, progress.as_ref(), |run| {
         let options = LafortuneOptions { lobes, rounds };
-        impasto::sbrdf::lafortune::fit_lafortune(&samples, &rig, &start, options, run)
-    })?;
-    Ok(Maps {
-        normal: size.planes(py, maps.normal, 3)?,
-        diffuse: size.planes(py, maps.diffuse, bands)?,
-        specular: size.sets(py, maps.specular, [lobes, bands])?,
-        cxy: size.planes(py, maps.cxy, lobes)?,
-        cz: size.planes(py, maps.cz, lobes)?,
-        exponent: size.planes(py, maps.exponent, lobes)?,
-        specular_sigma: size.planes(py, maps.specular_sigma, lobes)?,
-        direction_sigma: size.planes(py, maps.direction_sigma, lobes)?,
-        exponent_sigma: size.planes(py, maps.exponent_sigma, lobes)?,
-        lobes: size.map(py, maps.lobes)?,
-        residual: size.map(py, maps.residual)?,
-        sigma: size.map(py, maps.sigma)?,
-        status: size.map(py, maps.status)?,
-        views_differ: maps.views_differ,
+        impasto::sbrdf::lafortune::fit_lafortune(&samples, &rig, &start, options, maps, run)
     })
 }

@@ -146,24 +146,51 @@ def fit_lafortune(
     progress: bool | ProgressCallback,
 ) -> LafortuneSbrdf:
     """Lobes of every pixel, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`."""
+    arguments = StackArguments.of(stack)
+    maps = _empty(stack, lobes)
     with reporting(progress, "lobes") as callback:
-        found = _core.fit_lafortune(
-            StackArguments.of(stack),
+        _core.fit_lafortune(
+            arguments,
             StartArguments.of(stereo),
+            maps,
             lobes,
             effort.rounds,
             thread_count(threads),
             callback,
         )
     return LafortuneSbrdf(
-        **shared_fields(found, stack, stereo),
-        specular=found["specular"],
-        cxy=found["cxy"],
-        cz=found["cz"],
-        exponent=found["exponent"],
-        specular_sigma=found["specular_sigma"],
-        direction_sigma=found["direction_sigma"],
-        exponent_sigma=found["exponent_sigma"],
-        lobes=found["lobes"],
-        verdict="fitted" if found["views_differ"] else "one-view",
+        **shared_fields(maps, stack, stereo),
+        specular=maps["specular"],
+        cxy=maps["cxy"],
+        cz=maps["cz"],
+        exponent=maps["exponent"],
+        specular_sigma=maps["specular_sigma"],
+        direction_sigma=maps["direction_sigma"],
+        exponent_sigma=maps["exponent_sigma"],
+        lobes=maps["lobes"],
+        verdict="fitted" if _core.views_differ(arguments.rig) else "one-view",
     )
+
+
+def _empty(stack: Stack, lobes: int) -> _core.LafortuneMaps:
+    """Maps whose every value the numerics write."""
+    _, bands, height, width = stack.shape
+
+    def plane(*planes: int) -> NDArray[np.float32]:
+        return np.empty((*planes, height, width), dtype=np.float32)
+
+    return {
+        "normal": plane(3),
+        "diffuse": plane(bands),
+        "specular": plane(lobes, bands),
+        "cxy": plane(lobes),
+        "cz": plane(lobes),
+        "exponent": plane(lobes),
+        "specular_sigma": plane(lobes),
+        "direction_sigma": plane(lobes),
+        "exponent_sigma": plane(lobes),
+        "lobes": np.empty((height, width), dtype=np.uint8),
+        "residual": plane(),
+        "sigma": plane(),
+        "status": np.empty((height, width), dtype=np.uint8),
+    }

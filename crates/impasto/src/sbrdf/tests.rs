@@ -1,6 +1,6 @@
 //! How soon fits stop, by looks at the caller's flag instead of a clock.
 
-use super::lafortune::{LafortuneOptions, fit_lafortune};
+use super::lafortune::{LafortuneMapsMut, LafortuneOptions, fit_lafortune};
 use super::{
     Extraction, LobeOptions, Origin, PooledOptions, Precision, Start, TorranceSparrow, fit_lobes,
     fit_pooled,
@@ -96,7 +96,26 @@ impl Painting {
 
     fn lafortune(&self, run: &Run<'_>) -> Result<()> {
         let options = LafortuneOptions { lobes: 1, rounds: 1 };
-        fit_lafortune(&self.stack(), &self.rig, &self.start(), options, run).map(drop)
+        let mut planes = [3, 2, 2, 1, 1, 1, 1, 1, 1, 1, 1].map(|planes| vec![0.0; planes * PIXELS]);
+        let [normal, diffuse, specular, cxy, cz, exponent, strength, direction, width, rest @ ..] =
+            planes.each_mut();
+        let [residual, sigma] = rest;
+        let maps = LafortuneMapsMut {
+            normal,
+            diffuse,
+            specular,
+            cxy,
+            cz,
+            exponent,
+            specular_sigma: strength,
+            direction_sigma: direction,
+            exponent_sigma: width,
+            lobes: &mut vec![0; PIXELS],
+            residual,
+            sigma,
+            status: &mut vec![0; PIXELS],
+        };
+        fit_lafortune(&self.stack(), &self.rig, &self.start(), options, maps, run)
     }
 
     fn stereo(&self, method: Method, run: &Run<'_>) -> Result<()> {

@@ -70,7 +70,7 @@ pub fn fit_normals(
         maps.tiles(shape.pixels(), shape.bands)?,
         || samples::StereoScratch::new(&problem),
         |scratch, mut tile| {
-            level.run(fit::NormalFit { problem: &problem, scratch, tile: &mut tile })
+            level.run(fit::NormalFit { problem: &problem, scratch, tile: &mut tile });
         },
     )
 }

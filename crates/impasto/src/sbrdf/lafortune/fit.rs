@@ -14,7 +14,7 @@ use super::consensus::Consensus;
 use super::covariance::Covariance;
 use super::estimate::{LafortuneEstimate, MOST_LOBES};
 use super::forward_selection::LafortuneSelection;
-use super::maps::{LafortuneMaps, LafortuneTile};
+use super::maps::{LafortuneMapsMut, LafortuneTile};
 use super::normal::NormalEstimate;
 use super::refine::Refine;
 use super::scratch::{LafortuneScratch, TILE};
@@ -30,6 +30,9 @@ pub struct LafortuneOptions {
 
 /// Lafortune lobes of every pixel, from the normals of photometric stereo.
 ///
+/// Where views do not differ ([`Rig::views_differ`]) they cannot separate normals from lobe axes:
+/// normals are then those of photometric stereo and lobes are Phong's (hard case 18).
+///
 /// # Errors
 /// If sizes disagree or the run is cancelled.
 pub fn fit_lafortune(
@@ -37,8 +40,9 @@ pub fn fit_lafortune(
     rig: &Rig,
     start: &Start<'_>,
     options: LafortuneOptions,
+    maps: LafortuneMapsMut<'_>,
     run: &Run<'_>,
-) -> Result<LafortuneMaps> {
+) -> Result<()> {
     let shape = stack.shape();
     if rig.observations() != shape.observations {
         let problem =
@@ -59,15 +63,12 @@ pub fn fit_lafortune(
         options: search,
     };
     let fit = LafortuneFit { stack, rig, start, sequence, rounds: options.rounds, run };
-    let mut maps = LafortuneMaps::new(shape.bands, options.lobes, start.status, run)?;
-    maps.views_differ = views_differ;
     let stopped = || run.cancelled();
     run.for_each(
-        maps.tiles(TILE),
+        maps.tiles(shape.pixels(), shape.bands, options.lobes, TILE)?,
         || LafortuneScratch::new(stack),
         |scratch, tile| fit.tile(scratch, tile, &stopped),
-    )?;
-    Ok(maps)
+    )
 }
 
 struct LafortuneFit<'a> {
@@ -88,6 +89,7 @@ impl LafortuneFit<'_> {
     ) {
         let level = self.run.level;
         let all = self.stack.shape().pixels();
+        tile.clear(&self.start.status[tile.start..tile.start + tile.status.len()]);
         scratch.read(level, self.stack, tile.start);
         self.rig.grid().coordinates(tile.start, &mut scratch.x, &mut scratch.y);
         for (place, (&x, &y)) in scratch.places.iter_mut().zip(scratch.x.iter().zip(&scratch.y)) {

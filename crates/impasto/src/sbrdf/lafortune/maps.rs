@@ -1,43 +1,40 @@
-//! What the fit hands out.
+//! The result maps, in the caller's memory, cut into tiles.
 
-use crate::error::Result;
-use crate::pixels::Run;
+use crate::error::{Error, Result};
 
-/// Maps of a surface whose pixels have Lafortune lobes of their own; meanings stand in
-/// `impasto.LafortuneSbrdf`.
-#[derive(Clone, Debug)]
-pub struct LafortuneMaps {
+/// Maps of a surface whose pixels have Lafortune lobes of their own, in the caller's memory.
+///
+/// All values are written, whatever the memory holds; after a cancelled call some are not.
+#[derive(Debug)]
+pub struct LafortuneMapsMut<'a> {
     /// `(3, y, x)`.
-    pub normal: Vec<f32>,
+    pub normal: &'a mut [f32],
     /// `(band, y, x)`.
-    pub diffuse: Vec<f32>,
+    pub diffuse: &'a mut [f32],
     /// `(lobe, band, y, x)`; 0 where a pixel has fewer lobes.
-    pub specular: Vec<f32>,
+    pub specular: &'a mut [f32],
     /// `(lobe, y, x)`; NaN where a pixel has fewer lobes, as the next two.
-    pub cxy: Vec<f32>,
+    pub cxy: &'a mut [f32],
     /// `(lobe, y, x)`.
-    pub cz: Vec<f32>,
+    pub cz: &'a mut [f32],
     /// `(lobe, y, x)`.
-    pub exponent: Vec<f32>,
+    pub exponent: &'a mut [f32],
     /// `(lobe, y, x)` standard deviation of the strength, the mean of the bands, relative to it; NaN
     /// where it is not determined, as the next two.
-    pub specular_sigma: Vec<f32>,
+    pub specular_sigma: &'a mut [f32],
     /// `(lobe, y, x)` standard deviation of the direction of (Cxy, Cz), rad.
-    pub direction_sigma: Vec<f32>,
+    pub direction_sigma: &'a mut [f32],
     /// `(lobe, y, x)` standard deviation of `ln n`.
-    pub exponent_sigma: Vec<f32>,
+    pub exponent_sigma: &'a mut [f32],
     /// `(y, x)` how many lobes.
-    pub lobes: Vec<u8>,
+    pub lobes: &'a mut [u8],
     /// `(y, x)` root mean square of the residuals, linear light.
-    pub residual: Vec<f32>,
+    pub residual: &'a mut [f32],
     /// `(y, x)` standard deviation of the normal along its worst axis, rad; NaN where the normal
     /// is that of photometric stereo.
-    pub sigma: Vec<f32>,
+    pub sigma: &'a mut [f32],
     /// `(y, x)` [`Status`](crate::maps::Status) codes.
-    pub status: Vec<u8>,
-    /// Whether views separate normals from lobe axes; else normals are those of photometric stereo and
-    /// lobes Phong's (hard case 18).
-    pub views_differ: bool,
+    pub status: &'a mut [u8],
 }
 
 /// A tile of every map, to be written.
@@ -58,51 +55,40 @@ pub(super) struct LafortuneTile<'a> {
     pub(super) status: &'a mut [u8],
 }
 
-impl LafortuneMaps {
-    /// Maps that hold NaN, no lobes, and the statuses to begin with.
-    pub(super) fn new(bands: usize, lobes: usize, status: &[u8], run: &Run<'_>) -> Result<Self> {
-        let unknown = |planes: usize| run.filled(f32::NAN, planes * status.len());
-        Ok(Self {
-            normal: unknown(3)?,
-            diffuse: unknown(bands)?,
-            specular: unknown(lobes * bands)?,
-            cxy: unknown(lobes)?,
-            cz: unknown(lobes)?,
-            exponent: unknown(lobes)?,
-            specular_sigma: unknown(lobes)?,
-            direction_sigma: unknown(lobes)?,
-            exponent_sigma: unknown(lobes)?,
-            lobes: vec![0; status.len()],
-            residual: unknown(1)?,
-            sigma: unknown(1)?,
-            status: run.copied(status)?,
-            views_differ: true,
-        })
-    }
-
+impl<'a> LafortuneMapsMut<'a> {
     /// The maps cut into tiles.
-    pub(super) fn tiles(&mut self, tile: usize) -> Vec<LafortuneTile<'_>> {
-        let pixels = self.status.len();
-        let maps = [
-            &mut self.normal,
-            &mut self.diffuse,
-            &mut self.specular,
-            &mut self.cxy,
-            &mut self.cz,
-            &mut self.exponent,
-            &mut self.specular_sigma,
-            &mut self.direction_sigma,
-            &mut self.exponent_sigma,
-            &mut self.residual,
-            &mut self.sigma,
+    pub(super) fn tiles(
+        self,
+        pixels: usize,
+        bands: usize,
+        lobes: usize,
+        tile: usize,
+    ) -> Result<Vec<LafortuneTile<'a>>> {
+        let floats = [
+            ("normal", self.normal, 3),
+            ("diffuse", self.diffuse, bands),
+            ("specular", self.specular, lobes * bands),
+            ("cxy", self.cxy, lobes),
+            ("cz", self.cz, lobes),
+            ("exponent", self.exponent, lobes),
+            ("specular_sigma", self.specular_sigma, lobes),
+            ("direction_sigma", self.direction_sigma, lobes),
+            ("exponent_sigma", self.exponent_sigma, lobes),
+            ("residual", self.residual, 1),
+            ("sigma", self.sigma, 1),
         ];
-        let mut planes = maps.map(|map| -> Vec<_> {
+        let sizes = floats.iter().map(|(name, map, planes)| (*name, map.len(), planes * pixels));
+        let codes = [("lobes", self.lobes.len(), pixels), ("status", self.status.len(), pixels)];
+        if let Some((name, found, expected)) = sizes.chain(codes).find(|(_, a, b)| a != b) {
+            return Err(Error::argument(name, format!("{found} values, expected {expected}")));
+        }
+        let mut planes = floats.map(|(_, map, _)| -> Vec<_> {
             map.chunks_mut(pixels).map(|plane| plane.chunks_mut(tile)).collect()
         });
-        let mut lobes = self.lobes.chunks_mut(tile);
-        let statuses = self.status.chunks_mut(tile).enumerate();
-        statuses
-            .map(|(number, status)| {
+        let counts = self.lobes.chunks_mut(tile);
+        let tiles = self.status.chunks_mut(tile).zip(counts).enumerate();
+        Ok(tiles
+            .map(|(number, (status, lobes))| {
                 let mut next = planes.iter_mut().map(|planes| -> Vec<_> {
                     planes.iter_mut().filter_map(Iterator::next).collect()
                 });
@@ -120,10 +106,32 @@ impl LafortuneMaps {
                     exponent_sigma: map(),
                     residual: map().pop().unwrap_or_default(),
                     sigma: map().pop().unwrap_or_default(),
-                    lobes: lobes.next().unwrap_or_default(),
+                    lobes,
                     status,
                 }
             })
-            .collect()
+            .collect())
+    }
+}
+
+impl LafortuneTile<'_> {
+    /// Fills the maps with NaN, no lobes, and the statuses of photometric stereo.
+    pub(super) fn clear(&mut self, status: &[u8]) {
+        let planes = [
+            &mut self.normal,
+            &mut self.diffuse,
+            &mut self.specular,
+            &mut self.cxy,
+            &mut self.cz,
+            &mut self.exponent,
+            &mut self.specular_sigma,
+            &mut self.direction_sigma,
+            &mut self.exponent_sigma,
+        ];
+        planes.into_iter().flatten().for_each(|plane| plane.fill(f32::NAN));
+        self.residual.fill(f32::NAN);
+        self.sigma.fill(f32::NAN);
+        self.lobes.fill(0);
+        self.status.copy_from_slice(status);
     }
 }

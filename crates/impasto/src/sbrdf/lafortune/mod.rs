@@ -36,7 +36,7 @@ pub use estimate::{LafortuneEstimate, MOST_LOBES};
 pub use fit::{LafortuneOptions, fit_lafortune};
 pub use forward_selection::LafortuneSelection;
 pub use luminance::Luminance;
-pub use maps::LafortuneMaps;
+pub use maps::LafortuneMapsMut;
 pub use normal::{NormalEstimate, fit_normal};
 
 #[cfg(test)]
