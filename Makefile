@@ -40,6 +40,7 @@ test-fast: $(VENV)/built $(VENV)/extras  ## run the fast Python tests: most of t
 lint: $(VENV)/built $(VENV)/extras  ## check formats, clippy, ruff and mypy; warnings are errors
 	cargo fmt --all --check
 	cargo clippy --quiet --workspace --all-targets -- -D warnings
+	cargo clippy --quiet --package impasto --no-default-features --features lm --lib --example decay -- -D warnings
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
