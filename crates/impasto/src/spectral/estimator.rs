@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::diagnostics::Diagnostics;
-use super::factor::Factor;
+use super::factor::Factorisation;
 use super::features::Features;
 use super::fitted_map::FittedMap;
 use super::linear::{self, Root};
@@ -92,7 +92,7 @@ impl Estimator {
             }
             Kind::RadialBasis => radial_basis::fit(problem, seed)?,
         };
-        let factor = Factor::of(&fit, rank);
+        let factor = Factorisation::of(&fit, rank);
         diagnostics.noise_gain = fit.noise_gain(problem, seed);
         diagnostics.training_rmse = factor.training_rmse;
         diagnostics.truncation = factor.truncation;

@@ -15,7 +15,7 @@ const NEGLIGIBLE: f64 = 1e-13;
 
 /// `map = basis * coefficients`.
 #[derive(Clone, Debug)]
-pub struct Factor {
+pub struct Factorisation {
     /// `(n, k)`, orthonormal columns, strongest first.
     pub basis: DMatrix<f64>,
     /// `(k, features)`.
@@ -26,7 +26,7 @@ pub struct Factor {
     pub truncation: f64,
 }
 
-impl Factor {
+impl Factorisation {
     /// Splits a fitted map; `rank` limits the number of coefficients.
     #[must_use]
     pub fn of(fit: &FittedMap, rank: Option<usize>) -> Self {

@@ -34,7 +34,7 @@ mod svd;
 
 pub use diagnostics::Diagnostics;
 pub use estimator::{Estimator, Kind};
-pub use factor::Factor;
+pub use factor::Factorisation;
 pub use features::Features;
 pub use fitted_map::FittedMap;
 pub use operator::Operator;

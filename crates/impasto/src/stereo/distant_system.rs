@@ -3,11 +3,11 @@
 use crate::geometry::Rig;
 use crate::math::Vec3;
 
-use super::solve::{Inverse, Symmetric};
+use super::solve::{Symmetric, SymmetricInverse};
 
 pub(super) struct DistantSystem {
     pub(super) matrix: Symmetric<f64>,
-    pub(super) inverse: Inverse<f64>,
+    pub(super) inverse: SymmetricInverse<f64>,
     pub(super) squared: f64,
     /// One row per light: `(L'L)^-1 l`.
     pub(super) pseudoinverse: Vec<Vec3<f64>>,

@@ -7,7 +7,7 @@ use super::lanes::NormalLanes;
 use super::lights::{Distant, Lights, Near};
 use super::problem::StereoProblem;
 use super::results::NormalResults;
-use super::samples::{BLOCK, Samples, ScreenedSamples, StereoScratch};
+use super::samples::{BLOCK, RegisterSamples, ScreenedSamples, StereoScratch};
 use super::tile::NormalTile;
 
 pub(super) struct NormalFit<'a, 'b, 'c> {
@@ -46,7 +46,7 @@ impl NormalFit<'_, '_, '_> {
                     let (x, y) = (R::load(&scratch.x[at..]), R::load(&scratch.y[at..]));
                     pixels.lights.aim(problem.rig, x, y);
                 }
-                let samples = Samples::of(scratch, problem, at);
+                let samples = RegisterSamples::of(scratch, problem, at);
                 let mut sum = R::zero();
                 for k in 0..problem.rig.observations() {
                     sum = sum + samples.means.at::<R>(k);

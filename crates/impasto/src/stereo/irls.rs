@@ -4,7 +4,7 @@ use crate::math::{Mask, Real, Vec3};
 
 use super::lights::Lights;
 use super::m_estimators::WeightFunction;
-use super::rows::{MAX_LANES, Rows, lanes};
+use super::rows::{MAX_LANES, PlaneRows, lanes};
 use super::solve::{ENOUGH, Symmetric};
 use super::sorting_network::SortingNetwork;
 use super::sums::residual;
@@ -42,7 +42,7 @@ impl<R: Real<Scalar = f32>> StereoIrls<R> {
         &mut self,
         lights: &L,
         kept: &[R::Mask],
-        signal: Rows<'_>,
+        signal: PlaneRows<'_>,
         steps: usize,
         b: &mut Vec3<R>,
     ) -> R::Mask {
@@ -108,7 +108,7 @@ impl<R: Real<Scalar = f32>> StereoIrls<R> {
         &mut self,
         lights: &L,
         kept: &[R::Mask],
-        signal: Rows<'_>,
+        signal: PlaneRows<'_>,
         b: Vec3<R>,
         count: R,
     ) -> R {

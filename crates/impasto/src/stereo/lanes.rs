@@ -7,9 +7,9 @@ use super::lights::Lights;
 use super::m_estimators::{Absolute, Cauchy, ErrorScale, Huber, LossFunction, Tukey};
 use super::problem::StereoProblem;
 use super::rejection::{Ranks, RejectionOutcome, RejectionRule, threshold};
-use super::rows::{MAX_LANES, Rows, any};
-use super::samples::{Samples, ScreenedSamples};
-use super::solve::{Inverse, Solution, Symmetric};
+use super::rows::{MAX_LANES, PlaneRows, any};
+use super::samples::{RegisterSamples, ScreenedSamples};
+use super::solve::{Solution, Symmetric, SymmetricInverse};
 use super::sums::{Accumulate, Multiply, Squares};
 
 /// The solution for one register of pixels; the albedo stays in [`NormalLanes`].
@@ -77,7 +77,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
                 b: Vec3::new(zero, zero, zero),
                 total: zero,
                 matrix: uniform.matrix.splat(),
-                inverse: Inverse {
+                inverse: SymmetricInverse {
                     adjugate: uniform.inverse.adjugate.splat(),
                     per_determinant: R::of(uniform.inverse.per_determinant),
                 },
@@ -92,7 +92,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
     #[inline(always)]
     pub(super) fn fit_all(
         &mut self,
-        samples: &Samples<'_>,
+        samples: &RegisterSamples<'_>,
         mut sum: R,
         screened: &mut ScreenedSamples,
     ) -> NormalSolution<R> {
@@ -106,7 +106,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
                 sum = sum + mean;
                 mean.store(&mut screened.relative[k * MAX_LANES..]);
             }
-            relative = Rows::new(&screened.relative, MAX_LANES);
+            relative = PlaneRows::new(&screened.relative, MAX_LANES);
         }
         self.fit::<true>(relative, sum, samples.signal, samples.bands)
     }
@@ -115,7 +115,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
     #[inline(always)]
     pub(super) fn fit_some(
         &mut self,
-        samples: &Samples<'_>,
+        samples: &RegisterSamples<'_>,
         screened: &mut ScreenedSamples,
     ) -> NormalSolution<R> {
         let (zero, one, nan) = (R::zero(), R::one(), R::splat(f32::NAN));
@@ -133,18 +133,18 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
             R::select(valid, relative, nan).store(&mut screened.relative[k * MAX_LANES..]);
             R::keep(valid, samples.signal.at(k)).store(&mut screened.signal[k * MAX_LANES..]);
         }
-        let relative = Rows::new(&screened.relative, MAX_LANES);
-        self.fit::<false>(relative, sum, Rows::new(&screened.signal, MAX_LANES), samples.bands)
+        let relative = PlaneRows::new(&screened.relative, MAX_LANES);
+        self.fit::<false>(relative, sum, PlaneRows::new(&screened.signal, MAX_LANES), samples.bands)
     }
 
     /// With `ALL` every sample is valid; `sum` is that of the `relative` samples that are.
     #[inline(always)]
     fn fit<const ALL: bool>(
         &mut self,
-        relative: Rows<'_>,
+        relative: PlaneRows<'_>,
         sum: R,
-        signal: Rows<'_>,
-        bands: Rows<'_>,
+        signal: PlaneRows<'_>,
+        bands: PlaneRows<'_>,
     ) -> NormalSolution<R> {
         let mut rejection = self.select::<ALL>(relative, sum);
         let start = self.start::<ALL>(signal);
@@ -182,7 +182,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
 
     /// Which samples the rule keeps.
     #[inline(always)]
-    fn select<const ALL: bool>(&mut self, relative: Rows<'_>, sum: R) -> RejectionOutcome<R> {
+    fn select<const ALL: bool>(&mut self, relative: PlaneRows<'_>, sum: R) -> RejectionOutcome<R> {
         match (&mut self.ranks, self.rule) {
             (Some(ranks), _) => ranks.apply::<ALL>(relative, &mut self.kept, self.valid),
             (None, RejectionRule::Threshold { w1, w2 }) => {
@@ -201,7 +201,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
     /// Least squares over the kept samples. Pixels all of whose samples count, under distant
     /// lights, are multiplied by the one pseudoinverse.
     #[inline(always)]
-    fn start<const ALL: bool>(&self, signal: Rows<'_>) -> Solution<R> {
+    fn start<const ALL: bool>(&self, signal: PlaneRows<'_>) -> Solution<R> {
         let (lights, kept) = (&self.lights, &self.kept[..]);
         let mut all = None;
         if let Some(uniform) = self.uniform {
@@ -227,7 +227,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
             ),
             total,
             matrix: Symmetric::select(whole, &uniform.matrix, &some.matrix),
-            inverse: Inverse {
+            inverse: SymmetricInverse {
                 adjugate: Symmetric::select(
                     whole,
                     &uniform.inverse.adjugate,
@@ -246,7 +246,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
 
     /// Every band's albedo along the normal.
     #[inline(always)]
-    fn follow<const ALL: bool>(&mut self, bands: Rows<'_>, normal: Vec3<R>, length: R) {
+    fn follow<const ALL: bool>(&mut self, bands: PlaneRows<'_>, normal: Vec3<R>, length: R) {
         let (zero, one) = (R::zero(), R::one());
         if let [albedo] = &mut self.albedo[..] {
             // The same number: the normal is the direction of the least-squares solution.

@@ -4,10 +4,10 @@
 //! (eq. 2 of the RGB-camera paper [@tominaga-rgb-camera]). Three steps decide which samples determine `b`:
 //!
 //! 1. clipped and missing samples have weight 0, whatever the method;
-//! 2. a [`rejection`] rule drops highlights and shadows by the size of a sample among its pixel's
+//! 2. a `rejection` rule drops highlights and shadows by the size of a sample among its pixel's
 //!    samples ([`Method::Threshold`], [`Method::Rank`]);
-//! 3. an M-estimator ([`m_estimators`]) weights the rest by their residuals, in iteratively
-//!    reweighted least squares ([`irls`]: [`Method::L1`] and others).
+//! 3. an M-estimator (`m_estimators`) weights the rest by their residuals, in iteratively
+//!    reweighted least squares (`irls`: [`Method::L1`] and others).
 //!
 //! Rejection rules use the mean of the bands; `b` is solved from that mean or from one band. The albedo
 //! of every band follows along the normal, by least squares with the same weights.

@@ -6,7 +6,7 @@ use core::cmp::Ordering;
 use crate::error::{Error, Result};
 use crate::math::{Mask, Real};
 
-use super::rows::{MAX_LANES, Rows, lanes};
+use super::rows::{MAX_LANES, PlaneRows, lanes};
 use super::solve::ENOUGH;
 use super::sorting_network::SortingNetwork;
 
@@ -112,7 +112,7 @@ impl<R: Real> RejectionOutcome<R> {
 #[inline(always)]
 pub(super) fn threshold<R: Real<Scalar = f32>, const ALL: bool>(
     (w1, w2): (f64, f64),
-    relative: Rows<'_>,
+    relative: PlaneRows<'_>,
     mean: R,
     kept: &mut [R::Mask],
     valid: R,
@@ -141,7 +141,7 @@ pub(super) fn threshold<R: Real<Scalar = f32>, const ALL: bool>(
 /// Accepts rejected samples again, lane by lane: rare, so simple code is fast enough.
 #[inline(always)]
 fn readmit<R: Real<Scalar = f32>>(
-    relative: Rows<'_>,
+    relative: PlaneRows<'_>,
     kept: &mut [R::Mask],
     rejection: &mut RejectionOutcome<R>,
     lower: R,
@@ -183,7 +183,7 @@ pub(super) struct Ranks<R> {
 }
 
 /// The lowest and highest kept values, their ranks, and whether the rule was widened.
-struct Limits<R: Real> {
+struct RankLimits<R: Real> {
     lower: R,
     upper: R,
     first: R,
@@ -204,7 +204,7 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
     #[inline(always)]
     pub(super) fn apply<const ALL: bool>(
         &mut self,
-        relative: Rows<'_>,
+        relative: PlaneRows<'_>,
         kept: &mut [R::Mask],
         valid: R,
     ) -> RejectionOutcome<R> {
@@ -237,7 +237,7 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
 
     /// Of samples that equal a limit, those of the first lights have the lower ranks.
     #[inline(always)]
-    fn split_ties(relative: Rows<'_>, kept: &mut [R::Mask], limits: &Limits<R>) {
+    fn split_ties(relative: PlaneRows<'_>, kept: &mut [R::Mask], limits: &RankLimits<R>) {
         let (zero, one) = (R::zero(), R::one());
         let (mut below_lower, mut below_upper) = (zero, zero);
         for k in 0..kept.len() {
@@ -260,9 +260,9 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
     }
 
     #[inline(always)]
-    fn limits_of_all(&self) -> Limits<R> {
+    fn limits_of_all(&self) -> RankLimits<R> {
         let kept = self.kept[self.sorted.len()];
-        Limits {
+        RankLimits {
             lower: self.sorted[kept.first],
             upper: self.sorted[kept.end - 1],
             first: R::of(kept.first as f64),
@@ -273,7 +273,7 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
 
     /// Lane by lane, for every lane has its own number of valid samples.
     #[inline(always)]
-    fn limits(&self, valid: R) -> Limits<R> {
+    fn limits(&self, valid: R) -> RankLimits<R> {
         let mut found = [[0.0_f32; MAX_LANES]; 5];
         let valid = lanes(valid);
         for (lane, &valid) in valid.iter().enumerate().take(R::WIDTH) {
@@ -285,7 +285,7 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
             found[3][lane] = kept.end as f32;
             found[4][lane] = f32::from(u8::from(kept.relaxed));
         }
-        Limits {
+        RankLimits {
             lower: R::load(&found[0]),
             upper: R::load(&found[1]),
             first: R::load(&found[2]),

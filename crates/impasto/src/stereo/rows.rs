@@ -8,12 +8,12 @@ pub(super) const MAX_LANES: usize = 2 * lanes::MAX_LANES;
 
 /// One register of pixels from each of several planes that lie `stride` apart.
 #[derive(Clone, Copy)]
-pub(super) struct Rows<'a> {
+pub(super) struct PlaneRows<'a> {
     values: &'a [f32],
     stride: usize,
 }
 
-impl<'a> Rows<'a> {
+impl<'a> PlaneRows<'a> {
     #[inline(always)]
     pub(super) fn new(values: &'a [f32], stride: usize) -> Self {
         Self { values, stride }

@@ -3,7 +3,7 @@
 use crate::math::Real;
 
 use super::problem::StereoProblem;
-use super::rows::{Aligned, MAX_LANES, Rows};
+use super::rows::{Aligned, MAX_LANES, PlaneRows};
 
 /// Pixels that are decoded at a time: 16 photographs of them fill the first-level cache.
 pub(super) const BLOCK: usize = 512;
@@ -56,7 +56,7 @@ impl StereoScratch {
         }
         let share = R::of(1.0 / bands as f64);
         for (k, mean) in self.means.get_mut().chunks_exact_mut(STRIDE).enumerate() {
-            let samples = Rows::new(&self.samples.get()[k * bands * STRIDE..], STRIDE);
+            let samples = PlaneRows::new(&self.samples.get()[k * bands * STRIDE..], STRIDE);
             for at in (0..BLOCK).step_by(R::WIDTH) {
                 let mut sum: R = samples.from(at).at(0);
                 for band in 1..bands {
@@ -73,23 +73,26 @@ impl StereoScratch {
 
 /// The samples of one register of pixels.
 #[derive(Clone, Copy)]
-pub(super) struct Samples<'a> {
+pub(super) struct RegisterSamples<'a> {
     /// Every band of every light, `(obs, band)`.
-    pub(super) bands: Rows<'a>,
+    pub(super) bands: PlaneRows<'a>,
     /// Their means: one clipped band makes it infinite, one missing band NaN.
-    pub(super) means: Rows<'a>,
+    pub(super) means: PlaneRows<'a>,
     /// What normals are solved from.
-    pub(super) signal: Rows<'a>,
+    pub(super) signal: PlaneRows<'a>,
 }
 
-impl<'a> Samples<'a> {
+impl<'a> RegisterSamples<'a> {
     #[inline(always)]
     pub(super) fn of(scratch: &'a StereoScratch, problem: &StereoProblem<'_>, at: usize) -> Self {
         let count = problem.stack.shape().bands;
-        let bands = Rows::new(&scratch.samples.get()[at..], STRIDE);
-        let means = if count == 1 { bands } else { Rows::new(&scratch.means.get()[at..], STRIDE) };
+        let bands = PlaneRows::new(&scratch.samples.get()[at..], STRIDE);
+        let means =
+            if count == 1 { bands } else { PlaneRows::new(&scratch.means.get()[at..], STRIDE) };
         let signal = match problem.options.selection {
-            Some(band) => Rows::new(&scratch.samples.get()[band * STRIDE + at..], count * STRIDE),
+            Some(band) => {
+                PlaneRows::new(&scratch.samples.get()[band * STRIDE + at..], count * STRIDE)
+            }
             None => means,
         };
         Self { bands, means, signal }

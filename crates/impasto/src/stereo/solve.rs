@@ -95,10 +95,10 @@ impl<R: Real> Symmetric<R> {
 
     /// The inverse, as cofactors over the determinant.
     #[inline(always)]
-    pub(super) fn inverse(&self) -> Inverse<R> {
+    pub(super) fn inverse(&self) -> SymmetricInverse<R> {
         let adjugate = self.adjugate();
         let determinant = self.first_row().dot(adjugate.first_row());
-        Inverse { adjugate, per_determinant: determinant.recip() }
+        SymmetricInverse { adjugate, per_determinant: determinant.recip() }
     }
 
     /// Whether single precision sees a determinant; it is far below what a rule's own lights have
@@ -116,7 +116,7 @@ impl<R: Real> Symmetric<R> {
     /// The largest eigenvalue leaves a sum and a product to the other two; the smallest is what
     /// the determinant leaves to it.
     #[inline(always)]
-    pub(super) fn squared_condition(&self, inverse: &Inverse<R>) -> R {
+    pub(super) fn squared_condition(&self, inverse: &SymmetricInverse<R>) -> R {
         let largest = self.largest_eigenvalue();
         let half_sum = (self.trace() - largest) * R::of(0.5);
         let product = (largest * inverse.per_determinant).recip();
@@ -130,7 +130,7 @@ impl<R: Real> Symmetric<R> {
     /// The larger eigenvalue of the inverse `C` seen in the tangent plane, where its trace is
     /// `tr C - n'Cn` and its determinant `n' adj(C) n = n'An / det A`.
     #[inline(always)]
-    pub(super) fn worst_tangent_variance(&self, inverse: &Inverse<R>, n: Vec3<R>) -> R {
+    pub(super) fn worst_tangent_variance(&self, inverse: &SymmetricInverse<R>, n: Vec3<R>) -> R {
         let along = n.dot(inverse.adjugate.times(n));
         let half = inverse.per_determinant * R::of(0.5);
         let half_trace = (inverse.adjugate.trace() - along) * half;
@@ -208,12 +208,12 @@ pub(super) fn well_determined<R: Real>(squared: R) -> R::Mask {
 
 /// The inverse of a symmetric matrix.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Inverse<R> {
+pub(super) struct SymmetricInverse<R> {
     pub(super) adjugate: Symmetric<R>,
     pub(super) per_determinant: R,
 }
 
-impl<R: Real> Inverse<R> {
+impl<R: Real> SymmetricInverse<R> {
     #[inline(always)]
     pub(super) fn times(&self, v: Vec3<R>) -> Vec3<R> {
         self.adjugate.times(v).scale(self.per_determinant)
@@ -228,7 +228,7 @@ pub(super) struct Solution<R> {
     /// Sum of the samples.
     pub(super) total: R,
     pub(super) matrix: Symmetric<R>,
-    pub(super) inverse: Inverse<R>,
+    pub(super) inverse: SymmetricInverse<R>,
     /// Squared condition number of the lights, and its root.
     pub(super) squared: R,
     pub(super) condition: R,

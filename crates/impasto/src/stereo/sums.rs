@@ -4,13 +4,13 @@ use crate::math::real::Part;
 use crate::math::{Real, Vec3};
 
 use super::lights::Lights;
-use super::rows::Rows;
+use super::rows::PlaneRows;
 use super::solve::Symmetric;
 
 /// The product with the pseudoinverse of all lights, and the sum of the samples.
 pub(super) struct Multiply<'a> {
     pub(super) pseudoinverse: &'a [Vec3<f32>],
-    pub(super) signal: Rows<'a>,
+    pub(super) signal: PlaneRows<'a>,
 }
 
 impl<R: Real<Scalar = f32>> Part<R> for Multiply<'_> {
@@ -33,7 +33,7 @@ impl<R: Real<Scalar = f32>> Part<R> for Multiply<'_> {
 pub(super) struct Accumulate<'a, L, M> {
     pub(super) lights: &'a L,
     pub(super) kept: &'a [M],
-    pub(super) signal: Rows<'a>,
+    pub(super) signal: PlaneRows<'a>,
 }
 
 impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Accumulate<'_, L, R::Mask> {
@@ -59,7 +59,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Accumulate<'_, L, R::Mask>
 pub(super) struct Squares<'a, R, L, M, const WHOLE: bool> {
     pub(super) lights: &'a L,
     pub(super) kept: &'a [M],
-    pub(super) signal: Rows<'a>,
+    pub(super) signal: PlaneRows<'a>,
     pub(super) b: Vec3<R>,
 }
 

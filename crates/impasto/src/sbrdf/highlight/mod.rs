@@ -32,7 +32,7 @@ pub struct HighlightMaps<'a> {
     pub covariance: &'a mut [f32],
     /// Root mean square of the residuals.
     pub residual: &'a mut [f32],
-    /// [`Status`] codes.
+    /// [`Status`](crate::maps::Status) codes.
     pub status: &'a mut [u8],
 }
 

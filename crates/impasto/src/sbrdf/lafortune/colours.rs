@@ -47,7 +47,7 @@ impl TileColours {
 /// A photograph that clipped in a band, or lacks it, was not used for the lobes, and was not tested
 /// for outliers: a flash may clip red alone. Its other bands count if they are no outliers beside the
 /// fit to the complete photographs (hard case 31).
-pub(super) struct Colours<'a> {
+pub(super) struct LafortuneColours<'a> {
     pub(super) rig: &'a Rig,
     pub(super) scratch: &'a LafortuneScratch,
     pub(super) fine: &'a [usize],
@@ -55,7 +55,7 @@ pub(super) struct Colours<'a> {
     pub(super) tints: &'a mut TileColours,
 }
 
-impl Kernel for Colours<'_> {
+impl Kernel for LafortuneColours<'_> {
     type Output = ();
 
     #[inline(always)]

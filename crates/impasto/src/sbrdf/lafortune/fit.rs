@@ -9,7 +9,7 @@ use crate::pixels::Run;
 use crate::sbrdf::Start;
 use crate::stack::Stack;
 
-use super::colours::{Colours, TileColours};
+use super::colours::{LafortuneColours, TileColours};
 use super::consensus::Consensus;
 use super::covariance::Covariance;
 use super::estimate::{LafortuneEstimate, MOST_LOBES};
@@ -179,7 +179,13 @@ impl LafortuneFit<'_> {
             colours.into_iter().flatten().for_each(|plane| plane[pixel] = 0.0);
         }
         let mut tints = TileColours::new(bands, scratch.places.len());
-        self.run.level.run(Colours { rig: self.rig, scratch, fine, found, tints: &mut tints });
+        self.run.level.run(LafortuneColours {
+            rig: self.rig,
+            scratch,
+            fine,
+            found,
+            tints: &mut tints,
+        });
         for (&pixel, found) in fine.iter().zip(found) {
             let scale = scratch.scales[pixel];
             if !tints.finite(pixel, scale) {
