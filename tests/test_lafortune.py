@@ -69,7 +69,7 @@ def test_no_pixel_has_more_lobes_than_are_there(capture: Any, fit: impasto.Lafor
     # A lobe too many lowers the sum of 770 squares by chance: three unknowns have to make up for
     # 3 ln 770 = 20 of chi squared, once in 6,000.
     assert (fit.lobes > true).mean() < 0.005
-    # Three lobes are far enough apart to be told; two broad ones may pass for one.
+    # Three lobes are far enough apart to be separated; two broad ones may pass for one.
     assert (fit.lobes == true)[true == 3].mean() > 0.95
 
 

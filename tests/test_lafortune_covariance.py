@@ -87,9 +87,9 @@ def test_deviations_are_those_of_numpy() -> None:
     samples = luminance(stack)
     # Samples that were left out are off by half of themselves: such pixels are left to others.
     shown = found.predict().mean(axis=1, dtype=np.float64)
-    gross = np.abs(samples - shown) > 0.5 * np.maximum(samples, shown)
+    outliers = np.abs(samples - shown) > 0.5 * np.maximum(samples, shown)
     for count in (1, 2, 3):
-        there = (found.lobes == count) & ~gross.any(axis=0)
+        there = (found.lobes == count) & ~outliers.any(axis=0)
         assert there.sum() > 50
         worst, own = by_numpy(found, samples, there, count)
         ours = np.array([getattr(found, name)[:count, there] for name in SIGMAS])

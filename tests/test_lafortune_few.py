@@ -57,7 +57,7 @@ def test_no_light_and_view_show_what_photographs_do_not(model: Any) -> None:
     most = fit.diffuse + UNSEEN * 1.001 * seen.sum(axis=0)
     shown = fit.predict(everywhere(1500))
     assert (shown <= most)[:, :, fine].all()
-    # What was held out is foretold the better for the lobes.
+    # Held-out photographs are predicted better with the lobes.
     held = capture.stack.take(sorted(set(range(len(capture.stack.rig))) - set(every)))
     truth = np.array([held.linear(i) for i in range(len(held.rig))])
     known = np.isfinite(truth) & fine
@@ -86,7 +86,7 @@ def test_views_tell_normals_that_lights_in_a_plane_do_not() -> None:
     error = normal_error(fit.normal, capture.truth.normal)
     assert np.median(error[:, 8:]) < 0.1
     assert np.percentile(error[:, 8:], 95) < 0.5
-    # Of one view nothing tells the normal: such pixels stay open.
+    # One view does not determine the normal: such pixels stay open.
     flat = impasto.Rig(np.concatenate([rig.directions[:60], [(0.0, 0.6, 0.8), (0.0, -0.6, 0.8)]]))
     one = simulate.capture(painting, flat, "rgb", model="lafortune").stack
     linear = np.array([one.linear(i) for i in range(62)])

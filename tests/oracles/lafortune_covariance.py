@@ -29,13 +29,13 @@ def deviations(normal, diffuse, strength, cxy, cz, exponent, samples, rig, *, kn
     )
     lobes = len(strength)
     unknowns = 3 + 3 * lobes
-    aside, up = lafortune_forward.frame(normal)
+    across, up = lafortune_forward.frame(normal)
 
     def shown(step):
         tilt_x, tilt_y, lift = step[:3]
         louder, turn, sharper = step[3:].reshape(lobes, 3).T.reshape(3, lobes, *(1,) * diffuse.ndim)
         return lafortune_forward.stack(
-            normal + tilt_x * aside + tilt_y * up,
+            normal + tilt_x * across + tilt_y * up,
             (diffuse + lift)[None],
             (strength * np.exp(louder))[:, None],
             cxy * np.cos(turn) + cz * np.sin(turn),

@@ -16,8 +16,8 @@ import numpy as np
 def frame(normal):
     """Two unit vectors ``(3, ...)`` that stand on the normal and on each other."""
     n = np.asarray(normal, np.float64)
-    aside = np.where(np.abs(n[0]) < 0.6, 1.0, 0.0)
-    seed = np.stack([aside, 1.0 - aside, np.zeros_like(aside)])
+    axis = np.where(np.abs(n[0]) < 0.6, 1.0, 0.0)
+    seed = np.stack([axis, 1.0 - axis, np.zeros_like(axis)])
     x = np.cross(n, seed, axis=0)
     x = x / np.linalg.norm(x, axis=0)
     return x, np.cross(n, x, axis=0)
