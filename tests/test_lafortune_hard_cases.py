@@ -294,11 +294,11 @@ def test_hard_case_31_some_gross_outliers_turn_no_normal(every: int, count: int)
     )
     error, before = (normal_error(f.normal, capture.truth.normal) for f in (fit, clean))
     # Normals that noise alone brings within 0.04 degrees (median) used to be off by 8 where two of
-    # 110 photographs are outliers. Three times a pixel's own error, or 0.1 degrees, is what fewer and
-    # other samples do to it by chance: a twentieth of the photographs changes an estimate by a
-    # quarter of its deviation. One pixel may end in another minimum. Of 110 photographs a subset has
-    # 16 for its five unknowns: five outliers leave two of seven subsets clean, and the fits of those
-    # may fail in a pixel of thirty.
+    # 110 photographs are outliers. Three times a pixel's own error, or 0.1 degrees, is what fewer
+    # and other samples do to it by chance: a twentieth of the photographs changes an estimate by a
+    # quarter of its deviation. One pixel may end in another minimum. Of 110 photographs a subset
+    # has 16 for its five unknowns: five outliers leave two of seven subsets clean, and the fits of
+    # those may fail in a pixel of thirty.
     turned = error > np.maximum(3.0 * before, 0.1)
     assert turned.sum() <= (5 if every == 7 else 1)
     assert np.isclose(np.median(error), np.median(before), rtol=0.25)
