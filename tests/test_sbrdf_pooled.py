@@ -102,10 +102,10 @@ def test_the_joint_fit_is_the_robust_minimum(
 ) -> None:
     fitted = impasto.fit_sbrdf(scene[2], normals=truth(scene) if start == "truth" else None)
     beta, gamma = oracle.EXPECTED["joint_robust"]
-    # The search ends where the cost falls by 1e-5: with 174 (d beta / beta)^2 (joint.rs) that is
-    # 2.4e-4, a fifth of a standard deviation.
-    assert fitted.beta == pytest.approx(beta, rel=3e-4)
-    assert fitted.gamma == pytest.approx(gamma, rel=3e-4)
+    # The search ends where a step lowers the cost by less than 1e-6 of it: with
+    # 174 (d beta / beta)^2 (joint.rs) that is 7.6e-5, a fifteenth of a standard deviation.
+    assert fitted.beta == pytest.approx(beta, rel=1e-4)
+    assert fitted.gamma == pytest.approx(gamma, rel=1e-4)
     # Least squares on the same samples is another estimate: half a standard deviation apart.
     deviations = np.sqrt(np.diag(fitted.covariance))
     least = oracle.EXPECTED["joint_least_squares"]
