@@ -93,7 +93,7 @@ def overview(
         Panel("Light from above", lit(PAPER_LIGHT), "45 degrees"),
         Panel("Raking light", lit(RAKING_LIGHT, 2.0), "from the left, 18 degrees"),
         gloss_panel(sbrdf),
-        *trust_panels(sbrdf),
+        *quality_panels(sbrdf),
     )
     return contact_sheet(panels, title=title, subtitle=subtitle(sbrdf), columns=5)
 
@@ -110,7 +110,7 @@ def diffuse_panel(sbrdf: Any, reflectance: Any = None, *, threads: int | None = 
     return Panel("Diffuse colour", picture, _colour_note(len(sbrdf.diffuse), reflectance))
 
 
-def trust_panels(sbrdf: Any) -> tuple[Panel, ...]:
+def quality_panels(sbrdf: Any) -> tuple[Panel, ...]:
     """How far each pixel can be trusted: error, residual, samples, gloss of its own, status."""
     if isinstance(sbrdf, PerPixelSbrdf):
         return (

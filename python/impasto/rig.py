@@ -261,15 +261,15 @@ class Rig:
         return Rig(self, origin=origin)
 
     def rotated(self, quarter_turns: int = 1) -> Rig:
-        """The rig after the painting and its lights turned counterclockwise together.
+        """The rig after the painting and its lights rotated counterclockwise together.
 
         Coordinates only change places and signs: four quarter turns change no bit.
         """
         turns = quarter_turns_of(quarter_turns)
-        lights = [_turned_light(light, turns) for light in self.lights]
-        x, y, _ = turned((*self.origin, 0.0), turns)
+        lights = [_rotated_light(light, turns) for light in self.lights]
+        x, y, _ = rotated_vector((*self.origin, 0.0), turns)
         return Rig(
-            lights, views=turned_rows(self.views, turns), pitch_mm=self.pitch_mm, origin=(x, y)
+            lights, views=rotated_rows(self.views, turns), pitch_mm=self.pitch_mm, origin=(x, y)
         )
 
     def take(self, indices: Iterable[int]) -> Rig:
@@ -290,7 +290,7 @@ def quarter_turns_of(value: Any) -> int:
     return int(value) % 4
 
 
-def turned(vector: tuple[float, float, float], turns: int) -> tuple[float, float, float]:
+def rotated_vector(vector: tuple[float, float, float], turns: int) -> tuple[float, float, float]:
     """A vector after quarter turns counterclockwise about z."""
     x, y, z = vector
     for _ in range(turns):
@@ -298,15 +298,17 @@ def turned(vector: tuple[float, float, float], turns: int) -> tuple[float, float
     return x, y, z
 
 
-def turned_rows(vectors: NDArray[np.float64], turns: int) -> NDArray[np.float64]:
+def rotated_rows(vectors: NDArray[np.float64], turns: int) -> NDArray[np.float64]:
     """Vectors ``(n, 3)`` after quarter turns counterclockwise about z."""
-    return np.array([turned((x, y, z), turns) for x, y, z in vectors.tolist()], dtype=np.float64)
+    return np.array(
+        [rotated_vector((x, y, z), turns) for x, y, z in vectors.tolist()], dtype=np.float64
+    )
 
 
-def _turned_light(light: Light, turns: int) -> Light:
+def _rotated_light(light: Light, turns: int) -> Light:
     if isinstance(light, PointLight):
-        return replace(light, position=turned(light.position, turns))
-    return replace(light, direction=turned(light.direction, turns))
+        return replace(light, position=rotated_vector(light.position, turns))
+    return replace(light, direction=rotated_vector(light.direction, turns))
 
 
 def _origin(origin: Any) -> tuple[float, float]:

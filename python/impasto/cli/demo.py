@@ -162,10 +162,10 @@ def _images(sbrdf: Any, reflectance: Any, threads: int | None) -> list[Any]:
 
 
 def _sheet(capture: Capture, sbrdf: Any, reflectance: Any, images: list[Any], score: Score) -> Any:
-    from impasto.overview import DEGREES, diffuse_panel, gloss_panel, subtitle, trust_panels
+    from impasto.overview import DEGREES, diffuse_panel, gloss_panel, quality_panels, subtitle
     from impasto.pictures import Panel, contact_sheet, normal_panel, ramp_panel
 
-    _, residual, *_, status = trust_panels(sbrdf)
+    _, residual, *_, status = quality_panels(sbrdf)
     sigma, colours = sbrdf.sigma, "CIEDE2000, D65"
     truth = capture.truth.painting
     relit = [

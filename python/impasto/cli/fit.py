@@ -110,8 +110,8 @@ def fit(
     gloss = Gloss() if gloss is None else gloss
     gloss.check(system=system, camera=camera, steps=steps)
     steps |= {"method": method, "estimator": estimator, "effort": effort}
-    asked = {name: value for name, value in steps.items() if value is not None}
-    procedure = replace(systems.get(system), **asked)
+    chosen = {name: value for name, value in steps.items() if value is not None}
+    procedure = replace(systems.get(system), **chosen)
     own = gloss.options(procedure)
     reading = Reading() if reading is None else reading
     reading.check()
@@ -129,8 +129,8 @@ def fit(
         tell(stages, photographs)
         lamps = estimated_strengths(stages, photographs, own, threads) if strengths else None
         photographs = photographs if lamps is None else lamps.stack
-        told = with_labels(own, photographs, reading.region)
-        sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads, told)
+        arguments = with_labels(own, photographs, reading.region)
+        sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads, arguments)
         with stages.stage("files") as stage:
             write_maps(folder, sbrdf, reflectance)
             if reflectance is not None:

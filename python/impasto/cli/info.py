@@ -120,12 +120,12 @@ def _gloss(numbers: dict[str, Any]) -> dict[str, Any]:
 def _strengths(lamps: dict[str, Any]) -> str:
     """The estimated strengths of the lamps, in one line."""
     factor = lamps["factor"]
-    told = [one for one in factor if one is not None]
+    known = [one for one in factor if one is not None]
     last = max(abs(one) for one in lamps["change"] if one is not None)
     state = "" if lamps["converged"] else f", the last round changed by up to {100 * last:.1f} %"
-    if len(told) < len(factor):
-        state += f", {len(factor) - len(told)} unknown"
-    return f"{len(factor)} lights, {min(told):.2f} to {max(told):.2f}{state}"
+    if len(known) < len(factor):
+        state += f", {len(factor) - len(known)} unknown"
+    return f"{len(factor)} lights, {min(known):.2f} to {max(known):.2f}{state}"
 
 
 def _compared(folder: Path, outputs: list[dict[str, Any]]) -> tuple[list[str], list[str]]:

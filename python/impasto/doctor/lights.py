@@ -117,12 +117,12 @@ def _conditioning(directions: Floats) -> list[Finding]:
 
 def _coverage(directions: Floats) -> list[Finding]:
     height = elevation(directions)
-    aside = np.sort(azimuth(directions[height < 80.0]))
-    if len(directions) < 3 or len(aside) < 2:
+    tilted = np.sort(azimuth(directions[height < 80.0]))
+    if len(directions) < 3 or len(tilted) < 2:
         return []
-    gaps = np.diff(aside, append=aside[0] + 360.0)
+    gaps = np.diff(tilted, append=tilted[0] + 360.0)
     worst = int(gaps.argmax())
-    gap, start = float(gaps[worst]), float(aside[worst])
+    gap, start = float(gaps[worst]), float(tilted[worst])
     numbers = {"largest_gap_deg": round(gap, 1), "gap_starts_at_deg": round(start, 1)}
     found = []
     if gap > 130.0:

@@ -112,9 +112,9 @@ def _angles(normal: Angles, lights: Angles, views: Angles) -> tuple[Angles, Angl
     alone = views - (views @ normal)[:, None] * normal
     across = np.where(length[:, None] > 1e-6, across, alone)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    aside = np.einsum("ij,ij->i", np.cross(across, normal), views)
+    sideways = np.einsum("ij,ij->i", np.cross(across, normal), views)
     in_plane = np.arctan2(np.einsum("ij,ij->i", across, views), views @ normal)
-    beside = np.abs(np.arcsin(np.clip(aside, -1.0, 1.0)))
+    beside = np.abs(np.arcsin(np.clip(sideways, -1.0, 1.0)))
     return np.degrees(np.arccos(cosine)), np.degrees(in_plane), np.degrees(beside)
 
 

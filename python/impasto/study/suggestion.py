@@ -116,9 +116,9 @@ def check_wish(error: float | None, seconds: float | None) -> None:
     """Refuse an error or a time that no fit could have."""
     for name, value in (("error", error), ("seconds", seconds)):
         if value is not None:
-            asked = number(value, name, "a number above 0")
-            if not (math.isfinite(asked) and asked > 0.0):
-                kind = "a finite number" if asked == math.inf else "a number"
+            wanted = number(value, name, "a number above 0")
+            if not (math.isfinite(wanted) and wanted > 0.0):
+                kind = "a finite number" if wanted == math.inf else "a number"
                 raise ArgumentError(f"{name}: expected {kind} above 0, found {value!r}")
     if error is not None and error >= 1.0:
         raise ArgumentError(

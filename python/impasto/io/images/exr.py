@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.images.header import ImageHeader, truncated
-from impasto.io.images.native_stderr import complaints
+from impasto.io.images.native_stderr import captured_lines
 
 _PIXEL_BYTES = {0: 4, 1: 2, 2: 4}
 _ROWS_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256, 10: 256}
@@ -169,7 +169,7 @@ def decode_exr(path: Path, data: bytes, layer: str | None = None) -> NDArray[Any
         # The binding leaves out the channels that it cannot decode, and warns on both streams.
         with (
             redirect_stdout(io.StringIO()),
-            complaints(b"EXR_ERR"),
+            captured_lines(b"EXR_ERR"),
             OpenEXR.File(io.BytesIO(data), separate_channels=True) as file,
         ):
             for part in file.parts:

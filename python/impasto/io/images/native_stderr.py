@@ -15,7 +15,7 @@ _LOCK = Lock()
 
 
 @contextmanager
-def complaints(pattern: bytes) -> Iterator[list[str]]:
+def captured_lines(pattern: bytes) -> Iterator[list[str]]:
     """Collect the lines of the block's C code on stderr that hold ``pattern``.
 
     The list is filled when the block ends. Whatever else was written meanwhile, by this thread or

@@ -14,7 +14,7 @@ from impasto.errors import CorruptInputError
 from impasto.io.images.exr import decode_exr, exr_header
 from impasto.io.images.header import MAX_PIXELS, ImageHeader, check_size, read_bytes, truncated
 from impasto.io.images.jpeg import jpeg_header
-from impasto.io.images.native_stderr import complaints
+from impasto.io.images.native_stderr import captured_lines
 from impasto.io.images.png import png_header
 from impasto.io.images.tiff import decode_tiff, tiff_header
 
@@ -124,7 +124,7 @@ def _decode(path: Path, data: bytes, *, grey: bool) -> NDArray[Any]:
 
     try:
         # libjpeg decodes what it can of a damaged file and says so on stderr only.
-        with complaints(b"Corrupt JPEG data|Premature end of JPEG") as damage:
+        with captured_lines(b"Corrupt JPEG data|Premature end of JPEG") as damage:
             decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         raise CorruptInputError(path, f"cannot be decoded ({error})") from error

@@ -75,11 +75,11 @@ def find_observations(
     *,
     pattern: str | Sequence[str] | None = None,
     bands: Sequence[str] | None = None,
-    aside: Sequence[Path] = (),
+    excluded: Sequence[Path] = (),
 ) -> Observations:
     """The files of each of ``count`` lights.
 
-    ``aside`` are pictures with another job (mask, white board), never photographs of the object.
+    ``excluded`` are pictures with another job (mask, white board), never photographs of the object.
     """
     if not folder.is_dir():
         raise ArgumentError(f"images: {folder} is not a folder")
@@ -87,7 +87,7 @@ def find_observations(
         names = _companion_names(source, count, notebook)
     if pattern is not None:
         return _by_pattern(names, count, folder, source, notebook, pattern, bands)
-    hidden = {path.resolve() for path in aside}
+    hidden = {path.resolve() for path in excluded}
     pictures = [path for path in list_images(folder) if path.resolve() not in hidden]
     if names is None:
         return _by_order(pictures, count, folder, source, notebook)

@@ -138,7 +138,7 @@ def read_stack(
         return read_archive(path, given)
     listed = listed_lights(path, lights, notebook)
     folder = Path(images) if images is not None else (path if path.is_dir() else path.parent)
-    aside = [
+    excluded = [
         p for option in (mask, white, dark) if option is not None for p in frame_paths(option) or ()
     ]
     observations = find_observations(
@@ -149,7 +149,7 @@ def read_stack(
         notebook,
         pattern=pattern,
         bands=bands,
-        aside=aside,
+        excluded=excluded,
     )
     codes, header, area = read_codes(
         observations, notebook, region=region, layer=layer, max_pixels=max_pixels
@@ -282,15 +282,15 @@ def _curve(
         notebook.say("encoding", folder, f"{bits}, taken to hold {curve} values")
         return Encoding(curve, full)
     if str(encoding).lower() != "auto":
-        told = Encoding(encoding, full)
+        given = Encoding(encoding, full)
         first = observations.files[0][0]
-        if told.curve == "linear" and first.suffix.lower() in {".jpg", ".jpeg", ".jpe"}:
+        if given.curve == "linear" and first.suffix.lower() in {".jpg", ".jpeg", ".jpe"}:
             notebook.warn(
                 "encoding",
                 first.parent,
                 "JPEGs, taken to hold linear light; most hold sRGB (encoding=)",
             )
-        return told
+        return given
     from impasto.io.session.tone import estimate_tone
 
     strengths = rig.intensities[:, None] if gains is None else gains
