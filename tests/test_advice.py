@@ -179,7 +179,7 @@ def test_lights_without_photographs_lead_to_them(
     np.savetxt(tmp_path / "light_directions.txt", simulate.rig("tominaga-rgb-camera").directions)
     assert main(["fit", str(tmp_path), "--out", str(tmp_path.parent / "fit")]) == 1
     told = said(capsys)
-    assert "holds no pictures; say where they are with --images" in told
+    assert "has no pictures; give their folder with --images" in told
     assert "remove" not in told
 
 

@@ -194,7 +194,7 @@ def mistakes(stack: Path) -> dict[str, str]:
         ("--pooling pixel --lobes 4", 1, "found 4"),
         ("--pooling segment --segments {tmp}/no.png", 1, "no.png"),
         ("--pooling segment --segments {small}", 1, "9 x 9 pixels"),
-        ("--pooling segment --segments {black}", 1, "black all over"),
+        ("--pooling segment --segments {black}", 1, "entirely black"),
         ("--pooling segment --segments {blurred}", 1, "1279 colours"),
         ("--pooling segment --segments {float}", 1, "whole codes"),
         ("--pooling segment --segments {garbage}", 3, "garbage.npz"),

@@ -538,7 +538,7 @@ def test_jpegs_taken_for_linear_light_are_told(
         path = tmp_path / f"{name}{suffix}"
         jpeg(path) if suffix == ".jpg" else save(path, codes)
     stack = read_stack(tmp_path, lights=LIGHTS, encoding=encoding, strict=True)
-    assert ("JPEGs, taken to hold linear light; most hold sRGB" in str(stack.notes)) == told
+    assert ("JPEGs, read as linear light; most are sRGB" in str(stack.notes)) == told
 
 
 def test_icon_reads_completely(data: Path) -> None:

@@ -44,7 +44,7 @@ def test_srgb_and_gamma_are_told_apart_only_with_enough_lights() -> None:
     codes, lights = photographs(RIGS[0], None, "2.2")
     estimate = estimate_tone(codes, lights, white=255.0)
     assert (estimate.curve, estimate.decided) == ("srgb", False)
-    assert "say encoding=" in str(estimate)
+    assert "give encoding=" in str(estimate)
 
 
 def test_grey_and_glossy_photographs_cannot_be_called_linear() -> None:
@@ -91,4 +91,4 @@ def test_photographs_without_content_tell_nothing(code: int) -> None:
     codes = np.full((len(lights), 3, 40, 40), code, dtype=np.uint8)
     estimate = estimate_tone(codes, lights, white=255.0)
     assert not estimate.decided
-    assert "cannot tell" in str(estimate)
+    assert "do not distinguish" in str(estimate)

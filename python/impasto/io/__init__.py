@@ -1,4 +1,4 @@
-"""Files in, files out: photographs, light files, maps."""
+"""Read and write photographs, light files and maps."""
 
 from impasto.io.cameras import read_camera, write_camera
 from impasto.io.files import atomic_bytes, atomic_path

@@ -1,4 +1,4 @@
-"""Cameras in files: a CSV table of sensitivities."""
+"""Camera files: a CSV table of sensitivities."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_bytes
 
 LIGHT = "illuminant"
-"""The column that holds the light of the photographs."""
+"""The column with the light of the photographs."""
 
 
 def read_camera(path: str | os.PathLike[str], *, illuminant: Any = None) -> Camera:
@@ -55,11 +55,11 @@ def read_camera(path: str | os.PathLike[str], *, illuminant: Any = None) -> Came
     light = columns.pop(LIGHT, None)
     if illuminant is None and light is None:
         raise ArgumentError(
-            f"illuminant: {source} has no column {LIGHT!r}; say under which light the photographs "
-            "were taken"
+            f"illuminant: {source} has no column {LIGHT!r}; give the light of the photographs "
+            "with illuminant="
         )
     if isinstance(illuminant, str | int | float):
-        # Before the file's columns are judged: what is wrong with the argument is not the file's.
+        # Checked before the columns: an error of the argument is not one of the file.
         spectrum(illuminant, (540.0, 560.0))
     try:
         chosen = light if illuminant is None else illuminant
@@ -69,7 +69,7 @@ def read_camera(path: str | os.PathLike[str], *, illuminant: Any = None) -> Came
 
 
 def write_camera(path: str | os.PathLike[str], camera: Camera) -> None:
-    """Write what :func:`read_camera` reads; the light is sampled at the camera's wavelengths."""
+    """Write a file for :func:`read_camera`, with the light at the wavelengths of the camera."""
     from impasto.colour import spectrum
 
     light = camera.illuminant

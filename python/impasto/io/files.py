@@ -1,4 +1,4 @@
-"""Files appear whole or not at all; text is read whatever its encoding."""
+"""Atomic writing of files; reading text of any encoding."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from impasto.errors import ArgumentError
 
 @contextmanager
 def as_problem_of(path: Path) -> Iterator[None]:
-    """What the system says of a temporary file is told of the file that was asked for."""
+    """Errors of the system name the requested file instead of the temporary one."""
     try:
         yield
     except OSError as error:
@@ -23,7 +23,7 @@ def as_problem_of(path: Path) -> Iterator[None]:
 
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
-    """A temporary path beside ``path`` that replaces it when the block ends without an error.
+    """A temporary path beside ``path`` that replaces it if the block ends without an error.
 
     The data reaches the disk before the name does: flush, fsync, rename, fsync of the folder.
     After an error the temporary file is gone and an older file of that name is untouched.
@@ -38,7 +38,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     try:
         yield temporary
         _sync(temporary, os.O_RDWR)
-        # mkstemp makes private files; a result is as readable as any file of its maker.
+        # mkstemp makes private files; results get the default mode.
         mask = os.umask(0)
         os.umask(mask)
         temporary.chmod(0o666 & ~mask)
@@ -51,7 +51,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 
 
 def atomic_bytes(path: str | Path, data: bytes) -> None:
-    """Write ``data`` so that readers see the old file or the whole new one."""
+    """Write ``data`` atomically: readers see the old file or the complete new one."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
 

@@ -1,4 +1,4 @@
-"""Parts of a painting, told apart in a picture."""
+"""Segments of a painting from a picture."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from impasto.errors import ArgumentError
 from impasto.io.images import read_image
 
 MOST_PARTS = 256
-"""More colours than that are a blurred or compressed picture, not parts."""
+"""A picture with more colours is blurred or compressed."""
 
 
 def read_labels(path: str | Path) -> NDArray[np.int64]:
-    """Read the parts of a painting from a picture in which each has a grey or colour of its own.
+    """Read the segments of a painting from a picture in which each has its own grey or colour.
 
     Parameters
     ----------
@@ -38,19 +38,17 @@ def read_labels(path: str | Path) -> NDArray[np.int64]:
     """
     planes = read_image(path)
     if planes.dtype.kind != "u":
-        raise ArgumentError(
-            f"{path}: holds {planes.dtype}; parts are told apart by whole codes, as in a PNG"
-        )
+        raise ArgumentError(f"{path}: holds {planes.dtype}; segments need whole codes, as in a PNG")
     base = np.iinfo(planes.dtype).max + 1
     labels = np.zeros(planes.shape[1:], dtype=np.int64)
     for plane in planes:
         labels = labels * base + plane
     count = np.count_nonzero(np.unique(labels))
     if count == 0:
-        raise ArgumentError(f"{path}: is black all over, and black is of no part")
+        raise ArgumentError(f"{path}: is entirely black, and black belongs to no segment")
     if count > MOST_PARTS:
         raise ArgumentError(
-            f"{path}: has {count} colours, for at most {MOST_PARTS} parts; save it as a PNG, "
-            "painted without soft edges"
+            f"{path}: has {count} colours, for at most {MOST_PARTS} segments; save it as a PNG "
+            "with hard edges"
         )
     return np.where(labels == 0, np.int64(-1), labels)

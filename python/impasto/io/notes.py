@@ -1,4 +1,4 @@
-"""What was repaired, dropped or assumed while files were read."""
+"""Notes on what was repaired, left out or assumed while files were read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LOG.addHandler(logging.NullHandler())
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """One thing the reader did, or saw, that its user should know.
+    """One thing that the reader did or found.
 
     Parameters
     ----------
@@ -47,21 +47,21 @@ class Notebook:
     notes: list[Any] = field(default_factory=list)
 
     def repair(self, kind: str, where: Path | str, message: str) -> None:
-        """Note a repair, or raise it when strict."""
+        """Note a repair, or raise an error if strict."""
         if self.strict:
-            raise CorruptInputError(where, f"{message} (refused, as strict= asks)")
+            raise CorruptInputError(where, f"{message} (refused because of strict=)")
         self._add(Note(kind, str(where), message), logging.WARNING)
 
     def warn(self, kind: str, where: Path | str, message: str) -> None:
-        """Note something odd that was kept as it is."""
+        """Note something unusual that was kept."""
         self._add(Note(kind, str(where), message, repair=False), logging.WARNING)
 
     def say(self, kind: str, where: Path | str, message: str) -> None:
-        """Note a decision that is no cause for worry."""
+        """Note a harmless decision."""
         self._add(Note(kind, str(where), message, repair=False), logging.INFO)
 
     def take(self, note: Any) -> None:
-        """Keep a note with more to tell than a sentence (a tone estimate), and log it."""
+        """Keep a note with more content than a sentence (a tone estimate), and log it."""
         self._add(note, logging.INFO if note.decided else logging.WARNING)
 
     def extend(self, notes: tuple[Note, ...]) -> None:

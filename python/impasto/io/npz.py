@@ -16,13 +16,13 @@ from impasto.io.files import atomic_path
 
 DAMAGE = (
     *(OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile, zlib.error),
-    RuntimeError,  # A flipped bit says: encrypted, or compressed in a way nobody knows.
+    RuntimeError,  # A flipped bit can mean: encrypted, or unknown compression.
 )
-"""What numpy and zipfile raise over a damaged archive."""
+"""Exceptions of numpy and zipfile for a damaged archive."""
 
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays so that the file appears whole or not at all.
+    """Write arrays atomically.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
     if path.is_file() and not _has_content_of_zip(path):
         raise CorruptInputError(path, "is no .npz file")
     try:
-        # An open file of our own: numpy leaves its handle open when the archive is damaged.
+        # Opened here: numpy leaves its own handle open if the archive is damaged.
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             return {key: file[key] for key in file.files}
     except FileNotFoundError:
@@ -59,6 +59,6 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def _has_content_of_zip(path: Path) -> bool:
-    """Whether a file begins as an archive does; numpy takes any other for a pickle."""
+    """Whether a file begins like an archive; numpy takes any other for a pickle."""
     with path.open("rb") as file:
         return file.read(2) == b"PK"

@@ -1,4 +1,4 @@
-"""A rig as plain arrays, for files of stacks and of results."""
+"""A rig as plain arrays, for the files of stacks and results."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def arrays_of_rig(rig: Rig) -> dict[str, NDArray[Any]]:
 
 
 def rig_of_arrays(arrays: Mapping[str, NDArray[Any]]) -> Rig:
-    """The rig that :func:`arrays_of_rig` took apart; all but ``lights`` may be missing.
+    """The rig of the arrays of :func:`arrays_of_rig`; all but ``lights`` may be missing.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Pictures in files: one file per format, each read to its end before a pixel is believed."""
+"""Picture files: one module per format; structures are checked to the end before decoding."""
 
 from impasto.io.images.header import MAX_PIXELS, ImageHeader
 from impasto.io.images.read import (

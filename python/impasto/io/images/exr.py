@@ -48,7 +48,7 @@ class _Part:
         return "tiles" in self.attributes
 
     def chunks(self) -> int:
-        """How many chunks the part stores."""
+        """The number of chunks of the part."""
         if "chunkCount" in self.attributes:
             count: int = struct.unpack("<i", self.attributes["chunkCount"][1])[0]
             return count
@@ -166,7 +166,7 @@ def decode_exr(path: Path, data: bytes, layer: str | None = None) -> NDArray[Any
     promised = {name for part in _parts(path, data)[0] for name in part.channels}
     try:
         channels: dict[str, NDArray[Any]] = {}
-        # The binding leaves out the channels that it cannot decode, and warns on both streams.
+        # The binding omits channels that it cannot decode, and warns on both streams.
         with (
             redirect_stdout(io.StringIO()),
             captured_lines(b"EXR_ERR"),

@@ -1,4 +1,4 @@
-"""What a picture claims to be, and whether its file can hold that, before a pixel is decoded.
+"""The header of a picture, and whether its file can hold what it claims, before decoding.
 
 Libraries fill the missing rest of a truncated JPEG or TIFF with grey or zeros and say nothing;
 here the structure of the file is walked to its end first.
@@ -18,9 +18,9 @@ MAX_PIXELS = 1 << 31
 """Pictures with more pixels than this are refused (about 46 000 x 46 000)."""
 
 _RATIO = 1100
-"""Deflate cannot expand by more than 1032; a header claiming more than that is a bomb."""
+"""Deflate expands by at most 1032; a header that claims more is a decompression bomb."""
 _HARMLESS_BYTES = 1 << 26
-"""Claims below 64 MiB are decoded whatever the ratio: a flat picture compresses well."""
+"""Claims below 64 MiB are decoded at any ratio: a flat picture compresses well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def truncated(path: Path, what: str) -> CorruptInputError:
 
 
 def check_size(header: ImageHeader, file_bytes: int, max_pixels: int) -> None:
-    """Refuse sizes that no honest file of that length can hold, before anything is allocated."""
+    """Refuse sizes that no file of this length can hold, before anything is allocated."""
     if header.width < 1 or header.height < 1:
         raise CorruptInputError(
             header.path, f"claims a size of {header.width} x {header.height} pixels"
@@ -101,5 +101,5 @@ def exif_orientation(block: bytes) -> int:
             if tag == 274 and 1 <= value <= 8:
                 return int(value)
     except (KeyError, struct.error):
-        pass  # EXIF damage does not touch the pixels
+        pass  # damaged EXIF does not affect the pixels
     return 1

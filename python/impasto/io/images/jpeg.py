@@ -1,4 +1,4 @@
-"""The structure of a JPEG file, walked to its end before a pixel is decoded."""
+"""Structural check of a JPEG file before decoding."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What C libraries say about a damaged file, on a stderr that cannot name the file."""
+"""Capture the messages of C libraries about a damaged file, which only go to stderr."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from threading import Lock
 
 _STDERR = 2
 _LOCK = Lock()
-"""The descriptor belongs to the whole process: one decoder at a time."""
+"""The descriptor is shared by the whole process: one decoder at a time."""
 
 
 @contextmanager
 def captured_lines(pattern: bytes) -> Iterator[list[str]]:
     """Collect the lines of the block's C code on stderr that hold ``pattern``.
 
-    The list is filled when the block ends. Whatever else was written meanwhile, by this thread or
-    by another, goes on to stderr.
+    The list is filled when the block ends. All other output, of this thread or of others, goes
+    to stderr.
 
     Parameters
     ----------

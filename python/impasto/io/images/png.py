@@ -1,4 +1,4 @@
-"""The structure of a PNG file, walked to its end before a pixel is decoded."""
+"""Structural check of a PNG file before decoding."""
 
 from __future__ import annotations
 

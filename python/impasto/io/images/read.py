@@ -1,4 +1,4 @@
-"""Photographs in: band-planar arrays out, or an error that names the file."""
+"""Read photographs as band-planar arrays; errors name the file."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def read_image(
 
 
 def read_header(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> ImageHeader:
-    """Check an image file's structure to its end and return what it claims to hold.
+    """Check the structure of an image file to its end and return its header.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def header_of(path: Path, data: bytes, *, max_pixels: int = MAX_PIXELS) -> Image
         else:
             raise CorruptInputError(
                 path,
-                "is no JPEG, PNG, TIFF or OpenEXR picture (its first bytes are "
+                "is not a JPEG, PNG, TIFF or OpenEXR picture (its first bytes are "
                 f"{data[:8].hex(' ')}); convert camera RAW to linear 16-bit TIFF first",
             )
     except (struct.error, IndexError) as error:
@@ -123,7 +123,7 @@ def _decode(path: Path, data: bytes, *, grey: bool) -> NDArray[Any]:
     import cv2
 
     try:
-        # libjpeg decodes what it can of a damaged file and says so on stderr only.
+        # libjpeg decodes as much as it can of a damaged file and reports that on stderr only.
         with captured_lines(b"Corrupt JPEG data|Premature end of JPEG") as damage:
             decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
@@ -135,13 +135,13 @@ def _decode(path: Path, data: bytes, *, grey: bool) -> NDArray[Any]:
     array: NDArray[Any] = np.asarray(decoded)
     if array.ndim == 2:
         return np.ascontiguousarray(array[None])
-    # OpenCV turns grey with alpha into four channels, blue first.
+    # OpenCV converts grey with alpha to four channels, blue first.
     order = [0] if grey else [2, 1, 0]
     return np.ascontiguousarray(np.moveaxis(array[..., order], -1, 0))
 
 
 def list_images(folder: Path) -> list[Path]:
-    """The pictures of a folder in the order people expect: photo2 before photo10."""
+    """The pictures of a folder in natural order: photo2 before photo10."""
     found = [
         path
         for path in folder.iterdir()

@@ -21,7 +21,7 @@ _COLOURS = {0: "white-is-zero", 3: "palette", 5: "CMYK", 6: "YCbCr", 8: "Lab", 3
 
 @contextmanager
 def _opened(path: Path, data: bytes) -> Iterator[Any]:
-    """A TiffFile on bytes in memory; every complaint of the library names the file."""
+    """A TiffFile on bytes in memory; errors of the library name the file."""
     import tifffile
 
     try:
@@ -29,7 +29,7 @@ def _opened(path: Path, data: bytes) -> Iterator[Any]:
             yield file
     except ImpastoError:
         raise
-    except Exception as error:  # tifffile raises whatever its parser stumbles over
+    except Exception as error:  # tifffile raises many kinds of exceptions
         raise CorruptInputError(path, f"cannot be read as TIFF ({error})") from error
 
 
@@ -54,7 +54,7 @@ def tiff_header(
         if photometric in _COLOURS and not (photometric == 6 and int(first.compression) == 7):
             raise CorruptInputError(
                 path,
-                f"holds {_COLOURS[photometric]} colours; save the photograph as grey or RGB",
+                f"has {_COLOURS[photometric]} colours; save the photograph as grey or RGB",
             )
         header = ImageHeader(
             path,
@@ -119,7 +119,7 @@ def _orientation(page: Any) -> int:
 
 
 def decode_tiff(path: Path, data: bytes) -> NDArray[Any]:
-    """All bands ``(band, y, x)``; alpha and other extra samples are dropped."""
+    """All bands ``(band, y, x)`` without alpha and other extra samples."""
     with _opened(path, data) as file:
         planes = []
         for page in _pages(path, file):
@@ -133,7 +133,7 @@ def _page_array(path: Path, page: Any, data: bytes) -> NDArray[Any]:
     except ValueError as error:
         if "imagecodecs" not in str(error):
             raise
-        # LZW and JPEG inside TIFF: OpenCV's libtiff decodes what tifffile leaves to an add-on.
+        # LZW and JPEG inside TIFF: tifffile needs an add-on; OpenCV decodes them with libtiff.
         array = _by_opencv(path, data, error)
     return array
 

@@ -1,4 +1,4 @@
-"""Pictures and maps out: atomic, and the same bytes for the same numbers."""
+"""Write pictures and maps: atomically, and the same bytes for the same numbers."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def write_png16(path: str | Path, picture: ArrayLike, *, icc: bytes | None = Non
 
 
 def write_jpeg(path: str | Path, picture: ArrayLike, *, quality: int = 92) -> None:
-    """Write an 8-bit JPEG with full colour resolution, for looking at.
+    """Write an 8-bit JPEG with full colour resolution, for viewing.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def write_tiff16(
 def write_tiff32(
     path: str | Path, picture: ArrayLike, *, attributes: Mapping[str, Any] | None = None
 ) -> None:
-    """Write a 32-bit float TIFF (deflate): values as they are, NaN kept."""
+    """Write a 32-bit float TIFF (deflate): values unchanged, NaN included."""
     array = np.asarray(picture)
     if array.dtype.kind not in "fiub":
         raise ArgumentError(f"picture: expected real numbers, found dtype {array.dtype}")
@@ -192,7 +192,7 @@ def _write_png(path: str | Path, planes: NDArray[Any], icc: bytes | None) -> Non
 
 
 def _with_profile(png: bytes, icc: bytes) -> bytes:
-    """The PNG with an iCCP chunk behind its header, where the format wants it."""
+    """The PNG with an iCCP chunk after its header, as the format requires."""
     body = b"iCCP" + b"ICC profile\0\0" + zlib.compress(icc, 9)
     chunk = struct.pack(">I", len(body) - 4) + body + struct.pack(">I", zlib.crc32(body))
     header = 8 + 4 + 4 + 13 + 4

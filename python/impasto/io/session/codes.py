@@ -1,4 +1,4 @@
-"""All photographs of a session as one array of codes, taken by one camera at one setting."""
+"""All photographs of a session as one array of codes, from one camera at one setting."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def read_codes(
                 _refuse(header, headers[position], "number of bands", len(planes), widths[position])
             planes = crop(planes, area)
             if index == 0:
-                # The first observation tells how many bands there are in all.
+                # The first observation determines the number of bands.
                 widths.append(len(planes))
                 out = planes if out is None else np.concatenate([out, planes])
             else:
@@ -76,7 +76,7 @@ def _allocate(first: NDArray[Any], count: int, path: Path) -> NDArray[Any]:
     needed = first.nbytes * count
     try:
         memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):  # not every system tells
+    except (AttributeError, ValueError, OSError):  # not available on every system
         memory = needed
     if needed > memory:
         raise ArgumentError(

@@ -78,7 +78,7 @@ class Calibration:
 
     @property
     def changes(self) -> bool:
-        """Whether anything but the tone curve is applied."""
+        """Whether anything besides the tone curve is applied."""
         return self.dark is not None or self.board is not None or self.gains is not None
 
     def linear(self, codes: NDArray[Any]) -> NDArray[np.float32]:
@@ -89,7 +89,7 @@ class Calibration:
         return self.encoding.decode(codes)
 
     def apply(self, codes: NDArray[Any], index: int) -> NDArray[np.float32]:
-        """One observation ``(band, y, x)``; where frames are used clipped samples become +inf."""
+        """One observation ``(band, y, x)``; with frames, clipped samples become +inf."""
         value = self.linear(codes)
         if not self.changes:
             return value
@@ -110,7 +110,7 @@ class Calibration:
         return self.encoding.decode(self.saturation).astype(np.float64)
 
     def _flat(self, index: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        """cos(theta_w) R / (W - dark); NaN where the board says nothing (clipped or dark)."""
+        """cos(theta_w) R / (W - dark); NaN where the board is clipped or dark."""
         cosine: NDArray[np.float32] | float = 1.0
         if isinstance(self.board, np.ndarray):
             codes = self.board[index] if self.board.ndim == 4 else self.board
@@ -243,8 +243,8 @@ def find_board(
         notebook.say(
             "white",
             paths[0],
-            "one board frame for all lights: vignetting and colour are cancelled, differences "
-            "between the lights are not",
+            "one board frame for all lights: it corrects vignetting and colour, but not "
+            "differences between the lights",
         )
         return paths
     if isinstance(white, str | Path) and Path(white).is_dir():

@@ -1,4 +1,4 @@
-"""Which photograph on this disk a name in somebody's light file means."""
+"""Find the photographs that a light file names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RULES = {
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """What :func:`match_names` found: for each name its file, or None, and the rule used."""
+    """The result of :func:`match_names`: for each name its file, or None, and the rule used."""
 
     paths: tuple[Path | None, ...]
     rules: tuple[str | None, ...]
@@ -67,7 +67,7 @@ def match_names(
             raise ArgumentError(
                 f"{source}: none of the {len(names)} listed photographs (first: {names[0]!r}) is "
                 f"in {folder}, and its {len(files)} pictures cannot be paired by order; "
-                "say where the photographs are with images="
+                "give the folder of the photographs with images="
             )
         paths, rules = list(files), ["order"] * len(names)
         notebook.repair(
@@ -108,7 +108,7 @@ def _one(
     for key, table, rule in (
         (short.casefold(), by_name, "basename"),
         (PurePosixPath(short).stem.casefold(), by_stem, "stem"),
-        # AliceVision lists bare stems, which may themselves hold a dot.
+        # AliceVision lists bare stems, which may contain a dot.
         (short.casefold(), by_stem, "stem"),
     ):
         found = table.get(key, [])
@@ -119,14 +119,14 @@ def _one(
             return found[0], rule
         if found:
             raise ArgumentError(
-                f"{name!r} could mean {few([path.name for path in found])} in {found[0].parent}: "
+                f"{name!r} matches {few([path.name for path in found])} in {found[0].parent}: "
                 "keep only one of them in the folder"
             )
     return None, None
 
 
 def _refuse_shared(names: Sequence[str], paths: Sequence[Path | None], source: Path) -> None:
-    """Two different names must not mean one file; one name listed twice may."""
+    """Two different names must not match one file; one name may be listed twice."""
     owner: dict[Path, str] = {}
     for name, path in zip(names, paths, strict=True):
         if path is None:

@@ -1,4 +1,4 @@
-"""Which files hold which observation: lights found, names matched, bands gathered."""
+"""The files of each observation: find lights, match names, collect bands."""
 
 from __future__ import annotations
 
@@ -54,15 +54,15 @@ def find_lights(folder: Path, notebook: Notebook) -> LightFile:
         found = sorted(p for p in folder.iterdir() if p.suffix.lower() in {".dome", ".relight"})
     if not found:
         raise ArgumentError(
-            f"lights: {folder} holds no light file (*.lp, {', '.join(_TEXT_LIGHTS)}, *.dome, "
-            "*.relight); say which one describes these photographs with lights="
+            f"lights: {folder} has no light file (*.lp, {', '.join(_TEXT_LIGHTS)}, *.dome, "
+            "*.relight); give the one of these photographs with lights="
         )
     if len(found) > 1:
         raise ArgumentError(
-            f"lights: {folder} holds several light files ({few([p.name for p in found])}); "
+            f"lights: {folder} has several light files ({few([p.name for p in found])}); "
             "choose one with lights="
         )
-    notebook.say("lights", found[0], "taken as the light file of this folder")
+    notebook.say("lights", found[0], "used as the light file of this folder")
     return read_lights(found[0], strict=notebook.strict)
 
 
@@ -79,7 +79,7 @@ def find_observations(
 ) -> Observations:
     """The files of each of ``count`` lights.
 
-    ``excluded`` are pictures with another job (mask, white board), never photographs of the object.
+    ``excluded`` are other pictures (mask, white board), not photographs of the object.
     """
     if not folder.is_dir():
         raise ArgumentError(f"images: {folder} is not a folder")
@@ -129,7 +129,7 @@ def _companion_names(source: Path, count: int, notebook: Notebook) -> tuple[str,
     names = tuple(line.strip() for line in read_text(path).splitlines() if line.strip())
     if len(names) != count:
         raise ArgumentError(f"{path}: names {len(names)} photographs for {count} lights")
-    notebook.say("names", path, "taken as the names of the photographs")
+    notebook.say("names", path, "used as the names of the photographs")
     return names
 
 
@@ -140,11 +140,11 @@ def _by_order(
         pictures = [path for path in pictures if not _NOT_PHOTOGRAPHS.match(path.stem)]
     if len(pictures) != count:
         raise ArgumentError(
-            f"{source}: has {count} lights and no file names, but {folder} holds "
+            f"{source}: has {count} lights and no file names, but {folder} has "
             + (
                 f"{len(pictures)} pictures; remove the others or write an .lp file"
                 if len(pictures) > count
-                else f"{len(pictures) or 'no'} pictures; say where they are with images="
+                else f"{len(pictures) or 'no'} pictures; give their folder with images="
             )
         )
     notebook.say(
@@ -222,12 +222,12 @@ def _fill(pattern: str, name: str, band: str) -> str:
         return pattern.format(name=name, band=band)
     except (KeyError, IndexError, ValueError) as error:
         raise ArgumentError(
-            f"pattern: {pattern!r} may hold {{name}} and {{band}} only ({error})"
+            f"pattern: {pattern!r} may contain {{name}} and {{band}} only ({error})"
         ) from error
 
 
 def _discover(folder: Path, pattern: str, wanted: str, other: str) -> list[str]:
-    """What ``{name}`` or ``{band}`` stands for in the files of a folder, in natural order."""
+    """The values of ``{name}`` or ``{band}`` in the files of a folder, in natural order."""
     groups = {"name": "(?P<name>.+)", "band": "(?P<band>[^_/]+)"}
     expression = re.escape(pattern)
     for key, group in groups.items():

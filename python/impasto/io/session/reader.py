@@ -32,7 +32,7 @@ from impasto.rig import Rig
 from impasto.stack import Stack
 
 ASSUMED = Encoding("linear")
-"""The tone curve where nobody says one: told by identity from one that somebody said."""
+"""The tone curve if none is given; compared by identity with given ones."""
 
 
 def read_stack(
@@ -55,7 +55,7 @@ def read_stack(
     strict: bool = False,
     max_pixels: int = MAX_PIXELS,
 ) -> Stack:
-    """Read the photographs of one painting and the lights they were taken under.
+    """Read the photographs of one painting and their lights.
 
     Everything repaired, dropped or assumed on the way is listed in ``stack.notes`` and logged to
     ``impasto.io``.
@@ -228,9 +228,7 @@ def _board(
     reflectance: ArrayLike | None, count: int, white: FrameSource | None
 ) -> NDArray[np.float64]:
     if reflectance is not None and white is None:
-        raise ArgumentError(
-            "board_reflectance: says nothing without photographs of the board (white=)"
-        )
+        raise ArgumentError("board_reflectance: needs photographs of the board (white=)")
     return _per_band(1.0 if reflectance is None else reflectance, count, "board_reflectance")
 
 
@@ -279,7 +277,7 @@ def _curve(
         curve = "srgb" if full == 255.0 else "linear"
         bits = "8-bit files" if full == 255.0 else "files with more than 8 bits"
         folder = observations.files[0][0].parent
-        notebook.say("encoding", folder, f"{bits}, taken to hold {curve} values")
+        notebook.say("encoding", folder, f"{bits}, read as {curve} values")
         return Encoding(curve, full)
     if str(encoding).lower() != "auto":
         given = Encoding(encoding, full)
@@ -288,7 +286,7 @@ def _curve(
             notebook.warn(
                 "encoding",
                 first.parent,
-                "JPEGs, taken to hold linear light; most hold sRGB (encoding=)",
+                "JPEGs, read as linear light; most are sRGB (encoding=)",
             )
         return given
     from impasto.io.session.tone import estimate_tone

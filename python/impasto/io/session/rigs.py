@@ -1,4 +1,4 @@
-"""The rig of a stack: which lights are meant, how strong they are, how wide a pixel is."""
+"""The rig of a stack: its lights, their strengths, the width of a pixel."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STRENGTHS = "light_intensities.txt"
 
 @dataclass(frozen=True, eq=False)
 class ListedLights:
-    """Everything known about the lights before a photograph is opened.
+    """The lights as known before a photograph is opened.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def _check_strengths(
 def _strengths(
     listed: ListedLights, intensities: Any, notebook: Notebook
 ) -> tuple[NDArray[np.float64] | None, str]:
-    """The strengths, if any are known, and where they stand, for a complaint."""
+    """The strengths, if known, and their source, for messages."""
     if intensities is None:
         if listed.intensities is not None:
             notebook.say("intensities", listed.source, "light strengths taken from this file")
@@ -178,7 +178,7 @@ def _strengths(
         if not (folder / _STRENGTHS).is_file():
             return None, ""
         intensities = folder / _STRENGTHS
-        notebook.say("intensities", intensities, "taken as the strengths of the lights")
+        notebook.say("intensities", intensities, "used as the strengths of the lights")
     if not isinstance(intensities, str | Path):
         return np.asarray(intensities, dtype=np.float64), ""
     path = Path(intensities)

@@ -1,4 +1,4 @@
-"""Which tone curve a camera applied, told by the photographs themselves.
+"""Estimation of the tone curve that a camera applied, by cross-validation.
 
 Under a moving light a pixel's linear value is a linear function of the light direction wherever
 it is neither shadow nor highlight. A curve left in bends that relation. Each candidate curve is
@@ -21,32 +21,32 @@ from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 
 CANDIDATES = ("linear", "srgb", "1.8", "2", "2.2", "2.4", "2.6")
-"""Curves met in practice."""
+"""Common curves."""
 _USUAL = ("srgb", "2.2", "linear")
-"""Which to believe, where the photographs leave a choice: 8 bits are coded as a rule ..."""
+"""Preferred curves if the photographs do not decide: 8 bits are usually coded ..."""
 _USUAL_DEEP = ("linear", "srgb", "2.2")
-"""... and more bits linear."""
+"""... and more bits are linear."""
 
 _FEWEST = 6
 """Five lights to fit three numbers robustly, and one to hold out."""
 _FOLDS = 6
 _PIXELS = 2400
-"""Pixels (times bands) that are predicted; those with most colour out of so many that are seen."""
+"""Pixels (times bands) that are predicted: the most coloured of a larger number."""
 _SEEN = 20_000
 _PHOTOGRAPHS = 128
-"""Of hundreds of photographs so many tell as much."""
+"""Largest number of photographs that are used; more do not improve the estimate."""
 _ENOUGH = 200
 _COLOURED = 0.03
-"""Difference of two bands, as a share of full scale, from which they differ by more than noise."""
+"""Smallest difference of two bands above noise, as a share of full scale."""
 _KEPT = 0.6
 """Share of the held-out samples that is compared: the rest may be highlight or cast shadow."""
 _DECIDES = 0.01
-"""Relative margin below which nothing can be told ..."""
+"""Relative margin below which the curves cannot be distinguished ..."""
 _SIGMAS = 3.0
 """... and the number of standard errors, over photographs, that the margin must exceed."""
 
 _DARK = 0.02
-"""Share of full scale below which codes are shadow; what varies by less has no content either."""
+"""Share of full scale below which codes are shadow, and variations are noise."""
 _CONTENT = 0.01
 """Share of the samples that must vary with the light."""
 
@@ -55,7 +55,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ToneEstimate:
-    """Which tone curve explains held-out photographs best, and by how much.
+    """The tone curve that predicts held-out photographs best, and by which margin.
 
     Parameters
     ----------
@@ -106,9 +106,9 @@ class ToneEstimate:
             )
         else:
             verdict = (
-                f"cannot tell the curve from the photographs among "
+                f"the photographs do not distinguish the curves "
                 f"{', '.join(repr(curve) for curve in self.plausible)}; {self.curve!r} "
-                "is used, say encoding= if you know better"
+                "is used; give encoding= if you know the curve"
             )
         return f"{verdict} (held-out error: {table})"
 
@@ -170,7 +170,7 @@ def estimate_tone(
     }
     errors = sorted(((n, float(e.mean())) for n, e in per_photograph.items()), key=lambda p: p[1])
     best = errors[0][0]
-    # Samples that no light changes (a lens cap, a grey card) are explained by any curve.
+    # Any curve predicts samples that no light changes (a lens cap, a grey card).
     varies = np.ptp(columns.codes, axis=0) > _DARK * white
     content = bool(varies.mean() > _CONTENT)
     plausible = tuple(
@@ -178,7 +178,7 @@ def estimate_tone(
         for name, error in errors
         if not content
         or not _worse(per_photograph[name], per_photograph[best], error / max(errors[0][1], 1e-12))
-        # Grey photographs of something glossy look more linear than they are.
+        # Coded grey photographs of glossy surfaces look linear.
         or (not coloured and _bend(name) > _bend(best))
     )
     usual = _USUAL if white == 255.0 else _USUAL_DEEP
@@ -196,16 +196,16 @@ def estimate_tone(
 
 
 def few(count: int) -> NDArray[np.int64]:
-    """Which photographs of a stack to look at, in their order."""
+    """The photographs of a stack that are used, in their order."""
     if count <= _PHOTOGRAPHS:
         return np.arange(count)
     return np.sort(np.random.default_rng(2).choice(count, _PHOTOGRAPHS, replace=False))
 
 
 def _worse(error: Floats, least: Floats, ratio: float) -> bool:
-    """Whether a curve predicts worse than the best one beyond doubt."""
-    # Ratios, because a photograph with a low light has errors of another size than one from above;
-    # held, because the one light on top of a ring is far off under any wrong curve.
+    """Whether a curve predicts significantly worse than the best one."""
+    # Ratios, because errors under low lights differ in size from those under high ones; clipped,
+    # because the single light above a ring is far off under any wrong curve.
     logs = np.log((error + 1e-9) / (least + 1e-9))
     reach = 3.0 * np.median(np.abs(logs))
     logs = np.clip(logs, -reach, reach)
@@ -214,13 +214,13 @@ def _worse(error: Floats, least: Floats, ratio: float) -> bool:
 
 
 def _bend(curve: str) -> float:
-    """How strongly a curve is bent, as a gamma."""
+    """The nonlinearity of a curve, as a gamma."""
     return {"linear": 1.0, "srgb": 2.2}.get(curve) or float(curve)
 
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """What is predicted: codes ``(obs, n)``, less a companion's light where there is one.
+    """The predicted values: codes ``(obs, n)``, minus the light of a second band if there is one.
 
     Attributes
     ----------
@@ -246,12 +246,12 @@ def _seen(
     white: float,
     mask: NDArray[np.bool_] | None,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Some pixels ``(obs, band, n)`` of all the picture, and which samples are clipped."""
+    """A sample of the pixels ``(obs, band, n)``, and which samples are clipped."""
     bands, height, width = codes.shape[1:]
     inside = np.arange(height * width) if mask is None else np.flatnonzero(mask)
     if len(inside) == 0:
         raise ArgumentError("mask: is empty, no pixel belongs to the painting")
-    # A fixed-seed draw: an even step would walk down single columns where it divides the width.
+    # Random with a fixed seed: an even step that divides the width would select single columns.
     count = min(len(inside), _SEEN)
     picked = np.sort(np.random.default_rng(0).choice(inside, count, replace=False))
     rows, columns = np.divmod(picked, width)
@@ -274,7 +274,7 @@ def _coloured(
     strong, weak = middle.argmax(axis=0), middle.argmin(axis=0)
     pixels = np.arange(values.shape[2])
     usable = ~(clipped[:, strong, pixels] | clipped[:, weak, pixels])
-    # Where nothing ever clips there is paint, not gilding, whose gloss is coloured.
+    # Pixels that never clip are paint, not gilding, whose gloss is coloured.
     whole = usable.mean(axis=0) == 1.0
     if (whole & (colour > _COLOURED)).sum() < _ENOUGH:
         whole = usable.mean(axis=0) > 0.7
@@ -295,7 +295,7 @@ def _coloured(
 
 
 def _single(values: NDArray[np.float32], clipped: NDArray[np.bool_], strength: Floats) -> _Columns:
-    """Every band for itself, of the first pixels of a second draw."""
+    """Every band separately, of the first pixels of a second random sample."""
     observations, bands, count = values.shape
     few = min(count, max(1, _PIXELS // bands))
     picked = np.sort(np.random.default_rng(1).choice(count, few, replace=False))
@@ -328,7 +328,7 @@ def _held_out(columns: _Columns, lights: Floats, encoding: Encoding, white: floa
             predicted = np.maximum(predicted + other[out], 0.0)
         coded = encoding.encode(predicted * columns.strength[out])
         for row, index in enumerate(out):
-            # Codes near black are shadow, which no curve explains; clipped ones say nothing.
+            # Codes near black are shadow, which no curve predicts; clipped ones are ignored.
             usable = columns.usable[index] & (columns.codes[index] > _DARK * white)
             miss = np.abs(coded[row] - columns.codes[index])[usable]
             kept = np.sort(miss)[: max(1, int(_KEPT * len(miss)))]
@@ -342,7 +342,7 @@ def robust_surface(
     lights: NDArray[np.float64],
     steps: int = 8,
 ) -> NDArray[np.float64]:
-    """``(3, n)`` albedo times normal by least absolute deviations, columns reweighted together.
+    """``(3, n)`` albedo times normal by least absolute deviations, by IRLS [@holland1977robust].
 
     Parameters
     ----------
