@@ -93,5 +93,12 @@ def whole_sentence(docstring: GoogleDocstring) -> list[str]:
 GoogleDocstring._parse_attribute_docstring = whole_sentence
 
 
+def linked_citations(*event: Any) -> None:
+    """``[@key]`` of docstrings is a citation of the bibliography."""
+    *_, lines = event
+    lines[:] = [re.sub(r"\[@([\w-]+)\]", r":cite:p:`\1`", line) for line in lines]
+
+
 def setup(app: Sphinx) -> None:
     app.connect("autodoc-process-signature", plain_names)
+    app.connect("autodoc-process-docstring", linked_citations)

@@ -81,7 +81,7 @@ def test_wrong_count_uses_the_lines(tmp_path: Path, count: str) -> None:
     file = read_lights(path)
     assert len(file) == 4
     assert kinds(file) == ["count"]
-    with pytest.raises(impasto.CorruptInputError, match=r"dirs\.lp.*promises"):
+    with pytest.raises(impasto.CorruptInputError, match=r"dirs\.lp.*says"):
         read_lights(path, strict=True)
 
 
@@ -141,7 +141,7 @@ def test_repeated_name_is_told(tmp_path: Path) -> None:
 def test_repairs_are_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING, "impasto.io"):
         read_lights(lp(tmp_path, "5" + PLAIN[1:]))
-    assert "promises 5 lights" in caplog.text
+    assert "says 5 lights" in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Light becomes colour: spectra to XYZ, an adapting eye, and a display.
+"""From light to colour: spectra to XYZ, chromatic adaptation, and displays.
 
 Everything here is small, float64 and linear up to the display's tone curves, so a whole scene
 folds into one matrix that the renderer applies per pixel (:func:`display_from_coefficients`).

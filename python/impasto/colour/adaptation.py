@@ -43,7 +43,7 @@ CONES_FROM_XYZ.setflags(write=False)
 
 @dataclass(frozen=True)
 class Adaptation:
-    """How an eye sees a painting that hangs in the test light.
+    """The colours of a painting under the test light as an incompletely adapted eye sees them.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ def adaptation(
     *,
     observer: str = STANDARD_OBSERVER,
 ) -> Adaptation:
-    """Incomplete adaptation between two lights, with everything it was made from.
+    """Incomplete adaptation between two lights, with all intermediate quantities.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def matrix_from_whites(source: ArrayLike, target: ArrayLike) -> Floats:
     Raises
     ------
     ArgumentError
-        A white that excites some cone not at all, or is not three finite numbers.
+        A white without response of some cone, or not three finite numbers.
     """
     before, after = checked_white(source, "source"), checked_white(target, "target")
     if np.array_equal(before, after):

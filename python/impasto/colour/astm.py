@@ -1,4 +1,4 @@
-"""The tables of ASTM E308: what a spectrophotometer's own software computes.
+"""The tables of ASTM E308, as in the software of spectrophotometers.
 
 For comparing numbers with other laboratories. Use :func:`xyz_from_spectrum` for everything else: it
 takes any grid and is closer to the 1 nm integral.
@@ -43,14 +43,14 @@ def xyz_from_spectrum_astm(
     Raises
     ------
     ArgumentError
-        A grid that the standard has no table for, and whatever :func:`xyz_from_spectrum` refuses.
+        A grid without a table in the standard, and all errors of :func:`xyz_from_spectrum`.
     """
     grid = checked_wavelengths(wavelengths)
     step = _checked_step(grid)
     tools = science()
     fine, weights = fine_weights(illuminant, observer, grid)
     nanometres = np.arange(RANGE[0], RANGE[1] + 0.5)
-    # Some observers start at 390 nm: nothing is seen below, and no weight is lost.
+    # Some observers start at 390 nm: weights below are 0.
     seen = np.zeros((nanometres.size, 3))
     inside = (fine >= RANGE[0]) & (fine <= RANGE[1])
     seen[np.rint(fine[inside] - RANGE[0]).astype(int)] = weights[:, inside].T

@@ -22,7 +22,7 @@ ROOT = 1.0 / 2.4
 """Measured ramps are interpolated as light^(1/2.4), in which real displays are almost straight
 lines: 17 steps of a gamma-2.2 ramp are enough for 0.05 L* (a straight toe like sRGB's wants 52)."""
 LARGEST_FALL = 0.05
-"""Part of the range by which a measured ramp may fall (noise) before it is refused."""
+"""Largest decrease (noise) of a measured ramp, as a share of its range."""
 SAMPLES = 4097
 """Points, besides the readings, at which a measured curve is tabulated: a quarter of a 10-bit code
 apart."""
@@ -76,7 +76,7 @@ class MeasuredCurve:
 
     The reading at the first code is the black level and is subtracted, the last one becomes 1.
     Readings that fall through noise are pooled with their neighbours (isotonic regression); between
-    readings runs a monotone cubic (Fritsch and Carlson 1980) in light^(1/2.4).
+    readings runs a monotone cubic [@fritsch1980monotone] in light^(1/2.4).
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class MeasuredCurve:
     light
         ``(m,)`` from 0 to 1, monotone.
     largest_fall
-        The most that one reading lay below an earlier one, as a part of the range.
+        Largest decrease below an earlier reading, as a share of the range.
     """
 
     codes: Floats
@@ -124,7 +124,7 @@ class MeasuredCurve:
                 "with its code, so measure again (flicker, a moved probe, swapped rows?)"
             )
         monotone = np.clip(_isotonic(relative), 0.0, 1.0)
-        # Pooling may lift the black or pull down the white; those two are exact by definition.
+        # Pooling may change black and white, which are exact by definition.
         monotone[0], monotone[-1] = 0.0, 1.0
         fine = np.union1d(np.linspace(0.0, 1.0, SAMPLES), code)
         set_ = object.__setattr__
@@ -159,7 +159,7 @@ def _ramp_codes(codes: ArrayLike) -> Floats:
 
 
 def _isotonic(values: Floats) -> Floats:
-    """The nearest never-falling sequence in the least-squares sense (pool adjacent violators)."""
+    """The nearest nondecreasing sequence by least squares (pool adjacent violators)."""
     means: list[float] = []
     counts: list[int] = []
     for value in values.tolist():
@@ -174,10 +174,10 @@ def _isotonic(values: Floats) -> Floats:
 
 
 def _monotone_cubic(x: Floats, y: Floats, at: Floats) -> Floats:
-    """Cubic Hermite interpolation whose slopes keep a never-falling ``y`` never falling.
+    """Monotone cubic Hermite interpolation [@fritsch1984monotone].
 
     Interior slopes are weighted harmonic means of the neighbouring secants (Fritsch and Butland
-    1984), zero beside a flat stretch; the ends take the secant itself.
+    1984), 0 beside a flat stretch; the ends take the secant itself.
     """
     width = np.diff(x)
     secant = np.diff(y) / width
@@ -203,5 +203,5 @@ def _monotone_cubic(x: Floats, y: Floats, at: Floats) -> Floats:
         + t * (3 * rise - h * (2 * slope[left] + slope[left + 1]))
         + t * t * (h * (slope[left] + slope[left + 1]) - 2 * rise)
     )
-    # Rounding may turn a flat stretch into one that falls by a bit.
+    # Rounding may make a flat part decrease by a bit.
     return np.maximum.accumulate(np.clip(value, y[0], y[-1]))

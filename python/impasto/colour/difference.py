@@ -1,4 +1,4 @@
-"""Colour differences: CIELAB and CIEDE2000, through colour-science."""
+"""Colour differences: CIELAB and CIEDE2000 [@sharma2005ciede2000], by colour-science."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def lab_from_xyz(xyz: ArrayLike, white: ArrayLike | str = "D65") -> Floats:
     values = _planar(xyz, "xyz")
     reference = checked_white(white_point(white) if isinstance(white, str) else white)
     tools = science()
-    # XYZ_to_Lab knows the white by its chromaticity, that is at Y = 1.
+    # XYZ_to_Lab takes the white by its chromaticity, at Y = 1.
     relative = np.moveaxis(values / reference[1], 0, -1)
     lab = tools.XYZ_to_Lab(relative, tools.XYZ_to_xy(reference))
     return np.ascontiguousarray(np.moveaxis(np.asarray(lab, dtype=np.float64), -1, 0))

@@ -1,4 +1,4 @@
-"""Displays: which light a code emits, and which code shows a colour.
+"""Displays: from codes to light, and from colours to codes.
 
 A display is a matrix and one tone curve per channel. Its black (the light at code 0 plus the room's
 reflection on the screen) needs no third concept: it is a floor under each curve.
@@ -23,14 +23,14 @@ from impasto.errors import ArgumentError
 
 CHANNELS = ("red", "green", "blue")
 D65_CHROMATICITY = (0.3127, 0.3290)
-"""White of sRGB and Display P3, as their standards print it."""
+"""White of sRGB and Display P3, from their standards."""
 NAMED_PRIMARIES = {
     "srgb": ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06)),
     "display-p3": ((0.68, 0.32), (0.265, 0.69), (0.15, 0.06)),
 }
 """Chromaticities (x, y) of red, green, blue: IEC 61966-2-1; SMPTE RP 431-2 with a D65 white."""
 LARGEST_IMBALANCE = 0.25
-"""Part by which red + green + blue may miss the measured white in some primary."""
+"""Largest relative difference between red + green + blue and the measured white."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class DisplayCurve:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What the measurements of a display said about themselves.
+    """Consistency of the measurements of a display.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Calibration:
         ``(3,)`` factor on each primary that makes their sum the measured white: 1 for a display
         whose channels are independent.
     largest_fall
-        The most that any ramp fell, as a part of its range.
+        Largest decrease of a ramp, as a share of its range.
     """
 
     peak_luminance: float
@@ -244,7 +244,7 @@ class Display:
         return np.tensordot(self.linear_from_xyz, _planar(xyz, "xyz"), axes=1)
 
     def xyz_of(self, code: ArrayLike) -> Floats:
-        """XYZ that codes in [0, 1] show, both ``(3, ...)``; the black is in it."""
+        """XYZ of codes in [0, 1], both ``(3, ...)``, including the black."""
         return np.tensordot(self.xyz_from_linear, self.decode(code), axes=1)
 
 

@@ -1,4 +1,4 @@
-"""A scene's colour as one matrix: coefficients to XYZ to the adapted eye to the display.
+"""The colour of a scene as one matrix: coefficients, XYZ, adaptation, display.
 
 Reflected light is diffuse(lambda) E + specular E, and every step from there to linear display light
 is linear. With reflectance as k coefficients on a basis, the whole chain is a 3 x k matrix for the
@@ -26,7 +26,7 @@ from impasto.errors import ArgumentError
 
 @dataclass(frozen=True)
 class WhiteScale:
-    """How bright white is shown, and what that costs.
+    """The brightness of white on a display.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class WhiteScale:
     linear
         ``(3,)`` linear display light of the scaled white.
     clipped
-        Channels in which the scaled white exceeds full drive: none unless asked for.
+        Channels in which the scaled white exceeds full drive: only with an explicit scale.
     unreachable
         Channels in which white lies below the display's black: the white is outside the display's
         colours, and no scale helps.
@@ -98,7 +98,7 @@ class Fold:
         return self.display.table(n)
 
     def report(self) -> dict[str, Any]:
-        """Plain numbers and names for a report file."""
+        """Numbers and names for a report file."""
         seen = self.adaptation
         return {
             "display": self.display.name,
@@ -124,7 +124,7 @@ def white_scale(
     display: Display | str | Path,
     rule: Literal["fit", "luminance"] | float = "fit",
 ) -> WhiteScale:
-    """How bright a white may be shown without clipping.
+    """The largest brightness of white without clipping.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ def display_from_xyz(
 
 
 def _on_grid(illuminant: Illuminant, grid: Floats) -> Illuminant:
-    """A bare array of values gets the wavelengths it stands on."""
+    """Add the wavelengths to a bare array of values."""
     if isinstance(illuminant, str | tuple) or hasattr(illuminant, "wavelengths"):
         return illuminant
     return (grid, illuminant) if np.ndim(illuminant) == 1 else illuminant

@@ -1,4 +1,4 @@
-"""ICC profiles: what a picture file must carry so that other programs show it rightly.
+"""ICC profiles: embedded in picture files, so that other programs show the right colours.
 
 A picture for sRGB is understood without one; a picture for any other display is not.
 """
@@ -14,7 +14,7 @@ from impasto.colour.display import Display
 from impasto.colour.wavelengths import Floats
 
 D50 = np.array([0.9642, 1.0, 0.8249])
-"""White of the profile connection space, as ICC.1:2022 prints it."""
+"""White of the profile connection space, from ICC.1:2022."""
 BRADFORD = np.array(
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
 )
@@ -70,7 +70,7 @@ def _assembled(tags: dict[bytes, bytes]) -> bytes:
         b"mntr",
         b"RGB ",
         b"XYZ ",
-        # A fixed date keeps the same display the same bytes.
+        # A fixed date: the same display gives the same bytes.
         *(2000, 1, 1, 0, 0, 0),
         b"acsp",
         bytes(4),

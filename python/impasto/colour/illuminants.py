@@ -1,4 +1,4 @@
-"""Light sources: by name, by temperature, or as measured."""
+"""Light sources: by name, by temperature, or measured."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SECOND_RADIATION_CONSTANT = 1.4388e-2
 """c2 of eq. 8 in m K (the paper prints "Watts-K")."""
 
 HOTTEST = 1e12
-"""Kelvin. Far above it eq. 8 leaves the range of a double; its colour stopped changing at 1e7."""
+"""Kelvin. Far above it eq. 8 overflows a double; the colour is constant from 1e7 on."""
 
 
 def planck(temperature: float, wavelengths: ArrayLike) -> Floats:
@@ -131,7 +131,7 @@ def sampled(
 
 
 def temperature_if_given(illuminant: Illuminant) -> float | None:
-    """Kelvin, where the light source was given as a temperature."""
+    """Kelvin, if the light source was given as a temperature."""
     if isinstance(illuminant, str):
         return _kelvin(illuminant)
     if isinstance(illuminant, np.ndarray) and illuminant.ndim == 0:
@@ -140,7 +140,7 @@ def temperature_if_given(illuminant: Illuminant) -> float | None:
 
 
 def illuminant_names() -> tuple[str, ...]:
-    """All names that :func:`spectrum` knows: CIE and ISO illuminants, then other sources."""
+    """All names for :func:`spectrum`: CIE and ISO illuminants, then other sources."""
     tables = science()
     return (*tables.SDS_ILLUMINANTS.keys(), *tables.SDS_LIGHT_SOURCES.keys())
 

@@ -1,4 +1,4 @@
-"""Light becomes colour: CIE XYZ from a spectrum, integrated on a 1 nm grid."""
+"""CIE XYZ from a spectrum, integrated on a 1 nm grid."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ OBSERVERS = (
 
 
 class White(NamedTuple):
-    """A white of which only the colour is known, such as a display's; any luminance."""
+    """A white known only by its colour, such as that of a display; any luminance."""
 
     xyz: tuple[float, float, float]
 

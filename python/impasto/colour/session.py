@@ -1,4 +1,4 @@
-"""A display's measurements in a file, so that a monitor is measured once.
+"""Measurements of a display in a file.
 
 The file is JSON and holds the arguments of :meth:`Display.calibrated` as they were read::
 
@@ -68,7 +68,7 @@ def read_display(path: str | Path) -> Display:
 
 
 def as_display(display: Display | str | Path) -> Display:
-    """A display as it is, a standard one by its name, or a measured one by its file (``.json``)."""
+    """A display given as such, by standard name, or by a file of measurements (``.json``)."""
     if isinstance(display, Display):
         return display
     if isinstance(display, Path) or display.casefold().endswith(".json"):

@@ -17,13 +17,13 @@ from impasto.colour.wavelengths import Floats
 from impasto.errors import ArgumentError
 
 FARTHEST = 0.05
-"""Distance from the blackbody locus beyond which CIE 15 calls no temperature correlated."""
+"""Distance from the blackbody locus beyond which CIE 15 defines no correlated temperature."""
 LOCUS_MIRED = (1.0, 1000.0)
 """The part of the blackbody locus that is searched: 1 000 000 K to 1000 K."""
 
 
 class Correlated(NamedTuple):
-    """The blackbody that looks most like a light source."""
+    """The blackbody nearest to a light source in colour."""
 
     temperature: float
     """Kelvin."""
@@ -32,7 +32,7 @@ class Correlated(NamedTuple):
 
 
 def adapted_temperature(test: float, reference: float, d: float) -> float:
-    """Temperature of the light that an eye behaves as if adapted to: eq. 7.
+    """Temperature of the light to which an incompletely adapted eye is adapted: eq. 7.
 
     T_D = 1e6 / ((R - T) d + T), where T and R are the reciprocal temperatures of the test and the
     reference light in mired (1e6 / K), a scale on which equal steps look about equal
@@ -43,7 +43,7 @@ def adapted_temperature(test: float, reference: float, d: float) -> float:
     test, reference
         Kelvin, positive: the light the painting hangs in, the light of full adaptation.
     d
-        Degree of adaptation: 0 none, 1 complete. The paper's observers chose 0.56 on average.
+        Degree of adaptation: 0 none, 1 complete. The mean of the paper's observers is 0.56.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Wavelength grids: checking them, and going from one to another."""
+"""Wavelength grids: checks, and interpolation between grids."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NODES = 4
 """Points of one Lagrange polynomial: third degree, as in ASTM E2022."""
 LARGEST_GAIN = 2.0
 """Most by which a cubic may amplify noise; even grids stay below 1.63. Samples at 400, 401, 700 and
-701 nm reach 150 in the middle: there a straight line is the better guess."""
+701 nm reach 150 in the middle: a straight line is better there."""
 
 
 def checked_wavelengths(wavelengths: ArrayLike, name: str = "wavelengths") -> Floats:
@@ -66,7 +66,7 @@ def checked_spectra(values: ArrayLike, grid: Floats, argument: str, row: str) ->
 
 
 def interpolation_matrix(wavelengths: ArrayLike, at: ArrayLike) -> Floats:
-    """The matrix that carries a spectrum from one wavelength grid to another.
+    """The matrix that interpolates a spectrum from one wavelength grid to another.
 
     Between two samples the curve is the third-degree Lagrange polynomial through the four nearest
     samples (fewer samples: a parabola, a line, a constant). This is the rule of ASTM E2022; of the

@@ -1,4 +1,4 @@
-"""What a light file holds, and the checks that every format shares."""
+"""The contents of a light file, and the checks common to all formats."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from impasto.io.notes import Note, Notebook, few
 from impasto.rig import DistantLight, Light, PointLight
 
 SHORTEST = 1e-4
-"""Vectors shorter than this point nowhere (the limit of the relight reader)."""
+"""Shorter vectors have no direction (the limit of the relight reader)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def finish(
     names: tuple[str, ...] | None,
     **extra: Any,
 ) -> LightFile:
-    """Normalise the vectors, note what is odd about them, and build the result.
+    """Normalise the vectors, note anything unusual, and build the result.
 
     ``labels`` say where each vector came from (``"line 7 (a.jpg)"``).
     """
@@ -130,7 +130,7 @@ def finish(
         notebook.warn(
             "horizon",
             path,
-            f"{len(below)} light(s) lie below the painting's horizon (z < 0): {few(below)}; kept",
+            f"{len(below)} light(s) lie below the painting's plane (z < 0): {few(below)}; kept",
         )
     if names is not None:
         folded = [name.replace("\\", "/").casefold() for name in names]

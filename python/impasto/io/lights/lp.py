@@ -56,8 +56,8 @@ def parse_lp(text: str, path: Path, notebook: Notebook) -> LightFile:
         notebook.repair(
             "count",
             path,
-            f"the first line promises {promised} lights, {len(vectors)} lines follow: "
-            "all lines used",
+            f"the first line says {promised} lights, {len(vectors)} lines follow: all of them "
+            "are used",
         )
     table = np.array(vectors, dtype=np.float64).reshape(-1, 3)
     return finish(path, "lp", table, labels, notebook, names=tuple(names) or None)
@@ -119,7 +119,7 @@ def write_lights(
         raise ArgumentError(f"names: expected {len(directions)} file names, found {found}")
     for name in names:
         if not name.strip() or name != name.strip() or "\n" in name or "\r" in name:
-            raise ArgumentError(f"names: {name!r} cannot stand in an .lp file")
+            raise ArgumentError(f"names: {name!r} is not possible in an .lp file")
     if len(names) > RELIGHT_LIMIT:
         LOG.warning("%s: %d lights; relight reads at most %d", path, len(names), RELIGHT_LIMIT)
     lines = [str(len(names))]

@@ -52,7 +52,7 @@ def parse_dome(
         )
         use_positions = False
         lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-        # A position without length stays as it is, and is refused by name.
+        # A position of length 0 stays as it is; the error names it.
         vectors = vectors / np.where(lengths > 0, lengths, 1.0)
     adjust = content.get("ledAdjust")
     if isinstance(adjust, list) and len(adjust) == len(vectors):
@@ -71,7 +71,7 @@ def parse_dome(
 
 
 def _adjustments(adjust: list[Any], path: Path) -> NDArray[np.float64]:
-    """``ledAdjust``: red, green and blue strength of each light, 1 where it does not say."""
+    """``ledAdjust``: red, green and blue strength of each light, 1 if missing."""
     try:
         rows = [[float(led.get(c, 1.0)) for c in ("r", "g", "b")] for led in adjust]
     except (AttributeError, TypeError, ValueError) as error:
@@ -123,7 +123,7 @@ def parse_alicevision(content: dict[str, Any], path: Path, notebook: Notebook) -
             "frame",
             path,
             "every light lies below the horizon: AliceVision's camera frame (y down, z away) "
-            "was turned to x right, y up, z to the camera",
+            "was converted to x right, y up, z towards the camera",
         )
         vectors = vectors * (1.0, -1.0, -1.0)
     return finish(

@@ -58,7 +58,7 @@ def read_lights(
     if suffix == ".txt":
         return parse_text(text, path, notebook, layout)
     raise ArgumentError(
-        f"lights: {path} is no light file that impasto knows (one of {', '.join(LIGHT_SUFFIXES)})"
+        f"lights: {path} is not a light file of a known format (one of {', '.join(LIGHT_SUFFIXES)})"
     )
 
 
@@ -66,7 +66,7 @@ def _parse_json(text: str, path: Path, notebook: Notebook) -> LightFile:
     try:
         content = json.loads(text)
     except json.JSONDecodeError as error:
-        raise CorruptInputError(path, f"is no valid JSON ({error})") from error
+        raise CorruptInputError(path, f"is not valid JSON ({error})") from error
     if not isinstance(content, dict):
         raise CorruptInputError(path, "expected a JSON object at the top")
     if isinstance(content.get("lights"), dict):

@@ -45,12 +45,12 @@ def parse_text(text: str, path: Path, notebook: Notebook, layout: str | None) ->
     vectors, transposed = _table(rows, path, layout)
     if transposed:
         labels = [f"column {i + 1}" for i in range(len(vectors))]
-        notebook.say("layout", path, f"3 x {len(vectors)} numbers: one light a column")
+        notebook.say("layout", path, f"3 x {len(vectors)} numbers: one light per column")
     if count is not None and count != len(vectors):
         notebook.repair(
             "count",
             path,
-            f"the first line promises {count:g} lights, {len(vectors)} follow: all used",
+            f"the first line says {count:g} lights, {len(vectors)} follow: all of them are used",
         )
     return finish(path, "text", vectors, labels, notebook, names=None)
 

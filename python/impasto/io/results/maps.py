@@ -1,4 +1,4 @@
-"""Results of a fit in a file: the arrays, checked as they are taken."""
+"""Result files: named arrays, checked while they are read."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class SavedMaps:
         self.arrays = arrays
 
     def take(self, name: str) -> Any:
-        """One array; the file is refused if it is not there."""
+        """One array; an error if it is missing."""
         if name not in self.arrays:
             raise CorruptInputError(self.path, f"has no array {name!r}")
         return self.arrays[name]
 
     def array(self, name: str, dtype: type[np.generic], shape: tuple[int | None, ...]) -> Any:
-        """One array of a kind of number and a size (None: any); the file is refused otherwise."""
+        """One array of a type and a shape (None: any size); otherwise an error."""
         found = np.asarray(self.take(name))
         fits = len(found.shape) == len(shape) and all(
             wanted in (None, length) for wanted, length in zip(shape, found.shape, strict=True)
@@ -54,20 +54,20 @@ class SavedMaps:
         return array
 
     def demand(self, name: str, holds: bool, problem: str) -> None:
-        """Refuse the file because of what one array holds."""
+        """Raise an error for the contents of an array."""
         if not holds:
             raise CorruptInputError(self.path, f"array {name!r} {problem}")
 
 
 def write_maps(path: str | os.PathLike[str], kind: str, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write a result so that it appears whole or not at all."""
+    """Write a result atomically."""
     target = Path(path)
     store_of(target).write(target, {"kind": np.array(kind), **arrays})
 
 
 @contextmanager
 def read_maps(path: str | os.PathLike[str], *kinds: str) -> Iterator[SavedMaps]:
-    """The arrays of a result; whatever fails while they are looked at is the file's fault."""
+    """The arrays of a result; errors while they are read mean a damaged file."""
     target = Path(path)
     arrays = store_of(target).read(target)
     found = str(arrays.get("kind", "something else"))
@@ -87,7 +87,7 @@ def rig_arrays(rig: Rig) -> dict[str, NDArray[Any]]:
 
 
 def rig_from_arrays(maps: SavedMaps) -> Rig:
-    """The rig that :func:`rig_arrays` took apart."""
+    """The rig of the arrays of :func:`rig_arrays`."""
     names = ("lights", "near", "falloff", "intensities", "views")
     arrays = {name: maps.take(f"rig.{name}") for name in names}
     for name in ("pitch_mm", "origin"):

@@ -15,7 +15,7 @@ from impasto.io.npz import read_npz, write_npz
 
 
 class MapStore(Protocol):
-    """A file format that holds arrays by name."""
+    """A file format for named arrays."""
 
     def write(self, path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Write all arrays; the file appears whole or not at all."""
@@ -41,5 +41,5 @@ STORES: dict[str, MapStore] = {".npz": NpzStore()}
 
 
 def store_of(path: Path) -> MapStore:
-    """The format that a file's name asks for; ``.npz`` says which names it takes."""
+    """The format for a file name; ``.npz`` for unknown suffixes, which it refuses."""
     return STORES.get(path.suffix.lower(), STORES[".npz"])

@@ -18,7 +18,7 @@ from impasto.stack import Stack, checked_stack
 
 
 def write_stack(path: str | Path, stack: Stack) -> None:
-    """Write a stack so that :func:`~impasto.read_stack` gives the same one back.
+    """Write a stack for :func:`~impasto.read_stack`, without loss.
 
     Plain arrays, no pickles: ``samples``, ``lights`` ``(obs, 3)`` (positions in mm where ``near``),
     ``intensities``, ``near``, ``falloff``, ``views``, ``bands``, ``names``, ``scale``, ``black``,
@@ -57,8 +57,8 @@ def read_archive(path: Path, given: Mapping[str, Any]) -> Stack:
     for name, value in given.items():
         if value is not None:
             raise ArgumentError(
-                f"{name}: {path} holds a finished stack, which takes no such option; say it "
-                "where its photographs are read"
+                f"{name}: {path} holds a finished stack, to which this option does not apply; use "
+                "it when the photographs are read"
             )
     arrays = read_npz(path)
     lost = [key for key in ("samples", "lights") if key not in arrays]
@@ -69,7 +69,7 @@ def read_archive(path: Path, given: Mapping[str, Any]) -> Stack:
     try:
         return _stack(arrays, path)
     except (ImpastoError, TypeError, ValueError) as error:
-        raise CorruptInputError(path, f"holds arrays that make no stack: {error}") from error
+        raise CorruptInputError(path, f"holds arrays that are not a stack: {error}") from error
 
 
 def _stack(arrays: dict[str, NDArray[Any]], path: Path) -> Stack:
