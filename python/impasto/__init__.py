@@ -89,10 +89,10 @@ __all__ = [
     "white_corrected",
 ]
 
-if not _typing.TYPE_CHECKING:  # where types are checked, a name that is not there stays an error
+if not _typing.TYPE_CHECKING:  # type checkers still report unknown names
 
     def __getattr__(name: str) -> _types.ModuleType:
-        """``impasto.doctor`` and the other modules that are loaded when they are first named."""
+        """``impasto.doctor`` and other modules that are imported on first use."""
         if name in {"doctor", "overview", "pictures", "report", "simulate", "study"}:
             return _importlib.import_module(f"{__name__}.{name}")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""What a camera's bands see of a spectrum: sensitivities, the light they were used with."""
+"""Cameras: the sensitivities of their bands, and the light of the photographs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Integration = Literal["1nm", "sum"]
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Camera:
-    """Band sensitivities and the light that the photographs were taken under.
+    """Band sensitivities and the light of the photographs.
 
     A band's response to a reflectance S is the integral of E(λ) S(λ) R(λ) (eq. 1 of both Tominaga
     papers) divided by its response to a perfect white: the board that is S = 1 everywhere reads
@@ -79,7 +79,7 @@ class Camera:
         set_(self, "sensitivities", curves)
         set_(self, "illuminant", light)
         set_(self, "bands", names)
-        # Refuses, with the band's name, what cannot be normalised by a white board.
+        # Raises an error that names the band if a white board gives no response.
         self._weights(self.wavelengths)
 
     def __repr__(self) -> str:
@@ -130,7 +130,7 @@ class Camera:
         *,
         integration: Integration = "1nm",
     ) -> Floats:
-        """What the bands read: ``(..., band)``, with a perfect white at 1.0 in each.
+        """Responses of the bands ``(..., band)``; a perfect white is 1.0 in each.
 
         Parameters
         ----------
@@ -162,14 +162,14 @@ class Camera:
         if not (white > 0).all():
             band = self.bands[int(np.argmin(white[:, 0]))]
             raise ArgumentError(
-                f"sensitivities: band {band!r} does not see a white board under this illuminant "
-                f"between {at[0]:g} and {at[-1]:g} nm"
+                f"sensitivities: band {band!r} has no response to a white board under this "
+                f"illuminant between {at[0]:g} and {at[-1]:g} nm"
             )
         return np.asarray(weights / white)
 
 
 def checked_camera(camera: Any) -> Camera:
-    """The camera, or a refusal that says where to get one."""
+    """The camera, or an error that says how to make one."""
     made_by = "impasto.io.read_camera or Camera.srgb"
     instance(camera, Camera, "camera", f"an impasto.Camera, as of {made_by}")
     found: Camera = camera

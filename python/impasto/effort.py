@@ -1,4 +1,4 @@
-"""What a fit may cost: the one knob between time and accuracy."""
+"""Effort of a fit: accuracy against time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Precision = Literal["single", "polished", "double"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effort:
-    """How far a fit goes; the defaults are those of ``"standard"``.
+    """Accuracy of a fit against time; the defaults are those of ``"standard"``.
 
     Nothing here changes what is fitted, only how well: a larger number costs time, and never
     changes a pixel's number of unknowns. :doc:`accuracy-and-time` shows what each costs and gives.
@@ -89,7 +89,7 @@ class Effort:
                 raise ArgumentError(f"{name}: expected {names}, found {word!r}{hint}")
 
     def to_dict(self) -> dict[str, Any]:
-        """What the fields hold, by name."""
+        """The fields by name."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
@@ -104,7 +104,7 @@ PRESETS: dict[str, Effort] = {
 
 
 def resolved(effort: EffortLike) -> Effort:
-    """The numbers behind a name."""
+    """The effort of a preset name."""
     if isinstance(effort, Effort):
         return effort
     if not (isinstance(effort, str) and effort in get_args(Preset)):

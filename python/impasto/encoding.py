@@ -1,4 +1,4 @@
-"""How linear light became the numbers in a file, and back."""
+"""Tone curves between linear light and the codes of a file."""
 
 from __future__ import annotations
 

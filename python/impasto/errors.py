@@ -1,4 +1,4 @@
-"""Why a whole call is refused.
+"""Errors of whole calls.
 
 A wrong call raises; a bad pixel never does: it carries a :class:`~impasto.Status`. Where a builtin
 exception says what went wrong, the class here is also that builtin.
@@ -6,11 +6,11 @@ exception says what went wrong, the class here is also that builtin.
 
 
 class ImpastoError(Exception):
-    """Base of every error that impasto raises on purpose."""
+    """Base class of all errors of impasto."""
 
 
 class ArgumentError(ImpastoError, ValueError):
-    """An argument has a value that cannot be used; the message names it and what was found."""
+    """The value of an argument cannot be used; the message names argument and value."""
 
 
 class GeometryError(ArgumentError):
@@ -18,7 +18,7 @@ class GeometryError(ArgumentError):
 
 
 class CorruptInputError(ImpastoError, ValueError):
-    """A file is truncated, damaged or not what its name says."""
+    """A file is truncated, damaged or of another type than its name says."""
 
     def __init__(self, path: object, problem: str) -> None:
         super().__init__(f"{path}: {problem}")

@@ -1,4 +1,4 @@
-"""Normals to height, and the shadows that heights cast."""
+"""Normals to height, and cast shadows of heights."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def integrate_normals(
 
     Notes
     -----
-    Lights that are off by a little bend the whole plane: only the fine relief is measured.
+    Small errors of the lights bend the whole plane: only fine relief is reliable.
     """
     if hasattr(normal, "normal"):
         raise ArgumentError(
@@ -69,7 +69,7 @@ def cast_shadows(
     point: bool = False,
     threads: int | None = None,
 ) -> NDArray[np.float32]:
-    """Which pixels see a light over the relief.
+    """The pixels that a light reaches over the relief.
 
     Parameters
     ----------

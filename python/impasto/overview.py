@@ -1,4 +1,4 @@
-"""One picture that shows all maps of a result side by side."""
+"""One picture with all maps of a result side by side."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ VERDICTS = {
     "mixed": ", one for several kinds",
     "at-bound": ", at the bound of its range",
 }
-"""What is added to beta and gamma."""
+"""Remarks that follow beta and gamma."""
 DEGREES = 180.0 / np.pi
 STEEPEST = 0.7
-"""Largest tilt (rad) in the diagram of the gloss: its light still stands 10 degrees high."""
+"""Largest tilt (rad) in the diagram of the gloss: its light is 10 degrees high."""
 
 
 def visible(sbrdf: Any, reflectance: Any = None) -> Any:
-    """The result as :func:`impasto.render` can show it.
+    """The result in bands that :func:`impasto.render` can show.
 
     With a reflectance, or with one or three bands, that is the result itself. Of any other number
     of bands the last, the middle and the first stand in for red, green and blue.
@@ -63,16 +63,16 @@ def overview(
     title: str = "impasto",
     threads: int | None = None,
 ) -> Picture:
-    """Colour, relief and trust of a fitted painting on one sheet.
+    """Colour, relief, gloss and errors of a fitted painting in one picture.
 
     Parameters
     ----------
     sbrdf
-        What :func:`impasto.fit_sbrdf` returns.
+        Result of :func:`impasto.fit_sbrdf`.
     reflectance
-        What :func:`impasto.fit_reflectance` returns, for colours under D65.
+        Result of :func:`impasto.fit_reflectance`, for colours under D65.
     title
-        Heading, as a rule the name of the painting.
+        Heading, such as the name of the painting.
     threads
         As everywhere.
 
@@ -111,7 +111,7 @@ def diffuse_panel(sbrdf: Any, reflectance: Any = None, *, threads: int | None = 
 
 
 def quality_panels(sbrdf: Any) -> tuple[Panel, ...]:
-    """How far each pixel can be trusted: error, residual, samples, gloss of its own, status."""
+    """Quality maps: predicted error, residual, samples, misfit of the gloss, status."""
     if isinstance(sbrdf, PerPixelSbrdf):
         return (
             ramp_panel(sbrdf.sigma, "Predicted error of the normal", unit="degrees", scale=DEGREES),
@@ -136,7 +136,7 @@ def gloss_panel(sbrdf: Any) -> Panel:
     if isinstance(sbrdf, SegmentSbrdf):
         return ramp_panel(sbrdf.gamma, "Width of the lobe", unit="degrees", scale=DEGREES)
     if isinstance(sbrdf, PerPixelSbrdf):
-        # What a lobe reflects in all goes with its strength and the square of its width.
+        # The total reflection of a lobe is proportional to strength times squared width.
         shown = visible(sbrdf)
         energy = np.nansum(shown.specular * shown.width[:, None] ** 2, axis=0)
         energy[:, sbrdf.status > Status.DARK] = np.nan
@@ -189,7 +189,7 @@ def subtitle(sbrdf: Any) -> str:
 
 
 def gloss_words(sbrdf: Any) -> str:
-    """The gloss in words: ``"gloss: beta 11.7, gamma 7.0 degrees"``."""
+    """The gloss as text: ``"gloss: beta 11.7, gamma 7.0 degrees"``."""
     if isinstance(sbrdf, PerPixelSbrdf):
         fine = sbrdf.lobes[sbrdf.status < Status.DARK]
         if not fine.any():
@@ -199,7 +199,7 @@ def gloss_words(sbrdf: Any) -> str:
         return f"gloss: {fine.mean():.1f} {kind} per pixel, {width:.3g} degrees wide"
     if isinstance(sbrdf, SegmentSbrdf):
         own = sum(one.own for one in sbrdf.segments)
-        return f"gloss: {own} of {len(sbrdf.segments)} segments have a lobe of their own"
+        return f"gloss: {own} of {len(sbrdf.segments)} segments have their own lobe"
     if sbrdf.verdict == "too-few":
         return "gloss: no pixel that could show a highlight"
     if sbrdf.verdict == "no-highlight":

@@ -1,4 +1,4 @@
-"""``report.json``: what went in, what was asked for, what did the work, what came out.
+"""``report.json``: inputs, options, versions, and results.
 
 Enough to say years later which files, options and versions a map was made from. The keys are
 sorted and there is no date in it, so two runs differ only where the work differed (and in timings).
@@ -24,11 +24,11 @@ from impasto.errors import ArgumentError
 from impasto.status import Status
 
 SCHEMA = 1
-"""Version of the file's layout; raised when a key changes its meaning."""
+"""Version of the format; increased when a key changes its meaning."""
 
 
 LIBRARIES = ("colour-science", "opencv-python-headless", "OpenEXR", "tifffile")
-"""What reads, writes and knows spectra."""
+"""Libraries for files and spectra."""
 
 
 class Timings:
@@ -39,7 +39,7 @@ class Timings:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Time the body; a stage entered twice adds up."""
+        """Time the body; repeated stages are added."""
         start = time.perf_counter()
         try:
             yield
@@ -80,7 +80,7 @@ def status_counts(status: ArrayLike) -> dict[str, int]:
 
 
 def versions() -> dict[str, Any]:
-    """What does the work here: versions of impasto and its libraries, machine and SIMD level."""
+    """Versions of impasto and its libraries, machine and SIMD level."""
     from impasto import _core
 
     build = _core.build_info()
@@ -118,20 +118,20 @@ def report(
     Parameters
     ----------
     command
-        What ran: ``"fit"``, ``"demo"`` ...
+        The command: ``"fit"``, ``"demo"`` ...
     inputs
         Files read; each is hashed.
     options
         Options in force, defaults included.
     results
-        Numbers worth keeping beside the maps: status counts, pooled beta and gamma ...
+        Numbers: status counts, pooled beta and gamma ...
     timings
         Seconds per stage.
     notes
-        What was repaired, dropped or assumed while the input was read; ``str`` of each is a
+        What was repaired, left out or assumed while the input was read; ``str`` of each is a
         sentence.
     folder
-        Where the results lie; every file in it is hashed.
+        Folder of the results; every file in it is hashed.
     """
     made = [] if folder is None else sorted(p for p in Path(folder).rglob("*") if p.is_file())
     seconds = {} if timings is None else timings.seconds
@@ -149,14 +149,14 @@ def report(
 
 
 def write_report(path: str | os.PathLike[str], content: Mapping[str, Any]) -> None:
-    """Save a report as JSON; the file appears whole or not at all.
+    """Save a report as JSON, atomically.
 
     Parameters
     ----------
     path
         The file to write; an older one is replaced.
     content
-        As from :func:`report`.
+        Result of :func:`report`.
     """
     from impasto.io import atomic_bytes
 
@@ -165,7 +165,7 @@ def write_report(path: str | os.PathLike[str], content: Mapping[str, Any]) -> No
 
 
 def _plain(value: Any) -> Any:
-    """The value in JSON's own types; NaN and infinities, which JSON has not, become null."""
+    """The value in types of JSON; NaN and infinities become null."""
     if isinstance(value, Mapping):
         return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, np.ndarray):
@@ -180,4 +180,4 @@ def _plain(value: Any) -> Any:
         return float(value) if np.isfinite(value) else None
     if isinstance(value, os.PathLike):
         return Path(value).as_posix()
-    raise ArgumentError(f"report: a {type(value).__name__} has no place in JSON")
+    raise ArgumentError(f"report: a {type(value).__name__} cannot be written as JSON")

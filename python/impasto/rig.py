@@ -1,4 +1,4 @@
-"""Who lit, who looked: one light and one view for each observation.
+"""Rigs: one light and one view for each observation.
 
 World frame: origin in the middle of the painting, x right, y up, z towards the viewer,
 millimetres. Directions have unit length and point away from the surface.
@@ -76,7 +76,7 @@ class DistantLight:
             angles.append(radians)
         around, up = angles
         for name, angle, most in (("azimuth", around, 2 * math.pi), ("elevation", up, math.pi / 2)):
-            # A rounding beyond the limit is no mistake.
+            # A rounding error beyond the limit is accepted.
             if abs(angle) > most + 1e-6:
                 raise ArgumentError(
                     f"{name}: expected radians of at most {most:.4g}, found {angle:g}; "
@@ -90,7 +90,7 @@ class DistantLight:
         length = float(np.linalg.norm(vector))
         if length < 1e-6:
             raise GeometryError(
-                f"direction: a light direction needs a length, found {self.direction}"
+                f"direction: a light direction needs a length above 0, found {self.direction}"
             )
         object.__setattr__(self, "direction", tuple(float(v) for v in vector / _not_1(length)))
         _check_intensity(self.intensity)
@@ -119,7 +119,7 @@ class PointLight:
         vector = _vector(self.position, "position")
         if float(np.linalg.norm(vector)) < 1e-6:
             raise GeometryError(
-                f"position: a point light cannot stand on the painting, found {self.position}"
+                f"position: a point light cannot be on the painting, found {self.position}"
             )
         object.__setattr__(self, "position", tuple(float(v) for v in vector))
         _check_intensity(self.intensity)
@@ -134,7 +134,7 @@ class PointLight:
     def seen_from(self, x: float, y: float) -> PointLight:
         """The same light where ``(x, y, 0)`` is the origin: the middle of a part of the painting.
 
-        Its intensity is what arrives there.
+        Its intensity is the irradiance there.
         """
         here = np.array(self.position)
         there = here - (x, y, 0.0)
@@ -252,7 +252,7 @@ class Rig:
         return Rig(lights, views=self.views, pitch_mm=self.pitch_mm)
 
     def with_lights(self, lights: Sequence[Light]) -> Rig:
-        """The same views and place with other lights, one per observation."""
+        """The same views and origin with other lights, one per observation."""
         return Rig(lights, views=self.views, pitch_mm=self.pitch_mm, origin=self.origin)
 
     def part(self, right: float, up: float) -> Rig:
@@ -358,7 +358,7 @@ def _views(views: ArrayLike | None, count: int) -> NDArray[np.float64]:
 
 
 def _not_1(length: Any) -> Any:
-    """Lengths to divide by: 1 for what is a unit vector but for rounding.
+    """Lengths to divide by: 1 for unit vectors up to rounding.
 
     Dividing once more would change last bits, and a rig that is saved and loaded must not change.
     """

@@ -1,4 +1,4 @@
-"""What to light: lamps, their light, the eye and the display."""
+"""Scenes: lamps, illuminant, eye and display."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from impasto.rig import FRONTAL, Light, Rig
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Scene:
-    """A painting's surroundings: who lights it, in which light, who looks, and on what.
+    """Lights, illuminant, view and display of a rendering.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Scene:
         :class:`~impasto.DistantLight` and :class:`~impasto.PointLight`, or ``(light, 3)``
         directions. All stand in front of the painting (z > 0).
     illuminant
-        The lamps' light: a name (``"A"``, ``"D65"``), kelvin, or ``(wavelengths, values)``; a list
+        Light of lamps: a name (``"A"``, ``"D65"``), kelvin, or ``(wavelengths, values)``; a list
         holds one per light.
     view
         Direction to the eye, parallel rays. Off the normal, the picture is the painting
@@ -44,7 +44,7 @@ class Scene:
         None: the largest at which a white board facing all lights together clips no channel; the
         picture reports it.
     shadows
-        Cast the shadows of the relief.
+        Include cast shadows of the relief.
     background
         Linear display light (three numbers from 0 to 1) where nothing of the painting is known or
         seen.
@@ -94,7 +94,7 @@ class Scene:
         for index, light in enumerate(rig.lights):
             if not light.direction[2] > 0.0:
                 raise GeometryError(
-                    f"lights: light {index} does not stand in front of the painting "
+                    f"lights: light {index} is not in front of the painting "
                     f"(z is {light.direction[2]:g})"
                 )
         x, y, z = rig.views[0].tolist()
@@ -103,7 +103,7 @@ class Scene:
         spectra = list(illuminant) if isinstance(illuminant, list) else [illuminant] * len(rig)
         if len(spectra) != len(rig):
             raise ArgumentError(
-                f"illuminant: a list holds one per light ({len(rig)}), found {len(spectra)}"
+                f"illuminant: expected one per light ({len(rig)}), found {len(spectra)}"
             )
         degree = "d from 0 to 1, or None"
         if adaptation is not None and not 0.0 <= number(adaptation, "adaptation", degree) <= 1.0:

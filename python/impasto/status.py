@@ -1,4 +1,4 @@
-"""Why a pixel's result is what it is."""
+"""Statuses: why a pixel has its result, or none."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ class Status(IntEnum):
     FITTED = 0
     """Estimated from enough samples."""
     RELAXED = 1
-    """Estimated, but the selection rule left too few samples and some were re-admitted."""
+    """Estimated, but selection left too few samples, and some were used again."""
     EXACT = 2
     """Estimated from exactly as many samples as unknowns: no residual, no predicted error."""
     ILL_CONDITIONED = 3
     """Estimated, but the usable lights barely determine it; see the condition map."""
     POOLED = 4
-    """Estimated, but the pixel's own samples say nothing for its specular parameters, which are the
-    painting's. In a pooled fit its normal and colours are then those of photometric stereo."""
+    """Estimated, but the samples of the pixel do not determine its specular parameters, which are
+    those of the painting. In a pooled fit its normal and colours then are those of photometric
+    stereo."""
 
     DARK = 16
     """No signal in any observation: albedo 0, everything else unknown."""

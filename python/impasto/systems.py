@@ -1,4 +1,4 @@
-"""How a painting is measured, by name: impasto's own way, and those of the two papers.
+"""Systems by name: the procedures of two papers, and that of impasto.
 
 >>> from impasto import simulate, systems
 >>> capture = simulate.default_capture("tominaga-rgb-camera", size=(32, 32))
@@ -41,14 +41,14 @@ ABOVE = DistantLight((0.0, 0.71, 0.71))
 
 @dataclass(frozen=True, kw_only=True)
 class System:
-    """Every option of the three fits, and the pictures that a paper shows.
+    """The options of the three fits, and the pictures of a paper.
 
     Parameters
     ----------
     name
         As in :func:`get`.
     bands
-        How many bands the photographs must have; None: any number.
+        Required number of bands; None: any number.
     method, low, high, w1, w2, selection
         Of :func:`impasto.fit_normals`.
     model, pooling, extraction, joint, index
@@ -81,7 +81,7 @@ class System:
 
     @property
     def options(self) -> dict[str, Any]:
-        """What the three fits are asked for, by name."""
+        """The options of the three fits, by name."""
         other = {"name", "bands", "pictures"}
         names = [each.name for each in fields(self) if each.name not in other]
         return {name: getattr(self, name) for name in names}
@@ -217,8 +217,8 @@ SYSTEMS: Mapping[Name, System] = {
             rank=3,
             pictures={"front": {"illuminant": "D65"}},
         ),
-        # "We devised a procedure to detect the diffuse reflection component", says the paper, and
-        # no more: here the darker half of the samples, without the darkest tenth. Eq. 5; eq. 6;
+        # The paper only says "We devised a procedure to detect the diffuse reflection component".
+        # Here: the darker half of the samples, without the darkest tenth. Eq. 5; eq. 6;
         # figure 9, from the front and slanted.
         System(
             name="tominaga-six-band-adaptation",
@@ -235,7 +235,7 @@ SYSTEMS: Mapping[Name, System] = {
 
 
 def get(name: Name) -> System:
-    """One of the ways to measure.
+    """A system by name.
 
     ``"impasto"``
         The defaults of all functions.
@@ -253,7 +253,7 @@ def get(name: Name) -> System:
     Raises
     ------
     ArgumentError
-        No such name.
+        Unknown name.
     """
     one_of(name, SYSTEMS, "name")
     return SYSTEMS[name]

@@ -1,4 +1,4 @@
-"""Reflectance spectra that an estimator learns from."""
+"""Training spectra for estimators of reflectance."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Training:
     reflectance
         ``(N, n)`` relative to a perfect white.
     name
-        Where they come from; it is kept in the ``info`` of what is estimated with them.
+        Their source; it is stored in the ``info`` of estimates.
     """
 
     wavelengths: Floats
@@ -50,7 +50,7 @@ class Training:
         return Training(self.wavelengths, spectra, f"{self.name} + {other.name}")
 
     def at(self, wavelengths: ArrayLike) -> Floats:
-        """Spectra ``(N, m)`` on another grid: cubic pieces, end values continued."""
+        """Spectra ``(N, m)`` on another grid: piecewise cubic, end values continued."""
         grid = checked_wavelengths(wavelengths)
         if np.array_equal(grid, self.wavelengths):
             return np.array(self.reflectance)
@@ -59,7 +59,7 @@ class Training:
 
 TrainingSpectra: TypeAlias = Training | tuple[ArrayLike, ArrayLike] | ArrayLike
 """A :class:`Training`, a pair ``(wavelengths, spectra)``, or spectra ``(N, n)`` on the wavelengths
-that the estimate is asked for."""
+of the estimate."""
 
 
 @lru_cache(maxsize=1)
@@ -83,12 +83,12 @@ def ampas190() -> Training:
 
 @lru_cache(maxsize=1)
 def default_training() -> Training:
-    """What is used when nothing is given: :func:`ces99` and :func:`ampas190`, 289 spectra."""
+    """The default: :func:`ces99` and :func:`ampas190`, 289 spectra."""
     return ces99() + ampas190()
 
 
 def checked_training(training: TrainingSpectra | None, wavelengths: Floats) -> Training:
-    """The training set that an argument means."""
+    """The training set for an argument."""
     if training is None:
         return default_training()
     if isinstance(training, Training):
