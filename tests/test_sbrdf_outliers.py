@@ -1,4 +1,4 @@
-"""What is grossly brighter than the painting has no say in the painting's lobe (hard case 31)."""
+"""Outliers far brighter than the painting do not decide the painting's lobe (hard case 31)."""
 
 from __future__ import annotations
 

@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto import Status
+from impasto import Effort, Status
+from impasto.fit.learned import LearnedLobe, PooledMaps
+from impasto.fit.pooled import apply_pooled, learn_pooled
 from oracles import forward
 from oracles import pooled as oracle
 from processes import run
@@ -111,8 +113,8 @@ def test_the_joint_fit_is_the_robust_minimum(
     least = oracle.EXPECTED["joint_least_squares"]
     assert abs(np.log(fitted.beta / least[0])) < deviations[0]
     assert abs(np.log(fitted.gamma / least[1])) < deviations[1]
-    # Errors estimated from 120 pixels' votes scatter by 1 / sqrt(2 * 120) = 6 % and more, as votes
-    # are far from normal; the robust estimate's own are some 10 % larger.
+    # Errors estimated from the gradients of 120 pixels scatter by 1 / sqrt(2 * 120) = 6 % and more,
+    # as gradients are far from normal; the robust estimate's own are some 10 % larger.
     np.testing.assert_allclose(deviations, oracle.DEVIATIONS, rtol=0.4)
 
 
@@ -250,14 +252,14 @@ def test_cases_1_2_20_26_27_bad_pixels_leave_the_others_alone(plain: impasto.Poo
     check_maps(fitted)
     lost = {tuple(p) for p in np.argwhere(fitted.status >= 16).tolist()}
     assert lost == {(0, 0), (0, 5), (1, 0), (1, 5)}
-    # The lobe is common property: without five of 768 votes it moves by a small part of its
+    # The lobe is common property: without five of 768 pixels it moves by a small part of its
     # error, and every normal with it.
     assert fitted.beta == pytest.approx(plain.beta, rel=1e-3)
     assert np.median(np.abs(fitted.normal - plain.normal)[np.isfinite(fitted.normal)]) < 1e-4
 
 
 def test_a_bad_pixel_changes_no_bit_of_its_neighbours_under_a_known_lobe() -> None:
-    # The same votes: a masked pixel and one that is NaN throughout both have none.
+    # A masked pixel and one that is NaN throughout both contribute nothing to the lobe.
     samples = photographs()
     mask = np.ones(SHAPE, bool)
     mask[5, 5] = False
@@ -324,7 +326,7 @@ def test_case_24_shadows_are_left_out() -> None:
     assert np.median(tilt_error(fitted)) < 0.2
 
 
-def test_case_31_gross_outliers() -> None:
+def test_case_31_outliers() -> None:
     samples = photographs()
     rng = np.random.default_rng(9)
     struck = rng.random((16, 1, *SHAPE)) < 0.03
@@ -416,3 +418,100 @@ def test_the_papers_procedure_keeps_the_normals_of_stereo() -> None:
     assert len(fitted.path) == 1
     assert fitted.normal.tobytes() == fitted.normals.normal.tobytes()
     assert fitted.diffuse.tobytes() == fitted.normals.albedo.tobytes()
+
+
+# Learn, then apply -----------------------------------------------------------------------------
+
+POOLED: Any = {"extraction": "residual", "index": 1.45, "threads": 2, "progress": False}
+MAPS = ("normal", "diffuse", "residual", "sigma", "misfit", "status")
+
+
+def near_stack() -> impasto.Stack:
+    """Near lights, so that a pixel's place matters; two pixels that nothing can be said of."""
+    lights = [impasto.PointLight(tuple(300.0 * v)) for v in oracle.lights()]
+    rig = impasto.Rig(lights, pitch_mm=5.0)
+    samples = photographs(lights=rig)
+    samples[:, :, 3, 4] = np.nan
+    samples[:, :, 20, 30] = 0.0
+    return stack_of(samples, rig)
+
+
+def part_of(normals: impasto.Normals, rows: slice, columns: slice) -> impasto.Normals:
+    """A tile of photometric stereo."""
+    maps = {
+        one.name: np.ascontiguousarray(value[..., rows, columns])
+        for one in dataclasses.fields(normals)
+        if isinstance(value := getattr(normals, one.name), np.ndarray) and value.ndim >= 2
+    }
+    return dataclasses.replace(normals, **maps)
+
+
+@pytest.mark.parametrize("joint", [True, False])
+def test_tiles_under_a_saved_lobe_have_the_bits_of_the_whole(tmp_path: Path, joint: bool) -> None:
+    stack = near_stack()
+    normals = impasto.fit_normals(stack)
+    effort = Effort()
+    whole = impasto.fit_sbrdf(stack, normals=normals, joint=joint)
+    learned = learn_pooled(stack, normals, joint=joint, effort=effort, **POOLED)
+    assert learned.refined == joint
+    for name in ("beta", "gamma", "describes", "verdict", "converged"):
+        assert getattr(learned, name) == getattr(whole, name), name
+    for name in ("covariance", "curve", "path"):
+        np.testing.assert_array_equal(getattr(learned, name), getattr(whole, name), name)
+    np.savez(tmp_path / "learned.npz", **learned.arrays())
+    with np.load(tmp_path / "learned.npz") as file:
+        learned = LearnedLobe.from_arrays(file)
+    for rows, columns in (
+        (slice(0, ROWS), slice(0, COLUMNS)),
+        (slice(0, 7), slice(0, 5)),
+        (slice(3, 16), slice(11, 32)),
+        (slice(19, 24), slice(29, 32)),
+        (slice(23, 24), slice(0, 32)),
+    ):
+        height, width = rows.stop - rows.start, columns.stop - columns.start
+        # The middle of the tile, in pixels right of and above the middle of the painting.
+        right = columns.start + (width - COLUMNS) / 2
+        up = (ROWS - height) / 2 - rows.start
+        tile = stack_of(
+            np.ascontiguousarray(np.asarray(stack.samples)[:, :, rows, columns]),
+            impasto.Rig(stack.rig, origin=(right, up)),
+        )
+        stereo = part_of(normals, rows, columns)
+        maps = PooledMaps.empty(3, (height, width))
+        mapped = np.memmap(
+            tmp_path / "diffuse.raw", dtype=np.float32, mode="w+", shape=maps.diffuse.shape
+        )
+        maps = dataclasses.replace(maps, diffuse=mapped)
+        apply_pooled(learned, tile, stereo, maps=maps)
+        for name in MAPS:
+            expected = getattr(whole, name)[..., rows, columns]
+            assert getattr(maps, name).tobytes() == expected.tobytes(), (name, rows, columns)
+
+
+def test_a_lobe_is_learned_from_a_sample_of_the_pixels() -> None:
+    stack = near_stack()
+    normals = impasto.fit_normals(stack)
+    mask = np.zeros(SHAPE, bool)
+    mask[::2] = True
+    masked = stack_of(np.asarray(stack.samples), stack.rig, mask=mask)
+    sampled = np.where(mask, normals.status, Status.NOT_COMPUTED).astype(np.uint8)
+    learned = learn_pooled(
+        stack,
+        dataclasses.replace(normals, status=sampled),
+        joint=True,
+        effort=Effort(),
+        **POOLED,
+    )
+    of_mask = impasto.fit_sbrdf(masked, normals=normals)
+    # The reference brightness is that of the pixels whose colours are known, masked ones not.
+    assert learned.beta == pytest.approx(of_mask.beta, rel=1.6e-4)
+    maps = apply_pooled(learned, stack, normals)
+    np.testing.assert_array_equal(maps.status >= 16, normals.status >= 16)
+
+
+def test_maps_of_another_size_are_refused() -> None:
+    stack = near_stack()
+    normals = impasto.fit_normals(stack)
+    learned = learn_pooled(stack, normals, joint=False, effort=Effort(), **POOLED)
+    with pytest.raises(impasto.ArgumentError, match="normal: "):
+        apply_pooled(learned, stack, normals, maps=PooledMaps.empty(3, (4, 4)))

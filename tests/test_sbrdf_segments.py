@@ -51,8 +51,8 @@ def test_every_patch_has_its_own_lobe(
         beta, gamma = (float(plane[0][here][0]) for plane in (truth.beta, truth.gamma))
         assert (segment.label, segment.verdict, segment.own) == (label, "fitted", True)
         assert segment.pixels == len(here[0])
-        # A third of the painting knows beta to 0.05 % and gamma to less; one varnish all over comes
-        # out within half a percent (docs/accuracy.md).
+        # A third of the painting determines beta to 0.05 % and gamma to less; one varnish all over
+        # comes out within half a percent (docs/accuracy.md).
         assert segment.gamma == pytest.approx(gamma, rel=5e-3)
         assert segment.beta == pytest.approx(beta, rel=5e-3)
         assert (fitted.gamma[here] == np.float32(segment.gamma)).all()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from impasto._internal.border import RigArguments, StackArguments
 from impasto._internal.calls import ProgressCallback
 from impasto.fit.highlight import HighlightFit
+from impasto.fit.learned import LearnedLobe, PooledMaps
 from impasto.fit.normals import Normals
 from impasto.fit.reflectance import Reflectance
 from impasto.fit.start import StartArguments
@@ -68,32 +69,41 @@ def fit_lafortune(
 def views_differ(rig: RigArguments) -> bool: ...
 
 @type_check_only
-class Pooled(TypedDict):
+class LearnedNumbers(TypedDict):
     beta: float
     gamma: float
+    log_sharpness: float
+    index: float
+    refined: bool
+    brightness: float
+    noise: list[float]
+    noise_floor: float
     covariance: list[list[float]]
     verdict: str
     describes: float
     converged: bool
     curve: list[list[float]]
     path: list[list[float]]
-    normal: NDArray[np.float32]
-    diffuse: NDArray[np.float32]
-    residual: NDArray[np.float32]
-    sigma: NDArray[np.float32]
-    misfit: NDArray[np.float32]
-    status: NDArray[np.uint8]
 
-def fit_pooled(
+def learn_pooled(
     stack: StackArguments,
     start: StartArguments,
+    maps: PooledMaps | None,
     extraction: str,
     joint: bool,
     index: float,
     pixels: int,
     threads: int,
     progress: ProgressCallback | None,
-) -> Pooled: ...
+) -> LearnedNumbers: ...
+def apply_pooled(
+    learned: LearnedLobe,
+    stack: StackArguments,
+    start: StartArguments,
+    maps: PooledMaps,
+    threads: int,
+    progress: ProgressCallback | None,
+) -> None: ...
 
 # Lobes of every pixel (crates/impasto-py/src/lobes.rs)
 

@@ -11,6 +11,7 @@ mod errors;
 mod highlight;
 mod lafortune;
 mod lobes;
+mod pooled;
 mod relight;
 mod run;
 mod sbrdf;
@@ -50,7 +51,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(lobes::fit_lobes, module)?)?;
     module.add_function(wrap_pyfunction!(lafortune::fit_lafortune, module)?)?;
     module.add_function(wrap_pyfunction!(lafortune::views_differ, module)?)?;
-    module.add_function(wrap_pyfunction!(sbrdf::fit_pooled, module)?)?;
+    module.add_function(wrap_pyfunction!(pooled::learn_pooled, module)?)?;
+    module.add_function(wrap_pyfunction!(pooled::apply_pooled, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::predict, module)?)?;
     module.add_function(wrap_pyfunction!(stereo::fit_normals, module)?)?;
     module.add_function(wrap_pyfunction!(spectral::spectral_estimator, module)?)?;

@@ -18,10 +18,8 @@ use impasto::geometry::{Grid, Light, Rig};
 use impasto::math::{Level, Vec3};
 use impasto::pixels::{Pool, Progress, Run};
 use impasto::relight::{Relief, render};
-use impasto::sbrdf::{
-    Extraction, Lobe, Parameter, PooledOptions, Start, Strength, Surface, TorranceSparrow,
-    fit_pooled, predict,
-};
+use impasto::sbrdf::pooled::{self, Extraction, PooledMapsMut, PooledOptions};
+use impasto::sbrdf::{Lobe, Parameter, Start, Strength, Surface, TorranceSparrow, predict};
 use impasto::scene::{Colour, Lamp, Scene};
 use impasto::stack::{Decode, Samples, Shape, Stack};
 use impasto::stereo::{Method, NormalMaps, StereoOptions, fit_normals};
@@ -91,19 +89,26 @@ fn main() -> impasto::Result<()> {
     let start = Start { normal: &floats[0], diffuse: &floats[1], status: &status };
     let options =
         PooledOptions { extraction: Extraction::Residual, joint: true, index: INDEX, pixels: 4096 };
-    let fitted = fit_pooled(&stack, &rig, &start, &options, &run)?;
+    let mut fitted = [3, BANDS, 1, 1, 1].map(|planes| vec![0.0; planes * PIXELS]);
+    let [fitted_normal, fitted_diffuse, residual, sigma, misfit] = &mut fitted;
+    let mut out = PooledMapsMut {
+        normal: fitted_normal,
+        diffuse: fitted_diffuse,
+        residual,
+        sigma,
+        misfit,
+        status: &mut vec![0; PIXELS],
+    };
+    let learned = pooled::fit(&stack, &rig, &start, &options, &mut out, &run)?;
     println!(
         "with the lobe:      normals off by {:.2} degrees (median)",
-        median_angle(&fitted.normal, &normal)
+        median_angle(&fitted[0], &normal)
     );
-    println!(
-        "lobe: beta {:.3} (truth {BETA}), gamma {:.4} rad (truth {GAMMA})",
-        fitted.beta, fitted.gamma
-    );
+    let (beta, gamma) = (learned.lobe.beta as f32, learned.lobe.gamma() as f32);
+    println!("lobe: beta {beta:.3} (truth {BETA}), gamma {gamma:.4} rad (truth {GAMMA})");
 
     // A raking light from a new direction. Colour is a matrix: here the bands are the display's.
-    let surface =
-        varnished(&fitted.normal, &fitted.diffuse, fitted.beta as f32, fitted.gamma as f32);
+    let surface = varnished(&fitted[0], &fitted[1], beta, gamma);
     let lamp =
         Lamp { light: Light::Distant(Vec3::new(-0.85, 0.35, 0.4)), intensity: 2.0, colour: 0 };
     let bands = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

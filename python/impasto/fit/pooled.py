@@ -17,8 +17,9 @@ from impasto._internal.checks import refractive_index
 from impasto._internal.wording import percent
 from impasto.effort import Effort
 from impasto.fit.gloss import Gloss, fitted_gloss
+from impasto.fit.learned import LearnedLobe, PooledMaps
 from impasto.fit.normals import Normals
-from impasto.fit.result import Sbrdf, shared_fields
+from impasto.fit.result import Sbrdf
 from impasto.fit.saved import over
 from impasto.fit.start import StartArguments
 from impasto.io.results import SavedMaps
@@ -54,7 +55,7 @@ class PooledSbrdf(Sbrdf):
         Index of refraction of the interface.
     covariance
         ``(2, 2)`` of (log beta, log gamma); infinite where there is no highlight. From the scatter
-        of the pixels' own votes: it says how well the photographs determine the one lobe that fits
+        of the pixels' gradients: it says how well the photographs determine the one lobe that fits
         all of them best, not how far a pixel's own lobe may be from it (``misfit``).
     verdict
         ``"fitted"``; ``"mixed"``: a lobe stands out, but ``describes`` is below 0.8: several
@@ -66,8 +67,9 @@ class PooledSbrdf(Sbrdf):
     path
         ``(n, 2)`` beta and gamma as they got better, the separate fit of the papers first.
     describes
-        Share of the pixels which know their own strength (to 20 %, normal and colours following)
-        that agree with the painting's (to 25 % or three standard deviations); NaN if none does.
+        Share of the pixels that determine their own strength (to 20 %, normal and colours
+        following) that agree with the painting's (to 25 % or three standard deviations); NaN if
+        none does.
     converged
         Whether the search for the lobe ended by its own tests; False: after its last step.
     misfit
@@ -176,11 +178,149 @@ def fit_pooled(
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> PooledSbrdf:
-    """One lobe, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`."""
+    """One lobe, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`.
+
+    The same as :func:`learn_pooled` and :func:`apply_pooled` of the same stack, but for the time:
+    every pixel is visited once for both.
+    """
+    maps = PooledMaps.empty(len(stack.bands), stereo.status.shape)
+    learned = _learn(
+        stack,
+        stereo,
+        maps,
+        extraction=extraction,
+        joint=joint,
+        index=index,
+        effort=effort,
+        threads=threads,
+        progress=progress,
+    )
+    return pooled_sbrdf(learned, maps, stack, stereo)
+
+
+def learn_pooled(
+    stack: Stack,
+    stereo: Normals,
+    *,
+    extraction: Extraction,
+    joint: bool,
+    index: float,
+    effort: Effort,
+    threads: int | None,
+    progress: bool | ProgressCallback,
+) -> LearnedLobe:
+    """The lobe of a painting, from all its pixels or a sample of them.
+
+    Parameters
+    ----------
+    stack
+        Photographs of the painting or of a part of it.
+    stereo
+        Photometric stereo of the same pixels. Pixels without a normal do not count, and take no
+        time: a sample of a painting is a ``status`` that is ``NOT_COMPUTED`` elsewhere.
+    extraction, joint, index, effort, threads, progress
+        As in :func:`impasto.fit_sbrdf`.
+    """
+    return _learn(
+        stack,
+        stereo,
+        None,
+        extraction=extraction,
+        joint=joint,
+        index=index,
+        effort=effort,
+        threads=threads,
+        progress=progress,
+    )
+
+
+def apply_pooled(
+    learned: LearnedLobe,
+    stack: Stack,
+    stereo: Normals,
+    *,
+    maps: PooledMaps | None = None,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> PooledMaps:
+    """Normals and colours of a tile under a learned lobe, with their errors.
+
+    A pixel's result depends on its own samples, its place in the painting (``stack.rig.origin``)
+    and ``learned`` only: the maps of a tile are those of the whole, bit for bit.
+
+    Parameters
+    ----------
+    learned
+        What :func:`learn_pooled` gave.
+    stack, stereo
+        Photographs of the tile and their photometric stereo.
+    maps
+        Arrays to fill, of the tile's size; default: new ones.
+    threads, progress
+        As everywhere: None means every allowed core; a bool or a callable ``(done, total)``.
+
+    Raises
+    ------
+    ArgumentError
+        Maps of another size.
+    """
+    if maps is None:
+        maps = PooledMaps.empty(len(stack.bands), stereo.status.shape)
     with reporting(progress, "gloss") as callback:
-        found = _core.fit_pooled(
+        _core.apply_pooled(
+            learned,
             StackArguments.of(stack),
             StartArguments.of(stereo),
+            maps,
+            thread_count(threads),
+            callback,
+        )
+    return maps
+
+
+def pooled_sbrdf(
+    learned: LearnedLobe, maps: PooledMaps, stack: Stack, stereo: Normals
+) -> PooledSbrdf:
+    """The public result, of what was learned and the maps of its application."""
+    return PooledSbrdf(
+        normal=maps.normal,
+        diffuse=maps.diffuse,
+        residual=maps.residual,
+        sigma=maps.sigma,
+        status=maps.status,
+        normals=stereo,
+        rig=stack.rig,
+        bands=stack.bands,
+        beta=learned.beta,
+        gamma=learned.gamma,
+        index=learned.index,
+        covariance=learned.covariance,
+        verdict=learned.verdict,
+        curve=learned.curve,
+        path=learned.path,
+        describes=learned.describes,
+        converged=learned.converged,
+        misfit=maps.misfit,
+    )
+
+
+def _learn(
+    stack: Stack,
+    stereo: Normals,
+    maps: PooledMaps | None,
+    *,
+    extraction: Extraction,
+    joint: bool,
+    index: float,
+    effort: Effort,
+    threads: int | None,
+    progress: bool | ProgressCallback,
+) -> LearnedLobe:
+    with reporting(progress, "gloss") as callback:
+        found = _core.learn_pooled(
+            StackArguments.of(stack),
+            StartArguments.of(stereo),
+            maps,
             extraction,
             joint,
             index,
@@ -188,16 +328,19 @@ def fit_pooled(
             thread_count(threads),
             callback,
         )
-    return PooledSbrdf(
-        **shared_fields(found, stack, stereo),
+    return LearnedLobe(
         beta=found["beta"],
         gamma=found["gamma"],
-        index=index,
+        log_sharpness=found["log_sharpness"],
+        index=found["index"],
+        refined=found["refined"],
+        brightness=found["brightness"],
+        noise=np.array(found["noise"], dtype=np.float32),
+        noise_floor=found["noise_floor"],
         covariance=np.array(found["covariance"], dtype=np.float64),
         verdict=found["verdict"] if stereo.status.min() < Status.DARK else "too-few",
-        curve=np.array(found["curve"], dtype=np.float64).reshape(-1, 3),
-        path=np.array(found["path"], dtype=np.float64).reshape(-1, 2),
         describes=found["describes"],
         converged=found["converged"],
-        misfit=found["misfit"],
+        curve=np.array(found["curve"], dtype=np.float64).reshape(-1, 3),
+        path=np.array(found["path"], dtype=np.float64).reshape(-1, 2),
     )

@@ -151,8 +151,9 @@ def fit_sbrdf(
         the painting's, and says so. ``"pixel"``: every pixel its own; Lafortune lobes always are.
     segments
         With ``pooling="segment"``: ``(y, x)`` whole numbers, the same for the pixels of one part;
-        below 0, or masked by numpy: of none. Every part takes as long as the painting: with
-        some 20 lights or more, ``pooling="pixel"`` shows more.
+        below 0, or masked by numpy: of none. All parts together take at most some two to three
+        times as long as the painting by itself; with some 20 lights or more, ``pooling="pixel"``
+        shows more.
     lobes
         Where every pixel has lobes of its own: how many at most, 1 to 3; default: 2, of Lafortune's
         3.

@@ -1,15 +1,14 @@
-//! The fitting passes: from samples and normals to reflection parameters, and back to samples.
+//! Estimation of the gloss: from samples and normals to reflection parameters.
 //!
-//! [`fit_pooled`] finds one Torrance-Sparrow lobe for the whole painting, as in both papers: first
-//! from the specular part of all samples against phi ([`histogram`]), then by a search on a subset
-//! of the pixels whose normals and diffuse colours follow the lobe. At last all pixels settle under
-//! what was found. [`predict`] says what a surface would have shown.
+//! [`pooled`] finds one Torrance-Sparrow lobe for the whole painting, `lobes` finds lobes of every
+//! pixel, [`lafortune`] fits Lafortune lobes in three passes. [`fit_highlight`] fits one lobe per pixel
+//! through samples of known angle. [`predict`] gives the samples of a surface.
 
 mod highlight;
 pub mod lafortune;
 mod lanes;
 mod lobes;
-mod pooled;
+pub mod pooled;
 mod predict;
 mod start;
 mod surface;
@@ -21,7 +20,6 @@ pub use lobes::{
     Lafortune, LobeMaps, LobeModel, LobeOptions, MAX_NUMBERS, MAX_SHAPES, MOST_LOBES, Origin,
     Precision, Slope, TYPICAL_PIXELS, TorranceSparrow, Visit, fit_lobes,
 };
-pub use pooled::{Extraction, Pooled, PooledOptions, Verdict, fit_pooled, histogram};
 pub use predict::predict;
 pub use start::Start;
 pub use surface::{Lobe, Parameter, Strength, Surface};

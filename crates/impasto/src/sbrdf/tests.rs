@@ -1,10 +1,8 @@
 //! How soon fits stop, by looks at the caller's flag instead of a clock.
 
 use super::lafortune::{LafortuneMapsMut, LafortuneOptions, fit_lafortune};
-use super::{
-    Extraction, LobeOptions, Origin, PooledOptions, Precision, Start, TorranceSparrow, fit_lobes,
-    fit_pooled,
-};
+use super::pooled::{Extraction, PooledOptions, learn};
+use super::{LobeOptions, Origin, Precision, Start, TorranceSparrow, fit_lobes};
 use crate::error::{Error, Result};
 use crate::geometry::{Grid, Light, Rig};
 use crate::math::Vec3;
@@ -13,13 +11,15 @@ use crate::stack::{Decode, Samples, Shape, Stack};
 use crate::stereo::{self, Method, StereoOptions};
 
 const OBSERVATIONS: usize = 12;
-const SHAPE: Shape = Shape { observations: OBSERVATIONS, bands: 2, height: 16, width: 40 };
+pub(super) const SHAPE: Shape =
+    Shape { observations: OBSERVATIONS, bands: 2, height: 16, width: 40 };
 pub(super) const PIXELS: usize = 640;
 
 /// A slightly curved, glossy painting of one tile.
+#[derive(Clone)]
 pub(super) struct Painting {
     pub(super) samples: Vec<f32>,
-    decode: Vec<Decode>,
+    pub(super) decode: Vec<Decode>,
     pub(super) rig: Rig,
     normal: Vec<f32>,
     diffuse: Vec<f32>,
@@ -75,7 +75,7 @@ impl Painting {
     fn pooled(&self, joint: bool, run: &Run<'_>) -> Result<()> {
         let extraction = Extraction::Residual;
         let options = PooledOptions { extraction, joint, index: 1.45, pixels: PIXELS };
-        fit_pooled(&self.stack(), &self.rig, &self.start(), &options, run).map(drop)
+        learn(&self.stack(), &self.rig, &self.start(), &options, run).map(drop)
     }
 
     fn lobes(&self, start: Origin, precision: Precision, run: &Run<'_>) -> Result<()> {

@@ -4,11 +4,11 @@ use crate::brdf::lambert;
 use crate::brdf::torrance_sparrow::Facet;
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
-use crate::pixels::Run;
+use crate::pixels::{Run, TILE};
 
 use super::histogram::Histogram;
 use super::outliers::{Limits, Sizes};
-use super::samples::{Photographs, Tile};
+use super::samples::{Photographs, Samples, Tile};
 use crate::sbrdf::lanes::{MAX_LANES, load};
 
 /// Which samples count.
@@ -43,7 +43,7 @@ impl Sink for Sizes {
     }
 }
 
-/// Sums, to which gross samples contribute no more than others.
+/// Sums, to which outliers contribute no more than other samples.
 pub(super) struct Tempered<'a> {
     pub(super) histogram: Histogram,
     pub(super) limits: &'a Limits,
@@ -60,10 +60,7 @@ pub(super) struct Extract<'a, 'b, 'c, S> {
     pub(super) photographs: &'a Photographs<'a>,
     pub(super) run: &'a Run<'a>,
     pub(super) tile: &'c Tile<'b>,
-    pub(super) samples: &'a [f32],
-    pub(super) stride: usize,
-    pub(super) x: &'a [f32],
-    pub(super) y: &'a [f32],
+    pub(super) samples: &'a Samples,
     pub(super) extraction: Extraction,
     pub(super) sink: S,
 }
@@ -73,7 +70,7 @@ impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> S {
-        let Self { photographs, run, tile, samples, stride, x, y, extraction, mut sink } = self;
+        let Self { photographs, run, tile, samples, extraction, mut sink } = self;
         let zero = I::F32::zero();
         let index = I::F32::of(photographs.index);
         let (bands, observations) = (photographs.bands, photographs.rig.observations());
@@ -90,12 +87,13 @@ impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
             let diffuse = diffuse * share;
             for (i, found) in found.iter_mut().enumerate() {
                 let (towards, irradiance) =
-                    photographs.rig.lights()[i].at(load(x, at), load(y, at));
+                    photographs.rig.lights()[i].at(load(&samples.x, at), load(&samples.y, at));
                 let view = photographs.rig.views()[i].splat::<I::F32>();
                 let glint = Facet::between(towards, view, index).on(normal);
                 let mut sample = zero;
                 for band in 0..bands {
-                    sample = sample + load::<I::F32>(&samples[(i * bands + band) * stride..], at);
+                    let plane = &samples.planes[(i * bands + band) * TILE..];
+                    sample = sample + load::<I::F32>(plane, at);
                 }
                 let sample = sample * share;
                 let lambert = diffuse * lambert::cosine(normal, towards) * irradiance;
@@ -105,8 +103,7 @@ impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
                 glint.phi_squared.store(&mut found[2]);
                 sample.store(&mut found[3]);
             }
-            for lane in (0..I::F32::WIDTH.min(tile.count - at)).filter(|&l| tile.estimated(at + l))
-            {
+            for lane in 0..I::F32::WIDTH.min(tile.count - at) {
                 let mut add = |f: &[[f32; MAX_LANES]; 4]| {
                     let (specular, weight) = (f[0][lane], f[1][lane]);
                     if extraction == Extraction::Papers && weight > 0.0 {

@@ -1,5 +1,6 @@
-//! The specular part of all pixels against the angle phi: eq. 6 (six-band paper) and eq. 10
-//! (RGB-camera paper), in one pass over the pixels.
+//! The separate fit by Levenberg-Marquardt [@levenberg1944; @marquardt1963]: the specular part of all
+//! pixels against the angle phi, eq. 6 of the six-band paper [@tominaga-six-band-adaptation] and
+//! eq. 10 of the RGB-camera paper [@tominaga-rgb-camera], in one pass over the pixels.
 //!
 //! Samples of one bin of `phi^2` share its lobe `D`, so that the sum of squares of
 //! `y - beta w D(phi^2)`, `w = F G / (N.V)`, needs only the bin's sums of `w^2`, `w y` and `y^2`.

@@ -1,11 +1,12 @@
-//! Every pixel's normal and colours given the painting's lobe, and what all pixels together say
-//! about the lobe.
+//! Iteratively reweighted least squares [@holland1977robust]: every pixel's normal and colours under
+//! the painting's lobe, and the equations of the lobe that remain when they are eliminated.
 //!
-//! A pixel's place is the one of smallest robust scale ([`scale`](super::scale)). Gauss-Newton
-//! steps on the weighted sum of squares lead there; a step that does not lower the scale is
-//! shortened. A pixel's colours are eliminated first, then its normal; what is left is its 2 x 2
-//! share of the equations of (beta, log k): the pooled step knows that normals and colours will
-//! follow (a Schur complement), which a subtraction of one part from the other does not.
+//! A pixel's estimate is the S-estimate [@rousseeuw1984s], of smallest robust scale
+//! ([`scale`](super::scale)). Gauss-Newton steps on the weighted sum of squares lead to it; a step
+//! that does not lower the scale is shortened. The colours are eliminated first, then the normal;
+//! the Schur complement that is left is the pixel's 2 x 2 part of the normal equations of
+//! (beta, log k). The pooled step thereby accounts for normals and colours that will follow it
+//! (variable projection [@golub1973varpro]); a separate fit of the lobe does not.
 
 use crate::lm::Normal;
 use crate::math::lanes::Isa;
@@ -13,7 +14,7 @@ use crate::math::{Kernel, Mask, Real, Vec3};
 use crate::pixels::Run;
 
 use super::pixel::{Equations, Lobe, Pixels, Reduced, tangents};
-use super::samples::{Photographs, Tile, TileMut};
+use super::samples::{Photographs, Samples, Tile, TileMut};
 use crate::sbrdf::lanes::{MAX_LANES, load};
 
 /// Longest step of a normal, rad: a lobe is not linear for longer.
@@ -23,32 +24,32 @@ const LONGEST_STEP: f64 = 0.1;
 /// case 19) from moving, too little to slow the others down.
 const RIDGE: f64 = 1e-3;
 
-/// A pixel is settled when a step lowers its squared scale by less than this share.
+/// A pixel has converged when a step lowers its squared scale by less than this share.
 const CONVERGED: f64 = 2e-5;
 
-/// What the scales of pixels are held against.
+/// What the scales of pixels are compared with.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ScaleReference {
-    /// Brightness that scales are measured in.
-    pub(super) reference: f64,
-    /// Added to every squared scale that is judged: a pixel whose few codes the model happens to
-    /// meet exactly knows no more than its painting's noise lets it know.
+    /// A bright colour of the painting, the unit of scales.
+    pub(super) brightness: f64,
+    /// Added to every squared scale before its logarithm is taken: a pixel whose few codes the model
+    /// happens to meet exactly determines no more than the noise of the painting permits.
     pub(super) noise_floor: f64,
 }
 
-/// What pixels say about (beta, log k), each in units of its own scale.
+/// The normal equations of (beta, log k), a sum over pixels, each in units of its own scale.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LobeEquations {
     /// Samples.
     pub(super) count: f64,
-    /// Samples times log of the squared scale and the noise floor, over the reference squared.
+    /// Samples times the logarithm of squared scale plus noise floor, over the brightness squared.
     pub(super) log_scale: f64,
     pub(super) descent: [f64; 2],
     pub(super) matrix: [[f64; 2]; 2],
-    /// The same of pixels that rounding alone is left of: they ask for no step, but they know
-    /// (beta, log k) as well as rounding lets them.
+    /// The same of pixels whose residuals are rounding: they contribute to no step, but determine
+    /// (beta, log k) as well as rounding permits.
     pub(super) exact: [[f64; 2]; 2],
-    /// Sum of the outer products of the pixels' descents, or what those are expected to be.
+    /// Sum of the outer products of the pixels' gradients, or the expected value of those.
     pub(super) scatter: [[f64; 2]; 2],
 }
 
@@ -78,17 +79,17 @@ impl LobeEquations {
         }
     }
 
-    /// What all pixels know of (beta, log k).
+    /// Information of all pixels about (beta, log k).
     pub(super) fn information(&self) -> [[f64; 2]; 2] {
         core::array::from_fn(|i| core::array::from_fn(|j| self.matrix[i][j] + self.exact[i][j]))
     }
 
-    /// As a sum of squares: the number of samples times the geometric mean over the pixels of the
-    /// squared scale and the noise floor. Where all pixels are equally noisy it is the weighted sum of squares; a pixel
-    /// that the model does not describe cannot outweigh the others.
-    pub(super) fn normal(&self, reference: f64) -> Normal<f64, 2> {
+    /// As a sum of squares: the number of samples times the geometric mean over the pixels of squared
+    /// scale plus noise floor. Where all pixels are equally noisy it is the weighted sum of squares; a
+    /// pixel that the model does not describe cannot outweigh the others.
+    pub(super) fn normal(&self, brightness: f64) -> Normal<f64, 2> {
         let mean = if self.count > 0.0 { (self.log_scale / self.count).exp() } else { 0.0 };
-        let mean = mean * reference * reference;
+        let mean = mean * brightness * brightness;
         Normal {
             cost: mean * self.count,
             descent: self.descent.map(|v| v * mean),
@@ -102,11 +103,7 @@ pub(super) struct Irls<'a, 'b> {
     pub(super) run: &'a Run<'a>,
     pub(super) tile: &'b Tile<'a>,
     pub(super) out: TileMut<'b>,
-    /// `(obs, band, pixel of the tile)`, padded to whole registers.
-    pub(super) samples: &'a [f32],
-    pub(super) stride: usize,
-    pub(super) x: &'a [f32],
-    pub(super) y: &'a [f32],
+    pub(super) samples: &'a Samples,
     pub(super) lobe: Lobe,
     /// Steps at most.
     pub(super) steps: usize,
@@ -132,8 +129,7 @@ impl Kernel for Irls<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> LobeEquations {
-        let Self { photographs, run, tile, mut out, samples, stride, x, y, steps, restart, .. } =
-            self;
+        let Self { photographs, run, tile, mut out, samples, steps, restart, .. } = self;
         let (zero, one) = (I::F32::zero(), I::F32::one());
         let mut pixels = Pixels::<I::F32>::new(photographs, self.lobe);
         let none = || vec![zero; photographs.bands];
@@ -145,11 +141,11 @@ impl Kernel for Irls<'_, '_> {
             pulls: none(),
             kept: none(),
         };
-        let mut share = LobeEquations::zero();
+        let mut equations = LobeEquations::zero();
         let mut at = 0;
         // A tile of hundreds of photographs takes long.
         while at < tile.count && !run.cancelled() {
-            pixels.look(samples, stride, x, y, at);
+            pixels.look(samples, at);
             for (band, colour) in colours.best.iter_mut().enumerate() {
                 *colour = load(tile.diffuse[band], at);
             }
@@ -175,7 +171,7 @@ impl Kernel for Irls<'_, '_> {
             let sums = pixels.equations(normal, &colours.best, scale, &mut colours.pulls);
             let reduced = sums.reduced(&colours.best, &colours.pulls);
             let lobe = eliminate_tilts(&reduced);
-            let heard = [
+            let values = [
                 scale,
                 pixels.floor,
                 pixels.used,
@@ -187,31 +183,30 @@ impl Kernel for Irls<'_, '_> {
                 lobe.matrix[2],
             ];
             let mut lanes = [[0.0_f32; MAX_LANES]; 9];
-            for (lanes, value) in lanes.iter_mut().zip(heard) {
+            for (lanes, value) in lanes.iter_mut().zip(values) {
                 value.store(lanes);
             }
-            let pixels = 0..I::F32::WIDTH.min(tile.count - at);
-            for lane in pixels.filter(|&lane| tile.estimated(at + lane)) {
+            for lane in 0..I::F32::WIDTH.min(tile.count - at) {
                 let values = lanes.map(|values| f64::from(values[lane]));
-                share.merge(&equations_of(values, photographs.bands, self.scale_reference));
+                equations.merge(&equations_of(values, photographs.bands, self.scale_reference));
             }
             at += I::F32::WIDTH;
         }
-        share
+        equations
     }
 }
 
-/// One pixel's share.
+/// One pixel's part of the equations.
 fn equations_of(values: [f64; 9], bands: usize, scale_reference: ScaleReference) -> LobeEquations {
     let [scale, floor, used, square, db, dk, bb, kb, kk] = values;
     let count = used * bands as f64;
-    // As many samples as unknowns say nothing (hard case 30); NaN fails the tests (hard case 26).
-    let heard =
+    // As many samples as unknowns determine no scale (hard case 30); NaN fails the tests (hard case 26).
+    let determined =
         count > (bands + 2) as f64 && scale > 0.0 && values.iter().all(|value| value.is_finite());
-    if !heard {
+    if !determined {
         return LobeEquations::zero();
     }
-    let ScaleReference { reference, noise_floor } = scale_reference;
+    let ScaleReference { brightness, noise_floor } = scale_reference;
     // d log s^2 = -2 sum(w r dr) / sum(w r^2), and the pixel counts with its samples. At the floor
     // the scale moves no more.
     let moves = scale > floor && square > 0.0;
@@ -223,11 +218,11 @@ fn equations_of(values: [f64; 9], bands: usize, scale_reference: ScaleReference)
     let exact = known(if moves { 0.0 } else { (scale + noise_floor).recip() });
     LobeEquations {
         count,
-        log_scale: count * ((scale + noise_floor) / (reference * reference)).ln(),
+        log_scale: count * ((scale + noise_floor) / (brightness * brightness)).ln(),
         descent,
         matrix: known(rate),
         exact,
-        // Of what is rounding nothing descends: its scatter is what is known (Fisher's identity).
+        // Rounding has no gradient: its scatter is the information (Fisher's identity).
         scatter: [
             [descent[0] * descent[0] + exact[0][0], 0.0],
             [descent[1] * descent[0] + exact[1][0], descent[1] * descent[1] + exact[1][1]],
@@ -273,12 +268,12 @@ fn descend<R: Real<Scalar = f32>>(
         let scale = pixels.visit(trial, &colours.trial, Some(least));
         let whole = better;
         better = active & scale.lt(least);
-        // A lane stops on its own account: how many lanes share a register changes no result. What
-        // a shortened step gains says nothing of what is left.
-        let settled = whole
+        // A lane stops on its own account: how many lanes share a register changes no result. The
+        // gain of a shortened step is no test of convergence.
+        let converged = whole
             & scale.lt(least * R::of(1.0 + CONVERGED))
             & scale.gt(least * R::of(1.0 - CONVERGED));
-        active = active & !settled;
+        active = active & !converged;
         best = Vec3::select(better, trial, best);
         least = R::select(better, scale, least);
         for (best, &trial) in colours.best.iter_mut().zip(&colours.trial) {
@@ -291,7 +286,7 @@ fn descend<R: Real<Scalar = f32>>(
     (best, least)
 }
 
-/// The tilt that the equations ask for, not too long; none for too few samples (hard case 30).
+/// The tilt that solves the equations, not too long; none for too few samples (hard case 30).
 #[inline(always)]
 fn step_of<R: Real>(sums: &Equations<R>, colours: &[R], pulls: &[R]) -> [R; 2] {
     let reduced = sums.reduced(colours, pulls);

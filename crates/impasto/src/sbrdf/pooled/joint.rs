@@ -1,4 +1,7 @@
-//! The search for the lobe while normals and colours follow.
+//! The joint search: Levenberg-Marquardt [@levenberg1944; @marquardt1963] for (beta, log k) while
+//! normals and colours follow (variable projection [@golub1973varpro]), with the curvature of the
+//! robust cost along the last step by the update of Broyden, Fletcher, Goldfarb and Shanno
+//! [@broyden1970].
 
 use core::cell::{Cell, RefCell};
 
@@ -7,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::lm::{self, Normal, Options, Outcome, Problem};
 
 use super::irls::{LobeEquations, ScaleReference};
-use super::passes::Fit;
+use super::passes::Passes;
 use super::pixel::Lobe;
 use super::samples::State;
 
@@ -15,11 +18,11 @@ use super::samples::State;
 pub(super) const FIRST_STEPS: usize = 16;
 const STEPS: usize = 3;
 
-/// Places tried before lost normals are looked for: the lobe is roughly known by then.
+/// Steps of the search before normals restart from elsewhere: the lobe is roughly known by then.
 const ROUGH: usize = 3;
 
-/// A cost that falls by a millionth has stopped falling. A sample tells so much of beta that one per
-/// cent of error costs some hundredths (the scene of `tests/oracles/pooled.py`: 174 times the error
+/// A cost that falls by a millionth has stopped falling. An error of one per cent of beta
+/// costs some hundredths (the scene of `tests/oracles/pooled.py`: 174 times the error
 /// squared): what is left to gain is a part in ten thousand of beta.
 const SEARCH: Options = Options {
     max_iterations: 40,
@@ -30,13 +33,15 @@ const SEARCH: Options = Options {
     memory: 0.0,
 };
 
-/// A satin varnish, relative to the brightest colour: what to try where the separate fit is misled.
+/// A satin varnish, relative to the brightest colour: the second start, in case outliers have misled
+/// the separate fit.
 const SATIN: (f64, f64) = (12.0, 0.15);
 
 /// Smallest share of the model's curvature that the cost is taken to have along a step.
 const SOFTEST: f64 = 0.02;
 
-/// The noise floor as a share of the squared scale below which this share of the light is.
+/// The noise floor, as a share of the squared scale that pixels with this share of the painting's
+/// light stay below.
 const FLOOR_SHARE: f64 = 0.25;
 const QUANTILE: f64 = 0.25;
 
@@ -47,13 +52,14 @@ const MOST_LIGHT: f64 = 4.0;
 /// A noise floor known to a tenth moves the lobe by a small share of its error.
 const SAME_FLOOR: f64 = 0.1;
 
-/// Times that the noise floor is taken anew.
+/// Times that the noise floor is estimated anew.
 const REFINEMENTS: usize = 8;
 
-/// What the search found.
-pub(super) struct Found {
+/// The result of the search.
+pub(super) struct JointLobe {
     pub(super) lobe: Lobe,
-    pub(super) share: LobeEquations,
+    /// Of the subset's pixels.
+    pub(super) equations: LobeEquations,
     /// (beta, gamma) as they got better.
     pub(super) path: Vec<[f64; 2]>,
     pub(super) scale_reference: ScaleReference,
@@ -62,10 +68,10 @@ pub(super) struct Found {
 
 /// Costs of lobes, with the state of all pixels that goes with the best.
 struct Search<'a> {
-    fit: Fit<'a>,
+    passes: Passes<'a>,
     best: RefCell<State>,
     trial: RefCell<State>,
-    share: Cell<LobeEquations>,
+    equations: Cell<LobeEquations>,
     least: Cell<f64>,
     /// The best place, and its equations.
     last: Cell<([f64; 2], Normal<f64, 2>)>,
@@ -78,19 +84,19 @@ impl Search<'_> {
     fn visit(&self, lobe: Lobe, restart: bool) -> Result<Normal<f64, 2>> {
         let (mut best, mut trial) = (self.best.borrow_mut(), self.trial.borrow_mut());
         let place = [lobe.beta, lobe.log_sharpness];
-        let share = self.fit.settle(&best, &mut trial, lobe, self.steps.get(), restart)?;
+        let equations = self.passes.irls(&best, &mut trial, lobe, self.steps.get(), restart)?;
         self.steps.set(STEPS);
-        let mut normal = share.normal(self.fit.scale_reference.reference);
+        let mut normal = equations.normal(self.passes.scale_reference.brightness);
         let matrix = self.softened(place, &normal);
         // The rule by which `minimise` accepts a place.
         if normal.cost < self.least.get() {
             core::mem::swap(&mut *best, &mut *trial);
-            self.share.set(share);
+            self.equations.set(equations);
             self.least.set(normal.cost);
             self.last.set((place, normal));
             let mut path = self.path.borrow_mut();
             let here = [lobe.beta, lobe.gamma()];
-            // The same lobe with better settled pixels is no step of its own.
+            // The same lobe with pixels that have come further is no step of its own.
             if path.last() != Some(&here) {
                 path.push(here);
             }
@@ -99,14 +105,14 @@ impl Search<'_> {
         Ok(normal)
     }
 
-    /// Takes the noise floor that the best lobe leaves; whether that made a difference.
+    /// Estimates the noise floor under the best lobe; whether it changed.
     fn refine_noise_floor(&mut self) -> Result<bool> {
-        let last = self.fit.scale_reference.noise_floor;
-        let noise_floor = noise_floor(&self.fit, self.best.get_mut())?;
+        let last = self.passes.scale_reference.noise_floor;
+        let noise_floor = noise_floor(&self.passes, self.best.get_mut())?;
         let other = (noise_floor - last).abs() > SAME_FLOOR * last;
         if other {
-            self.fit = self.fit.with_noise_floor(noise_floor);
-            // Costs of another noise floor are no measure for what comes.
+            self.passes = self.passes.with_noise_floor(noise_floor);
+            // Costs under another noise floor cannot be compared.
             self.least.set(f64::INFINITY);
         }
         Ok(other)
@@ -117,7 +123,7 @@ impl Search<'_> {
     /// `w J'J` bounds the curvature of a robust scale from above (that is what makes its steps
     /// safe); where many samples are outliers, or normals answer to the lobe, the cost is far
     /// softer in some direction, and steps would be as much too short. How the slopes changed on
-    /// the last step tells the curvature along it (the update of Broyden, Fletcher, Goldfarb and
+    /// the last step give the curvature along it (the update of Broyden, Fletcher, Goldfarb and
     /// Shanno, of one step's memory).
     fn softened(&self, place: [f64; 2], normal: &Normal<f64, 2>) -> [[f64; 2]; 2] {
         let (from, before) = self.last.get();
@@ -165,29 +171,29 @@ impl Problem<f64, 2> for Search<'_> {
     }
 }
 
-/// Finds the lobe while normals and colours settle with it.
+/// Finds the lobe of smallest cost, normals and colours following.
 ///
-/// Two searches by Levenberg-Marquardt, each place of the lobe judged with all pixels settled;
-/// between them every pixel tries other normals ([`Irls::restart`](super::irls::Irls)).
-pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found> {
-    let mut trial = state.copied(fit.run)?;
+/// Two searches; between them every pixel tries other normals
+/// ([`Irls::restart`](super::irls::Irls)).
+pub(super) fn find_lobe(passes: Passes<'_>, state: State, lobe: Lobe) -> Result<JointLobe> {
+    let mut trial = state.copied(passes.run)?;
     let flat = Lobe { beta: 0.0, ..lobe };
-    fit.settle(&state, &mut trial, flat, FIRST_STEPS, false)?;
+    passes.irls(&state, &mut trial, flat, FIRST_STEPS, false)?;
     let mut search = Search {
-        fit: fit.with_noise_floor(noise_floor(&fit, &trial)?),
+        passes: passes.with_noise_floor(noise_floor(&passes, &trial)?),
         best: RefCell::new(state),
         trial: RefCell::new(trial),
-        share: Cell::new(LobeEquations::zero()),
+        equations: Cell::new(LobeEquations::zero()),
         least: Cell::new(f64::INFINITY),
         last: Cell::new(([lobe.beta, lobe.log_sharpness], Normal::zero())),
         steps: Cell::new(FIRST_STEPS),
         path: RefCell::new(vec![[lobe.beta, lobe.gamma()]]),
         failure: RefCell::new(None),
     };
-    // Sums of squares of all samples believe gross outliers (hard case 31); robust scales tell
-    // which of two lobes is nearer.
+    // Outliers decide a sum of squares of all samples (hard case 31); the robust cost says which of
+    // two lobes is nearer.
     let satin = Lobe {
-        beta: SATIN.0 * fit.scale_reference.reference,
+        beta: SATIN.0 * passes.scale_reference.brightness,
         log_sharpness: sharpness(SATIN.1).ln(),
     };
     for lobe in [lobe, satin] {
@@ -200,7 +206,7 @@ pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found>
     search.steps.set(FIRST_STEPS);
     search.visit(Lobe { beta, log_sharpness }, true)?;
     let mut outcome = search.minimise([beta, log_sharpness], SEARCH)?;
-    // Without noise every better lobe leaves less noise floor.
+    // Without noise every better lobe lowers the noise floor.
     for _ in 0..REFINEMENTS {
         if !search.refine_noise_floor()? {
             break;
@@ -209,24 +215,25 @@ pub(super) fn find_lobe(fit: Fit<'_>, state: State, lobe: Lobe) -> Result<Found>
         search.visit(Lobe { beta, log_sharpness }, false)?;
         outcome = search.minimise(outcome.parameters, SEARCH)?;
     }
-    let Search { fit, share, path, .. } = search;
+    let Search { passes, equations, path, .. } = search;
     let [beta, log_sharpness] = outcome.parameters;
-    Ok(Found {
+    Ok(JointLobe {
         lobe: Lobe { beta, log_sharpness },
-        share: share.get(),
+        equations: equations.get(),
         path: path.into_inner(),
-        scale_reference: fit.scale_reference,
+        scale_reference: passes.scale_reference,
         converged: outcome.reason.converged(),
     })
 }
 
 /// A quarter of the squared scale that pixels with a quarter of the painting's light stay below.
 ///
-/// Counted by light (of none more than of four bright pixels), since dark pixels are those whose few codes hide their noise, however many
-/// there are; by the lower quartile, since the model may describe most of a painting badly.
-fn noise_floor(fit: &Fit<'_>, state: &State) -> Result<f64> {
-    let most = MOST_LIGHT * fit.photographs.bands as f64 * fit.scale_reference.reference;
-    let mut light = fit.brightness(state)?;
+/// Pixels are counted by their light, of each no more than of four bright ones: dark pixels, however
+/// many, are those whose few codes hide their noise. The lower quartile is taken because the model
+/// may describe most of a painting badly.
+fn noise_floor(passes: &Passes<'_>, state: &State) -> Result<f64> {
+    let most = MOST_LIGHT * passes.photographs.bands as f64 * passes.scale_reference.brightness;
+    let mut light = passes.brightness(state)?;
     for light in &mut light {
         *light = light.min(most as f32);
     }

@@ -1,5 +1,5 @@
-//! What can be said of every pixel once the lobe is known: residual, error of the normal, and
-//! whether its own samples agree with the painting's lobe.
+//! Errors of every pixel under a known lobe: its residual, the standard deviation of its normal, and
+//! how far the strength of its own samples is from the painting's.
 
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
@@ -7,31 +7,38 @@ use crate::pixels::Run;
 
 use super::irls::eliminate_tilts;
 use super::pixel::{Lobe, Pixels};
-use super::samples::{Photographs, Tile};
+use super::samples::{Photographs, Samples, Tile};
 use super::scale::Gaussian;
 use crate::sbrdf::lanes::{load, store};
 
-/// Maps that a tile fills.
-pub(super) struct Plates<'a> {
-    pub(super) residual: &'a mut [f32],
-    pub(super) sigma: &'a mut [f32],
-    /// Standard deviation of a sample, as far as the pixel's own residuals tell.
-    pub(super) noise: &'a mut [f32],
+/// What a tile's pixels show, side by side.
+#[derive(Default)]
+pub(super) struct Measured {
+    pub(super) residual: Vec<f32>,
+    pub(super) sigma: Vec<f32>,
+    /// Standard deviation of a sample, estimated from the pixel's own residuals.
+    pub(super) noise: Vec<f32>,
     /// The pixel's own strength less the painting's: one least-squares step, every sample counted.
-    pub(super) apart: &'a mut [f32],
+    pub(super) apart: Vec<f32>,
     /// Standard deviation of that step per unit of noise.
-    pub(super) doubt: &'a mut [f32],
+    pub(super) doubt: Vec<f32>,
+}
+
+impl Measured {
+    pub(super) fn resize(&mut self, count: usize) {
+        let Self { residual, sigma, noise, apart, doubt } = self;
+        for map in [residual, sigma, noise, apart, doubt] {
+            map.resize(count, 0.0);
+        }
+    }
 }
 
 pub(super) struct Measure<'a, 'b> {
     pub(super) photographs: &'a Photographs<'a>,
     pub(super) run: &'a Run<'a>,
     pub(super) tile: &'b Tile<'a>,
-    pub(super) out: Plates<'b>,
-    pub(super) samples: &'a [f32],
-    pub(super) stride: usize,
-    pub(super) x: &'a [f32],
-    pub(super) y: &'a [f32],
+    pub(super) out: &'b mut Measured,
+    pub(super) samples: &'a Samples,
     pub(super) lobe: Lobe,
     pub(super) gaussian: Gaussian,
 }
@@ -41,7 +48,7 @@ impl Kernel for Measure<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { photographs, run, tile, out, samples, stride, x, y, lobe, gaussian } = self;
+        let Self { photographs, run, tile, out, samples, lobe, gaussian } = self;
         let zero = I::F32::zero();
         let endless = I::F32::of(f64::from(f32::MAX));
         let mut pixels = Pixels::<I::F32>::new(photographs, lobe);
@@ -52,7 +59,7 @@ impl Kernel for Measure<'_, '_> {
         let mut at = 0;
         // A tile of hundreds of photographs takes long.
         while at < tile.count && !run.cancelled() {
-            pixels.look(samples, stride, x, y, at);
+            pixels.look(samples, at);
             for (band, colour) in colours.iter_mut().enumerate() {
                 *colour = load(tile.diffuse[band], at);
             }
@@ -84,26 +91,21 @@ impl Kernel for Measure<'_, '_> {
             let residual = (sums.square / sums.weight).sqrt();
             let residual = I::F32::select(judged, residual, nan);
 
-            // One step of the pixel's own beta. A highlight that the painting's lobe does not
-            // describe would be an outlier: here it is what is asked for, and keeps its weight.
+            // One Gauss-Newton step of the pixel's own beta. A highlight that the painting's lobe
+            // does not describe would be an outlier; here it keeps its weight.
             let sums = pixels.equations(normal, &colours, endless, &mut pulls);
             let own = eliminate_tilts(&sums.reduced(&colours, &pulls));
             let information = own.matrix[0];
-            let told = information.gt(zero);
-            let apart = I::F32::keep(told, own.descent[0] / information);
-            let doubt = I::F32::select(told, information.sqrt().recip(), endless);
+            let determined = information.gt(zero);
+            let apart = I::F32::keep(determined, own.descent[0] / information);
+            let doubt = I::F32::select(determined, information.sqrt().recip(), endless);
 
-            store(residual, out.residual, at);
-            store(sigma, out.sigma, at);
-            store(noise.sqrt(), out.noise, at);
-            store(apart, out.apart, at);
-            store(doubt, out.doubt, at);
+            store(residual, &mut out.residual, at);
+            store(sigma, &mut out.sigma, at);
+            store(noise.sqrt(), &mut out.noise, at);
+            store(apart, &mut out.apart, at);
+            store(doubt, &mut out.doubt, at);
             at += I::F32::WIDTH;
-        }
-        for pixel in (0..tile.count).filter(|&pixel| !tile.estimated(pixel)) {
-            out.residual[pixel] = f32::NAN;
-            out.sigma[pixel] = f32::NAN;
-            out.noise[pixel] = f32::NAN;
         }
     }
 }

@@ -1,8 +1,10 @@
-//! What is grossly larger than the rest of a painting, so that no sum need believe it.
+//! Bounded influence [@huber1964] for sums over the whole painting: outliers are recognised by
+//! quantiles and count for less.
 //!
-//! Sums of squares over pixels believe the largest: a lamp in the frame, a pixel of the sensor that
-//! is stuck, weighs as much as the painting (hard case 31). Sizes are therefore counted by classes
-//! of half an octave, at no cost in memory, and what is far above a high quantile counts for less.
+//! The largest sample decides a sum of squares: a lamp in the frame, or a pixel of the sensor that
+//! is stuck, weighs as much as the painting (hard case 31). Magnitudes are therefore counted in
+//! classes of half an octave, which takes no memory, and a sample far above a high quantile is
+//! scaled down.
 
 /// Half-octaves of magnitude.
 pub(super) const CLASSES: usize = 512;
@@ -63,9 +65,9 @@ const PARTS: usize = 64;
 /// Samples that a quantile needs at least; with fewer, those of neighbouring angles join in.
 const ENOUGH: u64 = 40;
 
-/// Times the high quantile of its angle beyond which a sample is gross: three octaves. Within a part
-/// the geometry's weight varies by less.
-const GROSS: f32 = 8.0;
+/// A sample this many times the high quantile of its angle is an outlier: three octaves. Within a
+/// part the geometry's weight varies by less.
+const OUTLIER: f32 = 8.0;
 
 /// How large specular samples are, angle by angle: a highlight is large, but not for its angle.
 #[derive(Clone, Debug)]
@@ -88,7 +90,7 @@ impl Sizes {
         }
     }
 
-    /// The size from which a sample is gross, angle by angle.
+    /// The magnitude from which a sample is an outlier, angle by angle.
     pub(super) fn limits(&self) -> Limits {
         let limit = |part: usize| {
             let mut joined = self.0[part].clone();
@@ -101,19 +103,19 @@ impl Sizes {
                     joined.merge(side);
                 }
             }
-            joined.high().map_or(f32::INFINITY, |high| high * GROSS)
+            joined.high().map_or(f32::INFINITY, |high| high * OUTLIER)
         };
         Limits((0..PARTS).map(limit).collect())
     }
 }
 
-/// Sizes from which samples are gross.
+/// Magnitudes from which samples are outliers.
 #[derive(Clone, Debug)]
 pub(super) struct Limits(Vec<f32>);
 
 impl Limits {
-    /// What a sample and its model are multiplied by, so that it counts no more than one that is
-    /// just not gross; 1 for all others.
+    /// What a sample and its model are multiplied by, so that an outlier counts no more than a sample
+    /// at the limit; 1 for all others.
     pub(super) fn share(&self, specular: f32, phi_squared: f32) -> f32 {
         let limit = part_of(phi_squared).map_or(f32::INFINITY, |part| self.0[part]);
         if specular.abs() > limit { limit / specular.abs() } else { 1.0 }
@@ -139,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn hard_case_31_a_highlight_is_not_gross_and_a_lamp_is() {
+    fn hard_case_31_a_highlight_is_no_outlier_and_a_lamp_is() {
         for scale in [1.0_f32, 2.0_f32.powi(30), 2.0_f32.powi(-30)] {
             let mut sizes = Sizes::new();
             for i in 0..20_000 {

@@ -1,49 +1,48 @@
-//! Passes over all pixels of a painting, tile by tile; sums over tiles are taken in tile order.
+//! Passes over the pixels, tile by tile; sums over tiles are taken in tile order.
 
 use crate::error::Result;
-use crate::pixels::{Run, TILE, tiles};
+use crate::pixels::{Run, tiles};
 
 use super::extract::{Extract, Extraction, Sink, Tempered};
 use super::histogram::Histogram;
 use super::irls::{Irls, LobeEquations, ScaleReference};
-use super::measure::{Measure, Plates};
 use super::outliers::{Limits, Sizes};
 use super::pixel::Lobe;
-use super::samples::{Photographs, Reader, State};
-use super::scale::Gaussian;
+use super::samples::{Begin, Photographs, Reader, Samples, State};
 
-/// Tiles that tell how large samples are, about.
+/// Tiles that show how large samples are, about.
 const SOME_TILES: usize = 16;
 
 /// Tiles whose histograms wait to be summed: enough for any number of threads, 40 MiB.
 const WAITING: usize = 256;
 
-/// A fit under way.
+/// What all passes of a fit share.
 #[derive(Clone, Copy)]
-pub(super) struct Fit<'a> {
+pub(super) struct Passes<'a> {
     pub(super) photographs: &'a Photographs<'a>,
     pub(super) run: &'a Run<'a>,
     pub(super) scale_reference: ScaleReference,
 }
 
-impl Fit<'_> {
+impl Passes<'_> {
     pub(super) fn with_noise_floor(self, noise_floor: f64) -> Self {
-        Self { scale_reference: ScaleReference { noise_floor, ..self.scale_reference }, ..self }
+        let scale_reference = ScaleReference { noise_floor, ..self.scale_reference };
+        Self { scale_reference, ..self }
     }
 
-    /// What is specular in all samples, gross ones tempered.
-    pub(super) fn extract(&self, state: &State, extraction: Extraction) -> Result<Histogram> {
+    /// The specular part of all samples, outliers tempered.
+    pub(super) fn extract(&self, begin: Begin<'_>, extraction: Extraction) -> Result<Histogram> {
         let all = tiles(self.photographs.pixels());
         let some = all.iter().copied().step_by(all.len().div_ceil(SOME_TILES)).collect();
         let mut sizes = Sizes::new();
-        for part in self.gather(state, extraction, some, Sizes::new)? {
+        for part in self.gather(begin, extraction, some, Sizes::new)? {
             sizes.merge(&part);
         }
         let limits: &Limits = &sizes.limits();
         let tempered = || Tempered { histogram: Histogram::default(), limits };
         let mut sum = Histogram::default();
         for places in all.chunks(WAITING) {
-            for part in self.gather(state, extraction, places.to_vec(), tempered)? {
+            for part in self.gather(begin, extraction, places.to_vec(), tempered)? {
                 sum.merge(&part.histogram);
             }
         }
@@ -53,7 +52,7 @@ impl Fit<'_> {
     /// The specular samples of some tiles, tile by tile.
     fn gather<S: Sink + Send>(
         &self,
-        state: &State,
+        begin: Begin<'_>,
         extraction: Extraction,
         places: Vec<(usize, usize)>,
         sink: impl Fn() -> S + Sync,
@@ -63,28 +62,17 @@ impl Fit<'_> {
         run.map(
             places,
             || Reader::new(photographs),
-            |reader, (start, _)| {
-                reader.read(photographs, start, level);
-                let Reader { samples, x, y } = reader;
-                let tile = &state.tile(photographs.status, start);
-                let (stride, sink) = (TILE, sink());
-                level.run(Extract {
-                    photographs,
-                    run,
-                    tile,
-                    samples,
-                    stride,
-                    x,
-                    y,
-                    extraction,
-                    sink,
-                })
+            |reader, (start, count)| {
+                reader.read(photographs, begin, [start, count], level);
+                let (tile, samples) = (&reader.tile(), &reader.samples);
+                level.run(Extract { photographs, run, tile, samples, extraction, sink: sink() })
             },
         )
     }
 
-    /// Settles all pixels under a lobe.
-    pub(super) fn settle(
+    /// Iteratively reweighted least squares for all pixels of `from`, each of which is estimated,
+    /// under one lobe.
+    pub(super) fn irls(
         &self,
         from: &State,
         to: &mut State,
@@ -97,21 +85,16 @@ impl Fit<'_> {
         let jobs = tiles(photographs.pixels()).into_iter().zip(to.tiles_mut()).collect();
         let parts = run.map(
             jobs,
-            || Reader::new(photographs),
-            |reader, ((start, _), out)| {
-                reader.read(photographs, start, level);
-                let Reader { samples, x, y } = reader;
-                let tile = &from.tile(photographs.status, start);
-                let stride = TILE;
+            || Samples::new(photographs),
+            |samples, ((start, count), out)| {
+                samples.read(photographs, [start, count], level);
+                let tile = &from.tile(start, count);
                 level.run(Irls {
                     photographs,
                     run,
                     tile,
                     out,
                     samples,
-                    stride,
-                    x,
-                    y,
                     lobe,
                     steps,
                     restart,
@@ -128,60 +111,10 @@ impl Fit<'_> {
 
     /// Sum over the bands of the diffuse colours.
     pub(super) fn brightness(&self, state: &State) -> Result<Vec<f32>> {
-        let pixels = self.photographs.pixels();
-        let sum = |pixel: usize| state.diffuse[pixel..].iter().step_by(pixels).sum::<f32>();
-        let mut light = Vec::with_capacity(pixels);
-        self.run.in_turn(tiles(pixels), |(start, count)| {
-            light.extend((start..start + count).map(sum));
+        let mut light = Vec::with_capacity(state.scale.len());
+        self.run.in_turn(tiles(state.scale.len()), |(start, count)| {
+            light.extend((start..start + count).map(|pixel| state.brightness(pixel)));
         })?;
         Ok(light)
-    }
-
-    /// Residual, sigma, noise, what is apart, and the doubt about it.
-    pub(super) fn measure(&self, state: &State, lobe: Lobe) -> Result<[Vec<f32>; 5]> {
-        let (photographs, run) = (self.photographs, self.run);
-        let level = run.level;
-        let gaussian = Gaussian::of(photographs.bands);
-        let mut maps = [(); 5].map(|()| vec![0.0; photographs.pixels()]);
-        let mut plates = maps.each_mut().map(|map| map.chunks_mut(TILE));
-        let jobs = tiles(photographs.pixels())
-            .into_iter()
-            .filter_map(|(start, _)| {
-                let [residual, sigma, noise, apart, doubt] = plates.each_mut().map(Iterator::next);
-                Some((
-                    start,
-                    Plates {
-                        residual: residual?,
-                        sigma: sigma?,
-                        noise: noise?,
-                        apart: apart?,
-                        doubt: doubt?,
-                    },
-                ))
-            })
-            .collect();
-        run.for_each(
-            jobs,
-            || Reader::new(photographs),
-            |reader, (start, out)| {
-                reader.read(photographs, start, level);
-                let Reader { samples, x, y } = reader;
-                let tile = &state.tile(photographs.status, start);
-                let stride = TILE;
-                level.run(Measure {
-                    photographs,
-                    run,
-                    tile,
-                    out,
-                    samples,
-                    stride,
-                    x,
-                    y,
-                    lobe,
-                    gaussian,
-                });
-            },
-        )?;
-        Ok(maps)
     }
 }

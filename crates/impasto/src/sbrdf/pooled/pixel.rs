@@ -10,8 +10,9 @@ use crate::brdf::lambert;
 use crate::brdf::torrance_sparrow::{Facet, GAMMA_MAX, GAMMA_MIN, Glint, sharpness};
 use crate::lm::Bounds;
 use crate::math::{Real, Vec3};
+use crate::pixels::TILE;
 
-use super::samples::Photographs;
+use super::samples::{Photographs, Samples};
 use super::scale::{count, squared_scale, weight};
 use crate::sbrdf::lanes::load;
 
@@ -59,10 +60,10 @@ pub(super) struct Pixels<'a, R: Real> {
     samples: Vec<R>,
     usable: Vec<R::Mask>,
     /// One over the expected variance of a photograph's samples.
-    trust: Vec<R>,
+    precision: Vec<R>,
     /// `(obs, band)` at the last place.
     residuals: Vec<R>,
-    /// Mean over the bands of the squared residuals, times the trust, per photograph.
+    /// Mean over the bands of the squared residuals, times the precision, per photograph.
     squares: Vec<R>,
     seen: Vec<(R, Glint<R>, R)>,
     /// Usable photographs.
@@ -90,7 +91,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
             geometry,
             samples: vec![zero; observations * photographs.bands],
             usable: vec![zero.lt(zero); observations],
-            trust: vec![zero; observations],
+            precision: vec![zero; observations],
             residuals: vec![zero; observations * photographs.bands],
             squares: vec![zero; observations],
             seen: vec![(zero, glint, zero); observations],
@@ -101,14 +102,14 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
 
     /// Takes up the pixels from `at` on.
     #[inline(always)]
-    pub(super) fn look(&mut self, samples: &[f32], stride: usize, x: &[f32], y: &[f32], at: usize) {
+    pub(super) fn look(&mut self, samples: &Samples, at: usize) {
         let bands = self.photographs.bands;
         let zero = R::zero();
         let (mut peak, mut mean) = (zero, zero);
         for (i, usable) in self.usable.iter_mut().enumerate() {
             let light = self.photographs.rig.lights()[i];
             if !light.is_distant() {
-                let (towards, irradiance) = light.at(load(x, at), load(y, at));
+                let (towards, irradiance) = light.at(load(&samples.x, at), load(&samples.y, at));
                 let view = self.photographs.rig.views()[i].splat();
                 let facet = Facet::between(towards, view, R::of(self.photographs.index));
                 self.geometry[i] = (towards, irradiance, facet);
@@ -118,7 +119,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
             *usable = zero.le(zero);
             let row = i * bands..(i + 1) * bands;
             for (sample, plane) in self.samples[row.clone()].iter_mut().zip(row.clone()) {
-                *sample = load(&samples[plane * stride..], at);
+                *sample = load(&samples.planes[plane * TILE..], at);
                 *usable = *usable & (*sample * *sample).is_finite();
             }
             let mut light = zero;
@@ -127,15 +128,15 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
                 peak = peak.max(sample.abs());
                 light = light + *sample;
             }
-            self.trust[i] = light.max(zero);
-            mean = mean + self.trust[i];
+            self.precision[i] = light.max(zero);
+            mean = mean + self.precision[i];
         }
         self.used = count(&self.usable);
         self.floor = (peak * peak * R::of(ROUNDING)).max(R::splat(FAINTEST));
         let mean = mean / self.used;
         let dark = mean * R::of(DARK_NOISE);
-        for trust in &mut self.trust {
-            *trust = R::keep(mean.gt(zero), mean / (*trust + dark));
+        for precision in &mut self.precision {
+            *precision = R::keep(mean.gt(zero), mean / (*precision + dark));
         }
     }
 
@@ -176,7 +177,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
                 *residual = R::keep(usable, sample - colour.mul_add(cosine, specular));
                 square = residual.mul_add(*residual, square);
             }
-            self.squares[i] = square * share * self.trust[i];
+            self.squares[i] = square * share * self.precision[i];
             self.seen[i] = (cosine, glint, lobe);
         }
         squared_scale(&self.squares, self.used, self.floor, last)
@@ -200,7 +201,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         for (i, (towards, irradiance, facet)) in self.geometry.iter().enumerate() {
             let (cosine, glint, lobe) = self.seen[i];
             let lasting = weight(self.squares[i], scale, self.usable[i]);
-            let weight = lasting * self.trust[i];
+            let weight = lasting * self.precision[i];
             let slope = facet.slope(normal, glint, lobe, self.beta, self.sharpness);
             let lit = R::keep(cosine.gt(zero), *irradiance);
             let t = tilt.map(|tilt| tilt.dot(*towards) * lit);

@@ -1,22 +1,22 @@
-//! The state of all pixels, cut into tiles, and the samples of a tile.
+//! The samples of a tile's estimated pixels, and where every pixel of a search stands.
 
 use crate::error::Result;
 use crate::geometry::Rig;
 use crate::maps::Status;
 use crate::math::{Isa, Kernel, Level, Mask, Real, Vec3};
-use crate::pixels::{self, Run};
-use crate::sbrdf::Start;
+use crate::pixels::{self, Run, TILE};
 use crate::sbrdf::lanes::{load, store};
 use crate::stack::Stack;
 
-/// The samples with all that was known of them beforehand: what all tiles share.
+/// What all tiles of a painting share.
 #[derive(Clone, Copy)]
 pub(super) struct Photographs<'a> {
     pub(super) stack: &'a Stack<'a>,
     pub(super) rig: &'a Rig,
     pub(super) index: f64,
     pub(super) bands: usize,
-    /// `(y, x)` [`Status`] codes of the normals that the fit begins with.
+    /// `(y, x)` [`Status`] codes of the normals that the fit begins with. Only pixels whose normal
+    /// was estimated are read: a pass over a segment costs what the segment's pixels cost.
     pub(super) status: &'a [u8],
     /// Coordinates of the pixels in mm; none: those of the rig's grid.
     pub(super) places: Option<(&'a [f32], &'a [f32])>,
@@ -37,23 +37,55 @@ impl Photographs<'_> {
             self.rig.grid().coordinates(start, x, y);
         }
     }
+
+    pub(super) fn estimated(&self, pixel: usize) -> bool {
+        self.status[pixel] < Status::Dark.code()
+    }
 }
 
-/// Where every pixel stands: its normal, its colours, and the squared scale of its residuals.
+/// Normals and colours that a pass begins with.
+#[derive(Clone, Copy)]
+pub(super) struct Begin<'a> {
+    /// `(3, y, x)`.
+    pub(super) normal: &'a [f32],
+    /// `(band, y, x)`.
+    pub(super) diffuse: &'a [f32],
+    /// What colours are multiplied by: a power of two.
+    pub(super) factor: f32,
+}
+
+/// Normal, colours, and squared scale of the residuals of every pixel.
 #[derive(Debug)]
 pub(super) struct State {
+    /// `(3, pixel)`.
     pub(super) normal: Vec<f32>,
+    /// `(band, pixel)`.
     pub(super) diffuse: Vec<f32>,
     pub(super) scale: Vec<f32>,
 }
 
 impl State {
-    pub(super) fn new(start: &Start<'_>, run: &Run<'_>) -> Result<Self> {
-        Ok(Self {
-            normal: run.copied(start.normal)?,
-            diffuse: run.copied(start.diffuse)?,
-            scale: run.filled(f32::NAN, start.status.len())?,
-        })
+    /// Room for so many pixels.
+    pub(super) fn sized(pixels: usize, bands: usize) -> Self {
+        Self {
+            normal: vec![0.0; 3 * pixels],
+            diffuse: vec![0.0; bands * pixels],
+            scale: vec![f32::NAN; pixels],
+        }
+    }
+
+    pub(super) fn new(begin: Begin<'_>, pixels: usize, run: &Run<'_>) -> Result<Self> {
+        let mut state = Self {
+            normal: run.copied(begin.normal)?,
+            diffuse: run.copied(begin.diffuse)?,
+            scale: run.filled(f32::NAN, pixels)?,
+        };
+        run.in_turn(state.diffuse.chunks_mut(TILE), |part| {
+            for value in part {
+                *value *= begin.factor;
+            }
+        })?;
+        Ok(state)
     }
 
     pub(super) fn copied(&self, run: &Run<'_>) -> Result<Self> {
@@ -64,18 +96,45 @@ impl State {
         })
     }
 
-    /// The part that one tile reads.
-    pub(super) fn tile<'a>(&'a self, status: &'a [u8], start: usize) -> Tile<'a> {
-        let pixels = status.len();
-        let end = (start + pixels::TILE).min(pixels);
+    /// Sum over the bands of a pixel's colours.
+    pub(super) fn brightness(&self, pixel: usize) -> f32 {
+        self.diffuse[pixel..].iter().step_by(self.scale.len()).sum()
+    }
+
+    /// The same numbers, in the same memory.
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        self.normal.copy_from_slice(&other.normal);
+        self.diffuse.copy_from_slice(&other.diffuse);
+        self.scale.copy_from_slice(&other.scale);
+    }
+
+    /// Normal and colours of one pixel.
+    pub(super) fn copy_pixel(&mut self, pixel: usize, other: &Self) {
+        let pixels = self.scale.len();
+        let maps = [(&mut self.normal, &other.normal), (&mut self.diffuse, &other.diffuse)];
+        for (own, other) in maps {
+            for place in (pixel..own.len()).step_by(pixels) {
+                own[place] = other[place];
+            }
+        }
+    }
+
+    /// `count` pixels from `start` on, to read.
+    pub(super) fn tile<'a>(&'a self, start: usize, count: usize) -> Tile<'a> {
+        let pixels = self.scale.len();
         let cut = |map: &'a [f32]| -> Vec<&'a [f32]> {
-            map.chunks(pixels).map(|plane| &plane[start..end]).collect()
+            map.chunks(pixels).map(|plane| &plane[start..start + count]).collect()
         };
-        Tile {
-            count: end - start,
-            normal: cut(&self.normal),
-            diffuse: cut(&self.diffuse),
-            status: &status[start..end],
+        Tile { count, normal: cut(&self.normal), diffuse: cut(&self.diffuse) }
+    }
+
+    /// The first `count` pixels, to write.
+    pub(super) fn first_mut(&mut self, count: usize) -> TileMut<'_> {
+        let pixels = self.scale.len();
+        TileMut {
+            normal: firsts(&mut self.normal, pixels, count),
+            diffuse: firsts(&mut self.diffuse, pixels, count),
+            scale: &mut self.scale[..count],
         }
     }
 
@@ -84,7 +143,7 @@ impl State {
         let pixels = self.scale.len();
         let normal = planes(&mut self.normal, pixels);
         let diffuse = planes(&mut self.diffuse, pixels);
-        let scale = self.scale.chunks_mut(pixels::TILE);
+        let scale = self.scale.chunks_mut(TILE);
         normal
             .into_iter()
             .zip(diffuse)
@@ -94,9 +153,15 @@ impl State {
     }
 }
 
+/// The first `count` pixels of every plane.
+fn firsts(map: &mut [f32], pixels: usize, count: usize) -> Vec<&mut [f32]> {
+    map.chunks_mut(pixels).map(|plane| &mut plane[..count]).collect()
+}
+
 /// The planes of a map, tile by tile.
-pub(super) fn planes(map: &mut [f32], pixels: usize) -> Vec<Vec<&mut [f32]>> {
-    let mut planes: Vec<_> = map.chunks_mut(pixels).map(|p| p.chunks_mut(pixels::TILE)).collect();
+pub(super) fn planes<T>(map: &mut [T], pixels: usize) -> Vec<Vec<&mut [T]>> {
+    let mut planes: Vec<_> =
+        map.chunks_mut(pixels.max(1)).map(|plane| plane.chunks_mut(TILE)).collect();
     (0..pixels::tiles(pixels).len())
         .map(|_| planes.iter_mut().filter_map(Iterator::next).collect())
         .collect()
@@ -107,15 +172,9 @@ pub(super) struct Tile<'a> {
     pub(super) count: usize,
     pub(super) normal: Vec<&'a [f32]>,
     pub(super) diffuse: Vec<&'a [f32]>,
-    pub(super) status: &'a [u8],
 }
 
 impl Tile<'_> {
-    #[inline(always)]
-    pub(super) fn estimated(&self, pixel: usize) -> bool {
-        self.status[pixel] < Status::Dark.code()
-    }
-
     #[inline(always)]
     pub(super) fn normal_at<R: Real<Scalar = f32>>(&self, at: usize) -> Vec3<R> {
         Vec3::new(load(self.normal[0], at), load(self.normal[1], at), load(self.normal[2], at))
@@ -157,27 +216,93 @@ impl TileMut<'_> {
     }
 }
 
-/// Reads a tile's samples `(obs, band, pixel)` and coordinates in mm.
-pub(super) struct Reader {
-    pub(super) samples: Vec<f32>,
+/// The samples of a tile's estimated pixels, side by side.
+pub(super) struct Samples {
+    /// `(obs, band, pixel)`, [`TILE`] apart.
+    pub(super) planes: Vec<f32>,
+    /// Coordinates in mm.
     pub(super) x: Vec<f32>,
     pub(super) y: Vec<f32>,
+    /// Which pixels of the tile these are.
+    pub(super) picks: Vec<usize>,
+}
+
+/// Reads tiles.
+pub(super) struct Reader {
+    pub(super) samples: Samples,
+    /// What the pass begins with, of the same pixels.
+    pub(super) begin: State,
 }
 
 impl Reader {
     pub(super) fn new(photographs: &Photographs<'_>) -> Self {
+        let begin = State::sized(TILE, photographs.bands);
+        Self { samples: Samples::new(photographs), begin }
+    }
+
+    /// Decodes the estimated pixels of the `count` from `start` on, and takes what they begin with.
+    pub(super) fn read(
+        &mut self,
+        photographs: &Photographs<'_>,
+        begin: Begin<'_>,
+        [start, count]: [usize; 2],
+        level: Level,
+    ) {
+        let Self { samples, begin: own } = self;
+        samples.read(photographs, [start, count], level);
+        let pixels = photographs.pixels();
+        let gather = |to: &mut [f32], from: &[f32], factor: f32| {
+            for (to, from) in to.chunks_mut(TILE).zip(from.chunks(pixels)) {
+                for (to, &pixel) in to.iter_mut().zip(&samples.picks) {
+                    *to = from[start + pixel] * factor;
+                }
+            }
+        };
+        gather(&mut own.normal, begin.normal, 1.0);
+        gather(&mut own.diffuse, begin.diffuse, begin.factor);
+        own.scale.fill(f32::NAN);
+    }
+
+    /// What the pass begins with.
+    pub(super) fn tile(&self) -> Tile<'_> {
+        self.begin.tile(0, self.samples.picks.len())
+    }
+}
+
+impl Samples {
+    pub(super) fn new(photographs: &Photographs<'_>) -> Self {
         let planes = photographs.bands * photographs.rig.observations();
         Self {
-            samples: vec![0.0; planes * pixels::TILE],
-            x: vec![0.0; pixels::TILE],
-            y: vec![0.0; pixels::TILE],
+            planes: vec![0.0; planes * TILE],
+            x: vec![0.0; TILE],
+            y: vec![0.0; TILE],
+            picks: Vec::with_capacity(TILE),
         }
     }
 
-    /// Decodes the pixels from `start` on.
-    pub(super) fn read(&mut self, photographs: &Photographs<'_>, start: usize, level: Level) {
-        level.run(Decode { photographs, start, samples: &mut self.samples });
+    /// Decodes the estimated pixels of the `count` from `start` on.
+    pub(super) fn read(
+        &mut self,
+        photographs: &Photographs<'_>,
+        [start, count]: [usize; 2],
+        level: Level,
+    ) {
+        self.picks.clear();
+        self.picks.extend((0..count).filter(|pixel| photographs.estimated(start + pixel)));
+        if self.picks.is_empty() {
+            return;
+        }
+        level.run(Decode { photographs, start, planes: &mut self.planes });
         photographs.coordinates(start, &mut self.x, &mut self.y);
+        if self.picks.len() == count {
+            return;
+        }
+        let rows = self.planes.chunks_mut(TILE).chain([&mut self.x[..], &mut self.y[..]]);
+        for row in rows {
+            for (place, &pixel) in self.picks.iter().enumerate() {
+                row[place] = row[pixel];
+            }
+        }
     }
 }
 
@@ -186,7 +311,7 @@ impl Reader {
 struct Decode<'a> {
     photographs: &'a Photographs<'a>,
     start: usize,
-    samples: &'a mut [f32],
+    planes: &'a mut [f32],
 }
 
 impl Kernel for Decode<'_> {
@@ -195,7 +320,7 @@ impl Kernel for Decode<'_> {
     #[inline(always)]
     fn run<I: Isa>(self) {
         let bands = self.photographs.bands;
-        for (plane, out) in self.samples.chunks_mut(pixels::TILE).enumerate() {
+        for (plane, out) in self.planes.chunks_mut(TILE).enumerate() {
             self.photographs.stack.read(plane / bands, plane % bands, self.start, out);
         }
     }

@@ -1,11 +1,11 @@
-//! How large a pixel's residuals are, whatever a few of them do.
+//! The M-scale of a pixel's residuals, whose minimum is an S-estimate [@rousseeuw1984s].
 //!
 //! The scale `s` of residuals `r_i` (each the root mean square over the bands of one photograph)
-//! solves `mean rho(r_i^2 / s^2) = 1/4` with `rho(v) = v / (1 + v)`: an M-scale. Up to a quarter of
+//! solves `mean rho(r_i^2 / s^2) = 1/4` with `rho(v) = v / (1 + v)`. Up to a quarter of
 //! the photographs may be anything (shadows, highlights that the model does not know) before it
 //! grows without bound, and a photograph's weight `rho'` = `1 / (1 + v)^2` falls to nothing. An
-//! estimate that minimises this scale is an S-estimate (Rousseeuw and Yohai 1984): it needs no
-//! scale from elsewhere, and weighted least squares with these weights lowers it step by step.
+//! estimate that minimises this scale needs no scale from elsewhere, and iteratively reweighted
+//! least squares with these weights lowers it step by step.
 
 use crate::math::{Mask, Real};
 
@@ -112,7 +112,7 @@ impl Gaussian {
     }
 }
 
-/// How many lanes say yes, as a number per lane.
+/// Masks that are set, counted in every lane.
 #[inline(always)]
 pub(super) fn count<R: Real>(masks: &[R::Mask]) -> R {
     debug_assert!(masks.len() < 1 << 24, "f32 counts no further");

@@ -1,18 +1,17 @@
-//! Pixels enough to find the lobe by.
+//! A random subset of the pixels, large enough to find the lobe.
 //!
-//! Two numbers need no gigapixel: sixty thousand pixels know beta and gamma to a thousandth. The
-//! search therefore visits a subset, gathered and decoded once; all pixels settle under what it
-//! found. A painting of fewer pixels than are asked for is its own subset.
+//! Sixty thousand pixels determine beta and gamma to a thousandth. The search therefore visits a
+//! subset, gathered and decoded once. If the painting has fewer pixels than the subset may have, the
+//! subset is all of them.
 
 use crate::error::Result;
-use crate::maps::Status;
 use crate::pixels::{Run, TILE, tiles};
-use crate::sbrdf::Start;
 use crate::stack::{Decode, Samples, Shape, Stack};
 
-use super::samples::Photographs;
+use super::samples::{Begin, Photographs};
 
-/// Samples at most, about: a quarter of a gibibyte. Many photographs of fewer pixels know as much.
+/// Samples at most, about: a quarter of a gibibyte. Many photographs of fewer pixels determine the
+/// lobe as well.
 const SAMPLES: usize = 1 << 26;
 
 /// Neighbours that are taken or left together: they share cache lines in every photograph.
@@ -25,16 +24,16 @@ pub(super) struct Subset {
     decode: Vec<Decode>,
     x: Vec<f32>,
     y: Vec<f32>,
-    pub(super) normal: Vec<f32>,
-    pub(super) diffuse: Vec<f32>,
-    pub(super) status: Vec<u8>,
+    normal: Vec<f32>,
+    diffuse: Vec<f32>,
+    status: Vec<u8>,
 }
 
 impl Subset {
     /// Gathers pixels whose normals were estimated, about `most` of them.
     pub(super) fn gather(
         photographs: &Photographs<'_>,
-        start: &Start<'_>,
+        begin: Begin<'_>,
         most: usize,
         run: &Run<'_>,
     ) -> Result<Self> {
@@ -70,9 +69,9 @@ impl Subset {
         for ((x, y), &pixel) in x.iter_mut().zip(&mut y).zip(&picks) {
             photographs.coordinates(pixel, core::slice::from_mut(x), core::slice::from_mut(y));
         }
-        let gathered = |map: &[f32]| -> Vec<f32> {
+        let gathered = |map: &[f32], factor: f32| -> Vec<f32> {
             map.chunks(photographs.pixels())
-                .flat_map(|plane| picks.iter().map(|&pixel| plane[pixel]))
+                .flat_map(|plane| picks.iter().map(|&pixel| plane[pixel] * factor))
                 .collect()
         };
         let plain = Decode { gain: 1.0, offset: 0.0, saturation: f32::INFINITY };
@@ -82,9 +81,9 @@ impl Subset {
             shape,
             x,
             y,
-            normal: gathered(start.normal),
-            diffuse: gathered(start.diffuse),
-            status: picks.iter().map(|&pixel| start.status[pixel]).collect(),
+            normal: gathered(begin.normal, 1.0),
+            diffuse: gathered(begin.diffuse, begin.factor),
+            status: picks.iter().map(|&pixel| photographs.status[pixel]).collect(),
         })
     }
 
@@ -92,8 +91,8 @@ impl Subset {
         self.status.len()
     }
 
-    pub(super) fn start(&self) -> Start<'_> {
-        Start { normal: &self.normal, diffuse: &self.diffuse, status: &self.status }
+    pub(super) fn begin(&self) -> Begin<'_> {
+        Begin { normal: &self.normal, diffuse: &self.diffuse, factor: 1.0 }
     }
 
     pub(super) fn stack(&self) -> Result<Stack<'_>> {
@@ -113,7 +112,7 @@ impl Subset {
 /// Pixels in the order of the image: all, or runs of neighbours chosen by a hash of their number
 /// (a fixed stride could follow the weave of a canvas).
 fn pick(photographs: &Photographs<'_>, most: usize, run: &Run<'_>) -> Result<Vec<usize>> {
-    let estimated = |&pixel: &usize| photographs.status[pixel] < Status::Dark.code();
+    let estimated = |&pixel: &usize| photographs.estimated(pixel);
     let tiles = tiles(photographs.pixels());
     let mut all = 0;
     run.in_turn(&tiles, |&(start, count)| {

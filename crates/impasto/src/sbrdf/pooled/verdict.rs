@@ -1,11 +1,13 @@
 //! Whether the painting's lobe describes its pixels.
 
+use core::slice::ChunksMut;
+
 use crate::error::Result;
-use crate::pixels::{Run, TILE, tiles};
+use crate::pixels::{Run, TILE};
 
 use super::outliers::{CLASSES, class_of};
 
-/// A pixel knows its own strength if its error is below this share of the painting's.
+/// A pixel determines its own strength if its error is below this share of the painting's.
 const KNOWN: f32 = 0.2;
 
 /// A pixel agrees if its own strength is the painting's to this share, beyond this many standard
@@ -17,14 +19,14 @@ const DEVIATIONS: f32 = 3.0;
 /// gives 0.96 and more; three varnishes of equal shares at most 0.55.
 pub(super) const DESCRIBES: f64 = 0.8;
 
-/// What the samples say about the lobe.
+/// Whether the samples show a highlight, and whether one lobe describes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Verdict {
     /// A lobe stands out of the noise, and describes the pixels.
     Fitted,
-    /// A lobe stands out, but fewer than [`DESCRIBES`] of the pixels that know their own strength
-    /// agree with it: several varnishes, or a surface of another kind.
+    /// A lobe stands out, but fewer than [`DESCRIBES`] of the pixels that determine their own
+    /// strength agree with it: several varnishes, or a surface of another kind.
     Mixed,
     /// No sample shows a highlight: beta is 0, gamma where the search began (hard case 4).
     NoHighlight,
@@ -45,68 +47,86 @@ impl Verdict {
     }
 }
 
-/// How far pixels are from the painting's lobe.
-pub(super) struct Agreement {
-    /// `(y, x)`: by how much of the painting's strength the pixel's own differs beyond its error,
-    /// at most 1; NaN where nothing was estimated.
-    pub(super) misfit: Vec<f32>,
-    /// Share of the pixels which know their own strength that agree; NaN if none does.
-    pub(super) describes: f64,
+/// A pixel's own strength, estimated from its samples alone.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Strength {
+    /// Sum of the diffuse colours.
+    pub(super) brightness: f32,
+    /// Standard deviation of a sample; NaN where nothing was estimated.
+    pub(super) noise: f32,
+    /// The pixel's own strength less the painting's.
+    pub(super) apart: f32,
+    /// Its standard deviation per unit of noise.
+    pub(super) doubt: f32,
 }
 
-/// What is known of every pixel's own strength, `(y, x)` each.
-pub(super) struct Strengths {
-    pub(super) brightness: Vec<f32>,
-    /// Standard deviation of a sample; NaN where nothing was estimated.
-    pub(super) noise: Vec<f32>,
-    /// The pixel's own strength less the painting's.
-    pub(super) apart: Vec<f32>,
-    /// Its standard deviation per unit of noise.
-    pub(super) doubt: Vec<f32>,
+impl Strength {
+    /// Of a pixel that was not estimated.
+    pub(super) const UNKNOWN: Self =
+        Self { brightness: f32::NAN, noise: f32::NAN, apart: f32::NAN, doubt: f32::NAN };
+
+    /// By how much of the painting's strength the pixel's own differs beyond its error, at most 1, NaN
+    /// where nothing was estimated; and whether the samples determine it.
+    ///
+    /// The noise is that of the better pixels of the same brightness ([`Strengths::noise_of_classes`]):
+    /// a pixel that the lobe does not describe has large residuals, which must not excuse it.
+    pub(super) fn misfit(&self, beta: f32, noise_of_classes: &[f32]) -> (f32, bool) {
+        if self.noise.is_nan() {
+            return (f32::NAN, false);
+        }
+        let error = noise_of_classes[class_of(self.brightness)] * self.doubt;
+        if beta <= 0.0 || !error.is_finite() {
+            return (0.0, false);
+        }
+        let misfit = ((self.apart.abs() - DEVIATIONS * error) / beta).clamp(0.0, 1.0);
+        (misfit, error <= KNOWN * beta)
+    }
 }
+
+/// The strengths of all pixels.
+pub(super) struct Strengths(Vec<Strength>);
 
 impl Strengths {
-    /// Compares each pixel's own strength with the painting's.
-    ///
-    /// The noise is that of the better pixels of the same brightness ([`Self::noise_of_classes`]): a
-    /// pixel that the lobe does not describe has large residuals, which must not excuse it.
-    pub(super) fn agreement(&self, beta: f32, run: &Run<'_>) -> Result<Agreement> {
-        let classes = self.noise_of_classes(run)?;
+    pub(super) fn unknown(pixels: usize, run: &Run<'_>) -> Result<Self> {
+        run.filled(Strength::UNKNOWN, pixels).map(Self)
+    }
+
+    pub(super) fn tiles(&mut self) -> ChunksMut<'_, Strength> {
+        self.0.chunks_mut(TILE)
+    }
+
+    /// Compares each pixel's own strength with the painting's; returns the share of the pixels which
+    /// determine their own that agree, NaN if none does.
+    pub(super) fn agreement(
+        &self,
+        beta: f32,
+        noise_of_classes: &[f32],
+        misfit: &mut [f32],
+        run: &Run<'_>,
+    ) -> Result<f64> {
         let (mut known, mut agree) = (0_u64, 0_u64);
-        let mut of = |pixel: usize| {
-            if self.noise[pixel].is_nan() {
-                return f32::NAN;
+        run.in_turn(self.0.chunks(TILE).zip(misfit.chunks_mut(TILE)), |(strengths, misfit)| {
+            for (strength, misfit) in strengths.iter().zip(misfit) {
+                let determined;
+                (*misfit, determined) = strength.misfit(beta, noise_of_classes);
+                known += u64::from(determined);
+                agree += u64::from(determined && *misfit <= AGREES);
             }
-            let error = classes[class_of(self.brightness[pixel])] * self.doubt[pixel];
-            if beta <= 0.0 || !error.is_finite() {
-                return 0.0;
-            }
-            let misfit = ((self.apart[pixel].abs() - DEVIATIONS * error) / beta).clamp(0.0, 1.0);
-            if error <= KNOWN * beta {
-                known += 1;
-                agree += u64::from(misfit <= AGREES);
-            }
-            misfit
-        };
-        let mut misfit = Vec::with_capacity(self.noise.len());
-        run.in_turn(tiles(self.noise.len()), |(start, count)| {
-            misfit.extend((start..start + count).map(&mut of));
         })?;
-        Ok(Agreement { misfit, describes: agree as f64 / known as f64 })
+        Ok(agree as f64 / known as f64)
     }
 
     /// Lower quartile of the noise of the pixels of each brightness: shot noise grows with light.
     ///
-    /// The number that sorting a class would find, eight bits at a time from the highest: the order
-    /// of positive numbers is that of their bits. No class is ever held, let alone sorted, at once.
-    fn noise_of_classes(&self, run: &Run<'_>) -> Result<Vec<f32>> {
+    /// The number that sorting a class would find, by radix selection, eight bits at a time from the
+    /// highest: the order of positive numbers is that of their bits. No class is held in memory.
+    pub(super) fn noise_of_classes(&self, run: &Run<'_>) -> Result<Vec<f32>> {
         // The bits found so far, and the rank among the numbers that begin with them.
         let mut found = vec![(0_u32, 0_u64); CLASSES];
         for shift in [24, 16, 8, 0] {
             let mut counts = vec![[0_u64; 256]; CLASSES];
-            let tiles = self.brightness.chunks(TILE).zip(self.noise.chunks(TILE));
-            run.in_turn(tiles, |(brightness, noise)| {
-                for (&brightness, &noise) in brightness.iter().zip(noise) {
+            run.in_turn(self.0.chunks(TILE), |part| {
+                for &Strength { brightness, noise, .. } in part {
                     let (class, bits) = (class_of(brightness), noise.to_bits() >> shift);
                     if noise.is_finite() && bits >> 8 == found[class].0 {
                         counts[class][bits as usize % 256] += 1;
@@ -134,7 +154,7 @@ impl Strengths {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pixels::{looks, serially};
+    use crate::pixels::{looks, serially, tiles};
 
     #[test]
     fn the_noise_of_a_class_is_that_of_sorting_it() {
@@ -158,27 +178,41 @@ mod tests {
             class.get(class.len() / 4).copied().unwrap_or(f32::INFINITY)
         };
         let expected: Vec<f32> = classes.iter_mut().map(quartile).collect();
-        let none = vec![0.0; pixels];
-        let strengths = Strengths { brightness, noise, apart: none.clone(), doubt: none };
+        let one = |(&brightness, &noise)| Strength { brightness, noise, apart: 0.0, doubt: 0.0 };
+        let strengths = Strengths(brightness.iter().zip(&noise).map(one).collect());
         assert_eq!(serially(|run| strengths.noise_of_classes(run)).unwrap(), expected);
         assert!(expected.iter().any(|noise| *noise > 0.0 && noise.is_finite()));
         // Four passes for the noise, one for the pixels.
-        assert_eq!(looks::count(|run| strengths.agreement(1.0, run)), 5 * tiles(pixels).len());
+        let mut misfit = vec![0.0; pixels];
+        let both = |run: &Run<'_>| {
+            let noise = strengths.noise_of_classes(run)?;
+            strengths.agreement(1.0, &noise, &mut misfit, run)
+        };
+        assert_eq!(looks::count(both), 5 * tiles(pixels).len());
     }
 
     #[test]
     fn pixels_of_another_strength_are_counted() {
-        let n = 1000;
-        let brightness: Vec<f32> = (0..n).map(|i| 0.1 + i as f32 * 1e-3).collect();
-        let noise: Vec<f32> = brightness.iter().map(|b| 0.01 * b.sqrt()).collect();
-        // A third has half the strength; a tenth knows nothing.
-        let apart: Vec<f32> = (0..n).map(|i| if i % 3 == 0 { -5.0 } else { 0.01 }).collect();
-        let doubt: Vec<f32> = (0..n).map(|i| if i % 10 == 0 { 1e6 } else { 10.0 }).collect();
-        let strengths = Strengths { brightness, noise, apart, doubt };
-        let found = serially(|run| strengths.agreement(10.0, run)).unwrap();
-        assert!((found.describes - 2.0 / 3.0).abs() < 0.01, "{}", found.describes);
-        assert_eq!(found.misfit[0], 0.0);
-        assert!((0.4..=0.5).contains(&found.misfit[3]));
-        assert_eq!(found.misfit[1], 0.0);
+        // A third has half the strength; a tenth determines nothing.
+        let strength = |i: usize| {
+            let brightness = 0.1 + i as f32 * 1e-3;
+            Strength {
+                brightness,
+                noise: 0.01 * brightness.sqrt(),
+                apart: if i % 3 == 0 { -5.0 } else { 0.01 },
+                doubt: if i % 10 == 0 { 1e6 } else { 10.0 },
+            }
+        };
+        let strengths = Strengths((0..1000).map(strength).collect());
+        let mut misfit = vec![0.0; 1000];
+        let describes = serially(|run| {
+            let noise = strengths.noise_of_classes(run)?;
+            strengths.agreement(10.0, &noise, &mut misfit, run)
+        });
+        let describes = describes.unwrap();
+        assert!((describes - 2.0 / 3.0).abs() < 0.01, "{describes}");
+        assert_eq!(misfit[0], 0.0);
+        assert!((0.4..=0.5).contains(&misfit[3]));
+        assert_eq!(misfit[1], 0.0);
     }
 }
