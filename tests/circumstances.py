@@ -92,7 +92,7 @@ def _lobes(capture: Any, **options: Any) -> Arrays:
 
 
 def _table(capture: Any, **options: Any) -> Arrays:
-    return _lobes(capture, effort=impasto.Effort(start="table"), **options)
+    return _lobes(capture, effort=impasto.Effort(start="multistart"), **options)
 
 
 def _double(capture: Any, **options: Any) -> Arrays:

@@ -47,7 +47,7 @@ def test_every_number_of_an_effort_is_used(stack: impasto.Stack) -> None:
         "pixels": (Effort(pixels=64), {}),
         "rounds": (Effort(rounds=0), {"pooling": "pixel"}),
         "iterations": (Effort(iterations=1), {"pooling": "pixel"}),
-        "start": (Effort(start="table"), {"pooling": "pixel"}),
+        "start": (Effort(start="multistart"), {"pooling": "pixel"}),
         "precision": (Effort(precision="polished"), {"pooling": "pixel"}),
     }
     assert others.keys() == base.to_dict().keys()
@@ -89,10 +89,10 @@ def test_photometric_stereo_takes_its_steps_from_the_effort(stack: impasto.Stack
         ({"rounds": -1}, "rounds: expected 0 to"),
         ({"iterations": 0}, "iterations: expected 1 to"),
         (
-            {"start": "pyramide"},
-            "start: expected 'table' or 'pyramid', found 'pyramide'.*'pyramid'",
+            {"start": "neighbour"},
+            "start: expected 'multistart' or 'neighbours', found 'neighbour'.*'neighbours'",
         ),
-        ({"start": None}, "start: expected 'table' or 'pyramid', found None"),
+        ({"start": None}, "start: expected 'multistart' or 'neighbours', found None"),
         (
             {"precision": "doubled"},
             "precision: expected 'single' or 'polished' or 'double', found 'doubled'.*'double'",
@@ -242,7 +242,7 @@ def test_times_are_those_of_the_whole_painting(
         effort = options.get("effort", "standard")
         if options.get("pooling") == "pixel":
             steps = 1e-5 * PRESETS[effort].iterations
-            if PRESETS[effort].start == "pyramid":
+            if PRESETS[effort].start == "neighbours":
                 return steps * pixels
             # Of so many tiles of 256 pixels every so many, 40 at most, are searched twice.
             tiles = -(-pixels // 256)
@@ -360,7 +360,11 @@ def test_arrays_are_no_efforts(stack: impasto.Stack) -> None:
         with pytest.raises(impasto.ArgumentError, match="effort: expected 'draft'"):
             impasto.fit_normals(stack, effort=words)  # type: ignore[arg-type]
     for name in ("start", "precision"):
-        for words in (np.array(["table", "single"]), np.array("table"), np.array("single")):
+        for words in (
+            np.array(["multistart", "single"]),
+            np.array("multistart"),
+            np.array("single"),
+        ):
             with pytest.raises(impasto.ArgumentError, match=f"{name}: expected"):
                 Effort(**{name: words})
 

@@ -97,7 +97,7 @@ def pixel(samples: Any, rig: Any, precision: Any = "single", **options: Any) -> 
         threads=2,
         progress=False,
         typical=False,
-        effort=impasto.Effort(start="table", precision=precision),
+        effort=impasto.Effort(start="multistart", precision=precision),
     )
 
 

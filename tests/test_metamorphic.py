@@ -108,7 +108,7 @@ def pixel(stack: impasto.Stack, **options: Any) -> Any:
     return impasto.fit_sbrdf(stack, pooling="pixel", lobes=1, **options)
 
 
-def apart(stack: impasto.Stack, threads: int = 1, start: Origin = "table") -> Any:
+def apart(stack: impasto.Stack, threads: int = 1, start: Origin = "multistart") -> Any:
     """The same without what is typical of the painting, and without asking other pixels."""
     stereo = impasto.fit_normals(stack)
     options = {
@@ -122,9 +122,9 @@ def apart(stack: impasto.Stack, threads: int = 1, start: Origin = "table") -> An
     return fit_lobes(stack, stereo, lobes=1, **options)  # type: ignore[arg-type]
 
 
-def pyramid(stack: impasto.Stack, threads: int = 1) -> Any:
+def neighbours(stack: impasto.Stack, threads: int = 1) -> Any:
     """From what some pixels found."""
-    return apart(stack, threads, "pyramid")
+    return apart(stack, threads, "neighbours")
 
 
 def lafortune(stack: impasto.Stack, **options: Any) -> Any:
@@ -139,7 +139,7 @@ BY_ITSELF = {
 """Every pixel by itself."""
 SHARING = {"painting": painting, "segment": segment, "pixel": pixel}
 """Pixels have something in common."""
-FITS = BY_ITSELF | SHARING | {"pixel, pyramid": pyramid}
+FITS = BY_ITSELF | SHARING | {"pixel, neighbours": neighbours}
 """And where each lies in the picture matters, too."""
 
 WHOLE = {f"fit_normals, {m}" for m in ("least-squares", "l1", "huber", "cauchy", "tukey")} | {

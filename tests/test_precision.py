@@ -44,7 +44,7 @@ def fitted(stack: impasto.Stack, *, threads: int = 2, **effort: Any) -> impasto.
         lobes=1,
         ambient=True,
         index=1.45,
-        effort=impasto.Effort(iterations=30, start="table", **effort),
+        effort=impasto.Effort(iterations=30, start="multistart", **effort),
         threads=threads,
         progress=False,
         typical=False,

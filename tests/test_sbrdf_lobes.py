@@ -430,7 +430,7 @@ def test_the_search_ends_where_scipy_ends(scene: Any) -> None:
     assert np.percentile(error, 95) < 0.3
 
 
-# Starts from what pixels of a coarse grid found.
+# Starts from neighbouring pixels on a coarse grid.
 
 
 def apart(stack: impasto.Stack, **effort: Any) -> impasto.LobeSbrdf:
@@ -448,9 +448,9 @@ def apart(stack: impasto.Stack, **effort: Any) -> impasto.LobeSbrdf:
     )
 
 
-def test_a_pyramid_finds_what_the_table_finds(scene: Any) -> None:
+def test_neighbours_find_what_multistart_finds(scene: Any) -> None:
     t, _, stack = scene
-    found, thorough = (apart(stack, start=start) for start in ("pyramid", "table"))
+    found, thorough = (apart(stack, start=start) for start in ("neighbours", "multistart"))
     numbers_stand_where_they_should(found)
     np.testing.assert_array_equal(found.status, thorough.status)
     both = (found.lobes == 1) & (thorough.lobes == 1)
@@ -462,26 +462,26 @@ def test_a_pyramid_finds_what_the_table_finds(scene: Any) -> None:
     assert np.median(angle(found.normal, t["normal"])) < 0.3
 
 
-def test_where_no_node_can_be_fitted_a_pyramid_is_the_table(scene: Any) -> None:
+def test_without_seeds_neighbours_are_multistart(scene: Any) -> None:
     mask = np.ones(SHAPE, np.bool_)
     mask[::4, ::4] = False
     stack = scene[2]._replace(mask=mask)
-    same_bits(apart(stack, start="pyramid"), apart(stack, start="table"))
+    same_bits(apart(stack, start="neighbours"), apart(stack, start="multistart"))
 
 
-def test_a_pyramids_nodes_are_those_of_the_picture_whatever_the_tiles(scene: Any) -> None:
-    """Eight rows less are other tiles of 256 pixels, and the same rows of nodes."""
+def test_seeds_do_not_depend_on_tiles(scene: Any) -> None:
+    """Eight rows less are other tiles of 256 pixels, and the same rows of seeds."""
     stack = scene[2]
-    whole = apart(stack, start="pyramid")
-    part = apart(impasto.Stack(stack.samples[:, :, 8:], lights=stack.rig), start="pyramid")
+    whole = apart(stack, start="neighbours")
+    part = apart(impasto.Stack(stack.samples[:, :, 8:], lights=stack.rig), start="neighbours")
     for name in ("normal", "diffuse", "specular", "gamma", "lobes"):
         assert getattr(whole, name)[..., 8:, :].tobytes() == getattr(part, name).tobytes(), name
 
 
 def test_a_fleck_of_gold_between_nodes_is_not_lost() -> None:
-    """Sheen all around, a narrow bright lobe in one pixel that is no node, turned by 20 degrees.
+    """Sheen all around, a narrow bright lobe in one pixel that is no seed, turned by 20 degrees.
 
-    One step from the sheen's width does not get there: it is the table that does.
+    One step from the sheen's width does not get there: multistart does.
     """
     y, x = 6, 18
     t = truth()
@@ -496,7 +496,7 @@ def test_a_fleck_of_gold_between_nodes_is_not_lost() -> None:
     noisy = clean + np.random.default_rng(12).normal(0.0, 0.002, clean.shape)
     stack = impasto.Stack(noisy.astype(np.float32), lights=lights())
     found, thorough = (
-        apart(stack, start=start, iterations=1, rounds=0) for start in ("pyramid", "table")
+        apart(stack, start=start, iterations=1, rounds=0) for start in ("neighbours", "multistart")
     )
     for name in ("normal", "gamma", "specular", "lobes"):
         of_pixel = [getattr(fit, name)[..., y, x] for fit in (found, thorough)]

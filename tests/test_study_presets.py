@@ -36,7 +36,7 @@ FRONT = {
 
 
 def _row(rounds: int, iterations: int, seconds: float, error: float, flagged: float) -> Any:
-    effort = Effort(rounds=rounds, iterations=iterations, start="table")
+    effort = Effort(rounds=rounds, iterations=iterations, start="multistart")
     return {
         "knob": "effort",
         "setting": presets.grid_name(effort),
@@ -122,7 +122,7 @@ def test_presets_of_a_front_keep_their_promises() -> None:
 )
 def test_a_broken_promise_is_said(name: str, other: tuple[int, int], points: Any) -> None:
     rows = _rows(FRONT | points)
-    wrong = Effort(rounds=other[0], iterations=other[1], start="table")
+    wrong = Effort(rounds=other[0], iterations=other[1], start="multistart")
     found = presets.checked(rows, presets.derived(_rows()) | {name: wrong})
     assert not any(check.kept for check in found if check.preset == name)
 
@@ -143,11 +143,11 @@ def test_a_reference_is_held_to_photographs_alone_too() -> None:
 
 
 def test_a_preset_starts_where_it_is_cheapest() -> None:
-    """The standard of the front by hand, from a pyramid: as good to half a per cent, in half the
+    """The standard of the front by hand, from neighbours: as good to half a per cent, in half the
     time; one that flags more is no standard."""
 
     def cheaper(flagged: float) -> list[Any]:
-        effort = Effort(rounds=2, iterations=3, start="pyramid")
+        effort = Effort(rounds=2, iterations=3, start="neighbours")
         rows = [row for row in _rows() if row["setting"] == "2 rounds, 3 steps"]
         return [
             row
@@ -161,8 +161,8 @@ def test_a_preset_starts_where_it_is_cheapest() -> None:
             for row in rows
         ]
 
-    assert presets.derived(_rows() + cheaper(0.015))["standard"].start == "pyramid"
-    assert presets.derived(_rows() + cheaper(0.4))["standard"].start == "table"
+    assert presets.derived(_rows() + cheaper(0.015))["standard"].start == "neighbours"
+    assert presets.derived(_rows() + cheaper(0.4))["standard"].start == "multistart"
 
 
 def test_a_second_weighing_finds_lobes_behind_clipped_tips() -> None:
@@ -199,7 +199,10 @@ def test_half_the_time_is_had_for_what_can_be_asked_for() -> None:
     ]
     (line,) = tables.tables(rows)["halving"]
     assert line["setting"] == "lobes per pixel, reference"
-    assert line["half"] == '`pooling="pixel", effort=Effort(rounds=0, iterations=3, start="table")`'
+    assert (
+        line["half"]
+        == '`pooling="pixel", effort=Effort(rounds=0, iterations=3, start="multistart")`'
+    )
     # Means of two: 0.238 and 0.190 instead of 0.222 and 0.182.
     assert line["dE00"] == pytest.approx(0.012)
     assert line["dB"] == pytest.approx(-10.0 * np.log10(0.238 * 0.19 / 0.222 / 0.182))
@@ -252,8 +255,8 @@ def test_the_recorded_study_has_the_names_of_todays_settings() -> None:
     text = (ROOT / "benches/results/study.json").read_text("utf-8")
     names = {(setting.knob, setting.name) for setting in settings()}
     assert {(row["knob"], row["setting"]) for row in json.loads(text)["rows"]} <= names
-    assert presets.grid_name(Effort(rounds=1, iterations=1)) == "1 round, 1 step, pyramid"
-    polished = Effort(start="table", precision="polished")
+    assert presets.grid_name(Effort(rounds=1, iterations=1)) == "1 round, 1 step, neighbours"
+    polished = Effort(start="multistart", precision="polished")
     assert presets.grid_name(polished) == "2 rounds, 6 steps, polished"
     assert not re.search(r"\b1 (rounds|steps)\b", text)
 

@@ -164,8 +164,8 @@ def least_costs_of(stack: Stack, threads: int | None = None) -> LeastCosts:
 
 
 def effort_of(precision: Precision, steps: int) -> Effort:
-    """A search alone, from the table of widths."""
-    return Effort(rounds=0, iterations=steps, start="table", precision=precision)
+    """A search alone, by multistart."""
+    return Effort(rounds=0, iterations=steps, start="multistart", precision=precision)
 
 
 def summary(shares: Iterable[Array]) -> dict[str, float]:

@@ -43,7 +43,7 @@ class Check:
 def grid_name(effort: Effort) -> str:
     """The name of an effort on the grid that presets are chosen from."""
     steps = f"{counted(effort.rounds, 'round')}, {counted(effort.iterations, 'step')}"
-    start = "" if effort.start == "table" else f", {effort.start}"
+    start = "" if effort.start == "multistart" else f", {effort.start}"
     precision = "" if effort.precision == "single" else f", {effort.precision}"
     return steps + start + precision
 

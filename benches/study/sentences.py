@@ -21,7 +21,7 @@ from study.tables import SETS, beaten, compared, of_knob, preset_rows, searched_
 from study.treatments import SELECTIONS
 
 VIEWS = "770 views"
-TABLE, SEEDED = PRESETS["reference"].start, PRESETS["standard"].start
+MULTISTART, NEIGHBOURS = PRESETS["reference"].start, PRESETS["standard"].start
 """Where searches start: at fixed widths, or at what other pixels found."""
 CUT = 39
 """How many times fewer photographs Heuberger speaks of, at least: some forty."""
@@ -125,7 +125,7 @@ def steps(rows: Sequence[Row]) -> str:
     rounds = PRESETS["standard"].rounds
     few, many = (
         by_data(rows, "effort", grid_name(effort))
-        for effort in (Effort(rounds=rounds, iterations=n, start=TABLE) for n in (2, 10))
+        for effort in (Effort(rounds=rounds, iterations=n, start=MULTISTART) for n in (2, 10))
     )
 
     def changed(what: str) -> str:
@@ -133,7 +133,7 @@ def steps(rows: Sequence[Row]) -> str:
         return span([100.0 * (b / a - 1.0) for a, b in pairs if a is not None], "%", 0)
 
     return (
-        f'With {counted(rounds, "round")} and `start="{TABLE}"`, ten steps instead of two take '
+        f'With {counted(rounds, "round")} and `start="{MULTISTART}"`, ten steps instead of two take '
         f"{ratio(many, few):.1f} times the time. They change the error of held-out photographs by "
         f"{changed('relative')} and that of normals by {changed('normal')}."
     )
@@ -157,16 +157,16 @@ def starts(rows: Sequence[Row]) -> str:
 
 
 def searches(rows: Sequence[Row]) -> str:
-    """What it is worth to start from what pixels about have found."""
-    table, seeded = (
+    """What starting from neighbouring pixels saves and costs."""
+    multistart, neighbours = (
         by_data(rows, "effort", grid_name(effort))
-        for effort in (replace(PRESETS["standard"], start=start) for start in (TABLE, SEEDED))
+        for effort in (replace(PRESETS["standard"], start=start) for start in (MULTISTART, NEIGHBOURS))
     )
     return (
-        f'`start="{SEEDED}"` takes {ratio(seeded, table):.2f} times the time of '
-        f'`start="{TABLE}"`. It changes held-out photographs by '
-        f"{span(differences(seeded, table, 'psnr'), 'dB')} and normals by "
-        f"{span(differences(seeded, table, 'normal'), '°', 3)}."
+        f'`start="{NEIGHBOURS}"` takes {ratio(neighbours, multistart):.2f} times the time of '
+        f'`start="{MULTISTART}"`. It changes held-out photographs by '
+        f"{span(differences(neighbours, multistart, 'psnr'), 'dB')} and normals by "
+        f"{span(differences(neighbours, multistart, 'normal'), '°', 3)}."
     )
 
 

@@ -132,7 +132,7 @@ def fit_lobes(
     typical: bool,
     sparing: bool,
     iterations: int,
-    origin: Literal["table", "pyramid"],
+    origin: Literal["multistart", "neighbours"],
     precision: Literal["single", "polished", "double"],
     index: float,
     threads: int,

@@ -11,7 +11,7 @@ from impasto._internal.checks import suggestion
 from impasto.errors import ArgumentError
 
 Preset = Literal["draft", "standard", "reference"]
-Origin = Literal["table", "pyramid"]
+Origin = Literal["multistart", "neighbours"]
 Precision = Literal["single", "polished", "double"]
 
 
@@ -27,36 +27,35 @@ class Effort:
     stereo
         Steps of reweighting in photometric stereo (``method="robust"``), 0 to 1000.
     pixels
-        Pixels at most, about, among which the painting's one lobe is looked for
-        (``pooling="painting"``): its error falls with their root, the time of the search grows
-        with them, up to the size of the painting.
+        Most pixels, about, from which the painting's one lobe is estimated
+        (``pooling="painting"``): its error falls with their square root, the time of the search
+        grows with them, up to the size of the painting.
     rounds
-        Rounds in which all bands settle together and samples are weighed anew by what is left of
-        them (``pooling="pixel"``); in which Lafortune's outliers are left out and what they had
-        bent is searched for anew. 0: the search on the mean of the bands is all there is, and no
-        sample is doubted.
+        Rounds in which all bands are fitted together and samples are reweighted by their residuals
+        (``pooling="pixel"``), or in which outliers are left out of a Lafortune fit and the fit is
+        repeated. 0: only the mean of the bands is searched, and every sample keeps its weight.
     iterations
         Steps at most of each of a pixel's searches (``pooling="pixel"``), at least 1. For
-        photographs few are enough: what they hardly determine is better left near where it
-        started. Normals gain from more; ten bring all but one pixel in a thousand of a simulated
-        painting to their end, all but four in a hundred of a gilded icon.
+        photographs few are enough: what they hardly determine is better left near its start.
+        Normals gain from more; with ten, all but one pixel in a thousand of a simulated painting
+        converge, and all but four in a hundred of a gilded icon.
     start
-        Where the searches for a pixel's lobes start (``pooling="pixel"``). ``"table"``: from some
-        fixed widths, one search each, the best is kept; no pixel asks another. ``"pyramid"``: only
-        every fourth pixel of every fourth row goes about it so; the others start from what leaves
-        least of what those about them found, and search as thoroughly only where their fit is much
-        worse. Rows and columns are counted from the picture's corner: a part of a picture may
-        find other lobes than the whole. Pictures of fewer than 20 such pixels take the table.
+        Where the searches for a pixel's lobes start (``pooling="pixel"``). ``"multistart"``: from
+        several fixed widths, one search each; the best is kept. ``"neighbours"``: only every fourth
+        pixel of every fourth row uses multistart; the others start from the best of its fits around
+        them, and use multistart only where their own fit is much worse. Rows and columns are
+        counted from the picture's corner: a part of a picture may find other lobes than the whole.
+        Pictures with fewer than 20 such pixels use multistart everywhere.
     precision
-        What the searches for a pixel's normal and lobes compute in (``pooling="pixel"``).
-        ``"single"`` ends where a step gains a millionth of the cost or less. ``"polished"``: the
-        last round then goes on in double precision, by up to as many steps again; 1.3 times the
-        time. ``"double"``: every search; 1.5 to 2 times. With steps enough (``iterations``) these
-        two end within 1e-11 of the least cost, ``"single"`` about 1e-6; photographs held out are
-        foretold equally well by all three. Samples, weights and results are single in any case, and
-        ``converged`` asks more of double. Nothing else takes notice: one lobe for a painting or a
-        segment is searched for in double anyway, from sums of pixels in single; Lafortune lobes in
-        double where single meets singular equations.
+        Precision of the searches for a pixel's normal and lobes (``pooling="pixel"``).
+        ``"single"`` ends where a step lowers the cost by a millionth or less. ``"polished"``: the
+        last round then continues in double precision, by up to as many steps again; it takes 1.3
+        times the time. ``"double"``: every search; 1.5 to 2 times. With enough steps
+        (``iterations``) these two end within 1e-11 of the least cost, ``"single"`` within about
+        1e-6; all three predict held-out photographs equally well. Samples, weights and results are
+        always in single precision, and ``converged`` is stricter in double. Other fits ignore this:
+        the one lobe of a painting or a segment is always searched for in double, from sums of
+        pixels in single; Lafortune lobes in double where the equations are singular in single.
 
     Raises
     ------
@@ -68,7 +67,7 @@ class Effort:
     pixels: int = 1 << 16
     rounds: int = 2
     iterations: int = 6
-    start: Origin = "pyramid"
+    start: Origin = "neighbours"
     precision: Precision = "single"
 
     def __post_init__(self) -> None:
@@ -98,7 +97,7 @@ EffortLike: TypeAlias = Effort | Preset
 PRESETS: dict[str, Effort] = {
     "draft": Effort(pixels=1 << 12, rounds=1, iterations=4),
     "standard": Effort(),
-    "reference": Effort(pixels=1 << 18, start="table"),
+    "reference": Effort(pixels=1 << 18, start="multistart"),
 }
 """Derived from the recorded study by ``python benches/study --presets``."""
 

@@ -60,9 +60,9 @@ pub(crate) fn fit_lobes<'py>(
         errors::to_python(py, &Error::argument(argument, problem))
     };
     let origin = match origin {
-        "table" => Origin::Table,
-        "pyramid" => Origin::Pyramid,
-        other => return Err(refuse("start", "\"table\" or \"pyramid\"", other)),
+        "multistart" => Origin::Multistart,
+        "neighbours" => Origin::Neighbours,
+        other => return Err(refuse("start", "\"multistart\" or \"neighbours\"", other)),
     };
     let precision = match precision {
         "single" => Precision::Single,

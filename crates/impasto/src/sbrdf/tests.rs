@@ -152,7 +152,7 @@ fn photometric_stereo_looks_before_every_block_of_a_tile() {
 #[test]
 fn a_tile_looks_before_every_search_for_a_lobe() {
     let painting = Painting::new();
-    let looks = looks::count(|run| painting.lobes(Origin::Table, Precision::Double, run));
+    let looks = looks::count(|run| painting.lobes(Origin::Multistart, Precision::Double, run));
     // Three tiles, each fitted twice: from three widths about two normals.
     assert!(looks > 3 * 2 * 3 * 2, "{looks}");
 }
@@ -165,10 +165,10 @@ fn a_fit_stops_at_the_look_that_tells_it() {
     let fits: [(&str, Call<'_>); 8] = [
         ("joint", &|run| painting.pooled(true, run)),
         ("separate", &|run| painting.pooled(false, run)),
-        ("table", &|run| painting.lobes(Origin::Table, Precision::Single, run)),
-        ("pyramid", &|run| painting.lobes(Origin::Pyramid, Precision::Single, run)),
-        ("polished", &|run| painting.lobes(Origin::Pyramid, Precision::Polished, run)),
-        ("double", &|run| painting.lobes(Origin::Table, Precision::Double, run)),
+        ("multistart", &|run| painting.lobes(Origin::Multistart, Precision::Single, run)),
+        ("neighbours", &|run| painting.lobes(Origin::Neighbours, Precision::Single, run)),
+        ("polished", &|run| painting.lobes(Origin::Neighbours, Precision::Polished, run)),
+        ("double", &|run| painting.lobes(Origin::Multistart, Precision::Double, run)),
         ("lafortune", &|run| painting.lafortune(run)),
         ("stereo", &|run| painting.stereo(Method::Tukey, run)),
     ];

@@ -1,5 +1,5 @@
-//! The fit, tile by tile: a search on the mean of the bands finds lobes one at a time, then all
-//! bands settle shapes, normal and weights together.
+//! The fit of a tile: forward selection of lobes on the mean of the bands, then rounds of
+//! reweighting and search on all bands together.
 
 use core::f32::consts::FRAC_PI_2;
 
@@ -11,17 +11,17 @@ use crate::pixels::Run;
 use crate::sbrdf::Start;
 use crate::stack::Stack;
 
-use super::climb::{Climber, Trials};
-use super::maps::{LobeMaps, MOST_LOBES, Sheet};
+use super::forward_selection::{ForwardSelection, Starts};
+use super::maps::{LobeMaps, MOST_LOBES, TileMaps};
 use super::model::LobeModel;
 use super::options::{LobeOptions, Origin, Precision};
-use super::prior::{Ask, FEWEST, Prior, Typical};
-use super::pyramid::{Node, Pyramid};
+use super::prior::{FEWEST, Prior, ShapePrior, ShapePriors};
+use super::reweight::{COLUMNS, Reweight, Solution};
 use super::search::Search;
-use super::seen::drop_unseen;
-use super::settle::{COLUMNS, Settle, Settled};
+use super::seeds::{Seed, Seeds};
 use super::sight::Sight;
-use super::tile::{Ladder, Place, TILE, Tile};
+use super::support::drop_unsupported;
+use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE};
 
 /// Lobes of every pixel, from the normals of photometric stereo.
 ///
@@ -47,100 +47,99 @@ pub fn fit_lobes<M: LobeModel>(
     }
     start.check(shape.pixels(), shape.bands)?;
     let sight = Sight::new(model, rig);
-    let fit = Fit { stack, rig, start, sight: &sight, options, prior: None, pyramid: None, run };
-    let nodes = if options.start == Origin::Pyramid { Some(fit.nodes()?) } else { None };
-    // Nodes tell what is typical, too: where they are too few to tell, none is asked.
-    let nodes = nodes.filter(|(_, places)| !options.typical || places.len() >= FEWEST);
-    let (pyramid, known) = match nodes {
-        Some((pyramid, places)) => (Some(pyramid), places),
+    let fit = LobeFit { stack, rig, start, sight: &sight, options, prior: None, seeds: None, run };
+    let seeds = if options.start == Origin::Neighbours { Some(fit.seeds()?) } else { None };
+    // The seeds also give the prior; with too few seeds for one, multistart is used.
+    let seeds = seeds.filter(|(_, estimates)| !options.typical || estimates.len() >= FEWEST);
+    let (seeds, known) = match seeds {
+        Some((seeds, estimates)) => (Some(seeds), estimates),
         None if options.typical => (None, fit.sampled()?),
         None => (None, Vec::new()),
     };
-    let prior = options.typical.then(|| Prior::of_places(&sight.model, &known));
-    let fit = Fit { prior: prior.as_ref(), pyramid: pyramid.as_ref(), ..fit };
+    let prior = options.typical.then(|| Prior::of_estimates(&sight.model, &known));
+    let fit = LobeFit { prior: prior.as_ref(), seeds: seeds.as_ref(), ..fit };
     let mut maps = LobeMaps::new(shape.bands, options.lobes, M::NAMES.len(), start.status, run)?;
     run.for_each(
-        maps.sheets(TILE),
+        maps.tiles(TILE),
         || Scratch::new(stack),
-        |scratch, sheet| {
-            let (fine, _) = fit.settle_pixels(scratch, &fit.tile(sheet.start));
-            fit.write(scratch, &fine, sheet);
+        |scratch, out| {
+            let (fitted, _) = fit.fit_pixels(scratch, &fit.tile(out.start));
+            fit.write(scratch, &fitted, out);
         },
     )?;
     Ok(maps)
 }
 
-/// Tiles that tell what is typical of a painting, at most.
+/// Most tiles from which the prior is made.
 const SAMPLED: usize = 40;
 
-/// Pixels that are fitted twice, at most, where searches start from a table: first those that tell
-/// what is typical of a painting.
+/// Most pixels that multistart fits twice: once for the prior, once with it.
 pub const TYPICAL_PIXELS: usize = SAMPLED * TILE;
 
 struct Scratch {
-    tile: Tile,
-    settled: Settled,
+    tile: LobeFitTile,
+    solution: Solution,
 }
 
 impl Scratch {
     fn new(stack: &Stack<'_>) -> Self {
-        Self { tile: Tile::new(stack), settled: Settled::new(stack.shape().bands) }
+        Self { tile: LobeFitTile::new(stack), solution: Solution::new(stack.shape().bands) }
     }
 }
 
 #[derive(Clone, Copy)]
-struct Fit<'a, M: LobeModel> {
+struct LobeFit<'a, M: LobeModel> {
     stack: &'a Stack<'a>,
     rig: &'a Rig,
     start: &'a Start<'a>,
     sight: &'a Sight<'a, M>,
     options: &'a LobeOptions,
     prior: Option<&'a Prior>,
-    pyramid: Option<&'a Pyramid>,
+    seeds: Option<&'a Seeds>,
     run: &'a Run<'a>,
 }
 
-impl<M: LobeModel> Fit<'_, M> {
-    /// Where pixels stay that tell what is typical of the painting, from tiles spread over it.
-    fn sampled(&self) -> Result<Vec<Place>> {
+impl<M: LobeModel> LobeFit<'_, M> {
+    /// Estimates from which the prior is made, of tiles spread over the painting.
+    fn sampled(&self) -> Result<Vec<Estimate>> {
         let tiles = self.stack.shape().pixels().div_ceil(TILE);
         let starts: Vec<usize> =
             (0..tiles).step_by(tiles.div_ceil(SAMPLED)).map(|tile| tile * TILE).collect();
-        let places = self.run.map(
+        let estimates = self.run.map(
             starts,
             || Scratch::new(self.stack),
             |scratch, start| {
-                let (fine, _) = self.settle_pixels(scratch, &self.tile(start));
-                fine.into_iter().map(|pixel| scratch.tile.places[pixel]).collect::<Vec<_>>()
+                let (fitted, _) = self.fit_pixels(scratch, &self.tile(start));
+                fitted.into_iter().map(|pixel| scratch.tile.estimates[pixel]).collect::<Vec<_>>()
             },
         )?;
-        self.run.joined(places)
+        self.run.joined(estimates)
     }
 
-    /// What the pixels of a coarse grid found, and where they stay.
-    fn nodes(&self) -> Result<(Pyramid, Vec<Place>)> {
+    /// The seeds, and their estimates.
+    fn seeds(&self) -> Result<(Seeds, Vec<Estimate>)> {
         let shape = self.stack.shape();
-        let grid = Pyramid::grid(shape.width, shape.height);
+        let grid = Seeds::grid(shape.width, shape.height);
         let found = self.run.map(
             grid.chunks(TILE).collect(),
             || Scratch::new(self.stack),
             |scratch, pixels| {
-                let (fine, ladders) = self.settle_pixels(scratch, pixels);
-                let mut nodes = vec![None; pixels.len()];
-                for &pixel in &fine {
-                    let ladder = ladders[pixel];
-                    nodes[pixel] = Some(Node {
-                        ladder,
+                let (fitted, by_count) = self.fit_pixels(scratch, pixels);
+                let mut seeds = vec![None; pixels.len()];
+                for &pixel in &fitted {
+                    let by_count = by_count[pixel];
+                    seeds[pixel] = Some(Seed {
+                        by_count,
                         normal: self.start.normal(pixels[pixel]),
-                        misfit: ladder.top().cost / scratch.tile.rounding[pixel],
+                        misfit: by_count.chosen().cost / scratch.tile.rounding[pixel],
                     });
                 }
-                let places = fine.into_iter().map(|pixel| scratch.tile.places[pixel]);
-                (nodes, places.collect::<Vec<_>>())
+                let estimates = fitted.into_iter().map(|pixel| scratch.tile.estimates[pixel]);
+                (seeds, estimates.collect::<Vec<_>>())
             },
         )?;
-        let (nodes, places): (Vec<_>, Vec<_>) = found.into_iter().unzip();
-        Ok((Pyramid::new(shape.width, self.run.joined(nodes)?), self.run.joined(places)?))
+        let (seeds, estimates): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+        Ok((Seeds::new(shape.width, self.run.joined(seeds)?), self.run.joined(estimates)?))
     }
 
     /// The pixels of a tile.
@@ -148,100 +147,103 @@ impl<M: LobeModel> Fit<'_, M> {
         (start..self.stack.shape().pixels().min(start + TILE)).collect()
     }
 
-    /// Pixels brought to where they stay; returns those that can be fitted, and how they got their
-    /// lobes.
-    fn settle_pixels(&self, scratch: &mut Scratch, pixels: &[usize]) -> (Vec<usize>, Vec<Ladder>) {
-        let Scratch { tile, settled } = scratch;
+    /// Fits some pixels; returns those that can be fitted, and the forward selection of all.
+    fn fit_pixels(
+        &self,
+        scratch: &mut Scratch,
+        pixels: &[usize],
+    ) -> (Vec<usize>, Vec<ByLobeCount>) {
+        let Scratch { tile, solution } = scratch;
         tile.read(self.stack, self.rig, pixels, self.start, self.run.level);
         let status = self.start.status;
-        let climber = self.climber();
-        let fine: Vec<usize> = (0..pixels.len())
+        let selection = self.selection();
+        let fitted: Vec<usize> = (0..pixels.len())
             .filter(|&pixel| {
-                status[pixels[pixel]] < Status::Dark.code() && climber.supports(tile, pixel, 0)
+                status[pixels[pixel]] < Status::Dark.code() && selection.supports(tile, pixel, 0)
             })
             .collect();
-        let ladders = self.find(tile, &fine);
+        let by_count = self.select_lobes(tile, &fitted);
         for round in 1..=self.options.rounds {
             if self.run.cancelled() {
-                return (fine, ladders);
+                return (fitted, by_count);
             }
-            self.settle(tile, settled, true);
-            self.refine(tile, &fine, &settled.variance, round == self.options.rounds);
-            drop_unseen(self.sight, tile, &fine, self.run.level);
+            self.reweight(tile, solution, true);
+            self.refine(tile, &fitted, &solution.variance, round == self.options.rounds);
+            drop_unsupported(self.sight, tile, &fitted, self.run.level);
         }
-        self.settle(tile, settled, false);
-        for (place, &variance) in tile.places.iter_mut().zip(&settled.variance) {
+        self.reweight(tile, solution, false);
+        for (estimate, &variance) in tile.estimates.iter_mut().zip(&solution.variance) {
             let scale = variance.sqrt();
-            place.normal_spread *= scale;
-            place.shape_spread = place.shape_spread.map(|spread| spread * scale);
-            place.seen_spread = place.seen_spread.map(|spread| spread * scale);
+            estimate.normal_deviation *= scale;
+            estimate.shape_deviation = estimate.shape_deviation.map(|spread| spread * scale);
+            estimate.own_deviation = estimate.own_deviation.map(|spread| spread * scale);
         }
-        (fine, ladders)
+        (fitted, by_count)
     }
 
-    fn climber(&self) -> Climber<'_, M> {
+    fn selection(&self) -> ForwardSelection<'_, M> {
         let Self { sight, options, prior, run, .. } = *self;
-        Climber { sight, options, prior, run }
+        ForwardSelection { sight, options, prior, run }
     }
 
-    /// Lobes as the mean of the bands asks for them.
-    fn find(&self, tile: &mut Tile, fine: &[usize]) -> Vec<Ladder> {
-        let climber = self.climber();
-        let ladders = match self.pyramid {
-            Some(pyramid) => climber.refined(tile, fine, pyramid),
-            None => climber.climb(tile, fine, &Trials::Table),
+    /// Selects the lobes on the mean of the bands.
+    fn select_lobes(&self, tile: &mut LobeFitTile, fitted: &[usize]) -> Vec<ByLobeCount> {
+        let selection = self.selection();
+        let by_count = match self.seeds {
+            Some(seeds) => selection.select_from_seeds(tile, fitted, seeds),
+            None => selection.select(tile, fitted, &Starts::Multistart),
         };
-        for (place, ladder) in tile.places.iter_mut().zip(&ladders) {
-            *place = self.ordered(ladder.top());
+        for (estimate, by_count) in tile.estimates.iter_mut().zip(&by_count) {
+            *estimate = self.ordered(by_count.chosen());
         }
-        ladders
+        by_count
     }
 
-    /// All bands from where the pixels stand, whose samples have these variances.
-    fn refine(&self, tile: &mut Tile, fine: &[usize], variances: &[f32], last: bool) {
+    /// Searches on all bands from the present estimates, whose samples have these variances.
+    fn refine(&self, tile: &mut LobeFitTile, fitted: &[usize], variances: &[f32], last: bool) {
         let precision = self.options.precision;
         let typical = self.prior.map(|prior| {
-            let (model, places) = (&self.sight.model, &tile.places);
-            self.run.level.run(Ask { prior, model, places, variances })
+            let (model, estimates) = (&self.sight.model, &tile.estimates);
+            self.run.level.run(ShapePriors { prior, model, estimates, variances })
         });
         let typical = typical.as_deref();
-        self.search_all(tile, fine, typical, precision == Precision::Double);
+        self.search_all(tile, fitted, typical, precision == Precision::Double);
         if last && precision == Precision::Polished && !self.run.cancelled() {
-            self.search_all(tile, fine, typical, true);
+            self.search_all(tile, fitted, typical, true);
         }
-        for &pixel in fine {
-            tile.places[pixel] = self.ordered(&tile.places[pixel]);
+        for &pixel in fitted {
+            tile.estimates[pixel] = self.ordered(&tile.estimates[pixel]);
         }
     }
 
     /// One search for every pixel, whatever its number of lobes.
     fn search_all(
         &self,
-        tile: &mut Tile,
-        fine: &[usize],
-        typical: Option<&[Typical]>,
+        tile: &mut LobeFitTile,
+        fitted: &[usize],
+        typical: Option<&[ShapePrior]>,
         double: bool,
     ) {
-        let starts = &tile.places.clone();
+        let starts = &tile.estimates.clone();
         let tolerances = if double { Options::default() } else { Options::single() };
         let options = &Options { max_iterations: self.options.iterations, ..tolerances };
-        for place in &mut tile.places {
-            place.cost = f32::INFINITY;
-            place.converged = false;
+        for estimate in &mut tile.estimates {
+            estimate.cost = f32::INFINITY;
+            estimate.converged = false;
         }
         for lobes in 0..=self.options.lobes {
             let with = |&pixel: &usize| starts[pixel].lobes == lobes;
-            let pixels: Vec<usize> = fine.iter().copied().filter(with).collect();
+            let pixels: Vec<usize> = fitted.iter().copied().filter(with).collect();
             Search {
                 sight: self.sight,
-                plate: &tile.colour,
+                samples: &tile.colour,
                 x: &tile.x,
                 y: &tile.y,
                 ambient: self.options.ambient,
                 free: self.options.normal,
                 typical,
                 starts,
-                found: &mut tile.places,
+                found: &mut tile.estimates,
                 pixels: &pixels,
                 lobes,
                 double,
@@ -252,93 +254,94 @@ impl<M: LobeModel> Fit<'_, M> {
         }
     }
 
-    /// A place with its lobes in the order in which they are numbered.
-    fn ordered(&self, place: &Place) -> Place {
-        let key = |lobe: usize| self.sight.model.order(place.shapes[lobe]);
-        let mut order: Vec<usize> = (0..place.lobes).collect();
+    /// An estimate with its lobes in the order in which they are numbered.
+    fn ordered(&self, estimate: &Estimate) -> Estimate {
+        let key = |lobe: usize| self.sight.model.order(estimate.shapes[lobe]);
+        let mut order: Vec<usize> = (0..estimate.lobes).collect();
         order.sort_by(|&a, &b| key(b).total_cmp(&key(a)));
-        let mut ordered = *place;
+        let mut ordered = *estimate;
         for (rank, lobe) in order.into_iter().enumerate() {
-            ordered.shapes[rank] = place.shapes[lobe];
-            ordered.shape_spread[rank] = place.shape_spread[lobe];
-            ordered.seen_spread[rank] = place.seen_spread[lobe];
+            ordered.shapes[rank] = estimate.shapes[lobe];
+            ordered.shape_deviation[rank] = estimate.shape_deviation[lobe];
+            ordered.own_deviation[rank] = estimate.own_deviation[lobe];
         }
         ordered
     }
 
-    fn settle(&self, tile: &mut Tile, settled: &mut Settled, reweigh: bool) {
-        Settle {
+    fn reweight(&self, tile: &mut LobeFitTile, solution: &mut Solution, renew: bool) {
+        Reweight {
             sight: self.sight,
             x: &tile.x,
             y: &tile.y,
-            places: &tile.places,
+            estimates: &tile.estimates,
             ambient: self.options.ambient,
-            reweigh,
-            plate: &mut tile.colour,
-            settled,
+            renew,
+            samples: &mut tile.colour,
+            solution,
             lobes: self.options.lobes,
             level: self.run.level,
         }
         .run();
     }
 
-    fn write(&self, scratch: &Scratch, fine: &[usize], mut sheet: Sheet<'_>) {
-        let Scratch { tile, settled } = scratch;
+    fn write(&self, scratch: &Scratch, fitted: &[usize], mut out: TileMaps<'_>) {
+        let Scratch { tile, solution } = scratch;
         let bands = tile.colour.bands;
         let numbers = M::NAMES.len();
         for pixel in 0..tile.pixels.len() {
-            if sheet.status[pixel] < Status::Dark.code() && fine.binary_search(&pixel).is_err() {
-                sheet.status[pixel] = Status::TooFewSamples.code();
+            if out.status[pixel] < Status::Dark.code() && fitted.binary_search(&pixel).is_err() {
+                out.status[pixel] = Status::TooFewSamples.code();
             }
-            // Of a pixel without light this much is known: it reflects none.
-            if sheet.status[pixel] == Status::Dark.code() {
-                let colours = [&mut sheet.diffuse, &mut sheet.ambient, &mut sheet.specular];
+            // A pixel without light reflects none.
+            if out.status[pixel] == Status::Dark.code() {
+                let colours = [&mut out.diffuse, &mut out.ambient, &mut out.specular];
                 colours.into_iter().flatten().for_each(|plane| plane[pixel] = 0.0);
             }
         }
-        for &pixel in fine {
+        for &pixel in fitted {
             // Squares of samples beyond 1e19 are infinite in single precision.
-            if !settled.residual[pixel].is_finite() {
-                sheet.status[pixel] = Status::InvalidInput.code();
+            if !solution.residual[pixel].is_finite() {
+                out.status[pixel] = Status::InvalidInput.code();
                 continue;
             }
-            let place = &tile.places[pixel];
+            let estimate = &tile.estimates[pixel];
             let colour = |band: usize, column: usize| {
-                settled.colours[(band * COLUMNS + column) * TILE + pixel]
+                solution.colours[(band * COLUMNS + column) * TILE + pixel]
             };
-            for (plane, value) in sheet.normal.iter_mut().zip(place.normal) {
+            for (plane, value) in out.normal.iter_mut().zip(estimate.normal) {
                 plane[pixel] = value;
             }
             for band in 0..bands {
-                sheet.diffuse[band][pixel] = colour(band, 0);
-                sheet.ambient[band][pixel] = colour(band, COLUMNS - 1);
+                out.diffuse[band][pixel] = colour(band, 0);
+                out.ambient[band][pixel] = colour(band, COLUMNS - 1);
                 for lobe in 0..self.options.lobes {
-                    let value = if lobe < place.lobes { colour(band, 1 + lobe) } else { 0.0 };
-                    sheet.specular[lobe * bands + band][pixel] = value;
+                    let value = if lobe < estimate.lobes { colour(band, 1 + lobe) } else { 0.0 };
+                    out.specular[lobe * bands + band][pixel] = value;
                 }
             }
-            for lobe in 0..place.lobes {
-                let tinted = bands > 1 && settled.neutral[lobe * TILE + pixel] == 0.0;
-                sheet.tinted[lobe][pixel] = u8::from(tinted);
-                let mut told = [0.0; 4];
-                self.sight.model.report(place.shapes[lobe], &mut told[..numbers]);
-                for (number, &value) in told[..numbers].iter().enumerate() {
-                    sheet.numbers[lobe * numbers + number][pixel] = value;
+            for lobe in 0..estimate.lobes {
+                let tinted = bands > 1 && solution.neutral[lobe * TILE + pixel] == 0.0;
+                out.tinted[lobe][pixel] = u8::from(tinted);
+                let mut parameters = [0.0; 4];
+                self.sight.model.report(estimate.shapes[lobe], &mut parameters[..numbers]);
+                for (number, &value) in parameters[..numbers].iter().enumerate() {
+                    out.numbers[lobe * numbers + number][pixel] = value;
                 }
-                let spread = place.shape_spread[lobe];
-                sheet.spread[lobe][pixel] = if spread.is_finite() { spread } else { f32::NAN };
+                let spread = estimate.shape_deviation[lobe];
+                out.spread[lobe][pixel] = if spread.is_finite() { spread } else { f32::NAN };
             }
-            // The photographs know less of every lobe than what is typical of a painting does.
-            let usual = self.sight.model.spreads()[0] as f32;
-            let pooled = place.seen_spread[..place.lobes].iter().all(|&s| s > usual);
-            if pooled && place.lobes > 0 && sheet.status[pixel] == Status::Fitted.code() {
-                sheet.status[pixel] = Status::Pooled.code();
+            // The photographs determine every lobe's shape less well than the prior does.
+            let prior_deviation = self.sight.model.spreads()[0] as f32;
+            let pooled =
+                estimate.own_deviation[..estimate.lobes].iter().all(|&own| own > prior_deviation);
+            if pooled && estimate.lobes > 0 && out.status[pixel] == Status::Fitted.code() {
+                out.status[pixel] = Status::Pooled.code();
             }
-            sheet.lobes[pixel] = place.lobes as u8;
-            sheet.converged[pixel] = u8::from(place.converged);
-            sheet.residual[pixel] = settled.residual[pixel];
-            // Case 27: a normal that nothing determines may lie anywhere in the hemisphere.
-            sheet.sigma[pixel] = place.normal_spread.min(FRAC_PI_2);
+            out.lobes[pixel] = estimate.lobes as u8;
+            out.converged[pixel] = u8::from(estimate.converged);
+            out.residual[pixel] = solution.residual[pixel];
+            // Hard case 27: an undetermined normal may lie anywhere in the hemisphere.
+            out.sigma[pixel] = estimate.normal_deviation.min(FRAC_PI_2);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What the fit hands out.
+//! Result maps of the fit.
 
 use crate::error::Result;
 use crate::pixels::Run;
@@ -35,8 +35,8 @@ pub struct LobeMaps {
     pub status: Vec<u8>,
 }
 
-/// A tile of every map, to be written.
-pub(super) struct Sheet<'a> {
+/// The part of every map that one tile writes.
+pub(super) struct TileMaps<'a> {
     pub(super) start: usize,
     pub(super) normal: Vec<&'a mut [f32]>,
     pub(super) diffuse: Vec<&'a mut [f32]>,
@@ -80,7 +80,7 @@ impl LobeMaps {
     }
 
     /// The maps cut into tiles.
-    pub(super) fn sheets(&mut self, tile: usize) -> Vec<Sheet<'_>> {
+    pub(super) fn tiles(&mut self, tile: usize) -> Vec<TileMaps<'_>> {
         let pixels = self.status.len();
         let mut normal = cut(&mut self.normal, pixels, tile);
         let mut diffuse = cut(&mut self.diffuse, pixels, tile);
@@ -96,7 +96,7 @@ impl LobeMaps {
         self.status
             .chunks_mut(tile)
             .enumerate()
-            .map(|(number, status)| Sheet {
+            .map(|(number, status)| TileMaps {
                 start: number * tile,
                 normal: take(&mut normal),
                 diffuse: take(&mut diffuse),

@@ -1,4 +1,4 @@
-//! Every pixel's own lobes, about a normal that is free:
+//! Every pixel's own lobes, with a normal of its own:
 //!
 //! ```text
 //! y = E (rho_b (N.L) + sum over lobes of  s_b lobe(N, L, V; shape)) + ambient_b
@@ -7,24 +7,23 @@
 //! A lobe of a [`model`] has a shape and, in every band, a strength: neutral varnish and tinted
 //! gold are the same model. Shapes and normal are searched for ([`search`]), everything that
 //! enters linearly follows from them in closed form ([`colours`]): the search has two unknowns for
-//! the normal and a few per lobe, however many bands there are. [`fit_lobes`] goes about it tile
-//! by tile.
+//! the normal and a few per lobe, however many bands there are. [`fit_lobes`] works tile by tile.
 
-mod climb;
 mod colours;
 mod fit;
+mod forward_selection;
 mod lafortune;
 mod maps;
 mod model;
 mod neutral;
 mod options;
 mod prior;
-mod pyramid;
+mod reweight;
 mod score;
 mod search;
-mod seen;
-mod settle;
+mod seeds;
 mod sight;
+mod support;
 mod tile;
 mod torrance_sparrow;
 
@@ -34,6 +33,6 @@ pub use lafortune::Lafortune;
 pub use maps::{LobeMaps, MOST_LOBES};
 pub use model::{LobeModel, MAX_NUMBERS, MAX_SHAPES, Slope, Visit};
 pub use options::{LobeOptions, Origin, Precision};
-pub(super) use seen::SEEN;
 pub(super) use sight::Sight;
+pub(super) use support::SEEN;
 pub use torrance_sparrow::TorranceSparrow;

@@ -1,44 +1,45 @@
-//! Whether a lobe is neutral, as an interface reflects, or tinted, as metal does.
+//! Model selection by BIC [@schwarz1978bic]: whether a lobe is neutral, as an interface reflects, or
+//! tinted, as metal does.
 //!
 //! A neutral lobe has one strength in all bands. Its shape and the normal stay where the search
-//! left them; its strength is the least-squares solution over all bands, everything else that
-//! enters linearly following in each band. Lobes are judged in their order, each beside the
+//! left them; its strength is the least-squares solution over all bands, with everything else that
+//! enters linearly re-solved in each band. Lobes are tested in their order, each together with the
 //! neutral ones before it.
 
 use crate::math::{Mask, Real};
 
 use super::colours::Sums;
 
-/// What a pixel's strengths are judged by.
-pub(super) struct Judge<R> {
-    /// How many times the weighted sum of squares one strength for all bands may leave.
+/// The thresholds of the test.
+pub(super) struct NeutralTest<R> {
+    /// Factor by which one strength for all bands may raise the weighted sum of squares.
     pub(super) price: R,
-    /// Weighted sum of squares that rounding leaves.
+    /// Weighted sum of squares of the samples' rounding.
     pub(super) rounding: R,
 }
 
-/// The sum of squares that some colours leave. No closure: of several calls the compiler makes a
-/// function, which is left without the instructions of the kernel that it was written in.
-pub(super) trait Left<R, const K: usize> {
+/// The weighted sum of squared residuals of some colours. A trait and not a closure: the compiler
+/// turns a closure with several calls into a function, without the kernel's instruction set.
+pub(super) trait ResidualSum<R, const K: usize> {
     /// From the colours of each band; it must be `#[inline(always)]`.
-    fn left(&self, colours: &[[R; K]]) -> R;
+    fn of(&self, colours: &[[R; K]]) -> R;
 }
 
-impl<R: Real> Judge<R> {
-    /// Gives the lobes one strength each, lane by lane, where that suits the samples; returns where.
-    /// `colours` are the best of each band in `sums`.
+impl<R: Real> NeutralTest<R> {
+    /// Gives each lobe one strength for all bands, lane by lane, where BIC accepts it; returns where.
+    /// `colours` are the solution of each band in `sums`.
     #[inline(always)]
-    pub(super) fn settle<const J: usize, const K: usize>(
+    pub(super) fn constrain<const J: usize, const K: usize>(
         &self,
         sums: &mut [Sums<R, K>],
         barred: &[bool; K],
         colours: &mut [[R; K]],
-        samples: &impl Left<R, K>,
+        cost: &impl ResidualSum<R, K>,
     ) -> [R::Mask; J] {
         let zero = R::zero();
         let mut neutral = [R::Mask::splat(false); J];
         let mut shared = [zero; K];
-        let mut least = samples.left(colours);
+        let mut least = cost.of(colours);
         for (column, neutral) in (1..).zip(&mut neutral) {
             let (mut gain, mut fall) = (zero, zero);
             for (sums, colours) in sums.iter().zip(colours.iter()) {
@@ -46,9 +47,9 @@ impl<R: Real> Judge<R> {
                 gain = gain + more;
                 fall = fall + less;
             }
-            // A lobe that the pixel lacks, or that nothing wants, is neither.
-            let wanted = gain.gt(zero) & fall.gt(zero);
-            let strength = R::keep(wanted, gain / fall);
+            // A lobe that the pixel lacks, or whose best strength is 0, is neither.
+            let present = gain.gt(zero) & fall.gt(zero);
+            let strength = R::keep(present, gain / fall);
             let everywhere = R::Mask::splat(true);
             let mut trial = vec![[zero; K]; sums.len()];
             for (trial, sums) in trial.iter_mut().zip(sums.iter()) {
@@ -58,17 +59,17 @@ impl<R: Real> Judge<R> {
                     *trial = *trial + shared;
                 }
             }
-            let left = samples.left(&trial);
-            let suits = wanted & left.le(self.price * least.max(self.rounding));
+            let left = cost.of(&trial);
+            let accepted = present & left.le(self.price * least.max(self.rounding));
             for ((sums, colours), trial) in sums.iter_mut().zip(colours.iter_mut()).zip(&trial) {
-                *sums = sums.hold(column, strength, suits);
+                *sums = sums.hold(column, strength, accepted);
                 for (colour, &trial) in colours.iter_mut().zip(trial) {
-                    *colour = R::select(suits, trial, *colour);
+                    *colour = R::select(accepted, trial, *colour);
                 }
             }
-            shared[column] = R::keep(suits, strength);
-            least = R::select(suits, left, least);
-            *neutral = suits;
+            shared[column] = R::keep(accepted, strength);
+            least = R::select(accepted, left, least);
+            *neutral = accepted;
         }
         neutral
     }
@@ -83,8 +84,8 @@ mod tests {
         samples: [Vec<f64>; 3],
     }
 
-    impl Left<f64, 3> for Scene {
-        fn left(&self, colours: &[[f64; 3]]) -> f64 {
+    impl ResidualSum<f64, 3> for Scene {
+        fn of(&self, colours: &[[f64; 3]]) -> f64 {
             let mut left = 0.0;
             for (colours, samples) in colours.iter().zip(&self.samples) {
                 for (c, y) in self.columns.iter().zip(samples) {
@@ -97,7 +98,7 @@ mod tests {
     }
 
     /// Three bands of a lobe beside a diffuse term; strengths as given, samples off by `noise`.
-    fn judge(strengths: [f64; 3], noise: f64) -> (bool, [[f64; 3]; 3]) {
+    fn test(strengths: [f64; 3], noise: f64) -> (bool, [[f64; 3]; 3]) {
         let mut seed = 7_u64;
         let mut random = move || {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963);
@@ -123,20 +124,20 @@ mod tests {
         let barred = [false, false, true];
         let mut colours = sums.map(|sums| sums.solve(&barred).values);
         let m = f64::from(3 * rows);
-        let judge = Judge { price: (2.0 * m.ln() / m).exp(), rounding: 1e-20 };
+        let test = NeutralTest { price: (2.0 * m.ln() / m).exp(), rounding: 1e-20 };
         let [neutral] =
-            judge.settle::<1, 3>(&mut sums, &barred, &mut colours, &Scene { columns, samples });
+            test.constrain::<1, 3>(&mut sums, &barred, &mut colours, &Scene { columns, samples });
         (neutral, colours)
     }
 
     #[test]
     fn equal_strengths_are_one_and_gold_keeps_its_colour() {
         for noise in [0.0, 0.01] {
-            let (neutral, colours) = judge([2.0; 3], noise);
+            let (neutral, colours) = test([2.0; 3], noise);
             assert!(neutral);
             let apart = noise.max(1e-12);
             assert!(colours.iter().all(|c| c[1] == colours[0][1] && (c[1] - 2.0).abs() < apart));
-            let (neutral, colours) = judge([2.0, 1.5, 0.7], noise);
+            let (neutral, colours) = test([2.0, 1.5, 0.7], noise);
             assert!(!neutral);
             assert!((colours[2][1] - 0.7).abs() < noise.max(1e-12));
         }

@@ -1,22 +1,22 @@
-//! What a fit of pixels' own lobes is told.
+//! Options of the fit of every pixel's own lobes.
 
-/// How the fit goes about it.
+/// Options of [`fit_lobes`](super::fit_lobes).
 #[derive(Clone, Copy, Debug)]
 #[allow(clippy::struct_excessive_bools, reason = "each switches one thing")]
 pub struct LobeOptions {
     /// Lobes per pixel at most, up to [`MOST_LOBES`](super::MOST_LOBES).
     pub lobes: usize,
-    /// Whether every band has a constant besides: ambient and inter-reflected light.
+    /// Whether every band also has a constant: ambient and inter-reflected light.
     pub ambient: bool,
-    /// Whether the normal is free; else it stays where it starts.
+    /// Whether the normal is fitted; otherwise it stays at its start.
     pub normal: bool,
-    /// Rounds in which all bands settle and samples are weighed anew by their residuals.
+    /// Rounds in which all bands are fitted together and samples are reweighted by their residuals.
     pub rounds: usize,
-    /// Whether shapes are drawn towards what is typical of the painting.
+    /// Whether shapes are drawn towards the painting's typical ones (empirical Bayes).
     pub typical: bool,
-    /// Whether a lobe must be worth its unknowns (BIC); else it need only lower the cost.
+    /// Whether a lobe must lower BIC; otherwise it need only lower the cost.
     pub sparing: bool,
-    /// Steps of a search at most.
+    /// Most steps of a search.
     pub iterations: usize,
     /// Where searches start.
     pub start: Origin,
@@ -27,20 +27,20 @@ pub struct LobeOptions {
 /// Where the searches for a pixel's lobes start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// From all shapes of the model's table.
-    Table,
-    /// From what the pixels of a coarse grid found, which start from the table.
-    Pyramid,
+    /// From all starting shapes of the model; the best end is kept.
+    Multistart,
+    /// From the fits of neighbouring pixels on a coarse grid, which use multistart.
+    Neighbours,
 }
 
-/// What the searches for shapes and normals compute in. Weights, and colours once the shapes are
-/// known, are in single precision in any case.
+/// Precision of the searches for shapes and normals. Weights, and the colours once the shapes are
+/// known, are always in single precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
     /// Single precision.
     Single,
-    /// Single precision; the last round goes on in double precision from where it ended, by as many
-    /// steps again.
+    /// Single precision; the last round continues in double precision from its end, by up to as
+    /// many steps again.
     Polished,
     /// Double precision.
     Double,

@@ -1,12 +1,13 @@
-//! What is typical of a pixel's lobes, for those whose photographs hardly tell.
+//! Empirical Bayes [@morris1983empirical]: a prior for the shapes of a pixel's lobes, estimated from
+//! the painting itself.
 //!
-//! Few lights fall near a pixel's highlight, and a narrow lobe between two of them fits anything.
-//! Pixels all over the painting that know their lobes' shapes tell what is typical; every pixel's
-//! shapes are then drawn towards it. Where the photographs know better that changes little; where
-//! they know nothing the pixel has the painting's lobe, and its status says so.
+//! Few lights lie near a pixel's highlight, and a narrow lobe between two of them fits anything. A
+//! sample of pixels whose photographs determine their lobes' shapes gives the prior towards which
+//! every pixel's shapes are drawn. It changes little where the photographs determine the shape; where
+//! they do not, the pixel takes the painting's lobe, and its status says so.
 //!
-//! A painting is made of several materials, and what is typical of all is typical of none: a pixel
-//! hears those that are like it.
+//! A painting consists of several materials, and their average describes none of them: the prior of a
+//! pixel is a mixture in which the sampled pixels that resemble it have the weight.
 
 use crate::math::elementary::exp;
 use crate::math::lanes::Isa;
@@ -14,165 +15,166 @@ use crate::math::{Kernel, Real};
 
 use super::maps::MOST_LOBES;
 use super::model::{LobeModel, MAX_SHAPES};
-use super::tile::Place;
+use super::tile::Estimate;
 
-/// Pixels that must know a shape before it is typical of anything.
+/// Fewest pixels with a well-determined shape from which a prior is made.
 pub(super) const FEWEST: usize = 20;
-/// Their share of all: some percent seem to have one lobe more than they have, by their noise.
-const SHARE: f64 = 0.05;
+/// Their least fraction of all pixels: noise gives a few percent of the pixels a lobe too many.
+const FEWEST_FRACTION: f64 = 0.05;
 
-/// Those that are asked, at most: 64 or 256 foretell photographs held out no better.
-const ASKED: usize = 32;
+/// Most pixels of a sample: 64 or 256 predict held-out photographs no better.
+pub(super) const SAMPLE_SIZE: usize = 32;
 
-/// How far shapes of one material lie from each other, as a share of how far those of a painting
-/// do: 4 % of a lobe's width. Of 0.2, 0.3 and 0.5 this foretells photographs of the icon best, by
-/// little; simulated varnishes, which are alike everywhere, want less.
+/// Standard deviation of the shapes of one material, as a fraction of the painting's: 4 % of a lobe's
+/// width. Of 0.2, 0.3 and 0.5 this predicts held-out photographs of the icon best, by little;
+/// simulated varnishes, which are uniform, need less.
 const MATERIAL: f64 = 0.3;
 
-/// Pixels that together have a smaller share are not like the one that asks: the nearest of them
-/// lies 3.7 deviations away.
-const ALIKE: f32 = 1e-3;
+/// Least sum of the mixture's weights. Below it no sampled pixel resembles the pixel: the nearest
+/// lies 3.7 standard deviations away.
+const RESEMBLANCE: f32 = 1e-3;
 
-/// Pixels of a painting that know their shapes, by the number of their lobes; none where too few do.
+/// A sample for each number of lobes; `None` where too few pixels have well-determined shapes.
 #[derive(Clone, Debug)]
-pub(super) struct Prior([Option<Box<Asked>>; MOST_LOBES]);
+pub(super) struct Prior([Option<Box<PriorSample>>; MOST_LOBES]);
 
-/// The first numbers of every row are those of so many pixels.
+/// Sampled pixels with the same number of lobes; rows hold `count` numbers, then zeros.
 #[derive(Clone, Debug)]
-struct Asked {
+struct PriorSample {
     count: usize,
-    shapes: [[[f32; ASKED]; MAX_SHAPES]; MOST_LOBES],
+    shapes: [[[f32; SAMPLE_SIZE]; MAX_SHAPES]; MOST_LOBES],
     /// Variances of the shapes.
-    doubts: [[f32; ASKED]; MOST_LOBES],
+    variances: [[f32; SAMPLE_SIZE]; MOST_LOBES],
 }
 
-impl Asked {
-    /// Some pixels of many. Quantiles: whatever the order of the pixels, and no material is left
-    /// out by chance.
-    fn of(known: &mut [&Place]) -> Self {
-        let key = |place: &Place| place.shapes[0][0];
-        known.sort_by(|a, b| key(a).total_cmp(&key(b)));
-        let count = known.len().min(ASKED);
-        let zero = [0.0; ASKED];
-        let mut asked =
-            Self { count, shapes: [[zero; MAX_SHAPES]; MOST_LOBES], doubts: [zero; MOST_LOBES] };
+impl PriorSample {
+    /// Quantiles of the pixels: independent of their order, and no material is missed by chance.
+    fn of(determined: &mut [&Estimate]) -> Self {
+        let key = |estimate: &Estimate| estimate.shapes[0][0];
+        determined.sort_by(|a, b| key(a).total_cmp(&key(b)));
+        let count = determined.len().min(SAMPLE_SIZE);
+        let zero = [0.0; SAMPLE_SIZE];
+        let mut sample =
+            Self { count, shapes: [[zero; MAX_SHAPES]; MOST_LOBES], variances: [zero; MOST_LOBES] };
         for part in 0..count {
-            let place = known[(2 * part + 1) * known.len() / (2 * count)];
-            for (lobe, shape) in place.shapes.iter().enumerate() {
+            let estimate = determined[(2 * part + 1) * determined.len() / (2 * count)];
+            for (lobe, shape) in estimate.shapes.iter().enumerate() {
                 for (number, &value) in shape.iter().enumerate() {
-                    asked.shapes[lobe][number][part] = value;
+                    sample.shapes[lobe][number][part] = value;
                 }
-                asked.doubts[lobe][part] = square(place.shape_spread[lobe]);
+                sample.variances[lobe][part] = square(estimate.shape_deviation[lobe]);
             }
         }
-        asked
+        sample
     }
 }
 
 impl Prior {
-    /// Some of the pixels that know their shapes better than shapes usually differ.
-    pub(super) fn of_places<M: LobeModel>(model: &M, places: &[Place]) -> Self {
+    /// A sample of the pixels whose shapes are known better than shapes usually differ.
+    pub(super) fn of_estimates<M: LobeModel>(model: &M, estimates: &[Estimate]) -> Self {
         let spread = model.spreads()[0] as f32;
-        let fewest = FEWEST.max((SHARE * places.len() as f64) as usize);
+        let fewest = FEWEST.max((FEWEST_FRACTION * estimates.len() as f64) as usize);
         Self(core::array::from_fn(|index| {
-            let knows = |place: &&Place| {
-                place.lobes == index + 1
-                    && place.shape_spread[..=index].iter().all(|&own| own < spread)
+            let is_determined = |estimate: &&Estimate| {
+                estimate.lobes == index + 1
+                    && estimate.shape_deviation[..=index].iter().all(|&own| own < spread)
             };
-            let mut known: Vec<&Place> = places.iter().filter(knows).collect();
-            (known.len() >= fewest).then(|| Box::new(Asked::of(&mut known)))
+            let mut determined: Vec<&Estimate> = estimates.iter().filter(is_determined).collect();
+            (determined.len() >= fewest).then(|| Box::new(PriorSample::of(&mut determined)))
         }))
     }
 
-    /// Whether anything is typical of pixels with so many lobes.
-    pub(super) fn knows(&self, lobes: usize) -> bool {
+    /// Whether there is a sample of pixels with so many lobes.
+    pub(super) fn covers(&self, lobes: usize) -> bool {
         self.0[lobes - 1].is_some()
     }
 }
 
-/// Asks what is typical of pixels whose samples have these variances.
-pub(super) struct Ask<'a, M: LobeModel> {
+/// The priors of a tile's pixels, whose samples have these variances.
+pub(super) struct ShapePriors<'a, M: LobeModel> {
     pub(super) prior: &'a Prior,
     pub(super) model: &'a M,
-    pub(super) places: &'a [Place],
+    pub(super) estimates: &'a [Estimate],
     pub(super) variances: &'a [f32],
 }
 
-impl<M: LobeModel> Kernel for Ask<'_, M> {
-    type Output = Vec<Typical>;
+impl<M: LobeModel> Kernel for ShapePriors<'_, M> {
+    type Output = Vec<ShapePrior>;
 
     #[inline(always)]
-    fn run<I: Isa>(self) -> Vec<Typical> {
+    fn run<I: Isa>(self) -> Vec<ShapePrior> {
         let material = self.model.spreads().map(|spread| square((MATERIAL * spread) as f32));
-        let mut typical = vec![Typical::NOTHING; self.places.len()];
-        for ((typical, place), &variance) in typical.iter_mut().zip(self.places).zip(self.variances)
+        let mut priors = vec![ShapePrior::NONE; self.estimates.len()];
+        for ((prior, estimate), &variance) in
+            priors.iter_mut().zip(self.estimates).zip(self.variances)
         {
-            let asked = place.lobes.checked_sub(1).and_then(|index| self.prior.0[index].as_ref());
-            if let Some(asked) = asked {
-                typical.hear::<I::F32>(asked, place, variance, &material[..M::SHAPES]);
+            let sample =
+                estimate.lobes.checked_sub(1).and_then(|index| self.prior.0[index].as_ref());
+            if let Some(sample) = sample {
+                prior.combine::<I::F32>(sample, estimate, variance, &material[..M::SHAPES]);
             }
         }
-        typical
+        priors
     }
 }
 
-/// What is typical of one pixel, lobe by lobe: the numbers of a shape, each with how hard it pulls,
-/// which is a sample's deviation over that of such numbers (0: nothing is typical).
+/// The prior of one pixel: for every number of each lobe's shape its mean, and its weight as the
+/// standard deviation of a sample over that of the number (0: no prior).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Typical(pub(super) [[[f32; 2]; MAX_SHAPES]; MOST_LOBES]);
+pub(super) struct ShapePrior(pub(super) [[[f32; 2]; MAX_SHAPES]; MOST_LOBES]);
 
-impl Typical {
-    pub(super) const NOTHING: Self = Self([[[0.0; 2]; MAX_SHAPES]; MOST_LOBES]);
+impl ShapePrior {
+    pub(super) const NONE: Self = Self([[[0.0; 2]; MAX_SHAPES]; MOST_LOBES]);
 
-    /// Hears pixels with as many lobes; nothing is typical where none of them is like this one.
+    /// Combines the sampled pixels into a prior; none where no sampled pixel resembles this one.
     ///
-    /// A mixture of normal distributions, one about each of the others. Each has the share that the
-    /// pixel's own shapes, as uncertain as they are, make likely (the first step of expectation and
-    /// maximisation), and counts by how well it is known. Mean and variance are the mixture's.
+    /// The prior has the mean and variance of a mixture of normal distributions, one about each
+    /// sampled pixel. Their weights are the likelihoods of the pixel's own shapes, with their
+    /// uncertainty (the first step of expectation maximisation), over the variance of each.
     #[inline(always)]
-    fn hear<R: Real<Scalar = f32>>(
+    fn combine<R: Real<Scalar = f32>>(
         &mut self,
-        asked: &Asked,
-        place: &Place,
+        sample: &PriorSample,
+        estimate: &Estimate,
         variance: f32,
         material: &[f32],
     ) {
-        let mut shares = [0.0; ASKED];
-        for at in (0..ASKED).step_by(R::WIDTH) {
-            let mut far = R::zero();
-            for lobe in 0..place.lobes {
-                let own = R::splat(square(place.seen_spread[lobe]) * variance);
-                let both = own + R::load(&asked.doubts[lobe][at..]);
-                for (number, &alike) in material.iter().enumerate() {
-                    let other = R::load(&asked.shapes[lobe][number][at..]);
-                    let apart = R::splat(place.shapes[lobe][number]) - other;
-                    far = far + apart * apart / (R::splat(alike) + both);
+        let mut weights = [0.0; SAMPLE_SIZE];
+        for at in (0..SAMPLE_SIZE).step_by(R::WIDTH) {
+            let mut distance = R::zero();
+            for lobe in 0..estimate.lobes {
+                let own = R::splat(square(estimate.own_deviation[lobe]) * variance);
+                let both = own + R::load(&sample.variances[lobe][at..]);
+                for (number, &within) in material.iter().enumerate() {
+                    let other = R::load(&sample.shapes[lobe][number][at..]);
+                    let apart = R::splat(estimate.shapes[lobe][number]) - other;
+                    distance = distance + apart * apart / (R::splat(within) + both);
                 }
             }
-            exp(far * R::of(-0.5)).store(&mut shares[at..]);
+            exp(distance * R::of(-0.5)).store(&mut weights[at..]);
         }
-        let shares = &shares[..asked.count];
-        // Written so that NaN is no answer.
-        if shares.iter().sum::<f32>() > ALIKE {
-            for (lobe, numbers) in self.0[..place.lobes].iter_mut().enumerate() {
-                for (number, &alike) in material.iter().enumerate() {
-                    let others = &asked.shapes[lobe][number];
-                    let [mean, spread] = mixed(shares, others, &asked.doubts[lobe], alike);
-                    numbers[number] = [mean, (variance / spread).sqrt()];
+        let weights = &weights[..sample.count];
+        // Written so that NaN gives no prior.
+        if weights.iter().sum::<f32>() > RESEMBLANCE {
+            for (lobe, numbers) in self.0[..estimate.lobes].iter_mut().enumerate() {
+                for (number, &within) in material.iter().enumerate() {
+                    let others = &sample.shapes[lobe][number];
+                    let [mean, total] = mixture(weights, others, &sample.variances[lobe], within);
+                    numbers[number] = [mean, (variance / total).sqrt()];
                 }
             }
         }
     }
 }
 
-/// Mean and variance of a mixture of distributions of the same variance, whose own means are known
-/// with these doubts.
+/// Mean and variance of a mixture of distributions of one `variance`, whose means have the variances
+/// `variances` themselves.
 #[inline(always)]
-fn mixed(shares: &[f32], means: &[f32], doubts: &[f32], variance: f32) -> [f32; 2] {
+fn mixture(weights: &[f32], means: &[f32], variances: &[f32], variance: f32) -> [f32; 2] {
     let (mut whole, mut first, mut second) = (0.0, 0.0, 0.0);
     let about = means[0];
-    for ((&share, &mean), &doubt) in shares.iter().zip(means).zip(doubts) {
-        let weight = share / (variance + doubt);
+    for ((&weight, &mean), &own) in weights.iter().zip(means).zip(variances) {
+        let weight = weight / (variance + own);
         let off = mean - about;
         whole += weight;
         first = weight.mul_add(off, first);
@@ -182,7 +184,7 @@ fn mixed(shares: &[f32], means: &[f32], doubts: &[f32], variance: f32) -> [f32; 
     [about + off, variance + (second / whole - off * off).max(0.0)]
 }
 
-/// Of a deviation; where nothing is known it is infinite.
+/// The square of a standard deviation; infinite where that is not a number.
 #[inline(always)]
 fn square(spread: f32) -> f32 {
     if spread.is_finite() { spread * spread } else { f32::INFINITY }
@@ -196,56 +198,66 @@ mod tests {
 
     const MODEL: TorranceSparrow = TorranceSparrow { index: 1.45 };
 
-    /// A pixel of one lobe, its logarithm of sharpness known so well.
-    fn place(shape: f32, spread: f32) -> Place {
-        let mut place = Place { lobes: 1, ..Place::new([0.0, 0.0, 1.0]) };
-        place.shapes[0][0] = shape;
-        place.shape_spread[0] = spread;
-        place.seen_spread[0] = spread;
-        place
+    /// A pixel of one lobe whose logarithm of sharpness has this standard deviation.
+    fn pixel(shape: f32, spread: f32) -> Estimate {
+        let mut pixel = Estimate { lobes: 1, ..Estimate::new([0.0, 0.0, 1.0]) };
+        pixel.shapes[0][0] = shape;
+        pixel.shape_deviation[0] = spread;
+        pixel.own_deviation[0] = spread;
+        pixel
     }
 
-    /// Deviation of a typical number, and the number.
-    fn heard(pixel: &Place, shapes: &[f32]) -> [f32; 2] {
-        let places: Vec<Place> = shapes.iter().map(|&shape| place(shape, 0.02)).collect();
-        let prior = Prior::of_places(&MODEL, &places);
-        let ask = Ask { prior: &prior, model: &MODEL, places: &[*pixel], variances: &[1.0] };
-        let [mean, pull] = Level::detect().run(ask)[0].0[0][0];
+    /// Mean of a pixel's prior and its standard deviation.
+    fn prior_of(estimate: &Estimate, shapes: &[f32]) -> [f32; 2] {
+        let estimates: Vec<Estimate> = shapes.iter().map(|&shape| pixel(shape, 0.02)).collect();
+        let prior = Prior::of_estimates(&MODEL, &estimates);
+        let priors = ShapePriors {
+            prior: &prior,
+            model: &MODEL,
+            estimates: &[*estimate],
+            variances: &[1.0],
+        };
+        let [mean, pull] = Level::detect().run(priors)[0].0[0][0];
         [mean, pull.recip()]
     }
 
     #[test]
-    fn one_material_says_nothing_of_another() {
+    fn materials_do_not_mix() {
         let shapes: Vec<f32> = (0..32).map(|i| if i % 2 == 0 { 4.5 } else { 2.0 }).collect();
         let material = (MATERIAL * 0.25) as f32;
         for side in [4.5, 2.0] {
-            let [mean, spread] = heard(&place(side + 0.1, 0.1), &shapes);
+            let [mean, spread] = prior_of(&pixel(side + 0.1, 0.1), &shapes);
             assert!((mean - side).abs() < 1e-6, "{mean}");
             assert!((spread / material - 1.0).abs() < 1e-5, "{spread}");
         }
-        // A pixel that knows nothing of its own has them all, and that they differ.
-        let [mean, spread] = heard(&place(4.5, f32::NAN), &shapes);
+        // A pixel with an unknown shape gets both materials, and the spread between them.
+        let [mean, spread] = prior_of(&pixel(4.5, f32::NAN), &shapes);
         assert!((mean - 3.25).abs() < 1e-5, "{mean}");
         assert!((spread - 1.25).abs() < 0.01, "{spread}");
     }
 
     #[test]
-    fn too_few_or_none_alike_tell_nothing() {
+    fn too_few_or_no_similar_pixels_give_no_prior() {
         let shapes = [4.5; 32];
-        assert_eq!(heard(&place(4.5, 0.1), &shapes[..19])[1], f32::INFINITY);
-        assert_eq!(heard(&place(1.0, 0.02), &shapes)[1], f32::INFINITY);
-        assert_eq!(heard(&Place { lobes: 0, ..place(4.5, 0.1) }, &shapes)[1], f32::INFINITY);
-        assert_eq!(heard(&Place { lobes: 2, ..place(4.5, 0.1) }, &shapes)[1], f32::INFINITY);
+        assert_eq!(prior_of(&pixel(4.5, 0.1), &shapes[..19])[1], f32::INFINITY);
+        assert_eq!(prior_of(&pixel(1.0, 0.02), &shapes)[1], f32::INFINITY);
+        assert_eq!(prior_of(&Estimate { lobes: 0, ..pixel(4.5, 0.1) }, &shapes)[1], f32::INFINITY);
+        assert_eq!(prior_of(&Estimate { lobes: 2, ..pixel(4.5, 0.1) }, &shapes)[1], f32::INFINITY);
     }
 
     #[test]
-    fn some_are_asked_of_many() {
-        let places: Vec<Place> = (0..1000).map(|i| place(0.01 * i as f32, 0.02)).collect();
-        let Prior([Some(one), None, None]) = Prior::of_places(&MODEL, &places) else { panic!() };
-        assert_eq!(one.count, ASKED);
+    fn the_sample_holds_quantiles() {
+        let estimates: Vec<Estimate> = (0..1000).map(|i| pixel(0.01 * i as f32, 0.02)).collect();
+        let Prior([Some(one), None, None]) = Prior::of_estimates(&MODEL, &estimates) else {
+            panic!()
+        };
+        assert_eq!(one.count, SAMPLE_SIZE);
         // The middles of 32 equal parts of all.
         for (part, &shape) in one.shapes[0][0].iter().enumerate() {
-            assert!((shape - (part as f32 + 0.5) * 10.0 / ASKED as f32).abs() < 0.02, "{shape}");
+            assert!(
+                (shape - (part as f32 + 0.5) * 10.0 / SAMPLE_SIZE as f32).abs() < 0.02,
+                "{shape}"
+            );
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What starts leave of the samples before any step: a tenth of what a search from each would cost.
+//! The cost of starts before any step, in a tenth of the time of a search from each.
 
 use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Level, Real, Vec3};
@@ -6,21 +6,21 @@ use crate::math::{Kernel, Level, Real, Vec3};
 use super::colours::Sums;
 use super::model::{LobeModel, MAX_SHAPES, Visit};
 use super::sight::Sight;
-use super::tile::{Place, Plate, TILE, gather};
+use super::tile::{Estimate, TILE, TileSamples, gather};
 
-/// One look at a start of some pixels.
+/// Evaluates one start of some pixels.
 pub(super) struct Score<'a, M: LobeModel> {
     pub(super) sight: &'a Sight<'a, M>,
     /// Of one band.
-    pub(super) plate: &'a Plate,
+    pub(super) samples: &'a TileSamples,
     pub(super) x: &'a [f32],
     pub(super) y: &'a [f32],
     pub(super) ambient: bool,
     /// A start for every pixel of the tile.
-    pub(super) starts: &'a [Place],
-    /// The best start so far; replaced where another leaves less.
-    pub(super) found: &'a mut [Place],
-    /// Whose starts count, in rising order.
+    pub(super) starts: &'a [Estimate],
+    /// The best start so far; replaced by one of smaller cost.
+    pub(super) found: &'a mut [Estimate],
+    /// The pixels whose starts are evaluated, in rising order.
     pub(super) pixels: &'a [usize],
     pub(super) lobes: usize,
     pub(super) level: Level,
@@ -48,7 +48,7 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Score { sight, plate, x, y, ambient, starts, found, pixels, .. } = self.0;
+        let Score { sight, samples, x, y, ambient, starts, found, pixels, .. } = self.0;
         let zero = I::F32::zero();
         let barred = core::array::from_fn(|column| column == K - 1 && !ambient);
         let width = I::F32::WIDTH;
@@ -75,8 +75,8 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
                     columns[1 + j] = sight.model.value(lobe, &pair, normal) * irradiance;
                 }
                 let place = photograph * TILE + at;
-                let weight = I::F32::load(&plate.weights[place..]);
-                sums.add(&columns, weight, I::F32::load(&plate.samples[place..]));
+                let weight = I::F32::load(&samples.weights[place..]);
+                sums.add(&columns, weight, I::F32::load(&samples.samples[place..]));
             }
             let colours = sums.solve(&barred).values;
             let mut costs = [0.0; MAX_LANES];
@@ -84,7 +84,7 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
             for &pixel in some {
                 let cost = costs[pixel - at];
                 if cost < found[pixel].cost {
-                    found[pixel] = Place { lobes: J, cost, ..starts[pixel] };
+                    found[pixel] = Estimate { lobes: J, cost, ..starts[pixel] };
                 }
             }
         }

@@ -1,9 +1,10 @@
-//! The search for shapes and normal, the colours following in closed form (variable projection).
+//! Variable projection [@golub1973varpro]: a Levenberg-Marquardt search [@more1978levenberg] for
+//! shapes and normal, with the colours eliminated in closed form.
 //!
-//! The unknowns are two tilts of the normal about where it stood, and the lobes' shapes. At every
-//! place the colours of each band are the non-negative least-squares solution there, so that the
-//! cost is that of the best colours; its gradient is that with the colours held, and its matrix
-//! the Schur complement of the colours that are not 0 (Kaufman 1975; Golub and Pereyra 1973).
+//! The unknowns are two tilts of the normal about its start, and the lobes' shapes. At every step
+//! the colours of each band are the non-negative least-squares solution, so that the cost is that of
+//! the best colours; its gradient is that with the colours held, and its matrix is the Schur
+//! complement of the colours that are not 0 (Kaufman's approximation [@kaufman1975varpro]).
 
 use core::cell::RefCell;
 
@@ -13,30 +14,30 @@ use crate::sbrdf::pooled::tangents;
 
 use super::colours::Sums;
 use super::model::{LobeModel, MAX_SHAPES, Visit};
-use super::prior::Typical;
+use super::prior::ShapePrior;
 use super::sight::Sight;
-use super::tile::{Place, Plate};
+use super::tile::{Estimate, TileSamples};
 
-/// Farthest that one search tilts a normal: beyond 1.4 rad there is no surface to be seen.
+/// Largest tilt of one search: 1.4 rad, beyond which a camera sees no surface.
 const STEEPEST: f64 = 6.0;
 
 /// One search for many pixels with the same number of lobes.
 ///
-/// Where it starts and where it ended are in single precision in any case: a place that is a
-/// rounding off the best costs more by the square of that rounding.
+/// Starts and results are always in single precision: a result that is off by a rounding raises the
+/// cost by the square of that rounding.
 pub(super) struct Search<'a, M: LobeModel> {
     pub(super) sight: &'a Sight<'a, M>,
-    pub(super) plate: &'a Plate,
+    pub(super) samples: &'a TileSamples,
     pub(super) x: &'a [f32],
     pub(super) y: &'a [f32],
     pub(super) ambient: bool,
     pub(super) free: bool,
-    /// What is typical of each pixel's shapes; none while lobes are being looked for.
-    pub(super) typical: Option<&'a [Typical]>,
-    /// Where each pixel starts.
-    pub(super) starts: &'a [Place],
-    /// The best place so far; replaced where the search ends at a smaller cost.
-    pub(super) found: &'a mut [Place],
+    /// The prior of each pixel's shapes; `None` during forward selection.
+    pub(super) typical: Option<&'a [ShapePrior]>,
+    /// The start of each pixel.
+    pub(super) starts: &'a [Estimate],
+    /// The best estimate so far; replaced where the search ends at a smaller cost.
+    pub(super) found: &'a mut [Estimate],
     pub(super) pixels: &'a [usize],
     pub(super) lobes: usize,
     /// Whether it steps and sums in double precision.
@@ -62,7 +63,7 @@ impl<M: LobeModel> Search<'_, M> {
         let numbers = record * self.sight.photographs() * crate::math::lanes::MAX_LANES;
         let mut lanes = Lanes::<S, M, J, K, N> {
             sight: self.sight,
-            plate: self.plate,
+            samples: self.samples,
             x: self.x,
             y: self.y,
             barred: core::array::from_fn(|column| column == K - 1 && !self.ambient),
@@ -83,7 +84,7 @@ impl<M: LobeModel> Visit for Search<'_, M> {
     }
 }
 
-/// A number of a tile, as the search has it.
+/// A number of a tile in the precision of the search.
 #[inline(always)]
 fn number<S: Scalar>(value: f32) -> S {
     S::from_f64(f64::from(value))
@@ -91,13 +92,13 @@ fn number<S: Scalar>(value: f32) -> S {
 
 struct Lanes<'a, S, M: LobeModel, const J: usize, const K: usize, const N: usize> {
     sight: &'a Sight<'a, M>,
-    plate: &'a Plate,
+    samples: &'a TileSamples,
     x: &'a [f32],
     y: &'a [f32],
     barred: [bool; K],
-    typical: Option<&'a [Typical]>,
-    starts: &'a [Place],
-    found: &'a mut [Place],
+    typical: Option<&'a [ShapePrior]>,
+    starts: &'a [Estimate],
+    found: &'a mut [Estimate],
     /// Columns and their derivatives, photograph by photograph, all lanes.
     scratch: RefCell<Vec<S>>,
 }
@@ -109,13 +110,13 @@ impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize>
     /// lobe the same and its derivatives by its shape.
     const RECORD: usize = 3 * (J + 1) + J * M::SHAPES;
 
-    /// What is typical of an unknown that is a shape's, and how hard it pulls.
+    /// Prior mean of an unknown that belongs to a shape, and its weight.
     fn typical(&self, pixel: usize, unknown: usize) -> [f32; 2] {
         let (lobe, shape) = ((unknown - 2) / M::SHAPES, (unknown - 2) % M::SHAPES);
         self.typical.map_or([0.0; 2], |typical| typical[pixel].0[lobe][shape])
     }
 
-    /// Writes the columns of all photographs at a place to the scratch memory.
+    /// Writes the columns of all photographs at given parameters to the scratch memory.
     #[inline(always)]
     fn look<R: Real<Scalar = S>>(
         &self,
@@ -126,7 +127,7 @@ impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize>
         at: &[R; N],
     ) {
         let zero = R::zero();
-        // A loop: in `from_fn` the model stays a call, and every intrinsic in it.
+        // A loop: in `from_fn` the model is not inlined, nor are its intrinsics.
         let mut lobes = [self.sight.model.lobe([zero; MAX_SHAPES]); J];
         for (j, lobe) in lobes.iter_mut().enumerate() {
             let mut shape = [zero; MAX_SHAPES];
@@ -179,15 +180,15 @@ impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize> B
     const COVARIANCE: bool = true;
 
     fn rows(&self) -> usize {
-        2 * self.plate.planes() + 5 + 2 * (N - 2)
+        2 * self.samples.planes() + 5 + 2 * (N - 2)
     }
 
     fn load(&mut self, pixel: usize, column: &mut Column<'_, S>) -> [S; N] {
-        let Place { normal: [nx, ny, nz], shapes, .. } = self.starts[pixel];
-        let planes = self.plate.planes();
+        let Estimate { normal: [nx, ny, nz], shapes, .. } = self.starts[pixel];
+        let planes = self.samples.planes();
         let rest = [nx, ny, nz, self.x[pixel], self.y[pixel]];
-        column.fill(self.plate.column(pixel).map(number));
-        column.fill_from(planes, self.plate.weights_of(pixel).map(number));
+        column.fill(self.samples.column(pixel).map(number));
+        column.fill_from(planes, self.samples.weights_of(pixel).map(number));
         column.fill_from(2 * planes, rest.map(number));
         let typical = (2..N).flat_map(|unknown| self.typical(pixel, unknown));
         column.fill_from(2 * planes + rest.len(), typical.map(number));
@@ -201,7 +202,7 @@ impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize> B
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
     fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
         let zero = R::zero();
-        let (planes, bands) = (self.plate.planes(), self.plate.bands);
+        let (planes, bands) = (self.samples.planes(), self.samples.bands);
         let rest = |number: usize| rows.get(2 * planes + number);
         let (normal, tilts) = tilted(Vec3::new(rest(0), rest(1), rest(2)), at[0], at[1]);
         let mut scratch = self.scratch.borrow_mut();
@@ -290,23 +291,23 @@ impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize> B
         let [p, q, shapes @ ..] = outcome.parameters.as_slice() else { return };
         let (normal, _) = tilted(Vec3::new(x, y, z), *p, *q);
         let normal = normal.array().map(single);
-        let mut place = Place { normal, lobes: J, cost, ..self.starts[pixel] };
+        let mut estimate = Estimate { normal, lobes: J, cost, ..self.starts[pixel] };
         for (number, &shape) in shapes.iter().enumerate() {
-            place.shapes[number / M::SHAPES][number % M::SHAPES] = single(shape);
+            estimate.shapes[number / M::SHAPES][number % M::SHAPES] = single(shape);
         }
-        place.converged = outcome.reason.converged();
+        estimate.converged = outcome.reason.converged();
         let covariance = outcome.covariance(S::one()).map(|row| row.map(single));
-        place.normal_spread = worst(covariance[0][0], covariance[1][0], covariance[1][1]);
+        estimate.normal_deviation = worst(covariance[0][0], covariance[1][0], covariance[1][1]);
         for lobe in 0..J {
             let unknown = 2 + lobe * M::SHAPES;
             let variance = covariance[unknown][unknown];
-            place.shape_spread[lobe] = variance.sqrt();
-            // What is typical is one of two measurements that this variance is of.
+            estimate.shape_deviation[lobe] = variance.sqrt();
+            // This variance combines the photographs with the prior: take the prior out.
             let [_, pull] = self.typical(pixel, unknown);
-            let told = (-pull).mul_add(pull, variance.recip());
-            place.seen_spread[lobe] = told.clamp(0.0, f32::INFINITY).sqrt().recip();
+            let own = (-pull).mul_add(pull, variance.recip());
+            estimate.own_deviation[lobe] = own.clamp(0.0, f32::INFINITY).sqrt().recip();
         }
-        self.found[pixel] = place;
+        self.found[pixel] = estimate;
     }
 }
 

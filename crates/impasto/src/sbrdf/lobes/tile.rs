@@ -1,4 +1,4 @@
-//! A tile's samples and weights, and where its pixels stand.
+//! A tile's samples and weights, and the estimates of its pixels.
 
 use crate::geometry::Rig;
 use crate::math::lanes::{Isa, MAX_LANES};
@@ -13,23 +13,23 @@ use super::model::MAX_SHAPES;
 /// photographs, enough for the lanes to refill.
 pub(super) const TILE: usize = 256;
 
-/// Numbers of the places from `at` on, as lanes; those beyond the last repeat it.
+/// A number of the estimates from `at` on, as lanes; lanes beyond the last repeat it.
 #[inline(always)]
 pub(super) fn gather<R: Real<Scalar = f32>>(
-    places: &[Place],
+    estimates: &[Estimate],
     at: usize,
-    number: impl Fn(&Place) -> f32,
+    number: impl Fn(&Estimate) -> f32,
 ) -> R {
     let mut lanes = [0.0; MAX_LANES];
     for (lane, value) in lanes.iter_mut().enumerate().take(R::WIDTH) {
-        *value = number(&places[(at + lane).min(places.len() - 1)]);
+        *value = number(&estimates[(at + lane).min(estimates.len() - 1)]);
     }
     R::load(&lanes)
 }
 
-/// Where one pixel stands.
+/// The present estimate of one pixel.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct Estimate {
     pub(super) normal: [f32; 3],
     /// How many lobes it has.
     pub(super) lobes: usize,
@@ -38,56 +38,56 @@ pub(super) struct Place {
     pub(super) cost: f32,
     /// Standard deviation of the normal along its worst axis, and of every shape's first number,
     /// for residuals of unit variance.
-    pub(super) normal_spread: f32,
-    pub(super) shape_spread: [f32; MOST_LOBES],
-    /// The same of a shape's first number, by the photographs alone.
-    pub(super) seen_spread: [f32; MOST_LOBES],
+    pub(super) normal_deviation: f32,
+    pub(super) shape_deviation: [f32; MOST_LOBES],
+    /// The deviation of a shape's first number by the photographs alone, without the prior.
+    pub(super) own_deviation: [f32; MOST_LOBES],
     /// Whether the last search ended by its own tests.
     pub(super) converged: bool,
 }
 
-impl Place {
+impl Estimate {
     pub(super) fn new(normal: [f32; 3]) -> Self {
         Self {
             normal,
             lobes: 0,
             shapes: [[0.0; MAX_SHAPES]; MOST_LOBES],
             cost: f32::INFINITY,
-            normal_spread: f32::NAN,
-            shape_spread: [f32::NAN; MOST_LOBES],
-            seen_spread: [f32::NAN; MOST_LOBES],
+            normal_deviation: f32::NAN,
+            shape_deviation: [f32::NAN; MOST_LOBES],
+            own_deviation: [f32::NAN; MOST_LOBES],
             converged: false,
         }
     }
 }
 
-/// Where a pixel stood without a lobe, with one ..., as far as lobes were worth their unknowns.
+/// A pixel's estimates without a lobe, with one ..., up to the number of lobes that was chosen.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Ladder {
-    pub(super) rungs: [Place; MOST_LOBES + 1],
-    /// How many lobes were.
+pub(super) struct ByLobeCount {
+    pub(super) estimates: [Estimate; MOST_LOBES + 1],
+    /// How many lobes were chosen.
     pub(super) lobes: usize,
 }
 
-impl Ladder {
-    pub(super) fn top(&self) -> &Place {
-        &self.rungs[self.lobes]
+impl ByLobeCount {
+    pub(super) fn chosen(&self) -> &Estimate {
+        &self.estimates[self.lobes]
     }
 }
 
 /// Samples `(obs, band, pixel)` of a tile with a weight each.
-pub(super) struct Plate {
+pub(super) struct TileSamples {
     pub(super) bands: usize,
     /// Linear; `+inf` where clipped, 0 where unusable.
     pub(super) samples: Vec<f32>,
     /// Inverse of the expected variance in units of the pixel's mean sample: free of scale, so that
     /// costs go with its square (hard case 28). 0 where a sample does not count.
     pub(super) weights: Vec<f32>,
-    /// What a clipped sample reached at least, per (obs, band).
+    /// The lower bound that a clipped sample stands for, per (obs, band).
     pub(super) ceilings: Vec<f32>,
 }
 
-impl Plate {
+impl TileSamples {
     pub(super) fn new(ceilings: Vec<f32>, bands: usize) -> Self {
         let size = ceilings.len() * TILE;
         Self { bands, samples: vec![0.0; size], weights: vec![0.0; size], ceilings }
@@ -115,12 +115,12 @@ impl Plate {
         R::select(clipped, R::splat(self.ceilings[plane]), sample)
     }
 
-    /// Leaves samples a share of their weight beside what a diffuse surface would show.
+    /// Lowers the weight of samples that are darker than a diffuse surface would be.
     #[inline(always)]
-    fn darken<R: Real<Scalar = f32>>(&mut self, plane: usize, at: usize, matt: R, floor: R) {
+    fn darken<R: Real<Scalar = f32>>(&mut self, plane: usize, at: usize, diffuse: R, floor: R) {
         let sample = R::load(&self.samples[plane * TILE + at..]) + floor;
-        let share = sample.max(R::zero()) / matt;
-        let lit = R::select(matt.gt(sample), share * share * share, R::one());
+        let share = sample.max(R::zero()) / diffuse;
+        let lit = R::select(diffuse.gt(sample), share * share * share, R::one());
         let weights = &mut self.weights[plane * TILE + at..];
         (R::load(weights) * lit).store(weights);
     }
@@ -131,36 +131,36 @@ impl Plate {
     }
 }
 
-/// All that is known of a tile.
-pub(super) struct Tile {
-    /// Which, in the order of the image.
+/// The samples, weights and estimates of a tile's pixels.
+pub(super) struct LobeFitTile {
+    /// Indices of the pixels in the picture, rising.
     pub(super) pixels: Vec<usize>,
     pub(super) x: Vec<f32>,
     pub(super) y: Vec<f32>,
-    pub(super) colour: Plate,
+    pub(super) colour: TileSamples,
     /// The mean over the bands, where all of them count.
-    pub(super) grey: Plate,
+    pub(super) grey: TileSamples,
     /// Usable photographs per pixel.
     pub(super) usable: Vec<usize>,
-    /// What rounding leaves of the mean of the bands, as a weighted sum of squares.
+    /// Weighted sum of squares of the rounding of the mean of the bands.
     pub(super) rounding: Vec<f32>,
-    pub(super) places: Vec<Place>,
-    /// Colours of photometric stereo, `(band, pixel)`.
-    matt: Vec<f32>,
+    pub(super) estimates: Vec<Estimate>,
+    /// Diffuse colours by photometric stereo, `(band, pixel)`.
+    diffuse: Vec<f32>,
 }
 
-/// Of a weighted sum of squares: f32 keeps 24 bits, and a sample shown is a sum of some ten rounded
-/// terms.
+/// Relative rounding of a weighted sum of squares: f32 has 24 bits, and a predicted sample is a sum
+/// of about ten rounded terms.
 pub(super) const ROUNDING: f32 = 1.0 / (1_u64 << 40) as f32;
 
-/// Share of a pixel's mean sample below which light is no longer what noise grows with, before
-/// anything is known of the surface.
+/// Fraction of a pixel's mean sample below which the variance no longer falls with the light, for the
+/// first weights.
 const FIRST_FLOOR: f64 = 0.1;
 
-/// Share of a pixel's colour below which samples tell no shadow from noise.
+/// Fraction of a pixel's colour below which samples cannot tell shadow from noise.
 const SHADE: f64 = 0.03;
 
-impl Tile {
+impl LobeFitTile {
     pub(super) fn new(stack: &Stack<'_>) -> Self {
         let shape = stack.shape();
         let ceilings: Vec<f32> = (0..shape.observations * shape.bands)
@@ -170,22 +170,22 @@ impl Tile {
             pixels: Vec::with_capacity(TILE),
             x: vec![0.0; TILE],
             y: vec![0.0; TILE],
-            colour: Plate::new(ceilings, shape.bands),
-            grey: Plate::new(vec![f32::INFINITY; shape.observations], 1),
+            colour: TileSamples::new(ceilings, shape.bands),
+            grey: TileSamples::new(vec![f32::INFINITY; shape.observations], 1),
             usable: vec![0; TILE],
             rounding: vec![0.0; TILE],
-            places: Vec::with_capacity(TILE),
-            matt: vec![0.0; shape.bands * TILE],
+            estimates: Vec::with_capacity(TILE),
+            diffuse: vec![0.0; shape.bands * TILE],
         }
     }
 
-    /// Takes up some pixels, at most [`TILE`], at the normals `(3, y, x)`.
+    /// Reads some pixels, at most [`TILE`], and their start.
     pub(super) fn read(
         &mut self,
         stack: &Stack<'_>,
         rig: &Rig,
         chosen: &[usize],
-        known: &Start<'_>,
+        start: &Start<'_>,
         level: Level,
     ) {
         let pixels = stack.shape().pixels();
@@ -201,11 +201,11 @@ impl Tile {
             }
             at = end;
         }
-        self.places.clear();
-        self.places.extend(chosen.iter().map(|&pixel| Place::new(known.normal(pixel))));
-        for (band, colours) in self.matt.chunks_mut(TILE).enumerate() {
+        self.estimates.clear();
+        self.estimates.extend(chosen.iter().map(|&pixel| Estimate::new(start.normal(pixel))));
+        for (band, colours) in self.diffuse.chunks_mut(TILE).enumerate() {
             for (colour, pixel) in colours.iter_mut().zip(chosen) {
-                *colour = known.diffuse[band * pixels + pixel];
+                *colour = start.diffuse[band * pixels + pixel];
             }
         }
         level.run(Weigh { tile: self, rig });
@@ -214,7 +214,7 @@ impl Tile {
 
 /// First weights of a tile's pixels.
 struct Weigh<'a> {
-    tile: &'a mut Tile,
+    tile: &'a mut LobeFitTile,
     rig: &'a Rig,
 }
 
@@ -224,14 +224,14 @@ impl Kernel for Weigh<'_> {
     #[inline(always)]
     fn run<I: Isa>(self) {
         let Self { tile, rig } = self;
-        for at in (0..tile.places.len()).step_by(I::F32::WIDTH) {
+        for at in (0..tile.estimates.len()).step_by(I::F32::WIDTH) {
             tile.weigh::<I::F32>(at);
             tile.shade::<I::F32>(rig, at);
         }
     }
 }
 
-impl Tile {
+impl LobeFitTile {
     /// Variance proportional to the sample, with a floor.
     #[inline(always)]
     fn weigh<R: Real<Scalar = f32>>(&mut self, at: usize) {
@@ -261,10 +261,10 @@ impl Tile {
         }
         let mean = sum / count.max(one);
         let floor = R::of(FIRST_FLOOR) * mean;
-        for plate in [&mut self.colour, &mut self.grey] {
-            for plane in 0..plate.planes() {
-                let variance = plate.light::<R>(plane, at).max(floor);
-                let weights = &mut plate.weights[plane * TILE + at..];
+        for samples in [&mut self.colour, &mut self.grey] {
+            for plane in 0..samples.planes() {
+                let variance = samples.light::<R>(plane, at).max(floor);
+                let weights = &mut samples.weights[plane * TILE + at..];
                 let counts = R::load(weights).gt(zero) & variance.gt(zero);
                 R::keep(counts, mean / variance).store(weights);
             }
@@ -283,37 +283,37 @@ impl Tile {
         }
     }
 
-    /// Takes weight from samples that have less light than the surface of photometric stereo, which
-    /// are shadows (hard case 24).
+    /// Lowers the weight of samples that are darker than the surface of photometric stereo: they are
+    /// in shadow (hard case 24).
     #[inline(always)]
     fn shade<R: Real<Scalar = f32>>(&mut self, rig: &Rig, at: usize) {
         let zero = R::zero();
         let bands = self.colour.bands;
         let normal = Vec3::new(
-            gather::<R>(&self.places, at, |place| place.normal[0]),
-            gather(&self.places, at, |place| place.normal[1]),
-            gather(&self.places, at, |place| place.normal[2]),
+            gather::<R>(&self.estimates, at, |place| place.normal[0]),
+            gather(&self.estimates, at, |place| place.normal[1]),
+            gather(&self.estimates, at, |place| place.normal[2]),
         );
         let (x, y) = (R::load(&self.x[at..]), R::load(&self.y[at..]));
         let mut mean = zero;
         for band in 0..bands {
-            mean = mean + R::load(&self.matt[band * TILE + at..]);
+            mean = mean + R::load(&self.diffuse[band * TILE + at..]);
         }
         let mean = mean / R::of(bands as f64);
         let floor = R::of(SHADE) * mean;
         for (photograph, light) in rig.lights().iter().enumerate() {
             let (towards, irradiance) = light.at(x, y);
-            let matt = normal.dot(towards).max(zero) * irradiance;
+            let diffuse = normal.dot(towards).max(zero) * irradiance;
             for band in 0..bands {
-                let colour = R::load(&self.matt[band * TILE + at..]);
+                let colour = R::load(&self.diffuse[band * TILE + at..]);
                 self.colour.darken(
                     photograph * bands + band,
                     at,
-                    matt.mul_add(colour, floor),
+                    diffuse.mul_add(colour, floor),
                     floor,
                 );
             }
-            self.grey.darken(photograph, at, matt.mul_add(mean, floor), floor);
+            self.grey.darken(photograph, at, diffuse.mul_add(mean, floor), floor);
         }
     }
 }

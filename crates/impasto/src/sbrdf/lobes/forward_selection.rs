@@ -1,0 +1,300 @@
+//! Forward selection [@miller2002subset] of a pixel's lobes, on the mean of the bands.
+//!
+//! Lobes are added one at a time; the Bayesian information criterion (BIC) [@schwarz1978bic]
+//! decides whether one more is worth its unknowns.
+
+use crate::lm::Options;
+use crate::pixels::Run;
+
+use super::maps::MOST_LOBES;
+use super::model::LobeModel;
+use super::options::{LobeOptions, Precision};
+use super::prior::Prior;
+use super::score::Score;
+use super::search::Search;
+use super::seeds::{Seed, Seeds};
+use super::sight::Sight;
+use super::support::is_supported;
+use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE};
+
+/// Where the search for one more lobe starts.
+pub(super) enum Starts<'a> {
+    /// One search from every starting shape of the model; the best end is kept.
+    Multistart,
+    /// The seeds around each pixel: one search, from the start with the least sum of squares.
+    Neighbours(&'a [Vec<&'a Seed>]),
+}
+
+/// Adds lobes to the pixels of a tile, one at a time.
+pub(super) struct ForwardSelection<'a, M: LobeModel> {
+    pub(super) sight: &'a Sight<'a, M>,
+    pub(super) options: &'a LobeOptions,
+    pub(super) prior: Option<&'a Prior>,
+    pub(super) run: &'a Run<'a>,
+}
+
+impl<M: LobeModel> ForwardSelection<'_, M> {
+    /// Adds lobes as long as BIC accepts them, from the tile's current estimates.
+    pub(super) fn select(
+        &self,
+        tile: &mut LobeFitTile,
+        fitted: &[usize],
+        origin: &Starts<'_>,
+    ) -> Vec<ByLobeCount> {
+        let first = tile.estimates.clone();
+        self.search(tile, &first, fitted, 0);
+        let without =
+            |&estimate: &Estimate| ByLobeCount { estimates: [estimate; MOST_LOBES + 1], lobes: 0 };
+        let mut found: Vec<ByLobeCount> = tile.estimates.iter().map(without).collect();
+        for lobes in 1..=self.options.lobes {
+            let able: Vec<usize> = fitted
+                .iter()
+                .copied()
+                .filter(|&pixel| {
+                    self.supports(tile, pixel, lobes) && found[pixel].lobes + 1 == lobes
+                })
+                .collect();
+            let before: Vec<Estimate> = found.iter().map(|found| *found.chosen()).collect();
+            self.add_lobe(tile, &able, (&first, &before), lobes, origin);
+            // The unknowns that one more lobe costs: its strength, and its shape where no prior
+            // covers it.
+            let shape_is_known = self.prior.is_some_and(|prior| prior.covers(lobes));
+            let unknowns = match (self.options.sparing, shape_is_known) {
+                (false, _) => 0,
+                (true, true) => 1,
+                (true, false) => 1 + M::SHAPES,
+            };
+            for &pixel in &able {
+                let above_rounding = before[pixel].cost > tile.rounding[pixel];
+                let more = &tile.estimates[pixel];
+                if above_rounding
+                    && lowers_bic(more, &before[pixel], tile.usable[pixel], unknowns)
+                    && (0..lobes)
+                        .all(|lobe| is_supported(self.sight, tile, pixel, lobe, self.run.level))
+                {
+                    found[pixel].estimates[lobes] = *more;
+                    found[pixel].lobes = lobes;
+                }
+            }
+        }
+        found
+    }
+
+    /// Adds lobes from the seeds around each pixel, and by multistart where the fit is then much
+    /// worse than the seeds' own.
+    pub(super) fn select_from_seeds(
+        &self,
+        tile: &mut LobeFitTile,
+        fitted: &[usize],
+        seeds: &Seeds,
+    ) -> Vec<ByLobeCount> {
+        let first = tile.estimates.clone();
+        let around: Vec<_> = tile.pixels.iter().map(|&pixel| seeds.around(pixel)).collect();
+        let seeded = fitted.iter().copied().filter(|&pixel| !around[pixel].is_empty());
+        // Pixels without a seed around them keep their infinite cost.
+        let mut found =
+            self.select(tile, &seeded.collect::<Vec<_>>(), &Starts::Neighbours(&around));
+        let poor: Vec<usize> = fitted
+            .iter()
+            .copied()
+            .filter(|&pixel| {
+                // A misfit below rounding counts as rounding.
+                let worst = around[pixel].iter().map(|seed| seed.misfit).fold(1.0, f32::max);
+                found[pixel].chosen().cost
+                    > worst * tile.rounding[pixel] * self.scatter(tile, pixel)
+            })
+            .collect();
+        if poor.is_empty() {
+            return found;
+        }
+        tile.estimates = first;
+        let multistart = self.select(tile, &poor, &Starts::Multistart);
+        for pixel in poor {
+            if multistart[pixel].chosen().cost < found[pixel].chosen().cost {
+                found[pixel] = multistart[pixel];
+            }
+        }
+        found
+    }
+
+    /// Factor by which the sums of squares of two pixels may differ by chance: the quotient of two
+    /// sums of `n` squares of normal deviates has a standard deviation of `2 / sqrt n`; one in forty
+    /// is more than two of these above 1.
+    fn scatter(&self, tile: &LobeFitTile, pixel: usize) -> f32 {
+        let free = tile.usable[pixel].saturating_sub(self.unknowns(self.options.lobes)).max(1);
+        1.0 + 4.0 / (free as f32).sqrt()
+    }
+
+    /// Replaces the tile's estimates by the best with one lobe more than `before`.
+    fn add_lobe(
+        &self,
+        tile: &mut LobeFitTile,
+        able: &[usize],
+        (first, before): (&[Estimate], &[Estimate]),
+        lobes: usize,
+        origin: &Starts<'_>,
+    ) {
+        reset_costs(tile);
+        let mut starts = before.to_vec();
+        let mut pixels = Vec::with_capacity(able.len());
+        for number in 0.. {
+            pixels.clear();
+            for &pixel in able {
+                let trial = match origin {
+                    Starts::Multistart => {
+                        self.model_start(tile, pixel, &before[pixel], lobes, number)
+                    }
+                    Starts::Neighbours(around) => {
+                        let own = (&first[pixel], &before[pixel]);
+                        self.seed_start(tile, pixel, own, &around[pixel], lobes, number)
+                    }
+                };
+                if let Some(start) = trial {
+                    starts[pixel] = start;
+                    pixels.push(pixel);
+                }
+            }
+            // Nobody reads the tile of a cancelled call: it may be left unfinished.
+            if pixels.is_empty() || self.run.cancelled() {
+                break;
+            }
+            match origin {
+                Starts::Multistart => self.search(tile, &starts, &pixels, lobes),
+                Starts::Neighbours(_) => self.score(tile, &starts, &pixels, lobes),
+            }
+        }
+        if let Starts::Neighbours(_) = origin {
+            let starts = tile.estimates.clone();
+            reset_costs(tile);
+            let scored = able.iter().copied().filter(|&pixel| starts[pixel].cost.is_finite());
+            self.search(tile, &starts, &scored.collect::<Vec<_>>(), lobes);
+        }
+    }
+
+    /// Start `number` of multistart: a starting shape of the model beside the lobes found before;
+    /// for the first lobe also with the normal that mirrors the brightest photograph.
+    fn model_start(
+        &self,
+        tile: &LobeFitTile,
+        pixel: usize,
+        before: &Estimate,
+        lobes: usize,
+        number: usize,
+    ) -> Option<Estimate> {
+        let normals = if lobes == 1 { 2 } else { 1 };
+        let shape = self.sight.model.starts().get(number / normals)?;
+        let mut start = *before;
+        start.shapes[lobes - 1] = shape.map(|number| number as f32);
+        if number % normals == 1 {
+            start.normal = self.brightest(tile, pixel);
+        }
+        Some(start)
+    }
+
+    /// Start `number` from the seeds: a seed's shapes with so many lobes, for the first lobe with
+    /// the normal moved as the seed's own was; then the nearest seed's shapes with the pixel's other
+    /// normals. Multistart where no seed around the pixel has so many lobes.
+    fn seed_start(
+        &self,
+        tile: &LobeFitTile,
+        pixel: usize,
+        (first, before): (&Estimate, &Estimate),
+        seeds: &[&Seed],
+        lobes: usize,
+        number: usize,
+    ) -> Option<Estimate> {
+        let candidates = || seeds.iter().filter(|seed| seed.by_count.lobes >= lobes);
+        let Some(nearest) = candidates().next() else {
+            return self.model_start(tile, pixel, before, lobes, number);
+        };
+        let shapes_of = |seed: &Seed| seed.by_count.estimates[lobes].shapes;
+        if let Some(seed) = candidates().nth(number) {
+            let normal = if lobes == 1 { seed.moved_normal(first.normal) } else { before.normal };
+            return Some(Estimate { shapes: shapes_of(seed), normal, ..*before });
+        }
+        let normal = match number - candidates().count() {
+            0 if lobes == 1 => before.normal,
+            1 if lobes == 1 => self.brightest(tile, pixel),
+            _ => return None,
+        };
+        Some(Estimate { shapes: shapes_of(nearest), normal, ..*before })
+    }
+
+    /// Whether a pixel has more usable photographs than unknowns (hard case 30).
+    pub(super) fn supports(&self, tile: &LobeFitTile, pixel: usize, lobes: usize) -> bool {
+        tile.usable[pixel] > self.unknowns(lobes)
+    }
+
+    /// Unknowns of the fit to the mean of the bands.
+    pub(super) fn unknowns(&self, lobes: usize) -> usize {
+        let others = 1 + 2 * usize::from(self.options.normal) + usize::from(self.options.ambient);
+        others + lobes * (1 + M::SHAPES)
+    }
+
+    /// The normal that mirrors the brightest photograph into the view.
+    fn brightest(&self, tile: &LobeFitTile, pixel: usize) -> [f32; 3] {
+        let samples = tile.grey.samples[pixel..].iter().step_by(TILE);
+        let mut best = (f32::NEG_INFINITY, 0);
+        for (photograph, &sample) in samples.enumerate() {
+            if sample > best.0 {
+                best = (sample, photograph);
+            }
+        }
+        self.sight.facing(best.1).array().map(|v| v as f32)
+    }
+
+    fn score(&self, tile: &mut LobeFitTile, starts: &[Estimate], pixels: &[usize], lobes: usize) {
+        Score {
+            sight: self.sight,
+            samples: &tile.grey,
+            x: &tile.x,
+            y: &tile.y,
+            ambient: self.options.ambient,
+            starts,
+            found: &mut tile.estimates,
+            pixels,
+            lobes,
+            level: self.run.level,
+        }
+        .run();
+    }
+
+    fn search(&self, tile: &mut LobeFitTile, starts: &[Estimate], pixels: &[usize], lobes: usize) {
+        Search {
+            sight: self.sight,
+            samples: &tile.grey,
+            x: &tile.x,
+            y: &tile.y,
+            ambient: self.options.ambient,
+            free: self.options.normal,
+            typical: None,
+            starts,
+            found: &mut tile.estimates,
+            pixels,
+            lobes,
+            double: self.options.precision == Precision::Double,
+            options: &Options {
+                max_iterations: self.options.iterations,
+                damping: 1e-2,
+                cost: 1e-4,
+                ..Options::single()
+            },
+            level: self.run.level,
+        }
+        .run();
+    }
+}
+
+/// Sets all costs to infinity, so that the next estimate replaces the present one.
+fn reset_costs(tile: &mut LobeFitTile) {
+    for estimate in &mut tile.estimates {
+        estimate.cost = f32::INFINITY;
+    }
+}
+
+/// Whether BIC, `m ln(C / m) + p ln m`, is smaller with more lobes.
+fn lowers_bic(more: &Estimate, fewer: &Estimate, samples: usize, unknowns: usize) -> bool {
+    let m = samples as f32;
+    let gain = m * (fewer.cost.ln() - more.cost.ln());
+    more.lobes > fewer.lobes && gain > unknowns as f32 * m.ln()
+}
