@@ -133,9 +133,9 @@ def steps(rows: Sequence[Row]) -> str:
         return span([100.0 * (b / a - 1.0) for a, b in pairs if a is not None], "%", 0)
 
     return (
-        f'With {counted(rounds, "round")} and `start="{MULTISTART}"`, ten steps instead of two take '
-        f"{ratio(many, few):.1f} times the time. They change the error of held-out photographs by "
-        f"{changed('relative')} and that of normals by {changed('normal')}."
+        f'With {counted(rounds, "round")} and `start="{MULTISTART}"`, ten steps instead of two '
+        f"take {ratio(many, few):.1f} times the time. They change the error of held-out "
+        f"photographs by {changed('relative')} and that of normals by {changed('normal')}."
     )
 
 
@@ -160,7 +160,9 @@ def searches(rows: Sequence[Row]) -> str:
     """What starting from neighbouring pixels saves and costs."""
     multistart, neighbours = (
         by_data(rows, "effort", grid_name(effort))
-        for effort in (replace(PRESETS["standard"], start=start) for start in (MULTISTART, NEIGHBOURS))
+        for effort in (
+            replace(PRESETS["standard"], start=start) for start in (MULTISTART, NEIGHBOURS)
+        )
     )
     return (
         f'`start="{NEIGHBOURS}"` takes {ratio(neighbours, multistart):.2f} times the time of '

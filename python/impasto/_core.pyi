@@ -12,6 +12,7 @@ from impasto._internal.border import RigArguments, StackArguments
 from impasto._internal.calls import ProgressCallback
 from impasto.fit.highlight import HighlightFit
 from impasto.fit.learned import LearnedLobe, PooledMaps
+from impasto.fit.lobes import LearnedLobes, LobeMaps, LobeOptions
 from impasto.fit.normals import Normals
 from impasto.fit.reflectance import Reflectance
 from impasto.fit.start import StartArguments
@@ -27,6 +28,7 @@ class BuildInfo(TypedDict):
 STATUS: list[tuple[str, int]]
 CONDITION_LIMIT: float
 RANK_LIMIT: float
+HALO: int
 TYPICAL_PIXELS: int
 
 def build_info() -> BuildInfo: ...
@@ -108,36 +110,43 @@ def apply_pooled(
 # Lobes of every pixel (crates/impasto-py/src/lobes.rs)
 
 @type_check_only
-class Lobes(TypedDict):
-    normal: NDArray[np.float32]
-    diffuse: NDArray[np.float32]
-    ambient: NDArray[np.float32]
-    specular: NDArray[np.float32]
-    numbers: NDArray[np.float32]
-    spread: NDArray[np.float32]
-    tinted: NDArray[np.uint8]
-    lobes: NDArray[np.uint8]
-    residual: NDArray[np.float32]
-    sigma: NDArray[np.float32]
-    converged: NDArray[np.uint8]
-    status: NDArray[np.uint8]
+class PriorNumbers(TypedDict):
+    counts: NDArray[np.uint32]
+    shapes: NDArray[np.float32]
+    variances: NDArray[np.float32]
+
+@type_check_only
+class Learned(TypedDict):
+    start: Literal["multistart", "neighbours"]
+    pixels: int
+    prior: PriorNumbers | None
 
 def fit_lobes(
     stack: StackArguments,
     start: StartArguments,
-    model: str,
-    lobes: int,
-    ambient: bool,
-    rounds: int,
-    typical: bool,
-    sparing: bool,
-    iterations: int,
-    origin: Literal["multistart", "neighbours"],
-    precision: Literal["single", "polished", "double"],
-    index: float,
+    options: LobeOptions,
+    maps: LobeMaps,
     threads: int,
     progress: ProgressCallback | None,
-) -> Lobes: ...
+) -> Learned: ...
+def learn_lobes(
+    stack: StackArguments,
+    start: StartArguments,
+    options: LobeOptions,
+    extent: tuple[int, int],
+    threads: int,
+    progress: ProgressCallback | None,
+) -> Learned: ...
+def apply_lobes(
+    learned: LearnedLobes,
+    stack: StackArguments,
+    start: StartArguments,
+    origin: tuple[int, int],
+    size: tuple[int, int],
+    maps: LobeMaps,
+    threads: int,
+    progress: ProgressCallback | None,
+) -> None: ...
 
 # One lobe per pixel (crates/impasto-py/src/highlight.rs)
 

@@ -43,8 +43,9 @@ class Effort:
         Where the searches for a pixel's lobes start (``pooling="pixel"``). ``"multistart"``: from
         several fixed widths, one search each; the best is kept. ``"neighbours"``: only every fourth
         pixel of every fourth row uses multistart; the others start from the best of its fits around
-        them, and use multistart only where their own fit is much worse. Rows and columns are
-        counted from the picture's corner: a part of a picture may find other lobes than the whole.
+        them, and use multistart only where their own fit is much worse. Which rows and columns
+        these are depends on where a picture lies in the painting: the fit of a part may find
+        other lobes than that of the whole.
         Pictures with fewer than 20 such pixels use multistart everywhere.
     precision
         Precision of the searches for a pixel's normal and lobes (``pooling="pixel"``).

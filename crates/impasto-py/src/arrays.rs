@@ -2,8 +2,8 @@
 
 use half::f16;
 use numpy::{
-    Element, IntoPyArray, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1,
-    PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4,
+    Element, IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadonlyArray3, PyReadonlyArray4,
 };
 use pyo3::prelude::*;
 
@@ -99,6 +99,12 @@ impl StackArguments<'_> {
         Shape { observations: shape[0], bands: shape[1], height: shape[2], width: shape[3] }
     }
 
+    /// The rig of a part of a painting with so many rows and columns.
+    pub(crate) fn rig_in(&self, [rows, columns]: [usize; 2]) -> Result<Rig> {
+        let Shape { height, width, .. } = self.shape();
+        self.rig.rig_of([columns, rows], height, width)
+    }
+
     /// The numerics' view of the stack.
     pub(crate) fn stack<'a>(&'a self, decode: &'a [Decode]) -> Result<Stack<'a>> {
         let samples = match &self.samples {
@@ -116,6 +122,15 @@ impl StackArguments<'_> {
 impl RigArguments<'_> {
     /// The numerics' rig over a grid of the given size.
     pub(crate) fn rig(&self, height: usize, width: usize) -> Result<Rig> {
+        self.over(Grid::part(width, height, self.pitch_mm, self.origin)?)
+    }
+
+    /// The same of a part of a painting with so many `[columns, rows]`.
+    pub(crate) fn rig_of(&self, extent: [usize; 2], height: usize, width: usize) -> Result<Rig> {
+        self.over(Grid::part_of(extent, width, height, self.pitch_mm, self.origin)?)
+    }
+
+    fn over(&self, grid: Grid) -> Result<Rig> {
         let vectors = |array: &PyReadonlyArray2<'_, f64>| -> Vec<Vec3<f64>> {
             array.as_array().rows().into_iter().map(|v| Vec3::new(v[0], v[1], v[2])).collect()
         };
@@ -131,7 +146,6 @@ impl RigArguments<'_> {
                 }
             })
             .collect();
-        let grid = Grid::part(width, height, self.pitch_mm, self.origin)?;
         Rig::new(lights, vectors(&self.views), grid)
     }
 }
@@ -155,10 +169,6 @@ pub(crate) struct Size {
 }
 
 impl Size {
-    pub(crate) fn of(shape: Shape) -> Self {
-        Self { height: shape.height, width: shape.width }
-    }
-
     /// `(y, x)`.
     pub(crate) fn map<T: Element>(
         self,
@@ -176,16 +186,6 @@ impl Size {
         planes: usize,
     ) -> PyResult<Bound<'_, PyArray3<T>>> {
         values.into_pyarray(py).reshape([planes, self.height, self.width])
-    }
-
-    /// `(sets, planes, y, x)`.
-    pub(crate) fn sets<T: Element>(
-        self,
-        py: Python<'_>,
-        values: Vec<T>,
-        [sets, planes]: [usize; 2],
-    ) -> PyResult<Bound<'_, PyArray4<T>>> {
-        values.into_pyarray(py).reshape([sets, planes, self.height, self.width])
     }
 }
 

@@ -49,6 +49,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(relight::linear_from_bands, module)?)?;
     module.add_function(wrap_pyfunction!(relight::render, module)?)?;
     module.add_function(wrap_pyfunction!(lobes::fit_lobes, module)?)?;
+    module.add_function(wrap_pyfunction!(lobes::learn_lobes, module)?)?;
+    module.add_function(wrap_pyfunction!(lobes::apply_lobes, module)?)?;
     module.add_function(wrap_pyfunction!(lafortune::fit_lafortune, module)?)?;
     module.add_function(wrap_pyfunction!(lafortune::views_differ, module)?)?;
     module.add_function(wrap_pyfunction!(pooled::learn_pooled, module)?)?;
@@ -59,6 +61,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<spectral::SpectralEstimator>()?;
     module.add("STATUS", arrays::status_names())?;
     module.add("CONDITION_LIMIT", impasto::stereo::CONDITION_LIMIT)?;
+    module.add("HALO", impasto::sbrdf::HALO)?;
     module.add("TYPICAL_PIXELS", impasto::sbrdf::TYPICAL_PIXELS)?;
     module.add("RANK_LIMIT", impasto::stereo::RANK_LIMIT)?;
     Ok(())

@@ -1,127 +1,259 @@
 //! Lobes of every pixel.
 
-use numpy::{PyArray2, PyArray3, PyArray4};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray3,
+    PyReadonlyArray4, PyReadwriteArray2, PyReadwriteArray3, PyReadwriteArray4,
+};
 use pyo3::prelude::*;
 
-use impasto::Error;
-use impasto::sbrdf::{LobeModel, LobeOptions, Origin, Precision};
+use impasto::sbrdf::{
+    LearnedLobes, LobeMapsMut, LobeOptions, Origin, Precision, PriorNumbers, TorranceSparrow,
+};
+use impasto::{Error, Result};
 
-use crate::arrays::{Size, StackArguments, StartArguments};
-use crate::surface::with_model;
+use crate::arrays::{StackArguments, StartArguments, contiguous};
 use crate::{errors, run};
 
-/// Maps of the fit; meanings stand in `impasto.LobeSbrdf`.
-#[derive(IntoPyObject)]
+/// What `impasto.fit.lobes.LobeMaps` holds: C-contiguous arrays to be filled.
+#[derive(FromPyObject)]
 pub(crate) struct LobeArrays<'py> {
-    normal: Bound<'py, PyArray3<f32>>,
-    diffuse: Bound<'py, PyArray3<f32>>,
-    ambient: Bound<'py, PyArray3<f32>>,
+    normal: PyReadwriteArray3<'py, f32>,
+    diffuse: PyReadwriteArray3<'py, f32>,
+    ambient: PyReadwriteArray3<'py, f32>,
     /// (lobe, band, y, x).
-    specular: Bound<'py, PyArray4<f32>>,
-    /// (lobe, number, y, x).
-    numbers: Bound<'py, PyArray4<f32>>,
+    specular: PyReadwriteArray4<'py, f32>,
+    /// (lobe, parameter, y, x).
+    parameters: PyReadwriteArray4<'py, f32>,
     /// (lobe, y, x).
-    spread: Bound<'py, PyArray3<f32>>,
-    tinted: Bound<'py, PyArray3<u8>>,
-    lobes: Bound<'py, PyArray2<u8>>,
-    residual: Bound<'py, PyArray2<f32>>,
-    sigma: Bound<'py, PyArray2<f32>>,
-    converged: Bound<'py, PyArray2<u8>>,
-    status: Bound<'py, PyArray2<u8>>,
+    deviation: PyReadwriteArray3<'py, f32>,
+    tinted: PyReadwriteArray3<'py, u8>,
+    lobes: PyReadwriteArray2<'py, u8>,
+    residual: PyReadwriteArray2<'py, f32>,
+    sigma: PyReadwriteArray2<'py, f32>,
+    converged: PyReadwriteArray2<'py, u8>,
+    status: PyReadwriteArray2<'py, u8>,
 }
 
-/// Every pixel's own lobes, from the maps of photometric stereo.
-#[pyfunction]
-#[pyo3(signature = (
-    stack, start, model, lobes, ambient, rounds, typical, sparing, iterations, origin, precision, index, threads,
-    progress
-))]
-#[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lobes")]
-#[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
-pub(crate) fn fit_lobes<'py>(
-    py: Python<'py>,
-    stack: StackArguments<'py>,
-    start: StartArguments<'py>,
-    model: &str,
+/// What `impasto.fit.lobes.LobeOptions` holds.
+#[derive(FromPyObject)]
+pub(crate) struct LobeArguments {
     lobes: usize,
     ambient: bool,
     rounds: usize,
     typical: bool,
     sparing: bool,
     iterations: usize,
-    origin: &str,
-    precision: &str,
+    start: String,
+    precision: String,
     index: f64,
+}
+
+/// What `impasto.fit.lobes.LearnedLobes` holds.
+#[derive(FromPyObject)]
+pub(crate) struct LearnedArguments<'py> {
+    options: LobeArguments,
+    /// Rows and columns of the whole painting.
+    extent: [usize; 2],
+    pixels: usize,
+    prior: Option<PriorArguments<'py>>,
+}
+
+/// What `impasto.fit.lobes.Prior` holds.
+#[derive(FromPyObject)]
+struct PriorArguments<'py> {
+    counts: PyReadonlyArray1<'py, u32>,
+    /// (number of lobes, lobe, unknown, pixel).
+    shapes: PyReadonlyArray4<'py, f32>,
+    /// (number of lobes, lobe, pixel).
+    variances: PyReadonlyArray3<'py, f32>,
+}
+
+/// What was learned, for `impasto.fit.lobes.LearnedLobes`.
+#[derive(IntoPyObject)]
+pub(crate) struct Learned<'py> {
+    start: &'static str,
+    pixels: usize,
+    prior: Option<PriorArrays<'py>>,
+}
+
+#[derive(IntoPyObject)]
+struct PriorArrays<'py> {
+    counts: Bound<'py, PyArray1<u32>>,
+    shapes: Bound<'py, PyArray4<f32>>,
+    variances: Bound<'py, PyArray3<f32>>,
+}
+
+/// Fills the maps with every pixel's own lobes, from the maps of photometric stereo; returns what
+/// was learned about the painting.
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
+pub(crate) fn fit_lobes<'py>(
+    py: Python<'py>,
+    stack: StackArguments<'py>,
+    start: StartArguments<'py>,
+    options: LobeArguments,
+    mut maps: LobeArrays<'py>,
     threads: usize,
     progress: Option<Py<PyAny>>,
-) -> PyResult<LobeArrays<'py>> {
-    let refuse = |argument, names, other| {
-        let problem = format!("expected {names}, found {other:?}");
-        errors::to_python(py, &Error::argument(argument, problem))
-    };
-    let origin = match origin {
-        "multistart" => Origin::Multistart,
-        "neighbours" => Origin::Neighbours,
-        other => return Err(refuse("start", "\"multistart\" or \"neighbours\"", other)),
-    };
-    let precision = match precision {
-        "single" => Precision::Single,
-        "polished" => Precision::Polished,
-        "double" => Precision::Double,
-        other => {
-            return Err(refuse("precision", "\"single\", \"polished\" or \"double\"", other));
-        }
-    };
-    let options = LobeOptions {
-        lobes,
-        ambient,
-        normal: true,
-        rounds,
-        typical,
-        sparing,
-        iterations,
-        start: origin,
-        precision,
-    };
-    let call = Call { stack: &stack, start: &start, options, threads, progress: progress.as_ref() };
-    with_model!(model, index, |model| call.fit(py, model)?)
-        .map_err(|error| errors::to_python(py, &error))
+) -> PyResult<Learned<'py>> {
+    let refuse = |error| errors::to_python(py, &error);
+    let decode = stack.decode();
+    let samples = stack.stack(&decode).map_err(refuse)?;
+    let rig = stack.rig.rig(samples.shape().height, samples.shape().width).map_err(refuse)?;
+    let start = start.start().map_err(refuse)?;
+    let (model, options) = (options.model(), options.options().map_err(refuse)?);
+    let maps = maps.maps().map_err(refuse)?;
+    let learned = run::call(py, threads, progress.as_ref(), |run| {
+        impasto::sbrdf::fit_lobes(&samples, &rig, &start, model, &options, maps, run)
+    })?;
+    Learned::of(py, &learned)
 }
 
-struct Call<'a, 'py> {
-    stack: &'a StackArguments<'py>,
-    start: &'a StartArguments<'py>,
-    options: LobeOptions,
+/// What the fit of a tile needs to know about the whole painting of `extent` rows and columns, from
+/// a sample of it.
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
+pub(crate) fn learn_lobes<'py>(
+    py: Python<'py>,
+    stack: StackArguments<'py>,
+    start: StartArguments<'py>,
+    options: LobeArguments,
+    extent: [usize; 2],
     threads: usize,
-    progress: Option<&'a Py<PyAny>>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Learned<'py>> {
+    let refuse = |error| errors::to_python(py, &error);
+    let decode = stack.decode();
+    let samples = stack.stack(&decode).map_err(refuse)?;
+    let rig = stack.rig_in(extent).map_err(refuse)?;
+    let start = start.start().map_err(refuse)?;
+    let (model, options) = (options.model(), options.options().map_err(refuse)?);
+    let learned = run::call(py, threads, progress.as_ref(), |run| {
+        impasto::sbrdf::learn_lobes(&samples, &rig, &start, model, &options, run)
+    })?;
+    Learned::of(py, &learned)
 }
 
-impl Call<'_, '_> {
-    fn fit<M: LobeModel>(self, py: Python<'_>, model: M) -> PyResult<LobeArrays<'_>> {
-        let Self { stack, start, options, threads, progress } = self;
-        let refuse = |error| errors::to_python(py, &error);
-        let decode = stack.decode();
-        let samples = stack.stack(&decode).map_err(refuse)?;
-        let (size, bands) = (Size::of(samples.shape()), samples.shape().bands);
-        let rig = stack.rig.rig(size.height, size.width).map_err(refuse)?;
-        let start = start.start().map_err(refuse)?;
-        let maps = run::call(py, threads, progress, |run| {
-            impasto::sbrdf::fit_lobes(&samples, &rig, &start, model, &options, run)
-        })?;
-        let lobes = options.lobes;
-        Ok(LobeArrays {
-            normal: size.planes(py, maps.normal, 3)?,
-            diffuse: size.planes(py, maps.diffuse, bands)?,
-            ambient: size.planes(py, maps.ambient, bands)?,
-            specular: size.sets(py, maps.specular, [lobes, bands])?,
-            numbers: size.sets(py, maps.numbers, [lobes, M::NAMES.len()])?,
-            spread: size.planes(py, maps.spread, lobes)?,
-            tinted: size.planes(py, maps.tinted, lobes)?,
-            lobes: size.map(py, maps.lobes)?,
-            residual: size.map(py, maps.residual)?,
-            sigma: size.map(py, maps.sigma)?,
-            converged: size.map(py, maps.converged)?,
-            status: size.map(py, maps.status)?,
+/// Fills the maps of a tile: `origin` is the row and column of its first pixel in the stack, `size`
+/// its rows and columns.
+#[pyfunction]
+#[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lobes")]
+#[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
+pub(crate) fn apply_lobes<'py>(
+    py: Python<'py>,
+    learned: LearnedArguments<'py>,
+    stack: StackArguments<'py>,
+    start: StartArguments<'py>,
+    origin: [usize; 2],
+    size: [usize; 2],
+    mut maps: LobeArrays<'py>,
+    threads: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<()> {
+    let refuse = |error| errors::to_python(py, &error);
+    let decode = stack.decode();
+    let samples = stack.stack(&decode).map_err(refuse)?;
+    let rig = stack.rig_in(learned.extent).map_err(refuse)?;
+    let start = start.start().map_err(refuse)?;
+    let tile = rig.grid().tile([origin[1], origin[0]], size[1], size[0]).map_err(refuse)?;
+    let (model, learned) = (learned.options.model(), learned.learned().map_err(refuse)?);
+    let maps = maps.maps().map_err(refuse)?;
+    run::call(py, threads, progress.as_ref(), |run| {
+        impasto::sbrdf::apply_lobes(&learned, &samples, &rig, &start, model, tile, maps, run)
+    })
+}
+
+impl LobeArguments {
+    fn model(&self) -> TorranceSparrow {
+        TorranceSparrow { index: self.index }
+    }
+
+    fn options(&self) -> Result<LobeOptions> {
+        let refuse = |argument, names, other: &str| {
+            Error::argument(argument, format!("expected {names}, found {other:?}"))
+        };
+        let start = match self.start.as_str() {
+            "multistart" => Origin::Multistart,
+            "neighbours" => Origin::Neighbours,
+            other => return Err(refuse("start", "\"multistart\" or \"neighbours\"", other)),
+        };
+        let precision = match self.precision.as_str() {
+            "single" => Precision::Single,
+            "polished" => Precision::Polished,
+            "double" => Precision::Double,
+            other => {
+                return Err(refuse("precision", "\"single\", \"polished\" or \"double\"", other));
+            }
+        };
+        Ok(LobeOptions {
+            lobes: self.lobes,
+            ambient: self.ambient,
+            normal: true,
+            rounds: self.rounds,
+            typical: self.typical,
+            sparing: self.sparing,
+            iterations: self.iterations,
+            start,
+            precision,
+        })
+    }
+}
+
+impl LobeArrays<'_> {
+    fn maps(&mut self) -> Result<LobeMapsMut<'_>> {
+        Ok(LobeMapsMut {
+            normal: contiguous("normal", self.normal.as_slice_mut())?,
+            diffuse: contiguous("diffuse", self.diffuse.as_slice_mut())?,
+            ambient: contiguous("ambient", self.ambient.as_slice_mut())?,
+            specular: contiguous("specular", self.specular.as_slice_mut())?,
+            parameters: contiguous("parameters", self.parameters.as_slice_mut())?,
+            deviation: contiguous("deviation", self.deviation.as_slice_mut())?,
+            tinted: contiguous("tinted", self.tinted.as_slice_mut())?,
+            lobes: contiguous("lobes", self.lobes.as_slice_mut())?,
+            residual: contiguous("residual", self.residual.as_slice_mut())?,
+            sigma: contiguous("sigma", self.sigma.as_slice_mut())?,
+            converged: contiguous("converged", self.converged.as_slice_mut())?,
+            status: contiguous("status", self.status.as_slice_mut())?,
+        })
+    }
+}
+
+impl LearnedArguments<'_> {
+    fn learned(&self) -> Result<LearnedLobes> {
+        let prior = self.prior.as_ref().map(PriorArguments::numbers).transpose()?;
+        LearnedLobes::new(self.options.options()?, self.pixels, prior.as_ref())
+    }
+}
+
+impl PriorArguments<'_> {
+    fn numbers(&self) -> Result<PriorNumbers> {
+        Ok(PriorNumbers {
+            counts: contiguous("counts", self.counts.as_slice())?.to_vec(),
+            shapes: contiguous("shapes", self.shapes.as_slice())?.to_vec(),
+            variances: contiguous("variances", self.variances.as_slice())?.to_vec(),
+        })
+    }
+}
+
+impl<'py> Learned<'py> {
+    fn of(py: Python<'py>, learned: &LearnedLobes) -> PyResult<Self> {
+        let start = match learned.options.start {
+            Origin::Multistart => "multistart",
+            Origin::Neighbours => "neighbours",
+        };
+        let prior = learned.prior().map(|prior| PriorArrays::of(py, prior)).transpose()?;
+        Ok(Self { start, pixels: learned.pixels, prior })
+    }
+}
+
+impl<'py> PriorArrays<'py> {
+    fn of(py: Python<'py>, prior: PriorNumbers) -> PyResult<Self> {
+        let PriorNumbers { counts, shapes, variances } = prior;
+        let [numbers, lobes, unknowns, pixels] = PriorNumbers::SHAPE;
+        Ok(Self {
+            counts: counts.into_pyarray(py),
+            shapes: shapes.into_pyarray(py).reshape([numbers, lobes, unknowns, pixels])?,
+            variances: variances.into_pyarray(py).reshape([numbers, lobes, pixels])?,
         })
     }
 }

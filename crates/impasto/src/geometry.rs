@@ -118,6 +118,44 @@ impl Grid {
         Self::whole(width + more[0], height + more[1], pitch).tile(first, width, height)
     }
 
+    /// The pixels of a part as in [`Self::part`], of a painting with `[columns, rows]` pixels.
+    ///
+    /// # Errors
+    /// If the part does not lie on the painting's pixels.
+    pub fn part_of(
+        [columns, rows]: [usize; 2],
+        width: usize,
+        height: usize,
+        pitch: f64,
+        [right, up]: [f64; 2],
+    ) -> Result<Self> {
+        // Exact: sizes of pictures and multiples of a half.
+        let column = 0.5 * (columns as f64 - width as f64) + right;
+        let row = 0.5 * (rows as f64 - height as f64) - up;
+        if ![column, row].iter().all(|place| *place >= 0.0 && place.fract() == 0.0) {
+            let problem = format!(
+                "{width} x {height} pixels, their middle at ({right}, {up}), lie beside the pixels \
+                 of a painting of {columns} x {rows}"
+            );
+            return Err(Error::geometry("origin", problem));
+        }
+        Self::whole(columns, rows, pitch).tile([column as usize, row as usize], width, height)
+    }
+
+    /// Column and row in the whole painting of a pixel, counted row by row.
+    #[must_use]
+    pub fn place(&self, pixel: usize) -> [usize; 2] {
+        [self.origin[0] + pixel % self.width, self.origin[1] + pixel / self.width]
+    }
+
+    /// The pixel at a column and row of the whole painting, if it lies in this tile.
+    #[must_use]
+    pub fn pixel(&self, [column, row]: [usize; 2]) -> Option<usize> {
+        let column = column.checked_sub(self.origin[0]).filter(|&column| column < self.width)?;
+        let row = row.checked_sub(self.origin[1]).filter(|&row| row < self.height)?;
+        Some(row * self.width + column)
+    }
+
     /// x in mm of a (fractional) column.
     #[must_use]
     #[inline(always)]
@@ -266,6 +304,8 @@ mod tests {
         for pixel in 0..11 * 7 {
             let there = (7 + pixel / 11) * 37 + 5 + pixel % 11;
             assert_eq!((tile_x[pixel], tile_y[pixel]), (x[there], y[there]));
+            assert_eq!(whole.pixel(tile.place(pixel)), Some(there));
+            assert_eq!(tile.pixel(tile.place(pixel)), Some(pixel));
         }
         // The same by its middle: columns 5 to 15 of 37, rows 7 to 13 of 23.
         let [mut part_x, mut part_y] = [(); 2].map(|()| vec![0.0; 11 * 7]);
@@ -273,6 +313,12 @@ mod tests {
         part.coordinates(0, &mut part_x, &mut part_y);
         assert_eq!((part_x, part_y), (tile_x, tile_y));
         assert!(Grid::part(11, 7, 0.3, [0.25, 0.0]).is_err());
+        assert_eq!([[4, 7], [5, 6], [16, 7], [5, 14]].map(|place| tile.pixel(place)), [None; 4]);
+        // Its middle lies 8 columns left of the painting's and a row above it.
+        let middle = [5.0 + 5.0 - 18.0, 11.0 - 7.0 - 3.0];
+        assert_eq!(Grid::part_of([37, 23], 11, 7, 0.3, middle), Ok(tile));
+        assert!(Grid::part_of([37, 24], 11, 7, 0.3, middle).is_err());
+        assert!(Grid::part_of([37, 23], 11, 7, 0.3, [-14.0, 1.0]).is_err());
         assert!(whole.tile([4, 2], 34, 20).is_err());
         assert!(whole.tile([usize::MAX, 2], 4, 20).is_err());
     }

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +13,7 @@ from impasto import _core
 from impasto._internal.border import StackArguments
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import is_whole, refractive_index
-from impasto.effort import PRESETS, Effort
+from impasto.effort import PRESETS, Effort, Origin, Precision
 from impasto.errors import ArgumentError
 from impasto.fit.normals import Normals
 from impasto.fit.result import PerPixelSbrdf, shared_fields
@@ -99,6 +100,178 @@ class LobeSbrdf(PerPixelSbrdf):
         refractive_index(self.index)
 
 
+HALO = _core.HALO
+"""Pixels around a tile whose samples its fit needs, as far as the painting reaches, where searches
+start from neighbours."""
+
+
+@dataclass(frozen=True, slots=True)
+class LobeOptions:
+    """How lobes are fitted; ``rounds`` to ``precision`` are those of :class:`impasto.Effort`.
+
+    ``typical=False`` takes no prior from the painting's other pixels, and ``sparing=False`` gives a
+    pixel every lobe that lowers its cost, worth its unknowns or not.
+    """
+
+    lobes: int
+    ambient: bool
+    index: float
+    rounds: int
+    iterations: int
+    start: Origin
+    precision: Precision
+    typical: bool = True
+    sparing: bool = True
+
+    @classmethod
+    def of(
+        cls, effort: Effort, *, lobes: int, ambient: bool, index: float, **others: bool
+    ) -> LobeOptions:
+        """The options of an effort."""
+        return cls(
+            lobes,
+            ambient,
+            index,
+            effort.rounds,
+            effort.iterations,
+            effort.start,
+            effort.precision,
+            **others,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LobeMaps:
+    """C-contiguous arrays that a fit fills, memory maps among them; see :class:`LobeSbrdf`.
+
+    ``parameters`` ``(lobe, parameter, y, x)`` holds ``gamma``, ``deviation`` its
+    ``gamma_sigma``; ``tinted`` and ``converged`` are uint8, 0 or 1.
+    """
+
+    normal: NDArray[np.float32]
+    diffuse: NDArray[np.float32]
+    ambient: NDArray[np.float32]
+    specular: NDArray[np.float32]
+    parameters: NDArray[np.float32]
+    deviation: NDArray[np.float32]
+    tinted: NDArray[np.uint8]
+    lobes: NDArray[np.uint8]
+    residual: NDArray[np.float32]
+    sigma: NDArray[np.float32]
+    converged: NDArray[np.uint8]
+    status: NDArray[np.uint8]
+
+    @classmethod
+    def empty(cls, bands: int, lobes: int, size: tuple[int, int]) -> LobeMaps:
+        """Arrays for ``size`` rows and columns."""
+
+        def planes(*shape: int) -> NDArray[np.float32]:
+            return np.empty((*shape, *size), dtype=np.float32)
+
+        def codes(*shape: int) -> NDArray[np.uint8]:
+            return np.empty((*shape, *size), dtype=np.uint8)
+
+        return cls(
+            normal=planes(3),
+            diffuse=planes(bands),
+            ambient=planes(bands),
+            specular=planes(lobes, bands),
+            parameters=planes(lobes, 1),
+            deviation=planes(lobes),
+            tinted=codes(lobes),
+            lobes=codes(),
+            residual=planes(),
+            sigma=planes(),
+            converged=codes(),
+            status=codes(),
+        )
+
+    def result(self, stack: Stack, stereo: Normals, index: float) -> LobeSbrdf:
+        """The maps as a result, together with those of photometric stereo; nothing is copied."""
+        found = {name: getattr(self, name) for name in self.__slots__}
+        return LobeSbrdf(
+            **shared_fields(found, stack, stereo),
+            ambient=self.ambient,
+            specular=self.specular,
+            gamma=self.parameters[:, 0],
+            gamma_sigma=self.deviation,
+            tinted=self.tinted.view(np.bool_),
+            lobes=self.lobes,
+            converged=self.converged.view(np.bool_),
+            index=index,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """The sampled pixels from which empirical Bayes takes its prior.
+
+    ``counts`` ``(3,)`` uint32 says how many have 1, 2 and 3 lobes (at most 32, 0: no prior),
+    ``shapes`` ``(3, lobe, unknown, 32)`` the unknowns of their shapes and ``variances``
+    ``(3, lobe, 32)`` the variances of these.
+    """
+
+    counts: NDArray[np.uint32]
+    shapes: NDArray[np.float32]
+    variances: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LearnedLobes:
+    """What the fit of a tile needs to know about the whole painting.
+
+    Attributes
+    ----------
+    options
+        Those of the fit; ``start`` is ``"multistart"`` where the sample was too small for seeds.
+    extent
+        Rows and columns of the whole painting.
+    pixels
+        How many pixels were fitted to learn this: those of the coarse grid, or, with
+        ``start="multistart"``, up to ``TYPICAL_PIXELS`` spread over the sample.
+    prior
+        None with ``typical=False``.
+    """
+
+    options: LobeOptions
+    extent: tuple[int, int]
+    pixels: int
+    prior: Prior | None
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """Everything as arrays by name, for an npz file."""
+        options = {name: np.asarray(value) for name, value in asdict(self.options).items()}
+        arrays = {**options, "extent": np.asarray(self.extent), "pixels": np.asarray(self.pixels)}
+        if self.prior is not None:
+            arrays |= {name: getattr(self.prior, name) for name in Prior.__slots__}
+        return arrays
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> LearnedLobes:
+        """The inverse of :meth:`to_arrays`.
+
+        Raises
+        ------
+        ArgumentError
+            If an array is missing or of another kind.
+        """
+        try:
+            options = LobeOptions(**{name: arrays[name].item() for name in LobeOptions.__slots__})
+            rows, columns = (int(size) for size in arrays["extent"])
+            pixels = int(arrays["pixels"].item())
+            prior = None
+            if options.typical:
+                prior = Prior(
+                    counts=np.ascontiguousarray(arrays["counts"], dtype=np.uint32),
+                    shapes=np.ascontiguousarray(arrays["shapes"], dtype=np.float32),
+                    variances=np.ascontiguousarray(arrays["variances"], dtype=np.float32),
+                )
+        except (KeyError, ValueError, TypeError, AttributeError) as error:
+            problem = f"learned: no saved lobes ({type(error).__name__}: {error})"
+            raise ArgumentError(problem) from error
+        return cls(options, (rows, columns), pixels, prior)
+
+
 def fit_lobes(
     stack: Stack,
     stereo: Normals,
@@ -114,37 +287,92 @@ def fit_lobes(
 ) -> LobeSbrdf:
     """Lobes of every pixel, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`.
 
-    Only here: ``typical=False`` asks no other pixel what is typical of the painting, and
-    ``sparing=False`` gives a pixel every lobe that lowers its cost, worth its unknowns or not.
+    It is :func:`learn_lobes` and :func:`apply_lobes` in a row; ``typical`` and ``sparing`` are
+    those of :class:`LobeOptions`.
     """
+    options = LobeOptions.of(
+        effort, lobes=lobes, ambient=ambient, index=index, typical=typical, sparing=sparing
+    )
+    maps = LobeMaps.empty(stack.shape[1], lobes, (stack.shape[2], stack.shape[3]))
+    arguments = StackArguments.of(stack), StartArguments.of(stereo)
     with reporting(progress, "lobes") as callback:
-        found = _core.fit_lobes(
-            StackArguments.of(stack),
-            StartArguments.of(stereo),
-            "torrance-sparrow",
-            lobes,
-            ambient,
-            effort.rounds,
-            typical,
-            sparing,
-            effort.iterations,
-            effort.start,
-            effort.precision,
-            index,
+        _core.fit_lobes(*arguments, options, maps, thread_count(threads), callback)
+    return maps.result(stack, stereo, index)
+
+
+def learn_lobes(
+    stack: Stack,
+    stereo: Normals,
+    options: LobeOptions,
+    *,
+    extent: tuple[int, int] | None = None,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> LearnedLobes:
+    """Learn what the fit of a tile needs to know about the whole painting.
+
+    Parameters
+    ----------
+    stack, stereo
+        The whole painting, or a part of it as a sample.
+    extent
+        Rows and columns of the whole painting. Default: those of the stack.
+    """
+    extent = (stack.shape[2], stack.shape[3]) if extent is None else extent
+    arguments = StackArguments.of(stack), StartArguments.of(stereo)
+    with reporting(progress, "learning") as callback:
+        found = _core.learn_lobes(*arguments, options, extent, thread_count(threads), callback)
+    prior = None if found["prior"] is None else Prior(**found["prior"])
+    return LearnedLobes(replace(options, start=found["start"]), extent, found["pixels"], prior)
+
+
+def apply_lobes(
+    learned: LearnedLobes,
+    stack: Stack,
+    stereo: Normals,
+    *,
+    inner: tuple[slice, slice] = (slice(None), slice(None)),
+    out: LobeMaps | None = None,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> LobeMaps:
+    """Fit the lobes of a tile with what was learned about the whole painting.
+
+    The maps are those of the fit of the whole painting bit for bit, if ``learned`` is.
+
+    Parameters
+    ----------
+    stack, stereo
+        The tile's part of the painting; ``stack.rig.origin`` says where it lies. Where searches
+        start from neighbours it must reach :data:`HALO` pixels farther than ``inner`` on every
+        side, as far as the painting reaches.
+    inner
+        Rows and columns of the stack that are fitted. Default: all.
+    out
+        Arrays to be filled, of the size of ``inner``. Default: new ones.
+
+    Raises
+    ------
+    GeometryError
+        If the stack does not lie in the painting, or does not reach far enough.
+    """
+    rows, columns = (range(size)[part] for size, part in zip(stack.shape[2:], inner, strict=True))
+    if not (rows and columns and rows.step == columns.step == 1):
+        raise ArgumentError(f"inner: expected some rows and columns of the stack, found {inner}")
+    size = len(rows), len(columns)
+    maps = LobeMaps.empty(stack.shape[1], learned.options.lobes, size) if out is None else out
+    arguments = StackArguments.of(stack), StartArguments.of(stereo)
+    with reporting(progress, "lobes") as callback:
+        _core.apply_lobes(
+            learned,
+            *arguments,
+            (rows.start, columns.start),
+            size,
+            maps,
             thread_count(threads),
             callback,
         )
-    return LobeSbrdf(
-        **shared_fields(found, stack, stereo),
-        ambient=found["ambient"],
-        specular=found["specular"],
-        gamma=found["numbers"][:, 0],
-        gamma_sigma=found["spread"],
-        tinted=found["tinted"].view(np.bool_),
-        lobes=found["lobes"],
-        converged=found["converged"].view(np.bool_),
-        index=index,
-    )
+    return maps
 
 
 def lobe_count(lobes: Any) -> int:

@@ -17,8 +17,9 @@ mod tests;
 
 pub use highlight::{HighlightMaps, Highlights, fit_highlight};
 pub use lobes::{
-    Lafortune, LobeMaps, LobeModel, LobeOptions, MAX_NUMBERS, MAX_SHAPES, MOST_LOBES, Origin,
-    Precision, Slope, TYPICAL_PIXELS, TorranceSparrow, Visit, fit_lobes,
+    HALO, Lafortune, LearnedLobes, LobeMapsMut, LobeModel, LobeOptions, MAX_NUMBERS, MAX_SHAPES,
+    MOST_LOBES, Origin, Precision, PriorNumbers, Slope, TYPICAL_PIXELS, TorranceSparrow, Visit,
+    apply_lobes, fit_lobes, learn_lobes,
 };
 pub use predict::predict;
 pub use start::Start;

@@ -1,6 +1,7 @@
 //! How soon fits stop, by looks at the caller's flag instead of a clock.
 
 use super::lafortune::{LafortuneMapsMut, LafortuneOptions, fit_lafortune};
+use super::lobes::tests::Buffers;
 use super::pooled::{Extraction, PooledOptions, learn};
 use super::{LobeOptions, Origin, Precision, Start, TorranceSparrow, fit_lobes};
 use crate::error::{Error, Result};
@@ -91,7 +92,9 @@ impl Painting {
             precision,
         };
         let model = TorranceSparrow { index: 1.45 };
-        fit_lobes(&self.stack(), &self.rig, &self.start(), model, &options, run).map(drop)
+        let mut found = Buffers::new(PIXELS, 2, 1);
+        let (stack, start, out) = (self.stack(), self.start(), found.maps());
+        fit_lobes(&stack, &self.rig, &start, model, &options, out, run).map(drop)
     }
 
     fn lafortune(&self, run: &Run<'_>) -> Result<()> {

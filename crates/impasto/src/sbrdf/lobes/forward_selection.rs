@@ -3,6 +3,7 @@
 //! Lobes are added one at a time; the Bayesian information criterion (BIC) [@schwarz1978bic]
 //! decides whether one more is worth its unknowns.
 
+use crate::geometry::Grid;
 use crate::lm::Options;
 use crate::pixels::Run;
 
@@ -87,9 +88,11 @@ impl<M: LobeModel> ForwardSelection<'_, M> {
         tile: &mut LobeFitTile,
         fitted: &[usize],
         seeds: &Seeds,
+        grid: Grid,
     ) -> Vec<ByLobeCount> {
         let first = tile.estimates.clone();
-        let around: Vec<_> = tile.pixels.iter().map(|&pixel| seeds.around(pixel)).collect();
+        let around: Vec<_> =
+            tile.pixels.iter().map(|&pixel| seeds.around(grid.place(pixel))).collect();
         let seeded = fitted.iter().copied().filter(|&pixel| !around[pixel].is_empty());
         // Pixels without a seed around them keep their infinite cost.
         let mut found =

@@ -9,10 +9,12 @@
 //! A painting consists of several materials, and their average describes none of them: the prior of a
 //! pixel is a mixture in which the sampled pixels that resemble it have the weight.
 
+use crate::error::{Error, Result};
 use crate::math::elementary::exp;
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
 
+use super::learn::PriorNumbers;
 use super::maps::MOST_LOBES;
 use super::model::{LobeModel, MAX_SHAPES};
 use super::tile::Estimate;
@@ -48,14 +50,18 @@ struct PriorSample {
 }
 
 impl PriorSample {
+    const EMPTY: Self = Self {
+        count: 0,
+        shapes: [[[0.0; SAMPLE_SIZE]; MAX_SHAPES]; MOST_LOBES],
+        variances: [[0.0; SAMPLE_SIZE]; MOST_LOBES],
+    };
+
     /// Quantiles of the pixels: independent of their order, and no material is missed by chance.
     fn of(determined: &mut [&Estimate]) -> Self {
         let key = |estimate: &Estimate| estimate.shapes[0][0];
         determined.sort_by(|a, b| key(a).total_cmp(&key(b)));
         let count = determined.len().min(SAMPLE_SIZE);
-        let zero = [0.0; SAMPLE_SIZE];
-        let mut sample =
-            Self { count, shapes: [[zero; MAX_SHAPES]; MOST_LOBES], variances: [zero; MOST_LOBES] };
+        let mut sample = Self { count, ..Self::EMPTY };
         for part in 0..count {
             let estimate = determined[(2 * part + 1) * determined.len() / (2 * count)];
             for (lobe, shape) in estimate.shapes.iter().enumerate() {
@@ -82,6 +88,59 @@ impl Prior {
             let mut determined: Vec<&Estimate> = estimates.iter().filter(is_determined).collect();
             (determined.len() >= fewest).then(|| Box::new(PriorSample::of(&mut determined)))
         }))
+    }
+
+    /// The sampled pixels as plain numbers, zeros where there are none.
+    pub(super) fn to_numbers(&self) -> PriorNumbers {
+        let none = PriorSample::EMPTY;
+        let samples = self.0.each_ref().map(|sample| sample.as_deref().unwrap_or(&none));
+        PriorNumbers {
+            counts: samples.iter().map(|sample| sample.count as u32).collect(),
+            shapes: samples
+                .iter()
+                .flat_map(|sample| sample.shapes.as_flattened().as_flattened())
+                .copied()
+                .collect(),
+            variances: samples
+                .iter()
+                .flat_map(|sample| sample.variances.as_flattened())
+                .copied()
+                .collect(),
+        }
+    }
+
+    /// The inverse of [`Self::to_numbers`].
+    pub(super) fn from_numbers(numbers: &PriorNumbers) -> Result<Self> {
+        let PriorNumbers { counts, shapes, variances } = numbers;
+        let size = MOST_LOBES * SAMPLE_SIZE;
+        let sizes = [
+            ("counts", counts.len(), MOST_LOBES),
+            ("shapes", shapes.len(), MOST_LOBES * MAX_SHAPES * size),
+            ("variances", variances.len(), MOST_LOBES * size),
+        ];
+        if let Some((name, found, expected)) = sizes.iter().find(|(_, found, size)| found != size) {
+            return Err(Error::argument(
+                name,
+                format!("expected {expected} numbers, found {found}"),
+            ));
+        }
+        if let Some(&count) = counts.iter().find(|&&count| count as usize > SAMPLE_SIZE) {
+            return Err(Error::argument("counts", format!("at most {SAMPLE_SIZE}, found {count}")));
+        }
+        let positive = variances.iter().all(|&variance| variance >= 0.0);
+        if !(positive && shapes.iter().all(|shape| shape.is_finite())) {
+            let problem = "expected finite shapes, and variances of 0 or more";
+            return Err(Error::argument("prior", problem));
+        }
+        Ok(Self(core::array::from_fn(|index| {
+            let count = counts[index] as usize;
+            let mut sample = PriorSample { count, ..PriorSample::EMPTY };
+            let into = sample.shapes.as_flattened_mut().as_flattened_mut();
+            into.copy_from_slice(&shapes[index * into.len()..][..into.len()]);
+            let into = sample.variances.as_flattened_mut();
+            into.copy_from_slice(&variances[index * into.len()..][..into.len()]);
+            (count > 0).then(|| Box::new(sample))
+        })))
     }
 
     /// Whether there is a sample of pixels with so many lobes.

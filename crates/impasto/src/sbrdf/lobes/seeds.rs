@@ -5,11 +5,17 @@
 //! that fits much worse than the seeds around it (a fleck of gold between them) is fitted by
 //! multistart, too.
 
+use crate::geometry::Grid;
+
 use super::tile::ByLobeCount;
 
 /// Distance between seeds in rows and columns: with a sixteenth of the pixels as seeds, their
 /// multistart no longer dominates the time of the fit.
 const STEP: usize = 4;
+
+/// Pixels around a tile whose samples its fit needs, as far as the painting reaches: with them the
+/// seeds at the corners of every cell lie in the tile's stack.
+pub const HALO: usize = STEP - 1;
 
 /// The fit of one pixel of the grid.
 #[derive(Clone, Copy, Debug)]
@@ -34,42 +40,81 @@ impl Seed {
     }
 }
 
-/// The seeds row by row; `None` where a pixel cannot be fitted.
+/// Which pixels are seeds: some rows and columns of the painting's coarse grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct SeedGrid {
+    /// First column and row, in steps.
+    first: [usize; 2],
+    /// Columns and rows.
+    size: [usize; 2],
+}
+
+impl SeedGrid {
+    /// The seeds that lie in a tile.
+    pub(super) fn inside(tile: Grid) -> Self {
+        let first = tile.origin.map(|start| start.div_ceil(STEP));
+        let ends = [tile.origin[0] + tile.width, tile.origin[1] + tile.height];
+        Self {
+            first,
+            size: [0, 1].map(|axis| ends[axis].div_ceil(STEP).saturating_sub(first[axis])),
+        }
+    }
+
+    /// The seeds around all pixels of a tile: at the corners of the cells that these lie in, as far
+    /// as the painting reaches.
+    pub(super) fn around(tile: Grid) -> Self {
+        let first = tile.origin.map(|start| start / STEP);
+        let lasts = [tile.origin[0] + tile.width - 1, tile.origin[1] + tile.height - 1];
+        let size = [0, 1].map(|axis| {
+            let last = lasts[axis].div_ceil(STEP).min((tile.extent[axis] - 1) / STEP);
+            last + 1 - first[axis]
+        });
+        Self { first, size }
+    }
+
+    /// Columns and rows of the seeds in the whole painting, row by row.
+    pub(super) fn places(self) -> impl Iterator<Item = [usize; 2]> {
+        let Self { first: [column, row], size: [columns, rows] } = self;
+        (row..row + rows)
+            .flat_map(move |y| (column..column + columns).map(move |x| [x * STEP, y * STEP]))
+    }
+}
+
+/// The seeds of a grid row by row; `None` where a pixel cannot be fitted.
 #[derive(Debug)]
 pub(super) struct Seeds {
-    width: usize,
-    columns: usize,
+    grid: SeedGrid,
     fits: Vec<Option<Seed>>,
 }
 
 impl Seeds {
-    /// The pixels that are seeds.
-    pub(super) fn grid(width: usize, height: usize) -> Vec<usize> {
-        let rows = (0..height).step_by(STEP);
-        rows.flat_map(|row| (0..width).step_by(STEP).map(move |column| row * width + column))
-            .collect()
+    /// From the fits at the [places](SeedGrid::places) of a grid.
+    pub(super) fn new(grid: SeedGrid, fits: Vec<Option<Seed>>) -> Self {
+        Self { grid, fits }
     }
 
-    /// From the fits of the pixels of [`Self::grid`].
-    pub(super) fn new(width: usize, seeds: Vec<Option<Seed>>) -> Self {
-        Self { width, columns: width.div_ceil(STEP), fits: seeds }
-    }
-
-    /// The seeds at the corners of the cell that a pixel lies in, nearest first.
-    pub(super) fn around(&self, pixel: usize) -> Vec<&Seed> {
-        let (row, column) = (pixel / self.width, pixel % self.width);
+    /// The seeds at the corners of the cell that a column and row of the painting lies in, nearest
+    /// first.
+    pub(super) fn around(&self, [column, row]: [usize; 2]) -> Vec<&Seed> {
         let rows = row / STEP..=row.div_ceil(STEP);
         let corners =
             rows.flat_map(|y| (column / STEP..=column.div_ceil(STEP)).map(move |x| [x, y]));
         let mut near: Vec<(usize, &Seed)> = corners
-            .filter(|&[x, _]| x < self.columns)
-            .filter_map(|[x, y]| {
+            .filter_map(|corner| {
+                let [x, y] = corner;
                 let away = (x * STEP).abs_diff(column).pow(2) + (y * STEP).abs_diff(row).pow(2);
-                Some((away, self.fits.get(y * self.columns + x)?.as_ref()?))
+                Some((away, self.at(corner)?))
             })
             .collect();
         near.sort_by_key(|&(away, _)| away);
         near.into_iter().map(|(_, seed)| seed).collect()
+    }
+
+    /// The seed at a column and row of the coarse grid.
+    fn at(&self, [x, y]: [usize; 2]) -> Option<&Seed> {
+        let SeedGrid { first, size } = self.grid;
+        let (x, y) = (x.checked_sub(first[0])?, y.checked_sub(first[1])?);
+        if x < size[0] { self.fits.get(y * size[0] + x)?.as_ref() } else { None }
     }
 }
 
@@ -80,29 +125,62 @@ mod tests {
     use super::*;
 
     fn seed(mark: f32) -> Seed {
-        let place = Estimate::new([0.0, 0.0, 1.0]);
-        let by_count = ByLobeCount { estimates: [place; MOST_LOBES + 1], lobes: 0 };
-        Seed { by_count, normal: place.normal, misfit: mark }
+        let estimate = Estimate::new([0.0, 0.0, 1.0]);
+        let by_count = ByLobeCount { estimates: [estimate; MOST_LOBES + 1], lobes: 0 };
+        Seed { by_count, normal: estimate.normal, misfit: mark }
     }
 
     #[test]
-    fn a_pixel_has_the_nodes_at_its_cells_corners() {
+    fn a_pixel_has_the_seeds_at_its_cells_corners() {
         // Seeds 0 1 2 in row 0, 3 4 5 in row 4; 4 cannot be fitted.
-        let seeds = (0..6).map(|i| (i != 4).then(|| seed(i as f32))).collect();
-        assert_eq!(Seeds::grid(10, 6), [0, 4, 8, 40, 44, 48]);
-        let seeds = Seeds::new(10, seeds);
-        let about = |row: usize, column: usize| {
-            seeds.around(row * 10 + column).iter().map(|seed| seed.misfit).collect::<Vec<_>>()
+        let fits = (0..6).map(|i| (i != 4).then(|| seed(i as f32))).collect();
+        let grid = SeedGrid::inside(Grid::whole(10, 6, 1.0));
+        assert_eq!(
+            grid.places().collect::<Vec<_>>(),
+            [[0, 0], [4, 0], [8, 0], [0, 4], [4, 4], [8, 4]]
+        );
+        let seeds = Seeds::new(grid, fits);
+        let around = |row: usize, column: usize| {
+            seeds.around([column, row]).iter().map(|seed| seed.misfit).collect::<Vec<_>>()
         };
-        assert_eq!(about(0, 4), [1.0]);
-        assert_eq!(about(1, 3), [1.0, 0.0, 3.0]);
-        assert_eq!(about(4, 4), [0.0; 0]);
-        assert_eq!(about(5, 9), [5.0]);
-        assert_eq!(about(3, 9), [5.0, 2.0]);
+        assert_eq!(around(0, 4), [1.0]);
+        assert_eq!(around(1, 3), [1.0, 0.0, 3.0]);
+        assert_eq!(around(4, 4), [0.0; 0]);
+        assert_eq!(around(5, 9), [5.0]);
+        assert_eq!(around(3, 9), [5.0, 2.0]);
     }
 
     #[test]
-    fn a_normal_turns_as_its_node_did() {
+    fn a_tile_has_the_seeds_that_its_pixels_have_in_the_whole() {
+        let whole = Grid::whole(23, 18, 1.0);
+        assert_eq!(SeedGrid::around(whole), SeedGrid::inside(whole));
+        let mark = |[column, row]: [usize; 2]| (100 * row + column) as f32;
+        let marked = |grid: SeedGrid| {
+            Seeds::new(grid, grid.places().map(|place| Some(seed(mark(place)))).collect())
+        };
+        let all = marked(SeedGrid::inside(whole));
+        for ([column, row], width, height) in
+            [([0, 0], 5, 5), ([3, 7], 9, 2), ([4, 8], 1, 1), ([21, 5], 2, 13), ([1, 17], 20, 1)]
+        {
+            let tile = whole.tile([column, row], width, height).unwrap();
+            let some = marked(SeedGrid::around(tile));
+            // All of them lie in the tile and its halo.
+            let from = [column, row].map(|start| start.saturating_sub(HALO));
+            let reach = |axis: usize, end: usize| whole.extent[axis].min(end + HALO) - from[axis];
+            let wide = whole.tile(from, reach(0, column + width), reach(1, row + height)).unwrap();
+            assert!(SeedGrid::around(tile).places().all(|place| wide.pixel(place).is_some()));
+            for pixel in 0..width * height {
+                let marks = |seeds: &Seeds| -> Vec<f32> {
+                    seeds.around(tile.place(pixel)).iter().map(|seed| seed.misfit).collect()
+                };
+                assert_eq!(marks(&some), marks(&all), "{pixel} of {tile:?}");
+            }
+        }
+        assert_eq!(SeedGrid::inside(whole.tile([5, 1], 3, 9).unwrap()).places().count(), 0);
+    }
+
+    #[test]
+    fn a_normal_moves_as_its_seed_did() {
         let mut seed = seed(0.0);
         seed.by_count.estimates[1].normal = [0.6, 0.0, 0.8];
         assert_eq!(seed.moved_normal(seed.normal), [0.6, 0.0, 0.8]);

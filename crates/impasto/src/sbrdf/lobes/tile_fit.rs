@@ -12,116 +12,78 @@ use crate::sbrdf::Start;
 use crate::stack::Stack;
 
 use super::forward_selection::{ForwardSelection, Starts};
-use super::maps::{LobeMaps, MOST_LOBES, TileMaps};
-use super::model::LobeModel;
-use super::options::{LobeOptions, Origin, Precision};
-use super::prior::{FEWEST, Prior, ShapePrior, ShapePriors};
+use super::maps::{MOST_LOBES, TileMaps};
+use super::model::{LobeModel, MAX_NUMBERS};
+use super::options::{LobeOptions, Precision};
+use super::prior::{Prior, ShapePrior, ShapePriors};
 use super::reweight::{COLUMNS, Reweight, Solution};
 use super::search::Search;
-use super::seeds::{Seed, Seeds};
+use super::seeds::{HALO, Seed, SeedGrid, Seeds};
 use super::sight::Sight;
 use super::support::drop_unsupported;
 use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE};
 
-/// Lobes of every pixel, from the normals of photometric stereo.
-///
-/// # Errors
-/// If sizes disagree or the run is cancelled.
-pub fn fit_lobes<M: LobeModel>(
-    stack: &Stack<'_>,
-    rig: &Rig,
-    start: &Start<'_>,
-    model: M,
-    options: &LobeOptions,
-    run: &Run<'_>,
-) -> Result<LobeMaps> {
-    let shape = stack.shape();
-    if rig.observations() != shape.observations {
-        let problem =
-            format!("{} lights for {} photographs", rig.observations(), shape.observations);
-        return Err(Error::geometry("lights", problem));
-    }
-    if options.lobes > MOST_LOBES {
-        let problem = format!("at most {MOST_LOBES}, found {}", options.lobes);
-        return Err(Error::argument("lobes", problem));
-    }
-    start.check(shape.pixels(), shape.bands)?;
-    let sight = Sight::new(model, rig);
-    let fit = LobeFit { stack, rig, start, sight: &sight, options, prior: None, seeds: None, run };
-    let seeds = if options.start == Origin::Neighbours { Some(fit.seeds()?) } else { None };
-    // The seeds also give the prior; with too few seeds for one, multistart is used.
-    let seeds = seeds.filter(|(_, estimates)| !options.typical || estimates.len() >= FEWEST);
-    let (seeds, known) = match seeds {
-        Some((seeds, estimates)) => (Some(seeds), estimates),
-        None if options.typical => (None, fit.sampled()?),
-        None => (None, Vec::new()),
-    };
-    let prior = options.typical.then(|| Prior::of_estimates(&sight.model, &known));
-    let fit = LobeFit { prior: prior.as_ref(), seeds: seeds.as_ref(), ..fit };
-    let mut maps = LobeMaps::new(shape.bands, options.lobes, M::NAMES.len(), start.status, run)?;
-    run.for_each(
-        maps.tiles(TILE),
-        || Scratch::new(stack),
-        |scratch, out| {
-            let (fitted, _) = fit.fit_pixels(scratch, &fit.tile(out.start));
-            fit.write(scratch, &fitted, out);
-        },
-    )?;
-    Ok(maps)
-}
-
-/// Most tiles from which the prior is made.
-const SAMPLED: usize = 40;
-
-/// Most pixels that multistart fits twice: once for the prior, once with it.
-pub const TYPICAL_PIXELS: usize = SAMPLED * TILE;
-
-struct Scratch {
-    tile: LobeFitTile,
+/// Memory of a worker.
+pub(super) struct Scratch {
+    pub(super) tile: LobeFitTile,
     solution: Solution,
 }
 
 impl Scratch {
-    fn new(stack: &Stack<'_>) -> Self {
+    pub(super) fn new(stack: &Stack<'_>) -> Self {
         Self { tile: LobeFitTile::new(stack), solution: Solution::new(stack.shape().bands) }
     }
 }
 
+/// The fit of some pixels at a time.
 #[derive(Clone, Copy)]
-struct LobeFit<'a, M: LobeModel> {
-    stack: &'a Stack<'a>,
-    rig: &'a Rig,
-    start: &'a Start<'a>,
-    sight: &'a Sight<'a, M>,
-    options: &'a LobeOptions,
-    prior: Option<&'a Prior>,
-    seeds: Option<&'a Seeds>,
-    run: &'a Run<'a>,
+pub(super) struct LobeFit<'a, M: LobeModel> {
+    pub(super) stack: &'a Stack<'a>,
+    pub(super) rig: &'a Rig,
+    pub(super) start: &'a Start<'a>,
+    pub(super) sight: &'a Sight<'a, M>,
+    pub(super) options: &'a LobeOptions,
+    pub(super) prior: Option<&'a Prior>,
+    pub(super) seeds: Option<&'a Seeds>,
+    pub(super) run: &'a Run<'a>,
 }
 
-impl<M: LobeModel> LobeFit<'_, M> {
-    /// Estimates from which the prior is made, of tiles spread over the painting.
-    fn sampled(&self) -> Result<Vec<Estimate>> {
-        let tiles = self.stack.shape().pixels().div_ceil(TILE);
-        let starts: Vec<usize> =
-            (0..tiles).step_by(tiles.div_ceil(SAMPLED)).map(|tile| tile * TILE).collect();
-        let estimates = self.run.map(
-            starts,
-            || Scratch::new(self.stack),
-            |scratch, start| {
-                let (fitted, _) = self.fit_pixels(scratch, &self.tile(start));
-                fitted.into_iter().map(|pixel| scratch.tile.estimates[pixel]).collect::<Vec<_>>()
-            },
-        )?;
-        self.run.joined(estimates)
+impl<'a, M: LobeModel> LobeFit<'a, M> {
+    /// A fit without a prior and without seeds, after a check of its arguments.
+    pub(super) fn new(
+        stack: &'a Stack<'a>,
+        rig: &'a Rig,
+        start: &'a Start<'a>,
+        sight: &'a Sight<'a, M>,
+        options: &'a LobeOptions,
+        run: &'a Run<'a>,
+    ) -> Result<Self> {
+        let shape = stack.shape();
+        if rig.observations() != shape.observations {
+            let problem =
+                format!("{} lights for {} photographs", rig.observations(), shape.observations);
+            return Err(Error::geometry("lights", problem));
+        }
+        if options.lobes > MOST_LOBES {
+            let problem = format!("at most {MOST_LOBES}, found {}", options.lobes);
+            return Err(Error::argument("lobes", problem));
+        }
+        start.check(shape.pixels(), shape.bands)?;
+        Ok(Self { stack, rig, start, sight, options, prior: None, seeds: None, run })
     }
 
-    /// The seeds, and their estimates.
-    fn seeds(&self) -> Result<(Seeds, Vec<Estimate>)> {
-        let shape = self.stack.shape();
-        let grid = Seeds::grid(shape.width, shape.height);
+    /// Fits the seeds of a grid; also returns their estimates.
+    pub(super) fn seeds(&self, grid: SeedGrid) -> Result<(Seeds, Vec<Estimate>)> {
+        let pixels: Option<Vec<usize>> =
+            grid.places().map(|place| self.rig.grid().pixel(place)).collect();
+        let Some(pixels) = pixels else {
+            let problem = format!(
+                "its stack must reach {HALO} pixels farther on every side where the painting does"
+            );
+            return Err(Error::geometry("tile", problem));
+        };
         let found = self.run.map(
-            grid.chunks(TILE).collect(),
+            pixels.chunks(TILE).collect(),
             || Scratch::new(self.stack),
             |scratch, pixels| {
                 let (fitted, by_count) = self.fit_pixels(scratch, pixels);
@@ -139,16 +101,11 @@ impl<M: LobeModel> LobeFit<'_, M> {
             },
         )?;
         let (seeds, estimates): (Vec<_>, Vec<_>) = found.into_iter().unzip();
-        Ok((Seeds::new(shape.width, self.run.joined(seeds)?), self.run.joined(estimates)?))
-    }
-
-    /// The pixels of a tile.
-    fn tile(&self, start: usize) -> Vec<usize> {
-        (start..self.stack.shape().pixels().min(start + TILE)).collect()
+        Ok((Seeds::new(grid, self.run.joined(seeds)?), self.run.joined(estimates)?))
     }
 
     /// Fits some pixels; returns those that can be fitted, and the forward selection of all.
-    fn fit_pixels(
+    pub(super) fn fit_pixels(
         &self,
         scratch: &mut Scratch,
         pixels: &[usize],
@@ -190,7 +147,7 @@ impl<M: LobeModel> LobeFit<'_, M> {
     fn select_lobes(&self, tile: &mut LobeFitTile, fitted: &[usize]) -> Vec<ByLobeCount> {
         let selection = self.selection();
         let by_count = match self.seeds {
-            Some(seeds) => selection.select_from_seeds(tile, fitted, seeds),
+            Some(seeds) => selection.select_from_seeds(tile, fitted, seeds, self.rig.grid()),
             None => selection.select(tile, fitted, &Starts::Multistart),
         };
         for (estimate, by_count) in tile.estimates.iter_mut().zip(&by_count) {
@@ -284,19 +241,12 @@ impl<M: LobeModel> LobeFit<'_, M> {
         .run();
     }
 
-    fn write(&self, scratch: &Scratch, fitted: &[usize], mut out: TileMaps<'_>) {
+    /// Writes the fitted pixels of a tile, and the statuses of the others.
+    pub(super) fn write(&self, scratch: &Scratch, fitted: &[usize], out: &mut TileMaps<'_>) {
         let Scratch { tile, solution } = scratch;
         let bands = tile.colour.bands;
-        let numbers = M::NAMES.len();
-        for pixel in 0..tile.pixels.len() {
-            if out.status[pixel] < Status::Dark.code() && fitted.binary_search(&pixel).is_err() {
-                out.status[pixel] = Status::TooFewSamples.code();
-            }
-            // A pixel without light reflects none.
-            if out.status[pixel] == Status::Dark.code() {
-                let colours = [&mut out.diffuse, &mut out.ambient, &mut out.specular];
-                colours.into_iter().flatten().for_each(|plane| plane[pixel] = 0.0);
-            }
+        for pixel in (0..tile.pixels.len()).filter(|pixel| fitted.binary_search(pixel).is_err()) {
+            out.write_unfitted(pixel);
         }
         for &pixel in fitted {
             // Squares of samples beyond 1e19 are infinite in single precision.
@@ -322,13 +272,7 @@ impl<M: LobeModel> LobeFit<'_, M> {
             for lobe in 0..estimate.lobes {
                 let tinted = bands > 1 && solution.neutral[lobe * TILE + pixel] == 0.0;
                 out.tinted[lobe][pixel] = u8::from(tinted);
-                let mut parameters = [0.0; 4];
-                self.sight.model.report(estimate.shapes[lobe], &mut parameters[..numbers]);
-                for (number, &value) in parameters[..numbers].iter().enumerate() {
-                    out.numbers[lobe * numbers + number][pixel] = value;
-                }
-                let spread = estimate.shape_deviation[lobe];
-                out.spread[lobe][pixel] = if spread.is_finite() { spread } else { f32::NAN };
+                self.write_shape(estimate, lobe, pixel, out);
             }
             // The photographs determine every lobe's shape less well than the prior does.
             let prior_deviation = self.sight.model.spreads()[0] as f32;
@@ -343,5 +287,17 @@ impl<M: LobeModel> LobeFit<'_, M> {
             // Hard case 27: an undetermined normal may lie anywhere in the hemisphere.
             out.sigma[pixel] = estimate.normal_deviation.min(FRAC_PI_2);
         }
+    }
+
+    fn write_shape(&self, estimate: &Estimate, lobe: usize, pixel: usize, out: &mut TileMaps<'_>) {
+        let mut parameters = [0.0; MAX_NUMBERS];
+        let parameters = &mut parameters[..M::NAMES.len()];
+        self.sight.model.report(estimate.shapes[lobe], parameters);
+        let first = lobe * parameters.len();
+        for (plane, &mut value) in out.parameters[first..].iter_mut().zip(parameters) {
+            plane[pixel] = value;
+        }
+        let deviation = estimate.shape_deviation[lobe];
+        out.deviation[lobe][pixel] = if deviation.is_finite() { deviation } else { f32::NAN };
     }
 }

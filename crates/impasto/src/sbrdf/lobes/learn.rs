@@ -1,0 +1,131 @@
+//! What the fit learns about the whole painting before it is applied to a tile.
+
+use crate::error::{Error, Result};
+use crate::geometry::Rig;
+use crate::pixels::Run;
+use crate::sbrdf::Start;
+use crate::stack::Stack;
+
+use super::maps::MOST_LOBES;
+use super::model::{LobeModel, MAX_SHAPES};
+use super::options::{LobeOptions, Origin};
+use super::prior::{FEWEST, Prior, SAMPLE_SIZE};
+use super::seeds::{SeedGrid, Seeds};
+use super::sight::Sight;
+use super::tile::{Estimate, TILE};
+use super::tile_fit::{LobeFit, Scratch};
+
+/// Most tiles from which the prior is made.
+const SAMPLED: usize = 40;
+
+/// Most pixels that multistart fits twice: once for the prior, once with it.
+pub const TYPICAL_PIXELS: usize = SAMPLED * TILE;
+
+/// What the fit of a tile needs to know about the whole painting: small plain data.
+#[derive(Clone, Debug)]
+pub struct LearnedLobes {
+    /// The options with which it was learned; its start is multistart where the sample had too few
+    /// seeds for a prior.
+    pub options: LobeOptions,
+    /// How many pixels were fitted to learn it.
+    pub pixels: usize,
+    pub(super) prior: Option<Prior>,
+}
+
+/// [`LearnedLobes::prior`] as numbers, to be saved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PriorNumbers {
+    /// `(number of lobes,)`: how many pixels were sampled that have 1, 2 and 3 lobes; 0: no prior.
+    pub counts: Vec<u32>,
+    /// `(number of lobes, lobe, unknown, pixel)`: the unknowns of their shapes.
+    pub shapes: Vec<f32>,
+    /// `(number of lobes, lobe, pixel)`: the variances of these.
+    pub variances: Vec<f32>,
+}
+
+impl PriorNumbers {
+    /// Sizes of [`Self::shapes`]: numbers of lobes, lobes, unknowns of a shape, pixels.
+    pub const SHAPE: [usize; 4] = [MOST_LOBES, MOST_LOBES, MAX_SHAPES, SAMPLE_SIZE];
+}
+
+impl LearnedLobes {
+    /// The sampled pixels from which priors are made; none with [`LobeOptions::typical`] off.
+    #[must_use]
+    pub fn prior(&self) -> Option<PriorNumbers> {
+        self.prior.as_ref().map(Prior::to_numbers)
+    }
+
+    /// What was saved, again.
+    ///
+    /// # Errors
+    /// If the numbers are not those of a prior, or their being there disagrees with the options.
+    pub fn new(options: LobeOptions, pixels: usize, prior: Option<&PriorNumbers>) -> Result<Self> {
+        if prior.is_some() != options.typical {
+            return Err(Error::argument(
+                "prior",
+                "expected one just where the options call for it",
+            ));
+        }
+        Ok(Self { options, pixels, prior: prior.map(Prior::from_numbers).transpose()? })
+    }
+}
+
+/// Learns what the fit of a tile needs to know about the whole painting.
+///
+/// `stack`, `rig` and `start` may be those of the whole painting, or of a tile of it as a sample.
+/// Seeds, or with multistart up to [`TYPICAL_PIXELS`] spread over the sample, are fitted; the prior
+/// is made from their estimates.
+///
+/// # Errors
+/// If sizes disagree or the run is cancelled.
+pub fn learn_lobes<M: LobeModel>(
+    stack: &Stack<'_>,
+    rig: &Rig,
+    start: &Start<'_>,
+    model: M,
+    options: &LobeOptions,
+    run: &Run<'_>,
+) -> Result<LearnedLobes> {
+    let sight = Sight::new(model, rig);
+    LobeFit::new(stack, rig, start, &sight, options, run)?.learn().map(|(learned, _)| learned)
+}
+
+impl<M: LobeModel> LobeFit<'_, M> {
+    /// What is learned from this fit's stack, and the seeds that were fitted for it.
+    pub(super) fn learn(&self) -> Result<(LearnedLobes, Option<Seeds>)> {
+        let grid = SeedGrid::inside(self.rig.grid());
+        let seeds = match self.options.start {
+            Origin::Neighbours => Some(self.seeds(grid)?),
+            Origin::Multistart => None,
+        };
+        // The seeds also give the prior; with too few seeds for one, multistart is used.
+        let enough = |estimates: &[Estimate]| !self.options.typical || estimates.len() >= FEWEST;
+        let (seeds, estimates) = match seeds {
+            Some((seeds, estimates)) if enough(&estimates) => (Some(seeds), estimates),
+            _ if self.options.typical => (None, self.sampled()?),
+            _ => (None, Vec::new()),
+        };
+        let start = if seeds.is_some() { Origin::Neighbours } else { Origin::Multistart };
+        let prior =
+            self.options.typical.then(|| Prior::of_estimates(&self.sight.model, &estimates));
+        let options = LobeOptions { start, ..*self.options };
+        Ok((LearnedLobes { options, pixels: estimates.len(), prior }, seeds))
+    }
+
+    /// Estimates of tiles spread over the painting.
+    fn sampled(&self) -> Result<Vec<Estimate>> {
+        let pixels = self.stack.shape().pixels();
+        let tiles = pixels.div_ceil(TILE);
+        let starts = (0..tiles).step_by(tiles.div_ceil(SAMPLED)).map(|tile| tile * TILE);
+        let estimates = self.run.map(
+            starts.collect(),
+            || Scratch::new(self.stack),
+            |scratch, start| {
+                let tile: Vec<usize> = (start..pixels.min(start + TILE)).collect();
+                let (fitted, _) = self.fit_pixels(scratch, &tile);
+                fitted.into_iter().map(|pixel| scratch.tile.estimates[pixel]).collect::<Vec<_>>()
+            },
+        )?;
+        self.run.joined(estimates)
+    }
+}
