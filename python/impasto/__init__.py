@@ -14,6 +14,7 @@ from impasto.errors import (
     CorruptInputError,
     GeometryError,
     ImpastoError,
+    ImpastoWarning,
     InternalError,
     MissingExtraError,
 )
@@ -52,6 +53,7 @@ __all__ = [
     "HighlightFit",
     "Image",
     "ImpastoError",
+    "ImpastoWarning",
     "InternalError",
     "LafortuneSbrdf",
     "LobeSbrdf",

@@ -4,9 +4,23 @@ A wrong call raises; a bad pixel never does: it carries a :class:`~impasto.Statu
 exception says what went wrong, the class here is also that builtin.
 """
 
+import re
+
+_NUMPY_SCALAR = re.compile(r"\bnp\.(?:float|int|uint|bool|str)_?\d*\(([^()]*)\)")
+"""How numpy prints a number in a message that shows the caller's value."""
+
 
 class ImpastoError(Exception):
-    """Base class of all errors of impasto."""
+    """Base class of all errors of impasto. Numbers in messages are plain: 0.5."""
+
+    def __init__(self, *arguments: object) -> None:
+        super().__init__(
+            *(_NUMPY_SCALAR.sub(r"\1", a) if isinstance(a, str) else a for a in arguments)
+        )
+
+
+class ImpastoWarning(UserWarning):
+    """Something that is probably not meant; the message says what to do."""
 
 
 class ArgumentError(ImpastoError, ValueError):

@@ -13,6 +13,7 @@ from impasto import _core
 from impasto._internal.border import RigArguments
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import holding, instance, length_mm
+from impasto._internal.html import png
 from impasto._internal.waiting import floats
 from impasto.bands import Camera, checked_camera
 from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_from_spectrum
@@ -105,19 +106,48 @@ class Image:
             "display": self.screen.name,
         }
 
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """The codes of the display ``(y, x, 3)``: ``np.asarray(image)``."""
+        return np.array(self.display, dtype=dtype, copy=copy)
+
+    def _repr_png_(self) -> bytes:
+        """What a notebook shows."""
+        return png(self.display)
+
     def save(self, path: str | Path) -> None:
-        """Write ``.png`` (8-bit codes) or ``.exr`` (linear light R, G, B and coverage A)."""
+        """Write the picture; the suffix says in which format.
+
+        ``.png``, ``.jpg`` and ``.tif``: 8-, 8- and 16-bit codes of the display, with its profile in
+        PNG and TIFF unless it is sRGB. ``.exr``: linear light R, G, B and coverage A.
+
+        Raises
+        ------
+        ArgumentError
+            Another suffix; a JPEG for a display other than sRGB, which it could not name.
+        """
         from impasto.colour import icc_profile
-        from impasto.io import write_exr, write_png8
+        from impasto.io import write_exr, write_jpeg, write_png8, write_tiff16
 
         suffix = Path(path).suffix.lower()
+        standard = self.screen.name == "srgb"
+        icc = None if standard else icc_profile(self.screen)
         if suffix == ".png":
-            standard = self.screen.name == "srgb"
-            write_png8(path, self.display, icc=None if standard else icc_profile(self.screen))
+            write_png8(path, self.display, icc=icc)
+        elif suffix in {".jpg", ".jpeg"}:
+            if not standard:
+                raise ArgumentError(
+                    f"path: {path} would carry no profile of the display {self.screen.name!r}; "
+                    "save .png or .tif"
+                )
+            write_jpeg(path, self.display)
+        elif suffix in {".tif", ".tiff"}:
+            write_tiff16(path, self.screen.encode(self.linear), icc=icc)
         elif suffix == ".exr":
             write_exr(path, dict(zip("RGBA", (*self.linear, self.coverage), strict=True)))
         else:
-            raise ArgumentError(f"path: expected a name ending in .png or .exr, found {path}")
+            raise ArgumentError(
+                f"path: expected a name ending in .png, .jpg, .tif or .exr, found {path}"
+            )
 
 
 def render(

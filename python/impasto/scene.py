@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from impasto._internal.checks import number, numbers, positive
 from impasto.colour import Display
 from impasto.colour.adaptation import Mode
+from impasto.colour.illuminants import checked_illuminant
 from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import FRONTAL, Light, Rig
 
@@ -105,6 +106,9 @@ class Scene:
             raise ArgumentError(
                 f"illuminant: expected one per light ({len(rig)}), found {len(spectra)}"
             )
+        for one in spectra:
+            checked_illuminant(one)
+        checked_illuminant(reference, "reference")
         degree = "d from 0 to 1, or None"
         if adaptation is not None and not 0.0 <= number(adaptation, "adaptation", degree) <= 1.0:
             raise ArgumentError(f"adaptation: expected {degree}, found {adaptation}")

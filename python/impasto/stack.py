@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import instance, numbers, picked, unmasked
+from impasto._internal.html import THUMBNAIL, table, thumbnail
+from impasto._internal.named import coordinate, in_order, is_named, light_directions
 from impasto._internal.waiting import floats, wait_for
 from impasto._internal.windows import offset, turned_map, window
 from impasto.encoding import Encoding
-from impasto.errors import ArgumentError
+from impasto.errors import ArgumentError, ImpastoWarning
 from impasto.rig import Light, Rig, quarter_turns_of
 
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float16, np.float32)
@@ -43,9 +46,13 @@ class Stack:
         ``(obs, band, y, x)``, or ``(obs, y, x)`` for one band; uint8, uint16, float16 or float32
         are kept as they are (never copied if C-contiguous), other real numbers become float32.
         Integers of another type need ``scale``: their full scale is seldom that of the type.
-        Masked samples become NaN.
+        Masked samples become NaN. Floats whose median looks like that of 8- or 16-bit codes are
+        kept, with an :class:`ImpastoWarning`. The dimensions of a ``DataArray`` go by their names,
+        in any order: observation (obs, photograph, image, light), band (channel), y (row), x
+        (column); labels name bands and photographs, the coordinates ``light_x``, ``light_y`` and
+        ``light_z`` of observations are directions to the lights.
     lights
-        ``(obs, 3)`` directions, lights, or a :class:`Rig`.
+        ``(obs, 3)`` directions, lights, or a :class:`Rig`; only a ``DataArray`` may bring its own.
     views, pitch_mm
         See :class:`Rig`.
     bands
@@ -86,7 +93,7 @@ class Stack:
         self,
         samples: ArrayLike,
         *,
-        lights: ArrayLike | Sequence[Light] | Rig,
+        lights: ArrayLike | Sequence[Light] | Rig | None = None,
         views: ArrayLike | None = None,
         pitch_mm: float | None = None,
         bands: Sequence[str] | None = None,
@@ -99,7 +106,20 @@ class Stack:
         notes: Sequence[Any] = (),
         sources: Sequence[str | Path] = (),
     ) -> None:
+        if is_named(samples):
+            named: Any = in_order(samples, "samples")
+            bands = coordinate(named, "band") if bands is None else bands
+            names = coordinate(named, "observation") if names is None else names
+            lights = light_directions(named) if lights is None else lights
+            samples = named.values
+        if lights is None:
+            raise ArgumentError(
+                "lights: expected directions (obs, 3), lights or a Rig, found none; a DataArray "
+                "may have them as coordinates light_x, light_y and light_z"
+            )
         array, full = _samples(samples, scaled=scale is not None)
+        if scale is None and full is None:
+            _warn_of_codes(array)
         rig = Rig(lights, views=views, pitch_mm=pitch_mm)
         observations, count, height, width = array.shape
         if bands is None and width <= _MOST_LAST and count > _MOST_UNNAMED:
@@ -144,6 +164,23 @@ class Stack:
             f"{self.samples.dtype}, {self.encoding.curve}>"
         )
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: sizes, lights, and the mean of some photographs."""
+        observations, _, height, width = self.shape
+        some = np.linspace(0, observations - 1, min(observations, 8)).astype(int)
+        step = max(1, max(height, width) // THUMBNAIL)
+        light = [self._linear(self.samples[index][:, ::step, ::step]) for index in some]
+        mean = np.mean([np.nan_to_num(plane, posinf=1.0) for plane in light], axis=0)
+        rows = {
+            "photographs": observations,
+            "size": f"{width} x {height} pixels",
+            "bands": ", ".join(self.bands),
+            "samples": self.samples.dtype,
+            "tone curve": self.encoding.curve,
+            "rig": repr(self.rig).strip("<>").removeprefix("Rig "),
+        }
+        return table("Stack", rows, thumbnail(mean))
+
     @property
     def shape(self) -> tuple[int, int, int, int]:
         """``(obs, band, y, x)``."""
@@ -187,7 +224,10 @@ class Stack:
 
     def linear(self, index: int) -> NDArray[np.float32]:
         """One observation as linear light ``(band, y, x)``; clipped samples are +inf."""
-        stored = self.samples[index].astype(np.float32)
+        return self._linear(self.samples[index])
+
+    def _linear(self, samples: NDArray[Any]) -> NDArray[np.float32]:
+        stored = samples.astype(np.float32)
         value = (stored - self.black[:, None, None].astype(np.float32)) * self.scale[
             :, None, None
         ].astype(np.float32)
@@ -247,6 +287,27 @@ def _samples(samples: ArrayLike, *, scaled: bool) -> tuple[NDArray[Any], float |
         array = floats(array)
     whole = array.flags.c_contiguous
     return array if whole else wait_for(np.ascontiguousarray, array), full
+
+
+CODES = (4.0, 65535.0)
+"""Medians of floats that are taken for codes: linear light is 1 on a white board and rarely above 4
+on half of a painting; scenes in other units (2^20) are left alone."""
+
+
+def _warn_of_codes(samples: NDArray[Any]) -> None:
+    """Point out floats that look like the codes of a camera."""
+    flat = samples.reshape(-1)
+    some = np.asarray(flat[:: max(1, flat.size // 4096)], dtype=np.float32)
+    known = some[np.isfinite(some)]
+    median = float(np.median(known)) if known.size else 0.0
+    if CODES[0] < median < CODES[1]:
+        full = 255 if float(known.max()) <= 255.0 else 65535
+        warnings.warn(
+            f"samples: half of these floats are above {median:.3g}, but a white board is 1.0 in "
+            f"linear light; if they are codes, give scale=1/{full} and saturation={full}",
+            ImpastoWarning,
+            stacklevel=3,
+        )
 
 
 def _mask(mask: ArrayLike | None, shape: tuple[int, int]) -> NDArray[np.bool_] | None:

@@ -130,6 +130,17 @@ def sampled(
     return np.interp(at, own_grid, _checked_power(values, own_grid.size, name))
 
 
+def checked_illuminant(illuminant: Illuminant, name: str = "illuminant") -> None:
+    """Refuse what is no light source: an unknown name, a temperature of 0, values that are NaN.
+
+    Values without wavelengths pass: only their length tells whether they fit a grid.
+    """
+    bare = isinstance(illuminant, np.ndarray | list) and np.ndim(illuminant) == 1
+    # The default needs no table: colour-science takes a second to be loaded.
+    if not (bare or (isinstance(illuminant, str) and illuminant == "D65")):
+        sampled(illuminant, np.array([555.0]), name=name)
+
+
 def temperature_if_given(illuminant: Illuminant) -> float | None:
     """Kelvin, if the light source was given as a temperature."""
     if isinstance(illuminant, str):

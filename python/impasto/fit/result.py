@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import picked
+from impasto._internal.html import THUMBNAIL, table, thumbnail
 from impasto._internal.waiting import wait_for
 from impasto._internal.windows import place
 from impasto.fit.gloss import Gloss, gloss_of_pixels
@@ -248,6 +249,22 @@ class Sbrdf(PixelMaps, Relightable):
         share = 100 * float((self.status < Status.DARK).mean())
         size = f"{width} x {height} pixels, {len(self.bands)} bands"
         return f"<{type(self).__name__} {size}, {share:.1f} % estimated: {self._gloss()}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: sizes, gloss and statuses, diffuse colours and normals."""
+        height, width = self.shape
+        gloss = self.gloss
+        rows = {
+            "size": f"{width} x {height} pixels",
+            "bands": ", ".join(self.bands),
+            "estimated": f"{100 * float(self.estimated.mean()):.1f} %",
+            "gloss": self._gloss(),
+            "beta, gamma": f"{gloss.beta:.3g}, {np.degrees(gloss.gamma):.3g}°",
+        }
+        normals = np.nan_to_num((self.normal + 1.0) / 2.0, nan=0.0)
+        step = max(1, max(self.shape) // THUMBNAIL)
+        facing = np.rint(255 * np.moveaxis(normals[:, ::step, ::step], 0, -1)).astype(np.uint8)
+        return table(type(self).__name__, rows, thumbnail(self.diffuse), facing)
 
     @classmethod
     def kind(cls) -> str:

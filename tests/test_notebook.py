@@ -1,0 +1,153 @@
+"""What notebooks show, pictures as arrays and files, and input that names its own dimensions."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+import impasto
+from impasto import ArgumentError, DistantLight, Scene
+
+LIGHTS = [(0.0, 0.6, 0.8), (0.6, 0.0, 0.8), (-0.6, 0.0, 0.8), (0.0, -0.6, 0.8)]
+
+
+def samples() -> Any:
+    """Four photographs of three bands, 5 x 7 pixels; every number differs."""
+    return np.linspace(0.1, 0.9, 4 * 3 * 5 * 7).astype(np.float32).reshape(4, 3, 5, 7)
+
+
+def surface() -> impasto.Surface:
+    normal = np.zeros((3, 5, 7), np.float32)
+    normal[2] = 1.0
+    return impasto.Surface(normal, samples()[0])
+
+
+@pytest.fixture(scope="module")
+def image() -> impasto.Image:
+    return impasto.render(surface(), Scene([DistantLight((0, 0.5, 1))]))
+
+
+def test_a_stack_shows_its_sizes_and_a_thumbnail() -> None:
+    page = impasto.Stack(samples(), lights=LIGHTS, bands=("<red>", "g", "b"))._repr_html_()
+    for part in ("7 x 5 pixels", "&lt;red&gt;, g, b", "float32", "4 lights"):
+        assert part in page
+    assert page.count("data:image/png;base64,") == 1
+
+
+def test_a_thumbnail_of_nothing_is_black() -> None:
+    empty = np.full((2, 1, 4, 4), np.nan, np.float32)
+    page = impasto.Stack(empty, lights=LIGHTS[:2])._repr_html_()
+    assert "data:image/png" in page
+
+
+def test_a_picture_is_an_array_and_a_png(image: impasto.Image) -> None:
+    np.testing.assert_array_equal(np.asarray(image), image.display)
+    assert np.asarray(image, dtype=np.float32).dtype == np.float32
+    coded = cv2.imdecode(np.frombuffer(image._repr_png_(), np.uint8), cv2.IMREAD_COLOR)
+    np.testing.assert_array_equal(coded[..., ::-1], image.display)
+
+
+def test_a_picture_is_saved_by_its_suffix(image: impasto.Image, tmp_path: Path) -> None:
+    for name in ("a.png", "a.jpg", "a.JPEG", "a.tif", "a.tiff", "a.exr"):
+        image.save(tmp_path / name)
+    # 16-bit codes are those of the linear light; 8-bit ones are the same, rounded: half a code.
+    deep = np.moveaxis(tifffile.imread(tmp_path / "a.tif"), 0, -1)
+    assert deep.dtype == np.uint16
+    assert np.abs(deep / 257.0 - image.display).max() <= 0.51
+    # JPEG loses a few codes, and keeps the picture.
+    coded = cv2.imread(str(tmp_path / "a.jpg"))[..., ::-1]
+    assert np.abs(coded.astype(int) - image.display).mean() < 8
+    with pytest.raises(ArgumentError, match=r"\.png, \.jpg, \.tif or \.exr, found .*a\.bmp"):
+        image.save(tmp_path / "a.bmp")
+
+
+def test_a_jpeg_does_not_hide_the_display(tmp_path: Path) -> None:
+    wide = impasto.render(surface(), Scene([DistantLight((0, 0, 1))], display="display-p3"))
+    with pytest.raises(ArgumentError, match="profile"):
+        wide.save(tmp_path / "a.jpg")
+    assert not list(tmp_path.iterdir())
+
+
+def test_named_dimensions_may_come_in_any_order() -> None:
+    xarray = pytest.importorskip("xarray")
+    given = xarray.DataArray(
+        samples().transpose(3, 1, 0, 2),
+        dims=("x", "channel", "obs", "y"),
+        coords={
+            "channel": ["long", "middle", "short"],
+            **{f"light_{name}": ("obs", np.array(LIGHTS)[:, i]) for i, name in enumerate("xyz")},
+        },
+    )
+    stack = impasto.Stack(given)
+    np.testing.assert_array_equal(stack.samples, samples())
+    assert stack.bands == ("long", "middle", "short")
+    np.testing.assert_allclose(stack.rig.directions, LIGHTS, rtol=1e-12)
+    grey = impasto.Stack(given.isel(channel=0, drop=True), lights=LIGHTS)
+    np.testing.assert_array_equal(grey.samples[:, 0], samples()[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("dims", "found"),
+    [
+        (("obs", "band", "y", "depth"), "'depth' is unknown"),
+        (("obs", "channel", "band", "x"), "'band' means the same as 'channel'"),
+        (("band", "y", "x"), "found band, y, x"),
+    ],
+)
+def test_dimensions_that_make_no_stack_are_named(dims: tuple[str, ...], found: str) -> None:
+    xarray = pytest.importorskip("xarray")
+    array = xarray.DataArray(np.zeros((2,) * len(dims), np.float32), dims=dims)
+    with pytest.raises(ArgumentError, match=found):
+        impasto.Stack(array, lights=LIGHTS[:2])
+
+
+def test_lights_are_asked_for() -> None:
+    with pytest.raises(ArgumentError, match=r"lights: .*found none"):
+        impasto.Stack(samples())
+
+
+def test_a_dataset_survives_netcdf(tmp_path: Path) -> None:
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    small = impasto.Stack(samples(), lights=LIGHTS, pitch_mm=0.5)
+    dataset = impasto.fit_sbrdf(small, joint=False).to_xarray()
+    dataset.to_netcdf(tmp_path / "fit.nc", engine="h5netcdf")
+    with xarray.open_dataset(tmp_path / "fit.nc", engine="h5netcdf") as found:
+        xarray.testing.assert_identical(found.load(), dataset)
+
+
+def test_codes_are_not_linear_light() -> None:
+    codes = np.rint(255 * samples()).astype(np.float32)
+    with pytest.warns(impasto.ImpastoWarning, match=r"scale=1/255 and saturation=255"):
+        impasto.Stack(codes, lights=LIGHTS)
+    with pytest.warns(impasto.ImpastoWarning, match="scale=1/65535"):
+        impasto.Stack(257 * codes, lights=LIGHTS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        impasto.Stack(codes, lights=LIGHTS, scale=1 / 255)
+        impasto.Stack(samples(), lights=LIGHTS)
+
+
+def test_an_unknown_illuminant_fails_with_the_scene() -> None:
+    with pytest.raises(ArgumentError, match=r"illuminant: .*foo"):
+        Scene(LIGHTS, illuminant="foo")
+    with pytest.raises(ArgumentError, match="illuminant: "):
+        Scene(LIGHTS[:2], illuminant=["A", -5.0])
+    with pytest.raises(ArgumentError, match=r"reference: .*foo"):
+        Scene(LIGHTS, reference="foo")
+
+
+def test_messages_show_plain_numbers() -> None:
+    with pytest.raises(ArgumentError) as told:
+        impasto.fit_sbrdf(impasto.Stack(samples(), lights=LIGHTS), index=np.float64(0.5))
+    assert "0.5" in str(told.value)
+    assert "np." not in str(told.value)
+    with pytest.raises(ArgumentError) as told:
+        DistantLight((np.float32(np.nan), np.float64(0.0), np.int64(1)))
+    assert "(nan, 0.0, 1)" in str(told.value)
