@@ -21,6 +21,7 @@ from impasto.errors import (
 from impasto.fit.gloss import Gloss
 from impasto.fit.highlight import HighlightFit, fit_highlight
 from impasto.fit.lafortune import LafortuneSbrdf
+from impasto.fit.learning import LearnedModel, learn_sbrdf, load_learned
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import Normals, fit_normals
 from impasto.fit.pixel import Pixel
@@ -56,6 +57,7 @@ __all__ = [
     "ImpastoWarning",
     "InternalError",
     "LafortuneSbrdf",
+    "LearnedModel",
     "LobeSbrdf",
     "MissingExtraError",
     "Normals",
@@ -83,6 +85,8 @@ __all__ = [
     "fit_sbrdf",
     "fit_strengths",
     "integrate_normals",
+    "learn_sbrdf",
+    "load_learned",
     "load_sbrdf",
     "read_stack",
     "render",

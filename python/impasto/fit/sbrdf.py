@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal, TypedDict, Unpack, get_args, overload
+from typing import Any, Literal, TypedDict, Unpack, get_args, overload
 
 from numpy.typing import ArrayLike
 
@@ -16,7 +17,7 @@ from impasto.errors import ArgumentError
 from impasto.fit.lafortune import LafortuneSbrdf, fit_lafortune
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count
 from impasto.fit.normals import Method, Normals, fit_normals
-from impasto.fit.options import Model, Pooling, fit_kind
+from impasto.fit.options import FitKind, Model, Pooling, fit_kind
 from impasto.fit.pooled import Extraction, PooledSbrdf, fit_pooled
 from impasto.fit.result import Sbrdf
 from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
@@ -205,7 +206,8 @@ def fit_sbrdf(
     approximation of reflectance functions, SIGGRAPH 1997.
     """
     checked_stack(stack)
-    options = fit_kind(model, pooling).complete(
+    options = checked_options(
+        fit_kind(model, pooling),
         {
             "segments": segments,
             "lobes": lobes,
@@ -213,22 +215,13 @@ def fit_sbrdf(
             "extraction": extraction,
             "joint": joint,
             "index": index,
-        }
+        },
     )
-    if "extraction" in options:
-        one_of(options["extraction"], get_args(Extraction), "extraction")
-    if "index" in options:
-        options["index"] = refractive_index(options["index"])
-    for name in ("joint", "ambient"):
-        if name in options:
-            options[name] = truth(options[name], name)
-    if "lobes" in options:
-        options["lobes"] = lobe_count(options["lobes"])
     effort = resolved(effort)
     labels = None
     if "segments" in options:
         labels = wait_for(checked_labels, options.pop("segments"), stack.shape[2:])
-    stereo = _stereo(stack, normals, effort, threads, progress)
+    stereo = start_normals(stack, normals, effort, threads, progress)
     options |= {"effort": effort, "threads": threads, "progress": progress}
     if model == "lafortune":
         return fit_lafortune(stack, stereo, **options)
@@ -241,13 +234,29 @@ def fit_sbrdf(
     return pooled(stereo) if labels is None else fit_segments(labels, stereo, pooled)
 
 
-def _stereo(
+def checked_options(kind: FitKind, given: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of a fit, each checked; defaults where None is given."""
+    options = kind.complete(given)
+    if "extraction" in options:
+        one_of(options["extraction"], get_args(Extraction), "extraction")
+    if "index" in options:
+        options["index"] = refractive_index(options["index"])
+    for name in ("joint", "ambient"):
+        if name in options:
+            options[name] = truth(options[name], name)
+    if "lobes" in options:
+        options["lobes"] = lobe_count(options["lobes"])
+    return options
+
+
+def start_normals(
     stack: Stack,
     normals: Normals | Method | None,
     effort: Effort,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Normals:
+    """The maps of photometric stereo that a fit begins with."""
     if normals is None:
         return fit_normals(stack, effort=effort, threads=threads, progress=progress)
     if isinstance(normals, str):

@@ -1,0 +1,315 @@
+"""Learn what a fit must know about a whole painting, then apply it tile by tile."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto._internal.calls import ProgressCallback
+from impasto._internal.checks import instance
+from impasto._internal.windows import Window, window
+from impasto.effort import Effort, EffortLike, resolved
+from impasto.errors import ArgumentError
+from impasto.fit.lafortune import fit_lafortune
+from impasto.fit.learned import LearnedLobe
+from impasto.fit.lobes import HALO, LearnedLobes, LobeOptions, apply_lobes, learn_lobes
+from impasto.fit.normals import Method
+from impasto.fit.options import FitKind, Model, Pooling, fit_kind
+from impasto.fit.pooled import Extraction, apply_pooled, learn_pooled, pooled_sbrdf
+from impasto.fit.result import Sbrdf
+from impasto.fit.sbrdf import checked_options, start_normals
+from impasto.io.results import read_maps, write_maps
+from impasto.stack import Stack, checked_stack
+
+KIND = "impasto.LearnedModel"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LearnedModel:
+    """What :func:`learn_sbrdf` found out about a whole painting: small, and all that a tile needs.
+
+    Attributes
+    ----------
+    model, pooling
+        Which fit this is; see :func:`impasto.fit_sbrdf`.
+    extent
+        Rows and columns of the whole painting.
+    bands
+        How many bands the photographs have.
+    method
+        The photometric stereo that the fit begins with; None: the default of
+        :func:`impasto.fit_normals`.
+    effort
+        How far the fit goes.
+    lobes
+        Lobes per pixel at most; 1 where pixels are pooled.
+    fit
+        The painting's lobe, or the prior of lobes per pixel; None for Lafortune lobes, which every
+        pixel finds by itself.
+    """
+
+    model: Model
+    pooling: Pooling
+    extent: tuple[int, int]
+    bands: int
+    method: Method | None
+    effort: Effort
+    lobes: int
+    fit: LearnedLobe | LearnedLobes | None
+
+    def __repr__(self) -> str:
+        height, width = self.extent
+        return (
+            f"<LearnedModel {self.model}, pooling={self.pooling!r}, of {width} x {height} pixels, "
+            f"{self.bands} bands, halo of {self.halo} pixels>"
+        )
+
+    @property
+    def halo(self) -> int:
+        """Pixels around a tile whose samples its fit needs, as far as the painting reaches.
+
+        They are the seeds of ``Effort(start="neighbours")``: the fits of every fourth pixel of
+        every fourth row of the whole painting, from which searches around them start.
+        """
+        seeds = isinstance(self.fit, LearnedLobes) and self.fit.options.start == "neighbours"
+        return HALO if seeds else 0
+
+    def apply(
+        self,
+        stack: Stack,
+        rows: slice = slice(None),
+        columns: slice = slice(None),
+        *,
+        threads: int | None = None,
+        progress: bool | ProgressCallback = False,
+    ) -> Sbrdf:
+        """Fit a tile. Its maps are those of the whole painting's fit, bit for bit.
+
+        Parameters
+        ----------
+        stack
+            Photographs of the painting, or of a part of it: ``stack[y0:y1, x0:x1]`` knows where it
+            lies (``rig.origin``).
+        rows, columns
+            The tile, in pixels of the stack; default: all of it. Around it the stack must reach
+            :attr:`halo` pixels farther, as far as the painting does.
+        threads, progress
+            As in :func:`impasto.fit_sbrdf`.
+
+        Returns
+        -------
+        Sbrdf
+            Of the kind that :func:`impasto.fit_sbrdf` returns, of the size of the tile.
+
+        Raises
+        ------
+        ArgumentError
+            A stack of other bands; rows or columns that hold no pixel.
+        GeometryError
+            A stack that does not lie in the painting or does not reach far enough.
+        """
+        checked_stack(stack)
+        if stack.shape[1] != self.bands:
+            raise ArgumentError(f"stack: expected {self.bands} bands, found {stack.shape[1]}")
+        size = stack.shape[2:]
+        tile = window((rows, columns), size)
+        wide = _widened(tile, size, self.halo)
+        near = stack[wide]
+        stereo = start_normals(near, self.method, self.effort, threads, progress)
+        inner = _within(tile, wide)
+        if isinstance(self.fit, LearnedLobes):
+            maps = apply_lobes(
+                self.fit, near, stereo, inner=inner, threads=threads, progress=progress
+            )
+            return maps.result(near[inner], stereo[inner], self.fit.options.index)
+        if isinstance(self.fit, LearnedLobe):
+            pooled = apply_pooled(self.fit, near, stereo, threads=threads, progress=progress)
+            return pooled_sbrdf(self.fit, pooled, near, stereo)
+        return fit_lafortune(
+            near, stereo, lobes=self.lobes, effort=self.effort, threads=threads, progress=progress
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an ``.npz``, for :func:`load_learned`; it appears whole or not at all.
+
+        Raises
+        ------
+        ArgumentError
+            Another suffix.
+        """
+        arrays: dict[str, Any] = {
+            "model": self.model,
+            "pooling": self.pooling,
+            "extent": self.extent,
+            "bands": self.bands,
+            "method": self.method or "",
+            "lobes": self.lobes,
+        }
+        arrays |= {f"effort.{name}": value for name, value in asdict(self.effort).items()}
+        arrays |= {f"fit.{name}": array for name, array in _fit_arrays(self.fit).items()}
+        write_maps(path, KIND, {name: np.asarray(value) for name, value in arrays.items()})
+
+
+def learn_sbrdf(
+    stack: Stack,
+    *,
+    model: Model = "torrance-sparrow",
+    pooling: Pooling | None = None,
+    lobes: int | None = None,
+    ambient: bool | None = None,
+    extraction: Extraction | None = None,
+    joint: bool | None = None,
+    index: float | None = None,
+    normals: Method | None = None,
+    extent: tuple[int, int] | None = None,
+    effort: EffortLike = "standard",
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> LearnedModel:
+    """Learn what :func:`impasto.fit_sbrdf` must know about a whole painting before it fits a tile.
+
+    The pooled lobe, or the prior of lobes per pixel. ``learn_sbrdf(stack).apply(stack)`` is
+    ``fit_sbrdf(stack)``, bit for bit, and so are its tiles.
+
+    Parameters
+    ----------
+    stack
+        The whole painting, or a sample of it: a part, or the whole with a mask.
+    model, pooling, lobes, ambient, extraction, joint, index, effort, threads, progress
+        As in :func:`impasto.fit_sbrdf`. ``pooling="segment"`` has no learned model.
+    normals
+        The name of a method of :func:`impasto.fit_normals`; default: its own default.
+    extent
+        Rows and columns of the whole painting; default: those of the stack.
+
+    Raises
+    ------
+    ArgumentError
+        What :func:`impasto.fit_sbrdf` refuses; segments; an extent smaller than the stack.
+    """
+    checked_stack(stack)
+    kind = fit_kind(model, pooling)
+    if kind.pooling == "segment":
+        raise ArgumentError(
+            'pooling: "segment" cannot be learned from a sample; fit every part by '
+            'fit_sbrdf(stack, pooling="segment"), or ask for "painting" or "pixel"'
+        )
+    given = {"lobes": lobes, "ambient": ambient, "extraction": extraction}
+    options = checked_options(kind, given | {"joint": joint, "index": index})
+    resolved_effort = resolved(effort)
+    size = _extent(extent, stack)
+    fit: LearnedLobe | LearnedLobes | None = None
+    if kind.model != "lafortune":
+        stereo = start_normals(stack, normals, resolved_effort, threads, progress)
+        fit = _learned(stack, stereo, options, resolved_effort, size, threads, progress)
+    return LearnedModel(
+        kind.model,
+        kind.pooling,
+        size,
+        stack.shape[1],
+        normals,
+        resolved_effort,
+        options.get("lobes", 1),
+        fit,
+    )
+
+
+def load_learned(path: str | os.PathLike[str]) -> LearnedModel:
+    """Read what :meth:`LearnedModel.save` wrote.
+
+    Raises
+    ------
+    CorruptInputError
+        A file that is truncated, damaged or holds something else.
+    FileNotFoundError
+        There is none.
+    """
+    with read_maps(path, KIND) as maps:
+        one = {name: np.asarray(array) for name, array in maps.arrays.items()}
+        maps.take("model")
+        kind = fit_kind(one["model"].item(), one["pooling"].item())
+        rows, columns = (int(size) for size in one["extent"])
+        return LearnedModel(
+            kind.model,
+            kind.pooling,
+            (rows, columns),
+            int(one["bands"]),
+            cast("Method", one["method"].item()) or None,
+            Effort(**{name: array.item() for name, array in _part(one, "effort.").items()}),
+            int(one["lobes"]),
+            _fit_of(kind, _part(one, "fit.")),
+        )
+
+
+def _learned(
+    stack: Stack,
+    stereo: Any,
+    options: Mapping[str, Any],
+    effort: Effort,
+    extent: tuple[int, int],
+    threads: int | None,
+    progress: bool | ProgressCallback,
+) -> LearnedLobe | LearnedLobes:
+    if "lobes" in options:
+        chosen = LobeOptions.of(effort, **options)
+        return learn_lobes(stack, stereo, chosen, extent=extent, threads=threads, progress=progress)
+    return learn_pooled(stack, stereo, effort=effort, threads=threads, progress=progress, **options)
+
+
+def _extent(extent: tuple[int, int] | None, stack: Stack) -> tuple[int, int]:
+    height, width = stack.shape[2:]
+    if extent is None:
+        return height, width
+    rows, columns = extent
+    instance(rows, int, "extent", "rows and columns as whole numbers")
+    instance(columns, int, "extent", "rows and columns as whole numbers")
+    if rows < height or columns < width:
+        raise ArgumentError(
+            f"extent: expected at least the {height} x {width} pixels of the stack, found {extent}"
+        )
+    return rows, columns
+
+
+def _widened(tile: Window, size: tuple[int, int], halo: int) -> Window:
+    """A tile with its halo, as far as the stack reaches."""
+    rows, columns = (
+        slice(max(part.start - halo, 0), min(part.stop + halo, length))
+        for part, length in zip(tile, size, strict=True)
+    )
+    return rows, columns
+
+
+def _within(tile: Window, wide: Window) -> Window:
+    """Where a tile lies in the part that was cut around it."""
+    rows, columns = (
+        slice(part.start - around.start, part.stop - around.start)
+        for part, around in zip(tile, wide, strict=True)
+    )
+    return rows, columns
+
+
+def _part(arrays: Mapping[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
+    return {
+        name.removeprefix(prefix): array
+        for name, array in arrays.items()
+        if name.startswith(prefix)
+    }
+
+
+def _fit_arrays(fit: LearnedLobe | LearnedLobes | None) -> dict[str, NDArray[Any]]:
+    if fit is None:
+        return {}
+    return fit.to_arrays() if isinstance(fit, LearnedLobes) else fit.arrays()
+
+
+def _fit_of(kind: FitKind, arrays: Mapping[str, NDArray[Any]]) -> LearnedLobe | LearnedLobes | None:
+    if kind.model == "lafortune":
+        return None
+    if kind.pooling == "pixel":
+        return LearnedLobes.from_arrays(arrays)
+    return LearnedLobe.from_arrays(arrays)
