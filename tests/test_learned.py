@@ -41,7 +41,7 @@ def stack(near: bool) -> impasto.Stack:
 def assert_part(part: impasto.Sbrdf, whole: impasto.Sbrdf, place: Any) -> None:
     assert type(part) is type(whole)
     for name in MAPS:
-        if hasattr(whole, name):
+        if np.ndim(getattr(whole, name, 0.0)):
             expected = np.ascontiguousarray(getattr(whole, name)[..., *place])
             found = np.ascontiguousarray(getattr(part, name))
             assert found.tobytes() == expected.tobytes(), name
@@ -87,5 +87,5 @@ def test_what_cannot_be_learned_or_applied_is_named(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="expected 3 bands, found 1"):
         learned.apply(one_band)
     impasto.fit_sbrdf(photographs).save(tmp_path / "fit.npz")
-    with pytest.raises(impasto.CorruptInputError, match="fit.npz"):
+    with pytest.raises(impasto.CorruptInputError, match=r"fit\.npz"):
         impasto.load_learned(tmp_path / "fit.npz")

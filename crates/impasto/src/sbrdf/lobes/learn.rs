@@ -6,10 +6,9 @@ use crate::pixels::Run;
 use crate::sbrdf::Start;
 use crate::stack::Stack;
 
-use super::maps::MOST_LOBES;
-use super::model::{LobeModel, MAX_SHAPES};
+use super::model::LobeModel;
 use super::options::{LobeOptions, Origin};
-use super::prior::{FEWEST, Prior, SAMPLE_SIZE};
+use super::prior::{FEWEST, Prior, PriorNumbers};
 use super::seeds::{SeedGrid, Seeds};
 use super::sight::Sight;
 use super::tile::{Estimate, TILE};
@@ -30,22 +29,6 @@ pub struct LearnedLobes {
     /// How many pixels were fitted to learn it.
     pub pixels: usize,
     pub(super) prior: Option<Prior>,
-}
-
-/// [`LearnedLobes::prior`] as numbers, to be saved.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PriorNumbers {
-    /// `(number of lobes,)`: how many pixels were sampled that have 1, 2 and 3 lobes; 0: no prior.
-    pub counts: Vec<u32>,
-    /// `(number of lobes, lobe, unknown, pixel)`: the unknowns of their shapes.
-    pub shapes: Vec<f32>,
-    /// `(number of lobes, lobe, pixel)`: the variances of these.
-    pub variances: Vec<f32>,
-}
-
-impl PriorNumbers {
-    /// Sizes of [`Self::shapes`]: numbers of lobes, lobes, unknowns of a shape, pixels.
-    pub const SHAPE: [usize; 4] = [MOST_LOBES, MOST_LOBES, MAX_SHAPES, SAMPLE_SIZE];
 }
 
 impl LearnedLobes {

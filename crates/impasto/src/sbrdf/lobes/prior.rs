@@ -14,7 +14,6 @@ use crate::math::elementary::exp;
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
 
-use super::learn::PriorNumbers;
 use super::maps::MOST_LOBES;
 use super::model::{LobeModel, MAX_SHAPES};
 use super::tile::Estimate;
@@ -39,6 +38,22 @@ const RESEMBLANCE: f32 = 1e-3;
 /// A sample for each number of lobes; `None` where too few pixels have well-determined shapes.
 #[derive(Clone, Debug)]
 pub(super) struct Prior([Option<Box<PriorSample>>; MOST_LOBES]);
+
+/// A prior as numbers, to be saved; see [`LearnedLobes::prior`](super::LearnedLobes::prior).
+#[derive(Clone, Debug, PartialEq)]
+pub struct PriorNumbers {
+    /// `(number of lobes,)`: how many pixels were sampled that have 1, 2 and 3 lobes; 0: no prior.
+    pub counts: Vec<u32>,
+    /// `(number of lobes, lobe, unknown, pixel)`: the unknowns of their shapes.
+    pub shapes: Vec<f32>,
+    /// `(number of lobes, lobe, pixel)`: the variances of these.
+    pub variances: Vec<f32>,
+}
+
+impl PriorNumbers {
+    /// Sizes of [`Self::shapes`]: numbers of lobes, lobes, unknowns of a shape, pixels.
+    pub const SHAPE: [usize; 4] = [MOST_LOBES, MOST_LOBES, MAX_SHAPES, SAMPLE_SIZE];
+}
 
 /// Sampled pixels with the same number of lobes; rows hold `count` numbers, then zeros.
 #[derive(Clone, Debug)]
