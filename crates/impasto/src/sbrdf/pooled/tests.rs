@@ -167,7 +167,7 @@ fn a_tile_has_the_bits_of_the_whole() {
             for [column, row, width, height] in
                 [[0, 0, 40, 16], [0, 0, 7, 5], [13, 3, 27, 13], [39, 15, 1, 1], [5, 7, 30, 2]]
             {
-                let shape = Shape { width, height, ..SHAPE };
+                let shape = Shape { height, width, ..SHAPE };
                 let cut = |plane: &[f32]| -> Vec<f32> {
                     let rows = plane.chunks(40).skip(row).take(height);
                     rows.flat_map(|line| line[column..column + width].iter().copied()).collect()

@@ -199,8 +199,8 @@ mod tests {
             Strength {
                 brightness,
                 noise: 0.01 * brightness.sqrt(),
-                apart: if i % 3 == 0 { -5.0 } else { 0.01 },
-                doubt: if i % 10 == 0 { 1e6 } else { 10.0 },
+                apart: if i.is_multiple_of(3) { -5.0 } else { 0.01 },
+                doubt: if i.is_multiple_of(10) { 1e6 } else { 10.0 },
             }
         };
         let strengths = Strengths((0..1000).map(strength).collect());
