@@ -78,7 +78,7 @@ def test_bands_have_names_and_arrays_are_the_cameras_own():
         ({"wavelengths": GRID[:-1]}, r"sensitivities: expected shape \(band, 30\)"),
         ({"sensitivities": CURVES[0]}, "sensitivities: expected shape"),
         ({"sensitivities": CURVES * np.nan}, "sensitivities: .*nan in band 0 at 400 nm"),
-        ({"sensitivities": CURVES * [[1.0], [0.0], [1.0]]}, "band 'green' does not see"),
+        ({"sensitivities": CURVES * [[1.0], [0.0], [1.0]]}, "band 'green' has no response"),
         ({"bands": ["x"]}, "bands: expected 3 names, found 1"),
         ({"illuminant": "moonlight"}, "illuminant: unknown name 'moonlight'"),
         ({"illuminant": np.ones(30)}, "illuminant: expected 31 values"),

@@ -263,7 +263,7 @@ def test_one_band_is_grey() -> None:
         ({"adaptation": 0.5}, "camera: without"),
         ({"adaptation": 1.5}, "adaptation: expected"),
         ({"exposure": 0.0}, "exposure: expected"),
-        ({"illuminant": ["A", "A"]}, "illuminant: a list"),
+        ({"illuminant": ["A", "A"]}, "illuminant: expected one per light"),
         ({"background": (2.0, 0, 0)}, "background: expected"),
         ({"display": "crt"}, "display: expected"),
         ({"view": (0, 1, 0)}, "view: the eye"),

@@ -46,7 +46,7 @@ class Stack:
         ``(obs, band, y, x)``, or ``(obs, y, x)`` for one band; uint8, uint16, float16 or float32
         are kept as they are (never copied if C-contiguous), other real numbers become float32.
         Integers of another type need ``scale``: their full scale is seldom that of the type.
-        Masked samples become NaN. Floats whose median looks like that of 8- or 16-bit codes are
+        Masked samples become NaN. Floats that are whole numbers, as 8- or 16-bit codes are, are
         kept, with an :class:`ImpastoWarning`. The dimensions of a ``DataArray`` go by their names,
         in any order: observation (obs, photograph, image, light), band (channel), y (row), x
         (column); labels name bands and photographs, the coordinates ``light_x``, ``light_y`` and
@@ -289,22 +289,26 @@ def _samples(samples: ArrayLike, *, scaled: bool) -> tuple[NDArray[Any], float |
     return array if whole else wait_for(np.ascontiguousarray, array), full
 
 
-CODES = (4.0, 65535.0)
-"""Medians of floats that are taken for codes: linear light is 1 on a white board and rarely above 4
-on half of a painting; scenes in other units (2^20) are left alone."""
+CODES = 4.0
+"""A median of whole numbers above this is one of codes: linear light is 1 on a white board."""
+
+_LEVELS = 8
+"""Fewer different samples are a test card, not a photograph."""
 
 
 def _warn_of_codes(samples: NDArray[Any]) -> None:
-    """Point out floats that look like the codes of a camera."""
+    """Point out floats that are whole numbers, as the codes of a camera are."""
     flat = samples.reshape(-1)
     some = np.asarray(flat[:: max(1, flat.size // 4096)], dtype=np.float32)
     known = some[np.isfinite(some)]
     median = float(np.median(known)) if known.size else 0.0
-    if CODES[0] < median < CODES[1]:
+    whole = median > CODES and bool((known == np.rint(known)).all())
+    if whole and np.unique(known).size >= _LEVELS and float(known.max()) <= 65535.0:
         full = 255 if float(known.max()) <= 255.0 else 65535
         warnings.warn(
-            f"samples: half of these floats are above {median:.3g}, but a white board is 1.0 in "
-            f"linear light; if they are codes, give scale=1/{full} and saturation={full}",
+            f"samples: these floats are whole numbers, half of them above {median:.3g}, but a "
+            f"white board is 1.0 in linear light; if they are codes, give scale=1/{full} and "
+            f"saturation={full}",
             ImpastoWarning,
             stacklevel=3,
         )
