@@ -116,3 +116,25 @@ def test_a_paper_s_system_needs_a_camera(
     words = f"fit nowhere --system tominaga-rgb-camera --out {tmp_path / 'out'}"
     assert main(words.split()) == 2
     assert "it needs --camera" in capsys.readouterr().err
+
+
+def test_a_camera_of_other_bands_fails_before_the_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    from impasto.cli.console import Stages
+    from impasto.cli.measuring import measured
+
+    def late(*_: object, **__: object) -> None:
+        pytest.fail("the fit has begun")
+
+    monkeypatch.setattr(systems.System, "fit_normals", late)
+    taken = simulate.default_capture("tominaga-rgb-camera", size=(8, 8))
+    system, right = systems.get("impasto"), taken.truth.camera
+    order = ("blue", "green", "red")
+    turned = impasto.Camera(right.wavelengths, right.sensitivities[::-1], "A", bands=order)
+    for wrong, words in (
+        (simulate.camera("six-band"), "camera: expected the 3 bands"),
+        (turned, "camera: its bands blue, green, red are those of the photographs in another"),
+    ):
+        with pytest.raises(impasto.ArgumentError, match=words):
+            system.measure(taken.stack, wrong)
+        with pytest.raises(impasto.ArgumentError, match=words):
+            measured(Stages(quiet=True), system, taken.stack, wrong, None)

@@ -128,7 +128,7 @@ class Image:
         from impasto.colour import icc_profile
         from impasto.io import write_exr, write_jpeg, write_png8, write_tiff16
 
-        suffix = Path(path).suffix.lower()
+        suffix = checked_suffix(path)
         standard = self.screen.name == "srgb"
         icc = None if standard else icc_profile(self.screen)
         if suffix == ".png":
@@ -142,12 +142,24 @@ class Image:
             write_jpeg(path, self.display)
         elif suffix in {".tif", ".tiff"}:
             write_tiff16(path, self.screen.encode(self.linear), icc=icc)
-        elif suffix == ".exr":
-            write_exr(path, dict(zip("RGBA", (*self.linear, self.coverage), strict=True)))
         else:
-            raise ArgumentError(
-                f"path: expected a name ending in .png, .jpg, .tif or .exr, found {path}"
-            )
+            write_exr(path, dict(zip("RGBA", (*self.linear, self.coverage), strict=True)))
+
+
+def checked_suffix(path: str | Path, name: str = "path") -> str:
+    """The suffix of a picture's file, in small letters.
+
+    Raises
+    ------
+    ArgumentError
+        A suffix that :meth:`Image.save` does not know.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr"}:
+        raise ArgumentError(
+            f"{name}: expected a name ending in .png, .jpg, .tif or .exr, found {path}"
+        )
+    return suffix
 
 
 def render(
@@ -221,6 +233,7 @@ def render(
         exposure = white_scale_of(white, scene.display).scale
     to_display = exposure * scene.display.linear_from_xyz
     rig = Rig(scene.lights, views=scene.view, pitch_mm=pitch, origin=lit.origin).here
+    lit = _with_ambient_of(lit, scene, rig)
     background = np.linalg.solve(to_display, np.asarray(scene.background))
     arguments = SceneArguments(
         rig=RigArguments.of(rig),
@@ -305,6 +318,18 @@ def _coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) ->
             "tell; leave camera= and reflectance= out"
         )
     return lit.with_diffuse(_planes(reflectance.coefficients, lit.shape), index=index)
+
+
+def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:
+    """A part of a painting has the whole's ambient light, whatever near lights give its middle.
+
+    ``rig`` has the intensities that arrive there; lobes with an ambient part share one illuminant.
+    """
+    there = float(sum(light.intensity for light in scene.lights))
+    here = float(rig.intensities.sum())
+    if lit.ambient is None or here == there:
+        return lit
+    return replace(lit, ambient=lit.ambient * np.float32(there / here))
 
 
 def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:

@@ -17,12 +17,12 @@ from typing import Any, Literal
 
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import one_of
-from impasto.bands import Camera, checked_camera
+from impasto.bands import Camera
 from impasto.effort import EffortLike
 from impasto.errors import ArgumentError
 from impasto.fit.normals import Method, Normals, fit_normals
 from impasto.fit.pooled import Extraction, PooledSbrdf
-from impasto.fit.reflectance import Estimator, Reflectance, fit_reflectance
+from impasto.fit.reflectance import Estimator, Reflectance, fit_reflectance, matching_camera
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.render import Image, render
 from impasto.rig import DistantLight
@@ -113,12 +113,7 @@ class System:
         GeometryError
             Lights that cannot determine normals.
         """
-        bands = checked_stack(stack).bands
-        if len(checked_camera(camera).bands) != len(bands):
-            raise ArgumentError(
-                f"camera: expected the {len(bands)} bands of the photographs, {', '.join(bands)}, "
-                f"found {', '.join(camera.bands)}"
-            )
+        matching_camera(camera, checked_stack(stack).bands)
         normals = self.fit_normals(stack, threads=threads, progress=progress)
         sbrdf = self.fit_sbrdf(stack, normals, threads=threads, progress=progress)
         return sbrdf, self.fit_reflectance(stack, sbrdf, camera, threads=threads, progress=progress)

@@ -54,7 +54,7 @@ class StackArguments:
     def of(cls, stack: Stack) -> StackArguments:
         """The samples stay where they are; the rest is a few numbers per observation."""
         checked_stack(stack)
-        rig = _placed(stack.rig)
+        rig = placed(stack.rig)
         observations, bands = stack.shape[:2]
         gain = stack.scale[None, :] / rig.intensities[:, None]
         saturation = np.full(bands, np.inf) if stack.saturation is None else stack.saturation
@@ -74,7 +74,7 @@ _FARTHEST = 2**30
 """Half pixels from the middle of a painting that no picture exceeds."""
 
 
-def _placed(rig: Rig) -> Rig:
+def placed(rig: Rig) -> Rig:
     """The rig in the painting's own coordinates, which give a part the bits of the whole.
 
     The middle of a part of a painting lies a whole number of half pixels from the painting's

@@ -31,8 +31,11 @@ def measured(
     ``gloss`` holds arguments of :func:`impasto.fit_sbrdf` that replace those of the system.
     """
     import impasto
+    from impasto.fit.reflectance import matching_camera
     from impasto.overview import gloss_words
 
+    if camera is not None:
+        matching_camera(camera, stack.bands)
     with stages.stage("normals") as stage:
         normals = system.fit_normals(stack, threads=threads, progress=stage.advance)
         stage.note = f"{system.method}; {_share_estimated(normals.status)} of the pixels"

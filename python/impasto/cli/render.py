@@ -54,7 +54,7 @@ def render(
     result
         The --out folder of impasto fit or demo, or an sbrdf.npz.
     out
-        The picture: .png (codes of the display) or .exr (linear light).
+        The picture: .png, .jpg or .tif (codes of the display), or .exr (linear light).
     light
         Azimuth,elevation of a distant light in degrees: 90,45 is above, 180,20 is raking light from
         the left. Can be repeated. Default: 90,45.
@@ -87,9 +87,9 @@ def render(
     from impasto.cli.maps import load_result
     from impasto.fit.result import PerPixelSbrdf
     from impasto.overview import visible
+    from impasto.render import checked_suffix
 
-    if out.suffix.lower() not in {".png", ".exr"}:
-        raise ArgumentError(f"--out: expected a name ending in .png or .exr, found {out}")
+    checked_suffix(out, "--out")
     stages = Stages(quiet=quiet)
     check_threads(threads)
     if pitch is not None:

@@ -293,6 +293,24 @@ def white_corrected(
     return np.asarray(rho * scale, dtype=np.float32)
 
 
+def matching_camera(camera: Any, bands: tuple[str, ...]) -> Camera:
+    """The camera, if the photographs' bands can be its own.
+
+    Raises
+    ------
+    ArgumentError
+        No camera, one of another number of bands, or of the same bands in another order.
+    """
+    found = checked_camera(camera)
+    if len(found.bands) != len(bands):
+        raise ArgumentError(
+            f"camera: expected the {len(bands)} bands of the photographs, {', '.join(bands)}, "
+            f"found {', '.join(found.bands)}"
+        )
+    _check_order(bands, found)
+    return found
+
+
 def _check_order(bands: tuple[str, ...] | None, camera: Camera) -> None:
     """Names that agree but for their order are the camera's rows in the wrong order."""
     if bands is None or bands == camera.bands or sorted(bands) != sorted(camera.bands):
