@@ -75,7 +75,8 @@ def test_a_jpeg_does_not_hide_the_display(tmp_path: Path) -> None:
 
 
 def test_named_dimensions_may_come_in_any_order() -> None:
-    xarray = pytest.importorskip("xarray")
+    import xarray
+
     given = xarray.DataArray(
         samples().transpose(3, 1, 0, 2),
         dims=("x", "channel", "obs", "y"),
@@ -101,7 +102,8 @@ def test_named_dimensions_may_come_in_any_order() -> None:
     ],
 )
 def test_dimensions_that_make_no_stack_are_named(dims: tuple[str, ...], found: str) -> None:
-    xarray = pytest.importorskip("xarray")
+    import xarray
+
     array = xarray.DataArray(np.zeros((2,) * len(dims), np.float32), dims=dims)
     with pytest.raises(ArgumentError, match=found):
         impasto.Stack(array, lights=LIGHTS[:2])
@@ -113,8 +115,8 @@ def test_lights_are_asked_for() -> None:
 
 
 def test_a_dataset_survives_netcdf(tmp_path: Path) -> None:
-    xarray = pytest.importorskip("xarray")
-    pytest.importorskip("h5netcdf")
+    import xarray
+
     small = impasto.Stack(samples(), lights=LIGHTS, pitch_mm=0.5)
     dataset = impasto.fit_sbrdf(small, joint=False).to_xarray()
     dataset.to_netcdf(tmp_path / "fit.nc", engine="h5netcdf")
