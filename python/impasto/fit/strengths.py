@@ -1,4 +1,4 @@
-"""What every lamp gave, from the photographs themselves."""
+"""Semi-calibrated photometric stereo [@cho2020semicalibrated]: lamps of unknown strength."""
 
 from __future__ import annotations
 
