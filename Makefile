@@ -67,7 +67,7 @@ study: $(VENV)/built $(VENV)/extras $(VENV)/peers  ## measure anew all that docs
 	$(BIN)/python benches/study --record
 	$(BIN)/python benches/python/kernels.py --record
 	$(BIN)/python benches/python/fits.py --record
-	$(BIN)/python benches/python/reflectance_ladder.py --write
+	$(BIN)/python benches/python/training_spectra.py --write
 	$(BIN)/python benches/python/suggestions.py --record
 	$(BIN)/python benches/study --redraw
 	$(BIN)/python benches/python/pages.py

@@ -82,11 +82,11 @@ def test_lamps_that_still_change_say_by_how_much(stack: Path) -> None:
     change = np.array([0.0, 0.01, -0.02, 0.08])
     lamps = impasto.Strengths(np.ones(4), rig, samples, False, change)
     assert "2 of which the last round still changed by more than 1 % (up to 8.0 %)" in repr(lamps)
-    assert "fit_strengths(lamps.stack) goes on" in repr(lamps)
+    assert "fit_strengths(lamps.stack) continues" in repr(lamps)
     assert "changed" not in repr(replace(lamps, converged=True))
-    assert "the others have settled" in repr(replace(lamps, change=np.eye(20)[0]))
+    assert "the others have converged" in repr(replace(lamps, change=np.eye(20)[0]))
     nearly = replace(lamps, change=np.full(4, 0.006))
-    assert "which the last round still changed by up to 0.6 %: they have settled" in repr(nearly)
+    assert "which the last round still changed by up to 0.6 %: they have converged" in repr(nearly)
 
 
 def test_a_search_under_way_says_how_far_it_still_went(capture: simulate.Capture) -> None:

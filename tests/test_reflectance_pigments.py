@@ -14,8 +14,8 @@ from study.settings import ESTIMATORS
 
 
 def _benchmark():
-    path = Path(__file__).parents[1] / "benches" / "python" / "reflectance_ladder.py"
-    spec = importlib.util.spec_from_file_location("reflectance_ladder", path)
+    path = Path(__file__).parents[1] / "benches" / "python" / "training_spectra.py"
+    spec = importlib.util.spec_from_file_location("training_spectra", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -64,7 +64,7 @@ def test_the_default_is_never_much_worse_than_wiener(shipped):
 
 
 def test_more_training_spectra_pay_off(data):
-    rows = {(row["training"], row["estimator"]): row for row in benchmark.ladder(data)}
+    rows = {(row["training"], row["estimator"]): row for row in benchmark.by_training_size(data)}
     assert rows[1497, "radial-basis"]["spectrum"] <= 0.0060
     assert rows[1497, "radial-basis"]["colour"] <= 0.40
     for name in benchmark.LEARNING:

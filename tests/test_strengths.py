@@ -109,9 +109,9 @@ def test_lamps_in_between_are_interpolated() -> None:
     found = impasto.fit_strengths(stack)
     np.testing.assert_allclose(found.at(stack.rig).intensities, found.factor, rtol=1e-6)
     truth = smooth(lights())
-    told = found.at(lights()[held]).intensities / (truth[held] / np.median(truth[~held]))
+    ratio = found.at(lights()[held]).intensities / (truth[held] / np.median(truth[~held]))
     # Inside the lamps that were seen; two of the ten held out are the highest and near the rim.
-    assert np.percentile(np.abs(told - 1.0), 80) < 0.04
+    assert np.percentile(np.abs(ratio - 1.0), 80) < 0.04
     # Far outside they are those of a lamp that was seen.
     outside = found.at(np.array([[1.0, 0.0, 0.01], [-1.0, 0.0, 0.01]])).intensities
     assert found.factor.min() <= outside.min()
@@ -126,7 +126,7 @@ def test_lamps_that_differ_widely(spread: float) -> None:
     _, values = relief(strength, lights(24))
     found = impasto.fit_strengths(impasto.Stack(values, lights=lights(24)))
     assert found.converged
-    # Foretold ends are within 0.5 % each; the slowest mode, which is a tilt, adds its own.
+    # Extrapolated factors are within 0.5 % each; the slowest mode, which is a tilt, adds its own.
     np.testing.assert_allclose(found.factor, strength, rtol=0.02)
 
 
@@ -142,7 +142,7 @@ def test_one_lamp_is_far_off(scene: Any, power: int) -> None:
     np.testing.assert_allclose(other.factor, factor * found.factor, rtol=0.01)
 
 
-def test_rounds_are_as_many_as_asked_for(scene: Any) -> None:
+def test_the_number_of_rounds_is_limited(scene: Any) -> None:
     _, stack, found = scene
     one = impasto.fit_strengths(stack, rounds=1)
     assert not one.converged
@@ -175,7 +175,7 @@ def test_two_lamps_in_one_direction_share_a_strength(scene: Any) -> None:
 
 def test_too_little_is_refused() -> None:
     _, values = relief(uneven(), lights())
-    # Under six, even lamps are told to differ by 15 %, for all that the photographs say.
+    # Under six lights the photographs allow estimates that differ by 15 % where lamps are even.
     few = impasto.Stack(values[:6], lights=lights()[:6])
     with pytest.raises(impasto.ArgumentError, match="at least 7 lights, found 6"):
         impasto.fit_strengths(few)
@@ -203,40 +203,40 @@ def test_unknowns_are_fewer_than_samples() -> None:
 @pytest.mark.parametrize(
     "lost", [0.0, -0.001, np.nan, np.inf], ids=["black", "below", "gone", "over"]
 )
-def test_a_lamp_that_no_pixel_tells_is_named(lost: float) -> None:
+def test_a_lamp_that_no_pixel_determines_is_named(lost: float) -> None:
     strength = uneven(24)
     _, values = relief(strength, lights(24))
     values[[3, 17]] = lost
     stack = impasto.Stack(values, lights=lights(24))
     found = impasto.fit_strengths(stack)
-    told = np.delete(np.arange(24), [3, 17])
+    known = np.delete(np.arange(24), [3, 17])
     assert np.isnan(found.factor[[3, 17]]).all()
     assert np.isnan(found.change[[3, 17]]).all()
     assert found.converged
     np.testing.assert_array_equal(found.rig.intensities[[3, 17]], 1.0)
-    assert ", 2 of which no pixel tells (photographs 3, 17: " in repr(found)
+    assert ", 2 of which no pixel determines (photographs 3, 17: " in repr(found)
     # The others are what they are without those two.
-    assert np.median(found.factor[told]) == pytest.approx(1.0)
-    expected = strength[told] / np.median(strength[told])
-    np.testing.assert_allclose(found.factor[told], expected, rtol=0.02)
-    alone = impasto.fit_strengths(stack.take(told))
+    assert np.median(found.factor[known]) == pytest.approx(1.0)
+    expected = strength[known] / np.median(strength[known])
+    np.testing.assert_allclose(found.factor[known], expected, rtol=0.02)
+    alone = impasto.fit_strengths(stack.take(known))
     assert alone.state == ""
-    np.testing.assert_allclose(found.factor[told], alone.factor, rtol=0.01)
-    # Nor do they tell those of other lamps.
+    np.testing.assert_allclose(found.factor[known], alone.factor, rtol=0.01)
+    # They do not affect the interpolation either.
     there = found.at(stack.rig).intensities
-    np.testing.assert_allclose(there[told], found.factor[told], rtol=1e-6)
+    np.testing.assert_allclose(there[known], found.factor[known], rtol=1e-6)
     assert np.isfinite(there).all()
 
 
-def test_progress_is_told(scene: Any) -> None:
-    told: list[tuple[int, int]] = []
-    impasto.fit_strengths(scene[1], progress=lambda done, total: told.append((done, total)))
-    assert told[0][0] == 0
-    assert told[-1][0] == told[-1][1]
+def test_progress_is_reported(scene: Any) -> None:
+    calls: list[tuple[int, int]] = []
+    impasto.fit_strengths(scene[1], progress=lambda done, total: calls.append((done, total)))
+    assert calls[0][0] == 0
+    assert calls[-1][0] == calls[-1][1]
 
 
-def test_the_icon_under_lamps_held_out_is_foretold_better(data: Path) -> None:
-    """Photographs held out are foretold better, at every twelfth pixel of two folds."""
+def test_held_out_photographs_of_the_icon_are_predicted_better(data: Path) -> None:
+    """Two folds, every twelfth pixel."""
     whole = impasto.read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb")
     stack = thinned(whole, 12)
     gain = []
@@ -259,11 +259,13 @@ def test_the_icon_under_lamps_held_out_is_foretold_better(data: Path) -> None:
     assert min(gain) > 1.0
 
 
-def test_lamps_that_no_pixel_tells_are_none() -> None:
+def test_lamps_that_no_pixel_determines_do_not_count() -> None:
     """Seven lamps of which one shows nothing are six: what six alone are refused for."""
     _, values = relief(np.ones(7), lights(7))
     values[3] = np.nan
-    with pytest.raises(impasto.ArgumentError, match="at least 7 lights that pixels tell, found 6"):
+    with pytest.raises(
+        impasto.ArgumentError, match="at least 7 lights that pixels determine, found 6"
+    ):
         impasto.fit_strengths(impasto.Stack(values, lights=lights(7)))
     nothing = impasto.Stack(np.full_like(values, np.nan), lights=lights(7))
     with pytest.raises(impasto.ArgumentError, match="found none"):

@@ -64,10 +64,10 @@ def rows(
     for count, name in enumerate(("one lobe", "up to two lobes", "up to three lobes"), start=1):
         methods[f"impasto, {name} per pixel"] = {"pooling": "pixel", "lobes": count}
     for method, options in methods.items():
-        for told, (photos, rigs) in known.items():
+        for source, (photos, rigs) in known.items():
             surface = impasto.fit_sbrdf(photos, **options)
             inside = coded(stack, surface.predict())
-            for name, lit in zip((told, f"{told} and shown"), rigs, strict=False):
+            for name, lit in zip((source, f"{source} and shown"), rigs, strict=False):
                 yield method, name, coded(stack, surface.predict(lit)), inside
 
 

@@ -4,11 +4,11 @@
 
 Twenty simulated paintings and the icon. Their seeds, varnishes, reliefs, sizes and lights are
 neither those of the study nor of the twenty (seeds from 1000) by which
-`impasto.study.trials.HELD_OUT` was chosen. One photograph in five is kept from the suggestion and
-from the fit. The wish is the geometric mean of the least and the largest error that was tried, then
-of the least and the largest time: neither the first nor the last setting meets both. The suggested
-fit is then made of the whole stack. A wish is met within 15 %; `foretold` is the result over the
-prediction, 1 is best; `took` are the seconds of the suggestion itself.
+`impasto.study.trials.HELD_OUT` was chosen. One photograph in five is held out from the suggestion
+and from the fit. The requested error is the geometric mean of the least and the largest error of
+the trials, and so is the requested time: neither the first nor the last setting meets both. The
+suggested fit is then run on the whole stack. A request is met within 15 %; `ratio` is result /
+prediction, 1 is best; `took` is the time of the suggestion itself in seconds.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def window(stack: impasto.Stack) -> impasto.Stack:
 
 
 def checked(stack: impasto.Stack) -> dict[str, float | bool]:
-    """What was asked, what came, whether it is met, what was foretold, and what that took."""
+    """Requested and reached error and time, whether they are met, ratios to the predictions."""
     held = np.arange(HELD // 2, len(stack.rig), HELD)
     known = stack.take(np.setdiff1d(np.arange(len(stack.rig)), held))
     shown = stack.take(held)
@@ -75,39 +75,39 @@ def checked(stack: impasto.Stack) -> dict[str, float | bool]:
     def middle(values: list[float]) -> float:
         return math.sqrt(min(values) * max(values))
 
-    asked = {
+    requested = {
         "error": middle([trial.error for trial in tried]),
         "seconds": middle([trial.seconds for trial in tried]),
     }
     row: dict[str, float | bool] = {"took": took}
-    for what, value in asked.items():
+    for what, value in requested.items():
         suggestion = impasto.suggest_effort(known, **{what: value})
         seconds = []
         for _ in range(ROUNDS if what == "seconds" else 1):
             start = time.perf_counter()
             fitted = impasto.fit_sbrdf(known, **suggestion.options)
             seconds.append(time.perf_counter() - start)
-        came = min(seconds)
+        reached = min(seconds)
         if what == "error":
-            came = relative_error(fitted.predict(shown.rig), truth, full_scale(stack))
-        foretold = suggestion.error if what == "error" else suggestion.seconds
+            reached = relative_error(fitted.predict(shown.rig), truth, full_scale(stack))
+        predicted = suggestion.error if what == "error" else suggestion.seconds
         row |= {
-            f"{what} asked": value,
-            f"{what} came": came,
-            f"{what} met": bool(came <= SLACK * value),
-            f"{what} foretold": came / foretold,
+            f"{what} requested": value,
+            f"{what} reached": reached,
+            f"{what} met": bool(reached <= SLACK * value),
+            f"{what} ratio": reached / predicted,
         }
     return row
 
 
 def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """How many are met, and how near the prophecies are."""
+    """How many are met, and how near the predictions are."""
     found = []
     for what in ("error", "seconds"):
-        ratios = sorted(row[f"{what} foretold"] for row in rows)
+        ratios = sorted(row[f"{what} ratio"] for row in rows)
         found.append(
             {
-                "asked": what,
+                "requested": what,
                 "met": f"{sum(row[f'{what} met'] for row in rows)} of {len(rows)}",
                 "least": ratios[0],
                 "median": ratios[len(ratios) // 2],

@@ -76,8 +76,8 @@ def preset_of(options: Row) -> str | None:
 
 def call(options: Row) -> str:
     """The arguments of :func:`impasto.fit_sbrdf`, as Python."""
-    asked = {name: value for name, value in options.items() if name != "effort"}
-    words = [_written(asked)] if asked else []
+    others = {name: value for name, value in options.items() if name != "effort"}
+    words = [_written(others)] if others else []
     if "effort" in options and (name := preset_of(options)) != "standard":
         usual = Effort().to_dict()
         own = {n: value for n, value in options["effort"].items() if value != usual[n]}

@@ -55,8 +55,8 @@ def enough(rows: Sequence[Row]) -> str:
     if not gains:
         raise ValueError
     said = "; ".join(
-        f"{count} lights {span(nearer, 'dB')}, normals {span(turned, '°', 2)}"
-        for count, (nearer, turned) in gains.items()
+        f"{count} lights {span(nearer, 'dB')}, normals {span(angle, '°', 2)}"
+        for count, (nearer, angle) in gains.items()
     )
     verdict = (
         f"With {better[-1]} lights or more, spread evenly, lobes per pixel predict held-out "

@@ -297,10 +297,10 @@ def _halving(rows: Sequence[Row]) -> list[Row]:
     """
     found: dict[str, dict[str, Row]] = {}
     everywhere = {row["data"] for row in of_knob(rows, "effort")}
-    asked = [row for row in of_knob(rows, "effort", "pooling") if row["data"] in everywhere]
-    for row in asked:
+    shared = [row for row in of_knob(rows, "effort", "pooling") if row["data"] in everywhere]
+    for row in shared:
         found.setdefault(row["setting"], {})[row["data"]] = row
-    candidates = candidates_of(asked)
+    candidates = candidates_of(shared)
     lines = []
     for name in PRESETS:
         own = next((r for r in candidates if presets.preset_of(r.options) == name), None)

@@ -15,7 +15,7 @@ from impasto._internal.checks import instance, numbers, picked, unmasked
 from impasto._internal.html import THUMBNAIL, table, thumbnail
 from impasto._internal.named import coordinate, in_order, is_named, light_directions
 from impasto._internal.waiting import floats, wait_for
-from impasto._internal.windows import offset, turned_map, window
+from impasto._internal.windows import offset, rotated_map, window
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, ImpastoWarning
 from impasto.rig import Light, Rig, quarter_turns_of
@@ -218,8 +218,8 @@ class Stack:
         turns = quarter_turns_of(quarter_turns)
         if not turns:
             return self
-        samples = wait_for(np.ascontiguousarray, turned_map(self.samples, turns))
-        mask = None if self.mask is None else turned_map(self.mask, turns)
+        samples = wait_for(np.ascontiguousarray, rotated_map(self.samples, turns))
+        mask = None if self.mask is None else rotated_map(self.mask, turns)
         return self._replace(samples=samples, rig=self.rig.rotated(turns), mask=mask)
 
     def linear(self, index: int) -> NDArray[np.float32]:

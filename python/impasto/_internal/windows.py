@@ -1,4 +1,4 @@
-"""Parts of a picture and quarter turns: what stacks and results share."""
+"""Crops and quarter turns of pictures, for stacks and results."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Window: TypeAlias = tuple[slice, slice]
 
 
 def window(key: Any, shape: tuple[int, int]) -> Window:
-    """The rows and columns of ``[y0:y1, x0:x1]``; a part left out is the whole.
+    """The rows and columns of ``[y0:y1, x0:x1]``; a slice left out means all.
 
     Raises
     ------
     ArgumentError
-        Anything but slices of step 1 that hold a pixel.
+        Anything but slices of step 1 with at least one pixel.
     """
     parts = key if isinstance(key, tuple) else (key,)
     if not 1 <= len(parts) <= 2 or not all(isinstance(part, slice) for part in parts):
@@ -45,7 +45,7 @@ def _bounds(part: slice, size: int, axis: str) -> slice:
 
 
 def offset(part: Window, shape: tuple[int, int]) -> tuple[float, float]:
-    """Pixels to the right and up from the middle of a picture to that of its part."""
+    """Offset in pixels, right and up, from the centre of a picture to the centre of its part."""
     rows, columns = part
     height, width = shape
     right = (columns.start + columns.stop - width) / 2
@@ -53,11 +53,11 @@ def offset(part: Window, shape: tuple[int, int]) -> tuple[float, float]:
     return right, up
 
 
-def turned_map(plane: NDArray[Any], turns: int, axis: int | None = None) -> NDArray[Any]:
+def rotated_map(plane: NDArray[Any], turns: int, axis: int | None = None) -> NDArray[Any]:
     """A map ``(..., y, x)`` after quarter turns counterclockwise.
 
-    ``axis`` is that of the x, y, z of vectors, which turn with it: exact, as x and y only change
-    places and signs.
+    ``axis`` is the axis of x, y, z for maps of vectors, which rotate too. The result is exact: x
+    and y only swap and change sign.
     """
     found = np.rot90(plane, turns, axes=(-2, -1))
     if axis is None or turns == 0:
@@ -69,12 +69,12 @@ def turned_map(plane: NDArray[Any], turns: int, axis: int | None = None) -> NDAr
 
 
 def place(y: Any, x: Any, shape: tuple[int, int]) -> tuple[int, int]:
-    """Row and column from 0 on; negative ones count from the end.
+    """Row and column counted from 0; negative ones count from the end.
 
     Raises
     ------
     ArgumentError
-        No whole numbers, or a pixel outside.
+        Not whole numbers, or a pixel outside.
     """
     for name, value, size in (("y", y, shape[0]), ("x", x, shape[1])):
         if not is_whole(value):

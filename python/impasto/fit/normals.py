@@ -14,7 +14,7 @@ from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import is_whole, one_of
 from impasto.effort import EffortLike, resolved
 from impasto.errors import ArgumentError, GeometryError
-from impasto.fit.parts import PixelMaps
+from impasto.fit.pixel_maps import PixelMaps
 from impasto.fit.saved import over
 from impasto.stack import Stack
 from impasto.status import Status

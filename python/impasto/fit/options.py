@@ -1,4 +1,4 @@
-"""Which option belongs to which fit: one table, asked by ``fit_sbrdf`` and by the command line."""
+"""Which option belongs to which fit: one table for ``fit_sbrdf`` and the command line."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ class FitKind:
     ----------
     model, pooling
         What is fitted, and to what.
-    told_by
-        Which of the two tells it from the other fits.
+    selected_by
+        Which of these two arguments selects it.
     defaults
-        Its own options, and what it takes where nobody says.
+        Its own options with their default values.
     """
 
     model: Model
     pooling: Pooling
-    told_by: Literal["model", "pooling"]
+    selected_by: Literal["model", "pooling"]
     defaults: Mapping[str, Any]
 
     @property
     def chosen(self) -> tuple[str, str]:
-        """The argument that asks for it, and its value."""
-        return self.told_by, getattr(self, self.told_by)
+        """The argument that selects it, and its value."""
+        return self.selected_by, getattr(self, self.selected_by)
 
     def idle(self, given: Mapping[str, Any]) -> list[str]:
-        """The options of other fits that are given; None: not given."""
+        """The given options that belong to other fits; None means not given."""
         return [
             name for name, value in given.items() if name not in self.defaults and value is not None
         ]
@@ -77,25 +77,25 @@ KINDS = (
 """Every fit there is. Normals, effort, threads and progress are options of all of them."""
 
 _POOLING: Mapping[Model, Pooling] = {"torrance-sparrow": "painting", "lafortune": "pixel"}
-"""How a model's lobes are pooled where nobody says."""
+"""How a model's lobes are pooled by default."""
 
 
 def fit_kind(model: Model, pooling: Pooling | None) -> FitKind:
-    """The fit that is asked for.
+    """The fit of a model and a pooling.
 
     Raises
     ------
     ArgumentError
-        An unknown name, or two that do not go together.
+        An unknown name, or a model that has no such pooling.
     """
     one_of(model, get_args(Model), "model")
-    asked = _POOLING[model] if pooling is None else pooling
-    one_of(asked, get_args(Pooling), "pooling")
+    wanted = _POOLING[model] if pooling is None else pooling
+    one_of(wanted, get_args(Pooling), "pooling")
     kinds = {kind.pooling: kind for kind in KINDS if kind.model == model}
-    if asked not in kinds:
+    if wanted not in kinds:
         known = " or ".join(map(repr, kinds))
-        raise ArgumentError(f"pooling: model={model!r} goes with {known} only, found {asked!r}")
-    return kinds[asked]
+        raise ArgumentError(f"pooling: model={model!r} goes with {known} only, found {wanted!r}")
+    return kinds[wanted]
 
 
 def takers(option: str) -> list[FitKind]:

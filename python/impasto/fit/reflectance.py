@@ -19,7 +19,7 @@ from impasto.bands import Camera, Integration, checked_camera
 from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError
 from impasto.fit.noise import noise_of_diffuse
-from impasto.fit.parts import PixelMaps
+from impasto.fit.pixel_maps import PixelMaps
 from impasto.fit.saved import over
 from impasto.io.results import read_maps, write_maps
 from impasto.stack import Stack

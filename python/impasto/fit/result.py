@@ -19,8 +19,8 @@ from impasto._internal.waiting import wait_for
 from impasto._internal.windows import place
 from impasto.fit.gloss import Gloss, gloss_of_pixels
 from impasto.fit.normals import Normals
-from impasto.fit.parts import PixelMaps
 from impasto.fit.pixel import Pixel, lobes_of
+from impasto.fit.pixel_maps import PixelMaps
 from impasto.fit.saved import Reader, arrays_of, over
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
 from impasto.render import Image, render

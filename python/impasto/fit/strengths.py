@@ -22,33 +22,33 @@ from impasto.surface import Surface
 from impasto.thinning import thinned_to
 
 UNKNOWNS = 6
-"""Of a pixel: normal (2), brightness, ambient light, and one lobe's strength and width. A lamp's
-factor is asked of the mean of the bands, so that more bands tell no more of it."""
+"""Of a pixel: normal (2), brightness, ambient light, and one lobe's strength and width. The factor
+of a lamp is estimated from the mean of the bands, so that more bands add no samples."""
 FEWEST = UNKNOWNS + 1
-"""Lights below which strengths and surfaces cannot be told apart."""
+"""With fewer lights, strengths and surfaces cannot be separated."""
 
 _PIXELS = 10_000
 _ROUNDS = 12
 _STILL = 0.005
-_SETTLED, _FEW = 0.01, 0.1
-"""A few lamps that still move by more than one per cent do no harm: going on for twelve rounds more
-on the icon, where they are 4 of 72, turns the normals by less than 0.1 degrees (median)."""
-_STRETCH = 1.5
-"""A surface follows wrong strengths part of the way, so that every round finds only a part of what
-is left; a step longer than that by less than 2 cannot diverge where the parts are 0 to 1."""
+_CHANGED, _FEW = 0.01, 0.1
+"""A few lamps that still change by more than one per cent do no harm: on the icon, where they are 4
+of 72, twelve more rounds change the normals by less than 0.1 degrees (median)."""
+_RELAXATION = 1.5
+"""The fitted surface absorbs part of a wrong strength, so each round finds only a fraction of the
+remaining error. Over-relaxation by less than 2 cannot diverge where this fraction is 0 to 1."""
 _MEMORY = 3
-"""Rounds that the next step is foretold from: as many slow modes are gone through at once."""
+"""Rounds that the acceleration uses: it removes as many slow modes at once."""
 _RIDGE = 1e-3
-"""Share of the rounds' mean square below which a difference between them is their wavering."""
+"""Differences between rounds below this share of their mean square are noise."""
 _MATTE_ROUNDS = 6
-_GROSS = np.log(2.0)
-"""A lamp that is off by more than this factor hides all others from a fit of lobes."""
+_OUTLIER = np.log(2.0)
+"""A fit of lobes finds no other lamp's factor while one lamp is off by more than this."""
 _CLEAR = 0.1
-"""A shorter step than this does not change which lamps are."""
+"""A shorter step does not change which lamps are outliers."""
 _NAMED = 8
-"""Photographs that words name by their numbers."""
+"""Photographs that a message lists by their numbers."""
 _DIM = 0.2
-"""Share of a pixel's mean light below which shadows tell more than the lamp."""
+"""Share of a pixel's mean light below which shadows affect a sample more than the lamp does."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -58,24 +58,25 @@ class Strengths:
     Attributes
     ----------
     factor
-        ``(obs,)`` float64: what each light gave relative to its ``intensity``; their median is 1.
-        NaN where no pixel tells: the photograph is black or missing wherever its lamp should show.
+        ``(obs,)`` float64: the strength of each light relative to its ``intensity``; the median
+        is 1. NaN where no pixel determines it: the photograph is black or missing wherever its lamp
+        should show.
     rig
-        The lights with these strengths as intensities; the intensity of a lamp that no pixel tells
-        is the one that was given.
+        The lights with these strengths as intensities. A lamp without a factor keeps the intensity
+        that was given.
     stack
-        The photographs under these lights: what to fit.
+        The photographs with these lights: what to fit.
     converged
-        Whether no factor was to go further than 0.5 %, as foretold from the last rounds. What is
-        left then is mostly what the model lacks, and more of it the fewer lamps there are: on
-        simulated paintings the worst of log-normal lamps (0.3) was off by 1 to 10 % of 24, by 5 to
-        23 % of twelve, by 12 to 45 % of seven to nine; of even lamps by 0.5 to 2 %. Where it is
-        False, see ``change``: a few lamps that have not settled do little harm; where they are more
-        than a tenth, ask for more ``rounds``, or call :func:`fit_strengths` again with ``stack``,
-        which goes on from there.
+        Whether the last step, extrapolated from the rounds before it, changed every factor by less
+        than 0.5 %. The remaining error is then mostly that of the model, and it is larger with
+        fewer lamps. On simulated paintings with log-normal strengths (0.3) the worst lamp was off
+        by 1 to 10 % of 24 lamps, 5 to 23 % of twelve, and 12 to 45 % of seven to nine; with even
+        lamps by 0.5 to 2 %. Where it is False, see ``change``: a few lamps that have not converged
+        do little harm. If they are more than a tenth, give more ``rounds``, or call
+        :func:`fit_strengths` again with ``stack``, which continues from there.
     change
-        ``(obs,)`` by what share the last round, which foretells where they end, changed each
-        factor: 0.01 is one per cent. NaN where no pixel tells.
+        ``(obs,)`` relative change of each factor in the last round: 0.01 is one per cent. NaN where
+        no pixel determines the factor.
     """
 
     factor: NDArray[np.float64]
@@ -87,9 +88,9 @@ class Strengths:
     def at(self, lights: ArrayLike | Sequence[Light] | Rig) -> Rig:
         """Other lights with the strengths that lamps in their directions gave.
 
-        The logarithms of the factors are interpolated by a thin plate over the directions' x and y
-        and stay within what was found. That foretells a lamp whose strength goes with its place (an
-        arm of a dome, a distance that was not kept), not one that flickers.
+        A thin-plate spline over the directions' x and y interpolates the logarithms of the factors;
+        it is clipped to the range of the factors. This predicts a strength that depends on the
+        place of the lamp (an arm of a dome, a distance that varied), not one that flickers.
 
         Parameters
         ----------
@@ -102,9 +103,9 @@ class Strengths:
             The same lights, their intensities times the interpolated factors.
         """
         rig = Rig(lights)
-        told = np.isfinite(self.factor)
-        log = np.log(self.factor[told])
-        found = _thin_plate(self.rig.directions[told, :2], log, rig.directions[:, :2])
+        known = np.isfinite(self.factor)
+        log = np.log(self.factor[known])
+        found = _thin_plate(self.rig.directions[known, :2], log, rig.directions[:, :2])
         return _scaled(rig, np.exp(np.clip(found, log.min(), log.max())))
 
     def __repr__(self) -> str:
@@ -113,20 +114,20 @@ class Strengths:
 
     @property
     def state(self) -> str:
-        """What is in doubt, in words: which no pixel tells, and how far the others still changed.
+        """What is in doubt: lamps without a factor, and how much the others still changed.
 
-        Empty if all are told and converged.
+        Empty if every lamp has a factor and the search converged.
         """
-        return self._changing + self._untold
+        return self._changing + self._unknown
 
     @property
-    def _untold(self) -> str:
+    def _unknown(self) -> str:
         these = np.flatnonzero(np.isnan(self.factor))
         if len(these) == 0:
             return ""
         numbers = ", ".join(map(str, these[:_NAMED])) + (", ..." if len(these) > _NAMED else "")
         return (
-            f", {len(these)} of which no pixel tells (photographs {numbers}: black or missing "
+            f", {len(these)} of which no pixel determines (photographs {numbers}: black or missing "
             "where their lamps should show): leave them out"
         )
 
@@ -135,15 +136,19 @@ class Strengths:
         if self.converged:
             return ""
         size = np.abs(self.change[np.isfinite(self.change)])
-        many = int((size > _SETTLED).sum())
+        many = int((size > _CHANGED).sum())
         most = f"{100 * size.max():.1f} %"
         if many == 0:
-            return f", which the last round still changed by up to {most}: they have settled"
+            return f", which the last round still changed by up to {most}: they have converged"
         few = many <= _FEW * len(size)
         return (
-            f", {many} of which the last round still changed by more than {100 * _SETTLED:g} % "
+            f", {many} of which the last round still changed by more than {100 * _CHANGED:g} % "
             f"(up to {most}): "
-            + ("the others have settled" if few else "fit_strengths(lamps.stack) goes on from here")
+            + (
+                "the others have converged"
+                if few
+                else "fit_strengths(lamps.stack) continues from here"
+            )
         )
 
 
@@ -156,22 +161,21 @@ def fit_strengths(
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Strengths:
-    """Estimate how much light each photograph got, where nothing was measured.
+    """Estimate the strength of each photograph's light where it was not measured.
 
-    Lamps of a dome differ, a lamp held by hand comes nearer and goes farther, exposures are set
-    anew: what all pixels of a photograph have in common against what the surface should show is
-    the strength of its light. In turn the surface is fitted under the lamps (lobes of every pixel's
-    own, :func:`fit_sbrdf` with ``pooling="pixel"``) and each lamp's factor becomes the median, over
-    the pixels that it lights without clipping, of sample over expected sample. About 10,000 pixels
-    spread over the painting are used. What remains of such a round shrinks slowly where the surface
-    follows the lamps (tilts for strengths that grow to one side), so that each step is foretold
-    from the last ones (Anderson's mixing), and the search ends where the foretold step is short.
-    Lamps off by more than a factor of two are found first, by a matte surface.
+    Lamps of a dome differ, the distance of a lamp held by hand varies, and exposures are changed.
+    The strength of a light is the factor that all pixels of its photograph have in common, relative
+    to what the surface should show. Two steps alternate: the surface is fitted under the current
+    lamps (lobes of each pixel's own, :func:`fit_sbrdf` with ``pooling="pixel"``), then the factor
+    of each lamp is the median of sample / predicted sample over the pixels that it lights without
+    clipping. About 10,000 pixels spread over the painting are used. The error shrinks slowly where
+    the surface absorbs it (a tilt absorbs strengths that grow to one side), so each step is
+    extrapolated from the last rounds (Anderson acceleration). The search ends when such a step is
+    short. Lamps that are off by more than a factor of two are found first, with a matte surface.
 
-    Photographs of a white board say the same directly (``white=`` of
-    :func:`~impasto.read_stack`), and better: whatever a model of the surface lacks under a light
-    goes into its factor, and on a painting without relief strengths that grow to one side are
-    taken for a tilt.
+    Photographs of a white board measure the same directly and more accurately (``white=`` of
+    :func:`~impasto.read_stack`): here every error of the surface model under a light goes into its
+    factor, and on a painting without relief a tilt absorbs strengths that grow to one side.
 
     Parameters
     ----------
@@ -180,7 +184,7 @@ def fit_strengths(
     lobes, index
         As for :func:`fit_sbrdf`.
     rounds
-        Rounds at most, from 1 on; one takes about as long as the fit of 10,000 pixels.
+        The most rounds, at least 1; one takes about as long as a fit of 10,000 pixels.
     threads
         None means every allowed core; the result does not depend on it.
     progress
@@ -194,14 +198,15 @@ def fit_strengths(
     Raises
     ------
     ArgumentError
-        Fewer lights, or fewer that pixels tell; or so few pixels that can be fitted that they have
-        as many unknowns, with one lobe each, as samples: fewer than seven under seven lights, than
-        two under twelve or more.
+        Fewer than 7 lights, or fewer than 7 that any pixel determines; or so few pixels that can be
+        fitted that, with one lobe each, the unknowns are as many as the samples: fewer than seven
+        pixels under seven lights, fewer than two under twelve or more.
 
     Notes
     -----
     Semi-calibrated photometric stereo (Cho, Matsushita, Tai and Kweon, CVPR 2016) by alternation,
-    with highlights in the model and medians for sums; accelerated as by Anderson (JACM 12, 1965).
+    with highlights in the model and medians instead of sums; accelerated as by Anderson (JACM 12,
+    1965).
     """
     checked_stack(stack)
     lobes, index = lobe_count(lobes), refractive_index(index)
@@ -233,8 +238,8 @@ def fit_strengths(
         )
         return found.status, found.predict(threads=threads)
 
-    def told(fit: Callable[[Stack], tuple[Any, Any]], log: NDArray[np.float64]) -> Any:
-        """What a surface that is fitted under some strengths leaves to each of them."""
+    def remaining(fit: Callable[[Stack], tuple[Any, Any]], log: NDArray[np.float64]) -> Any:
+        """The logarithms of the factors that remain after a fit under some strengths."""
         lit = few._replace(rig=_scaled(few.rig, np.exp(log)))
         status, expected = fit(lit)
         fine = status < Status.DARK
@@ -243,79 +248,80 @@ def fit_strengths(
         lamps = int(np.isfinite(left).sum())
         if lamps < FEWEST:
             raise ArgumentError(
-                f"stack: strengths need at least {FEWEST} lights that pixels tell, found {lamps}"
+                f"stack: strengths need at least {FEWEST} lights that pixels determine, "
+                f"found {lamps}"
             )
         _check_enough(int(fine.sum()), lamps)
         return left - np.nanmedian(left)
 
-    search = _Search(np.zeros(count), stretch=1.0)
+    search = _Search(np.zeros(count), relaxation=1.0)
     for _ in range(_MATTE_ROUNDS):
-        if np.abs(search.move(told(matte, search.log))).max() < _CLEAR:
+        if np.abs(search.move(remaining(matte, search.log))).max() < _CLEAR:
             break
-    gross = np.abs(search.log) > _GROSS
-    search = _Search(np.where(gross, search.log, 0.0), stretch=_STRETCH)
+    outliers = np.abs(search.log) > _OUTLIER
+    search = _Search(np.where(outliers, search.log, 0.0), relaxation=_RELAXATION)
     step, converged = np.zeros(count), False
-    with reporting(progress, "strengths") as tell:
+    with reporting(progress, "strengths") as report:
         for done in range(rounds):
-            if tell is not None:
-                tell(done, rounds)
-            step = search.move(told(glossy, search.log))
+            if report is not None:
+                report(done, rounds)
+            step = search.move(remaining(glossy, search.log))
             converged = bool(np.abs(step).max() < _STILL)
             if converged:
                 break
-        if tell is not None:
-            tell(rounds, rounds)
-    factor: NDArray[np.float64] = np.where(search.told, np.exp(search.log), np.nan)
+        if report is not None:
+            report(rounds, rounds)
+    factor: NDArray[np.float64] = np.where(search.known, np.exp(search.log), np.nan)
     factor /= np.nanmedian(factor)
-    rig = _scaled(stack.rig, np.where(search.told, factor, 1.0))
+    rig = _scaled(stack.rig, np.where(search.known, factor, 1.0))
     return Strengths(
         factor=factor,
         rig=rig,
         stack=stack._replace(rig=rig),
         converged=converged,
-        change=np.where(search.told, np.expm1(step), np.nan),
+        change=np.where(search.known, np.expm1(step), np.nan),
     )
 
 
 class _Search:
-    """Logarithms of strengths on their way to where a round leaves nothing to them.
+    """Fixed-point search for the logarithms of strengths, with Anderson acceleration.
 
-    Anderson's mixing (D. G. Anderson, Journal of the ACM 12, 1965): the step that the last rounds
-    foretell if what they left changed linearly with the strengths.
+    Anderson acceleration (D. G. Anderson, Journal of the ACM 12, 1965) takes the step that would
+    end the search if the remainders of the last rounds were linear in the strengths.
     """
 
-    def __init__(self, log: NDArray[np.float64], stretch: float) -> None:
+    def __init__(self, log: NDArray[np.float64], relaxation: float) -> None:
         self.log = log - np.median(log)
-        self.told = np.ones(len(log), dtype=np.bool_)
-        self._stretch = stretch
+        self.known = np.ones(len(log), dtype=np.bool_)
+        self._relaxation = relaxation
         self._rounds: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
 
     def move(self, left: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Take the step that what a round ``left`` asks for; it is returned.
+        """Take and return the step for the logarithms that a round ``left``.
 
-        NaN asks for none: the round was not ``told``.
+        NaN, no pixel determines this factor, takes no step; ``known`` is False there.
         """
-        self.told = np.isfinite(left)
-        left = np.where(self.told, left, 0.0)
+        self.known = np.isfinite(left)
+        left = np.where(self.known, left, 0.0)
         self._rounds = [*self._rounds[-_MEMORY:], (self.log, left)]
-        step = self._stretch * left
+        step = self._relaxation * left
         if len(self._rounds) > 1:
             ways, changes = (np.diff(each, axis=0).T for each in zip(*self._rounds, strict=True))
-            # Medians of pixels waver: what two rounds in one direction tell weighs no more.
+            # Medians of pixels are noisy: two rounds in one direction must not weigh more than one.
             normal = changes.T @ changes
             normal += _RIDGE * np.trace(normal) / len(normal) * np.eye(len(normal))
             mixed = np.linalg.lstsq(normal, changes.T @ left, rcond=None)[0]
-            step = step - (ways + self._stretch * changes) @ mixed
+            step = step - (ways + self._relaxation * changes) @ mixed
         before, self.log = self.log, self.log + step
         self.log -= np.median(self.log)
         return self.log - before
 
 
 def _check_enough(pixels: int, lights: int) -> None:
-    """Refuse so few pixels that strengths would be fitted to as many samples.
+    """Refuse too few pixels: samples must outnumber unknowns.
 
-    Under so many lights a pixel spares what tells strengths, which are known but for one factor:
-    pixels * lights samples are more than pixels * UNKNOWNS + lights - 1 unknowns.
+    Strengths are determined up to one common factor, so ``pixels * lights`` samples must be more
+    than ``pixels * UNKNOWNS + lights - 1`` unknowns.
     """
     enough = math.ceil(lights / (lights - UNKNOWNS))
     if pixels < enough:
@@ -328,14 +334,14 @@ def _check_enough(pixels: int, lights: int) -> None:
 def _ratios(
     samples: NDArray[Any], expected: NDArray[Any], intensities: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """``(obs,)`` logarithms of the lamps' factors; NaN where no pixel tells."""
+    """``(obs,)`` logarithms of the lamps' factors; NaN where no pixel determines one."""
     even = expected / intensities[:, None]
     dim = _DIM * even.mean(axis=0)
     log = np.full(len(samples), np.nan)
     for photograph, (sample, one) in enumerate(zip(samples, expected, strict=True)):
-        told = np.isfinite(sample) & (sample > 0.0) & (even[photograph] > dim)
-        if told.any():
-            log[photograph] = float(np.median(np.log(sample[told] / one[told])))
+        usable = np.isfinite(sample) & (sample > 0.0) & (even[photograph] > dim)
+        if usable.any():
+            log[photograph] = float(np.median(np.log(sample[usable] / one[usable])))
     return log
 
 
@@ -351,7 +357,7 @@ def _scaled(rig: Rig, factor: NDArray[np.float64]) -> Rig:
 def _thin_plate(
     places: NDArray[np.float64], values: NDArray[np.float64], others: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Values at other places of the plane: ``sum w r^2 log r`` plus a linear function."""
+    """Thin-plate spline through ``values`` at other places: ``sum w r^2 log r`` plus a plane."""
 
     def bend(of: NDArray[np.float64]) -> NDArray[np.float64]:
         square = ((of[:, None] - places) ** 2).sum(axis=2)

@@ -1,4 +1,4 @@
-"""Parts and quarter turns of results: the same kind of result again."""
+"""Crop and rotate results: the outcome is the same kind of result."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.windows import offset, turned_map, window
+from impasto._internal.windows import offset, rotated_map, window
 from impasto.rig import Rig, quarter_turns_of
 
 ChangeMap = Callable[[NDArray[Any], tuple[str, ...]], NDArray[Any]]
 
 
 class PixelMaps:
-    """A dataclass of maps that can be cut and turned; its fields say what they run over."""
+    """A dataclass of maps that can be cropped and rotated; its fields name their dimensions."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -27,8 +27,8 @@ class PixelMaps:
     def __getitem__(self, key: Any) -> Self:
         """``[y0:y1, x0:x1]``: a part of the painting, which shares memory with the whole.
 
-        Its rig knows where it lies, so that near lights stay right. Numbers of the whole painting
-        (the pooled lobe, pixels of a segment) stay those of the whole.
+        Its rig keeps the position of the part, so near lights remain correct. Values of the whole
+        painting (the pooled lobe, the pixels of a segment) do not change.
         """
         part = window(key, self.shape)
         right, up = offset(part, self.shape)
@@ -38,14 +38,14 @@ class PixelMaps:
         return found
 
     def rotated(self, quarter_turns: int = 1) -> Self:
-        """The result after quarter turns counterclockwise of the painting, lights and views.
+        """The result with painting, lights and views rotated counterclockwise.
 
-        Coordinates only change places and signs: four turns change no bit.
+        Coordinates only swap and change sign: four quarter turns change no bit.
         """
         turns = quarter_turns_of(quarter_turns)
 
         def turn(plane: NDArray[Any], dims: tuple[str, ...]) -> NDArray[Any]:
-            return turned_map(plane, turns, dims.index("axis") if "axis" in dims else None)
+            return rotated_map(plane, turns, dims.index("axis") if "axis" in dims else None)
 
         found: Self = _changed(self, turn, lambda rig: rig.rotated(turns)) if turns else self
         return found

@@ -1,6 +1,6 @@
 """What reflectance estimators learn from more pigments, and their speed beside numpy's and a copy.
 
-    python benches/python/reflectance_ladder.py [--data DIR] [--write]
+    python benches/python/training_spectra.py [--data DIR] [--write]
 
 The set-up is that of the recorded study (``benches/study/pigments.py``), which sweeps the
 estimators with the training spectra of colour-science and pigments that it only tests on. Here
@@ -43,7 +43,7 @@ LEARNING = tuple(name for name in ESTIMATORS if name != "linear-model")
 SPLITS, ROUNDS = 4, 7
 
 
-def ladder(data: Path) -> list[dict[str, Any]]:
+def by_training_size(data: Path) -> list[dict[str, Any]]:
     """The six-band camera with more and more pigments in the training set.
 
     Mean over four splits by pigment number; about 378 spectra are held out.
@@ -108,13 +108,15 @@ def main() -> None:
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     tables = {
-        "training ladder, six bands, held-out pigments": ladder(options.data),
+        "training sets of growing size, six bands, held-out pigments": by_training_size(
+            options.data
+        ),
         "speed": speed(options.data),
     }
     for title, rows in tables.items():
         show(title, rows)
     if options.write:
-        command = "python benches/python/reflectance_ladder.py --write"
+        command = "python benches/python/training_spectra.py --write"
         write("reflectance.json", {"run": run_info(command)} | tables)
 
 

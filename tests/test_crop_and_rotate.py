@@ -1,4 +1,4 @@
-"""Parts and quarter turns of stacks, rigs and results."""
+"""Crops and quarter turns of stacks, rigs and results."""
 
 from __future__ import annotations
 
@@ -71,14 +71,14 @@ def test_four_quarter_turns_change_no_bit(make: Any) -> None:
 
 @KINDS
 @pytest.mark.parametrize("lights", [FAR, NEAR], ids=["far", "near"])
-def test_a_turned_result_shows_the_turned_photographs(make: Any, lights: Any) -> None:
+def test_a_rotated_result_predicts_the_rotated_photographs(make: Any, lights: Any) -> None:
     whole = lit(make(), lights)
-    turned = whole.rotated(1)
-    assert turned.shape == SIZE[::-1]
+    rotated = whole.rotated(1)
+    assert rotated.shape == SIZE[::-1]
     # x and y change places in sums of three products, each rounded to 6e-8; a lobe's exponent of up
     # to 20 multiplies that. Samples are of the order of 1.
     np.testing.assert_allclose(
-        turned.predict(), np.rot90(whole.predict(), axes=(2, 3)), rtol=1e-5, atol=2e-6
+        rotated.predict(), np.rot90(whole.predict(), axes=(2, 3)), rtol=1e-5, atol=2e-6
     )
 
 
@@ -88,8 +88,8 @@ def test_a_quarter_turn_is_counterclockwise() -> None:
     np.testing.assert_array_equal(rig.directions, [[0.0, 0.6, 0.8]])
     samples = np.zeros((1, 1, 3, 3), np.float32)
     samples[0, 0, 1, 2] = 0.5
-    turned = impasto.Stack(samples, lights=[(0.6, 0.0, 0.8)]).rotated()
-    assert turned.samples[0, 0, 0, 1] == 0.5
+    rotated = impasto.Stack(samples, lights=[(0.6, 0.0, 0.8)]).rotated()
+    assert rotated.samples[0, 0, 0, 1] == 0.5
 
 
 @KINDS
@@ -121,14 +121,14 @@ def test_near_lights_stay_where_they_are_over_a_part(make: Any) -> None:
         )
 
 
-def test_parts_of_a_turned_painting_lie_where_they_turned_to() -> None:
+def test_a_part_keeps_its_position_when_the_painting_is_rotated() -> None:
     whole = lit(pooled(), NEAR)
     height, width = SIZE
-    turned = whole[PART].rotated(1)
+    rotated = whole[PART].rotated(1)
     rows, columns = slice(width - 5, width - 2), slice(1, 4)
     again = whole.rotated(1)[rows, columns]
-    assert turned.rig.origin == again.rig.origin
-    assert turned.normal.tobytes() == again.normal.tobytes()
+    assert rotated.rig.origin == again.rig.origin
+    assert rotated.normal.tobytes() == again.normal.tobytes()
     assert height == 4
 
 
@@ -153,7 +153,7 @@ def stack(lights: Any) -> impasto.Stack:
     )
 
 
-def test_a_stack_is_cut_and_turned_with_its_mask_and_lights() -> None:
+def test_a_stack_is_cropped_and_rotated_with_its_mask_and_lights() -> None:
     whole = stack(NEAR)
     part = whole[2:5, 3:]
     np.testing.assert_array_equal(part.samples, whole.samples[:, :, 2:5, 3:])
@@ -161,10 +161,10 @@ def test_a_stack_is_cut_and_turned_with_its_mask_and_lights() -> None:
     assert not part.mask[0, 2]
     assert (part.names, part.rig.origin) == (("a", "b"), (1.5, -0.5))
     np.testing.assert_array_equal(part.saturation, whole.saturation)
-    turned = whole.rotated(1)
-    np.testing.assert_array_equal(turned.samples, np.rot90(whole.samples, axes=(2, 3)))
-    np.testing.assert_array_equal(turned.mask, np.rot90(whole.mask))
-    four = turned.rotated(3)
+    rotated = whole.rotated(1)
+    np.testing.assert_array_equal(rotated.samples, np.rot90(whole.samples, axes=(2, 3)))
+    np.testing.assert_array_equal(rotated.mask, np.rot90(whole.mask))
+    four = rotated.rotated(3)
     assert four.samples.tobytes() == whole.samples.tobytes()
     assert four.rig.vectors.tobytes() == whole.rig.vectors.tobytes()
 
