@@ -47,7 +47,7 @@ def test_requests_that_are_not_met_are_listed() -> None:
     ]
     rows = [row | {"took": took} for row, took in zip(rows, (2.04, 1.0), strict=True)]
     assert suggestions.sentences(rows) == {
-        "missed": "Not kept: error on 64 pixels, 24 lights, satin.",
+        "missed": "Not met: error on 64 pixels, 24 lights, satin.",
         "took": "The suggestion itself took 1.0 to 2.0 s.",
     }
-    assert suggestions.sentences(rows[1:])["missed"] == "It was kept everywhere."
+    assert suggestions.sentences(rows[1:])["missed"] == "It was met everywhere."

@@ -126,7 +126,7 @@ def sentences(rows: list[dict[str, Any]]) -> dict[str, str]:
     said = [f"{what} on {'; '.join(names)}" for what, names in missed.items() if names]
     took = sorted(row["took"] for row in rows)
     return {
-        "missed": f"Not kept: {'. '.join(said)}." if said else "It was kept everywhere.",
+        "missed": f"Not met: {'. '.join(said)}." if said else "It was met everywhere.",
         "took": f"The suggestion itself took {took[0]:.1f} to {took[-1]:.1f} s.",
     }
 

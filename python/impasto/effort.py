@@ -19,44 +19,45 @@ Precision = Literal["single", "polished", "double"]
 class Effort:
     """Accuracy of a fit against time; the defaults are those of ``"standard"``.
 
-    Nothing here changes what is fitted, only how well: a larger number costs time, and never
-    changes a pixel's number of unknowns. :doc:`accuracy-and-time` shows what each costs and gives.
+    These settings change how well a model is fitted, not the model: larger numbers take more time,
+    and the unknowns of a pixel stay the same. :doc:`accuracy-and-time` shows the effect of each.
 
     Parameters
     ----------
     stereo
         Steps of reweighting in photometric stereo (``method="robust"``), 0 to 1000.
     pixels
-        Most pixels, about, from which the painting's one lobe is estimated
-        (``pooling="painting"``): its error falls with their square root, the time of the search
-        grows with them, up to the size of the painting.
+        Approximate largest number of pixels from which the one lobe of the painting is estimated
+        (``pooling="painting"``). Its error falls with their square root; the time of the search is
+        proportional to them, up to the size of the painting.
     rounds
-        Rounds in which all bands are fitted together and samples are reweighted by their residuals
-        (``pooling="pixel"``), or in which outliers are left out of a Lafortune fit and the fit is
-        repeated. 0: only the mean of the bands is searched, and every sample keeps its weight.
+        Rounds of reweighting. In each, all bands are fitted together and samples are reweighted by
+        their residuals (``pooling="pixel"``), or a Lafortune fit is repeated without outliers. 0:
+        only the mean of the bands is fitted, and no sample is reweighted.
     iterations
-        Steps at most of each of a pixel's searches (``pooling="pixel"``), at least 1. For
-        photographs few are enough: what they hardly determine is better left near its start.
-        Normals gain from more; with ten, all but one pixel in a thousand of a simulated painting
-        converge, and all but four in a hundred of a gilded icon.
+        Largest number of steps of each search of a pixel (``pooling="pixel"``), at least 1. Few
+        are enough to predict photographs: parameters that the samples hardly determine are better
+        left near their start. Normals gain from more steps. With ten, all but one pixel in a
+        thousand of a simulated painting converge, and all but four in a hundred of a gilded icon.
     start
         Where the searches for a pixel's lobes start (``pooling="pixel"``). ``"multistart"``: from
         several fixed widths, one search each; the best is kept. ``"neighbours"``: only every fourth
-        pixel of every fourth row uses multistart; the others start from the best of its fits around
-        them, and use multistart only where their own fit is much worse. Which rows and columns
-        these are depends on where a picture lies in the painting: the fit of a part may find
-        other lobes than that of the whole.
-        Pictures with fewer than 20 such pixels use multistart everywhere.
+        pixel of every fourth row uses multistart. The others start from the best fit of these
+        pixels around them, and use multistart only where their own fit is much worse. The choice
+        of rows and columns depends on the position of a picture in the painting, so the fit of a
+        part may find other lobes than the fit of the whole. Pictures with fewer than 20 such pixels
+        use multistart everywhere.
     precision
         Precision of the searches for a pixel's normal and lobes (``pooling="pixel"``).
         ``"single"`` ends where a step lowers the cost by a millionth or less. ``"polished"``: the
-        last round then continues in double precision, by up to as many steps again; it takes 1.3
-        times the time. ``"double"``: every search; 1.5 to 2 times. With enough steps
-        (``iterations``) these two end within 1e-11 of the least cost, ``"single"`` within about
-        1e-6; all three predict held-out photographs equally well. Samples, weights and results are
-        always in single precision, and ``converged`` is stricter in double. Other fits ignore this:
-        the one lobe of a painting or a segment is always searched for in double, from sums of
-        pixels in single; Lafortune lobes in double where the equations are singular in single.
+        last round continues in double precision with up to as many steps again; it takes 1.3 times
+        as long. ``"double"``: every search is in double precision; it takes 1.5 to 2 times as long.
+        With enough steps (``iterations``) these two end within 1e-11 of the least cost,
+        ``"single"`` within about 1e-6. All three predict held-out photographs equally well.
+        Samples, weights and results are always in single precision; ``converged`` is stricter in
+        double. Other fits ignore this setting: the one lobe of a painting or a segment is always
+        fitted in double precision, from sums over pixels in single precision; Lafortune lobes are
+        fitted in double where the equations are singular in single.
 
     Raises
     ------
@@ -104,7 +105,7 @@ PRESETS: dict[str, Effort] = {
 
 
 def resolved(effort: EffortLike) -> Effort:
-    """The effort of a preset name."""
+    """The :class:`Effort` of a preset's name."""
     if isinstance(effort, Effort):
         return effort
     if not (isinstance(effort, str) and effort in get_args(Preset)):

@@ -1,4 +1,4 @@
-"""Maps into pictures: eq. 1 of the six-band paper, eq. 9 of the RGB-camera paper."""
+"""Render a painting from its maps: eq. 1 of the six-band paper, eq. 9 of the RGB-camera paper."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
 
 CELLS = 2048
-"""Cells of the tone curve's table; the numerics fix the number."""
+"""Cells in the table of the tone curve; the Rust core requires this number."""
 MIXING_GRID = np.arange(360.0, 831.0)
-"""nm, for the sum of several illuminants."""
+"""Wavelengths in nm at which several illuminants are added."""
 
 
 @dataclass(frozen=True)
 class SceneArguments:
-    """A scene as plain arrays: one matrix and one vector to XYZ per distinct illuminant."""
+    """A scene as arrays: for each distinct illuminant one matrix and one vector to XYZ."""
 
     rig: RigArguments
     intensity: NDArray[np.float64]
@@ -50,23 +50,23 @@ class Image:
     Attributes
     ----------
     xyz
-        ``(3, y, x)`` float32, as the adapted eye sees it; a white board in light of intensity 1
-        has Y = 1. Not clipped.
+        ``(3, y, x)`` float32 tristimulus values for the adapted observer; a white board in light of
+        intensity 1 has Y = 1. Not clipped.
     linear
         ``(3, y, x)`` float32 linear display light, scaled by ``exposure``. Not clipped.
     display
         ``(y, x, 3)`` uint8 codes.
     coverage
-        ``(y, x)`` float32: how much of the pixel shows the painting. 0 where its maps hold no
-        number and outside it; there the picture is the scene's background.
+        ``(y, x)`` float32: the share of the pixel that shows the painting. It is 0 outside the
+        painting and where its maps are NaN; the picture shows the scene's background there.
     exposure
-        The factor between ``xyz`` and display light.
+        The factor from ``xyz`` to display light.
     clipped
-        Channel to the share of pixels that are too bright for the display.
+        For each channel, the share of pixels that are too bright for the display.
     outside
-        Channel to the share of pixels whose colour is outside the display's gamut.
+        For each channel, the share of pixels whose colour is outside the display's gamut.
     screen
-        The display that the codes are for.
+        The display that the codes are made for.
     """
 
     xyz: NDArray[np.float32]
@@ -88,16 +88,16 @@ class Image:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """``(y, x)``: at least half of the pixel shows the painting."""
+        """``(y, x)``: whether at least half of the pixel shows the painting."""
         return np.asarray(self.coverage >= 0.5)
 
     @property
     def white_scale(self) -> float:
-        """The exposure, by its other name."""
+        """Another name of ``exposure``."""
         return self.exposure
 
     def report(self) -> dict[str, Any]:
-        """Plain numbers for a report file."""
+        """Numbers for a report file."""
         return {
             "exposure": self.exposure,
             "clipped": dict(self.clipped),
@@ -107,23 +107,24 @@ class Image:
         }
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        """The codes of the display ``(y, x, 3)``: ``np.asarray(image)``."""
+        """``np.asarray(image)``: the display codes ``(y, x, 3)``."""
         return np.array(self.display, dtype=dtype, copy=copy)
 
     def _repr_png_(self) -> bytes:
-        """What a notebook shows."""
+        """PNG for notebooks."""
         return png(self.display)
 
     def save(self, path: str | Path) -> None:
-        """Write the picture; the suffix says in which format.
+        """Write the picture; the suffix selects the format.
 
-        ``.png``, ``.jpg`` and ``.tif``: 8-, 8- and 16-bit codes of the display, with its profile in
-        PNG and TIFF unless it is sRGB. ``.exr``: linear light R, G, B and coverage A.
+        ``.png``, ``.jpg`` and ``.tif``: 8-, 8- and 16-bit display codes; PNG and TIFF contain an
+        ICC profile unless the display is sRGB. ``.exr``: linear light R, G, B and coverage A.
 
         Raises
         ------
         ArgumentError
-            Another suffix; a JPEG for a display other than sRGB, which it could not name.
+            Another suffix; or a JPEG, which is written without a profile, for a display other than
+            sRGB.
         """
         from impasto.colour import icc_profile
         from impasto.io import write_exr, write_jpeg, write_png8, write_tiff16
@@ -136,7 +137,7 @@ class Image:
         elif suffix in {".jpg", ".jpeg"}:
             if not standard:
                 raise ArgumentError(
-                    f"path: {path} would carry no profile of the display {self.screen.name!r}; "
+                    f"path: {path} would have no profile of the display {self.screen.name!r}; "
                     "save .png or .tif"
                 )
             write_jpeg(path, self.display)
@@ -147,12 +148,12 @@ class Image:
 
 
 def checked_suffix(path: str | Path, name: str = "path") -> str:
-    """The suffix of a picture's file, in small letters.
+    """The suffix of a picture file, in lower case.
 
     Raises
     ------
     ArgumentError
-        A suffix that :meth:`Image.save` does not know.
+        A suffix that :meth:`Image.save` does not support.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr"}:
@@ -174,37 +175,45 @@ def render(
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Image:
-    """Light a painting and show it.
+    """Render a painting under the lights of a scene.
 
     Parameters
     ----------
     surface
-        What :func:`impasto.fit_sbrdf` returns, a :class:`Surface`, or a simulated painting. NaN is
-        a pixel about which nothing is known: it shows the background.
+        The result of :func:`impasto.fit_sbrdf`, a :class:`Surface`, or a simulated painting. Pixels
+        that are NaN show the background.
     scene
-        What lights it and who looks.
+        Lights, view, illuminant, adaptation and display.
     reflectance
-        What :func:`impasto.fit_reflectance` returns: colours under any illuminant. Default: the
-        own spectra of a simulated painting, else none.
+        The result of :func:`impasto.fit_reflectance`, for colours under any illuminant. Default:
+        the spectra of a simulated painting, otherwise none.
     camera
-        Instead of a reflectance: the camera that took the bands; the reflectance is estimated from
-        the surface's diffuse colours. With neither, three bands are taken for linear sRGB and one
-        for grey: colours as captured, under the light of the capture.
+        Alternative to ``reflectance``: the camera that took the bands. The reflectance is then
+        estimated from the diffuse colours of the surface. Without both, three bands are interpreted
+        as linear sRGB and one band as grey: the colours under the light of the capture.
     height
-        ``(y, x)`` mm, for shadows; default: the surface's own, else the normals, integrated.
+        ``(y, x)`` mm, for shadows; default: that of the surface, otherwise integrated from the
+        normals.
     pitch_mm
-        Width of a pixel; default: the surface's own. Needed by point lights only.
+        Width of a pixel in mm; default: that of the surface. Only point lights need it.
     index
-        Index of refraction of the interface; default: the surface's own.
-    threads, progress
-        As everywhere: None means every allowed core; a bool or a callable ``(done, total)``.
+        Index of refraction of the interface; default: that of the surface.
+    threads
+        Number of threads; None means every allowed core.
+    progress
+        True for a bar on stderr, or a callable ``(done, total)``.
+
+    Returns
+    -------
+    Image
+        XYZ, linear display light and display codes.
 
     Raises
     ------
     ArgumentError
-        Shapes that disagree; an illuminant or an adaptation for colours without spectra.
+        Shapes that do not match; an illuminant or an adaptation for colours without spectra.
     GeometryError
-        A point light, and no width of a pixel.
+        A point light without the width of a pixel.
     """
     instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
     made_by = "what impasto.fit_sbrdf or impasto.load_sbrdf returns, or an impasto.Surface"
@@ -266,16 +275,16 @@ def render(
 def display_from_bands(
     bands: ArrayLike, fold: Fold, *, bits: Literal[8, 16, 32] = 8, threads: int | None = None
 ) -> NDArray[Any]:
-    """Display codes from reflectance coefficients in one pass, without any geometry.
+    """Display codes from reflectance coefficients, without lights and normals, in one pass.
 
     Parameters
     ----------
     bands
         ``(k, y, x)`` coefficients.
     fold
-        What :func:`impasto.colour.display_from_coefficients` returns for their basis.
+        The result of :func:`impasto.colour.display_from_coefficients` for their basis.
     bits
-        8 or 16 for integer codes, 32 for float32 codes from 0 to 1.
+        8 or 16: integer codes; 32: float32 codes from 0 to 1.
     threads
         None means every allowed core.
 
@@ -283,7 +292,7 @@ def display_from_bands(
     -------
     ndarray
         ``(y, x, 3)``: the tone curve of ``fold.diffuse @ bands``, clipped to the display, within
-        half an 8-bit code of exact arithmetic. NaN shows as 0.
+        half an 8-bit code of exact arithmetic. NaN becomes 0.
     """
     planes = floats(bands)
     if planes.ndim != 3 or planes.shape[0] != fold.diffuse.shape[1]:
@@ -301,7 +310,7 @@ def display_from_bands(
 
 
 def _table(display: Display) -> NDArray[np.float32]:
-    """The tone curve over the square root of light, ``(3, 2049)``."""
+    """The tone curve at equal steps of the square root of light, ``(3, 2049)``."""
     light = np.linspace(0.0, 1.0, CELLS + 1) ** 2
     return np.ascontiguousarray(
         display.encode(np.broadcast_to(light, (3, light.size))), dtype=np.float32
@@ -309,21 +318,22 @@ def _table(display: Display) -> NDArray[np.float32]:
 
 
 def _coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) -> Surface:
-    """The surface to be lit; with a reflectance its coefficients are the colours."""
+    """The surface to render, with the coefficients of a reflectance as its colours."""
     if reflectance is None:
         return lit if index is None else replace(lit, index=index)
     if lit.tinted:
         raise ArgumentError(
             f"reflectance: the lobes of a {kind} have strengths per band, which spectra do not "
-            "tell; leave camera= and reflectance= out"
+            "describe; leave camera= and reflectance= out"
         )
     return lit.with_diffuse(_planes(reflectance.coefficients, lit.shape), index=index)
 
 
 def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:
-    """A part of a painting has the whole's ambient light, whatever near lights give its middle.
+    """Scale the ambient light of a part of a painting to that of the whole.
 
-    ``rig`` has the intensities that arrive there; lobes with an ambient part share one illuminant.
+    Ambient light is relative to the light that arrives at the centre. ``rig`` has the intensities
+    that near lights have at the centre of the part. Lobes with ambient light have one illuminant.
     """
     there = float(sum(light.intensity for light in scene.lights))
     here = float(rig.intensities.sum())
@@ -355,7 +365,7 @@ def _relief(
 def _colours(
     scene: Scene, reflectance: Any, bands: int
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.uint32], NDArray[Any]]:
-    """Matrices ``(g, k, 3)``, vectors ``(g, 3)``, each light's row, and XYZ of white."""
+    """Matrices ``(g, k, 3)``, vectors ``(g, 3)``, the row of each light, and XYZ of white."""
     if reflectance is None:
         matrix = _captured(scene, bands)
         white = Display.named("srgb").xyz_from_linear.sum(axis=1)
@@ -401,17 +411,17 @@ def _colours(
 
 
 def _captured(scene: Scene, bands: int) -> NDArray[np.float64]:
-    """Columns to XYZ for bands without spectra."""
+    """Matrix ``(band, 3)`` from bands without spectra to XYZ."""
     if bands not in {1, 3}:
         raise ArgumentError(
-            f"camera: {bands} bands are no colours yet; say camera=, or reflectance= of "
-            "impasto.fit_reflectance"
+            f"camera: {bands} bands have no colours without spectra; give camera=, or "
+            "reflectance= from impasto.fit_reflectance"
         )
     as_it_was = all(_same(illuminant, "D65") for illuminant in scene.illuminants)
     if scene.adaptation is not None or not as_it_was:
         raise ArgumentError(
             "camera: without camera= or reflectance= only the colours under the light of the "
-            "capture are known; another illuminant or an adaptation needs one of them"
+            "capture are known; give one of them for another illuminant or an adaptation"
         )
     primaries = Display.named("srgb").xyz_from_linear
     columns = primaries if bands == 3 else primaries.sum(axis=1, keepdims=True)
@@ -427,7 +437,7 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def _mixture(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The light of all lamps together, which the eye adapts to; each has Y = its intensity."""
+    """The sum of all lights, to which the observer adapts; each has Y = its intensity."""
     luminosity = xyz_from_spectrum(MIXING_GRID, np.ones(MIXING_GRID.size))[1]
     total = np.zeros(MIXING_GRID.size)
     for light, illuminant in zip(scene.lights, scene.illuminants, strict=True):

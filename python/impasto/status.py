@@ -1,4 +1,4 @@
-"""Statuses: why a pixel has its result, or none."""
+"""The status of a pixel: why it has a result, or none."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ from enum import IntEnum
 
 
 class Status(IntEnum):
-    """One word per pixel, stored as ``uint8``.
+    """The status of a pixel, stored as ``uint8``.
 
-    Below 16 the quantity was estimated; from 16 on it was not, and its maps hold NaN there and
-    nowhere else. The numbers are those of ``impasto::Status`` in Rust (a test compares them).
+    Below 16 the quantity was estimated. From 16 on it was not: its maps are NaN there, and nowhere
+    else. The values are those of ``impasto::Status`` in Rust (a test compares them).
     """
 
     FITTED = 0
     """Estimated from enough samples."""
     RELAXED = 1
-    """Estimated, but selection left too few samples, and some were used again."""
+    """Estimated, but too few samples passed the selection, so some rejected ones were used."""
     EXACT = 2
     """Estimated from exactly as many samples as unknowns: no residual, no predicted error."""
     ILL_CONDITIONED = 3
-    """Estimated, but the usable lights barely determine it; see the condition map."""
+    """Estimated, but the usable lights hardly determine it; see the condition map."""
     POOLED = 4
-    """Estimated, but the samples of the pixel do not determine its specular parameters, which are
-    those of the painting. In a pooled fit its normal and colours then are those of photometric
+    """Estimated, but the samples of the pixel do not determine its specular parameters: they are
+    those of the painting. In a pooled fit, its normal and colours are those of photometric
     stereo."""
 
     DARK = 16
@@ -39,7 +39,7 @@ class Status(IntEnum):
     """Excluded by the mask."""
 
     NOT_COMPUTED = 255
-    """Not reached (an interrupted or partial job)."""
+    """Not computed (an interrupted or partial job)."""
 
     @property
     def reason(self) -> str:
@@ -54,15 +54,15 @@ class Status(IntEnum):
 
 _REASONS = {
     "FITTED": "estimated from enough samples",
-    "RELAXED": "estimated; too few samples passed the selection, so some were taken back",
-    "EXACT": "estimated from as many samples as unknowns, without a residual",
-    "ILL_CONDITIONED": "estimated, but the usable lights barely determine it",
-    "POOLED": "estimated; its gloss is the painting's, its own samples show none",
+    "RELAXED": "estimated; too few samples passed the selection, so rejected ones were used",
+    "EXACT": "estimated from as many samples as unknowns, so without a residual",
+    "ILL_CONDITIONED": "estimated, but the usable lights hardly determine it",
+    "POOLED": "estimated; its samples do not determine its gloss, which is that of the painting",
     "DARK": "no signal in any photograph",
     "SATURATED": "too few samples are below saturation",
     "TOO_FEW_SAMPLES": "fewer usable samples than unknowns",
     "RANK_DEFICIENT": "the usable lights lie in one plane or line",
     "INVALID_INPUT": "no finite sample",
     "MASKED": "outside the mask",
-    "NOT_COMPUTED": "not reached",
+    "NOT_COMPUTED": "not computed",
 }

@@ -80,7 +80,7 @@ def demo(
     seed
         Seed of the simulated painting.
     system
-        impasto's own way to measure, or that of one of the papers as it is written.
+        The procedure of impasto, or that of one of the papers as published.
     rig
         Camera and lights of one of the papers: six bands and 16 lights, or RGB and 9. Default:
         those of the system; six bands for impasto.
@@ -89,7 +89,7 @@ def demo(
     threads
         Default: every core.
     force
-        Write into a folder that holds files of other origin.
+        Write into a folder that contains files of other programs.
     quiet
         No progress, only errors.
     """

@@ -53,7 +53,7 @@ def fit(
 ) -> int:
     """Measure a painting: normals, diffuse reflectance and gloss from its photographs.
 
-    Exit code 4: the result is partial. Listed photographs are missing, pixels were not reached, or
+    Exit code 4: the result is partial. Listed photographs are missing, pixels were not computed, or
     no pixel could be measured.
 
     Parameters
@@ -67,29 +67,29 @@ def fit(
         that were not measured, hand-held or in a dome. Takes longer than the fit; uses lobes per
         pixel (--lobes of --pooling pixel, else 2).
     system
-        impasto's own way to measure, or that of one of the papers as it is written, with the
-        paper's pictures; those need --camera. The options below change single steps.
+        The procedure of impasto, or that of one of the papers as published, with its pictures;
+        those need --camera. The options below change single steps.
     method
-        How normals are kept from highlights and shadows; impasto: robust.
+        How highlights and shadows are excluded from the fit of normals; impasto: robust.
     extraction
-        Which samples the first estimate of the gloss is made from; impasto: residual.
+        Which samples the first estimate of the gloss uses; impasto: residual.
     joint
-        Fit normals, colours and gloss to all samples together; the papers do not.
+        Fit normals, colours and gloss together to all samples; the papers do not.
     index
         Index of refraction of the varnish; default: 1.45.
     effort
-        How far the fits go, between time and accuracy; default: standard.
+        Accuracy against time; default: standard.
     camera
-        CSV file of band sensitivities, or "srgb" where the photographs are developed to sRGB
-        colours; reflectance spectra are estimated then, and any illuminant can be rendered.
+        CSV file of band sensitivities, or "srgb" for photographs developed to sRGB. Reflectance
+        spectra are then estimated, and any illuminant can be rendered.
     illuminant
-        Light of the photographs (A, D65, 3000K), where the camera's file does not tell.
+        Light of the photographs (A, D65, 3000K), if the camera's file does not contain it.
     estimator
         How spectra are estimated from bands; impasto: root-polynomial.
     threads
         Default: every core.
     force
-        Write into a folder that holds files of other origin.
+        Write into a folder that contains files of other programs.
     quiet
         No progress, only errors.
     """
@@ -126,7 +126,7 @@ def fit(
         with stages.stage("photographs") as stage:
             photographs = reading.read(stack)
             stage.note = stack_words(photographs)
-        tell(stages, photographs)
+        say_notes(stages, photographs)
         lamps = estimated_strengths(stages, photographs, own, threads) if strengths else None
         photographs = photographs if lamps is None else lamps.stack
         arguments = with_labels(own, photographs, reading.region)
@@ -166,7 +166,7 @@ def fit(
     unfinished = status_counts(sbrdf.status).get("not_computed", 0)
     missing = any(note.kind == "missing" for note in photographs.notes)
     if unfinished:
-        stages.say(f"[yellow]partial:[/] {unfinished} pixels were not reached")
+        stages.say(f"[yellow]partial:[/] {unfinished} pixels were not computed")
     if system == "impasto" and getattr(sbrdf, "verdict", "") == "mixed":
         stages.say(
             f"[dim]one lobe describes {100 * sbrdf.describes:.0f} % of the pixels: with about 20 "
@@ -225,7 +225,7 @@ def camera_of(text: str, illuminant: str | None) -> Any:
     return read_camera(text, illuminant=illuminant)
 
 
-def tell(stages: Stages, stack: Stack) -> None:
+def say_notes(stages: Stages, stack: Stack) -> None:
     """Print what was repaired, left out or assumed: important notes in yellow, others dim."""
     for note in stack.notes:
         odd = note.repair or not getattr(note, "decided", True)

@@ -42,7 +42,7 @@ def study(
     out
         Folder for study.json, study.md and the figure; default: print only.
     error
-        Suggest the fastest setting with at most this error: 0.05 is five per cent.
+        Suggest the fastest setting with at most this error: 0.05 is 5 %.
     seconds
         Suggest the most accurate setting within this time.
     threads
@@ -50,14 +50,14 @@ def study(
     figure
         Draw the figure (needs matplotlib).
     force
-        Write into a folder that holds files of other origin.
+        Write into a folder that contains files of other programs.
     json
         Print JSON for programs instead of the table.
     quiet
         No progress, only the table.
     """
     from impasto._internal.extras import need
-    from impasto.cli.fit import stack_words, tell
+    from impasto.cli.fit import say_notes, stack_words
     from impasto.cli.folder import REPORT, result_folder
     from impasto.report import report, write_report
     from impasto.study import run, write
@@ -77,7 +77,7 @@ def study(
         with stages.stage("photographs") as stage:
             photographs = reading.read(stack)
             stage.note = stack_words(photographs)
-        tell(stages, photographs)
+        say_notes(stages, photographs)
         with stages.stage("settings") as stage:
             found = run(
                 photographs, error=error, seconds=seconds, threads=threads, advance=stage.advance

@@ -128,7 +128,7 @@ def _undecided(why: str, numbers: dict[str, Any]) -> Finding:
         "ok",
         f"cannot check whether the light directions are mirrored or rotated: {why}",
         "compare one photograph with its line in the light file by eye",
-        numbers=numbers | {"verdict": "cannot tell"},
+        numbers=numbers | {"verdict": "undecided"},
     )
 
 

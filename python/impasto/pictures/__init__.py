@@ -1,9 +1,9 @@
-"""Pictures of result maps, for looking at: not data.
+"""Pictures of result maps for viewing; for data, use the maps.
 
-Every map becomes 8-bit RGB ``(y, x, 3)``: normals as (n + 1) / 2, colours through the sRGB curve,
-quantities on one perceptual ramp, statuses in flat colours. Pixels whose value is unknown (NaN)
-show a dark checkerboard. :func:`contact_sheet` sets such pictures side by side, each with its name
-and its scale.
+Every map becomes 8-bit RGB ``(y, x, 3)``: normals as (n + 1) / 2, colours with the sRGB curve,
+quantities on one perceptual colour ramp, statuses in flat colours. Pixels whose value is unknown
+(NaN) show a dark checkerboard. :func:`contact_sheet` arranges such pictures on one sheet, each with
+its title and scale.
 """
 
 from impasto.pictures.panels import (

@@ -1,8 +1,8 @@
-"""Pictures of result maps, for looking at: not data.
+"""Pictures of result maps for viewing; for data, use the maps.
 
-Every map becomes 8-bit RGB ``(y, x, 3)``: normals as (n + 1) / 2, colours through the sRGB curve,
-quantities on one perceptual ramp, statuses in flat colours. Pixels whose value is unknown (NaN)
-show the dark checkerboard that painting programs use for "nothing here".
+Every map becomes 8-bit RGB ``(y, x, 3)``: normals as (n + 1) / 2, colours with the sRGB curve,
+quantities on one perceptual colour ramp, statuses in flat colours. Pixels whose value is unknown
+(NaN) show a dark checkerboard.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ STATUS_COLOURS: dict[Status, tuple[int, int, int]] = {
     Status.MASKED: (52, 52, 56),
     Status.NOT_COMPUTED: (110, 110, 114),
 }
-"""Estimated pixels in quiet greens and blues, everything that needs a look in warm colours."""
+"""Estimated pixels in muted greens and blues; statuses that need attention in warm colours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Panel:
     picture
         ``(y, x, 3)`` uint8.
     note
-        Unit or scale, set in small type opposite the title.
+        Unit or scale, in small type at the right of the title.
     bar
         Labels at the two ends of the colour ramp, or None for pictures without a ramp.
     classes
@@ -77,10 +77,10 @@ def normal_panel(normal: ArrayLike, title: str = "Surface normal") -> Panel:
 
 
 def colour_panel(linear: ArrayLike, title: str, *, note: str = "", white: float = 1.0) -> Panel:
-    """Linear bands ``(band, y, x)`` through the sRGB curve; ``white`` is shown as full white.
+    """Linear bands ``(band, y, x)`` with the sRGB curve; ``white`` is shown as full white.
 
-    Three bands are taken as red, green, blue. Of any other number, the last, the middle and the
-    first stand in for them, because bands are stored in order of wavelength.
+    Three bands are red, green and blue. Of any other number, the last, the middle and the first are
+    used instead, because bands are stored in order of wavelength.
     """
     linear = _planes(linear, "linear")
     count = len(linear)
@@ -108,7 +108,7 @@ def ramp_panel(
         Name of the quantity and its unit.
     low, high
         Ends of the ramp in the printed unit; default: the 1st and the 99th percentile, so that a
-        few wild pixels do not darken the picture. Both ends are printed under it.
+        few outliers do not darken the picture. Both ends are printed below it.
     scale
         Factor from the stored to the printed unit (radians to degrees, for example).
     """
@@ -129,7 +129,7 @@ def ramp_panel(
 
 
 def status_panel(status: ArrayLike, title: str = "Status") -> Panel:
-    """Statuses ``(y, x)`` in flat colours; the legend gives each one's share of the pixels."""
+    """Statuses ``(y, x)`` in flat colours; the legend gives the share of pixels of each."""
     codes = np.asarray(status, dtype=np.uint8)
     if codes.ndim != 2:
         raise ArgumentError(f"status: expected (y, x), found shape {codes.shape}")
@@ -154,13 +154,13 @@ def curve_panel(
     axis: tuple[str, str] | None = None,
     size: tuple[int, int] = (460, 460),
 ) -> Panel:
-    """Measured points and the fitted curve through them.
+    """Measured points and the fitted curve.
 
     Parameters
     ----------
     points, line
-        ``(n, 2)``: x and y of each point, and of the curve in order of x. Both axes begin at 0;
-        the larger end of each, in ``line``, is the diagram's.
+        ``(n, 2)``: x and y of each point, and of the curve in order of x. Both axes start at 0 and
+        end at the largest value in ``line``.
     title, note, axis
         See :class:`Panel`.
     size
@@ -174,7 +174,7 @@ def curve_panel(
     picture[:] = (38, 38, 41)
     known = fitted_line[np.isfinite(fitted_line).all(axis=1)]
     right, high = (known.max(axis=0) if len(known) else np.ones(2)).tolist()
-    # A margin above the curve for points that lie over it; 4 fractional bits for smooth lines.
+    # A margin above the curve for points above it; 4 fractional bits for smooth lines.
     scale = 16.0 * np.array([columns / max(right, 1e-12), -0.8 * rows / max(high, 1e-12)])
     origin = 16.0 * np.array([0.0, rows - 12.0])
 
@@ -196,12 +196,12 @@ def curve_panel(
 def colour_ramp() -> Picture:
     """256 colours ``(256, 3)`` from dark violet over teal to pale yellow.
 
-    Even steps of lightness and hue at constant chroma in OKLab (Ottosson 2020): equal differences
-    look equal, and lightness alone tells the order, in grey print and to the colour-blind.
+    Even steps of lightness and hue at constant chroma in OKLab (Ottosson 2020). Equal differences
+    look equal, and lightness alone shows the order: in grey print, and to colour-blind readers.
     """
     t = np.linspace(0.0, 1.0, 256)
     lightness = 0.24 + 0.70 * t
-    chroma = 0.092  # the most that sRGB holds over the whole path (teal is its narrowest place)
+    chroma = 0.092  # the largest that sRGB contains along the whole path; teal limits it
     hue = np.radians(300.0 - 195.0 * t)
     lab = np.stack([lightness, chroma * np.cos(hue), chroma * np.sin(hue)])
     cone = np.array(

@@ -1,4 +1,4 @@
-"""Diagrams of what was fitted; they need matplotlib (``pip install impasto[plot]``)."""
+"""Diagrams of fitted lobes; they need matplotlib (``pip install impasto[plot]``)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LOBES = ("#e8a15a", "#7fb4d6", "#a6c48a")
 """The sharpest lobe first."""
 SAMPLES = "#d65a6e"
 WITHIN = 6.0
-"""Degrees: how near a photograph must be to the plane and to the light of a panel."""
+"""Degrees: largest distance of a photograph from the plane and from the light of a panel."""
 PANELS = 3
 
 
@@ -61,7 +61,7 @@ def lobe_plot(sbrdf: Any, y: int, x: int, stack: Stack | None = None) -> Figure:
         zip(incidences, slices, strict=True)
     ):
         axes = figure.add_subplot(1, len(incidences), panel + 1, projection="polar")
-        # A scale for each: grazing light makes a highlight some hundred times as bright.
+        # Each panel has its own scale: under grazing light a highlight is a hundred times brighter.
         top = 1.08 * float(total.max()) or 1.0
         _dress(axes, incidence, top)
         axes.fill(np.radians(angle), lobes[0], color=_colour(FAINT), alpha=0.25, lw=0)
@@ -101,14 +101,14 @@ def _towards(rig: Rig, shape: tuple[int, int], y: int, x: int) -> Angles:
 
 
 def _angles(normal: Angles, lights: Angles, views: Angles) -> tuple[Angles, Angles, Angles]:
-    """Degrees of lights from the normal, of views along the plane of incidence and beside it.
+    """Degrees of lights from the normal, and of views in the plane of incidence and out of it.
 
-    Along the plane, the mirror's side is positive.
+    In the plane, the side of the mirror direction is positive.
     """
     cosine = np.clip(lights @ normal, -1.0, 1.0)
     across = cosine[:, None] * normal - lights
     length = np.linalg.norm(across, axis=1)
-    # A light in the normal has no plane of its own: the view's will do.
+    # A light along the normal has no plane of incidence: use that of the view.
     alone = views - (views @ normal)[:, None] * normal
     across = np.where(length[:, None] > 1e-6, across, alone)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
@@ -119,7 +119,7 @@ def _angles(normal: Angles, lights: Angles, views: Angles) -> tuple[Angles, Angl
 
 
 def _incidences(light: Angles, beside: Angles) -> list[float]:
-    """Degrees: where most photographs of the plane were taken, in rising order."""
+    """Degrees, increasing: the incidences with the most photographs in the plane."""
     counts = {
         angle: int(((np.abs(light - angle) < WITHIN) & (beside < WITHIN)).sum())
         for angle in range(0, 81, 5)
@@ -133,7 +133,7 @@ def _incidences(light: Angles, beside: Angles) -> list[float]:
 
 
 def _slice(surface: Surface, incidence: float) -> tuple[Angles, Angles, list[Angles]]:
-    """Angles of view in degrees, reflectance there, and its parts: diffuse, then each lobe."""
+    """View angles in degrees, reflectance there, and its terms: diffuse, then each lobe."""
     angle = np.linspace(-89.5, 89.5, 359)
     a, b = np.radians(incidence), np.radians(angle)
     light = (-np.sin(a), 0.0, np.cos(a))
@@ -153,7 +153,7 @@ def _slice(surface: Surface, incidence: float) -> tuple[Angles, Angles, list[Ang
 def _reflectances(stack: Stack, y: int, x: int, light: Angles, ambient: Any) -> Angles:
     """``(obs,)`` mean of the bands over ``(N.L)``; NaN where clipped or lit from behind.
 
-    ``ambient (band, 1, 1)`` is what comes whatever the lamp's direction, or None.
+    ``ambient (band, 1, 1)`` is light that does not depend on the lamp's direction, or None.
     """
     stored = stack.samples[:, :, y, x].astype(np.float64)
     linear = (stored - stack.black) * stack.scale / stack.rig.here.intensities[:, None]
@@ -173,7 +173,7 @@ def _dress(axes: Axes, incidence: float, top: float) -> None:
     polar.set_thetalim(-np.pi / 2, np.pi / 2)
     polar.set_ylim(0.0, top)
     polar.set_thetagrids(range(-90, 91, 30))
-    # More circles than this, and their numbers run into each other beneath the disc.
+    # With more circles, their labels below the disc would overlap.
     polar.set_rticks(_circles(top))
     polar.tick_params(colors=_colour(FAINT), labelsize=7)
     polar.grid(color=_colour(FAINT), alpha=0.25, lw=0.6)
@@ -181,7 +181,7 @@ def _dress(axes: Axes, incidence: float, top: float) -> None:
     for angle, style, label in ((-incidence, "-", "light"), (incidence, ":", "its mirror")):
         line = 2 * [np.radians(angle)]
         polar.plot(line, [0.0, top], style, color="#f2d57e", lw=1.0, label=label)
-    # Beneath the disc: a title of its own would stand as far above as the other half is wide.
+    # Below the disc: a title would stand above the hidden half, far from the plot.
     polar.text(
         np.pi, 0.27 * top, f"light at {incidence:.0f}°",
         color=_colour(INK), fontsize=9, ha="center", clip_on=False,
@@ -189,7 +189,7 @@ def _dress(axes: Axes, incidence: float, top: float) -> None:
 
 
 def _circles(top: float) -> list[float]:
-    """Round reflectances up to ``top``: three to five of them besides 0."""
+    """Round reflectances up to ``top``: 0 and three to five more."""
     decade = 10.0 ** np.floor(np.log10(top / 3.0))
     steps = (each * decade for each in (1.0, 2.0, 2.5, 5.0) if 3.0 * each * decade <= top)
     # The logarithm of a round number may be rounded up.

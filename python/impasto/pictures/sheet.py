@@ -1,4 +1,4 @@
-"""Pictures side by side on one sheet, each with its name and its scale."""
+"""Contact sheets: pictures on one sheet, each with its title and scale."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ def contact_sheet(
     Parameters
     ----------
     panels
-        At least one; they share one cell, which has the first panel's shape unless that is
-        higher than four widths or lower than an eighth of it.
+        At least one. All cells have the shape of the first panel, limited to heights between an
+        eighth of the width and four widths.
     title, subtitle
         Heading of the sheet.
     columns
-        Pictures per row; default: the number that makes the sheet nearest to 16:10.
+        Pictures per row; default: the number for which the sheet is closest to 16:10.
     width
         Width of a picture on the sheet in pixels.
     """
     if not panels:
         raise ArgumentError("panels: expected at least one picture, found none")
     high, across = panels[0].picture.shape[:2]
-    # A strip of pixels would make cells of any height; it is fitted into a bounded one.
+    # Without this limit a narrow strip would make cells of any height.
     height = round(width * min(max(high / across, 1.0 / 8.0), 4.0))
     gap, margin, head = 28, 40, 34
     foot = 44 if any(panel.bar or panel.classes or panel.axis for panel in panels) else 16
@@ -85,7 +85,7 @@ def _set_panel(
     for name, colour in panel.classes:
         if pen > x and pen + 16 + _width(name, 13, 400) > x + width:
             pen, line = x, line + 17
-        if line > below + 38:  # the rarest classes of a long list
+        if line > below + 38:  # no room for the rarest classes of a long list
             break
         sheet[line - 10 : line, pen : pen + 10] = colour
         pen = _text(sheet, name, (pen + 16, line), 13, FAINT, room=width - 16) + 16
@@ -94,7 +94,7 @@ def _set_panel(
 def fitted(picture: Picture, width: int, height: int) -> Picture:
     """The picture scaled to fit ``width`` x ``height``, centred on the sheet's background.
 
-    Shrinking averages; enlarging repeats pixels, so that a pixel can be seen for what it is.
+    Shrinking averages pixels; enlarging repeats them, so that each remains visible.
     """
     import cv2
 
@@ -121,7 +121,7 @@ def _text(
     right: bool = False,
     room: int | None = None,
 ) -> int:
-    """Set one line at its baseline; returns the x where it ends. Too long a line ends in dots."""
+    """Draw one line at its baseline and return its end in x; a line that is too long is cut."""
     if not text:
         return origin[0]
     import cv2
@@ -144,7 +144,7 @@ def _text(
 def _width(text: str, size: int, weight: int) -> int:
     import cv2
 
-    # The canvas only wraps lines; a wide one measures the line as it is.
+    # The size given here only wraps lines; this one is wide enough for any line.
     box = cv2.getTextSize((100_000, 4 * size), text, (0, 0), _face(), size, weight)
     return int(box[2])
 
