@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
+import re
 import warnings
+from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +16,8 @@ import tifffile
 
 import impasto
 from impasto import ArgumentError, DistantLight, Scene
+from test_crop_and_rotate import lit
+from test_sbrdf_xarray import KINDS
 
 LIGHTS = [(0.0, 0.6, 0.8), (0.6, 0.0, 0.8), (-0.6, 0.0, 0.8), (0.0, -0.6, 0.8)]
 
@@ -37,7 +42,83 @@ def test_a_stack_shows_its_sizes_and_a_thumbnail() -> None:
     page = impasto.Stack(samples(), lights=LIGHTS, bands=("<red>", "g", "b"))._repr_html_()
     for part in ("7 x 5 pixels", "&lt;red&gt;, g, b", "float32", "4 lights"):
         assert part in page
-    assert page.count("data:image/png;base64,") == 1
+    assert "mean of 4 photographs" in page
+    assert [picture.shape for picture in pictures(page)] == [(5, 7, 3)]
+
+
+def pictures(page: str) -> list[Any]:
+    """The embedded pictures of a notebook view, red first."""
+    coded = re.findall(r"data:image/png;base64,([^']+)'", page)
+    found = [np.frombuffer(base64.b64decode(one), np.uint8) for one in coded]
+    return [cv2.imdecode(one, cv2.IMREAD_COLOR)[..., ::-1] for one in found]
+
+
+def test_a_view_is_html_that_closes_what_it_opens() -> None:
+    """Whatever follows in the notebook would otherwise stand inside the view."""
+    view = impasto.fit_normals(impasto.Stack(samples(), lights=LIGHTS))._repr_html_()
+    opened: list[str] = []
+
+    class Reader(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: Any) -> None:
+            if tag != "img":
+                opened.append(tag)
+
+        def handle_endtag(self, tag: str) -> None:
+            assert opened.pop() == tag
+
+    Reader().feed(view)
+    assert opened == []
+    # A view has the colours of its page, which may be dark.
+    assert re.findall(r"(?<!caption-)(?:color|background):(?!inherit|none)", view) == []
+
+
+def test_normals_show_their_method_their_error_and_two_maps() -> None:
+    normals = impasto.fit_normals(impasto.Stack(samples(), lights=LIGHTS), method="least-squares")
+    page = normals._repr_html_()
+    error = f"{np.degrees(np.nanmedian(normals.sigma)):.2g}° (median)"
+    for part in ("Normals", "7 x 5 pixels", "least-squares", "100.0 %", error):
+        assert part in page
+    _, coded = pictures(page)
+    np.testing.assert_array_equal(
+        coded, np.rint(127.5 * (np.moveaxis(normals.normal, 0, -1) + 1.0)).astype(np.uint8)
+    )
+
+
+def test_normals_without_an_estimate_say_so() -> None:
+    dark = impasto.fit_normals(impasto.Stack(0.0 * samples(), lights=LIGHTS))
+    page = dark._repr_html_()
+    assert "unknown" in page
+    assert ">0.0 %<" in page
+    assert len(pictures(page)) == 2
+
+
+def test_a_reflectance_shows_its_colours_under_daylight() -> None:
+    """A spectrum that reflects long wavelengths only is red, whatever the basis."""
+    grid = np.arange(400.0, 701.0, 10.0)
+    basis = np.array([grid > 600.0, grid <= 600.0], dtype=np.float64)
+    coefficients = np.zeros((2, 3, 4), np.float32)
+    coefficients[0, :, :2] = coefficients[1, :, 2:] = 1.0
+    status = np.zeros((3, 4), np.uint8)
+    found = impasto.Reflectance(coefficients, basis, grid, status, {"estimator": "wiener"})
+    page = found._repr_html_()
+    for part in ("Reflectance", "4 x 3 pixels", "2 spectra, 400 to 700 nm", "wiener", "100.0 %"):
+        assert part in page
+    (picture,) = pictures(page)
+    red, cyan = picture[0, 0].astype(int), picture[0, 3].astype(int)
+    assert red[0] > 2 * red[1:].max()
+    # 600 nm is orange: what ends there has some red left.
+    assert 1.5 * cyan[0] < cyan[1:].min()
+
+
+@KINDS
+def test_a_result_shows_its_gloss_and_two_maps(make: Any) -> None:
+    """One row where one lobe was fitted; the median lobe as well where there are many."""
+    result = lit(make())
+    page = result._repr_html_()
+    assert type(result).__name__ in page
+    assert ("median lobe" in page) == (result.gloss.source == "pixels")
+    assert "nan" not in page.split("<img")[0]
+    assert [picture.shape for picture in pictures(page)] == 2 * [(*result.shape, 3)]
 
 
 def test_a_thumbnail_of_nothing_is_black() -> None:
@@ -109,7 +190,7 @@ def test_dimensions_that_make_no_stack_are_named(dims: tuple[str, ...], found: s
         impasto.Stack(array, lights=LIGHTS[:2])
 
 
-def test_lights_are_asked_for() -> None:
+def test_a_stack_without_lights_is_refused() -> None:
     with pytest.raises(ArgumentError, match=r"lights: .*found none"):
         impasto.Stack(samples())
 

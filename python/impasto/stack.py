@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import instance, numbers, picked, unmasked
-from impasto._internal.html import THUMBNAIL, table, thumbnail
+from impasto._internal.html import table, thinned, thumbnail
 from impasto._internal.named import coordinate, in_order, is_named, light_directions
 from impasto._internal.waiting import floats, wait_for
 from impasto._internal.windows import offset, rotated_map, window
@@ -165,11 +165,10 @@ class Stack:
         )
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: sizes, lights, and the mean of some photographs."""
+        """HTML for notebooks: size, lights, and the mean of some photographs."""
         observations, _, height, width = self.shape
         some = np.linspace(0, observations - 1, min(observations, 8)).astype(int)
-        step = max(1, max(height, width) // THUMBNAIL)
-        light = [self._linear(self.samples[index][:, ::step, ::step]) for index in some]
+        light = [self._linear(thinned(self.samples[index])) for index in some]
         mean = np.mean([np.nan_to_num(plane, posinf=1.0) for plane in light], axis=0)
         rows = {
             "photographs": observations,
@@ -179,7 +178,7 @@ class Stack:
             "tone curve": self.encoding.curve,
             "rig": repr(self.rig).strip("<>").removeprefix("Rig "),
         }
-        return table("Stack", rows, thumbnail(mean))
+        return table("Stack", rows, {f"mean of {len(some)} photographs": thumbnail(mean)})
 
     @property
     def shape(self) -> tuple[int, int, int, int]:

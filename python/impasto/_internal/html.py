@@ -1,4 +1,4 @@
-"""What a notebook shows of a stack, a result or a picture: a small table and a thumbnail."""
+"""Notebook views of stacks and results: a small table and thumbnails."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from impasto.encoding import Encoding
 
 THUMBNAIL = 240
-"""Pixels of the longer side of a thumbnail: it stands beside ten lines of text."""
+"""Pixels of the longer side of a thumbnail on the page, about ten lines of text."""
+_SHARP = 2.0
+"""Enlarged by more than this, pixels keep sharp edges: interpolation would hide them."""
 
 
 def png(picture: NDArray[np.uint8]) -> bytes:
@@ -26,14 +28,19 @@ def png(picture: NDArray[np.uint8]) -> bytes:
     return data.tobytes()
 
 
+def thinned(planes: NDArray[Any]) -> NDArray[Any]:
+    """Every so many pixels of ``(..., y, x)``: 240 to 479 along the longer side, if there are."""
+    step = max(1, max(planes.shape[-2:]) // THUMBNAIL)
+    return planes[..., ::step, ::step]
+
+
 def thumbnail(linear: NDArray[Any]) -> NDArray[np.uint8]:
     """Linear light ``(band, y, x)`` as a small sRGB picture; NaN is black.
 
     Three bands are red, green and blue; of any other number the mean is shown. Its 99th percentile
     is white.
     """
-    step = max(1, max(linear.shape[1:]) // THUMBNAIL)
-    small = np.asarray(linear[:, ::step, ::step], dtype=np.float32)
+    small = np.asarray(thinned(linear), dtype=np.float32)
     small = small if len(small) == 3 else np.repeat(small.mean(axis=0)[None], 3, axis=0)
     known = small[np.isfinite(small)]
     white = float(np.quantile(known, 0.99)) if known.size else 0.0
@@ -42,20 +49,46 @@ def thumbnail(linear: NDArray[Any]) -> NDArray[np.uint8]:
     return np.rint(np.moveaxis(codes, 0, -1)).astype(np.uint8)
 
 
-def table(title: str, rows: Mapping[str, object], *pictures: NDArray[np.uint8]) -> str:
-    """HTML: a title, rows of names and values, and pictures beside them."""
+def normal_thumbnail(normal: NDArray[Any]) -> NDArray[np.uint8]:
+    """Normals ``(3, y, x)`` as a small picture, (n + 1) / 2; NaN is black."""
+    codes = 255.0 * np.nan_to_num((thinned(normal) + 1.0) / 2.0, nan=0.0)
+    return np.rint(np.moveaxis(codes, 0, -1)).astype(np.uint8)
+
+
+def share_of(part: NDArray[np.bool_]) -> str:
+    """``99.8 %``: the share of True."""
+    return f"{100 * float(part.mean()):.1f} %"
+
+
+def table(title: str, rows: Mapping[str, object], pictures: Mapping[str, NDArray[np.uint8]]) -> str:
+    """HTML: a title, rows of names and values, and pictures with their names beside them.
+
+    Colours are those of the page, light or dark; on a narrow page pictures move below the table.
+    Notebooks have style sheets of their own for tables, so every cell says how it is set.
+    """
+    cell = "text-align:left;vertical-align:top;padding:.1em 1em .1em 0;background:none"
     lines = "".join(
-        f"<tr><td style='text-align:left;opacity:.65;padding-right:1em'>{html.escape(name)}</td>"
-        f"<td style='text-align:left'>{html.escape(str(value))}</td></tr>"
+        f"<tr style='background:none'><td style='{cell};opacity:.65;white-space:nowrap'>"
+        f"{html.escape(name)}</td><td style='{cell}'>{html.escape(str(value))}</td></tr>"
         for name, value in rows.items()
     )
-    shown = "".join(
-        "<img style='max-height:15em;margin-left:1em' alt='' "
-        f"src='data:image/png;base64,{base64.b64encode(png(picture)).decode()}'>"
-        for picture in pictures
-    )
+    caption = "caption-side:top;text-align:left;color:inherit;padding:0 0 .3em"
     return (
-        "<div style='display:flex;align-items:flex-start'>"
-        f"<table><caption style='text-align:left'><b>{html.escape(title)}</b></caption>{lines}"
-        f"</table>{shown}</div>"
+        "<div style='display:flex;flex-wrap:wrap;align-items:flex-start;gap:.5em 1.5em'>"
+        f"<table style='margin:0;max-width:26em;border-collapse:collapse'><caption "
+        f"style='{caption}'><b>{html.escape(title)}</b></caption>{lines}</table>"
+        "<div style='display:flex;flex-wrap:wrap;gap:.5em 1em'>"
+        f"{''.join(_figure(name, picture) for name, picture in pictures.items())}</div></div>"
+    )
+
+
+def _figure(name: str, picture: NDArray[np.uint8]) -> str:
+    height, width = picture.shape[:2]
+    scale = THUMBNAIL / max(height, width)
+    sharp = "image-rendering:pixelated;" if scale > _SHARP else ""
+    return (
+        "<figure style='margin:0;max-width:100%'><img alt='' style='display:block;margin:0;"
+        f"max-width:100%;width:{max(1, round(scale * width))}px;height:auto;{sharp}' "
+        f"src='data:image/png;base64,{base64.b64encode(png(picture)).decode()}'>"
+        f"<figcaption style='opacity:.65;font-size:.9em'>{html.escape(name)}</figcaption></figure>"
     )

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import instance, is_whole, one_of
+from impasto._internal.html import share_of, table, thinned, thumbnail
 from impasto._internal.waiting import floats, wait_for
 from impasto.bands import Camera, Integration, checked_camera
 from impasto.colour.wavelengths import Floats, checked_wavelengths
@@ -23,6 +24,7 @@ from impasto.fit.pixel_maps import PixelMaps
 from impasto.fit.saved import over
 from impasto.io.results import read_maps, write_maps
 from impasto.stack import Stack
+from impasto.status import Status
 from impasto.training import TrainingSpectra, checked_training
 
 Estimator = Literal["root-polynomial", "wiener", "linear-model", "radial-basis"]
@@ -91,6 +93,22 @@ class Reflectance(PixelMaps):
             f"<Reflectance {width} x {height} pixels, {count} basis spectra from {grid[0]:g} to "
             f"{grid[-1]:g} nm, {self.info.get('estimator', 'unknown estimator')}>"
         )
+
+    def _repr_html_(self) -> str:
+        """HTML for notebooks: size, basis, estimator and colours under D65."""
+        from impasto.colour import display_from_coefficients
+
+        count, height, width = self.coefficients.shape
+        grid = self.wavelengths
+        rows = {
+            "size": f"{width} x {height} pixels",
+            "basis": f"{count} spectra, {grid[0]:g} to {grid[-1]:g} nm",
+            "estimator": self.info.get("estimator", "unknown"),
+            "estimated": share_of(self.status < Status.DARK),
+        }
+        fold = display_from_coefficients(self.basis, grid, "D65")
+        light = np.tensordot(fold.diffuse, thinned(self.coefficients), axes=1)
+        return table("Reflectance", rows, {"under D65": thumbnail(light)})
 
     def spectrum(self, y: int, x: int) -> Floats:
         """Reflectance ``(n,)`` of one pixel, unclipped."""

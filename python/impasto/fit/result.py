@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import picked
-from impasto._internal.html import THUMBNAIL, table, thumbnail
+from impasto._internal.html import normal_thumbnail, share_of, table, thumbnail
 from impasto._internal.waiting import wait_for
 from impasto._internal.windows import place
 from impasto.fit.gloss import Gloss, gloss_of_pixels
@@ -251,20 +251,19 @@ class Sbrdf(PixelMaps, Relightable):
         return f"<{type(self).__name__} {size}, {share:.1f} % estimated: {self._gloss()}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: sizes, gloss and statuses, diffuse colours and normals."""
+        """HTML for notebooks: size, gloss, diffuse colours and normals."""
         height, width = self.shape
         gloss = self.gloss
         rows = {
             "size": f"{width} x {height} pixels",
             "bands": ", ".join(self.bands),
-            "estimated": f"{100 * float(self.estimated.mean()):.1f} %",
+            "estimated": share_of(self.estimated),
             "gloss": self._gloss(),
-            "beta, gamma": f"{gloss.beta:.3g}, {np.degrees(gloss.gamma):.3g}°",
         }
-        normals = np.nan_to_num((self.normal + 1.0) / 2.0, nan=0.0)
-        step = max(1, max(self.shape) // THUMBNAIL)
-        facing = np.rint(255 * np.moveaxis(normals[:, ::step, ::step], 0, -1)).astype(np.uint8)
-        return table(type(self).__name__, rows, thumbnail(self.diffuse), facing)
+        if gloss.source == "pixels":
+            rows["median lobe"] = str(gloss)
+        pictures = {"diffuse": thumbnail(self.diffuse), "normals": normal_thumbnail(self.normal)}
+        return table(type(self).__name__, rows, pictures)
 
     @classmethod
     def kind(cls) -> str:
