@@ -6,7 +6,7 @@ use core::sync::atomic::AtomicBool;
 use divan::{Bencher, counter::ItemsCount};
 use impasto::math::Level;
 use impasto::pixels::{Progress, Run};
-use impasto::sbrdf::{Lobe, Parameter, Strength, Surface, TorranceSparrow, predict};
+use impasto::surface::{Lobe, Model, Parameter, Strength, Surface, predict};
 
 use crate::painting::{LIGHTS, SIDE, diffuse, normal, rig};
 
@@ -26,7 +26,7 @@ fn impasto(bencher: Bencher<'_, '_>, level: Level) {
     let surface = Surface {
         normal: &normal,
         diffuse: &diffuse,
-        model: TorranceSparrow { index: f64::from(INDEX) },
+        model: Model::TorranceSparrow { index: f64::from(INDEX) },
         lobes: vec![Lobe {
             strength: Strength::Neutral(Parameter::Everywhere(BETA)),
             shape: vec![Parameter::Everywhere(GAMMA)],

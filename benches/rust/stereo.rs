@@ -4,9 +4,9 @@
 use divan::{Bencher, counter::ItemsCount};
 use impasto::geometry::Rig;
 use impasto::pixels::serially;
-use impasto::sbrdf::{Lobe, Parameter, Strength, Surface, TorranceSparrow, predict};
 use impasto::stack::{Decode, Samples, Shape, Stack};
 use impasto::stereo::{Method, NormalMaps, StereoOptions, fit_normals};
+use impasto::surface::{Lobe, Model, Parameter, Strength, Surface, predict};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::painting::{LIGHTS, SIDE, diffuse, normal, rig};
@@ -34,7 +34,7 @@ fn photographs(rig: &Rig) -> Vec<u16> {
     let surface = Surface {
         normal: &normal,
         diffuse: &diffuse,
-        model: TorranceSparrow { index: 1.45 },
+        model: Model::TorranceSparrow { index: 1.45 },
         lobes: vec![Lobe {
             strength: Strength::Neutral(Parameter::Everywhere(12.0)),
             shape: vec![Parameter::Everywhere(0.12)],

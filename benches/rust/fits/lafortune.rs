@@ -210,7 +210,7 @@ impl Photographs {
     pub(crate) fn of(scene: &Scene) -> Self {
         let count = scene.normals.len();
         let lights = scene.directions.iter().map(|&[light, _]| Light::Distant(light)).collect();
-        let views = scene.directions.iter().map(|&[_, view]| view).collect();
+        let views: Vec<_> = scene.directions.iter().map(|&[_, view]| view).collect();
         let grid = Grid::whole(count, 1, 1.0);
         Self {
             rig: Rig::new(lights, views, grid).expect("a light for every view"),

@@ -6,9 +6,8 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use impasto::sbrdf::{
-    LearnedLobes, LobeMapsMut, LobeOptions, Origin, Precision, PriorNumbers, TorranceSparrow,
-};
+use impasto::sbrdf::{LearnedLobes, LobeMapsMut, LobeOptions, Origin, Precision, PriorNumbers};
+use impasto::surface::TorranceSparrow;
 use impasto::{Error, Result};
 
 use crate::arrays::{StackArguments, StartArguments, contiguous};

@@ -12,15 +12,14 @@ use impasto::Error;
 use impasto::geometry::{Grid, Light};
 use impasto::math::Vec3;
 use impasto::relight::curve::Curve;
+use impasto::relight::scene::{Colour, Lamp, Scene};
 use impasto::relight::show::{Codes, codes_from_planes, linear_from_planes};
-use impasto::relight::{self, Picture, Relief};
-use impasto::sbrdf::LobeModel;
-use impasto::scene::{Colour, Lamp, Scene};
+use impasto::relight::{self, Relief};
 
 use crate::arrays::{RigArguments, Size};
 use crate::errors::to_python;
 use crate::run;
-use crate::surface::{SurfaceArguments, with_model};
+use crate::surface::SurfaceArguments;
 
 /// What `impasto.render.SceneArguments` holds.
 #[derive(FromPyObject)]
@@ -78,38 +77,13 @@ pub(crate) fn render<'py>(
     let refuse = |error: Error| to_python(py, &error);
     let grid = surface.grid(scene.rig.pitch_mm);
     let height = height.as_ref().map(|map| slice("height", map)).transpose().map_err(refuse)?;
-    let view = View {
-        surface: &surface,
-        relief: Relief { grid, height },
-        scene: &scene.scene(grid).map_err(refuse)?,
-        background: scene.background,
-        threads,
-        progress: progress.as_ref(),
-    };
-    let picture = with_model!(surface.model.as_str(), surface.index, |model| view
-        .render(py, model)?)
-    .map_err(refuse)?;
+    let (maps, relief) = (surface.surface().map_err(refuse)?, Relief { grid, height });
+    let (lit, background) = (scene.scene(grid).map_err(refuse)?, scene.background);
+    let picture = run::call(py, threads, progress.as_ref(), |run| {
+        relight::render(&maps, relief, &lit, background, run)
+    })?;
     let size = Size { height: picture.grid.height, width: picture.grid.width };
     Ok((size.planes(py, picture.light, 3)?, size.map(py, picture.coverage)?))
-}
-
-/// A call of [`render`] before the model of the lobes is known.
-struct View<'a, 'py> {
-    surface: &'a SurfaceArguments<'py>,
-    relief: Relief<'a>,
-    scene: &'a Scene,
-    background: [f32; 3],
-    threads: usize,
-    progress: Option<&'a Py<PyAny>>,
-}
-
-impl View<'_, '_> {
-    fn render<M: LobeModel>(self, py: Python<'_>, model: M) -> PyResult<Picture> {
-        let maps = self.surface.surface(model).map_err(|error| to_python(py, &error))?;
-        run::call(py, self.threads, self.progress, |run| {
-            relight::render(&maps, self.relief, self.scene, self.background, run)
-        })
-    }
 }
 
 /// `(3, y, x)` linear light from `(k, y, x)` planes and `(k, 3)` matrix columns.

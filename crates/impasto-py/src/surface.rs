@@ -4,7 +4,7 @@ use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use impasto::geometry::Grid;
-use impasto::sbrdf::{Lobe, Parameter, Strength, Surface};
+use impasto::surface::{Lobe, Model, Parameter, Strength, Surface};
 use impasto::{Error, Result};
 
 use crate::arrays::contiguous;
@@ -16,9 +16,10 @@ pub(crate) struct SurfaceArguments<'py> {
     normal: PyReadonlyArray3<'py, f32>,
     /// (k, y, x).
     diffuse: PyReadonlyArray3<'py, f32>,
-    /// Its name; see [`with_model`].
-    pub(crate) model: String,
-    pub(crate) index: f64,
+    /// Its name.
+    model: String,
+    /// Index of refraction, where the model has one.
+    index: f64,
     lobes: Vec<LobeArguments<'py>>,
     /// (k, y, x).
     ambient: Option<PyReadonlyArray3<'py, f32>>,
@@ -42,26 +43,6 @@ enum NumberArray<'py> {
     Everywhere(f32),
 }
 
-/// Calls a generic function with the model of a name.
-macro_rules! with_model {
-    ($name:expr, $index:expr, |$model:ident| $call:expr) => {
-        match $name {
-            "torrance-sparrow" => {
-                let $model = impasto::sbrdf::TorranceSparrow { index: $index };
-                Ok($call)
-            }
-            "lafortune" => {
-                let $model = impasto::sbrdf::Lafortune;
-                Ok($call)
-            }
-            other => {
-                Err(impasto::Error::argument("model", format!("there is none called {other:?}")))
-            }
-        }
-    };
-}
-pub(crate) use with_model;
-
 impl SurfaceArguments<'_> {
     /// Bands, rows and columns.
     pub(crate) fn shape(&self) -> [usize; 3] {
@@ -74,12 +55,12 @@ impl SurfaceArguments<'_> {
     }
 
     /// The numerics' view of the maps.
-    pub(crate) fn surface<M>(&self, model: M) -> Result<Surface<'_, M>> {
+    pub(crate) fn surface(&self) -> Result<Surface<'_>> {
         let planes = |map| self::planes("ambient", map);
         Ok(Surface {
             normal: self::planes("normal", &self.normal)?,
             diffuse: self::planes("diffuse", &self.diffuse)?,
-            model,
+            model: Model::from_name(&self.model, self.index)?,
             lobes: self.lobes.iter().map(LobeArguments::lobe).collect::<Result<_>>()?,
             ambient: self.ambient.as_ref().map(planes).transpose()?,
         })

@@ -17,12 +17,13 @@ use std::thread::available_parallelism;
 use impasto::geometry::{Grid, Light, Rig};
 use impasto::math::{Level, Vec3};
 use impasto::pixels::{Pool, Progress, Run};
+use impasto::relight::scene::{Colour, Lamp, Scene};
 use impasto::relight::{Relief, render};
+use impasto::sbrdf::Start;
 use impasto::sbrdf::pooled::{self, Extraction, PooledMapsMut, PooledOptions};
-use impasto::sbrdf::{Lobe, Parameter, Start, Strength, Surface, TorranceSparrow, predict};
-use impasto::scene::{Colour, Lamp, Scene};
 use impasto::stack::{Decode, Samples, Shape, Stack};
 use impasto::stereo::{Method, NormalMaps, StereoOptions, fit_normals};
+use impasto::surface::{Lobe, Model, Parameter, Strength, Surface, predict};
 
 const WIDTH: usize = 160;
 const HEIGHT: usize = 120;
@@ -147,15 +148,10 @@ fn painting() -> (Vec<f32>, Vec<f32>) {
 }
 
 /// A painting under one coat of varnish.
-fn varnished<'a>(
-    normal: &'a [f32],
-    diffuse: &'a [f32],
-    beta: f32,
-    gamma: f32,
-) -> Surface<'a, TorranceSparrow> {
+fn varnished<'a>(normal: &'a [f32], diffuse: &'a [f32], beta: f32, gamma: f32) -> Surface<'a> {
     let strength = Strength::Neutral(Parameter::Everywhere(beta));
     let lobe = Lobe { strength, shape: vec![Parameter::Everywhere(gamma)] };
-    let model = TorranceSparrow { index: INDEX };
+    let model = Model::TorranceSparrow { index: INDEX };
     Surface { normal, diffuse, model, lobes: vec![lobe], ambient: None }
 }
 

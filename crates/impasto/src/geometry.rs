@@ -58,6 +58,51 @@ impl Light {
     }
 }
 
+/// Where a photograph was taken from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum View {
+    /// So far away that every pixel sees the camera in the same unit direction.
+    Distant(Vec3<f64>),
+    /// Near: millimetres from the middle of the painting.
+    Point(Vec3<f64>),
+}
+
+impl From<Vec3<f64>> for View {
+    fn from(direction: Vec3<f64>) -> Self {
+        Self::Distant(direction)
+    }
+}
+
+impl View {
+    /// Unit direction to the camera from the points `(x, y, 0)` in mm.
+    #[must_use]
+    #[inline(always)]
+    pub fn at<R: Real>(&self, x: R, y: R) -> Vec3<R> {
+        match *self {
+            Self::Distant(direction) => direction.splat(),
+            Self::Point(position) => {
+                let to_camera = position.splat() - Vec3::new(x, y, R::zero());
+                to_camera.scale(to_camera.length().recip())
+            }
+        }
+    }
+
+    /// Whether every pixel sees the camera in the same direction.
+    #[must_use]
+    pub fn is_distant(&self) -> bool {
+        matches!(self, Self::Distant(_))
+    }
+
+    /// Unit direction from the middle of the painting.
+    #[must_use]
+    pub fn direction(&self) -> Vec3<f64> {
+        match *self {
+            Self::Distant(direction) => direction,
+            Self::Point(position) => position.normalised(),
+        }
+    }
+}
+
 /// From pixels to millimetres: where the pixels of a painting, or of a tile of one, lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
@@ -195,7 +240,7 @@ const ONE_VIEW: f64 = 0.05;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
     lights: Vec<Light>,
-    views: Vec<Vec3<f64>>,
+    views: Vec<View>,
     grid: Grid,
 }
 
@@ -204,7 +249,12 @@ impl Rig {
     ///
     /// # Errors
     /// If the counts differ, or a vector is not finite or has no length.
-    pub fn new(lights: Vec<Light>, views: Vec<Vec3<f64>>, grid: Grid) -> Result<Self> {
+    pub fn new(
+        lights: Vec<Light>,
+        views: impl IntoIterator<Item: Into<View>>,
+        grid: Grid,
+    ) -> Result<Self> {
+        let views: Vec<View> = views.into_iter().map(Into::into).collect();
         if lights.is_empty() || lights.len() != views.len() {
             let problem = format!("{} lights and {} views", lights.len(), views.len());
             return Err(Error::geometry("lights", problem));
@@ -214,7 +264,7 @@ impl Rig {
             let problem = format!("light {index} has no finite direction");
             return Err(Error::geometry("lights", problem));
         }
-        if let Some(index) = views.iter().position(|view| !usable(view)) {
+        if let Some(index) = views.iter().position(|view| !usable(&view.direction())) {
             return Err(Error::geometry("views", format!("view {index} has no finite direction")));
         }
         Ok(Self { lights, views, grid })
@@ -232,9 +282,9 @@ impl Rig {
         &self.lights
     }
 
-    /// One unit direction to the eye per observation.
+    /// One view per observation.
     #[must_use]
-    pub fn views(&self) -> &[Vec3<f64>] {
+    pub fn views(&self) -> &[View] {
         &self.views
     }
 
@@ -242,6 +292,13 @@ impl Rig {
     #[must_use]
     pub fn grid(&self) -> Grid {
         self.grid
+    }
+
+    /// Whether an observation's light and view have the same directions at every pixel.
+    #[must_use]
+    #[inline(always)]
+    pub fn is_distant_at(&self, observation: usize) -> bool {
+        self.lights[observation].is_distant() && self.views[observation].is_distant()
     }
 
     /// Whether no light's direction changes over the painting.
@@ -253,7 +310,8 @@ impl Rig {
     /// Whether photographs were taken from more than one direction.
     #[must_use]
     pub fn views_differ(&self) -> bool {
-        self.views.iter().any(|view| view.dot(self.views[0]) < ONE_VIEW.cos())
+        let first = self.views[0].direction();
+        self.views.iter().any(|view| view.direction().dot(first) < ONE_VIEW.cos())
     }
 }
 

@@ -8,9 +8,11 @@
 //! 1. [`stack`] borrows the photographs, [`geometry`] says who lit and who looked;
 //! 2. [`stereo`] estimates each pixel's normal and albedo, robust to highlight and shadow;
 //! 3. [`spectral`] builds estimators of reflectance from camera bands and applies them;
-//! 4. [`sbrdf`] separates the specular part and fits reflection models ([`brdf`]) to it by
+//! 4. [`surface`] is what a painting is, normals and lobes of reflection models ([`brdf`]), and
+//!    which samples it would show;
+//! 5. [`sbrdf`] estimates it: separates the specular part and fits lobes to it by
 //!    Levenberg-Marquardt ([`lm`]);
-//! 5. [`height`] integrates normals, [`scene`] says what to light, [`relight`] lights it.
+//! 6. [`height`] integrates normals, and [`relight`] lights a surface as a scene says.
 //!
 //! [`maps::Status`] states for every pixel why its result is what it is, [`pixels`] spreads the work
 //! over tiles and threads, and [`math`] holds the numbers that all of it is written in.
@@ -36,9 +38,6 @@
 
 #[cfg(feature = "painting")]
 pub mod brdf;
-#[cfg(feature = "painting")]
-pub mod effects;
-#[cfg(feature = "painting")]
 pub mod error;
 #[cfg(feature = "painting")]
 pub mod geometry;
@@ -55,14 +54,13 @@ pub mod pixels;
 pub mod relight;
 #[cfg(feature = "painting")]
 pub mod sbrdf;
-#[cfg(feature = "painting")]
-pub mod scene;
-#[cfg(feature = "painting")]
 pub mod spectral;
 #[cfg(feature = "painting")]
 pub mod stack;
 #[cfg(feature = "painting")]
 pub mod stereo;
+#[cfg(feature = "painting")]
+pub mod surface;
 
 #[cfg(feature = "painting")]
 pub use error::{Error, Result};

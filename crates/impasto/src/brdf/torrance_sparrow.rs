@@ -22,7 +22,7 @@
 //! views where `G` and `N.V` both vanish.
 
 use crate::math::elementary::{exp, phi_squared, phi_squared_slope};
-use crate::math::{Real, Vec3};
+use crate::math::{Real, Scalar, Vec3};
 
 /// Narrowest lobe: hard case 6, a mirror-like varnish, whose `k` would overflow.
 pub const GAMMA_MIN: f64 = 5e-4;
@@ -190,17 +190,17 @@ impl<R: Real> Facet<R> {
     }
 }
 
-impl Facet<f64> {
+impl<S: Scalar> Facet<S> {
     /// The same facet in every lane.
     #[must_use]
     #[inline(always)]
     pub fn splat<R: Real>(&self) -> Facet<R> {
         Facet {
-            light: self.light.splat(),
-            view: self.view.splat(),
-            half: self.half.splat(),
-            twice_over_v_h: R::of(self.twice_over_v_h),
-            fresnel: R::of(self.fresnel),
+            light: self.light.broadcast(),
+            view: self.view.broadcast(),
+            half: self.half.broadcast(),
+            twice_over_v_h: R::of(self.twice_over_v_h.to_f64()),
+            fresnel: R::of(self.fresnel.to_f64()),
         }
     }
 }

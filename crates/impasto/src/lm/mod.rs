@@ -173,6 +173,7 @@ mod batch;
 mod cholesky;
 mod ending;
 mod minimise;
+pub mod nnls;
 mod normal;
 mod options;
 mod outcome;

@@ -3,6 +3,8 @@
 pub mod elementary;
 pub mod lanes;
 pub mod real;
+#[cfg(feature = "painting")]
+pub mod tail;
 pub mod two;
 pub mod vec3;
 

@@ -2,7 +2,7 @@
 
 use core::ops::{Add, Neg, Sub};
 
-use super::real::Real;
+use super::real::{Real, Scalar};
 
 /// A vector in the world frame: x right, y up, z towards the viewer.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +47,16 @@ impl Vec3<f32> {
     #[inline(always)]
     pub fn fill<R: Real<Scalar = f32>>(self) -> Vec3<R> {
         Vec3::new(R::splat(self.x), R::splat(self.y), R::splat(self.z))
+    }
+}
+
+impl<S: Scalar> Vec3<S> {
+    /// The same vector in every lane, whatever the precision of either.
+    #[must_use]
+    #[inline(always)]
+    pub fn broadcast<R: Real>(self) -> Vec3<R> {
+        let [x, y, z] = self.array().map(|component| R::of(component.to_f64()));
+        Vec3::new(x, y, z)
     }
 }
 

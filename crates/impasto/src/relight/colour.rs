@@ -1,9 +1,9 @@
 //! Geometry becomes colour: one matrix and one vector per illuminant.
 
 use super::block::{BLOCK, Block, Plane, copied};
+use super::scene::{Colour, Lamp};
 use crate::math::{Isa, Real};
-use crate::sbrdf::scaled;
-use crate::scene::{Colour, Lamp};
+use crate::surface::scaled;
 
 /// Adds `matrix @ coefficients * diffuse + interface * specular`, and clears both for the next
 /// colour.

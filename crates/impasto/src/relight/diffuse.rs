@@ -1,8 +1,8 @@
 //! The first term of eq. 1 and 9: `(N.L) S(lambda) E(lambda)`, without its colour.
 
 use super::block::{BLOCK, Block};
+use super::scene::Lamp;
 use crate::math::{Isa, Real, Vec3};
-use crate::scene::Lamp;
 
 /// Irradiance of a lamp at normal incidence, before anything stands in its light.
 #[inline(always)]

@@ -1,28 +1,30 @@
 //! From maps to light: eq. 1 of the six-band paper, eq. 9 of the RGB-camera paper.
 //!
 //! Pixels go through a list of stages, block by block; what a scene does not call for is not in
-//! the list ([`Effects`]). Per lamp: its irradiance, [`shadow`], the diffuse term, the interface
+//! the list ([`effects`]). Per lamp: its irradiance, [`shadow`], the diffuse term, the interface
 //! term of every lobe; per illuminant: colour, as one matrix. The whole picture then goes through
 //! the [`view`] if it is slanted, and to the display ([`show`]).
 
-use crate::effects::Effects;
 use crate::error::{Error, Result};
-use crate::geometry::{Grid, Light};
+use crate::geometry::{Grid, Light, View};
 use crate::math::{Isa, Kernel};
 use crate::pixels::{Run, TILE};
-use crate::sbrdf::{Lobe, LobeModel, Surface};
-use crate::scene::{Colour, Lamp, Scene};
+use crate::surface::{Lobe, LobeModel, ModelVisitor, Sights, Surface};
 
 mod block;
 mod colour;
 pub mod curve;
 mod diffuse;
+pub mod effects;
+pub mod scene;
 pub mod shadow;
 pub mod show;
 mod specular;
 pub mod view;
 
 use block::{BLOCK, Block, Plane, copied};
+use effects::Effects;
+use scene::{Colour, Lamp, Scene};
 
 /// Where a painting's pixels lie.
 #[derive(Clone, Copy, Debug)]
@@ -45,10 +47,12 @@ pub struct Picture {
 }
 
 enum Stage<'a> {
+    /// Irradiance of a lamp at normal incidence.
     Reach(&'a Lamp),
     Shadow(Vec<f32>),
     Diffuse(&'a Lamp),
-    Specular(&'a Lamp, &'a Lobe<'a>, &'a Colour),
+    /// Of a lamp by its number.
+    Specular(usize, &'a Lobe<'a>, &'a Colour),
     Ambient(&'a Lamp, &'a [f32], &'a Colour),
     Colour(&'a Colour),
 }
@@ -57,8 +61,8 @@ enum Stage<'a> {
 ///
 /// # Errors
 /// If sizes disagree, or the caller cancels.
-pub fn render<M: LobeModel>(
-    surface: &Surface<'_, M>,
+pub fn render(
+    surface: &Surface<'_>,
     relief: Relief<'_>,
     scene: &Scene,
     background: [f32; 3],
@@ -72,48 +76,75 @@ pub fn render<M: LobeModel>(
     }
     let effects = Effects::of(scene, !surface.lobes.is_empty(), relief.height.is_some());
     let stages = stages(surface, relief, scene, effects, run)?;
-    let (mut light, mut coverage) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
-    let (red, rest) = light.split_at_mut(pixels);
-    let (green, blue) = rest.split_at_mut(pixels);
-    let tiles = red
-        .chunks_mut(TILE)
-        .zip(green.chunks_mut(TILE))
-        .zip(blue.chunks_mut(TILE))
-        .zip(coverage.chunks_mut(TILE))
-        .enumerate()
-        .map(|(index, (((red, green), blue), coverage))| {
-            (index * TILE, [red, green, blue], coverage)
-        })
-        .collect();
-    run.for_each(
-        tiles,
-        || (Box::new(Block::new()), vec![[0.0; BLOCK]; scene.coefficients()]),
-        |(block, coefficients), (start, light, coverage)| {
-            let view = scene.view();
-            run.level.run(Shade {
-                surface,
-                grid,
-                stages: &stages,
-                view,
-                background,
-                block,
-                coefficients,
-                start,
-                light,
-                coverage,
-            });
-        },
-    )?;
+    let (light, coverage) =
+        surface.model.visit(Shading { surface, grid, scene, stages: &stages, background, run })?;
+    let View::Distant(view) = scene.view() else {
+        return Ok(Picture { light, coverage, grid });
+    };
     if !effects.slanted_view {
         return Ok(Picture { light, coverage, grid });
     }
-    let projection = view::Projection::new(scene.view(), grid);
+    let projection = view::Projection::new(view, grid);
     let (light, coverage) = projection.resample(&light, &coverage, background, run)?;
     Ok(Picture { light, coverage, grid: projection.picture })
 }
 
-fn stages<'a, M>(
-    surface: &'a Surface<'a, M>,
+/// The whole picture through all stages but the projection.
+struct Shading<'a, 's, 'r> {
+    surface: &'a Surface<'a>,
+    grid: Grid,
+    scene: &'a Scene,
+    stages: &'a [Stage<'s>],
+    background: [f32; 3],
+    run: &'a Run<'r>,
+}
+
+impl ModelVisitor for Shading<'_, '_, '_> {
+    /// Light `(3, y, x)` and coverage `(y, x)`.
+    type Output = Result<(Vec<f32>, Vec<f32>)>;
+
+    fn visit<M: LobeModel>(self, model: M) -> Self::Output {
+        let Self { surface, grid, scene, stages, background, run } = self;
+        let pixels = grid.width * grid.height;
+        let view = scene.view();
+        let sights = Sights::new(model, scene.lamps().iter().map(|lamp| (lamp.light, view)));
+        let (mut light, mut coverage) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
+        let (red, rest) = light.split_at_mut(pixels);
+        let (green, blue) = rest.split_at_mut(pixels);
+        let tiles = red
+            .chunks_mut(TILE)
+            .zip(green.chunks_mut(TILE))
+            .zip(blue.chunks_mut(TILE))
+            .zip(coverage.chunks_mut(TILE))
+            .enumerate()
+            .map(|(index, (((red, green), blue), coverage))| {
+                (index * TILE, [red, green, blue], coverage)
+            })
+            .collect();
+        run.for_each(
+            tiles,
+            || (Box::new(Block::new()), vec![[0.0; BLOCK]; scene.coefficients()]),
+            |(block, coefficients), (start, light, coverage)| {
+                run.level.run(Shade {
+                    surface,
+                    grid,
+                    stages,
+                    sights: &sights,
+                    background,
+                    block,
+                    coefficients,
+                    start,
+                    light,
+                    coverage,
+                });
+            },
+        )?;
+        Ok((light, coverage))
+    }
+}
+
+fn stages<'a>(
+    surface: &'a Surface<'a>,
     relief: Relief<'_>,
     scene: &'a Scene,
     effects: Effects,
@@ -121,7 +152,8 @@ fn stages<'a, M>(
 ) -> Result<Vec<Stage<'a>>> {
     let mut stages = Vec::new();
     for (index, colour) in scene.colours().iter().enumerate() {
-        for lamp in scene.lamps().iter().filter(|lamp| lamp.colour == index) {
+        let lamps = scene.lamps().iter().enumerate();
+        for (number, lamp) in lamps.filter(|(_, lamp)| lamp.colour == index) {
             stages.push(Stage::Reach(lamp));
             if let (true, Some(height)) = (effects.cast_shadows, relief.height) {
                 let visible = shadow::cast_shadows(height, relief.grid, &lamp.light, run)?;
@@ -129,7 +161,7 @@ fn stages<'a, M>(
             }
             stages.push(Stage::Diffuse(lamp));
             if effects.specular {
-                let specular = |lobe| Stage::Specular(lamp, lobe, colour);
+                let specular = |lobe| Stage::Specular(number, lobe, colour);
                 stages.extend(surface.lobes.iter().map(specular));
             }
             stages.extend(surface.ambient.map(|ambient| Stage::Ambient(lamp, ambient, colour)));
@@ -140,11 +172,11 @@ fn stages<'a, M>(
 }
 
 /// One tile through all stages.
-struct Shade<'a, 's, M> {
-    surface: &'a Surface<'a, M>,
+struct Shade<'a, 's, M: LobeModel> {
+    surface: &'a Surface<'a>,
+    sights: &'a Sights<M, f32>,
     grid: Grid,
     stages: &'a [Stage<'s>],
-    view: crate::math::Vec3<f64>,
     background: [f32; 3],
     block: &'a mut Block,
     coefficients: &'a mut [Plane],
@@ -158,7 +190,8 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { surface, grid, stages, view, background, block, coefficients, start, .. } = self;
+        let Self { surface, sights, grid, stages, background, block, coefficients, start, .. } =
+            self;
         let pixels = grid.width * grid.height;
         let light = self.light;
         let near = |stage: &Stage<'_>| matches!(stage, Stage::Reach(lamp) if matches!(lamp.light, Light::Point { .. }));
@@ -189,8 +222,8 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
                     }
                     Stage::Diffuse(lamp) => diffuse::diffuse::<I>(block, lamp),
                     Stage::Specular(lamp, lobe, colour) => {
-                        let lobe = (&surface.model, *lobe);
-                        specular::specular::<I, M>(block, lamp, lobe, colour, view, (at, count));
+                        let lobe = (*lamp, *lobe);
+                        specular::specular::<I, M>(block, sights, lobe, colour, (at, count));
                     }
                     Stage::Ambient(lamp, ambient, colour) => {
                         colour::ambient::<I>(block, lamp, ambient, colour, (at, count));

@@ -3,13 +3,14 @@
 use super::lafortune::{LafortuneMapsMut, LafortuneOptions, fit_lafortune};
 use super::lobes::tests::Buffers;
 use super::pooled::{Extraction, PooledOptions, learn};
-use super::{LobeOptions, Origin, Precision, Start, TorranceSparrow, fit_lobes};
+use super::{LobeOptions, Origin, Precision, Start, fit_lobes};
 use crate::error::{Error, Result};
 use crate::geometry::{Grid, Light, Rig};
 use crate::math::Vec3;
 use crate::pixels::{Run, looks};
 use crate::stack::{Decode, Samples, Shape, Stack};
 use crate::stereo::{self, Method, StereoOptions};
+use crate::surface::TorranceSparrow;
 
 const OBSERVATIONS: usize = 12;
 pub(super) const SHAPE: Shape =

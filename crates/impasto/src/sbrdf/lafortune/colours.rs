@@ -3,9 +3,9 @@
 
 use crate::brdf::lafortune::{Lobe, Pair};
 use crate::geometry::Rig;
+use crate::lm::nnls::Sums;
 use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Mask, Real, Vec3};
-use crate::sbrdf::lobes::Sums;
 
 use super::estimate::{LafortuneEstimate, MOST_LOBES, OUTLIER_DEVIATIONS, OUTLIER_SHARE};
 use super::scratch::{LafortuneScratch, TILE};
@@ -197,7 +197,7 @@ impl<R: Real<Scalar = f32>> LaneLobes<R> {
     /// What a diffuse part of 1 and each lobe show in a photograph.
     #[inline(always)]
     pub(super) fn columns(&self, rig: &Rig, photograph: usize) -> [R; COLUMNS] {
-        let view = rig.views()[photograph].splat();
+        let view = rig.views()[photograph].at(self.place[0], self.place[1]);
         let (light, irradiance) = rig.lights()[photograph].at(self.place[0], self.place[1]);
         let pair = Pair::against(self.normal, light, view, light.dot(view));
         let cosine = pair.cosine * irradiance;

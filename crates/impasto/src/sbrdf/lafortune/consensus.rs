@@ -15,7 +15,7 @@
 
 use crate::brdf::cosine_lobe::{CosineLobe, PARAMETERS};
 use crate::brdf::lafortune::Pair;
-use crate::geometry::{Light, Rig};
+use crate::geometry::{Light, Rig, View};
 use crate::lm::Options;
 use crate::math::{Level, Vec3};
 
@@ -167,7 +167,7 @@ impl Consensus<'_> {
 
     fn key(&self, photograph: usize) -> usize {
         let light = self.rig.lights()[photograph].direction();
-        subset_key(light, self.rig.views()[photograph])
+        subset_key(light, self.rig.views()[photograph].direction())
     }
 
     /// The fit with the smallest truncated cost: most photographs agree with it.
@@ -199,8 +199,9 @@ impl Consensus<'_> {
         let [across, up] = self.scratch.places[self.fine[i]].map(f64::from);
         let model = CosineLobe::new(fit.at.map(f64::from));
         let geometries = self.rig.lights().iter().zip(self.rig.views());
-        let residual = |(mean, (light, &view)): (f32, (&Light, &Vec3<f64>))| {
+        let residual = |(mean, (light, view)): (f32, (&Light, &View))| {
             let (towards, irradiance) = light.at(across, up);
+            let view = view.at(across, up);
             let (shown, _) = model.gradient(towards, view, towards.dot(view));
             mean - (irradiance * shown) as f32
         };
@@ -235,8 +236,9 @@ impl Consensus<'_> {
         let geometries = self.rig.lights().iter().zip(self.rig.views());
         let bases: Vec<_> = geometries
             .zip(self.means(i))
-            .map(|((light, &view), mean)| {
+            .map(|((light, view), mean)| {
                 let (towards, _) = light.at(across, up);
+                let view = view.at(across, up);
                 let pair = Pair::against(normal, towards, view, towards.dot(view));
                 // No base of a photograph that does not count is nearer.
                 let base = |base: f64| if mean.is_finite() { base } else { f64::NAN };

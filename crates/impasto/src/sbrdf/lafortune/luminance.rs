@@ -1,7 +1,7 @@
 //! The samples of some pixels, one number per photograph, with lights and views.
 
 use crate::brdf::lafortune::Pair;
-use crate::geometry::{Light, Rig};
+use crate::geometry::Rig;
 use crate::lm::{Normal, ROWS, Rows};
 use crate::math::{Element, Real, Vec3};
 
@@ -61,7 +61,7 @@ impl Luminance<'_> {
             let sample = self.samples[photograph * self.stride + pixel];
             if sample > peak {
                 let (towards, _) = self.rig.lights()[photograph].at(across, up);
-                let between = towards + self.rig.views()[photograph];
+                let between = towards + self.rig.views()[photograph].at(across, up);
                 // Hard case 23: no normal mirrors a light into the view opposite to it.
                 if between.dot(between) > OPPOSITE {
                     (peak, facing) = (sample, between);
@@ -83,7 +83,7 @@ impl Luminance<'_> {
                 continue;
             }
             let light = self.rig.lights()[photograph];
-            let view = self.rig.views()[photograph];
+            let view = self.rig.views()[photograph].at(across, up);
             let (towards, irradiance) = light.at(across, up);
             let pair = Pair::against(Vec3::new(x, y, z), towards, view, towards.dot(view));
             let cosine = pair.cosine * irradiance;
@@ -145,7 +145,7 @@ pub(super) struct Geometries<'a, S> {
     numbers: Vec<usize>,
     /// Light, view and their product, as one number each.
     distant: Vec<[S; 7]>,
-    /// Whether every light is.
+    /// Whether every light and every view is.
     all_distant: bool,
 }
 
@@ -164,10 +164,15 @@ impl<'a, S: Element> Geometries<'a, S> {
     /// These photographs.
     pub(super) fn of(rig: &'a Rig, numbers: Vec<usize>) -> Self {
         let distant = numbers.iter().map(|&number| {
-            let (l, v) = (rig.lights()[number].direction(), rig.views()[number]);
+            let (l, v) = (rig.lights()[number].direction(), rig.views()[number].direction());
             [l.x, l.y, l.z, v.x, v.y, v.z, l.dot(v)].map(S::from_f64)
         });
-        Self { rig, distant: distant.collect(), numbers, all_distant: rig.is_distant() }
+        Self {
+            rig,
+            distant: distant.collect(),
+            numbers,
+            all_distant: (0..rig.observations()).all(|number| rig.is_distant_at(number)),
+        }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -229,10 +234,10 @@ impl<'a, S: Element> Geometries<'a, S> {
     ) -> (Vec3<R>, Vec3<R>, R, R) {
         let [lx, ly, lz, vx, vy, vz, light_view] = self.distant[photograph];
         let view = Vec3::new(R::splat(vx), R::splat(vy), R::splat(vz));
-        if !self.all_distant
-            && let light @ Light::Point { .. } = self.rig.lights()[self.numbers[photograph]]
-        {
-            let (towards, irradiance) = light.at(x, y);
+        if !self.all_distant && !self.rig.is_distant_at(self.numbers[photograph]) {
+            let number = self.numbers[photograph];
+            let (towards, irradiance) = self.rig.lights()[number].at(x, y);
+            let view = self.rig.views()[number].at(x, y);
             return (towards, view, towards.dot(view), irradiance);
         }
         let light = Vec3::new(R::splat(lx), R::splat(ly), R::splat(lz));

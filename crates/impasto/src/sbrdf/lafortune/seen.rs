@@ -25,7 +25,7 @@ pub(super) fn unseen(
         let counted = samples.clone().enumerate().filter(|(_, sample)| sample.is_finite());
         counted.map(|(photograph, _)| {
             let (light, _) = data.rig.lights()[photograph].at(across, up);
-            let view = data.rig.views()[photograph];
+            let view = data.rig.views()[photograph].at(across, up);
             Pair::against(Vec3::new(x, y, z), light, view, light.dot(view))
         })
     };

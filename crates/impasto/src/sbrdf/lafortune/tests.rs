@@ -59,7 +59,8 @@ impl Scene {
             let lobes = lobes(pixel, &mut random);
             for (i, (light, view)) in rig.lights().iter().zip(rig.views()).enumerate() {
                 let light = light.direction();
-                let pair = Pair::against(normal, light, *view, light.dot(*view));
+                let view = view.direction();
+                let pair = Pair::against(normal, light, view, light.dot(view));
                 let sum: f64 = lobes.iter().map(|&[a, t, n]| Lobe::new(a, t, n).value(&pair)).sum();
                 let value = noise.mul_add(random.normal(), pair.cosine * (0.3 + sum));
                 samples[i * pixels + pixel] = value as f32;
@@ -232,7 +233,7 @@ fn hard_case_23_a_light_opposite_the_view_turns_no_normal() {
     let grazing = Vec3::new(1.0, 0.0, 0.01).normalised();
     let (mut lights, mut views) = (scene.rig.lights().to_vec(), scene.rig.views().to_vec());
     lights.push(Light::Distant(grazing));
-    views.push(Vec3::new(-grazing.x, -grazing.y, -grazing.z));
+    views.push(Vec3::new(-grazing.x, -grazing.y, -grazing.z).into());
     scene.rig = Rig::new(lights, views, Grid::whole(20, 1, 1.0)).unwrap();
     // As bright as nothing else: no half vector may be made of it.
     scene.samples.extend([100.0; 20]);

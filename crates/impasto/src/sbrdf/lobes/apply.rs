@@ -8,7 +8,7 @@ use crate::stack::Stack;
 
 use super::learn::LearnedLobes;
 use super::maps::LobeMapsMut;
-use super::model::LobeModel;
+use super::model::LobeEstimation;
 use super::options::{LobeOptions, Origin};
 use super::seeds::SeedGrid;
 use super::sight::Sight;
@@ -22,7 +22,7 @@ use super::tile_fit::{LobeFit, Scratch};
 ///
 /// # Errors
 /// If sizes disagree or the run is cancelled.
-pub fn fit_lobes<M: LobeModel>(
+pub fn fit_lobes<M: LobeEstimation>(
     stack: &Stack<'_>,
     rig: &Rig,
     start: &Start<'_>,
@@ -53,7 +53,7 @@ pub fn fit_lobes<M: LobeModel>(
 /// If sizes disagree, the stack does not hold the tile with what is around it, or the run is
 /// cancelled.
 #[allow(clippy::too_many_arguments, reason = "a fit's own, and a tile")]
-pub fn apply_lobes<M: LobeModel>(
+pub fn apply_lobes<M: LobeEstimation>(
     learned: &LearnedLobes,
     stack: &Stack<'_>,
     rig: &Rig,
@@ -74,7 +74,7 @@ pub fn apply_lobes<M: LobeModel>(
     LobeFit { seeds: seeds.as_ref(), ..fit }.fill(tile, out)
 }
 
-impl<M: LobeModel> LobeFit<'_, M> {
+impl<M: LobeEstimation> LobeFit<'_, M> {
     /// Whether the stack has the tile's pixels, and the maps their size.
     fn check(&self, tile: Grid, out: &LobeMapsMut<'_>) -> Result<()> {
         let grid = self.rig.grid();

@@ -8,7 +8,7 @@ use crate::lm::Options;
 use crate::pixels::Run;
 
 use super::maps::MOST_LOBES;
-use super::model::LobeModel;
+use super::model::LobeEstimation;
 use super::options::{LobeOptions, Precision};
 use super::prior::Prior;
 use super::score::Score;
@@ -27,14 +27,14 @@ pub(super) enum Starts<'a> {
 }
 
 /// Adds lobes to the pixels of a tile, one at a time.
-pub(super) struct ForwardSelection<'a, M: LobeModel> {
-    pub(super) sight: &'a Sight<'a, M>,
+pub(super) struct ForwardSelection<'a, M: LobeEstimation> {
+    pub(super) sight: &'a Sight<M>,
     pub(super) options: &'a LobeOptions,
     pub(super) prior: Option<&'a Prior>,
     pub(super) run: &'a Run<'a>,
 }
 
-impl<M: LobeModel> ForwardSelection<'_, M> {
+impl<M: LobeEstimation> ForwardSelection<'_, M> {
     /// Adds lobes as long as BIC accepts them, from the tile's current estimates.
     pub(super) fn select(
         &self,

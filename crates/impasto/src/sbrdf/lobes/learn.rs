@@ -6,7 +6,7 @@ use crate::pixels::Run;
 use crate::sbrdf::Start;
 use crate::stack::Stack;
 
-use super::model::LobeModel;
+use super::model::LobeEstimation;
 use super::options::{LobeOptions, Origin};
 use super::prior::{FEWEST, Prior, PriorNumbers};
 use super::seeds::{SeedGrid, Seeds};
@@ -61,7 +61,7 @@ impl LearnedLobes {
 ///
 /// # Errors
 /// If sizes disagree or the run is cancelled.
-pub fn learn_lobes<M: LobeModel>(
+pub fn learn_lobes<M: LobeEstimation>(
     stack: &Stack<'_>,
     rig: &Rig,
     start: &Start<'_>,
@@ -73,7 +73,7 @@ pub fn learn_lobes<M: LobeModel>(
     LobeFit::new(stack, rig, start, &sight, options, run)?.learn().map(|(learned, _)| learned)
 }
 
-impl<M: LobeModel> LobeFit<'_, M> {
+impl<M: LobeEstimation> LobeFit<'_, M> {
     /// What is learned from this fit's stack, and the seeds that were fitted for it.
     pub(super) fn learn(&self) -> Result<(LearnedLobes, Option<Seeds>)> {
         let grid = SeedGrid::inside(self.rig.grid());

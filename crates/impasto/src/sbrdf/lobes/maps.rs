@@ -20,7 +20,7 @@ pub struct LobeMapsMut<'a> {
     pub ambient: &'a mut [f32],
     /// `(lobe, band, y, x)`.
     pub specular: &'a mut [f32],
-    /// `(lobe, parameter, y, x)`: what [`LobeModel::NAMES`](super::LobeModel::NAMES) names.
+    /// `(lobe, parameter, y, x)`: what [`LobeModel::NAMES`](crate::surface::LobeModel::NAMES) names.
     pub parameters: &'a mut [f32],
     /// `(lobe, y, x)` standard deviation of the first unknown of a lobe's shape.
     pub deviation: &'a mut [f32],

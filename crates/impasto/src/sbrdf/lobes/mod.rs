@@ -6,13 +6,12 @@
 //!
 //! A lobe of a [`model`] has a shape and, in every band, a strength: neutral varnish and tinted
 //! gold are the same model. Shapes and normal are searched for ([`search`]), everything that
-//! enters linearly follows from them in closed form ([`colours`]): the search has two unknowns for
+//! enters linearly follows from them in closed form ([`nnls`](crate::lm::nnls)): the search has two unknowns for
 //! the normal and a few per lobe, however many bands there are. [`learn_lobes`] finds
 //! what the fit needs to know about the whole painting, [`apply_lobes`] fits the pixels of a tile;
 //! [`fit_lobes`] is both.
 
 mod apply;
-mod colours;
 mod forward_selection;
 mod lafortune;
 mod learn;
@@ -34,14 +33,10 @@ mod tile_fit;
 mod torrance_sparrow;
 
 pub use apply::{apply_lobes, fit_lobes};
-pub(in crate::sbrdf) use colours::Sums;
-pub use lafortune::Lafortune;
 pub use learn::{LearnedLobes, TYPICAL_PIXELS, learn_lobes};
 pub use maps::{LobeMapsMut, MOST_LOBES};
-pub use model::{LobeModel, MAX_NUMBERS, MAX_SHAPES, Slope, Visit};
+pub use model::{LobeEstimation, MAX_SHAPES, Slope, Visit};
 pub use options::{LobeOptions, Origin, Precision};
 pub use prior::PriorNumbers;
 pub use seeds::HALO;
-pub(super) use sight::Sight;
 pub(super) use support::SEEN;
-pub use torrance_sparrow::TorranceSparrow;

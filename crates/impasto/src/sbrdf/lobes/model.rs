@@ -1,12 +1,10 @@
-//! What a model of lobes must answer.
+//! What a model of lobes must answer to be estimated, besides its value.
 
 use crate::math::{Real, Vec3};
+use crate::surface::LobeModel;
 
 /// Most numbers that a lobe's shape may have.
 pub const MAX_SHAPES: usize = 2;
-
-/// Most numbers that a user is told of a lobe's shape.
-pub const MAX_NUMBERS: usize = 3;
 
 /// A lobe of unit strength under unit irradiance, and its derivatives; all 0 where the surface
 /// turns away from light or view.
@@ -20,32 +18,22 @@ pub struct Slope<R> {
     pub normal: Vec3<R>,
 }
 
-/// A kind of lobe: where its highlight is, how it falls off, and where a search may start.
+/// A kind of lobe whose shape is searched for: its unknowns, their bounds, and where to start.
 ///
-/// Every method must be `#[inline(always)]`: it becomes part of a vector kernel.
-pub trait LobeModel: Copy + Send + Sync {
-    /// A light and a view as the model sees them.
-    type Pair<R: Real>: Copy + Send + Sync;
-    /// A shape, ready for many pairs.
-    type Lobe<R: Real>: Copy;
-    /// How many numbers a shape has, at most [`MAX_SHAPES`].
+/// The unknowns of a shape are a search's own; [`LobeModel::NAMES`] names the parameters that maps
+/// hold. Every generic method must be `#[inline(always)]`: it becomes part of a vector kernel.
+pub trait LobeEstimation: LobeModel {
+    /// How many unknowns a shape has, at most [`MAX_SHAPES`].
     const SHAPES: usize;
-    /// What the user calls the numbers of [`Self::report`].
-    const NAMES: &'static [&'static str];
 
-    /// A pair of unit vectors that point away from the surface.
-    fn pair<R: Real>(&self, light: Vec3<R>, view: Vec3<R>) -> Self::Pair<R>;
-    /// The same pair in every lane.
-    fn spread<R: Real>(&self, pair: &Self::Pair<f64>) -> Self::Pair<R>;
     /// The normal that would mirror the light into the view.
     fn facing(&self, pair: &Self::Pair<f64>) -> Vec3<f64>;
-    /// A lobe from its shape.
-    fn lobe<R: Real>(&self, shape: [R; MAX_SHAPES]) -> Self::Lobe<R>;
-    /// The same from the numbers of [`Self::report`].
-    fn told<R: Real>(&self, numbers: [R; MAX_NUMBERS]) -> Self::Lobe<R>;
-    /// Radiance of a lobe of unit strength.
-    fn value<R: Real>(&self, lobe: &Self::Lobe<R>, pair: &Self::Pair<R>, normal: Vec3<R>) -> R;
-    /// The same with its derivatives.
+    /// A lobe from the unknowns of its shape.
+    fn lobe_from_unknowns<R: Real>(&self, shape: [R; MAX_SHAPES]) -> Self::Lobe<R>;
+    /// Writes the parameters of a shape, as many as there are [`LobeModel::NAMES`];
+    /// [`LobeModel::lobe_from_parameters`] goes back.
+    fn parameters_from_unknowns(&self, shape: [f32; MAX_SHAPES], parameters: &mut [f32]);
+    /// [`LobeModel::value`] with its derivatives.
     fn slope<R: Real>(
         &self,
         lobe: &Self::Lobe<R>,
@@ -56,13 +44,11 @@ pub trait LobeModel: Copy + Send + Sync {
     fn bounds(&self) -> [[f64; MAX_SHAPES]; 2];
     /// Shapes to start from.
     fn starts(&self) -> &'static [[f64; MAX_SHAPES]];
-    /// How far shapes of a painting usually lie from each other: what is known no better is unknown.
-    fn spreads(&self) -> [f64; MAX_SHAPES];
+    /// Usual standard deviations of the unknowns over a painting: a lobe whose unknowns are known
+    /// no better is not known.
+    fn deviations(&self) -> [f64; MAX_SHAPES];
     /// Lobes are numbered by this, largest first.
     fn order(&self, shape: [f32; MAX_SHAPES]) -> f32;
-    /// The numbers that the user is told, as many as there are [`Self::NAMES`]; [`Self::told`] goes
-    /// back.
-    fn report(&self, shape: [f32; MAX_SHAPES], numbers: &mut [f32]);
     /// Calls `visit` with so many lobes as constants.
     fn dispatch<V: Visit>(lobes: usize, visit: V) -> V::Output;
 }
@@ -78,7 +64,7 @@ pub trait Visit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sbrdf::{Lafortune, TorranceSparrow};
+    use crate::surface::{Lafortune, MAX_PARAMETERS, TorranceSparrow};
 
     fn unit(x: f64, y: f64, z: f64) -> Vec3<f64> {
         Vec3::new(x, y, z).normalised()
@@ -96,13 +82,14 @@ mod tests {
         })
     }
 
-    fn slopes_are_differences<M: LobeModel>(model: M, shapes: &[[f64; MAX_SHAPES]]) {
+    fn slopes_are_differences<M: LobeEstimation>(model: M, shapes: &[[f64; MAX_SHAPES]]) {
         let mut lit = 0;
         for [normal, light, view] in scenes() {
             let pair = model.pair(light, view);
             for &shape in shapes {
-                let value = |shape, normal| model.value(&model.lobe(shape), &pair, normal);
-                let found = model.slope(&model.lobe(shape), &pair, normal);
+                let value =
+                    |shape, normal| model.value(&model.lobe_from_unknowns(shape), &pair, normal);
+                let found = model.slope(&model.lobe_from_unknowns(shape), &pair, normal);
                 assert!((found.value - value(shape, normal)).abs() < 1e-15);
                 if found.value < 1e-6 {
                     continue;
@@ -129,15 +116,16 @@ mod tests {
         assert!(lit > 100, "{lit}");
     }
 
-    /// What the user is told of a lobe makes the lobe again, up to single precision.
-    fn what_is_told_is_the_lobe<M: LobeModel>(model: M, shapes: &[[f64; MAX_SHAPES]]) {
+    /// The parameters of a shape make the same lobe again, up to single precision.
+    fn parameters_make_the_lobe_again<M: LobeEstimation>(model: M, shapes: &[[f64; MAX_SHAPES]]) {
         for [normal, light, view] in scenes() {
             let pair = model.pair(light, view);
             for &shape in shapes {
-                let mut told = [0.0; MAX_NUMBERS];
-                model.report(shape.map(|number| number as f32), &mut told[..M::NAMES.len()]);
-                let again = model.told(told.map(f64::from));
-                let expected = model.slope(&model.lobe(shape), &pair, normal);
+                let mut parameters = [0.0; MAX_PARAMETERS];
+                let shape_32 = shape.map(|number| number as f32);
+                model.parameters_from_unknowns(shape_32, &mut parameters[..M::NAMES.len()]);
+                let again = model.lobe_from_parameters(parameters.map(f64::from));
+                let expected = model.slope(&model.lobe_from_unknowns(shape), &pair, normal);
                 let found = model.slope(&again, &pair, normal);
                 // Numbers of 6e-8 relative error in an exponent of up to 150.
                 assert!((found.value - expected.value).abs() < 1e-4 * (1.0 + expected.value));
@@ -152,14 +140,14 @@ mod tests {
     fn torrance_sparrow() {
         let shapes = [[4.7, 0.0], [2.9, 0.0], [1.2, 0.0]];
         slopes_are_differences(TorranceSparrow { index: 1.45 }, &shapes);
-        what_is_told_is_the_lobe(TorranceSparrow { index: 1.45 }, &shapes);
+        parameters_make_the_lobe_again(TorranceSparrow { index: 1.45 }, &shapes);
     }
 
     #[test]
     fn lafortune() {
         let shapes = [[4.0, 0.0], [3.0, 1.5], [1.5, -2.0], [0.2, 0.3]];
         slopes_are_differences(Lafortune, &shapes);
-        what_is_told_is_the_lobe(Lafortune, &shapes);
+        parameters_make_the_lobe_again(Lafortune, &shapes);
     }
 
     #[test]

@@ -8,7 +8,7 @@
 
 use crate::math::{Mask, Real};
 
-use super::colours::Sums;
+use crate::lm::nnls::Sums;
 
 /// The thresholds of the test.
 pub(super) struct NeutralTest<R> {

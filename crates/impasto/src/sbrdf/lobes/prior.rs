@@ -15,7 +15,7 @@ use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
 
 use super::maps::MOST_LOBES;
-use super::model::{LobeModel, MAX_SHAPES};
+use super::model::{LobeEstimation, MAX_SHAPES};
 use super::tile::Estimate;
 
 /// Fewest pixels with a well-determined shape from which a prior is made.
@@ -92,8 +92,8 @@ impl PriorSample {
 
 impl Prior {
     /// A sample of the pixels whose shapes are known better than shapes usually differ.
-    pub(super) fn of_estimates<M: LobeModel>(model: &M, estimates: &[Estimate]) -> Self {
-        let spread = model.spreads()[0] as f32;
+    pub(super) fn of_estimates<M: LobeEstimation>(model: &M, estimates: &[Estimate]) -> Self {
+        let spread = model.deviations()[0] as f32;
         let fewest = FEWEST.max((FEWEST_FRACTION * estimates.len() as f64) as usize);
         Self(core::array::from_fn(|index| {
             let is_determined = |estimate: &&Estimate| {
@@ -165,19 +165,19 @@ impl Prior {
 }
 
 /// The priors of a tile's pixels, whose samples have these variances.
-pub(super) struct ShapePriors<'a, M: LobeModel> {
+pub(super) struct ShapePriors<'a, M: LobeEstimation> {
     pub(super) prior: &'a Prior,
     pub(super) model: &'a M,
     pub(super) estimates: &'a [Estimate],
     pub(super) variances: &'a [f32],
 }
 
-impl<M: LobeModel> Kernel for ShapePriors<'_, M> {
+impl<M: LobeEstimation> Kernel for ShapePriors<'_, M> {
     type Output = Vec<ShapePrior>;
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Vec<ShapePrior> {
-        let material = self.model.spreads().map(|spread| square((MATERIAL * spread) as f32));
+        let material = self.model.deviations().map(|spread| square((MATERIAL * spread) as f32));
         let mut priors = vec![ShapePrior::NONE; self.estimates.len()];
         for ((prior, estimate), &variance) in
             priors.iter_mut().zip(self.estimates).zip(self.variances)
@@ -268,7 +268,7 @@ fn square(spread: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::math::Level;
-    use crate::sbrdf::TorranceSparrow;
+    use crate::surface::TorranceSparrow;
 
     const MODEL: TorranceSparrow = TorranceSparrow { index: 1.45 };
 

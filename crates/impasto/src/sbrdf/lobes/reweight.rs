@@ -7,12 +7,12 @@ use crate::math::elementary::{exp, ln};
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Level, Real, Vec3};
 
-use super::colours::Sums;
 use super::maps::MOST_LOBES;
-use super::model::{LobeModel, MAX_SHAPES, Visit};
+use super::model::{LobeEstimation, MAX_SHAPES, Visit};
 use super::neutral::{NeutralTest, ResidualSum};
 use super::sight::Sight;
 use super::tile::{Estimate, ROUNDING, TILE, TileSamples, gather};
+use crate::lm::nnls::Sums;
 
 /// Columns of [`Solution::colours`]: diffuse, lobes, ambient.
 pub(super) const COLUMNS: usize = MOST_LOBES + 2;
@@ -44,8 +44,8 @@ impl Solution {
 }
 
 /// One step for a tile's pixels.
-pub(super) struct Reweight<'a, M: LobeModel> {
-    pub(super) sight: &'a Sight<'a, M>,
+pub(super) struct Reweight<'a, M: LobeEstimation> {
+    pub(super) sight: &'a Sight<M>,
     pub(super) x: &'a [f32],
     pub(super) y: &'a [f32],
     pub(super) estimates: &'a [Estimate],
@@ -59,13 +59,13 @@ pub(super) struct Reweight<'a, M: LobeModel> {
     pub(super) level: Level,
 }
 
-impl<M: LobeModel> Reweight<'_, M> {
+impl<M: LobeEstimation> Reweight<'_, M> {
     pub(super) fn run(self) {
         M::dispatch(self.lobes, self);
     }
 }
 
-impl<M: LobeModel> Visit for Reweight<'_, M> {
+impl<M: LobeEstimation> Visit for Reweight<'_, M> {
     type Output = ();
 
     fn visit<const J: usize, const K: usize, const N: usize>(self) {
@@ -74,9 +74,9 @@ impl<M: LobeModel> Visit for Reweight<'_, M> {
     }
 }
 
-struct Pass<'a, M: LobeModel, const J: usize, const K: usize>(Reweight<'a, M>);
+struct Pass<'a, M: LobeEstimation, const J: usize, const K: usize>(Reweight<'a, M>);
 
-impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> {
+impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> {
     type Output = ();
 
     #[inline(always)]
@@ -102,7 +102,7 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
             let lobes: [M::Lobe<I::F32>; J] = core::array::from_fn(|j| {
                 let shape: [I::F32; MAX_SHAPES] =
                     core::array::from_fn(|s| gather(estimates, at, |p| p.shapes[j][s]));
-                sight.model.lobe(shape)
+                sight.model.lobe_from_unknowns(shape)
             });
             let (px, py) = (I::F32::load(&x[at..]), I::F32::load(&y[at..]));
             for (photograph, columns) in columns.iter_mut().enumerate() {

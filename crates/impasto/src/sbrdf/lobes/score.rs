@@ -3,14 +3,14 @@
 use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Level, Real, Vec3};
 
-use super::colours::Sums;
-use super::model::{LobeModel, MAX_SHAPES, Visit};
+use super::model::{LobeEstimation, MAX_SHAPES, Visit};
 use super::sight::Sight;
 use super::tile::{Estimate, TILE, TileSamples, gather};
+use crate::lm::nnls::Sums;
 
 /// Evaluates one start of some pixels.
-pub(super) struct Score<'a, M: LobeModel> {
-    pub(super) sight: &'a Sight<'a, M>,
+pub(super) struct Score<'a, M: LobeEstimation> {
+    pub(super) sight: &'a Sight<M>,
     /// Of one band.
     pub(super) samples: &'a TileSamples,
     pub(super) x: &'a [f32],
@@ -26,13 +26,13 @@ pub(super) struct Score<'a, M: LobeModel> {
     pub(super) level: Level,
 }
 
-impl<M: LobeModel> Score<'_, M> {
+impl<M: LobeEstimation> Score<'_, M> {
     pub(super) fn run(self) {
         M::dispatch(self.lobes, self);
     }
 }
 
-impl<M: LobeModel> Visit for Score<'_, M> {
+impl<M: LobeEstimation> Visit for Score<'_, M> {
     type Output = ();
 
     fn visit<const J: usize, const K: usize, const N: usize>(self) {
@@ -41,9 +41,9 @@ impl<M: LobeModel> Visit for Score<'_, M> {
     }
 }
 
-struct Pass<'a, M: LobeModel, const J: usize, const K: usize>(Score<'a, M>);
+struct Pass<'a, M: LobeEstimation, const J: usize, const K: usize>(Score<'a, M>);
 
-impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> {
+impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> {
     type Output = ();
 
     #[inline(always)]
@@ -62,7 +62,7 @@ impl<M: LobeModel, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> 
             let lobes: [M::Lobe<I::F32>; J] = core::array::from_fn(|j| {
                 let shape: [I::F32; MAX_SHAPES] =
                     core::array::from_fn(|s| gather(starts, at, |p| p.shapes[j][s]));
-                sight.model.lobe(shape)
+                sight.model.lobe_from_unknowns(shape)
             });
             let (px, py) = (I::F32::load(&x[at..]), I::F32::load(&y[at..]));
             let mut sums = Sums::<I::F32, K>::zero();

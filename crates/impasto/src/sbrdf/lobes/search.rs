@@ -12,11 +12,11 @@ use crate::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Reason, Rows, f
 use crate::math::{Element, Level, Real, Scalar, Vec3};
 use crate::sbrdf::pooled::tangents;
 
-use super::colours::Sums;
-use super::model::{LobeModel, MAX_SHAPES, Visit};
+use super::model::{LobeEstimation, MAX_SHAPES, Visit};
 use super::prior::ShapePrior;
 use super::sight::Sight;
 use super::tile::{Estimate, TileSamples};
+use crate::lm::nnls::Sums;
 
 /// Largest tilt of one search: 1.4 rad, beyond which a camera sees no surface.
 const STEEPEST: f64 = 6.0;
@@ -25,8 +25,8 @@ const STEEPEST: f64 = 6.0;
 ///
 /// Starts and results are always in single precision: a result that is off by a rounding raises the
 /// cost by the square of that rounding.
-pub(super) struct Search<'a, M: LobeModel> {
-    pub(super) sight: &'a Sight<'a, M>,
+pub(super) struct Search<'a, M: LobeEstimation> {
+    pub(super) sight: &'a Sight<M>,
     pub(super) samples: &'a TileSamples,
     pub(super) x: &'a [f32],
     pub(super) y: &'a [f32],
@@ -46,7 +46,7 @@ pub(super) struct Search<'a, M: LobeModel> {
     pub(super) level: Level,
 }
 
-impl<M: LobeModel> Search<'_, M> {
+impl<M: LobeEstimation> Search<'_, M> {
     pub(super) fn run(self) {
         M::dispatch(self.lobes, self);
     }
@@ -76,7 +76,7 @@ impl<M: LobeModel> Search<'_, M> {
     }
 }
 
-impl<M: LobeModel> Visit for Search<'_, M> {
+impl<M: LobeEstimation> Visit for Search<'_, M> {
     type Output = ();
 
     fn visit<const J: usize, const K: usize, const N: usize>(self) {
@@ -90,8 +90,8 @@ fn number<S: Scalar>(value: f32) -> S {
     S::from_f64(f64::from(value))
 }
 
-struct Lanes<'a, S, M: LobeModel, const J: usize, const K: usize, const N: usize> {
-    sight: &'a Sight<'a, M>,
+struct Lanes<'a, S, M: LobeEstimation, const J: usize, const K: usize, const N: usize> {
+    sight: &'a Sight<M>,
     samples: &'a TileSamples,
     x: &'a [f32],
     y: &'a [f32],
@@ -103,7 +103,7 @@ struct Lanes<'a, S, M: LobeModel, const J: usize, const K: usize, const N: usize
     scratch: RefCell<Vec<S>>,
 }
 
-impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize>
+impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usize>
     Lanes<'_, S, M, J, K, N>
 {
     /// Numbers per photograph: the diffuse column and its derivatives by two tilts, and for every
@@ -128,11 +128,11 @@ impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize>
     ) {
         let zero = R::zero();
         // A loop: in `from_fn` the model is not inlined, nor are its intrinsics.
-        let mut lobes = [self.sight.model.lobe([zero; MAX_SHAPES]); J];
+        let mut lobes = [self.sight.model.lobe_from_unknowns([zero; MAX_SHAPES]); J];
         for (j, lobe) in lobes.iter_mut().enumerate() {
             let mut shape = [zero; MAX_SHAPES];
             shape[..M::SHAPES].copy_from_slice(&at[2 + j * M::SHAPES..][..M::SHAPES]);
-            *lobe = self.sight.model.lobe(shape);
+            *lobe = self.sight.model.lobe_from_unknowns(shape);
         }
         let records = scratch.chunks_exact_mut(Self::RECORD * R::WIDTH);
         for (photograph, out) in records.take(self.sight.photographs()).enumerate() {
@@ -174,7 +174,7 @@ fn tilted<R: Real>(start: Vec3<R>, p: R, q: R) -> (Vec3<R>, [Vec3<R>; 2]) {
     (normal, slopes)
 }
 
-impl<S: Element, M: LobeModel, const J: usize, const K: usize, const N: usize> Batch<S, N>
+impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usize> Batch<S, N>
     for Lanes<'_, S, M, J, K, N>
 {
     const COVARIANCE: bool = true;

@@ -1,33 +1,28 @@
-//! Lights and views as a model of lobes sees them.
+//! Lights and views of the photographs, and the normals that would mirror one into the other.
 
 use crate::geometry::Rig;
 use crate::math::{Real, Vec3};
+use crate::surface::Sights;
 
-use super::model::LobeModel;
+use super::model::LobeEstimation;
 
-/// A rig, and what a model knows of its pairs before any pixel is looked at.
-pub(in crate::sbrdf) struct Sight<'a, M: LobeModel> {
+/// The table of lights and views, and what an estimation derives from it before any pixel is read.
+pub(in crate::sbrdf) struct Sight<M: LobeEstimation> {
     pub(super) model: M,
-    rig: &'a Rig,
-    pairs: Vec<M::Pair<f64>>,
+    table: Sights<M>,
     /// Normals that would mirror the pairs.
     facing: Vec<Vec3<f64>>,
 }
 
-impl<'a, M: LobeModel> Sight<'a, M> {
-    pub(in crate::sbrdf) fn new(model: M, rig: &'a Rig) -> Self {
-        let pairs: Vec<_> = rig
-            .lights()
-            .iter()
-            .zip(rig.views())
-            .map(|(light, &view)| model.pair(light.direction(), view))
-            .collect();
-        let facing = pairs.iter().map(|pair| model.facing(pair)).collect();
-        Self { model, rig, pairs, facing }
+impl<M: LobeEstimation> Sight<M> {
+    pub(in crate::sbrdf) fn new(model: M, rig: &Rig) -> Self {
+        let table = Sights::of_rig(model, rig);
+        let facing = (0..table.len()).map(|pair| model.facing(table.middle(pair))).collect();
+        Self { model, table, facing }
     }
 
     pub(super) fn photographs(&self) -> usize {
-        self.pairs.len()
+        self.table.len()
     }
 
     /// The normal that would mirror a photograph's light into its view.
@@ -35,9 +30,9 @@ impl<'a, M: LobeModel> Sight<'a, M> {
         self.facing[photograph]
     }
 
-    /// The same for the light as the point `(x, y, 0)` has it.
+    /// The same for light and view as the point `(x, y, 0)` has them.
     pub(super) fn facing_at(&self, photograph: usize, x: f64, y: f64) -> Vec3<f64> {
-        if self.rig.lights()[photograph].is_distant() {
+        if self.table.is_distant(photograph) {
             self.facing[photograph]
         } else {
             self.model.facing(&self.at(photograph, x, y).2)
@@ -52,13 +47,6 @@ impl<'a, M: LobeModel> Sight<'a, M> {
         x: R,
         y: R,
     ) -> (Vec3<R>, R, M::Pair<R>) {
-        let light = self.rig.lights()[photograph];
-        let (towards, irradiance) = light.at(x, y);
-        let pair = if light.is_distant() {
-            self.model.spread(&self.pairs[photograph])
-        } else {
-            self.model.pair(towards, self.rig.views()[photograph].splat())
-        };
-        (towards, irradiance, pair)
+        self.table.at(photograph, x, y)
     }
 }

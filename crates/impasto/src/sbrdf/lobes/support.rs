@@ -6,7 +6,7 @@
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Level, Vec3};
 
-use super::model::LobeModel;
+use super::model::LobeEstimation;
 use super::sight::Sight;
 use super::tile::{Estimate, LobeFitTile, TILE};
 
@@ -17,8 +17,8 @@ pub(in crate::sbrdf) const SEEN: f64 = 1.0 / 64.0;
 
 /// Whether a pixel's lobe reaches [`SEEN`] of its peak in the photograph nearest to the peak; if not,
 /// its strength would be a guess (hard case 4).
-pub(super) fn is_supported<M: LobeModel>(
-    sight: &Sight<'_, M>,
+pub(super) fn is_supported<M: LobeEstimation>(
+    sight: &Sight<M>,
     tile: &LobeFitTile,
     pixel: usize,
     lobe: usize,
@@ -28,14 +28,14 @@ pub(super) fn is_supported<M: LobeModel>(
 }
 
 /// A kernel although it uses no lanes: outside of one a fused multiply-add is a function call.
-struct Look<'a, 'b, M: LobeModel> {
-    sight: &'a Sight<'b, M>,
+struct Look<'a, M: LobeEstimation> {
+    sight: &'a Sight<M>,
     tile: &'a LobeFitTile,
     pixel: usize,
     lobe: usize,
 }
 
-impl<M: LobeModel> Kernel for Look<'_, '_, M> {
+impl<M: LobeEstimation> Kernel for Look<'_, M> {
     type Output = bool;
 
     #[inline(always)]
@@ -52,7 +52,7 @@ impl<M: LobeModel> Kernel for Look<'_, '_, M> {
             .max_by(|(a, _), (b, _)| a.total_cmp(b));
         nearest.is_some_and(|(_, photograph)| {
             let (_, _, pair) = sight.at::<f64>(photograph, x, y);
-            let lobe = model.lobe(shapes[lobe].map(f64::from));
+            let lobe = model.lobe_from_unknowns(shapes[lobe].map(f64::from));
             let peak = model.value(&lobe, &pair, model.facing(&pair));
             model.value(&lobe, &pair, normal) >= SEEN * peak
         })
@@ -60,8 +60,8 @@ impl<M: LobeModel> Kernel for Look<'_, '_, M> {
 }
 
 /// Removes the lobes that no photograph supports any more after their shapes have moved.
-pub(super) fn drop_unsupported<M: LobeModel>(
-    sight: &Sight<'_, M>,
+pub(super) fn drop_unsupported<M: LobeEstimation>(
+    sight: &Sight<M>,
     tile: &mut LobeFitTile,
     fitted: &[usize],
     level: Level,

@@ -7,6 +7,7 @@ use crate::math::Vec3;
 use crate::pixels::serially;
 use crate::sbrdf::Start;
 use crate::stack::{Decode, Samples, Shape, Stack};
+use crate::surface::TorranceSparrow;
 
 const WIDTH: usize = 43;
 const HEIGHT: usize = 29;

@@ -10,10 +10,11 @@ use crate::maps::Status;
 use crate::pixels::Run;
 use crate::sbrdf::Start;
 use crate::stack::Stack;
+use crate::surface::MAX_PARAMETERS;
 
 use super::forward_selection::{ForwardSelection, Starts};
 use super::maps::{MOST_LOBES, TileMaps};
-use super::model::{LobeModel, MAX_NUMBERS};
+use super::model::LobeEstimation;
 use super::options::{LobeOptions, Precision};
 use super::prior::{Prior, ShapePrior, ShapePriors};
 use super::reweight::{COLUMNS, Reweight, Solution};
@@ -37,24 +38,24 @@ impl Scratch {
 
 /// The fit of some pixels at a time.
 #[derive(Clone, Copy)]
-pub(super) struct LobeFit<'a, M: LobeModel> {
+pub(super) struct LobeFit<'a, M: LobeEstimation> {
     pub(super) stack: &'a Stack<'a>,
     pub(super) rig: &'a Rig,
     pub(super) start: &'a Start<'a>,
-    pub(super) sight: &'a Sight<'a, M>,
+    pub(super) sight: &'a Sight<M>,
     pub(super) options: &'a LobeOptions,
     pub(super) prior: Option<&'a Prior>,
     pub(super) seeds: Option<&'a Seeds>,
     pub(super) run: &'a Run<'a>,
 }
 
-impl<'a, M: LobeModel> LobeFit<'a, M> {
+impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     /// A fit without a prior and without seeds, after a check of its arguments.
     pub(super) fn new(
         stack: &'a Stack<'a>,
         rig: &'a Rig,
         start: &'a Start<'a>,
-        sight: &'a Sight<'a, M>,
+        sight: &'a Sight<M>,
         options: &'a LobeOptions,
         run: &'a Run<'a>,
     ) -> Result<Self> {
@@ -275,7 +276,7 @@ impl<'a, M: LobeModel> LobeFit<'a, M> {
                 self.write_shape(estimate, lobe, pixel, out);
             }
             // The photographs determine every lobe's shape less well than the prior does.
-            let prior_deviation = self.sight.model.spreads()[0] as f32;
+            let prior_deviation = self.sight.model.deviations()[0] as f32;
             let pooled =
                 estimate.own_deviation[..estimate.lobes].iter().all(|&own| own > prior_deviation);
             if pooled && estimate.lobes > 0 && out.status[pixel] == Status::Fitted.code() {
@@ -290,9 +291,9 @@ impl<'a, M: LobeModel> LobeFit<'a, M> {
     }
 
     fn write_shape(&self, estimate: &Estimate, lobe: usize, pixel: usize, out: &mut TileMaps<'_>) {
-        let mut parameters = [0.0; MAX_NUMBERS];
+        let mut parameters = [0.0; MAX_PARAMETERS];
         let parameters = &mut parameters[..M::NAMES.len()];
-        self.sight.model.report(estimate.shapes[lobe], parameters);
+        self.sight.model.parameters_from_unknowns(estimate.shapes[lobe], parameters);
         let first = lobe * parameters.len();
         for (plane, &mut value) in out.parameters[first..].iter_mut().zip(parameters) {
             plane[pixel] = value;

@@ -1,52 +1,27 @@
-//! Torrance-Sparrow lobes: one number, `ln k` with `k = ln 2 / gamma^2`.
+//! Estimation of Torrance-Sparrow lobes: one unknown, `ln k` with `k = ln 2 / gamma^2`.
 
 use core::f64::consts::LN_2;
 
-use crate::brdf::torrance_sparrow::{Facet, GAMMA_MAX, GAMMA_MIN, sharpness};
+use crate::brdf::torrance_sparrow::{Facet, GAMMA_MAX, GAMMA_MIN};
 use crate::math::elementary::exp;
 use crate::math::{Real, Vec3};
+use crate::surface::TorranceSparrow;
 
-use super::model::{LobeModel, MAX_NUMBERS, MAX_SHAPES, Slope, Visit};
-
-/// Lobes of facets under an interface of one index of refraction.
-#[derive(Clone, Copy, Debug)]
-pub struct TorranceSparrow {
-    /// Index of refraction.
-    pub index: f64,
-}
+use super::model::{LobeEstimation, MAX_SHAPES, Slope, Visit};
 
 /// `ln k` at gamma = 0.08, 0.2 and 0.45 rad: a varnish's highlight, satin, a sheen.
 const STARTS: [[f64; MAX_SHAPES]; 3] = [[4.684, 0.0], [2.852, 0.0], [1.230, 0.0]];
 
-impl LobeModel for TorranceSparrow {
-    type Pair<R: Real> = Facet<R>;
-    type Lobe<R: Real> = R;
+impl LobeEstimation for TorranceSparrow {
     const SHAPES: usize = 1;
-    const NAMES: &'static [&'static str] = &["gamma"];
 
-    #[inline(always)]
-    fn pair<R: Real>(&self, light: Vec3<R>, view: Vec3<R>) -> Facet<R> {
-        Facet::between(light, view, R::of(self.index))
-    }
-    #[inline(always)]
-    fn spread<R: Real>(&self, pair: &Facet<f64>) -> Facet<R> {
-        pair.splat()
-    }
     #[inline(always)]
     fn facing(&self, pair: &Facet<f64>) -> Vec3<f64> {
         pair.half()
     }
     #[inline(always)]
-    fn lobe<R: Real>(&self, [log_sharpness, _]: [R; MAX_SHAPES]) -> R {
+    fn lobe_from_unknowns<R: Real>(&self, [log_sharpness, _]: [R; MAX_SHAPES]) -> R {
         exp(log_sharpness)
-    }
-    #[inline(always)]
-    fn told<R: Real>(&self, [gamma, ..]: [R; MAX_NUMBERS]) -> R {
-        sharpness(gamma)
-    }
-    #[inline(always)]
-    fn value<R: Real>(&self, sharpness: &R, pair: &Facet<R>, normal: Vec3<R>) -> R {
-        pair.on(normal).value(R::one(), *sharpness)
     }
     #[inline(always)]
     fn slope<R: Real>(&self, sharpness: &R, pair: &Facet<R>, normal: Vec3<R>) -> Slope<R> {
@@ -62,15 +37,19 @@ impl LobeModel for TorranceSparrow {
     fn starts(&self) -> &'static [[f64; MAX_SHAPES]] {
         &STARTS
     }
-    fn spreads(&self) -> [f64; MAX_SHAPES] {
-        // 12 % of gamma: what knows a width no better has learnt little from its photographs.
+    fn deviations(&self) -> [f64; MAX_SHAPES] {
+        // 12 % of gamma: of a width that is known no better the photographs say little.
         [0.25, 0.25]
     }
     fn order(&self, [log_sharpness, _]: [f32; MAX_SHAPES]) -> f32 {
         log_sharpness
     }
-    fn report(&self, [log_sharpness, _]: [f32; MAX_SHAPES], numbers: &mut [f32]) {
-        numbers[0] = (LN_2 / f64::from(log_sharpness).exp()).sqrt() as f32;
+    fn parameters_from_unknowns(
+        &self,
+        [log_sharpness, _]: [f32; MAX_SHAPES],
+        parameters: &mut [f32],
+    ) {
+        parameters[0] = (LN_2 / f64::from(log_sharpness).exp()).sqrt() as f32;
     }
     fn dispatch<V: Visit>(lobes: usize, visit: V) -> V::Output {
         match lobes {

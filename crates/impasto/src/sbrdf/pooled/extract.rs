@@ -9,7 +9,8 @@ use crate::pixels::{Run, TILE};
 use super::histogram::Histogram;
 use super::outliers::{Limits, Sizes};
 use super::samples::{Photographs, Samples, Tile};
-use crate::sbrdf::lanes::{MAX_LANES, load};
+use crate::math::lanes::MAX_LANES;
+use crate::math::tail::load;
 
 /// Which samples count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,9 +87,9 @@ impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
             }
             let diffuse = diffuse * share;
             for (i, found) in found.iter_mut().enumerate() {
-                let (towards, irradiance) =
-                    photographs.rig.lights()[i].at(load(&samples.x, at), load(&samples.y, at));
-                let view = photographs.rig.views()[i].splat::<I::F32>();
+                let (px, py) = (load(&samples.x, at), load::<I::F32>(&samples.y, at));
+                let (towards, irradiance) = photographs.rig.lights()[i].at(px, py);
+                let view = photographs.rig.views()[i].at(px, py);
                 let glint = Facet::between(towards, view, index).on(normal);
                 let mut sample = zero;
                 for band in 0..bands {

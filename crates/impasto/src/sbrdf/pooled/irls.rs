@@ -15,7 +15,8 @@ use crate::pixels::Run;
 
 use super::pixel::{Equations, Lobe, Pixels, Reduced, tangents};
 use super::samples::{Photographs, Samples, Tile, TileMut};
-use crate::sbrdf::lanes::{MAX_LANES, load};
+use crate::math::lanes::MAX_LANES;
+use crate::math::tail::load;
 
 /// Longest step of a normal, rad: a lobe is not linear for longer.
 const LONGEST_STEP: f64 = 0.1;

@@ -9,7 +9,7 @@ use super::irls::eliminate_tilts;
 use super::pixel::{Lobe, Pixels};
 use super::samples::{Photographs, Samples, Tile};
 use super::scale::Gaussian;
-use crate::sbrdf::lanes::{load, store};
+use crate::math::tail::{load, store};
 
 /// What a tile's pixels show, side by side.
 #[derive(Default)]

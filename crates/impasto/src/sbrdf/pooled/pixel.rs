@@ -14,7 +14,7 @@ use crate::pixels::TILE;
 
 use super::samples::{Photographs, Samples};
 use super::scale::{count, squared_scale, weight};
-use crate::sbrdf::lanes::load;
+use crate::math::tail::load;
 
 /// A painting's lobe as the solver sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,7 +78,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         let geometry: Vec<_> = (0..photographs.rig.observations())
             .map(|i| {
                 let (towards, irradiance) = photographs.rig.lights()[i].at(zero, zero);
-                let view = photographs.rig.views()[i].splat();
+                let view = photographs.rig.views()[i].at(zero, zero);
                 (towards, irradiance, Facet::between(towards, view, index))
             })
             .collect();
@@ -108,9 +108,10 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         let (mut peak, mut mean) = (zero, zero);
         for (i, usable) in self.usable.iter_mut().enumerate() {
             let light = self.photographs.rig.lights()[i];
-            if !light.is_distant() {
-                let (towards, irradiance) = light.at(load(&samples.x, at), load(&samples.y, at));
-                let view = self.photographs.rig.views()[i].splat();
+            if !self.photographs.rig.is_distant_at(i) {
+                let (px, py) = (load(&samples.x, at), load(&samples.y, at));
+                let (towards, irradiance) = light.at(px, py);
+                let view = self.photographs.rig.views()[i].at(px, py);
                 let facet = Facet::between(towards, view, R::of(self.photographs.index));
                 self.geometry[i] = (towards, irradiance, facet);
             }

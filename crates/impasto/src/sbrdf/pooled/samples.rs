@@ -3,9 +3,9 @@
 use crate::error::Result;
 use crate::geometry::Rig;
 use crate::maps::Status;
+use crate::math::tail::{load, store};
 use crate::math::{Isa, Kernel, Level, Mask, Real, Vec3};
 use crate::pixels::{self, Run, TILE};
-use crate::sbrdf::lanes::{load, store};
 use crate::stack::Stack;
 
 /// What all tiles of a painting share.

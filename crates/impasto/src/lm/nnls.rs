@@ -1,6 +1,7 @@
-//! What enters a sample linearly: non-negative least squares over a few columns, in lanes.
+//! Non-negative least squares [@lawson1974nnls] over a few columns, one problem per lane, by block
+//! principal pivoting (Portugal, Júdice and Vicente 1994).
 
-use crate::lm::{Factor, factor};
+use super::cholesky::{Factor, factor};
 use crate::math::{Mask, Real};
 
 /// Changes of the free columns at most: two per column are what hard cases take.
@@ -9,9 +10,9 @@ const CHANGES_PER_COLUMN: usize = 3;
 /// Slope of a column at 0, relative to what its samples could pull, below which it stays there.
 const FLAT: f64 = 1e-5;
 
-/// Sums over a band's samples: `gram = sum w c c'` (lower triangle) and `right = sum w c y`.
+/// Sums over samples: `gram = sum w c c'` (lower triangle) and `right = sum w c y`.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::sbrdf) struct Sums<R, const K: usize> {
+pub struct Sums<R, const K: usize> {
     gram: [[R; K]; K],
     right: [R; K],
     square: R,
@@ -19,14 +20,16 @@ pub(in crate::sbrdf) struct Sums<R, const K: usize> {
 
 impl<R: Real, const K: usize> Sums<R, K> {
     #[inline(always)]
-    pub(in crate::sbrdf) fn zero() -> Self {
+    /// Of no samples.
+    #[must_use]
+    pub fn zero() -> Self {
         Self { gram: [[R::zero(); K]; K], right: [R::zero(); K], square: R::zero() }
     }
 
     /// Adds a sample with its columns.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
-    pub(in crate::sbrdf) fn add(&mut self, columns: &[R; K], weight: R, sample: R) {
+    pub fn add(&mut self, columns: &[R; K], weight: R, sample: R) {
         let pull = weight * sample;
         self.square = pull.mul_add(sample, self.square);
         for i in 0..K {
@@ -38,10 +41,11 @@ impl<R: Real, const K: usize> Sums<R, K> {
         }
     }
 
-    /// The sums that are left once a column has this strength in the chosen lanes; there it has
-    /// nothing more to say.
+    /// The sums that are left once a column has this strength in the chosen lanes; there it is
+    /// fixed.
+    #[must_use]
     #[inline(always)]
-    pub(super) fn hold(&self, column: usize, strength: R, chosen: R::Mask) -> Self {
+    pub fn hold(&self, column: usize, strength: R, chosen: R::Mask) -> Self {
         let mut left = *self;
         for i in 0..K {
             let shared = self.entry(i, column);
@@ -54,12 +58,13 @@ impl<R: Real, const K: usize> Sums<R, K> {
     }
 
     /// What a column pulls at 0 (half the slope of the sum of squares) and how that falls with more
-    /// of it, the columns that these best colours leave free following: their quotient is the best
+    /// of it, the columns that are free in this best solution following: their quotient is the best
     /// strength.
+    #[must_use]
     #[inline(always)]
-    pub(super) fn pull(&self, column: usize, best: &[R; K]) -> [R; 2] {
+    pub fn pull(&self, column: usize, best: &[R; K]) -> [R; 2] {
         let zero = R::zero();
-        let mut held = best.map(|colour| !colour.gt(zero));
+        let mut held = best.map(|strength| !strength.gt(zero));
         held[column] = R::Mask::splat(true);
         let shared: [R; K] = core::array::from_fn(|i| self.entry(i, column));
         let follow = factor(&self.gram, zero, &held).solve(&shared);
@@ -71,9 +76,10 @@ impl<R: Real, const K: usize> Sums<R, K> {
         [fall.mul_add(best[column], slope), fall]
     }
 
-    /// What the best colours leave of the sum of squares, to the rounding of that sum.
+    /// What the best solution leaves of the sum of squares, to the rounding of that sum.
+    #[must_use]
     #[inline(always)]
-    pub(super) fn left(&self, best: &[R; K]) -> R {
+    pub fn left(&self, best: &[R; K]) -> R {
         let mut left = self.square;
         for (&right, &best) in self.right.iter().zip(best) {
             left = (-right).mul_add(best, left);
@@ -86,11 +92,12 @@ impl<R: Real, const K: usize> Sums<R, K> {
         if i >= j { self.gram[i][j] } else { self.gram[j][i] }
     }
 
-    /// The colours that leave the smallest residuals, none negative; the columns in `barred` stay
+    /// The solution that leaves the smallest residuals, no strength negative; the columns in `barred` stay
     /// 0. Block principal pivoting (Portugal, Judice and Vicente 1994): columns change sides all
     /// at once as long as that helps, then one at a time (Murty), which always ends.
+    #[must_use]
     #[inline(always)]
-    pub(in crate::sbrdf) fn solve(&self, barred: &[bool; K]) -> Colours<R, K> {
+    pub fn solve(&self, barred: &[bool; K]) -> Solution<R, K> {
         let zero = R::zero();
         let mut held = [R::Mask::splat(false); K];
         for ((held, barred), (i, row)) in
@@ -120,7 +127,7 @@ impl<R: Real, const K: usize> Sums<R, K> {
                 for value in &mut values {
                     *value = value.max(zero);
                 }
-                return Colours { values, factor };
+                return Solution { values, factor };
             }
             // A lane that is right keeps its columns: its neighbours change nothing for it.
             let one_by_one = change > K;
@@ -134,12 +141,13 @@ impl<R: Real, const K: usize> Sums<R, K> {
     }
 }
 
-/// A band's colours: diffuse, one per lobe, ambient.
+/// The strengths of the columns.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::sbrdf) struct Colours<R: Real, const K: usize> {
-    pub(in crate::sbrdf) values: [R; K],
+pub struct Solution<R: Real, const K: usize> {
+    /// Strengths.
+    pub values: [R; K],
     /// Of the columns that are free.
-    pub(super) factor: Factor<R, K>,
+    pub factor: Factor<R, K>,
 }
 
 #[cfg(test)]

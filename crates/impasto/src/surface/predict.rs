@@ -5,12 +5,15 @@ use crate::brdf::lambert;
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::math::lanes::Isa;
+use crate::math::tail::{load, store};
 use crate::math::{Kernel, Real, Vec3};
 use crate::pixels::{Run, TILE, tiles};
 
-use super::lanes::{load, store};
-use super::lobes::{LobeModel, Sight};
-use super::surface::{Parameter, Strength, Surface, scaled, unit};
+use super::Surface;
+use super::lobe::{Strength, scaled};
+use super::lobe_model::LobeModel;
+use super::model::ModelVisitor;
+use super::sights::Sights;
 
 /// Writes the samples `(obs, band, y, x)` that a surface shows, white board 1.0: per light
 /// `intensity * (irradiance * ((N.L) S + sum over lobes of their strength times what the model
@@ -20,8 +23,8 @@ use super::surface::{Parameter, Strength, Surface, scaled, unit};
 ///
 /// # Errors
 /// If a map's size does not fit the rig's grid, or the run is cancelled.
-pub fn predict<M: LobeModel>(
-    surface: &Surface<'_, M>,
+pub fn predict(
+    surface: &Surface<'_>,
     rig: &Rig,
     intensities: &[f64],
     out: &mut [f32],
@@ -42,18 +45,37 @@ pub fn predict<M: LobeModel>(
         );
         return Err(Error::argument(name, problem));
     }
-    let sight = Sight::new(surface.model, rig);
-    let level = run.level;
-    run.for_each(
-        jobs(out, bands, pixels),
-        || (vec![0.0; TILE], vec![0.0; TILE]),
-        |(x, y), job| {
-            grid.coordinates(job.start, &mut x[..job.count], &mut y[..job.count]);
-            let near = !rig.lights()[job.observation].is_distant();
-            let intensity = intensities[job.observation] as f32;
-            level.run(Predict { surface, sight: &sight, near, pixels, intensity, x, y, job });
-        },
-    )
+    surface.model.visit(Prediction { surface, rig, intensities, bands, out, run })
+}
+
+/// A call of [`predict`] whose sizes are right.
+struct Prediction<'a, 'r> {
+    surface: &'a Surface<'a>,
+    rig: &'a Rig,
+    intensities: &'a [f64],
+    bands: usize,
+    out: &'a mut [f32],
+    run: &'a Run<'r>,
+}
+
+impl ModelVisitor for Prediction<'_, '_> {
+    type Output = Result<()>;
+
+    fn visit<M: LobeModel>(self, model: M) -> Result<()> {
+        let Self { surface, rig, intensities, bands, out, run } = self;
+        let (grid, level) = (rig.grid(), run.level);
+        let pixels = grid.width * grid.height;
+        let sights = Sights::of_rig(model, rig);
+        run.for_each(
+            jobs(out, bands, pixels),
+            || (vec![0.0; TILE], vec![0.0; TILE]),
+            |(x, y), job| {
+                grid.coordinates(job.start, &mut x[..job.count], &mut y[..job.count]);
+                let intensity = intensities[job.observation] as f32;
+                level.run(Predict { surface, sights: &sights, pixels, intensity, x, y, job });
+            },
+        )
+    }
 }
 
 /// One tile of one observation.
@@ -79,10 +101,8 @@ fn jobs(out: &mut [f32], bands: usize, pixels: usize) -> Vec<Job<'_>> {
 }
 
 struct Predict<'a, 'b, M: LobeModel> {
-    surface: &'a Surface<'a, M>,
-    sight: &'a Sight<'a, M>,
-    /// Whether the light's direction differs from pixel to pixel.
-    near: bool,
+    surface: &'a Surface<'a>,
+    sights: &'a Sights<M>,
     pixels: usize,
     intensity: f32,
     x: &'a [f32],
@@ -95,7 +115,7 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { surface, sight, near, pixels, intensity, x, y, mut job } = self;
+        let Self { surface, sights, pixels, intensity, x, y, mut job } = self;
         let zero = I::F32::zero();
         // Nothing is brighter; what is no number stays none.
         let largest = I::F32::splat(f32::MAX);
@@ -103,18 +123,15 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
         let plane = |map: &'_ [f32], number: usize, pixel: usize| -> I::F32 {
             load(&map[number * pixels..(number + 1) * pixels], pixel)
         };
-        let number = |parameter: Parameter<'_>, pixel: usize| match parameter {
-            Parameter::Everywhere(value) => I::F32::splat(value),
-            Parameter::Map(map) => load(map, pixel),
-        };
-        let mut units = vec![zero; surface.lobes.len()];
+        let mut values = vec![zero; surface.lobes.len()];
         let tinted: Vec<(usize, &[f32])> = (surface.lobes.iter().enumerate())
             .filter_map(|(lobe, of)| match of.strength {
                 Strength::Tinted(map) => Some((lobe, map)),
                 Strength::Neutral(_) => None,
             })
             .collect();
-        let (mut towards, mut irradiance, mut pair) = sight.at(job.observation, zero, zero);
+        let near = !sights.is_distant(job.observation);
+        let (mut towards, mut irradiance, mut pair) = sights.at(job.observation, zero, zero);
         let mut at = 0;
         while at < job.count {
             let pixel = job.start + at;
@@ -125,16 +142,13 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
             );
             if near {
                 let (x, y) = (load(&x[..job.count], at), load(&y[..job.count], at));
-                (towards, irradiance, pair) = sight.at(job.observation, x, y);
+                (towards, irradiance, pair) = sights.at(job.observation, x, y);
             }
             let mut neutral = zero;
-            for (lobe, value) in surface.lobes.iter().zip(&mut units) {
-                let shape = core::array::from_fn(|at| {
-                    lobe.shape.get(at).map_or(zero, |&parameter| number(parameter, pixel))
-                });
-                *value = unit(&surface.model, shape, &pair, normal);
+            for (lobe, value) in surface.lobes.iter().zip(&mut values) {
+                *value = lobe.value(&sights.model, pixel, &pair, normal);
                 if let Strength::Neutral(strength) = lobe.strength {
-                    neutral = neutral + scaled(number(strength, pixel), *value);
+                    neutral = neutral + scaled(strength.at(pixel), *value);
                 }
             }
             let cosine = lambert::cosine(normal, towards);
@@ -145,7 +159,7 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
                 let diffuse = plane(surface.diffuse, band, pixel);
                 let mut radiance = diffuse.mul_add(cosine, neutral);
                 for &(lobe, map) in &tinted {
-                    radiance = radiance + scaled(plane(map, band, pixel), units[lobe]);
+                    radiance = radiance + scaled(plane(map, band, pixel), values[lobe]);
                 }
                 // Infinite light times none would be NaN.
                 let mut shown = held(radiance) * scale;
@@ -165,17 +179,14 @@ mod tests {
     use crate::geometry::{Grid, Light};
     use crate::math::Level;
     use crate::pixels::{Pool, Progress};
-    use crate::sbrdf::{Lafortune, Lobe, TorranceSparrow};
+    use crate::surface::{Lobe, Model, Parameter};
     use core::sync::atomic::AtomicBool;
 
     /// Odd sizes: tiles and registers end in the middle of rows.
     const GRID: Grid = Grid::whole(131, 67, 0.5);
     const PIXELS: usize = GRID.width * GRID.height;
 
-    fn every_level_and_thread_count_gives_the_same_bits<M: LobeModel>(
-        model: M,
-        shape: &[Parameter<'_>],
-    ) {
+    fn every_level_and_thread_count_gives_the_same_bits(model: Model, shape: &[Parameter<'_>]) {
         let mut normal = vec![0.0_f32; 3 * PIXELS];
         for pixel in 0..PIXELS {
             let t = pixel as f64;
@@ -223,7 +234,7 @@ mod tests {
     #[test]
     fn torrance_sparrow_lobes() {
         let gamma: Vec<f32> = (0..PIXELS).map(|i| 0.1 + (i % 7) as f32 * 0.02).collect();
-        let model = TorranceSparrow { index: 1.45 };
+        let model = Model::TorranceSparrow { index: 1.45 };
         every_level_and_thread_count_gives_the_same_bits(model, &[Parameter::Map(&gamma)]);
     }
 
@@ -232,6 +243,6 @@ mod tests {
         let exponent: Vec<f32> = (0..PIXELS).map(|i| 2.0 + (i % 7) as f32 * 9.0).collect();
         let shape = [-1.1, 0.9].map(Parameter::Everywhere);
         let shape = [shape[0], shape[1], Parameter::Map(&exponent)];
-        every_level_and_thread_count_gives_the_same_bits(Lafortune, &shape);
+        every_level_and_thread_count_gives_the_same_bits(Model::Lafortune, &shape);
     }
 }

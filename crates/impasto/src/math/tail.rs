@@ -1,13 +1,11 @@
-//! Runs of pixels in and out of registers.
+//! Registers in and out of memory whose last values may be fewer than a register's lanes.
 
-use crate::math::Real;
-
-/// Lanes of the widest register.
-pub(super) const MAX_LANES: usize = 16;
+use super::lanes::MAX_LANES;
+use super::real::Real;
 
 /// Values from `at` on; lanes beyond the end repeat the last value.
 #[inline(always)]
-pub(super) fn load<R: Real<Scalar = f32>>(values: &[f32], at: usize) -> R {
+pub(crate) fn load<R: Real<Scalar = f32>>(values: &[f32], at: usize) -> R {
     let values = &values[at..];
     if values.len() >= R::WIDTH {
         return R::load(values);
@@ -19,7 +17,7 @@ pub(super) fn load<R: Real<Scalar = f32>>(values: &[f32], at: usize) -> R {
 
 /// Writes lanes from `at` on, as many as there is room for.
 #[inline(always)]
-pub(super) fn store<R: Real<Scalar = f32>>(lanes: R, values: &mut [f32], at: usize) {
+pub(crate) fn store<R: Real<Scalar = f32>>(lanes: R, values: &mut [f32], at: usize) {
     let values = &mut values[at..];
     if values.len() >= R::WIDTH {
         return lanes.store(values);

@@ -1,8 +1,7 @@
 //! What to light: lamps, the colour of their light as a matrix, and the eye.
 
 use crate::error::{Error, Result};
-use crate::geometry::Light;
-use crate::math::Vec3;
+use crate::geometry::{Light, View};
 
 /// A light with its strength and colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,22 +25,25 @@ pub struct Colour {
     pub interface: [f64; 3],
 }
 
-/// Lamps, their colours and the direction to the eye (parallel rays).
+/// Lamps, their colours and the eye.
+///
+/// A distant eye sees the painting in parallel rays, foreshortened along its tilt. What a near eye
+/// sees is shown on the painting's own grid, as rectified photographs are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     lamps: Vec<Lamp>,
     colours: Vec<Colour>,
-    view: Vec3<f64>,
+    view: View,
 }
 
 impl Scene {
-    /// A scene; `view` is made a unit vector.
+    /// A scene; the direction of a distant `view` is made a unit vector.
     ///
     /// # Errors
     /// If there is no lamp, one stands behind the painting or has no finite strength, the eye looks
     /// from behind, a lamp names a colour that is not there, or the colours disagree about the
     /// number of coefficients.
-    pub fn new(lamps: Vec<Lamp>, colours: Vec<Colour>, view: Vec3<f64>) -> Result<Self> {
+    pub fn new(lamps: Vec<Lamp>, colours: Vec<Colour>, view: impl Into<View>) -> Result<Self> {
         if lamps.is_empty() {
             return Err(Error::geometry("lights", "expected at least one light, found none"));
         }
@@ -68,12 +70,17 @@ impl Scene {
         if colours.iter().any(|colour| colour.diffuse.len() != coefficients) {
             return Err(Error::argument("colours", "their matrices have different sizes"));
         }
-        let length = view.length();
-        if !(length.is_finite() && view.z > 0.0) {
-            let problem = format!("the eye must be in front of the painting (z is {})", view.z);
+        let view = match view.into() {
+            View::Distant(direction) => View::Distant(direction.normalised()),
+            point @ View::Point(_) => point,
+        };
+        let direction = view.direction();
+        if !(direction.length_squared().is_finite() && direction.z > 0.0) {
+            let problem =
+                format!("the eye must be in front of the painting (z is {})", direction.z);
             return Err(Error::geometry("view", problem));
         }
-        Ok(Self { lamps, colours, view: view.scale(length.recip()) })
+        Ok(Self { lamps, colours, view })
     }
 
     /// All lamps.
@@ -94,9 +101,9 @@ impl Scene {
         self.colours[0].diffuse.len()
     }
 
-    /// Unit direction to the eye.
+    /// Where the eye is.
     #[must_use]
-    pub fn view(&self) -> Vec3<f64> {
+    pub fn view(&self) -> View {
         self.view
     }
 }
@@ -104,6 +111,7 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Vec3;
 
     fn scene(z: f64, colour: usize, view: Vec3<f64>) -> Result<Scene> {
         let lamp = Lamp { light: Light::Distant(Vec3::new(0.6, 0.0, z)), intensity: 1.0, colour };
@@ -114,7 +122,7 @@ mod tests {
     #[test]
     fn what_cannot_be_seen_is_refused() {
         let front = Vec3::new(0.0, 0.0, 2.0);
-        assert_eq!(scene(0.8, 0, front).unwrap().view(), Vec3::new(0.0, 0.0, 1.0));
+        assert_eq!(scene(0.8, 0, front).unwrap().view(), Vec3::new(0.0, 0.0, 1.0).into());
         assert!(scene(-0.8, 0, front).is_err());
         assert!(scene(0.8, 1, front).is_err());
         assert!(scene(0.8, 0, Vec3::new(0.0, 1.0, 0.0)).is_err());

@@ -1,6 +1,7 @@
 //! What a scene calls for: an effect that is off has no stage, and costs nothing.
 
-use crate::scene::Scene;
+use super::scene::Scene;
+use crate::geometry::View;
 
 /// Which effects a rendering simulates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,11 +19,10 @@ impl Effects {
     /// everywhere, shadows where a height is given, projection unless the view is frontal.
     #[must_use]
     pub fn of(scene: &Scene, has_specular: bool, has_height: bool) -> Self {
-        let view = scene.view();
         Self {
             specular: has_specular,
             cast_shadows: has_height,
-            slanted_view: view.x != 0.0 || view.y != 0.0,
+            slanted_view: matches!(scene.view(), View::Distant(view) if view.x != 0.0 || view.y != 0.0),
         }
     }
 }

@@ -1,0 +1,66 @@
+//! Lafortune lobes [@lafortune1997nonlinear] of three parameters: Cxy, Cz and the exponent.
+
+use crate::brdf::lafortune;
+use crate::math::{Real, Scalar, Vec3};
+
+use super::lobe_model::{LobeModel, MAX_PARAMETERS};
+
+/// Isotropic Lafortune lobes with an arbitrary normal; radiance carries `N.L`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lafortune;
+
+/// A light and a view, unit vectors, and their inner product.
+#[derive(Clone, Copy, Debug)]
+pub struct LightView<R> {
+    /// Direction to the light.
+    pub light: Vec3<R>,
+    /// Direction to the eye.
+    pub view: Vec3<R>,
+    /// `L.V`.
+    pub light_view: R,
+}
+
+/// A lobe, and what its derivatives need besides.
+#[derive(Clone, Copy, Debug)]
+pub struct TurnedLobe<R> {
+    /// The lobe of unit strength.
+    pub lobe: lafortune::Lobe<R>,
+    /// Direction of (Cxy, Cz), 0 for Phong's; see [`crate::brdf::lafortune`].
+    pub turn: R,
+    /// One over the exponent.
+    pub width: R,
+}
+
+impl LobeModel for Lafortune {
+    type Pair<R: Real> = LightView<R>;
+    type Lobe<R: Real> = TurnedLobe<R>;
+    const NAMES: &'static [&'static str] = &["cxy", "cz", "exponent"];
+
+    #[inline(always)]
+    fn pair<R: Real>(&self, light: Vec3<R>, view: Vec3<R>) -> LightView<R> {
+        LightView { light, view, light_view: light.dot(view) }
+    }
+    #[inline(always)]
+    fn splat<S: Scalar, R: Real>(&self, pair: &LightView<S>) -> LightView<R> {
+        LightView {
+            light: pair.light.broadcast(),
+            view: pair.view.broadcast(),
+            light_view: R::of(pair.light_view.to_f64()),
+        }
+    }
+    #[inline(always)]
+    fn lobe_from_parameters<R: Real>(
+        &self,
+        [cxy, cz, exponent]: [R; MAX_PARAMETERS],
+    ) -> TurnedLobe<R> {
+        // The tangent of half the angle from (-1, 1).
+        let turn = (cz + cxy) / (R::of(2.0) + (cz - cxy));
+        let lobe = lafortune::Lobe::of_coefficients(R::one(), cxy, cz, exponent);
+        TurnedLobe { lobe, turn, width: exponent.recip() }
+    }
+    #[inline(always)]
+    fn value<R: Real>(&self, lobe: &TurnedLobe<R>, pair: &LightView<R>, normal: Vec3<R>) -> R {
+        let pair = lafortune::Pair::against(normal, pair.light, pair.view, pair.light_view);
+        pair.cosine * R::keep(pair.cosine.gt(R::zero()), lobe.lobe.value(&pair))
+    }
+}

@@ -1,0 +1,30 @@
+//! What a model of lobes must answer to be lit.
+
+use core::fmt::Debug;
+
+use crate::math::{Real, Scalar, Vec3};
+
+/// Most parameters that a lobe may have.
+pub const MAX_PARAMETERS: usize = 3;
+
+/// A kind of lobe: what it reflects of a light towards a view.
+///
+/// Every method must be `#[inline(always)]`: it becomes part of a vector kernel.
+pub trait LobeModel: Copy + Debug + Send + Sync {
+    /// A light and a view as the model sees them.
+    type Pair<R: Real>: Copy + Debug + Send + Sync;
+    /// A lobe, ready for many pairs.
+    type Lobe<R: Real>: Copy;
+    /// The names of a lobe's parameters, at most [`MAX_PARAMETERS`].
+    const NAMES: &'static [&'static str];
+
+    /// A pair of unit vectors that point away from the surface.
+    fn pair<R: Real>(&self, light: Vec3<R>, view: Vec3<R>) -> Self::Pair<R>;
+    /// The same pair in every lane.
+    fn splat<S: Scalar, R: Real>(&self, pair: &Self::Pair<S>) -> Self::Pair<R>;
+    /// A lobe from its parameters; those beyond [`Self::NAMES`] are ignored.
+    fn lobe_from_parameters<R: Real>(&self, parameters: [R; MAX_PARAMETERS]) -> Self::Lobe<R>;
+    /// Radiance of a lobe of unit strength under unit irradiance, 0 where the surface turns away
+    /// from light or view.
+    fn value<R: Real>(&self, lobe: &Self::Lobe<R>, pair: &Self::Pair<R>, normal: Vec3<R>) -> R;
+}

@@ -1,0 +1,90 @@
+//! Lights and views as a model of lobes evaluates them: one table for every kernel.
+
+use crate::geometry::{Light, Rig, View};
+use crate::math::{Real, Scalar, Vec3};
+
+use super::lobe_model::LobeModel;
+
+/// Pairs of a light and a view, each near or distant.
+///
+/// What a model derives from a pair that is the same for all pixels is computed once, in the
+/// precision `S`; what differs from pixel to pixel is computed in the lanes.
+#[derive(Debug)]
+pub struct Sights<M: LobeModel, S: Scalar = f64> {
+    /// What evaluates the pairs.
+    pub model: M,
+    sights: Vec<Sight<M, S>>,
+}
+
+#[derive(Debug)]
+struct Sight<M: LobeModel, S: Scalar> {
+    light: Light,
+    view: View,
+    /// Seen from the middle of the painting.
+    pair: M::Pair<S>,
+}
+
+impl<M: LobeModel, S: Scalar> Sights<M, S> {
+    /// The pairs of a rig's observations.
+    pub fn of_rig(model: M, rig: &Rig) -> Self {
+        Self::new(model, rig.lights().iter().copied().zip(rig.views().iter().copied()))
+    }
+
+    /// These pairs.
+    pub fn new(model: M, pairs: impl IntoIterator<Item = (Light, View)>) -> Self {
+        let zero = S::zero();
+        let sight = |(light, view): (Light, View)| {
+            let pair = model.pair(light.at(zero, zero).0, view.at(zero, zero));
+            Sight { light, view, pair }
+        };
+        Self { model, sights: pairs.into_iter().map(sight).collect() }
+    }
+
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.sights.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.sights.is_empty()
+    }
+
+    /// Whether a pair is the same from every pixel.
+    #[must_use]
+    #[inline(always)]
+    pub fn is_distant(&self, sight: usize) -> bool {
+        let Sight { light, view, .. } = &self.sights[sight];
+        light.is_distant() && view.is_distant()
+    }
+
+    /// A pair seen from the middle of the painting.
+    #[must_use]
+    pub fn middle(&self, sight: usize) -> &M::Pair<S> {
+        &self.sights[sight].pair
+    }
+
+    /// Unit direction to the light and its irradiance at normal incidence, from the points
+    /// `(x, y, 0)` in mm.
+    #[must_use]
+    #[inline(always)]
+    pub fn light<R: Real>(&self, sight: usize, x: R, y: R) -> (Vec3<R>, R) {
+        self.sights[sight].light.at(x, y)
+    }
+
+    /// The same, and the pair of light and view.
+    #[must_use]
+    #[inline(always)]
+    pub fn at<R: Real>(&self, sight: usize, x: R, y: R) -> (Vec3<R>, R, M::Pair<R>) {
+        let Sight { light, view, pair } = &self.sights[sight];
+        let (towards, irradiance) = light.at(x, y);
+        let pair = if light.is_distant() && view.is_distant() {
+            self.model.splat(pair)
+        } else {
+            self.model.pair(towards, view.at(x, y))
+        };
+        (towards, irradiance, pair)
+    }
+}
