@@ -21,10 +21,12 @@ pub mod shadow;
 pub mod show;
 mod specular;
 pub mod view;
+mod visible;
 
 use block::{BLOCK, Block, Plane, copied};
 use effects::Effects;
 use scene::{Colour, Lamp, Scene};
+use visible::Visible;
 
 /// Where a painting's pixels lie.
 #[derive(Clone, Copy, Debug)]
@@ -49,7 +51,7 @@ pub struct Picture {
 enum Stage<'a> {
     /// Irradiance of a lamp at normal incidence.
     Reach(&'a Lamp),
-    Shadow(Vec<f32>),
+    Shadow(Visible),
     Diffuse(&'a Lamp),
     /// Of a lamp by its number.
     Specular(usize, &'a Lobe<'a>, &'a Colour),
@@ -74,7 +76,7 @@ pub fn render(
         let problem = format!("expected {} planes of the painting's size", scene.coefficients());
         return Err(Error::argument("coefficients", problem));
     }
-    let effects = Effects::of(scene, !surface.lobes.is_empty(), relief.height.is_some());
+    let effects = Effects::of(scene, grid, !surface.lobes.is_empty(), relief.height.is_some());
     let stages = stages(surface, relief, scene, effects, run)?;
     let (light, coverage) =
         surface.model.visit(Shading { surface, grid, scene, stages: &stages, background, run })?;
@@ -157,7 +159,7 @@ fn stages<'a>(
             stages.push(Stage::Reach(lamp));
             if let (true, Some(height)) = (effects.cast_shadows, relief.height) {
                 let visible = shadow::cast_shadows(height, relief.grid, &lamp.light, run)?;
-                stages.push(Stage::Shadow(visible));
+                stages.push(Stage::Shadow(Visible::new(&visible, run)?));
             }
             stages.push(Stage::Diffuse(lamp));
             if effects.specular {
@@ -215,11 +217,7 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
             for stage in stages {
                 match stage {
                     Stage::Reach(lamp) => diffuse::reach::<I>(block, lamp),
-                    Stage::Shadow(visible) => {
-                        for (reach, seen) in block.reach.iter_mut().zip(&visible[at..at + count]) {
-                            *reach *= seen;
-                        }
-                    }
+                    Stage::Shadow(visible) => visible.shade(block, at),
                     Stage::Diffuse(lamp) => diffuse::diffuse::<I>(block, lamp),
                     Stage::Specular(lamp, lobe, colour) => {
                         let lobe = (*lamp, *lobe);
