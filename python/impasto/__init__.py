@@ -34,7 +34,7 @@ from impasto.fit.strengths import Strengths, fit_strengths
 from impasto.height import cast_shadows, integrate_normals
 from impasto.io import read_stack
 from impasto.render import Image, display_from_bands, render
-from impasto.rig import DistantLight, PointLight, Rig
+from impasto.rig import DistantLight, PointLight, PointView, Rig
 from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status
@@ -63,6 +63,7 @@ __all__ = [
     "Normals",
     "Pixel",
     "PointLight",
+    "PointView",
     "PooledSbrdf",
     "Reflectance",
     "Rig",

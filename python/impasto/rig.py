@@ -145,6 +145,32 @@ class PointLight:
 Light: TypeAlias = DistantLight | PointLight
 
 
+@dataclass(frozen=True)
+class PointView:
+    """A camera so near that pixels see it in different directions.
+
+    Photographs of it are rectified: each pixel of a stack is still one pixel of the painting.
+
+    Parameters
+    ----------
+    position
+        mm from the middle of the painting: x right, y up, z towards the viewer.
+    """
+
+    position: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        vector = _vector(self.position, "position")
+        if float(np.linalg.norm(vector)) < 1e-6:
+            raise GeometryError(
+                f"position: a camera cannot stand on the painting, found {self.position}"
+            )
+        object.__setattr__(self, "position", tuple(float(v) for v in vector))
+
+
+Views: TypeAlias = "ArrayLike | PointView | Sequence[PointView | tuple[float, float, float]]"
+
+
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Rig:
     """One light and one view per observation.
@@ -154,9 +180,10 @@ class Rig:
     lights
         ``(obs, 3)`` directions, or a sequence of :class:`DistantLight` / :class:`PointLight`.
     views
-        ``(obs, 3)`` or ``(3,)`` directions to the eye; default: frontal.
+        ``(obs, 3)`` or ``(3,)`` directions to the eye, a :class:`PointView`, or a sequence of
+        directions and :class:`PointView`; default: frontal.
     pitch_mm
-        Width of a pixel on the painting in mm; needed by point lights only.
+        Width of a pixel on the painting in mm; needed by point lights and point views only.
     origin
         (x, y) of the middle of the picture in pixels from the middle of the painting, x right, y
         up: where a part of a painting (:class:`Stack`, :class:`Sbrdf`) lies in it. Positions of
@@ -165,6 +192,9 @@ class Rig:
 
     lights: tuple[Light, ...]
     views: NDArray[np.float64]
+    """``(obs, 3)`` unit directions to the eye, from the middle of the painting."""
+    view_positions: NDArray[np.float64]
+    """``(obs, 3)`` mm where the view is a :class:`PointView`, else NaN."""
     pitch_mm: float | None
     origin: tuple[float, float]
 
@@ -172,19 +202,21 @@ class Rig:
         self,
         lights: ArrayLike | Sequence[Light] | Rig,
         *,
-        views: ArrayLike | None = None,
+        views: Views | None = None,
         pitch_mm: float | None = None,
         origin: tuple[float, float] | None = None,
     ) -> None:
         if isinstance(lights, Rig):
-            views = lights.views if views is None else views
+            views = lights.viewpoints if views is None else views
             pitch_mm = lights.pitch_mm if pitch_mm is None else pitch_mm
             origin = lights.origin if origin is None else origin
             lights = lights.lights
         parsed = _lights(lights)
         set_ = object.__setattr__
         set_(self, "lights", parsed)
-        set_(self, "views", _views(views, len(parsed)))
+        directions, positions = _views(views, len(parsed))
+        set_(self, "views", directions)
+        set_(self, "view_positions", positions)
         set_(self, "pitch_mm", pitch_mm)
         set_(self, "origin", _origin(origin))
         if pitch_mm is not None:
@@ -192,6 +224,10 @@ class Rig:
         if pitch_mm is None and any(isinstance(light, PointLight) for light in parsed):
             raise GeometryError(
                 "pitch_mm: point lights need the width of a pixel on the painting in mm"
+            )
+        if pitch_mm is None and self.near_views.any():
+            raise GeometryError(
+                "pitch_mm: point views need the width of a pixel on the painting in mm"
             )
 
     def __len__(self) -> int:
@@ -236,6 +272,16 @@ class Rig:
         )
 
     @property
+    def near_views(self) -> NDArray[np.bool_]:
+        """``(obs,)`` whether a view is a :class:`PointView`."""
+        return np.isfinite(self.view_positions[:, 0])
+
+    @property
+    def viewpoints(self) -> Views:
+        """The views as :class:`Rig` takes them."""
+        return viewpoints(self.views, self.view_positions)
+
+    @property
     def here(self) -> Rig:
         """The same rig with its origin in the middle of the picture."""
         return self.seen_from(0.0, 0.0)
@@ -249,11 +295,12 @@ class Rig:
         lights = self.lights
         if (x, y) != (0.0, 0.0):
             lights = tuple(a.seen_from(x, y) if isinstance(a, PointLight) else a for a in lights)
-        return Rig(lights, views=self.views, pitch_mm=self.pitch_mm)
+        views = viewpoints(self.views, self.view_positions - (x, y, 0.0))
+        return Rig(lights, views=views, pitch_mm=self.pitch_mm)
 
     def with_lights(self, lights: Sequence[Light]) -> Rig:
         """The same views and origin with other lights, one per observation."""
-        return Rig(lights, views=self.views, pitch_mm=self.pitch_mm, origin=self.origin)
+        return Rig(lights, views=self.viewpoints, pitch_mm=self.pitch_mm, origin=self.origin)
 
     def part(self, right: float, up: float) -> Rig:
         """The rig of a part whose middle lies so many pixels from that of the picture."""
@@ -268,16 +315,15 @@ class Rig:
         turns = quarter_turns_of(quarter_turns)
         lights = [_rotated_light(light, turns) for light in self.lights]
         x, y, _ = rotated_vector((*self.origin, 0.0), turns)
-        return Rig(
-            lights, views=rotated_rows(self.views, turns), pitch_mm=self.pitch_mm, origin=(x, y)
-        )
+        views = viewpoints(rotated_rows(self.views, turns), rotated_rows(self.view_positions, turns))
+        return Rig(lights, views=views, pitch_mm=self.pitch_mm, origin=(x, y))
 
     def take(self, indices: Iterable[int]) -> Rig:
         """The rig of some observations, in the order given; negative ones count from the end."""
         chosen = picked(indices, len(self), "indices", "observation")
         return Rig(
             [self.lights[i] for i in chosen],
-            views=self.views[chosen],
+            views=viewpoints(self.views[chosen], self.view_positions[chosen]),
             pitch_mm=self.pitch_mm,
             origin=self.origin,
         )
@@ -345,7 +391,29 @@ def _lights(lights: Any) -> tuple[Light, ...]:
     return tuple(DistantLight((x, y, z)) for x, y, z in array.tolist())
 
 
-def _views(views: ArrayLike | None, count: int) -> NDArray[np.float64]:
+def viewpoints(directions: NDArray[np.float64], positions: NDArray[np.float64]) -> Views:
+    """Views as :class:`Rig` takes them, from directions and, unless NaN, positions ``(obs, 3)``."""
+    near = np.isfinite(positions[:, 0])
+    if not near.any():
+        return directions
+    return [
+        PointView((*positions[i].tolist(),)) if near[i] else (*directions[i].tolist(),)
+        for i in range(len(directions))
+    ]
+
+
+def _views(views: Views | None, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit directions from the middle of the painting, and positions, NaN where distant."""
+    positions = np.full((count, 3), np.nan)
+    if isinstance(views, PointView):
+        views = [views] * count
+    if isinstance(views, Sequence) and any(isinstance(view, PointView) for view in views):
+        if len(views) != count:
+            raise ArgumentError(f"views: expected one or {count}, found {len(views)}")
+        for index, view in enumerate(views):
+            if isinstance(view, PointView):
+                positions[index] = view.position
+        views = [view.position if isinstance(view, PointView) else view for view in views]
     array = numbers(FRONTAL if views is None else views, "views", f"(3,) or ({count}, 3)")
     if array.shape not in {(3,), (count, 3)}:
         raise ArgumentError(f"views: expected shape (3,) or ({count}, 3), found {array.shape}")
@@ -354,7 +422,7 @@ def _views(views: ArrayLike | None, count: int) -> NDArray[np.float64]:
         lengths = np.linalg.norm(array, axis=1, keepdims=True)
     if not np.isfinite(lengths).all() or bool((lengths < 1e-6).any()):
         raise GeometryError("views: every view needs a finite direction")
-    return np.ascontiguousarray(array / _not_1(lengths))
+    return np.ascontiguousarray(array / _not_1(lengths)), positions
 
 
 def _not_1(length: Any) -> Any:

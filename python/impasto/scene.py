@@ -13,7 +13,7 @@ from impasto.colour import Display
 from impasto.colour.adaptation import Mode
 from impasto.colour.illuminants import checked_illuminant
 from impasto.errors import ArgumentError, GeometryError
-from impasto.rig import FRONTAL, Light, Rig
+from impasto.rig import FRONTAL, Light, PointView, Rig
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -30,7 +30,8 @@ class Scene:
         holds one per light.
     view
         Direction to the eye, parallel rays. Off the normal, the picture is the painting
-        foreshortened along its tilt, the painting's up staying up.
+        foreshortened along its tilt, the painting's up staying up. Or a
+        :class:`~impasto.PointView`: the painting's own pixels, each lit as seen from there.
     adaptation
         Degree d of chromatic adaptation from the illuminant to ``reference`` (eq. 7 to 12 of the
         six-band paper): 0 to 1; None shows the light as it is.
@@ -68,7 +69,7 @@ class Scene:
 
     lights: tuple[Light, ...]
     illuminants: tuple[Any, ...]
-    view: tuple[float, float, float]
+    view: tuple[float, float, float] | PointView
     adaptation: float | None
     adaptation_mode: Mode
     reference: Any
@@ -82,7 +83,7 @@ class Scene:
         lights: ArrayLike | Sequence[Light],
         *,
         illuminant: Any = "D65",
-        view: ArrayLike = FRONTAL,
+        view: ArrayLike | PointView = FRONTAL,
         adaptation: float | None = None,
         adaptation_mode: Mode = "planck",
         reference: Any = "D65",
@@ -124,7 +125,7 @@ class Scene:
         set_ = object.__setattr__
         set_(self, "lights", rig.lights)
         set_(self, "illuminants", tuple(spectra))
-        set_(self, "view", (x, y, z))
+        set_(self, "view", view if isinstance(view, PointView) else (x, y, z))
         set_(self, "adaptation", adaptation)
         set_(self, "adaptation_mode", adaptation_mode)
         set_(self, "reference", reference)
@@ -139,8 +140,11 @@ class Scene:
             one if isinstance(one, str) else "of its own spectrum" for one in self.illuminants
         }
         eye = "" if self.adaptation is None else f", an eye adapted by {self.adaptation:g}"
-        x, y, z = self.view
-        side = "" if (x, y) == (0.0, 0.0) else f", seen from ({x:.3g}, {y:.3g}, {z:.3g})"
+        near = isinstance(self.view, PointView)
+        x, y, z = self.view.position if isinstance(self.view, PointView) else self.view
+        millimetres = " mm" if near else ""
+        place = f", seen from ({x:.3g}, {y:.3g}, {z:.3g}){millimetres}"
+        side = "" if (x, y) == (0.0, 0.0) and not near else place
         shadows = ", with shadows" if self.shadows else ""
         return (
             f"<Scene {lamps} ({', '.join(sorted(spectra))}){eye}{side}{shadows}, "

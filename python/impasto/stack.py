@@ -18,7 +18,7 @@ from impasto._internal.waiting import floats, wait_for
 from impasto._internal.windows import offset, rotated_map, window
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, ImpastoWarning
-from impasto.rig import Light, Rig, quarter_turns_of
+from impasto.rig import Light, Rig, Views, quarter_turns_of
 
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float16, np.float32)
 """Sample types that are read in place and converted block by block."""
@@ -94,7 +94,7 @@ class Stack:
         samples: ArrayLike,
         *,
         lights: ArrayLike | Sequence[Light] | Rig | None = None,
-        views: ArrayLike | None = None,
+        views: Views | None = None,
         pitch_mm: float | None = None,
         bands: Sequence[str] | None = None,
         mask: ArrayLike | None = None,

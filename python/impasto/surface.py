@@ -16,7 +16,7 @@ from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import length_mm, one_of, refractive_index
 from impasto._internal.waiting import floats
 from impasto.errors import ArgumentError
-from impasto.rig import Rig
+from impasto.rig import Rig, Views
 
 Map: TypeAlias = NDArray[np.float32]
 LobeModel = Literal["torrance-sparrow", "lafortune"]
@@ -217,7 +217,7 @@ class Surface(Relightable):
     def predict(
         self,
         lights: Any,
-        views: ArrayLike | None = None,
+        views: Views | None = None,
         *,
         threads: int | None = None,
         progress: bool | ProgressCallback = False,
@@ -231,7 +231,8 @@ class Surface(Relightable):
             :class:`~impasto.PointLight`, or a :class:`~impasto.Rig`. Positions are those of the
             whole painting, whatever part of it this surface is.
         views
-            ``(obs, 3)`` or ``(3,)`` directions to the eye; default: those of the rig, else frontal.
+            ``(obs, 3)`` or ``(3,)`` directions to the eye, or :class:`~impasto.PointView`;
+            default: those of the rig, else frontal.
         threads, progress
             None means every allowed core; a bool or a callable ``(done, total)``.
 

@@ -7,7 +7,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use impasto::geometry::{Grid, Light, Rig};
+use impasto::geometry::{Grid, Light, Rig, View};
 use impasto::maps::Status;
 use impasto::math::Vec3;
 use impasto::sbrdf::Start;
@@ -38,8 +38,10 @@ pub(crate) struct RigArguments<'py> {
     point: PyReadonlyArray1<'py, bool>,
     /// (obs,): whether a point light's samples carry its fall-off.
     falloff: PyReadonlyArray1<'py, bool>,
-    /// (obs, 3).
+    /// (obs, 3): unit directions, or positions in mm.
     views: PyReadonlyArray2<'py, f64>,
+    /// (obs,): whether the row of `views` is a position.
+    point_view: PyReadonlyArray1<'py, bool>,
     pub(crate) pitch_mm: f64,
     /// Pixels that the middle of a part lies right of and above the middle of the painting.
     origin: [f64; 2],
@@ -146,7 +148,12 @@ impl RigArguments<'_> {
                 }
             })
             .collect();
-        Rig::new(lights, vectors(&self.views), grid)
+        let near = self.point_view.as_array();
+        let view = |(index, vector): (usize, Vec3<f64>)| {
+            if near[index] { View::Point(vector) } else { View::Distant(vector) }
+        };
+        let views = vectors(&self.views).into_iter().enumerate().map(view);
+        Rig::new(lights, views, grid)
     }
 }
 

@@ -23,17 +23,19 @@ class RigArguments:
     point: NDArray[np.bool_]
     falloff: NDArray[np.bool_]
     views: NDArray[np.float64]
+    point_view: NDArray[np.bool_]
     pitch_mm: float
     origin: tuple[float, float]
 
     @classmethod
     def of(cls, rig: Rig) -> RigArguments:
-        """Directions of distant lights, positions of near ones."""
+        """Directions of distant lights and views, positions of near ones."""
         return cls(
             lights=rig.vectors,
             point=rig.near,
             falloff=rig.falloff,
-            views=np.ascontiguousarray(rig.views, dtype=np.float64),
+            views=np.where(rig.near_views[:, None], rig.view_positions, rig.views),
+            point_view=rig.near_views,
             pitch_mm=1.0 if rig.pitch_mm is None else float(rig.pitch_mm),
             origin=rig.origin,
         )

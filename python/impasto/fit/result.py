@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import picked
@@ -24,7 +24,7 @@ from impasto.fit.pixel_maps import PixelMaps
 from impasto.fit.saved import Reader, arrays_of, over
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
 from impasto.render import Image, render
-from impasto.rig import Rig
+from impasto.rig import Rig, Views
 from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status
@@ -85,7 +85,7 @@ class Sbrdf(PixelMaps, Relightable):
     def predict(
         self,
         lights: Any = None,
-        views: ArrayLike | None = None,
+        views: Views | None = None,
         *,
         threads: int | None = None,
         progress: bool | ProgressCallback = False,
@@ -98,8 +98,8 @@ class Sbrdf(PixelMaps, Relightable):
             ``(obs, 3)`` directions, a sequence of :class:`~impasto.DistantLight` and
             :class:`~impasto.PointLight`, or a :class:`~impasto.Rig`; default: the rig's own.
         views
-            ``(obs, 3)`` or ``(3,)`` directions to the eye; default: those of the rig, frontal for
-            lights without one.
+            ``(obs, 3)`` or ``(3,)`` directions to the eye, or :class:`~impasto.PointView`;
+            default: those of the rig, frontal for lights without one.
         threads, progress
             None means every allowed core; a bool or a callable ``(done, total)``.
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
-from impasto.rig import DistantLight, Light, PointLight, Rig
+from impasto.rig import DistantLight, Light, PointLight, Rig, Views, viewpoints
 
 
 def arrays_of_rig(rig: Rig) -> dict[str, NDArray[Any]]:
@@ -21,6 +21,8 @@ def arrays_of_rig(rig: Rig) -> dict[str, NDArray[Any]]:
         "intensities": rig.intensities,
         "views": rig.views,
     }
+    if rig.near_views.any():
+        arrays["view_positions"] = rig.view_positions
     if rig.pitch_mm is not None:
         arrays["pitch_mm"] = np.array(rig.pitch_mm)
     if rig.origin != (0.0, 0.0):
@@ -54,4 +56,8 @@ def rig_of_arrays(arrays: Mapping[str, NDArray[Any]]) -> Rig:
     ]
     pitch = float(arrays["pitch_mm"]) if "pitch_mm" in arrays else None
     origin = arrays.get("origin", np.zeros(2))
-    return Rig(lights, views=arrays.get("views"), pitch_mm=pitch, origin=(origin[0], origin[1]))
+    directions = arrays.get("views")
+    views: Views | None = directions
+    if directions is not None and "view_positions" in arrays:
+        views = viewpoints(directions, arrays["view_positions"])
+    return Rig(lights, views=views, pitch_mm=pitch, origin=(origin[0], origin[1]))

@@ -17,7 +17,7 @@ from impasto.io.lights import LightFile, read_lights
 from impasto.io.notes import Notebook
 from impasto.io.session.frames import Region
 from impasto.io.session.observations import find_lights, is_light_file
-from impasto.rig import DistantLight, Light, PointLight, Rig
+from impasto.rig import DistantLight, Light, PointLight, Rig, Views, viewpoints
 
 _STRENGTHS = "light_intensities.txt"
 
@@ -32,8 +32,9 @@ class ListedLights:
         The file (or folder) to name when something does not fit.
     names
         The photograph of each light, where known.
-    lights, views
-        One per listed observation; ``views`` is None for a frontal camera.
+    lights, views, view_positions
+        One per listed observation; ``views`` is None for a frontal camera, positions are NaN for
+        a distant one.
     intensities
         ``(n,)`` or ``(n, band)``, where the light file knows them.
     pitch_mm, width_mm
@@ -44,6 +45,7 @@ class ListedLights:
     names: tuple[str, ...] | None
     lights: tuple[Light, ...]
     views: NDArray[np.float64] | None = None
+    view_positions: NDArray[np.float64] | None = None
     intensities: NDArray[np.float64] | None = None
     pitch_mm: float | None = None
     width_mm: float | None = None
@@ -75,7 +77,12 @@ def listed_lights(
         if names is not None and len(names) != len(rig):
             raise ArgumentError(f"lights: {len(rig)} given, {path} lists {len(names)} photographs")
     return ListedLights(
-        path, names, rig.lights, views=rig.views, intensities=None, pitch_mm=rig.pitch_mm
+        path,
+        names,
+        rig.lights,
+        views=rig.views,
+        view_positions=rig.view_positions,
+        pitch_mm=rig.pitch_mm,
     )
 
 
@@ -115,12 +122,16 @@ def build_rig(
     pitch = listed.pitch_mm if pitch_mm is None else pitch_mm
     if pitch is None and listed.width_mm:
         pitch = listed.width_mm / header.width
+    dx = dy = 0.0
     if area is not None and pitch is not None:
         top, left, height, width = area
         dx = (left + width / 2 - header.width / 2) * pitch
         dy = -(top + height / 2 - header.height / 2) * pitch
         picked = [a.seen_from(dx, dy) if isinstance(a, PointLight) else a for a in picked]
-    views = None if listed.views is None else listed.views[list(kept)]
+    views: Views | None = listed.views
+    if listed.views is not None and listed.view_positions is not None:
+        places = listed.view_positions[list(kept)] - (dx, dy, 0.0)
+        views = viewpoints(listed.views[list(kept)], places)
     return Rig(picked, views=views, pitch_mm=pitch), gains
 
 
