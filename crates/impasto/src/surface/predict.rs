@@ -9,9 +9,9 @@ use crate::math::tail::{load, store};
 use crate::math::{Kernel, Real, Vec3};
 use crate::pixels::{Run, TILE, tiles};
 
-use super::Surface;
 use super::lobe::{Strength, scaled};
 use super::lobe_model::LobeModel;
+use super::maps::Surface;
 use super::model::ModelVisitor;
 use super::sights::Sights;
 
