@@ -9,7 +9,7 @@ use crate::pixels::{Run, TILE};
 const WORD: usize = 64;
 
 // Blocks and tiles begin with a word.
-const _: () = assert!(BLOCK % WORD == 0 && TILE % WORD == 0);
+const _: () = assert!(BLOCK.is_multiple_of(WORD) && TILE.is_multiple_of(WORD));
 
 /// One bit per pixel, set where the lamp is seen.
 #[derive(Debug)]
