@@ -315,7 +315,9 @@ class Rig:
         turns = quarter_turns_of(quarter_turns)
         lights = [_rotated_light(light, turns) for light in self.lights]
         x, y, _ = rotated_vector((*self.origin, 0.0), turns)
-        views = viewpoints(rotated_rows(self.views, turns), rotated_rows(self.view_positions, turns))
+        views = viewpoints(
+            rotated_rows(self.views, turns), rotated_rows(self.view_positions, turns)
+        )
         return Rig(lights, views=views, pitch_mm=self.pitch_mm, origin=(x, y))
 
     def take(self, indices: Iterable[int]) -> Rig:

@@ -1,5 +1,5 @@
 //! Non-negative least squares [@lawson1974nnls] over a few columns, one problem per lane, by block
-//! principal pivoting (Portugal, Júdice and Vicente 1994).
+//! principal pivoting [@portugal1994nnls].
 
 use super::cholesky::{Factor, factor};
 use crate::math::{Mask, Real};
@@ -19,9 +19,9 @@ pub struct Sums<R, const K: usize> {
 }
 
 impl<R: Real, const K: usize> Sums<R, K> {
-    #[inline(always)]
     /// Of no samples.
     #[must_use]
+    #[inline(always)]
     pub fn zero() -> Self {
         Self { gram: [[R::zero(); K]; K], right: [R::zero(); K], square: R::zero() }
     }
@@ -92,9 +92,9 @@ impl<R: Real, const K: usize> Sums<R, K> {
         if i >= j { self.gram[i][j] } else { self.gram[j][i] }
     }
 
-    /// The solution that leaves the smallest residuals, no strength negative; the columns in `barred` stay
-    /// 0. Block principal pivoting (Portugal, Judice and Vicente 1994): columns change sides all
-    /// at once as long as that helps, then one at a time (Murty), which always ends.
+    /// The solution that leaves the smallest residuals, no strength negative; the columns in
+    /// `barred` stay 0. Columns change sides all at once as long as that helps, then one at a time
+    /// (Murty), which always ends.
     #[must_use]
     #[inline(always)]
     pub fn solve(&self, barred: &[bool; K]) -> Solution<R, K> {

@@ -55,8 +55,8 @@ impl<S: Scalar> Vec3<S> {
     #[must_use]
     #[inline(always)]
     pub fn broadcast<R: Real>(self) -> Vec3<R> {
-        let [x, y, z] = self.array().map(|component| R::of(component.to_f64()));
-        Vec3::new(x, y, z)
+        // No closure: it may stay a call, and every instruction in it one outside the kernel.
+        Vec3::new(R::of(self.x.to_f64()), R::of(self.y.to_f64()), R::of(self.z.to_f64()))
     }
 }
 

@@ -6,7 +6,7 @@
 //! the [`view`] if it is slanted, and to the display ([`show`]).
 
 use crate::error::{Error, Result};
-use crate::geometry::{Grid, Light, View};
+use crate::geometry::{Grid, View};
 use crate::math::{Isa, Kernel};
 use crate::pixels::{Run, TILE};
 use crate::surface::{Lobe, LobeModel, ModelVisitor, Sights, Surface};
@@ -196,8 +196,7 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
             self;
         let pixels = grid.width * grid.height;
         let light = self.light;
-        let near = |stage: &Stage<'_>| matches!(stage, Stage::Reach(lamp) if matches!(lamp.light, Light::Point { .. }));
-        let needs_place = stages.iter().any(near);
+        let needs_place = (0..sights.len()).any(|lamp| !sights.is_distant(lamp));
         let total = self.coverage.len();
         for first in (0..total).step_by(BLOCK) {
             let count = BLOCK.min(total - first);

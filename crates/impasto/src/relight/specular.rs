@@ -18,9 +18,13 @@ pub(crate) fn specular<I: Isa, M: LobeModel>(
     (start, count): (usize, usize),
 ) {
     let mut value: Plane = [0.0; BLOCK];
+    let near = !sights.is_distant(lamp);
+    let (_, _, mut pair) = sights.at(lamp, I::F32::zero(), I::F32::zero());
     for lane in (0..count).step_by(I::F32::WIDTH) {
-        let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
-        let (_, _, pair) = sights.at(lamp, x, y);
+        if near {
+            let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
+            (_, _, pair) = sights.at(lamp, x, y);
+        }
         let shown = lobe.value(&sights.model, start + lane, &pair, normal::<I>(block, lane));
         (shown * I::F32::load(&block.reach[lane..])).store(&mut value[lane..]);
     }

@@ -198,14 +198,18 @@ impl Projection {
             // How far a pixel of the picture reaches over the painting.
             let reach = step.abs() + down.abs();
             let [first, from] = [start[axis] - origin[axis], 0.0 - origin[axis] - 0.5];
-            let (half, per) = (I::F32::of(0.5 * reach), I::F32::of(1.0 / reach));
+            let (half, per) = (I::F32::of(0.5), I::F32::of(1.0 / reach));
             let (low, high) = (I::F32::of(from), I::F32::of(from + size[axis]));
             for lane in (0..SIDE).step_by(I::F32::WIDTH) {
                 let index = I::F32::load(&INDICES[lane..]);
                 let place = index.mul_add(I::F32::of(step), I::F32::of(first));
                 place.store(&mut places[axis][lane..]);
-                let overlap = (place + half).min(high) - (place - half).max(low);
-                let share = (overlap * per).max(I::F32::zero()).min(I::F32::one());
+                // What either border leaves of the pixel, less what both do: exactly 1 within.
+                let left = |to_border: I::F32| {
+                    to_border.mul_add(per, half).max(I::F32::zero()).min(I::F32::one())
+                };
+                let share = left(place - low) + left(high - place) - I::F32::one();
+                let share = share.max(I::F32::zero());
                 (I::F32::load(&inside[lane..]) * share).store(&mut inside[lane..]);
             }
         }
@@ -350,13 +354,19 @@ mod tests {
             let (seen, covered) =
                 serially(|run| projection.resample(&plane.repeat(3), &coverage, [0.0; 3], run))
                     .unwrap();
+            let at = |column, row| projection.painting_from_picture(column, row);
+            let (origin, right, down) = (at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0));
+            let reach = [0, 1]
+                .map(|axis| (right[axis] - origin[axis]).abs() + (down[axis] - origin[axis]).abs());
             let mut whole = 0;
             for (pixel, (&seen, &covered)) in seen.iter().zip(&covered).enumerate() {
                 let (row, column) =
                     (pixel / projection.picture.width, pixel % projection.picture.width);
                 let [c, r] = projection.painting_from_picture(column as f64, row as f64);
-                // Samples reach half the spread, and interpolation a pixel, to either side.
-                let margin = projection.spread.map(|spread| 0.5 * spread.abs() + 1.0);
+                // Samples reach half the spread to either side, the pixel itself half its reach, and
+                // interpolation a pixel more.
+                let margin =
+                    [0, 1].map(|axis| 0.5 * projection.spread[axis].abs().max(reach[axis]) + 1.0);
                 let inside = |at: f64, margin: f64, size: usize| {
                     at > margin && at < size as f64 - 1.0 - margin
                 };
