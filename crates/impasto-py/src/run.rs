@@ -21,10 +21,10 @@ pub(crate) fn level() -> Level {
     static LEVEL: OnceLock<Level> = OnceLock::new();
     *LEVEL.get_or_init(|| {
         #[allow(clippy::disallowed_methods, reason = "the border is where the environment is read")]
-        let asked = std::env::var("IMPASTO_SIMD").unwrap_or_default();
+        let requested = std::env::var("IMPASTO_SIMD").unwrap_or_default();
         Level::ALL
             .into_iter()
-            .find(|level| level.name() == asked && level.available())
+            .find(|level| level.name() == requested && level.available())
             .unwrap_or_else(Level::detect)
     })
 }

@@ -9,7 +9,7 @@ use impasto::{Error, Result};
 
 use crate::arrays::contiguous;
 
-/// What `impasto.fit.surface.SurfaceArguments` holds: every array C-contiguous.
+/// The fields of `impasto.Surface` that the numerics read: every array C-contiguous.
 #[derive(FromPyObject)]
 pub(crate) struct SurfaceArguments<'py> {
     /// (3, y, x).
@@ -25,7 +25,7 @@ pub(crate) struct SurfaceArguments<'py> {
     ambient: Option<PyReadonlyArray3<'py, f32>>,
 }
 
-/// What `impasto.fit.surface.LobeArguments` holds.
+/// One of `impasto.Surface.lobes`.
 #[derive(FromPyObject)]
 struct LobeArguments<'py> {
     /// (k, y, x) where the lobe has a colour of its own.

@@ -38,6 +38,7 @@
 
 #[cfg(feature = "painting")]
 pub mod brdf;
+#[cfg(feature = "painting")]
 pub mod error;
 #[cfg(feature = "painting")]
 pub mod geometry;
@@ -54,6 +55,7 @@ pub mod pixels;
 pub mod relight;
 #[cfg(feature = "painting")]
 pub mod sbrdf;
+#[cfg(feature = "painting")]
 pub mod spectral;
 #[cfg(feature = "painting")]
 pub mod stack;

@@ -109,7 +109,7 @@ impl<R: Real, const N: usize> LmSearch<R, N> {
         let taken = open & finite & (first | better);
         let tolerance = tolerance::<R>(options.cost) * self.normal.cost;
         // MINPACK's test: neither the actual nor the predicted decrease is worth another step.
-        let settled = finite & fall.abs().le(tolerance) & self.gain.le(tolerance);
+        let converged = finite & fall.abs().le(tolerance) & self.gain.le(tolerance);
         self.normal.replace(taken, next);
         for (own, place) in self.place.iter_mut().zip(place) {
             *own = R::select(taken, place, *own);
@@ -136,7 +136,7 @@ impl<R: Real, const N: usize> LmSearch<R, N> {
         if lost.any() {
             self.end(lost & next.underflows(), Reason::Underflow);
         }
-        self.end(!first & settled, Reason::Cost);
+        self.end(!first & converged, Reason::Cost);
         self.end(!first & !better & stuck, Reason::NoProgress);
     }
 

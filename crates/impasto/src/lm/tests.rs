@@ -109,7 +109,7 @@ fn hard_case_28_a_power_of_two_changes_no_bit_of_a_shape() {
 }
 
 #[test]
-fn bounds_hold_and_the_other_parameters_still_settle() {
+fn bounds_hold_and_the_other_parameters_still_converge() {
     // Unbounded, the decay is negative (the points rise).
     let bounds = Bounds { lower: [0.0, 0.0], upper: [10.0, 10.0] };
     let outcome = minimise(&Line(1.0), [1.0, 0.5], &bounds, &Options::default());

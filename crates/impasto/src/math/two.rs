@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn logarithms_are_finite_whatever_they_are_asked() {
+    fn logarithms_are_finite_for_every_argument() {
         for x in [0.0, -1.0, f32::NAN, f32::INFINITY, f32::MIN_POSITIVE] {
             let ln = Two::exact(x).ln();
             assert!(ln.hi.is_finite() && ln.lo.is_finite(), "{x}");

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::geometry::{Grid, View};
 use crate::math::{Isa, Kernel};
 use crate::pixels::{Run, TILE};
-use crate::surface::{Lobe, LobeModel, ModelVisitor, Sights, Surface};
+use crate::surface::{Lobe, LobeModel, ModelVisitor, Pairs, Surface};
 
 mod block;
 mod colour;
@@ -109,7 +109,7 @@ impl ModelVisitor for Shading<'_, '_, '_> {
         let Self { surface, grid, scene, stages, background, run } = self;
         let pixels = grid.width * grid.height;
         let view = scene.view();
-        let sights = Sights::new(model, scene.lamps().iter().map(|lamp| (lamp.light, view)));
+        let pairs = Pairs::new(model, scene.lamps().iter().map(|lamp| (lamp.light, view)));
         let (mut light, mut coverage) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
         let (red, rest) = light.split_at_mut(pixels);
         let (green, blue) = rest.split_at_mut(pixels);
@@ -131,7 +131,7 @@ impl ModelVisitor for Shading<'_, '_, '_> {
                     surface,
                     grid,
                     stages,
-                    sights: &sights,
+                    pairs: &pairs,
                     background,
                     block,
                     coefficients,
@@ -176,7 +176,7 @@ fn stages<'a>(
 /// One tile through all stages.
 struct Shade<'a, 's, M: LobeModel> {
     surface: &'a Surface<'a>,
-    sights: &'a Sights<M, f32>,
+    pairs: &'a Pairs<M, f32>,
     grid: Grid,
     stages: &'a [Stage<'s>],
     background: [f32; 3],
@@ -192,11 +192,11 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { surface, sights, grid, stages, background, block, coefficients, start, .. } =
+        let Self { surface, pairs, grid, stages, background, block, coefficients, start, .. } =
             self;
         let pixels = grid.width * grid.height;
         let light = self.light;
-        let needs_place = (0..sights.len()).any(|lamp| !sights.is_distant(lamp));
+        let needs_place = (0..pairs.len()).any(|lamp| !pairs.is_distant(lamp));
         let total = self.coverage.len();
         for first in (0..total).step_by(BLOCK) {
             let count = BLOCK.min(total - first);
@@ -220,7 +220,7 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
                     Stage::Diffuse(lamp) => diffuse::diffuse::<I>(block, lamp),
                     Stage::Specular(lamp, lobe, colour) => {
                         let lobe = (*lamp, *lobe);
-                        specular::specular::<I, M>(block, sights, lobe, colour, (at, count));
+                        specular::specular::<I, M>(block, pairs, lobe, colour, (at, count));
                     }
                     Stage::Ambient(lamp, ambient, colour) => {
                         colour::ambient::<I>(block, lamp, ambient, colour, (at, count));

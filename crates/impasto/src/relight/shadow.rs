@@ -297,15 +297,17 @@ mod tests {
 
     #[test]
     fn walking_rows_is_walking_columns_of_the_transposed_picture() {
-        let turned = Grid::whole(GRID.height, GRID.width, GRID.pitch);
+        let transposed_grid = Grid::whole(GRID.height, GRID.width, GRID.pitch);
         let relief: Vec<f32> =
             (0..GRID.width * GRID.height).map(|i| ((i * 7919) % 101) as f32 * 1e-3).collect();
         serially(|run| {
             // Transposing rows and columns swaps x with -y.
             let one = cast_shadows(&relief, GRID, &distant(0.9, -0.3, 0.2), run).unwrap();
             let other = transposed(&relief, GRID.width, GRID.height, run).unwrap();
-            let other = cast_shadows(&other, turned, &distant(0.3, -0.9, 0.2), run).unwrap();
-            let other = transposed(&other, turned.width, turned.height, run).unwrap();
+            let other =
+                cast_shadows(&other, transposed_grid, &distant(0.3, -0.9, 0.2), run).unwrap();
+            let other =
+                transposed(&other, transposed_grid.width, transposed_grid.height, run).unwrap();
             assert_eq!(one, other);
             assert!(one.contains(&0.0) && one.contains(&1.0));
         });

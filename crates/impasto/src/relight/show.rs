@@ -85,7 +85,7 @@ pub fn codes_from_planes(
     }
     let tile = crate::pixels::TILE;
     let pieces = codes.pieces(tile).into_iter().enumerate().collect();
-    let counts = run.map(pieces, Scratch::default, |scratch, (index, codes)| {
+    let counts = run.map(pieces, ShowScratch::default, |scratch, (index, codes)| {
         let show = Show { planes, pixels, start: index * tile, matrix, curve, linear: None, codes };
         show.on(scratch, run.level)
     })?;
@@ -115,12 +115,19 @@ pub fn linear_from_planes(
         pieces,
         || (),
         |(), (channel, index, out)| {
-            run.level.run(Weigh { planes, pixels, start: index * tile, matrix, channel, out });
+            run.level.run(WeightedSum {
+                planes,
+                pixels,
+                start: index * tile,
+                matrix,
+                channel,
+                out,
+            });
         },
     )
 }
 
-struct Weigh<'a> {
+struct WeightedSum<'a> {
     planes: &'a [f32],
     pixels: usize,
     start: usize,
@@ -129,7 +136,7 @@ struct Weigh<'a> {
     out: &'a mut [f32],
 }
 
-impl Kernel for Weigh<'_> {
+impl Kernel for WeightedSum<'_> {
     type Output = ();
     #[inline(always)]
     fn run<I: Isa>(self) {
@@ -184,7 +191,7 @@ fn weigh<I: Isa>(
 
 /// Memory of one worker.
 #[derive(Debug)]
-pub(crate) struct Scratch {
+pub(crate) struct ShowScratch {
     linear: [f32; BLOCK],
     /// Cell numbers as low bits, then the codes.
     cell: [f32; BLOCK],
@@ -194,7 +201,7 @@ pub(crate) struct Scratch {
     codes: [[f32; BLOCK]; 3],
 }
 
-impl Default for Scratch {
+impl Default for ShowScratch {
     fn default() -> Self {
         Self {
             linear: [0.0; BLOCK],
@@ -224,14 +231,14 @@ pub(crate) struct Show<'a> {
 }
 
 impl Show<'_> {
-    pub(crate) fn on(self, scratch: &mut Scratch, level: Level) -> Clipped {
+    pub(crate) fn on(self, scratch: &mut ShowScratch, level: Level) -> Clipped {
         level.run(ShowKernel { show: self, scratch })
     }
 }
 
 struct ShowKernel<'a, 's> {
     show: Show<'a>,
-    scratch: &'s mut Scratch,
+    scratch: &'s mut ShowScratch,
 }
 
 impl Kernel for ShowKernel<'_, '_> {
@@ -307,7 +314,7 @@ impl Kernel for ShowKernel<'_, '_> {
 /// The tone curve on the block's linear light; integral codes stand in the low bits.
 #[inline(always)]
 fn encode<I: Isa>(
-    scratch: &mut Scratch,
+    scratch: &mut ShowScratch,
     table: &[[f32; 2]; CELLS],
     channel: usize,
     full: f64,

@@ -5,27 +5,27 @@ use super::colour::shine;
 use super::diffuse::normal;
 use super::scene::Colour;
 use crate::math::{Isa, Real};
-use crate::surface::{Lobe, LobeModel, Sights, Strength, scaled};
+use crate::surface::{Lobe, LobeModel, Pairs, Strength, scaled};
 
 /// Adds what one lobe reflects of the lamp: to the light that has the lamp's colour, or, coloured
 /// as the lobe's strengths are, to the light of all colours.
 #[inline(always)]
 pub(crate) fn specular<I: Isa, M: LobeModel>(
     block: &mut Block,
-    sights: &Sights<M, f32>,
+    pairs: &Pairs<M, f32>,
     (lamp, lobe): (usize, &Lobe<'_>),
     colour: &Colour,
     (start, count): (usize, usize),
 ) {
     let mut value: Plane = [0.0; BLOCK];
-    let near = !sights.is_distant(lamp);
-    let (_, _, mut pair) = sights.at(lamp, I::F32::zero(), I::F32::zero());
+    let near = !pairs.is_distant(lamp);
+    let (_, _, mut pair) = pairs.at(lamp, I::F32::zero(), I::F32::zero());
     for lane in (0..count).step_by(I::F32::WIDTH) {
         if near {
             let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
-            (_, _, pair) = sights.at(lamp, x, y);
+            (_, _, pair) = pairs.at(lamp, x, y);
         }
-        let shown = lobe.value(&sights.model, start + lane, &pair, normal::<I>(block, lane));
+        let shown = lobe.value(&pairs.model, start + lane, &pair, normal::<I>(block, lane));
         (shown * I::F32::load(&block.reach[lane..])).store(&mut value[lane..]);
     }
     match lobe.strength {

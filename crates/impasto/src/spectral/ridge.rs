@@ -100,9 +100,9 @@ pub(super) fn cross_validated(
         let rest =
             RidgeEquations { gram: &whole.gram - &part.gram, cross: &whole.cross - &part.cross };
         let solver = RidgeSolver::of(&rest.divided((fold.len() - features.nrows()) as f64));
-        let turned = features * &solver.axes;
+        let rotated = features * &solver.axes;
         for (error, &ridge) in errors.iter_mut().zip(ridges) {
-            let residual = &turned * solver.shrunk(ridge) - targets;
+            let residual = &rotated * solver.shrunk(ridge) - targets;
             let of_rows = residual.row_iter().zip(weights);
             *error += of_rows.map(|(row, &weight)| weight * row.norm_squared()).sum::<f64>();
         }

@@ -11,34 +11,34 @@ pub(super) fn decomposed(matrix: &DMatrix<f64>) -> (DMatrix<f64>, DVector<f64>, 
         return (right, values, left);
     }
     let count = matrix.ncols();
-    let mut turned = matrix.clone();
+    let mut rotated = matrix.clone();
     let mut right = DMatrix::identity(count, count);
     for _ in 0..SWEEPS {
-        let mut settled = true;
+        let mut converged = true;
         for p in 0..count {
             for q in p + 1..count {
-                let (a, b) = (turned.column(p).norm_squared(), turned.column(q).norm_squared());
-                let product = turned.column(p).dot(&turned.column(q));
+                let (a, b) = (rotated.column(p).norm_squared(), rotated.column(q).norm_squared());
+                let product = rotated.column(p).dot(&rotated.column(q));
                 if product.abs() <= f64::EPSILON * (a * b).sqrt() {
                     continue;
                 }
-                settled = false;
+                converged = false;
                 let zeta = (b - a) / (2.0 * product);
                 let tangent = zeta.signum() / (zeta.abs() + zeta.mul_add(zeta, 1.0).sqrt());
                 let cosine = tangent.mul_add(tangent, 1.0).sqrt().recip();
-                rotate(&mut turned, p, q, cosine, cosine * tangent);
+                rotate(&mut rotated, p, q, cosine, cosine * tangent);
                 rotate(&mut right, p, q, cosine, cosine * tangent);
             }
         }
-        if settled {
+        if converged {
             break;
         }
     }
-    let lengths: Vec<f64> = turned.column_iter().map(|column| column.norm()).collect();
+    let lengths: Vec<f64> = rotated.column_iter().map(|column| column.norm()).collect();
     let mut order: Vec<usize> = (0..count).collect();
     order.sort_by(|&p, &q| lengths[q].total_cmp(&lengths[p]));
     let values = DVector::from_iterator(count, order.iter().map(|&index| lengths[index]));
-    let mut left = turned.select_columns(&order);
+    let mut left = rotated.select_columns(&order);
     for (mut column, &value) in left.column_iter_mut().zip(&values) {
         if value > 0.0 {
             column.unscale_mut(value);

@@ -20,20 +20,9 @@ pub struct LightView<R> {
     pub light_view: R,
 }
 
-/// A lobe, and what its derivatives need besides.
-#[derive(Clone, Copy, Debug)]
-pub struct TurnedLobe<R> {
-    /// The lobe of unit strength.
-    pub lobe: lafortune::Lobe<R>,
-    /// Direction of (Cxy, Cz), 0 for Phong's; see [`crate::brdf::lafortune`].
-    pub turn: R,
-    /// One over the exponent.
-    pub width: R,
-}
-
 impl LobeModel for Lafortune {
     type Pair<R: Real> = LightView<R>;
-    type Lobe<R: Real> = TurnedLobe<R>;
+    type Lobe<R: Real> = lafortune::Lobe<R>;
     const NAMES: &'static [&'static str] = &["cxy", "cz", "exponent"];
 
     #[inline(always)]
@@ -52,15 +41,12 @@ impl LobeModel for Lafortune {
     fn lobe_from_parameters<R: Real>(
         &self,
         [cxy, cz, exponent]: [R; MAX_PARAMETERS],
-    ) -> TurnedLobe<R> {
-        // The tangent of half the angle from (-1, 1).
-        let turn = (cz + cxy) / (R::of(2.0) + (cz - cxy));
-        let lobe = lafortune::Lobe::of_coefficients(R::one(), cxy, cz, exponent);
-        TurnedLobe { lobe, turn, width: exponent.recip() }
+    ) -> lafortune::Lobe<R> {
+        lafortune::Lobe::of_coefficients(R::one(), cxy, cz, exponent)
     }
     #[inline(always)]
-    fn value<R: Real>(&self, lobe: &TurnedLobe<R>, pair: &LightView<R>, normal: Vec3<R>) -> R {
+    fn value<R: Real>(&self, lobe: &lafortune::Lobe<R>, pair: &LightView<R>, normal: Vec3<R>) -> R {
         let pair = lafortune::Pair::against(normal, pair.light, pair.view, pair.light_view);
-        pair.cosine * R::keep(pair.cosine.gt(R::zero()), lobe.lobe.value(&pair))
+        pair.cosine * R::keep(pair.cosine.gt(R::zero()), lobe.value(&pair))
     }
 }

@@ -3,7 +3,7 @@
 //! A [`Surface`] is a normal, a diffuse reflectance and a few [`Lobe`]s per pixel, all lobes of one
 //! [`Model`]. [`predict()`] says which samples it would show to a rig; [`relight`](crate::relight)
 //! makes pictures of it; [`sbrdf`](crate::sbrdf) estimates it. A model is a [`LobeModel`]: value
-//! only, what an estimation needs besides is its own affair. [`Sights`] is the one table of lights
+//! only, what an estimation needs besides is its own affair. [`Pairs`] is the one table of lights
 //! and views that kernels evaluate models with.
 
 mod lafortune;
@@ -11,16 +11,16 @@ mod lobe;
 mod lobe_model;
 mod maps;
 mod model;
+mod pairs;
 mod predict;
-mod sights;
 mod torrance_sparrow;
 
-pub use lafortune::{Lafortune, LightView, TurnedLobe};
+pub use lafortune::{Lafortune, LightView};
 pub(crate) use lobe::scaled;
 pub use lobe::{Lobe, Parameter, Strength};
 pub use lobe_model::{LobeModel, MAX_PARAMETERS};
 pub use maps::Surface;
 pub use model::{Model, ModelVisitor};
+pub use pairs::Pairs;
 pub use predict::predict;
-pub use sights::Sights;
 pub use torrance_sparrow::TorranceSparrow;

@@ -13,7 +13,7 @@ use super::lobe::{Strength, scaled};
 use super::lobe_model::LobeModel;
 use super::maps::Surface;
 use super::model::ModelVisitor;
-use super::sights::Sights;
+use super::pairs::Pairs;
 
 /// Writes the samples `(obs, band, y, x)` that a surface shows, white board 1.0: per light
 /// `intensity * (irradiance * ((N.L) S + sum over lobes of their strength times what the model
@@ -65,14 +65,14 @@ impl ModelVisitor for Prediction<'_, '_> {
         let Self { surface, rig, intensities, bands, out, run } = self;
         let (grid, level) = (rig.grid(), run.level);
         let pixels = grid.width * grid.height;
-        let sights = Sights::of_rig(model, rig);
+        let pairs = Pairs::of_rig(model, rig);
         run.for_each(
             jobs(out, bands, pixels),
             || (vec![0.0; TILE], vec![0.0; TILE]),
             |(x, y), job| {
                 grid.coordinates(job.start, &mut x[..job.count], &mut y[..job.count]);
                 let intensity = intensities[job.observation] as f32;
-                level.run(Predict { surface, sights: &sights, pixels, intensity, x, y, job });
+                level.run(Predict { surface, pairs: &pairs, pixels, intensity, x, y, job });
             },
         )
     }
@@ -102,7 +102,7 @@ fn jobs(out: &mut [f32], bands: usize, pixels: usize) -> Vec<Job<'_>> {
 
 struct Predict<'a, 'b, M: LobeModel> {
     surface: &'a Surface<'a>,
-    sights: &'a Sights<M>,
+    pairs: &'a Pairs<M>,
     pixels: usize,
     intensity: f32,
     x: &'a [f32],
@@ -115,7 +115,7 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { surface, sights, pixels, intensity, x, y, mut job } = self;
+        let Self { surface, pairs, pixels, intensity, x, y, mut job } = self;
         let zero = I::F32::zero();
         // Nothing is brighter; what is no number stays none.
         let largest = I::F32::splat(f32::MAX);
@@ -130,8 +130,8 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
                 Strength::Neutral(_) => None,
             })
             .collect();
-        let near = !sights.is_distant(job.observation);
-        let (mut towards, mut irradiance, mut pair) = sights.at(job.observation, zero, zero);
+        let near = !pairs.is_distant(job.observation);
+        let (mut towards, mut irradiance, mut pair) = pairs.at(job.observation, zero, zero);
         let mut at = 0;
         while at < job.count {
             let pixel = job.start + at;
@@ -142,11 +142,11 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
             );
             if near {
                 let (x, y) = (load(&x[..job.count], at), load(&y[..job.count], at));
-                (towards, irradiance, pair) = sights.at(job.observation, x, y);
+                (towards, irradiance, pair) = pairs.at(job.observation, x, y);
             }
             let mut neutral = zero;
             for (lobe, value) in surface.lobes.iter().zip(&mut values) {
-                *value = lobe.value(&sights.model, pixel, &pair, normal);
+                *value = lobe.value(&pairs.model, pixel, &pair, normal);
                 if let Strength::Neutral(strength) = lobe.strength {
                     neutral = neutral + scaled(strength.at(pixel), *value);
                 }

@@ -113,7 +113,7 @@ fn damping_beyond_its_limit_is_no_end() {
 #[test]
 fn what_has_converged_is_there_at_every_scale() {
     fn sweep<S: Scalar>(powers: impl Iterator<Item = i32>, digits: f64) -> [bool; 2] {
-        let mut told = [false; 2];
+        let mut reported = [false; 2];
         for power in powers {
             for noise in [0.0, 0.1] {
                 let plain = decay::<S>(1.0, [1.0; 2], noise).parameters[1].to_f64();
@@ -122,11 +122,11 @@ fn what_has_converged_is_there_at_every_scale() {
                 assert_eq!(outcome.reason.converged(), !lost, "{power} {outcome:?}");
                 let off = (outcome.parameters[1].to_f64() / plain - 1.0).abs();
                 assert!(lost || off < digits, "2^{power}, noise {noise}: {off:e} {outcome:?}");
-                told[0] |= outcome.reason == Reason::Underflow;
-                told[1] |= outcome.reason == Reason::NotFinite;
+                reported[0] |= outcome.reason == Reason::Underflow;
+                reported[1] |= outcome.reason == Reason::NotFinite;
             }
         }
-        told
+        reported
     }
     // Both ends of the numbers' range are met, and named.
     assert_eq!(sweep::<f64>((-1022..=1020).step_by(7), 1e-6), [true; 2]);

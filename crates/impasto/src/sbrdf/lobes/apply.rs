@@ -10,10 +10,10 @@ use super::learn::LearnedLobes;
 use super::maps::LobeMapsMut;
 use super::model::LobeEstimation;
 use super::options::{LobeOptions, Origin};
+use super::photographs::Photographs;
 use super::seeds::SeedGrid;
-use super::sight::Sight;
 use super::tile::TILE;
-use super::tile_fit::{LobeFit, Scratch};
+use super::tile_fit::{LobeFit, LobeScratch};
 
 /// Lobes of every pixel, from the normals of photometric stereo: [`learn_lobes`] and [`apply_lobes`]
 /// in a row, each seed fitted once.
@@ -31,8 +31,8 @@ pub fn fit_lobes<M: LobeEstimation>(
     out: LobeMapsMut<'_>,
     run: &Run<'_>,
 ) -> Result<LearnedLobes> {
-    let sight = Sight::new(model, rig);
-    let fit = LobeFit::new(stack, rig, start, &sight, options, run)?;
+    let photographs = Photographs::new(model, rig);
+    let fit = LobeFit::new(stack, rig, start, &photographs, options, run)?;
     fit.check(rig.grid(), &out)?;
     let (learned, seeds) = fit.learn()?;
     let fit = LobeFit { prior: learned.prior.as_ref(), options: &learned.options, ..fit };
@@ -63,8 +63,8 @@ pub fn apply_lobes<M: LobeEstimation>(
     out: LobeMapsMut<'_>,
     run: &Run<'_>,
 ) -> Result<()> {
-    let sight = Sight::new(model, rig);
-    let fit = LobeFit::new(stack, rig, start, &sight, &learned.options, run)?;
+    let photographs = Photographs::new(model, rig);
+    let fit = LobeFit::new(stack, rig, start, &photographs, &learned.options, run)?;
     fit.check(tile, &out)?;
     let seeds = match learned.options.start {
         Origin::Neighbours => Some(fit.seeds(SeedGrid::around(tile))?.0),
@@ -88,7 +88,7 @@ impl<M: LobeEstimation> LobeFit<'_, M> {
     fn fill(&self, tile: Grid, out: LobeMapsMut<'_>) -> Result<()> {
         self.run.for_each(
             out.tiles(TILE),
-            || Scratch::new(self.stack),
+            || LobeScratch::new(self.stack),
             |scratch, mut out| {
                 let pixels: Vec<usize> = (out.start..out.start + out.len())
                     .filter_map(|pixel| self.rig.grid().pixel(tile.place(pixel)))

@@ -10,11 +10,11 @@ use crate::pixels::Run;
 use super::maps::MOST_LOBES;
 use super::model::LobeEstimation;
 use super::options::{LobeOptions, Precision};
+use super::photographs::Photographs;
 use super::prior::Prior;
 use super::score::Score;
 use super::search::Search;
 use super::seeds::{Seed, Seeds};
-use super::sight::Sight;
 use super::support::is_supported;
 use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE};
 
@@ -28,7 +28,7 @@ pub(super) enum Starts<'a> {
 
 /// Adds lobes to the pixels of a tile, one at a time.
 pub(super) struct ForwardSelection<'a, M: LobeEstimation> {
-    pub(super) sight: &'a Sight<M>,
+    pub(super) photographs: &'a Photographs<M>,
     pub(super) options: &'a LobeOptions,
     pub(super) prior: Option<&'a Prior>,
     pub(super) run: &'a Run<'a>,
@@ -70,8 +70,9 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
                 let more = &tile.estimates[pixel];
                 if above_rounding
                     && lowers_bic(more, &before[pixel], tile.usable[pixel], unknowns)
-                    && (0..lobes)
-                        .all(|lobe| is_supported(self.sight, tile, pixel, lobe, self.run.level))
+                    && (0..lobes).all(|lobe| {
+                        is_supported(self.photographs, tile, pixel, lobe, self.run.level)
+                    })
                 {
                     found[pixel].estimates[lobes] = *more;
                     found[pixel].lobes = lobes;
@@ -185,7 +186,7 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
         number: usize,
     ) -> Option<Estimate> {
         let normals = if lobes == 1 { 2 } else { 1 };
-        let shape = self.sight.model.starts().get(number / normals)?;
+        let shape = self.photographs.model.starts().get(number / normals)?;
         let mut start = *before;
         start.shapes[lobes - 1] = shape.map(|number| number as f32);
         if number % normals == 1 {
@@ -243,12 +244,12 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
                 best = (sample, photograph);
             }
         }
-        self.sight.facing(best.1).array().map(|v| v as f32)
+        self.photographs.facing(best.1).array().map(|v| v as f32)
     }
 
     fn score(&self, tile: &mut LobeFitTile, starts: &[Estimate], pixels: &[usize], lobes: usize) {
         Score {
-            sight: self.sight,
+            photographs: self.photographs,
             samples: &tile.grey,
             x: &tile.x,
             y: &tile.y,
@@ -264,7 +265,7 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
 
     fn search(&self, tile: &mut LobeFitTile, starts: &[Estimate], pixels: &[usize], lobes: usize) {
         Search {
-            sight: self.sight,
+            photographs: self.photographs,
             samples: &tile.grey,
             x: &tile.x,
             y: &tile.y,

@@ -8,11 +8,11 @@ use crate::stack::Stack;
 
 use super::model::LobeEstimation;
 use super::options::{LobeOptions, Origin};
+use super::photographs::Photographs;
 use super::prior::{FEWEST, Prior, PriorNumbers};
 use super::seeds::{SeedGrid, Seeds};
-use super::sight::Sight;
 use super::tile::{Estimate, TILE};
-use super::tile_fit::{LobeFit, Scratch};
+use super::tile_fit::{LobeFit, LobeScratch};
 
 /// Most tiles from which the prior is made.
 const SAMPLED: usize = 40;
@@ -69,8 +69,8 @@ pub fn learn_lobes<M: LobeEstimation>(
     options: &LobeOptions,
     run: &Run<'_>,
 ) -> Result<LearnedLobes> {
-    let sight = Sight::new(model, rig);
-    LobeFit::new(stack, rig, start, &sight, options, run)?.learn().map(|(learned, _)| learned)
+    let photographs = Photographs::new(model, rig);
+    LobeFit::new(stack, rig, start, &photographs, options, run)?.learn().map(|(learned, _)| learned)
 }
 
 impl<M: LobeEstimation> LobeFit<'_, M> {
@@ -90,7 +90,7 @@ impl<M: LobeEstimation> LobeFit<'_, M> {
         };
         let start = if seeds.is_some() { Origin::Neighbours } else { Origin::Multistart };
         let prior =
-            self.options.typical.then(|| Prior::of_estimates(&self.sight.model, &estimates));
+            self.options.typical.then(|| Prior::of_estimates(&self.photographs.model, &estimates));
         let options = LobeOptions { start, ..*self.options };
         Ok((LearnedLobes { options, pixels: estimates.len(), prior }, seeds))
     }
@@ -102,7 +102,7 @@ impl<M: LobeEstimation> LobeFit<'_, M> {
         let starts = (0..tiles).step_by(tiles.div_ceil(SAMPLED)).map(|tile| tile * TILE);
         let estimates = self.run.map(
             starts.collect(),
-            || Scratch::new(self.stack),
+            || LobeScratch::new(self.stack),
             |scratch, start| {
                 let tile: Vec<usize> = (start..pixels.min(start + TILE)).collect();
                 let (fitted, _) = self.fit_pixels(scratch, &tile);

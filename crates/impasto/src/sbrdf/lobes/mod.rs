@@ -13,18 +13,17 @@
 
 mod apply;
 mod forward_selection;
-mod lafortune;
 mod learn;
 mod maps;
 mod model;
 mod neutral;
 mod options;
+mod photographs;
 mod prior;
 mod reweight;
 mod score;
 mod search;
 mod seeds;
-mod sight;
 mod support;
 #[cfg(test)]
 pub(in crate::sbrdf) mod tests;

@@ -64,7 +64,7 @@ pub trait Visit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surface::{Lafortune, MAX_PARAMETERS, TorranceSparrow};
+    use crate::surface::{MAX_PARAMETERS, TorranceSparrow};
 
     fn unit(x: f64, y: f64, z: f64) -> Vec3<f64> {
         Vec3::new(x, y, z).normalised()
@@ -141,19 +141,5 @@ mod tests {
         let shapes = [[4.7, 0.0], [2.9, 0.0], [1.2, 0.0]];
         slopes_are_differences(TorranceSparrow { index: 1.45 }, &shapes);
         parameters_make_the_lobe_again(TorranceSparrow { index: 1.45 }, &shapes);
-    }
-
-    #[test]
-    fn lafortune() {
-        let shapes = [[4.0, 0.0], [3.0, 1.5], [1.5, -2.0], [0.2, 0.3]];
-        slopes_are_differences(Lafortune, &shapes);
-        parameters_make_the_lobe_again(Lafortune, &shapes);
-    }
-
-    #[test]
-    fn light_and_view_that_oppose_each_other_face_somewhere() {
-        let light = unit(0.6, 0.0, 0.8);
-        let pair = Lafortune.pair(light, light.scale(-1.0));
-        assert!((Lafortune.facing(&pair).length() - 1.0).abs() < 1e-15);
     }
 }

@@ -10,7 +10,7 @@ use crate::math::{Kernel, Level, Real, Vec3};
 use super::maps::MOST_LOBES;
 use super::model::{LobeEstimation, MAX_SHAPES, Visit};
 use super::neutral::{NeutralTest, ResidualSum};
-use super::sight::Sight;
+use super::photographs::Photographs;
 use super::tile::{Estimate, ROUNDING, TILE, TileSamples, gather};
 use crate::lm::nnls::Sums;
 
@@ -45,7 +45,7 @@ impl Solution {
 
 /// One step for a tile's pixels.
 pub(super) struct Reweight<'a, M: LobeEstimation> {
-    pub(super) sight: &'a Sight<M>,
+    pub(super) photographs: &'a Photographs<M>,
     pub(super) x: &'a [f32],
     pub(super) y: &'a [f32],
     pub(super) estimates: &'a [Estimate],
@@ -70,23 +70,23 @@ impl<M: LobeEstimation> Visit for Reweight<'_, M> {
 
     fn visit<const J: usize, const K: usize, const N: usize>(self) {
         let level = self.level;
-        level.run(Pass::<M, J, K>(self));
+        level.run(ReweightPass::<M, J, K>(self));
     }
 }
 
-struct Pass<'a, M: LobeEstimation, const J: usize, const K: usize>(Reweight<'a, M>);
+struct ReweightPass<'a, M: LobeEstimation, const J: usize, const K: usize>(Reweight<'a, M>);
 
-impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> {
+impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<'_, M, J, K> {
     type Output = ();
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Reweight { sight, x, y, estimates, ambient, renew, samples, solution, .. } = self.0;
+        let Reweight { photographs, x, y, estimates, ambient, renew, samples, solution, .. } =
+            self.0;
         let (zero, one) = (I::F32::zero(), I::F32::one());
         let bands = samples.bands;
-        let photographs = sight.photographs();
         let barred = core::array::from_fn(|column| column == K - 1 && !ambient);
-        let mut columns = vec![[zero; K]; photographs];
+        let mut columns = vec![[zero; K]; photographs.len()];
         let mut shown = vec![zero; samples.planes()];
         let mut diffuse = vec![zero; samples.planes()];
         let mut sums = vec![Sums::<I::F32, K>::zero(); bands];
@@ -102,15 +102,15 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for Pass<'_, M, J
             let lobes: [M::Lobe<I::F32>; J] = core::array::from_fn(|j| {
                 let shape: [I::F32; MAX_SHAPES] =
                     core::array::from_fn(|s| gather(estimates, at, |p| p.shapes[j][s]));
-                sight.model.lobe_from_unknowns(shape)
+                photographs.model.lobe_from_unknowns(shape)
             });
             let (px, py) = (I::F32::load(&x[at..]), I::F32::load(&y[at..]));
             for (photograph, columns) in columns.iter_mut().enumerate() {
-                let (towards, irradiance, pair) = sight.at(photograph, px, py);
+                let (towards, irradiance, pair) = photographs.at(photograph, px, py);
                 let cosine = normal.dot(towards);
                 columns[0] = I::F32::keep(cosine.gt(zero), cosine * irradiance);
                 for (j, lobe) in lobes.iter().enumerate() {
-                    let value = sight.model.value(lobe, &pair, normal) * irradiance;
+                    let value = photographs.model.value(lobe, &pair, normal) * irradiance;
                     // A pixel without this lobe has a column of zeros.
                     columns[1 + j] = I::F32::keep(count.gt(I::F32::of(j as f64)), value);
                 }

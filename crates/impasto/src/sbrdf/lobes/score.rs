@@ -4,13 +4,13 @@ use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Level, Real, Vec3};
 
 use super::model::{LobeEstimation, MAX_SHAPES, Visit};
-use super::sight::Sight;
+use super::photographs::Photographs;
 use super::tile::{Estimate, TILE, TileSamples, gather};
 use crate::lm::nnls::Sums;
 
 /// Evaluates one start of some pixels.
 pub(super) struct Score<'a, M: LobeEstimation> {
-    pub(super) sight: &'a Sight<M>,
+    pub(super) photographs: &'a Photographs<M>,
     /// Of one band.
     pub(super) samples: &'a TileSamples,
     pub(super) x: &'a [f32],
@@ -37,18 +37,18 @@ impl<M: LobeEstimation> Visit for Score<'_, M> {
 
     fn visit<const J: usize, const K: usize, const N: usize>(self) {
         let level = self.level;
-        level.run(Pass::<M, J, K>(self));
+        level.run(ScorePass::<M, J, K>(self));
     }
 }
 
-struct Pass<'a, M: LobeEstimation, const J: usize, const K: usize>(Score<'a, M>);
+struct ScorePass<'a, M: LobeEstimation, const J: usize, const K: usize>(Score<'a, M>);
 
-impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for Pass<'_, M, J, K> {
+impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ScorePass<'_, M, J, K> {
     type Output = ();
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Score { sight, samples, x, y, ambient, starts, found, pixels, .. } = self.0;
+        let Score { photographs, samples, x, y, ambient, starts, found, pixels, .. } = self.0;
         let zero = I::F32::zero();
         let barred = core::array::from_fn(|column| column == K - 1 && !ambient);
         let width = I::F32::WIDTH;
@@ -62,17 +62,17 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for Pass<'_, M, J
             let lobes: [M::Lobe<I::F32>; J] = core::array::from_fn(|j| {
                 let shape: [I::F32; MAX_SHAPES] =
                     core::array::from_fn(|s| gather(starts, at, |p| p.shapes[j][s]));
-                sight.model.lobe_from_unknowns(shape)
+                photographs.model.lobe_from_unknowns(shape)
             });
             let (px, py) = (I::F32::load(&x[at..]), I::F32::load(&y[at..]));
             let mut sums = Sums::<I::F32, K>::zero();
-            for photograph in 0..sight.photographs() {
-                let (towards, irradiance, pair) = sight.at(photograph, px, py);
+            for photograph in 0..photographs.len() {
+                let (towards, irradiance, pair) = photographs.at(photograph, px, py);
                 let cosine = normal.dot(towards);
                 let mut columns = [I::F32::one(); K];
                 columns[0] = I::F32::keep(cosine.gt(zero), cosine * irradiance);
                 for (j, lobe) in lobes.iter().enumerate() {
-                    columns[1 + j] = sight.model.value(lobe, &pair, normal) * irradiance;
+                    columns[1 + j] = photographs.model.value(lobe, &pair, normal) * irradiance;
                 }
                 let place = photograph * TILE + at;
                 let weight = I::F32::load(&samples.weights[place..]);

@@ -13,8 +13,8 @@ use crate::math::{Element, Level, Real, Scalar, Vec3};
 use crate::sbrdf::pooled::tangents;
 
 use super::model::{LobeEstimation, MAX_SHAPES, Visit};
+use super::photographs::Photographs;
 use super::prior::ShapePrior;
-use super::sight::Sight;
 use super::tile::{Estimate, TileSamples};
 use crate::lm::nnls::Sums;
 
@@ -26,7 +26,7 @@ const STEEPEST: f64 = 6.0;
 /// Starts and results are always in single precision: a result that is off by a rounding raises the
 /// cost by the square of that rounding.
 pub(super) struct Search<'a, M: LobeEstimation> {
-    pub(super) sight: &'a Sight<M>,
+    pub(super) photographs: &'a Photographs<M>,
     pub(super) samples: &'a TileSamples,
     pub(super) x: &'a [f32],
     pub(super) y: &'a [f32],
@@ -54,15 +54,15 @@ impl<M: LobeEstimation> Search<'_, M> {
     fn seek<S: Element, const J: usize, const K: usize, const N: usize>(self) {
         let tilt = S::from_f64(if self.free { STEEPEST } else { 0.0 });
         let mut bounds = Bounds { lower: [-tilt; N], upper: [tilt; N] };
-        let [lower, upper] = self.sight.model.bounds();
+        let [lower, upper] = self.photographs.model.bounds();
         for (unknown, shape) in (2..N).zip((0..M::SHAPES).cycle()) {
             bounds.lower[unknown] = S::from_f64(lower[shape]);
             bounds.upper[unknown] = S::from_f64(upper[shape]);
         }
         let record = Lanes::<S, M, J, K, N>::RECORD;
-        let numbers = record * self.sight.photographs() * crate::math::lanes::MAX_LANES;
+        let numbers = record * self.photographs.len() * crate::math::lanes::MAX_LANES;
         let mut lanes = Lanes::<S, M, J, K, N> {
-            sight: self.sight,
+            photographs: self.photographs,
             samples: self.samples,
             x: self.x,
             y: self.y,
@@ -91,7 +91,7 @@ fn number<S: Scalar>(value: f32) -> S {
 }
 
 struct Lanes<'a, S, M: LobeEstimation, const J: usize, const K: usize, const N: usize> {
-    sight: &'a Sight<M>,
+    photographs: &'a Photographs<M>,
     samples: &'a TileSamples,
     x: &'a [f32],
     y: &'a [f32],
@@ -128,15 +128,15 @@ impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usi
     ) {
         let zero = R::zero();
         // A loop: in `from_fn` the model is not inlined, nor are its intrinsics.
-        let mut lobes = [self.sight.model.lobe_from_unknowns([zero; MAX_SHAPES]); J];
+        let mut lobes = [self.photographs.model.lobe_from_unknowns([zero; MAX_SHAPES]); J];
         for (j, lobe) in lobes.iter_mut().enumerate() {
             let mut shape = [zero; MAX_SHAPES];
             shape[..M::SHAPES].copy_from_slice(&at[2 + j * M::SHAPES..][..M::SHAPES]);
-            *lobe = self.sight.model.lobe_from_unknowns(shape);
+            *lobe = self.photographs.model.lobe_from_unknowns(shape);
         }
         let records = scratch.chunks_exact_mut(Self::RECORD * R::WIDTH);
-        for (photograph, out) in records.take(self.sight.photographs()).enumerate() {
-            let (towards, irradiance, pair) = self.sight.at(photograph, x, y);
+        for (photograph, out) in records.take(self.photographs.len()).enumerate() {
+            let (towards, irradiance, pair) = self.photographs.at(photograph, x, y);
             let cosine = normal.dot(towards);
             let lit = R::keep(cosine.gt(zero), irradiance);
             let mut place = 0;
@@ -148,7 +148,7 @@ impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usi
             put(tilts[0].dot(towards) * lit);
             put(tilts[1].dot(towards) * lit);
             for lobe in &lobes {
-                let slope = self.sight.model.slope(lobe, &pair, normal);
+                let slope = self.photographs.model.slope(lobe, &pair, normal);
                 put(slope.value * irradiance);
                 put(tilts[0].dot(slope.normal) * irradiance);
                 put(tilts[1].dot(slope.normal) * irradiance);
@@ -207,7 +207,7 @@ impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usi
         let (normal, tilts) = tilted(Vec3::new(rest(0), rest(1), rest(2)), at[0], at[1]);
         let mut scratch = self.scratch.borrow_mut();
         self.look(&mut scratch, (rest(3), rest(4)), normal, tilts, &at);
-        let records = scratch.chunks_exact(Self::RECORD * R::WIDTH).take(self.sight.photographs());
+        let records = scratch.chunks_exact(Self::RECORD * R::WIDTH).take(self.photographs.len());
         let get = |record: &[S], number: usize| R::load(&record[number * R::WIDTH..]);
         // Of a lobe's numbers the first is its value.
         let first =

@@ -16,21 +16,21 @@ use super::forward_selection::{ForwardSelection, Starts};
 use super::maps::{MOST_LOBES, TileMaps};
 use super::model::LobeEstimation;
 use super::options::{LobeOptions, Precision};
+use super::photographs::Photographs;
 use super::prior::{Prior, ShapePrior, ShapePriors};
 use super::reweight::{COLUMNS, Reweight, Solution};
 use super::search::Search;
 use super::seeds::{HALO, Seed, SeedGrid, Seeds};
-use super::sight::Sight;
 use super::support::drop_unsupported;
 use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE};
 
 /// Memory of a worker.
-pub(super) struct Scratch {
+pub(super) struct LobeScratch {
     pub(super) tile: LobeFitTile,
     solution: Solution,
 }
 
-impl Scratch {
+impl LobeScratch {
     pub(super) fn new(stack: &Stack<'_>) -> Self {
         Self { tile: LobeFitTile::new(stack), solution: Solution::new(stack.shape().bands) }
     }
@@ -42,7 +42,7 @@ pub(super) struct LobeFit<'a, M: LobeEstimation> {
     pub(super) stack: &'a Stack<'a>,
     pub(super) rig: &'a Rig,
     pub(super) start: &'a Start<'a>,
-    pub(super) sight: &'a Sight<M>,
+    pub(super) photographs: &'a Photographs<M>,
     pub(super) options: &'a LobeOptions,
     pub(super) prior: Option<&'a Prior>,
     pub(super) seeds: Option<&'a Seeds>,
@@ -55,7 +55,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
         stack: &'a Stack<'a>,
         rig: &'a Rig,
         start: &'a Start<'a>,
-        sight: &'a Sight<M>,
+        photographs: &'a Photographs<M>,
         options: &'a LobeOptions,
         run: &'a Run<'a>,
     ) -> Result<Self> {
@@ -70,7 +70,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             return Err(Error::argument("lobes", problem));
         }
         start.check(shape.pixels(), shape.bands)?;
-        Ok(Self { stack, rig, start, sight, options, prior: None, seeds: None, run })
+        Ok(Self { stack, rig, start, photographs, options, prior: None, seeds: None, run })
     }
 
     /// Fits the seeds of a grid; also returns their estimates.
@@ -85,7 +85,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
         };
         let found = self.run.map(
             pixels.chunks(TILE).collect(),
-            || Scratch::new(self.stack),
+            || LobeScratch::new(self.stack),
             |scratch, pixels| {
                 let (fitted, by_count) = self.fit_pixels(scratch, pixels);
                 let mut seeds = vec![None; pixels.len()];
@@ -108,10 +108,10 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     /// Fits some pixels; returns those that can be fitted, and the forward selection of all.
     pub(super) fn fit_pixels(
         &self,
-        scratch: &mut Scratch,
+        scratch: &mut LobeScratch,
         pixels: &[usize],
     ) -> (Vec<usize>, Vec<ByLobeCount>) {
-        let Scratch { tile, solution } = scratch;
+        let LobeScratch { tile, solution } = scratch;
         tile.read(self.stack, self.rig, pixels, self.start, self.run.level);
         let status = self.start.status;
         let selection = self.selection();
@@ -127,7 +127,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             }
             self.reweight(tile, solution, true);
             self.refine(tile, &fitted, &solution.variance, round == self.options.rounds);
-            drop_unsupported(self.sight, tile, &fitted, self.run.level);
+            drop_unsupported(self.photographs, tile, &fitted, self.run.level);
         }
         self.reweight(tile, solution, false);
         for (estimate, &variance) in tile.estimates.iter_mut().zip(&solution.variance) {
@@ -140,8 +140,8 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     }
 
     fn selection(&self) -> ForwardSelection<'_, M> {
-        let Self { sight, options, prior, run, .. } = *self;
-        ForwardSelection { sight, options, prior, run }
+        let Self { photographs, options, prior, run, .. } = *self;
+        ForwardSelection { photographs, options, prior, run }
     }
 
     /// Selects the lobes on the mean of the bands.
@@ -161,7 +161,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     fn refine(&self, tile: &mut LobeFitTile, fitted: &[usize], variances: &[f32], last: bool) {
         let precision = self.options.precision;
         let typical = self.prior.map(|prior| {
-            let (model, estimates) = (&self.sight.model, &tile.estimates);
+            let (model, estimates) = (&self.photographs.model, &tile.estimates);
             self.run.level.run(ShapePriors { prior, model, estimates, variances })
         });
         let typical = typical.as_deref();
@@ -193,7 +193,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             let with = |&pixel: &usize| starts[pixel].lobes == lobes;
             let pixels: Vec<usize> = fitted.iter().copied().filter(with).collect();
             Search {
-                sight: self.sight,
+                photographs: self.photographs,
                 samples: &tile.colour,
                 x: &tile.x,
                 y: &tile.y,
@@ -214,7 +214,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
 
     /// An estimate with its lobes in the order in which they are numbered.
     fn ordered(&self, estimate: &Estimate) -> Estimate {
-        let key = |lobe: usize| self.sight.model.order(estimate.shapes[lobe]);
+        let key = |lobe: usize| self.photographs.model.order(estimate.shapes[lobe]);
         let mut order: Vec<usize> = (0..estimate.lobes).collect();
         order.sort_by(|&a, &b| key(b).total_cmp(&key(a)));
         let mut ordered = *estimate;
@@ -228,7 +228,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
 
     fn reweight(&self, tile: &mut LobeFitTile, solution: &mut Solution, renew: bool) {
         Reweight {
-            sight: self.sight,
+            photographs: self.photographs,
             x: &tile.x,
             y: &tile.y,
             estimates: &tile.estimates,
@@ -243,8 +243,8 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     }
 
     /// Writes the fitted pixels of a tile, and the statuses of the others.
-    pub(super) fn write(&self, scratch: &Scratch, fitted: &[usize], out: &mut TileMaps<'_>) {
-        let Scratch { tile, solution } = scratch;
+    pub(super) fn write(&self, scratch: &LobeScratch, fitted: &[usize], out: &mut TileMaps<'_>) {
+        let LobeScratch { tile, solution } = scratch;
         let bands = tile.colour.bands;
         for pixel in (0..tile.pixels.len()).filter(|pixel| fitted.binary_search(pixel).is_err()) {
             out.write_unfitted(pixel);
@@ -276,7 +276,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
                 self.write_shape(estimate, lobe, pixel, out);
             }
             // The photographs determine every lobe's shape less well than the prior does.
-            let prior_deviation = self.sight.model.deviations()[0] as f32;
+            let prior_deviation = self.photographs.model.deviations()[0] as f32;
             let pooled =
                 estimate.own_deviation[..estimate.lobes].iter().all(|&own| own > prior_deviation);
             if pooled && estimate.lobes > 0 && out.status[pixel] == Status::Fitted.code() {
@@ -293,7 +293,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     fn write_shape(&self, estimate: &Estimate, lobe: usize, pixel: usize, out: &mut TileMaps<'_>) {
         let mut parameters = [0.0; MAX_PARAMETERS];
         let parameters = &mut parameters[..M::NAMES.len()];
-        self.sight.model.parameters_from_unknowns(estimate.shapes[lobe], parameters);
+        self.photographs.model.parameters_from_unknowns(estimate.shapes[lobe], parameters);
         let first = lobe * parameters.len();
         for (plane, &mut value) in out.parameters[first..].iter_mut().zip(parameters) {
             plane[pixel] = value;

@@ -14,7 +14,7 @@ use super::maps::{PooledMapsMut, PooledMapsTile};
 use super::measure::{Measure, Measured};
 use super::outliers::CLASSES;
 use super::passes::Passes;
-use super::pixel::Lobe;
+use super::pixel::CommonLobe;
 use super::samples::{Begin, Photographs, Reader, State};
 use super::scale::Gaussian;
 use super::verdict::{Strength, Strengths};
@@ -52,7 +52,7 @@ pub fn apply(
     let application = Application {
         passes: Passes { photographs, run, scale_reference },
         begin: begin(start, unit),
-        lobe: Lobe { beta: lobe.beta / f64::from(unit), log_sharpness: lobe.log_sharpness },
+        lobe: CommonLobe { beta: lobe.beta / f64::from(unit), log_sharpness: lobe.log_sharpness },
         refined: lobe.refined,
         unit,
         gaussian: Gaussian::of(photographs.bands),
@@ -60,7 +60,7 @@ pub fn apply(
     let beta = application.lobe.beta as f32;
     run.for_each(
         tiles(photographs.pixels()).into_iter().zip(out.tiles()).collect(),
-        || Scratch::new(photographs),
+        || PooledScratch::new(photographs),
         |scratch, (tile, mut out)| {
             application
                 .tile(scratch, tile, &mut out, |_, strength| strength.misfit(beta, &lobe.noise).0);
@@ -118,14 +118,14 @@ pub(super) fn check(
 pub(super) struct Application<'a> {
     pub(super) passes: Passes<'a>,
     pub(super) begin: Begin<'a>,
-    pub(super) lobe: Lobe,
+    pub(super) lobe: CommonLobe,
     pub(super) refined: bool,
     pub(super) unit: f32,
     pub(super) gaussian: Gaussian,
 }
 
 /// Memory of one worker.
-pub(super) struct Scratch {
+pub(super) struct PooledScratch {
     reader: Reader,
     state: State,
     /// Squared scales without a lobe.
@@ -133,7 +133,7 @@ pub(super) struct Scratch {
     measured: Measured,
 }
 
-impl Scratch {
+impl PooledScratch {
     pub(super) fn new(photographs: &Photographs<'_>) -> Self {
         Self {
             reader: Reader::new(photographs),
@@ -156,7 +156,7 @@ impl Application<'_> {
         let jobs = tiles(photographs.pixels()).into_iter().zip(out.tiles()).zip(strengths.tiles());
         let parts = self.passes.run.map(
             jobs.collect(),
-            || Scratch::new(photographs),
+            || PooledScratch::new(photographs),
             |scratch, ((tile, mut out), strengths)| {
                 strengths.fill(Strength::UNKNOWN);
                 self.tile(scratch, tile, &mut out, |pixel, strength| {
@@ -177,19 +177,19 @@ impl Application<'_> {
     /// Fills the maps of one tile; `misfit` is called with every estimated pixel and its strength.
     fn tile(
         &self,
-        scratch: &mut Scratch,
+        scratch: &mut PooledScratch,
         (start, count): (usize, usize),
         out: &mut PooledMapsTile<'_>,
         mut misfit: impl FnMut(usize, Strength) -> f32,
     ) -> [LobeEquations; 2] {
         let Passes { photographs, run, .. } = self.passes;
-        let Scratch { reader, state, plain, measured } = scratch;
+        let PooledScratch { reader, state, plain, measured } = scratch;
         reader.read(photographs, self.begin, [start, count], run.level);
         out.begin(self.begin, &photographs.status[start..start + count], start);
         state.copy_from(&reader.begin);
         let mut equations = [LobeEquations::zero(); 2];
         if self.refined {
-            let flat = Lobe { beta: 0.0, ..self.lobe };
+            let flat = CommonLobe { beta: 0.0, ..self.lobe };
             equations[0] = self.irls(reader, state, flat, false);
             plain.copy_from_slice(&state.scale);
             equations[1] = self.irls(reader, state, self.lobe, true);
@@ -236,7 +236,13 @@ impl Application<'_> {
     }
 
     /// Every estimated pixel of a tile from where it begins.
-    fn irls(&self, reader: &Reader, state: &mut State, lobe: Lobe, restart: bool) -> LobeEquations {
+    fn irls(
+        &self,
+        reader: &Reader,
+        state: &mut State,
+        lobe: CommonLobe,
+        restart: bool,
+    ) -> LobeEquations {
         let Passes { photographs, run, scale_reference } = self.passes;
         run.level.run(Irls {
             photographs,

@@ -2,10 +2,10 @@
 
 use crate::lm;
 
-use super::pixel::Lobe;
+use super::pixel::CommonLobe;
 
 /// From (beta, log k) to (log beta, log gamma): d log gamma = -1/2 d log k.
-pub(super) fn relative(lobe: Lobe, covariance: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
+pub(super) fn relative(lobe: CommonLobe, covariance: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
     let scale = [1.0 / lobe.beta, -0.5];
     core::array::from_fn(|i| core::array::from_fn(|j| covariance[i][j] * scale[i] * scale[j]))
 }

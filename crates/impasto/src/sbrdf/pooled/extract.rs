@@ -8,7 +8,7 @@ use crate::pixels::{Run, TILE};
 
 use super::histogram::Histogram;
 use super::outliers::{Limits, Sizes};
-use super::samples::{Photographs, Samples, Tile};
+use super::samples::{Photographs, PooledTile, Samples};
 use crate::math::lanes::MAX_LANES;
 use crate::math::tail::load;
 
@@ -60,7 +60,7 @@ impl Sink for Tempered<'_> {
 pub(super) struct Extract<'a, 'b, 'c, S> {
     pub(super) photographs: &'a Photographs<'a>,
     pub(super) run: &'a Run<'a>,
-    pub(super) tile: &'c Tile<'b>,
+    pub(super) tile: &'c PooledTile<'b>,
     pub(super) samples: &'a Samples,
     pub(super) extraction: Extraction,
     pub(super) sink: S,

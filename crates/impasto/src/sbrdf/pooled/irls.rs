@@ -13,8 +13,8 @@ use crate::math::lanes::Isa;
 use crate::math::{Kernel, Mask, Real, Vec3};
 use crate::pixels::Run;
 
-use super::pixel::{Equations, Lobe, Pixels, Reduced, tangents};
-use super::samples::{Photographs, Samples, Tile, TileMut};
+use super::pixel::{CommonLobe, Equations, Pixels, Reduced, tangents};
+use super::samples::{Photographs, PooledTile, Samples, TileMut};
 use crate::math::lanes::MAX_LANES;
 use crate::math::tail::load;
 
@@ -102,10 +102,10 @@ impl LobeEquations {
 pub(super) struct Irls<'a, 'b> {
     pub(super) photographs: &'a Photographs<'a>,
     pub(super) run: &'a Run<'a>,
-    pub(super) tile: &'b Tile<'a>,
+    pub(super) tile: &'b PooledTile<'a>,
     pub(super) out: TileMut<'b>,
     pub(super) samples: &'a Samples,
-    pub(super) lobe: Lobe,
+    pub(super) lobe: CommonLobe,
     /// Steps at most.
     pub(super) steps: usize,
     /// Whether to start from two more normals, one that faces the viewer and the facet that mirrors

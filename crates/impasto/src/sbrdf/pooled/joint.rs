@@ -11,7 +11,7 @@ use crate::lm::{self, Normal, Options, Outcome, Problem};
 
 use super::irls::{LobeEquations, ScaleReference};
 use super::passes::Passes;
-use super::pixel::Lobe;
+use super::pixel::CommonLobe;
 use super::samples::State;
 
 /// Steps of a pixel from the normals of photometric stereo, and between two places of the lobe.
@@ -57,7 +57,7 @@ const REFINEMENTS: usize = 8;
 
 /// The result of the search.
 pub(super) struct JointLobe {
-    pub(super) lobe: Lobe,
+    pub(super) lobe: CommonLobe,
     /// Of the subset's pixels.
     pub(super) equations: LobeEquations,
     /// (beta, gamma) as they got better.
@@ -67,7 +67,7 @@ pub(super) struct JointLobe {
 }
 
 /// Costs of lobes, with the state of all pixels that goes with the best.
-struct Search<'a> {
+struct JointSearch<'a> {
     passes: Passes<'a>,
     best: RefCell<State>,
     trial: RefCell<State>,
@@ -80,8 +80,8 @@ struct Search<'a> {
     failure: RefCell<Option<Error>>,
 }
 
-impl Search<'_> {
-    fn visit(&self, lobe: Lobe, restart: bool) -> Result<Normal<f64, 2>> {
+impl JointSearch<'_> {
+    fn visit(&self, lobe: CommonLobe, restart: bool) -> Result<Normal<f64, 2>> {
         let (mut best, mut trial) = (self.best.borrow_mut(), self.trial.borrow_mut());
         let place = [lobe.beta, lobe.log_sharpness];
         let equations = self.passes.irls(&best, &mut trial, lobe, self.steps.get(), restart)?;
@@ -150,7 +150,7 @@ impl Search<'_> {
     }
 
     fn minimise(&self, start: [f64; 2], options: Options) -> Result<Outcome<f64, 2>> {
-        let outcome = lm::minimise(self, start, &Lobe::bounds(), &options);
+        let outcome = lm::minimise(self, start, &CommonLobe::bounds(), &options);
         match self.failure.take() {
             Some(error) => Err(error),
             None => Ok(outcome),
@@ -158,13 +158,13 @@ impl Search<'_> {
     }
 }
 
-impl Problem<f64, 2> for Search<'_> {
+impl Problem<f64, 2> for JointSearch<'_> {
     fn normal(&self, [beta, log_sharpness]: [f64; 2]) -> Normal<f64, 2> {
         let lost = Normal { cost: f64::INFINITY, ..Normal::zero() };
         if self.failure.borrow().is_some() {
             return lost;
         }
-        self.visit(Lobe { beta, log_sharpness }, false).unwrap_or_else(|error| {
+        self.visit(CommonLobe { beta, log_sharpness }, false).unwrap_or_else(|error| {
             self.failure.replace(Some(error));
             lost
         })
@@ -175,11 +175,11 @@ impl Problem<f64, 2> for Search<'_> {
 ///
 /// Two searches; between them every pixel tries other normals
 /// ([`Irls::restart`](super::irls::Irls)).
-pub(super) fn find_lobe(passes: Passes<'_>, state: State, lobe: Lobe) -> Result<JointLobe> {
+pub(super) fn find_lobe(passes: Passes<'_>, state: State, lobe: CommonLobe) -> Result<JointLobe> {
     let mut trial = state.copied(passes.run)?;
-    let flat = Lobe { beta: 0.0, ..lobe };
+    let flat = CommonLobe { beta: 0.0, ..lobe };
     passes.irls(&state, &mut trial, flat, FIRST_STEPS, false)?;
-    let mut search = Search {
+    let mut search = JointSearch {
         passes: passes.with_noise_floor(noise_floor(&passes, &trial)?),
         best: RefCell::new(state),
         trial: RefCell::new(trial),
@@ -192,7 +192,7 @@ pub(super) fn find_lobe(passes: Passes<'_>, state: State, lobe: Lobe) -> Result<
     };
     // Outliers decide a sum of squares of all samples (hard case 31); the robust cost says which of
     // two lobes is nearer.
-    let satin = Lobe {
+    let satin = CommonLobe {
         beta: SATIN.0 * passes.scale_reference.brightness,
         log_sharpness: sharpness(SATIN.1).ln(),
     };
@@ -204,7 +204,7 @@ pub(super) fn find_lobe(passes: Passes<'_>, state: State, lobe: Lobe) -> Result<
     let [beta, log_sharpness] = search.minimise(search.last.get().0, rough)?.parameters;
     search.refine_noise_floor()?;
     search.steps.set(FIRST_STEPS);
-    search.visit(Lobe { beta, log_sharpness }, true)?;
+    search.visit(CommonLobe { beta, log_sharpness }, true)?;
     let mut outcome = search.minimise([beta, log_sharpness], SEARCH)?;
     // Without noise every better lobe lowers the noise floor.
     for _ in 0..REFINEMENTS {
@@ -212,13 +212,13 @@ pub(super) fn find_lobe(passes: Passes<'_>, state: State, lobe: Lobe) -> Result<
             break;
         }
         let [beta, log_sharpness] = outcome.parameters;
-        search.visit(Lobe { beta, log_sharpness }, false)?;
+        search.visit(CommonLobe { beta, log_sharpness }, false)?;
         outcome = search.minimise(outcome.parameters, SEARCH)?;
     }
-    let Search { passes, equations, path, .. } = search;
+    let JointSearch { passes, equations, path, .. } = search;
     let [beta, log_sharpness] = outcome.parameters;
     Ok(JointLobe {
-        lobe: Lobe { beta, log_sharpness },
+        lobe: CommonLobe { beta, log_sharpness },
         equations: equations.get(),
         path: path.into_inner(),
         scale_reference: passes.scale_reference,

@@ -17,7 +17,7 @@ use super::learned::{LearnedLobe, PooledLobe};
 use super::maps::PooledMapsMut;
 use super::outliers::Counts;
 use super::passes::Passes;
-use super::pixel::Lobe;
+use super::pixel::CommonLobe;
 use super::samples::{Begin, State};
 use super::scale::Gaussian;
 use super::subset::Subset;
@@ -109,7 +109,7 @@ fn bright(start: &Start<'_>, run: &Run<'_>) -> Result<f64> {
 
 /// The lobe as the search left it, before it is judged.
 struct Estimate {
-    lobe: Lobe,
+    lobe: CommonLobe,
     /// Of (log beta, log gamma); none where the samples do not determine it.
     covariance: Option<[[f64; 2]; 2]>,
     /// Whether the width is undetermined.
@@ -130,13 +130,13 @@ impl Estimate {
     }
 
     /// The lobe, without strength where there is no highlight.
-    fn shown(&self) -> Lobe {
-        if self.seen() { self.lobe } else { Lobe { beta: 0.0, ..self.lobe } }
+    fn shown(&self) -> CommonLobe {
+        if self.seen() { self.lobe } else { CommonLobe { beta: 0.0, ..self.lobe } }
     }
 
     fn verdict(&self, describes: f64) -> Verdict {
         let k = self.lobe.log_sharpness;
-        let (lowest, highest) = (Lobe::bounds().lower[1], Lobe::bounds().upper[1]);
+        let (lowest, highest) = (CommonLobe::bounds().lower[1], CommonLobe::bounds().upper[1]);
         let at_bound = self.open || k <= lowest || k >= highest;
         match (self.seen(), at_bound) {
             (false, _) => Verdict::NoHighlight,
@@ -161,7 +161,7 @@ impl Passes<'_> {
         let stack = subset.stack()?;
         let photographs = &subset.photographs(self.photographs, &stack);
         let state = State::new(subset.begin(), subset.len(), self.run)?;
-        let lobe = Lobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
+        let lobe = CommonLobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
         let found = find_lobe(Passes { photographs, ..*self }, state, lobe)?;
         Ok(self.joint(found))
     }
@@ -173,7 +173,7 @@ impl Passes<'_> {
         first: &Outcome<f64, 2>,
         samples: &Histogram,
     ) -> Result<Estimate> {
-        let lobe = Lobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
+        let lobe = CommonLobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
         let histogram = self.extract(begin, Extraction::Residual)?;
         let variance = first.normal.cost.max(0.0) / (histogram.count() - 2.0).max(1.0);
         let shown = samples.shows(lobe.log_sharpness);

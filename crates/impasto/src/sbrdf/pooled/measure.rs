@@ -6,8 +6,8 @@ use crate::math::{Kernel, Real};
 use crate::pixels::Run;
 
 use super::irls::eliminate_tilts;
-use super::pixel::{Lobe, Pixels};
-use super::samples::{Photographs, Samples, Tile};
+use super::pixel::{CommonLobe, Pixels};
+use super::samples::{Photographs, PooledTile, Samples};
 use super::scale::Gaussian;
 use crate::math::tail::{load, store};
 
@@ -36,10 +36,10 @@ impl Measured {
 pub(super) struct Measure<'a, 'b> {
     pub(super) photographs: &'a Photographs<'a>,
     pub(super) run: &'a Run<'a>,
-    pub(super) tile: &'b Tile<'a>,
+    pub(super) tile: &'b PooledTile<'a>,
     pub(super) out: &'b mut Measured,
     pub(super) samples: &'a Samples,
-    pub(super) lobe: Lobe,
+    pub(super) lobe: CommonLobe,
     pub(super) gaussian: Gaussian,
 }
 

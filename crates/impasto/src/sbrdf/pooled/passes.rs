@@ -7,7 +7,7 @@ use super::extract::{Extract, Extraction, Sink, Tempered};
 use super::histogram::Histogram;
 use super::irls::{Irls, LobeEquations, ScaleReference};
 use super::outliers::{Limits, Sizes};
-use super::pixel::Lobe;
+use super::pixel::CommonLobe;
 use super::samples::{Begin, Photographs, Reader, Samples, State};
 
 /// Tiles that show how large samples are, about.
@@ -76,7 +76,7 @@ impl Passes<'_> {
         &self,
         from: &State,
         to: &mut State,
-        lobe: Lobe,
+        lobe: CommonLobe,
         steps: usize,
         restart: bool,
     ) -> Result<LobeEquations> {

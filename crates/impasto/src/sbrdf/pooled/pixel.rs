@@ -18,12 +18,12 @@ use crate::math::tail::load;
 
 /// A painting's lobe as the solver sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Lobe {
+pub(super) struct CommonLobe {
     pub(super) beta: f64,
     pub(super) log_sharpness: f64,
 }
 
-impl Lobe {
+impl CommonLobe {
     /// Half-width of the facets, rad.
     pub(super) fn gamma(&self) -> f64 {
         (core::f64::consts::LN_2 / self.log_sharpness.exp()).sqrt()
@@ -73,7 +73,7 @@ pub(super) struct Pixels<'a, R: Real> {
 }
 
 impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
-    pub(super) fn new(photographs: &'a Photographs<'a>, lobe: Lobe) -> Self {
+    pub(super) fn new(photographs: &'a Photographs<'a>, lobe: CommonLobe) -> Self {
         let (zero, index) = (R::zero(), R::of(photographs.index));
         let geometry: Vec<_> = (0..photographs.rig.observations())
             .map(|i| {

@@ -120,12 +120,12 @@ impl State {
     }
 
     /// `count` pixels from `start` on, to read.
-    pub(super) fn tile<'a>(&'a self, start: usize, count: usize) -> Tile<'a> {
+    pub(super) fn tile<'a>(&'a self, start: usize, count: usize) -> PooledTile<'a> {
         let pixels = self.scale.len();
         let cut = |map: &'a [f32]| -> Vec<&'a [f32]> {
             map.chunks(pixels).map(|plane| &plane[start..start + count]).collect()
         };
-        Tile { count, normal: cut(&self.normal), diffuse: cut(&self.diffuse) }
+        PooledTile { count, normal: cut(&self.normal), diffuse: cut(&self.diffuse) }
     }
 
     /// The first `count` pixels, to write.
@@ -168,13 +168,13 @@ pub(super) fn planes<T>(map: &mut [T], pixels: usize) -> Vec<Vec<&mut [T]>> {
 }
 
 /// A tile to read.
-pub(super) struct Tile<'a> {
+pub(super) struct PooledTile<'a> {
     pub(super) count: usize,
     pub(super) normal: Vec<&'a [f32]>,
     pub(super) diffuse: Vec<&'a [f32]>,
 }
 
-impl Tile<'_> {
+impl PooledTile<'_> {
     #[inline(always)]
     pub(super) fn normal_at<R: Real<Scalar = f32>>(&self, at: usize) -> Vec3<R> {
         Vec3::new(load(self.normal[0], at), load(self.normal[1], at), load(self.normal[2], at))
@@ -264,7 +264,7 @@ impl Reader {
     }
 
     /// What the pass begins with.
-    pub(super) fn tile(&self) -> Tile<'_> {
+    pub(super) fn tile(&self) -> PooledTile<'_> {
         self.begin.tile(0, self.samples.picks.len())
     }
 }
@@ -292,7 +292,7 @@ impl Samples {
         if self.picks.is_empty() {
             return;
         }
-        level.run(Decode { photographs, start, planes: &mut self.planes });
+        level.run(DecodeTile { photographs, start, planes: &mut self.planes });
         photographs.coordinates(start, &mut self.x, &mut self.y);
         if self.picks.len() == count {
             return;
@@ -308,13 +308,13 @@ impl Samples {
 
 /// A kernel, for a product-sum outside of one is a call where not every processor of the target
 /// has it.
-struct Decode<'a> {
+struct DecodeTile<'a> {
     photographs: &'a Photographs<'a>,
     start: usize,
     planes: &'a mut [f32],
 }
 
-impl Kernel for Decode<'_> {
+impl Kernel for DecodeTile<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -4,7 +4,7 @@
 use super::apply::{Application, begin, photographs};
 use super::irls::ScaleReference;
 use super::passes::Passes;
-use super::pixel::Lobe;
+use super::pixel::CommonLobe;
 use super::samples::{Begin, State};
 use super::scale::Gaussian;
 use super::verdict::Strengths;
@@ -84,7 +84,7 @@ type Pass<'a> = &'a dyn Fn(&Passes<'_>, Begin<'_>) -> Result<()>;
 fn a_pass_looks_before_every_register_of_pixels() {
     let painting = Painting::new();
     let (stack, start) = (&painting.stack(), &painting.start());
-    let lobe = Lobe { beta: 10.0, log_sharpness: 3.0 };
+    let lobe = CommonLobe { beta: 10.0, log_sharpness: 3.0 };
     let looks_of = |level: Level, pass: Pass<'_>| {
         let all = |run: &Run<'_>| {
             let run = &Run { level, ..*run };

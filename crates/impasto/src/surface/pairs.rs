@@ -10,21 +10,21 @@ use super::lobe_model::LobeModel;
 /// What a model derives from a pair that is the same for all pixels is computed once, in the
 /// precision `S`; what differs from pixel to pixel is computed in the lanes.
 #[derive(Debug)]
-pub struct Sights<M: LobeModel, S: Scalar = f64> {
+pub struct Pairs<M: LobeModel, S: Scalar = f64> {
     /// What evaluates the pairs.
     pub model: M,
-    sights: Vec<Sight<M, S>>,
+    seen: Vec<Entry<M, S>>,
 }
 
 #[derive(Debug)]
-struct Sight<M: LobeModel, S: Scalar> {
+struct Entry<M: LobeModel, S: Scalar> {
     light: Light,
     view: View,
     /// Seen from the middle of the painting.
-    pair: M::Pair<S>,
+    middle: M::Pair<S>,
 }
 
-impl<M: LobeModel, S: Scalar> Sights<M, S> {
+impl<M: LobeModel, S: Scalar> Pairs<M, S> {
     /// The pairs of a rig's observations.
     pub fn of_rig(model: M, rig: &Rig) -> Self {
         Self::new(model, rig.lights().iter().copied().zip(rig.views().iter().copied()))
@@ -33,55 +33,55 @@ impl<M: LobeModel, S: Scalar> Sights<M, S> {
     /// These pairs.
     pub fn new(model: M, pairs: impl IntoIterator<Item = (Light, View)>) -> Self {
         let zero = S::zero();
-        let sight = |(light, view): (Light, View)| {
-            let pair = model.pair(light.at(zero, zero).0, view.at(zero, zero));
-            Sight { light, view, pair }
+        let pair_of = |(light, view): (Light, View)| {
+            let middle = model.pair(light.at(zero, zero).0, view.at(zero, zero));
+            Entry { light, view, middle }
         };
-        Self { model, sights: pairs.into_iter().map(sight).collect() }
+        Self { model, seen: pairs.into_iter().map(pair_of).collect() }
     }
 
     /// How many there are.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.sights.len()
+        self.seen.len()
     }
 
     /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.sights.is_empty()
+        self.seen.is_empty()
     }
 
     /// Whether a pair is the same from every pixel.
     #[must_use]
     #[inline(always)]
-    pub fn is_distant(&self, sight: usize) -> bool {
-        let Sight { light, view, .. } = &self.sights[sight];
+    pub fn is_distant(&self, index: usize) -> bool {
+        let Entry { light, view, .. } = &self.seen[index];
         light.is_distant() && view.is_distant()
     }
 
     /// A pair seen from the middle of the painting.
     #[must_use]
-    pub fn middle(&self, sight: usize) -> &M::Pair<S> {
-        &self.sights[sight].pair
+    pub fn middle(&self, index: usize) -> &M::Pair<S> {
+        &self.seen[index].middle
     }
 
     /// Unit direction to the light and its irradiance at normal incidence, from the points
     /// `(x, y, 0)` in mm.
     #[must_use]
     #[inline(always)]
-    pub fn light<R: Real>(&self, sight: usize, x: R, y: R) -> (Vec3<R>, R) {
-        self.sights[sight].light.at(x, y)
+    pub fn light<R: Real>(&self, index: usize, x: R, y: R) -> (Vec3<R>, R) {
+        self.seen[index].light.at(x, y)
     }
 
     /// The same, and the pair of light and view.
     #[must_use]
     #[inline(always)]
-    pub fn at<R: Real>(&self, sight: usize, x: R, y: R) -> (Vec3<R>, R, M::Pair<R>) {
-        let Sight { light, view, pair } = &self.sights[sight];
+    pub fn at<R: Real>(&self, index: usize, x: R, y: R) -> (Vec3<R>, R, M::Pair<R>) {
+        let Entry { light, view, middle } = &self.seen[index];
         let (towards, irradiance) = light.at(x, y);
         let pair = if light.is_distant() && view.is_distant() {
-            self.model.splat(pair)
+            self.model.splat(middle)
         } else {
             self.model.pair(towards, view.at(x, y))
         };

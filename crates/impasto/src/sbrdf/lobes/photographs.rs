@@ -2,27 +2,27 @@
 
 use crate::geometry::Rig;
 use crate::math::{Real, Vec3};
-use crate::surface::Sights;
+use crate::surface::Pairs;
 
 use super::model::LobeEstimation;
 
 /// The table of lights and views, and what an estimation derives from it before any pixel is read.
-pub(in crate::sbrdf) struct Sight<M: LobeEstimation> {
+pub(in crate::sbrdf) struct Photographs<M: LobeEstimation> {
     pub(super) model: M,
-    table: Sights<M>,
+    pairs: Pairs<M>,
     /// Normals that would mirror the pairs.
     facing: Vec<Vec3<f64>>,
 }
 
-impl<M: LobeEstimation> Sight<M> {
+impl<M: LobeEstimation> Photographs<M> {
     pub(in crate::sbrdf) fn new(model: M, rig: &Rig) -> Self {
-        let table = Sights::of_rig(model, rig);
-        let facing = (0..table.len()).map(|pair| model.facing(table.middle(pair))).collect();
-        Self { model, table, facing }
+        let pairs = Pairs::of_rig(model, rig);
+        let facing = (0..pairs.len()).map(|index| model.facing(pairs.middle(index))).collect();
+        Self { model, pairs, facing }
     }
 
-    pub(super) fn photographs(&self) -> usize {
-        self.table.len()
+    pub(super) fn len(&self) -> usize {
+        self.pairs.len()
     }
 
     /// The normal that would mirror a photograph's light into its view.
@@ -32,7 +32,7 @@ impl<M: LobeEstimation> Sight<M> {
 
     /// The same for light and view as the point `(x, y, 0)` has them.
     pub(super) fn facing_at(&self, photograph: usize, x: f64, y: f64) -> Vec3<f64> {
-        if self.table.is_distant(photograph) {
+        if self.pairs.is_distant(photograph) {
             self.facing[photograph]
         } else {
             self.model.facing(&self.at(photograph, x, y).2)
@@ -47,6 +47,6 @@ impl<M: LobeEstimation> Sight<M> {
         x: R,
         y: R,
     ) -> (Vec3<R>, R, M::Pair<R>) {
-        self.table.at(photograph, x, y)
+        self.pairs.at(photograph, x, y)
     }
 }
