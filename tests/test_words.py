@@ -78,11 +78,23 @@ def python_names(text: str) -> set[str]:
     return {token.string for token in tokens if token.type == tokenize.NAME}
 
 
+def rust_names(text: str) -> set[str]:
+    """Of code alone: comments and texts may use any word."""
+    text = re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL)
+    text = re.sub(r'"(?:\\.|[^"\\])*"', '""', text)
+    return set(re.findall(r"[A-Za-z_]\w*", text))
+
+
+def names_in(path: Path) -> set[str]:
+    text = path.read_text(encoding="utf-8")
+    return rust_names(text) if path.suffix == ".rs" else python_names(text)
+
+
 def found(paths: list[Path]) -> list[str]:
     return [
         f"{path.relative_to(ROOT)}: {name} (say {PRIVATE[word]})"
         for path in paths
-        for name in sorted(python_names(path.read_text(encoding="utf-8")))
+        for name in sorted(names_in(path))
         for word in sorted(words_of(name) & PRIVATE.keys())
     ]
 
@@ -111,6 +123,11 @@ def test_names_of_files_say_what_a_file_holds() -> None:
 def test_names_in_the_package_are_those_of_the_field() -> None:
     """A reader who searches for the standard term finds the code."""
     assert found(tracked("python/*.py", "python/*.pyi")) == []
+
+
+def test_names_in_the_core_are_those_of_the_field() -> None:
+    """A Rust reader finds it, too."""
+    assert found(tracked("crates/*.rs", "benches/*.rs")) == []
 
 
 def test_names_in_the_benchmarks_are_those_of_the_field() -> None:
