@@ -56,7 +56,7 @@ fn port() -> LevenbergMarquardt<f64> {
 /// Seconds of a turn at least: what is quicker is done over and over.
 const ENOUGH: f64 = 0.1;
 
-/// Seconds that a side computes each time it is asked.
+/// Seconds that a side computes each time it is requested.
 fn timed(side: &mut dyn FnMut()) -> f64 {
     let epoch = Instant::now();
     let start = clock(epoch);
@@ -230,23 +230,23 @@ fn selection(count: usize, observations: usize) {
 
 /// One problem after the other, or the one that is named.
 fn problems(only: Option<&str>) {
-    let asked = |name: &str| only.is_none_or(|only| only == name);
-    if asked("torrance-sparrow") {
+    let requested = |name: &str| only.is_none_or(|only| only == name);
+    if requested("torrance-sparrow") {
         torrance_sparrow::<true>("Torrance-Sparrow, 16", 200_000);
     }
-    if asked("unprojected") {
+    if requested("unprojected") {
         torrance_sparrow::<false>("the same, strength not projected", 200_000);
     }
-    if asked("lafortune-1") {
+    if requested("lafortune-1") {
         lafortune::<4>(10_000, 100);
     }
-    if asked("lafortune-1-690") {
+    if requested("lafortune-1-690") {
         lafortune::<4>(3_000, 690);
     }
-    if asked("lafortune-3") {
+    if requested("lafortune-3") {
         lafortune::<10>(4_000, 100);
     }
-    if asked("lafortune-3-690") {
+    if requested("lafortune-3-690") {
         lafortune::<10>(1_000, 690);
     }
 }
