@@ -12,7 +12,6 @@ import numpy as np
 
 import impasto
 from impasto import simulate
-from impasto.fit.forward import predict
 
 SIZE = (97, 131)
 """Three tiles and a bit; rows end in the middle of every register."""
@@ -33,7 +32,8 @@ def capture(size: tuple[int, int] = SIZE) -> Any:
 
 def _predict(capture: Any, **options: Any) -> Arrays:
     truth = capture.truth
-    return (predict(truth.normal, truth.diffuse, truth.beta, truth.gamma, truth.rig, **options),)
+    surface = impasto.Surface.torrance_sparrow(truth.normal, truth.diffuse, truth.beta, truth.gamma)
+    return (surface.predict(truth.rig, **options),)
 
 
 def _render(capture: Any, **options: Any) -> Arrays:
@@ -129,7 +129,8 @@ def _long_predict(capture: Any, **options: Any) -> Arrays:
     truth = capture.truth
     normal, diffuse = (np.tile(m, (1, 5, 4)) for m in (truth.normal, truth.diffuse[:1]))
     rig = impasto.Rig(8 * truth.rig.lights)
-    return (predict(normal, diffuse, 8.0, 0.2, rig, **options),)
+    surface = impasto.Surface.torrance_sparrow(normal, diffuse, 8.0, 0.2)
+    return (surface.predict(rig, **options),)
 
 
 def _long_normals(capture: Any, **options: Any) -> Arrays:

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 import impasto
 from impasto import Effort, simulate
 from impasto.effort import PRESETS
-from impasto.relighting import full_scale, relative_error
+from impasto.fit.subsample import pixel_count, stride_index, subsampled, subsampled_to
 from impasto.study import suggestion, trials
-from impasto.thinning import every, painted, thinned, thinned_to
+from impasto.study.relative_error import full_scale, relative_error
 from study import data_sets
 
 
@@ -269,14 +269,14 @@ def test_times_are_those_of_the_whole_painting(
         assert trial.seconds == pytest.approx(expected, rel=2e-3), trial.options
 
 
-def test_a_thinned_stack_keeps_its_middle() -> None:
+def test_a_subsample_keeps_the_centre() -> None:
     """Every third of eleven pixels: 1, 4, 7, 10 would lean to one edge, 0 to 9 to the other."""
-    seen = np.arange(11)[every((11, 11), 3)[1]]
+    seen = np.arange(11)[stride_index((11, 11), 3)[1]]
     assert seen.tolist() == [0, 3, 6, 9]
-    assert np.arange(13)[every((13, 13), 3)[1]].tolist() == [0, 3, 6, 9, 12]
+    assert np.arange(13)[stride_index((13, 13), 3)[1]].tolist() == [0, 3, 6, 9, 12]
     near = impasto.Rig([impasto.PointLight((0.0, 0.0, 100.0 + i)) for i in range(3)], pitch_mm=0.5)
     whole = impasto.Stack(np.ones((3, 1, 13, 13), np.float32), lights=near)
-    assert thinned(whole, 3).rig.pitch_mm == 1.5
+    assert subsampled(whole, 3).rig.pitch_mm == 1.5
 
 
 def test_what_photographs_do_not_know_does_not_count() -> None:
@@ -429,32 +429,32 @@ def _numbered(shape: tuple[int, int], rig: Any = None, **more: Any) -> impasto.S
 @pytest.mark.parametrize("shape", [(1, 90000), (90000, 1), (5, 20000), (300, 300), (64, 64)])
 def test_a_part_of_any_shape_is_no_larger_than_asked(shape: tuple[int, int]) -> None:
     """A stride of five would leave 18000 pixels of a line of 90000."""
-    part = thinned_to(_numbered(shape), 4096)
-    assert 2000 < painted(part) <= 4096
+    part = subsampled_to(_numbered(shape), 4096)
+    assert 2000 < pixel_count(part) <= 4096
 
 
 def test_of_a_mask_in_a_corner_only_the_corner_is_looked_at() -> None:
     mask = np.zeros((200, 300), np.bool_)
     mask[150:190, 260:] = True
     mask[160, 270] = False
-    part = thinned_to(_numbered((200, 300), mask=mask), 4096)
+    part = subsampled_to(_numbered((200, 300), mask=mask), 4096)
     assert part.shape[2:] == (40, 40)
     assert part.mask is not None
-    assert painted(part) == 1599
+    assert pixel_count(part) == 1599
     assert part.samples[0, 0, 0, 0] == 150 * 300 + 260
 
 
 def test_what_a_mask_scatters_stands_side_by_side() -> None:
     mask = np.random.default_rng(3).random((400, 300)) < 0.001
     whole = _numbered((400, 300), mask=mask)
-    part = thinned_to(whole, 200)
+    part = subsampled_to(whole, 200)
     assert part.mask is not None
     there = part.samples[0, 0][part.mask]
     assert part.samples[0, 0].size < len(there) + np.sqrt(len(there)) + 1
     np.testing.assert_array_equal(there, whole.samples[0, 0][mask])
     # Near lamps shine on every place from elsewhere.
     near = impasto.Rig([impasto.PointLight((0.0, 0.0, 100.0 + i)) for i in range(3)], pitch_mm=0.5)
-    assert thinned_to(_numbered((400, 300), near, mask=mask), 400).shape[3] > 290
+    assert subsampled_to(_numbered((400, 300), near, mask=mask), 400).shape[3] > 290
 
 
 def test_near_lamps_shine_on_a_part_as_on_the_whole() -> None:
@@ -463,7 +463,7 @@ def test_near_lamps_shine_on_a_part_as_on_the_whole() -> None:
     mask = np.zeros((80, 120), np.bool_)
     mask[61:, 1:41] = True
     rig = impasto.Rig([lamp] * 3, pitch_mm=0.5)
-    part = thinned_to(_numbered((80, 120), rig, mask=mask), 200)
+    part = subsampled_to(_numbered((80, 120), rig, mask=mask), 200)
     row, column = np.divmod(part.samples[0, 0].astype(np.float64), 120)
     assert part.rig.pitch_mm == 1.0
     height, width = row.shape
@@ -492,7 +492,7 @@ def test_what_lies_outside_the_mask_takes_its_time(
     def fit(part: impasto.Stack, *, threads: int | None, **options: Any) -> Any:
         nonlocal now
         area = part.shape[2] * part.shape[3]
-        now += 1e-6 * painted(part) + 1e-7 * (area - painted(part))
+        now += 1e-6 * pixel_count(part) + 1e-7 * (area - pixel_count(part))
         return SimpleNamespace(predict=lambda rig: np.zeros((len(rig), 3, *part.shape[2:])))
 
     monkeypatch.setattr("impasto.study.trials.fit_sbrdf", fit)

@@ -10,7 +10,7 @@ import pytest
 
 import impasto
 from impasto import Status
-from impasto.thinning import painted, thinned_to
+from impasto.fit.subsample import pixel_count, subsampled_to
 from oracles import forward
 
 SHAPE = (9, 14)
@@ -130,7 +130,7 @@ def test_a_suggestion_is_for_what_the_mask_leaves() -> None:
 
 
 @pytest.mark.parametrize("pattern", ["half", "corner", "lattice"])
-def test_thinning_picks_from_what_the_mask_leaves(pattern: str) -> None:
+def test_a_subsample_lies_inside_the_mask(pattern: str) -> None:
     mask = np.zeros((60, 80), np.bool_)
     if pattern == "half":
         mask[30:] = True
@@ -141,9 +141,9 @@ def test_thinning_picks_from_what_the_mask_leaves(pattern: str) -> None:
         mask[:] = True
         mask[::2, ::2] = False
     whole = impasto.Stack(np.ones((3, 60, 80), np.float32), lights=np.eye(3), mask=mask)
-    few = painted(thinned_to(whole, 1000))
-    assert min(250, painted(whole)) <= few <= painted(whole)
+    few = pixel_count(subsampled_to(whole, 1000))
+    assert min(250, pixel_count(whole)) <= few <= pixel_count(whole)
     if pattern == "half":
         assert few <= 1000
     dense = impasto.Stack(whole.samples, lights=np.eye(3))
-    assert painted(thinned_to(dense, 1000)) <= 1000
+    assert pixel_count(subsampled_to(dense, 1000)) <= 1000

@@ -10,7 +10,6 @@ import pytest
 import impasto
 from impasto import simulate
 from impasto.errors import ArgumentError
-from impasto.fit.forward import predict_lobes
 from oracles import lafortune_forward as oracle
 
 OFF: dict[str, Any] = {"noise": False, "bits": None, "clip": False}
@@ -103,11 +102,10 @@ def test_wrong_shapes_are_refused_by_name() -> None:
     flat = np.zeros((3, 2, 2), np.float32)
     good = {"diffuse": np.ones((1, 2, 2)), "specular": np.ones((2, 1, 2, 2))}
     shapes = {name: np.ones((2, 2, 2)) for name in ("cxy", "cz", "exponent")}
-    rig = impasto.Rig([(0, 0, 1)])
-    predict_lobes(flat, **good, **shapes, rig=rig)
+    impasto.Surface.lafortune(flat, **good, **shapes)
     for name in ("specular", "cxy", "cz"):
         with pytest.raises(ArgumentError, match=rf"^{name}: expected shape"):
-            predict_lobes(flat, **{**good, **shapes, name: np.ones((1, 2))}, rig=rig)
+            impasto.Surface.lafortune(flat, **{**good, **shapes, name: np.ones((1, 2))})
 
 
 def test_an_unknown_normal_shows_nothing_known() -> None:
@@ -118,7 +116,9 @@ def test_an_unknown_normal_shows_nothing_known() -> None:
     rig = impasto.Rig(
         [(0, 0, 1), (0, 0, -1), (0, 0.6, 0.8)], views=[(0, 0, 1), (0, 0, 1), (0, 1, -1)]
     )
-    shown = predict_lobes(normal, 0.5 * shape, shape[None], -shape, shape, shape, rig)
+    shown = impasto.Surface.lafortune(
+        normal, 0.5 * shape, shape[None], -shape, shape, shape
+    ).predict(rig)
     assert np.isnan(shown[:, 0, 0, 1]).all()
     # Head on; lit from behind; seen from behind (diffuse only).
     assert np.allclose(shown[:, 0, 0, 0], [1.5, 0.0, 0.4], rtol=1e-6)
@@ -139,7 +139,9 @@ def test_more_light_than_numbers_hold_is_the_largest_number() -> None:
     ]
     # Head on a lobe shows cz^n: 1.5^8 = 25.6 times its strength.
     rig = impasto.Rig(lights, pitch_mm=1.0)
-    shown = predict_lobes(normal, diffuse, specular, -shape, 1.5 * shape, 8 * shape, rig)
+    shown = impasto.Surface.lafortune(
+        normal, diffuse, specular, -shape, 1.5 * shape, 8 * shape
+    ).predict(rig)
     largest = np.finfo(np.float32).max
     first, second, third = np.moveaxis(shown[:, 0, 0], 1, 0).astype(np.float64)
     # Of what no number holds a tenth is a tenth of the largest, to one rounding.

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto.thinning import thinned
+from impasto.fit.subsample import subsampled
 from oracles import forward as oracle
 from oracles.rigs import spiral as lights
 
@@ -238,7 +238,7 @@ def test_progress_is_reported(scene: Any) -> None:
 def test_held_out_photographs_of_the_icon_are_predicted_better(data: Path) -> None:
     """Two folds, every twelfth pixel."""
     whole = impasto.read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb")
-    stack = thinned(whole, 12)
+    stack = subsampled(whole, 12)
     gain = []
     for fold in (0, 1):
         held = np.arange(fold, 72, 6)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto.fit.forward import predict
 from oracles import forward as oracle
 
 RNG = np.random.default_rng(20)
@@ -32,6 +31,10 @@ def rig(near: bool) -> impasto.Rig:
         lights[2] = impasto.PointLight((-60.0, 30.0, 90.0), intensity=0.8)
     views = [[0.0, 0.0, 1.0], [0.3, 0.0, 0.9], [-0.5, -0.4, 0.6]]
     return impasto.Rig(lights, views=views, pitch_mm=0.7)
+
+
+def predict(normal: Any, diffuse: Any, beta: Any, gamma: Any, *rig: Any, **options: Any) -> Any:
+    return impasto.Surface.torrance_sparrow(normal, diffuse, beta, gamma).predict(*rig, **options)
 
 
 @pytest.mark.parametrize("near", [False, True])

@@ -27,7 +27,6 @@ from record import run_info, show, write
 
 import impasto
 from impasto import simulate
-from impasto.fit.forward import predict
 
 SIZE = (1024, 1024)
 THREADS = (1, 2)
@@ -47,7 +46,7 @@ def painting(lights: int = 32) -> tuple[impasto.Stack, Any]:
     normal = np.concatenate([rng.normal(0.0, 0.15, (2, 64, 64)), np.ones((1, 64, 64))])
     normal = (normal / np.linalg.norm(normal, axis=0)).astype(np.float32)
     diffuse = rng.uniform(0.1, 0.6, (3, 64, 64)).astype(np.float32)
-    small = predict(normal, diffuse, 10.0, 0.15, rig)
+    small = impasto.Surface.torrance_sparrow(normal, diffuse, 10.0, 0.15).predict(rig)
     small += 0.003 * rng.standard_normal(small.shape).astype(np.float32)
     times = (SIZE[0] // 64, SIZE[1] // 64)
     stack = impasto.Stack(np.tile(small, (1, 1, *times)), lights=rig)
@@ -106,7 +105,8 @@ def calls() -> dict[str, Callable[[], Callable[..., Any]]]:
     def shown() -> Callable[..., Any]:
         normal, diffuse, _ = surface()
         lights = simulate.rig("tominaga-six-band-adaptation")
-        return lambda **o: predict(normal, diffuse, 10.0, 0.15, lights, **o)
+        glossy = impasto.Surface.torrance_sparrow(normal, diffuse, 10.0, 0.15)
+        return lambda **o: glossy.predict(lights, **o)
 
     def rendered() -> Callable[..., Any]:
         normal, diffuse, height = surface()

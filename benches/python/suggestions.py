@@ -25,7 +25,7 @@ from record import data_folder, run_info, show, write
 
 import impasto
 from impasto import simulate
-from impasto.relighting import full_scale, relative_error
+from impasto.study.relative_error import full_scale, relative_error
 from study.data_sets import dome
 
 FIRST_SEED, HELD, SLACK, ROUNDS = 2000, 5, 1.15, 3

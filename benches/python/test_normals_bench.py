@@ -17,7 +17,6 @@ import pytest
 
 import impasto
 from impasto import simulate
-from impasto.fit.forward import predict
 
 SIDE = 1024
 
@@ -31,7 +30,7 @@ def stack() -> impasto.Stack:
     normal /= np.linalg.norm(normal, axis=0)
     rig = simulate.rig("tominaga-six-band-adaptation")
     diffuse = rng.uniform(0.1, 0.8, (1, SIDE, SIDE))
-    samples = predict(normal, diffuse, 12.0, 0.12, rig)
+    samples = impasto.Surface.torrance_sparrow(normal, diffuse, 12.0, 0.12).predict(rig)
     codes = np.rint(samples * (65000.0 / samples.max())).astype(np.uint16)
     return impasto.Stack(codes, lights=rig)
 

@@ -23,7 +23,6 @@ from test_normals_bench import weighted
 
 import impasto
 from impasto import simulate
-from impasto.fit.forward import predict
 
 sys.path.insert(0, str(ROOT / "tests"))
 from oracles import pooled
@@ -39,7 +38,7 @@ def stack() -> impasto.Stack:
     normal /= np.linalg.norm(normal, axis=0)
     rig = simulate.rig("tominaga-six-band-adaptation")
     diffuse = rng.uniform(0.1, 0.8, (BANDS, SIDE, SIDE))
-    samples = predict(normal, diffuse, BETA, GAMMA, rig)
+    samples = impasto.Surface.torrance_sparrow(normal, diffuse, BETA, GAMMA).predict(rig)
     samples += NOISE * rng.standard_normal(samples.shape, np.float32)
     gain = 65000.0 / samples.max()
     codes = np.rint(np.maximum(samples, 0.0) * gain).astype(np.uint16)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 import impasto
 from impasto.effort import PRESETS, Effort, EffortLike
-from impasto.fit.forward import predict
 from impasto.fit.lobes import LobeSbrdf, fit_lobes
 from impasto.fit.normals import Method, Normals
 from impasto.fit.reflectance import Estimator, Reflectance
@@ -74,7 +73,7 @@ class DiffuseSurface:
 
     def predict(self, lights: Rig) -> NDArray[np.float32]:
         """``(obs, band, y, x)``."""
-        return predict(self.normals.normal, self.normals.albedo, 0.0, 1.0, lights)
+        return impasto.Surface(self.normals.normal, self.normals.albedo).predict(lights)
 
 
 def lambert(

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from impasto.colour import delta_e, lab_from_xyz
 from impasto.encoding import Encoding
-from impasto.relighting import relative_error
 from impasto.rig import Rig
 from impasto.simulate.score import normal_error
 from impasto.status import Status
+from impasto.study.relative_error import relative_error
 from study.data_sets import Paintings
 
 CODES = Encoding("srgb", 255.0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from impasto.fit.sbrdf import fit_sbrdf
-from impasto.thinning import every, thinned
+from impasto.fit.subsample import stride_index, subsampled
 from study.data_sets import PaintingData, Paintings
 
 WIDTH = 32
@@ -30,10 +30,10 @@ def strided(paintings: Paintings, *, stride: int) -> Paintings:
 
 def _strided(painting: PaintingData, stride: int) -> PaintingData:
     normal = painting.normal
-    window = every(painting.stack.shape[2:], stride)
+    window = stride_index(painting.stack.shape[2:], stride)
     return replace(
         painting,
-        stack=thinned(painting.stack, stride),
+        stack=subsampled(painting.stack, stride),
         held=painting.held[window],
         normal=None if normal is None else normal[window],
         truth=None,

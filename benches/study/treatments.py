@@ -11,9 +11,9 @@ from impasto.encoding import Encoding
 from impasto.errors import GeometryError
 from impasto.fit.normals import fit_normals
 from impasto.fit.sbrdf import fit_sbrdf
-from impasto.relighting import full_scale, relative_error
+from impasto.fit.subsample import subsampled
 from impasto.stack import Stack
-from impasto.thinning import thinned
+from impasto.study.relative_error import full_scale, relative_error
 from study.subsets import TooFewError
 
 SELECTIONS = ("random", "spread", "best")
@@ -69,7 +69,7 @@ def _drawn(stack: Stack, rng: np.random.Generator, count: int) -> NDArray[np.int
 
     If none is found, the last order; the fit then says why it refuses it.
     """
-    few = thinned(stack, min(stack.shape[2:]))
+    few = subsampled(stack, min(stack.shape[2:]))
     for _ in range(DRAWN):
         order = rng.permutation(len(stack.rig))
         if _determined(few.take(np.sort(order[:count]))):
@@ -90,7 +90,7 @@ def _exchanged(
     stack: Stack, picked: NDArray[np.intp], rng: np.random.Generator
 ) -> NDArray[np.intp]:
     """Exchange algorithm with random pairs (after Fedorov 1972)."""
-    part = thinned(stack, JUDGED)
+    part = subsampled(stack, JUDGED)
     light = np.array([part.linear(i) for i in range(len(part.rig))])
     order = np.concatenate([picked, np.setdiff1d(np.arange(len(part.rig)), picked)])
     least = _error(part, picked, light)

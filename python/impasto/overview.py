@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.fit.forward import predict
 from impasto.fit.lafortune import LafortuneSbrdf
 from impasto.fit.result import PerPixelSbrdf, median
 from impasto.fit.segments import SegmentSbrdf
@@ -22,7 +21,7 @@ from impasto.pictures import (
     status_panel,
 )
 from impasto.render import render
-from impasto.rig import DistantLight, Rig
+from impasto.rig import DistantLight
 from impasto.scene import Scene
 from impasto.status import Status
 from impasto.surface import Surface
@@ -164,16 +163,17 @@ def gloss_panel(sbrdf: Any) -> Panel:
 
 
 def _lobe(sbrdf: Any, tilt: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The fitted lobe without its geometry, as ``sbrdf.curve`` is measured.
+    """The fitted lobe without geometry factors, comparable with the measured ``sbrdf.curve``.
 
-    A flat pixel seen from the front, a light at twice the tilt: the facets between the two lean by
-    the tilt. What this lobe shows there is divided by what one of strength 1 without end does.
+    The pixel is flat and seen from the front, under a light at twice the tilt: the facets that
+    mirror it have this tilt. The lobe is divided by one of strength 1 and unlimited width.
     """
     lights = np.stack([np.sin(2 * tilt), np.zeros_like(tilt), np.cos(2 * tilt)], axis=1)
     normal = np.array([0.0, 0.0, 1.0]).reshape(3, 1, 1)
+    black = np.zeros((1, 1, 1))
     shown, even = (
-        predict(normal, np.zeros((1, 1, 1)), beta, gamma, Rig(lights), index=sbrdf.index)
-        for beta, gamma in ((sbrdf.beta, sbrdf.gamma), (1.0, 1e4))
+        Surface.torrance_sparrow(normal, black, *lobe, index=sbrdf.index).predict(lights)
+        for lobe in ((sbrdf.beta, sbrdf.gamma), (1.0, 1e4))
     )
     return np.asarray(shown[:, 0, 0, 0] / even[:, 0, 0, 0], dtype=np.float64)
 

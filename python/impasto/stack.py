@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import instance, numbers, picked, unmasked
-from impasto._internal.html import table, thinned, thumbnail
+from impasto._internal.html import reduced, table, thumbnail
 from impasto._internal.named import coordinate, in_order, is_named, light_directions
 from impasto._internal.waiting import floats, wait_for
 from impasto._internal.windows import offset, rotated_map, window
@@ -168,7 +168,7 @@ class Stack:
         """HTML for notebooks: size, lights, and the mean of some photographs."""
         observations, _, height, width = self.shape
         some = np.linspace(0, observations - 1, min(observations, 8)).astype(int)
-        light = [self._linear(thinned(self.samples[index])) for index in some]
+        light = [self._linear(reduced(self.samples[index])) for index in some]
         mean = np.mean([np.nan_to_num(plane, posinf=1.0) for plane in light], axis=0)
         rows = {
             "photographs": observations,

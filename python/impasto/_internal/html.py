@@ -28,7 +28,7 @@ def png(picture: NDArray[np.uint8]) -> bytes:
     return data.tobytes()
 
 
-def thinned(planes: NDArray[Any]) -> NDArray[Any]:
+def reduced(planes: NDArray[Any]) -> NDArray[Any]:
     """Every so many pixels of ``(..., y, x)``: 240 to 479 along the longer side, if there are."""
     step = max(1, max(planes.shape[-2:]) // THUMBNAIL)
     return planes[..., ::step, ::step]
@@ -40,7 +40,7 @@ def thumbnail(linear: NDArray[Any]) -> NDArray[np.uint8]:
     Three bands are red, green and blue; of any other number the mean is shown. Its 99th percentile
     is white.
     """
-    small = np.asarray(thinned(linear), dtype=np.float32)
+    small = np.asarray(reduced(linear), dtype=np.float32)
     small = small if len(small) == 3 else np.repeat(small.mean(axis=0)[None], 3, axis=0)
     known = small[np.isfinite(small)]
     white = float(np.quantile(known, 0.99)) if known.size else 0.0
@@ -51,7 +51,7 @@ def thumbnail(linear: NDArray[Any]) -> NDArray[np.uint8]:
 
 def normal_thumbnail(normal: NDArray[Any]) -> NDArray[np.uint8]:
     """Normals ``(3, y, x)`` as a small picture, (n + 1) / 2; NaN is black."""
-    codes = 255.0 * np.nan_to_num((thinned(normal) + 1.0) / 2.0, nan=0.0)
+    codes = 255.0 * np.nan_to_num((reduced(normal) + 1.0) / 2.0, nan=0.0)
     return np.rint(np.moveaxis(codes, 0, -1)).astype(np.uint8)
 
 

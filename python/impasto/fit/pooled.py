@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,34 +167,25 @@ class PooledSbrdf(Sbrdf):
         )
 
 
-def fit_pooled(
-    stack: Stack,
-    stereo: Normals,
-    *,
-    extraction: Extraction,
-    joint: bool,
-    index: float,
-    effort: Effort,
-    threads: int | None,
-    progress: bool | ProgressCallback,
-) -> PooledSbrdf:
+class PooledOptions(TypedDict):
+    """Options of a pooled fit, as in :func:`impasto.fit_sbrdf`."""
+
+    extraction: Extraction
+    joint: bool
+    index: float
+    effort: Effort
+    threads: int | None
+    progress: bool | ProgressCallback
+
+
+def fit_pooled(stack: Stack, stereo: Normals, **options: Unpack[PooledOptions]) -> PooledSbrdf:
     """One lobe, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`.
 
-    The same as :func:`learn_pooled` and :func:`apply_pooled` of the same stack, but for the time:
-    every pixel is visited once for both.
+    The result is that of :func:`learn_pooled` and :func:`apply_pooled` of the same stack, in less
+    time: every pixel is visited once for both.
     """
     maps = PooledMaps.empty(len(stack.bands), stereo.status.shape)
-    learned = _learn(
-        stack,
-        stereo,
-        maps,
-        extraction=extraction,
-        joint=joint,
-        index=index,
-        effort=effort,
-        threads=threads,
-        progress=progress,
-    )
+    learned = learn_pooled(stack, stereo, maps=maps, **options)
     return pooled_sbrdf(learned, maps, stack, stereo)
 
 
@@ -202,12 +193,8 @@ def learn_pooled(
     stack: Stack,
     stereo: Normals,
     *,
-    extraction: Extraction,
-    joint: bool,
-    index: float,
-    effort: Effort,
-    threads: int | None,
-    progress: bool | ProgressCallback,
+    maps: PooledMaps | None = None,
+    **options: Unpack[PooledOptions],
 ) -> LearnedLobe:
     """The lobe of a painting, from all its pixels or a sample of them.
 
@@ -216,21 +203,40 @@ def learn_pooled(
     stack
         Photographs of the painting or of a part of it.
     stereo
-        Photometric stereo of the same pixels. Pixels without a normal do not count, and take no
+        Photometric stereo of the same pixels. Pixels without a normal do not count and take no
         time: a sample of a painting is a ``status`` that is ``NOT_COMPUTED`` elsewhere.
-    extraction, joint, index, effort, threads, progress
-        As in :func:`impasto.fit_sbrdf`.
+    maps
+        Arrays to fill with the result of :func:`apply_pooled` for the same stack; default: none.
+    **options
+        See :class:`PooledOptions`.
     """
-    return _learn(
-        stack,
-        stereo,
-        None,
-        extraction=extraction,
-        joint=joint,
-        index=index,
-        effort=effort,
-        threads=threads,
-        progress=progress,
+    with reporting(options["progress"], "gloss") as callback:
+        found = _core.learn_pooled(
+            StackArguments.of(stack),
+            StartArguments.of(stereo),
+            maps,
+            options["extraction"],
+            options["joint"],
+            options["index"],
+            options["effort"].pixels,
+            thread_count(options["threads"]),
+            callback,
+        )
+    return LearnedLobe(
+        beta=found["beta"],
+        gamma=found["gamma"],
+        log_sharpness=found["log_sharpness"],
+        index=found["index"],
+        refined=found["refined"],
+        brightness=found["brightness"],
+        noise=np.array(found["noise"], dtype=np.float32),
+        noise_floor=found["noise_floor"],
+        covariance=np.array(found["covariance"], dtype=np.float64),
+        verdict=found["verdict"] if stereo.status.min() < Status.DARK else "too-few",
+        describes=found["describes"],
+        converged=found["converged"],
+        curve=np.array(found["curve"], dtype=np.float64).reshape(-1, 3),
+        path=np.array(found["path"], dtype=np.float64).reshape(-1, 2),
     )
 
 
@@ -251,13 +257,15 @@ def apply_pooled(
     Parameters
     ----------
     learned
-        What :func:`learn_pooled` gave.
+        The result of :func:`learn_pooled`.
     stack, stereo
         Photographs of the tile and their photometric stereo.
     maps
         Arrays to fill, of the tile's size; default: new ones.
-    threads, progress
-        As everywhere: None means every allowed core; a bool or a callable ``(done, total)``.
+    threads
+        Number of threads; None means every allowed core.
+    progress
+        True for a bar on stderr, or a callable ``(done, total)``.
 
     Raises
     ------
@@ -281,7 +289,7 @@ def apply_pooled(
 def pooled_sbrdf(
     learned: LearnedLobe, maps: PooledMaps, stack: Stack, stereo: Normals
 ) -> PooledSbrdf:
-    """The public result, of what was learned and the maps of its application."""
+    """The public result, from a learned lobe and the maps of its application."""
     return PooledSbrdf(
         normal=maps.normal,
         diffuse=maps.diffuse,
@@ -301,46 +309,4 @@ def pooled_sbrdf(
         describes=learned.describes,
         converged=learned.converged,
         misfit=maps.misfit,
-    )
-
-
-def _learn(
-    stack: Stack,
-    stereo: Normals,
-    maps: PooledMaps | None,
-    *,
-    extraction: Extraction,
-    joint: bool,
-    index: float,
-    effort: Effort,
-    threads: int | None,
-    progress: bool | ProgressCallback,
-) -> LearnedLobe:
-    with reporting(progress, "gloss") as callback:
-        found = _core.learn_pooled(
-            StackArguments.of(stack),
-            StartArguments.of(stereo),
-            maps,
-            extraction,
-            joint,
-            index,
-            effort.pixels,
-            thread_count(threads),
-            callback,
-        )
-    return LearnedLobe(
-        beta=found["beta"],
-        gamma=found["gamma"],
-        log_sharpness=found["log_sharpness"],
-        index=found["index"],
-        refined=found["refined"],
-        brightness=found["brightness"],
-        noise=np.array(found["noise"], dtype=np.float32),
-        noise_floor=found["noise_floor"],
-        covariance=np.array(found["covariance"], dtype=np.float64),
-        verdict=found["verdict"] if stereo.status.min() < Status.DARK else "too-few",
-        describes=found["describes"],
-        converged=found["converged"],
-        curve=np.array(found["curve"], dtype=np.float64).reshape(-1, 3),
-        path=np.array(found["path"], dtype=np.float64).reshape(-1, 2),
     )

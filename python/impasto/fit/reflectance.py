@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import instance, is_whole, one_of
-from impasto._internal.html import share_of, table, thinned, thumbnail
+from impasto._internal.html import reduced, share_of, table, thumbnail
 from impasto._internal.waiting import floats, wait_for
 from impasto.bands import Camera, Integration, checked_camera
 from impasto.colour.wavelengths import Floats, checked_wavelengths
@@ -107,7 +107,7 @@ class Reflectance(PixelMaps):
             "estimated": share_of(self.status < Status.DARK),
         }
         fold = display_from_coefficients(self.basis, grid, "D65")
-        light = np.tensordot(fold.diffuse, thinned(self.coefficients), axes=1)
+        light = np.tensordot(fold.diffuse, reduced(self.coefficients), axes=1)
         return table("Reflectance", rows, {"under D65": thumbnail(light)})
 
     def spectrum(self, y: int, x: int) -> Floats:

@@ -15,11 +15,11 @@ from impasto._internal.checks import is_whole, refractive_index
 from impasto.errors import ArgumentError
 from impasto.fit.lobes import fit_lobes, lobe_count
 from impasto.fit.normals import fit_normals
+from impasto.fit.subsample import subsampled_to
 from impasto.rig import Light, Rig
 from impasto.stack import Stack, checked_stack
 from impasto.status import Status
 from impasto.surface import Surface
-from impasto.thinning import thinned_to
 
 UNKNOWNS = 6
 """Of a pixel: normal (2), brightness, ambient light, and one lobe's strength and width. The factor
@@ -218,7 +218,7 @@ def fit_strengths(
             f"stack: strengths need at least {FEWEST} lights, found {count}; "
             "photograph a white board under each light (white=)"
         )
-    few = thinned_to(stack, _PIXELS)
+    few = subsampled_to(stack, _PIXELS)
     samples = np.array([few.linear(photograph) for photograph in range(count)]).mean(axis=1)
 
     def matte(lit: Stack) -> tuple[Any, Any]:

@@ -23,6 +23,7 @@ from impasto.simulate.paintings import Painting, painting
 from impasto.simulate.rigs import RIGS
 from impasto.simulate.rigs import rig as rig_named
 from impasto.stack import Stack
+from impasto.surface import Surface
 
 Forward: TypeAlias = Callable[[Field, Field, Field, Field, Rig], NDArray[np.floating]]
 """Radiance ``(obs, band, y, x)`` from normal ``(3, y, x)``, diffuse ``(band, y, x)``, beta and
@@ -249,9 +250,10 @@ class _Scene:
         if self.lobes is None:
             image = self.forward(p.normal, self.diffuse, p.beta, p.gamma, one)[0]
         else:
-            from impasto.fit.forward import predict_lobes
-
-            image = predict_lobes(p.normal, self.diffuse, **vars(self.lobes), rig=one)[0]
+            surface = Surface.lafortune(
+                p.normal, self.diffuse, **vars(self.lobes), origin=one.origin
+            )
+            image = surface.predict(one)[0]
         if self.shadows:
             image = image * self.visibility(one.lights[0])
         return np.asarray(image, dtype=np.float32)
@@ -268,9 +270,8 @@ class _Scene:
 def _default_forward(
     normal: Field, diffuse: Field, beta: Field, gamma: Field, rig: Rig
 ) -> NDArray[np.floating]:
-    from impasto.fit.forward import predict
-
-    return predict(normal, diffuse, beta, gamma, rig)
+    surface = Surface.torrance_sparrow(normal, diffuse, beta, gamma, origin=rig.origin)
+    return surface.predict(rig)
 
 
 def _noisy(exposed: Field, sensor: Noise, frames: int, rng: np.random.Generator) -> Field:

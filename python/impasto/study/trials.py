@@ -20,12 +20,12 @@ from impasto.effort import resolved
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.normals import fit_normals
 from impasto.fit.sbrdf import fit_sbrdf
-from impasto.relighting import full_scale, relative_error
+from impasto.fit.subsample import pixel_count, subsampled, subsampled_to
 from impasto.report import status_counts
 from impasto.rig import Rig
 from impasto.stack import Stack, checked_stack
 from impasto.status import Status
-from impasto.thinning import painted, thinned, thinned_to
+from impasto.study.relative_error import full_scale, relative_error
 
 PIXELS = 4096
 """Approximate number of pixels in a trial. They are spread over the picture: as many pixels in one
@@ -100,7 +100,7 @@ def tried(
     count = len(stack.rig)
     if count < FEWEST:
         raise ArgumentError(f"stack: a trial needs {FEWEST} photographs, found {count}")
-    folds = _folds(thinned_to(stack, PIXELS), threads)
+    folds = _folds(subsampled_to(stack, PIXELS), threads)
     if not any((np.isfinite(fold.truth) & (fold.truth > 0.0)).any() for fold in folds):
         raise ArgumentError("stack: a trial needs photographs that show something, found none")
     if all(fold.unknown is not None for fold in folds):
@@ -196,7 +196,7 @@ def _split(rig: Rig) -> list[NDArray[np.intp]]:
 def _trial(folds: list[_Fold], options: Setting, stack: Stack, threads: int | None) -> Trial:
     """The first fold is timed; all folds are compared."""
     first, *others = folds
-    fitted, took = _predicted(first.known, options, painted(stack), threads)
+    fitted, took = _predicted(first.known, options, pixel_count(stack), threads)
     took += _outside_mask(stack, first.known, options, threads)
     fits = [fitted, *(fit_sbrdf(fold.known, threads=threads, **options) for fold in others)]
     shown = [fit.predict(fold.rig) for fit, fold in zip(fits, folds, strict=True)]
@@ -210,7 +210,7 @@ def _predicted(
     known: Stack, options: Setting, pixels: int, threads: int | None
 ) -> tuple[Any, float]:
     """A fit of the trial's pixels, and the predicted seconds for ``pixels`` of them."""
-    few = painted(known)
+    few = pixel_count(known)
     if options.get("model") == "lafortune":
         fitted, took = _timed(known, options, threads)
         return fitted, took * pixels / few
@@ -222,8 +222,8 @@ def _predicted(
     # The pooled lobe is fitted to at most ``effort.pixels`` pixels, every pixel has a cost of its
     # own, and there is a constant. Three fits with different numbers of pixels separate the three.
     effort = resolved(options.get("effort", "standard"))
-    part = thinned(known, 2)
-    fewer = max(painted(part), 1)
+    part = subsampled(known, 2)
+    fewer = max(pixel_count(part), 1)
     all_, some = (options | {"effort": replace(effort, pixels=count)} for count in (few, fewer))
     fitted, took = _timed(known, all_, threads)
     _, unsearched = _timed(known, some, threads)
@@ -252,7 +252,7 @@ def _outside_mask(stack: Stack, known: Stack, options: Setting, threads: int | N
     They have a place in every result map. In a picture that is mostly mask they take longer than
     the fit.
     """
-    inside, few = painted(stack), painted(known)
+    inside, few = pixel_count(stack), pixel_count(known)
     (height, width), (trial_height, trial_width) = stack.shape[2:], known.shape[2:]
     left = height * width - trial_height * trial_width * inside / few
     if left <= inside:

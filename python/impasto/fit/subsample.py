@@ -1,4 +1,4 @@
-"""Some pixels of a stack that stand for all of them."""
+"""Regular subsamples of the pixels of a stack."""
 
 from __future__ import annotations
 
@@ -12,53 +12,53 @@ from impasto.rig import Rig
 from impasto.stack import Stack
 
 SPARSE = 4
-"""Pixels of a picture for each that is wanted, from which on those of the mask are set side by
-side: outside of it, too, a pixel has its place in every map of a fit."""
+"""A subsample with more pixels outside the mask than this multiple of the wanted ones is packed
+into a smaller picture: pixels outside the mask also take memory in every map of a fit."""
 
 Window: TypeAlias = tuple[slice, slice]
 """Rows and columns of a picture."""
 
 
-def thinned(stack: Stack, stride: int) -> Stack:
-    """Every so many pixels along both axes, each as wide as all those it stands for."""
+def subsampled(stack: Stack, stride: int) -> Stack:
+    """Every ``stride``-th pixel along both axes; the width of a pixel grows by the same factor."""
     return _cut(stack, _strided(_whole(stack), stride))
 
 
-def thinned_to(stack: Stack, pixels: int) -> Stack:
-    """The stack of about so many pixels of the painting.
+def subsampled_to(stack: Stack, pixels: int) -> Stack:
+    """About ``pixels`` pixels inside the mask of a stack, at a regular stride.
 
-    Without a mask they are no more. A mask with a pattern of its own may have its holes where a
-    stride has its places: a shorter one is taken then. Of a picture that is mostly outside the
-    mask only the part with the painting is taken; what is scattered all over it stands side by
-    side, but for near lamps, which shine on every place from elsewhere.
+    Without a mask there are at most ``pixels``. The holes of a patterned mask may coincide with the
+    stride; a shorter stride is then used. Only the bounding box of the mask is sampled. If its
+    pixels are few and scattered, they are packed into a smaller picture, unless lamps are near: the
+    light of near lamps depends on the position of a pixel.
     """
-    box, there = _box(stack), painted(stack)
+    box, there = _box(stack), pixel_count(stack)
     share = there / _size(box)
     stride = max(1, math.ceil(math.sqrt(there / pixels)))
-    # A line has more places left than the square of a stride says.
+    # A narrow picture keeps more pixels than one in stride².
     while share * _size(_strided(box, stride)) > pixels:
         stride += 1
     while stride > 1:
         window = _strided(box, stride)
-        if 2 * _painted(stack, window) > share * _size(window):
+        if 2 * _pixel_count(stack, window) > share * _size(window):
             break
         stride -= 1
     window = _strided(box, stride)
-    left = _painted(stack, window)
+    left = _pixel_count(stack, window)
     if _size(window) > SPARSE * max(pixels, left) and left and not stack.rig.near.any():
-        return _beside(stack, window)
+        return _packed(stack, window)
     return _cut(stack, window)
 
 
-def painted(stack: Stack) -> int:
-    """How many pixels the mask leaves."""
-    return _painted(stack, _whole(stack))
+def pixel_count(stack: Stack) -> int:
+    """Number of pixels inside the mask."""
+    return _pixel_count(stack, _whole(stack))
 
 
-def every(shape: tuple[int, int], stride: int) -> Any:
-    """The index of every so many pixels of an image.
+def stride_index(shape: tuple[int, int], stride: int) -> Any:
+    """Index of every ``stride``-th pixel of an image ``(..., y, x)``.
 
-    As far from the one edge as from the other: near lamps see the middle where it was.
+    The margins at opposite edges are equal, so that the centre stays in place for near lamps.
     """
     height, width = shape
     return (..., *_strided((slice(0, height, 1), slice(0, width, 1)), stride))
@@ -70,7 +70,7 @@ def _whole(stack: Stack) -> Window:
 
 
 def _box(stack: Stack) -> Window:
-    """Where the mask leaves anything; everywhere if it leaves nothing."""
+    """Bounding box of the mask; everything if the mask is empty."""
     if stack.mask is None or not stack.mask.any():
         return _whole(stack)
     along = (np.flatnonzero(stack.mask.any(axis=axis)) for axis in (1, 0))
@@ -90,12 +90,12 @@ def _size(window: Window) -> int:
     return math.prod(-(-(along.stop - along.start) // along.step) for along in window)
 
 
-def _painted(stack: Stack, window: Window) -> int:
+def _pixel_count(stack: Stack, window: Window) -> int:
     return _size(window) if stack.mask is None else int(np.count_nonzero(stack.mask[window]))
 
 
 def _cut(stack: Stack, window: Window) -> Stack:
-    """A window of the stack, whose middle becomes the origin of its lamps."""
+    """A window of the stack; its centre becomes the origin of the rig."""
     if window == _whole(stack):
         return stack
     pitch = stack.rig.pitch_mm
@@ -111,14 +111,14 @@ def _cut(stack: Stack, window: Window) -> Stack:
 
 
 def _middle(stack: Stack, window: Window) -> tuple[float, float]:
-    """Pixels from the middle of the picture up and to the right to that of a window."""
+    """Offset in pixels, up and right, from the centre of the picture to that of a window."""
     height, width = stack.shape[2:]
     rows, columns = (range(along.start, along.stop, along.step) for along in window)
     return (height - 1 - rows[0] - rows[-1]) / 2, (columns[0] + columns[-1] - width + 1) / 2
 
 
-def _beside(stack: Stack, window: Window) -> Stack:
-    """What the mask leaves of a window, row by row in a small picture."""
+def _packed(stack: Stack, window: Window) -> Stack:
+    """The pixels of a window inside the mask, row by row in a smaller picture."""
     assert stack.mask is not None
     rows, columns = np.nonzero(stack.mask[window])
     rows, columns = (
@@ -126,7 +126,7 @@ def _beside(stack: Stack, window: Window) -> Stack:
     )
     there = len(rows)
     width = math.isqrt(there - 1) + 1
-    # What fills the last row is a copy, and outside the mask.
+    # Copies fill the last row; they are outside the mask.
     places = np.minimum(np.arange(-(-there // width) * width), there - 1).reshape(-1, width)
     return stack._replace(
         samples=wait_for(stack.samples.__getitem__, (..., rows[places], columns[places])),

@@ -1,4 +1,4 @@
-"""How far what a fit expects is from photographs that it did not see."""
+"""The relative error of a prediction of held-out photographs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from impasto.stack import Stack
 
 
 def full_scale(stack: Stack) -> NDArray[np.float32]:
-    """``(band, 1, 1)`` linear light from which the camera sees no more; infinite if unknown."""
+    """``(band, 1, 1)`` linear light at which the camera clips; infinite if unknown."""
     if stack.saturation is None:
         return np.full((stack.shape[1], 1, 1), np.inf, np.float32)
     top = (stack.saturation - stack.black) * stack.scale
@@ -21,11 +21,22 @@ def full_scale(stack: Stack) -> NDArray[np.float32]:
 def relative_error(
     shown: NDArray[Any], truth: NDArray[Any], top: NDArray[np.float32] | float = np.inf
 ) -> float:
-    """Root mean square of the differences over that of the truth, both cut off at ``top``.
+    """Root mean square error over the root mean square of the truth, both clipped at ``top``.
 
-    What the fit does not know counts as black; what the photographs do not know (NaN, or +inf
-    without a ``top``) does not count. Where all photographs are black it is 0 if black is what was
-    expected, else infinite; where they know nothing at all, NaN.
+    Parameters
+    ----------
+    shown
+        The prediction; NaN, where there is none, counts as black.
+    truth
+        The photographs; samples that are NaN, or +inf without a ``top``, do not count.
+    top
+        Linear light at which both are clipped, as from :func:`full_scale`.
+
+    Returns
+    -------
+    float
+        Infinite if all photographs are black and the prediction is not, 0 if it is; NaN if no
+        sample counts.
     """
     real = np.minimum(truth, top).astype(np.float64)
     seen = np.isfinite(real)
