@@ -88,9 +88,11 @@ class Strengths:
     def at(self, lights: ArrayLike | Sequence[Light] | Rig) -> Rig:
         """Other lights with the strengths that lamps in their directions gave.
 
-        A thin-plate spline over the directions' x and y interpolates the logarithms of the factors;
-        it is clipped to the range of the factors. This predicts a strength that depends on the
-        place of the lamp (an arm of a dome, a distance that varied), not one that flickers.
+        A thin-plate spline over the stereographic coordinates ``(x, y) / (1 + z)`` of the
+        directions interpolates the logarithms of the factors; it is clipped to the range of the
+        factors. Plain x and y would squeeze low lamps together, so that one odd lamp near the
+        rim bends the spline far beyond its neighbours. This predicts a strength that depends on
+        the place of the lamp (an arm of a dome, a distance that varied), not one that flickers.
 
         Parameters
         ----------
@@ -105,7 +107,8 @@ class Strengths:
         rig = Rig(lights)
         known = np.isfinite(self.factor)
         log = np.log(self.factor[known])
-        found = _thin_plate(self.rig.directions[known, :2], log, rig.directions[:, :2])
+        places = _stereographic(self.rig.directions[known])
+        found = _thin_plate(places, log, _stereographic(rig.directions))
         return _scaled(rig, np.exp(np.clip(found, log.min(), log.max())))
 
     def __repr__(self) -> str:
@@ -352,6 +355,12 @@ def _scaled(rig: Rig, factor: NDArray[np.float64]) -> Rig:
         for light, by in zip(rig.lights, factor, strict=True)
     ]
     return rig.with_lights(lights)
+
+
+def _stereographic(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``(n, 2)`` stereographic coordinates: a hemisphere becomes the unit disc, angles stay."""
+    height = np.maximum(1.0 + directions[:, 2:], np.finfo(np.float32).eps)
+    return np.asarray(directions[:, :2] / height)
 
 
 def _thin_plate(
