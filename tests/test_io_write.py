@@ -6,6 +6,7 @@ import json
 import os
 from pathlib import Path
 
+import cv2
 import numpy as np
 import OpenEXR
 import pytest
@@ -72,6 +73,34 @@ def test_tiff(tmp_path: Path) -> None:
     found = read_image(tmp_path / "six.tif")
     # Rounding to 16 bits: half a code.
     np.testing.assert_allclose(found / 65535, six, rtol=0, atol=0.5 / 65535 + 1e-12)
+
+
+def test_other_programs_read_the_pixels_of_rgb_tiffs(tmp_path: Path) -> None:
+    # OpenCV returns wrong pixels, without an error, for RGB in one plane per band.
+    codes = RNG.integers(0, 65535, (3, 21, 34), dtype=np.uint16, endpoint=True)
+    write_tiff16(tmp_path / "p.tif", codes)
+    write_tiff32(tmp_path / "m.tif", SHARE)
+    for name, expected in (("p.tif", codes), ("m.tif", SHARE.astype(np.float32))):
+        found = cv2.imread(str(tmp_path / name), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_array_equal(np.moveaxis(found[..., ::-1], -1, 0), expected)
+        np.testing.assert_array_equal(read_image(tmp_path / name), expected)
+
+
+def test_a_name_of_another_format_is_refused(tmp_path: Path) -> None:
+    for write, name in (
+        (write_png8, "p.tif"),
+        (write_png16, "p.jpg"),
+        (write_jpeg, "p.png"),
+        (write_tiff16, "p.png"),
+        (write_tiff32, "p.exr"),
+    ):
+        with pytest.raises(impasto.ArgumentError, match=rf"writes .* ending in .* found .*{name}"):
+            write(tmp_path / name, SHARE)
+    with pytest.raises(impasto.ArgumentError, match=r"ending in \.exr, found .*p\.tif"):
+        write_exr(tmp_path / "p.tif", {"a": MAP[0]})
+    assert list(tmp_path.iterdir()) == []
+    write_tiff16(tmp_path / "P.TIFF", SHARE)
+    write_jpeg(tmp_path / "p.JPEG", SHARE)
 
 
 def test_same_numbers_same_bytes(tmp_path: Path) -> None:

@@ -20,6 +20,14 @@ _RESERVED = frozenset(
 )
 
 
+_SUFFIXES = {
+    "OpenEXR": (".exr",),
+    "PNG": (".png",),
+    "JPEG": (".jpg", ".jpeg"),
+    "TIFF": (".tif", ".tiff"),
+}
+
+
 def write_exr(
     path: str | Path,
     planes: Mapping[str, ArrayLike],
@@ -40,7 +48,8 @@ def write_exr(
     Raises
     ------
     ArgumentError
-        No plane, planes of different size, or a name that OpenEXR cannot hold.
+        No plane, planes of different size, a name that OpenEXR cannot hold, or a path that does
+        not end in ``.exr``.
     """
     import OpenEXR
 
@@ -63,6 +72,7 @@ def write_exr(
         if key in _RESERVED or not 0 < len(key) < 256:
             raise ArgumentError(f"attributes: {key!r} cannot be used as a name")
         header[key] = value if isinstance(value, str) else float(value)
+    _check_suffix(path, "OpenEXR")
     with atomic_path(path) as temporary:
         OpenEXR.File(header, channels).write(str(temporary))
 
@@ -82,10 +92,16 @@ def write_png16(path: str | Path, picture: ArrayLike, *, icc: bytes | None = Non
     picture
         ``(y, x)``, ``(1, y, x)``, ``(3, y, x)`` or ``(y, x, 3)``; if both ends are 3 the first axis
         is the band. Unsigned integers of the file's own type are written as they are; floats are
-        0..1 over the full scale, clipped and rounded, with NaN as 0.
+        0..1 over the full scale, clipped and rounded, with NaN as 0. Normals are stored as
+        ``(normal + 1) / 2``.
     icc
         The profile of the display whose codes these are (:func:`impasto.colour.icc_profile`);
         without one, programs take the codes for sRGB.
+
+    Raises
+    ------
+    ArgumentError
+        A picture of another shape or type, or a path that does not end in ``.png``.
     """
     _write_png(path, _integers(picture, np.uint16), icc)
 
@@ -107,6 +123,7 @@ def write_jpeg(path: str | Path, picture: ArrayLike, *, quality: int = 92) -> No
     planes = _integers(picture, np.uint8)
     if len(planes) not in {1, 3}:
         raise ArgumentError(f"picture: a JPEG holds 1 or 3 bands, found {len(planes)}")
+    _check_suffix(path, "JPEG")
     pixels = planes[0] if len(planes) == 1 else np.moveaxis(planes[::-1], 0, -1)
     settings = [cv2.IMWRITE_JPEG_QUALITY, int(quality)]
     settings += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
@@ -125,7 +142,8 @@ def write_tiff16(
 ) -> None:
     """Write a 16-bit TIFF (deflate); ``attributes`` become JSON in the image description.
 
-    The picture and ``icc`` are those of :func:`write_png16`, with any number of bands.
+    The picture and ``icc`` are those of :func:`write_png16`, with any number of bands. Three bands
+    are stored as RGB pixels, which every program reads; other numbers as one plane per band.
     """
     _write_tiff(path, _integers(picture, np.uint16), attributes, icc)
 
@@ -147,6 +165,16 @@ def write_json(path: str | Path, content: Any) -> None:
     except (TypeError, ValueError) as error:
         raise ArgumentError(f"content: cannot be written as JSON ({error})") from error
     atomic_bytes(path, (text + "\n").encode("utf-8"))
+
+
+def _check_suffix(path: str | Path, kind: str) -> None:
+    """Refuse a name by which programs would take the file for one of another format."""
+    known = _SUFFIXES[kind]
+    if Path(path).suffix.lower() not in known:
+        raise ArgumentError(
+            f"path: this function writes {kind}, expected a name ending in {' or '.join(known)}, "
+            f"found {path}"
+        )
 
 
 def _planar(array: NDArray[Any]) -> NDArray[Any]:
@@ -183,6 +211,7 @@ def _write_png(path: str | Path, planes: NDArray[Any], icc: bytes | None) -> Non
 
     if len(planes) not in {1, 3}:
         raise ArgumentError(f"picture: a PNG holds 1 or 3 bands, found {len(planes)}")
+    _check_suffix(path, "PNG")
     pixels = planes[0] if len(planes) == 1 else np.moveaxis(planes[::-1], 0, -1)
     done, data = cv2.imencode(".png", np.ascontiguousarray(pixels))
     if not done:
@@ -207,15 +236,22 @@ def _write_tiff(
 ) -> None:
     import tifffile
 
+    _check_suffix(path, "TIFF")
     # JSON escapes keep the description ASCII, as the TIFF tag demands.
     text = json.dumps(dict(attributes), sort_keys=True) if attributes else None
     rgb = len(planes) == 3
+    if rgb:
+        # OpenCV takes planes of RGB for rows of pixels, without an error.
+        stored, layout = np.ascontiguousarray(np.moveaxis(planes, 0, -1)), "contig"
+    else:
+        stored, layout = planes, "separate"
+    single = len(planes) == 1
     with atomic_path(path) as temporary:
         tifffile.imwrite(
             temporary,
-            planes[0] if len(planes) == 1 else planes,
+            planes[0] if single else stored,
             photometric="rgb" if rgb else "minisblack",
-            planarconfig="separate" if len(planes) > 1 else None,
+            planarconfig=None if single else layout,
             compression="zlib",
             description=text,
             metadata=None,
