@@ -175,6 +175,19 @@ def test_a_dark_picture_is_told_and_brightened(
     assert np.percentile(shown.max(axis=2), 99) == pytest.approx(243, abs=7)
 
 
+def test_a_bright_picture_is_told_and_darkened(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = f"render {demo} --light 90,45 --out {tmp_path / 'above.png'} --exposure".split()
+    assert main([*words, "20"]) == 0
+    told = said(capsys)
+    assert "clips less than 1 %" in told
+    assert main([*words, told.split("--exposure ")[1].split()[0]]) == 0
+    told = said(capsys)
+    assert "--exposure" not in told
+    assert "a dark picture" not in told
+
+
 def test_a_result_is_rendered_under_any_light(demo: Path, tmp_path: Path) -> None:
     day, lamp = tmp_path / "day.png", tmp_path / "lamp.png"
     assert main(f"render {demo} --light 90,45 --out {day} --quiet".split()) == 0
@@ -352,7 +365,8 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
     ("words", "code", "told"),
     [
         ("fitt", 2, "fitt"),
-        ("fit {stack}", 2, "--out"),
+        ("fit {stack}", 2, "fit: --out is missing or has no value"),
+        ("fit --out {out}", 2, "fit: STACK is missing or has no value"),
         ("fit {stack} --out {out} --method magic", 2, "--method"),
         ("fit {stack} --out {out} --sharpness 3", 2, "--sharpness"),
         ("fit {stack} --out {out} --threads zero", 2, "--threads"),
@@ -373,6 +387,7 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         ("demo --out {out} --size 3", 1, "--size"),
         ("render {tmp} --out {out}.png", 1, "sbrdf.npz"),
         ("render {demo} --out {out}.gif", 1, ".gif"),
+        ("render {csv} --out {out}.png", 1, "is no result: expected the --out folder"),
         ("render {demo} --illuminant Z9 --out {out}.png", 1, "Z9"),
         ("render {demo} --adaptation 3 --out {out}.png", 1, "adaptation"),
         ("render {demo} --display oscilloscope --out {out}.png", 1, "oscilloscope"),
@@ -400,7 +415,7 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         ("study {two} --out {two} --no-figure", 1, "two.lp is a file; give a folder"),
         # The stack's lights, not the option of that name.
         ("fit {two} --images {images} --out {out}", 1, "impasto: lights: a normal needs"),
-        ("info {tmp}/nowhere", 1, "nowhere"),
+        ("info {tmp}/nowhere", 1, "nowhere does not exist: expected the --out folder"),
         ("info {tmp}", 1, "report.json"),
         ("fit {broken} --out {out}", 3, "light05.tif"),
         ("fit {garbage} --out {out}", 3, "garbage.npz"),

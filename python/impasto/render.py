@@ -226,7 +226,10 @@ def render(
     lit = surface.surface()
     pitch = lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
     if pitch is None and any(isinstance(light, PointLight) for light in scene.lights):
-        raise GeometryError("pitch_mm: point lights need the width of a pixel on the painting")
+        raise GeometryError(
+            "pitch_mm: point lights need the width of a pixel on the painting in mm, which the "
+            "surface does not contain; give pitch_mm="
+        )
     pitch = 1.0 if pitch is None else pitch
     if reflectance is None:
         reflectance = surface.spectra()

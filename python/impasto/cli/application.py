@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from cyclopts import App
-from cyclopts.exceptions import CycloptsError
+from cyclopts.exceptions import CycloptsError, MissingArgumentError
 
 from impasto.cli import console
 from impasto.cli.codes import Exit
@@ -92,6 +92,9 @@ def _version() -> str:
 
 
 def _one_line(error: CycloptsError) -> str:
+    if isinstance(error, MissingArgumentError) and error.argument and not error.tokens_so_far:
+        command = " ".join(error.command_chain or ())
+        return f"{command}: {error.argument.name} is missing or has no value"
     return " ".join(str(error).split())
 
 

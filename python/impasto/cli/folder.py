@@ -71,7 +71,9 @@ def read_report(folder: Path) -> dict[str, Any]:
     """
     path = folder / REPORT
     if not folder.exists():
-        raise ArgumentError(f"{folder} does not exist")
+        raise ArgumentError(
+            f"{folder} does not exist: expected the --out folder of impasto fit or demo"
+        )
     if not path.is_file():
         raise ArgumentError(f"{folder} has no {REPORT}: it is not a result of impasto fit or demo")
     content = _report(path)

@@ -79,9 +79,12 @@ def load_result(folder: Path) -> tuple[Any, Any]:
     import impasto
 
     path = folder / RESULT if folder.is_dir() else folder
-    if not path.is_file():
+    if not path.is_file() or path.suffix.lower() != ".npz":
         what = "does not exist" if not folder.exists() else f"has no {RESULT}"
-        raise ArgumentError(f"{folder} {what}: expected the --out folder of impasto fit or demo")
+        raise ArgumentError(
+            f"{folder} {'is no result' if path.is_file() else what}: expected the --out folder of "
+            f"impasto fit or demo, or its {RESULT}"
+        )
     spectra = path.with_name(SPECTRA)
     reflectance = impasto.Reflectance.load(spectra) if spectra.is_file() else None
     return impasto.load_sbrdf(path), reflectance

@@ -132,19 +132,25 @@ def render(
 
 
 def _tell(stages: Stages, image: Image) -> None:
-    """Report clipped pixels, and a picture that leaves most of the display unused."""
+    """Report clipped pixels, and a picture that leaves most of the display unused.
+
+    Both messages suggest the same exposure: 99 % of the pixels then reach up to 0.9 of the
+    display's light. Fewer clipped pixels are highlights, and no reason to change the exposure.
+    """
+    if not image.valid.any():
+        return
+    bright = float(np.percentile(image.linear.max(axis=0)[image.valid], 99.0))
+    exposure = 0.9 * image.exposure / bright if bright > 0.0 else image.exposure
     worst = max(image.clipped, key=lambda name: image.clipped[name])
     share = image.clipped[worst]
     if share > CLIPPED:
+        advice = f"; --exposure {exposure:.2g} clips less than 1 %" if bright > 1.0 else ""
         stages.say(
             f"  {'':14}[dim]{100 * share:.1f} % of the pixels are brighter than the display can "
-            f"show ({worst} first); --exposure {0.7 * image.exposure:.2g} clips fewer of them[/]"
+            f"show ({worst} first){advice}[/]"
         )
-    elif image.valid.any():
-        bright = float(np.percentile(image.linear.max(axis=0)[image.valid], 99.0))
-        if 0.0 < bright < DARK:
-            stages.say(
-                f"  {'':14}[dim]a dark picture: 99 % of the pixels are below {100 * bright:.0f} % "
-                f"of the display's light; --exposure {0.9 * image.exposure / bright:.2g} uses "
-                "its full range[/]"
-            )
+    elif 0.0 < bright < DARK:
+        stages.say(
+            f"  {'':14}[dim]a dark picture: 99 % of the pixels are below {100 * bright:.0f} % "
+            f"of the display's light; --exposure {exposure:.2g} uses its full range[/]"
+        )
