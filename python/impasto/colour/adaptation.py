@@ -1,7 +1,9 @@
-"""Incomplete chromatic adaptation on the mired scale: eq. 7 and 9 to 12 of the six-band paper.
+"""Incomplete chromatic adaptation on the mired scale [@tominaga-six-band-adaptation].
 
-The von Kries matrix is our own: colour-science's agrees to 4e-16, but equal whites do not give the
-identity there, and a light that is no white to adapt to is not refused.
+Eq. 7 and 9 to 12 of the paper.
+
+The von Kries matrix is computed here. That of colour-science agrees to 4e-16, but is not the
+identity for equal whites, and accepts lights that are no white to adapt to.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
-"""Tone curves: the light a display channel emits for a code, and the code that emits a light.
+"""Tone curves of displays; measured ones by monotone cubic interpolation [@fritsch1984monotone].
 
-Codes and light both run from 0 to 1; every curve maps 0 to 0 and 1 to 1 and never falls.
+A curve gives the light that a channel emits for a code, and the code that emits a light. Both run
+from 0 to 1; every curve maps 0 to 0 and 1 to 1 and never decreases.
 
-The formulas are our own: colour-science's sRGB curve gives the same bits but takes a second to
-import, which every picture would wait for, and SciPy (isotonic regression, monotone cubic) would be
-a dependency of 35 MB for 45 lines.
+The formulas are implemented here: colour-science's sRGB curve gives the same bits but takes a
+second to import, for every picture, and SciPy (isotonic regression, monotone cubic interpolation)
+would be a dependency of 35 MB for 45 lines.
 """
 
 from __future__ import annotations

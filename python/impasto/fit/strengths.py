@@ -1,4 +1,8 @@
-"""Semi-calibrated photometric stereo [@cho2020semicalibrated]: lamps of unknown strength."""
+"""Semi-calibrated photometric stereo [@cho2020semicalibrated], accelerated [@anderson1965].
+
+It estimates the strengths of lamps that were not measured, by alternation with Anderson
+acceleration.
+"""
 
 from __future__ import annotations
 

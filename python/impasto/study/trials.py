@@ -1,6 +1,6 @@
-"""Settings tried on a small part of a stack: held-out photographs give the error, a clock the time.
+"""Cross-validation [@stone1974] of fit settings over photographs, on a small part of a stack.
 
-The error is that of cross-validation [@stone1974] over folds of photographs.
+Held-out photographs give the error of a setting, a clock its time.
 """
 
 from __future__ import annotations

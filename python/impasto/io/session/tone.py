@@ -1,13 +1,13 @@
-"""Estimation of the tone curve that a camera applied, by cross-validation.
+"""Estimate the tone curve that a camera applied, by cross-validation [@stone1974].
 
-Under a moving light a pixel's linear value is a linear function of the light direction wherever
-it is neither shadow nor highlight. A curve left in bends that relation. Each candidate curve is
-judged on photographs that were held out: decode with it, fit the others robustly, predict, encode
-with it again and compare codes with codes.
+Linear samples of a pixel are a linear function of the light direction, outside of shadows and
+highlights. A tone curve makes this function nonlinear. Each candidate curve decodes the
+photographs, predicts held-out ones from a robust fit of the others, and encodes the prediction;
+codes are compared with codes.
 
-Gloss bends the relation too, and the other way: it makes coded photographs look linear. But an
-interface reflects all bands alike, so that the difference of two bands knows no gloss (the
-dichromatic model): where the paint is coloured enough, differences of bands are predicted.
+Gloss also makes the function nonlinear, with the opposite sign: it makes coded photographs look
+linear. An interface reflects all bands alike, so the difference of two bands contains no gloss (the
+dichromatic model). Where the paint is coloured enough, differences of bands are predicted.
 """
 
 from __future__ import annotations
