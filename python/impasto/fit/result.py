@@ -52,7 +52,8 @@ class Sbrdf(PixelMaps, Relightable):
         ``(y, x)`` float32 root mean square of the residuals, linear light.
     sigma
         ``(y, x)`` float32 standard deviation of the normal along its worst axis, radians; noise
-        from the pixel's own residuals.
+        from the pixel's own residuals. It does not contain what the model lacks: where several
+        varnishes share one lobe, errors are several times larger.
     status
         ``(y, x)`` uint8, :class:`~impasto.Status`.
     normals
