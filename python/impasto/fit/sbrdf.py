@@ -165,7 +165,8 @@ def fit_sbrdf(
         Where pixels are pooled: which samples carry the first estimate of the lobe.
         ``"residual"`` (default): all that are not in shadow, by what the diffuse part leaves;
         ``"maximum"``: each pixel's brightest photograph; ``"papers"``: the same divided by its
-        geometry factor ``F G / (N.V)``, as eq. 6 and 10 are written.
+        geometry factor ``F G / (N.V)`` before the fit, as in the papers, whose eq. 6 and 10 contain
+        a further ``N.L`` that eq. 1 and 9 do not.
     joint
         Where pixels are pooled: False stops at that estimate, with the normals and colours of
         photometric stereo, the papers' procedure; default: True.

@@ -20,9 +20,9 @@ pub enum Extraction {
     Residual,
     /// The papers' "maximum minus diffuse": each pixel's brightest observation only.
     Maximum,
-    /// The same, each divided by its geometry factor before the fit, as eq. 6 and 10 are written:
-    /// pixels whose highlight is weak by their geometry count as much as the others, with noise
-    /// that is larger by as much.
+    /// The same, each divided by its geometry factor before the fit, as in eq. 6 and 10 (but by that
+    /// of eq. 1 and 9, without a further `N.L`): pixels whose highlight is weak by their geometry
+    /// count as much as the others, with noise that is larger by as much.
     Papers,
 }
 
