@@ -138,7 +138,7 @@ def test_a_suggestion_meets_a_time(stack: impasto.Stack) -> None:
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({}, "error: say the largest error"),
+        ({}, "error: give the largest error"),
         ({"error": 0.0}, "error: expected a number above 0"),
         ({"seconds": float("nan")}, "seconds: expected a number above 0"),
         ({"error": "5%"}, "error: expected a number above 0, found '5%'"),

@@ -91,24 +91,24 @@ def test_the_front_is_what_no_other_beats(study: Study) -> None:
     assert [trial.seconds for trial in study.front] == [1.0, 10.0, 100.0]
 
 
-def test_without_a_wish_the_fastest_near_the_best_is_suggested(study: Study) -> None:
+def test_without_a_limit_the_fastest_near_the_best_is_suggested(study: Study) -> None:
     # 0.204 is two per cent above 0.2.
     assert study.suggestion.options == {"pooling": "pixel", "effort": "draft"}
     assert study.suggestion.met
 
 
 @pytest.mark.parametrize(
-    ("wish", "seconds", "met"),
+    ("limits", "seconds", "met"),
     [
         ({"error": 0.25, "seconds": None}, 10.0, True),
         ({"error": None, "seconds": 50.0}, 10.0, True),
         ({"error": 0.1, "seconds": 5.0}, 1.0, False),
     ],
 )
-def test_a_wish_is_met_or_the_nearest_is_named(
-    study: Study, wish: dict[str, Any], seconds: float, met: bool
+def test_limits_are_met_or_the_nearest_is_named(
+    study: Study, limits: dict[str, Any], seconds: float, met: bool
 ) -> None:
-    found = chosen(study.trials, **wish)
+    found = chosen(study.trials, **limits)
     assert (found.seconds, found.met) == (seconds, met)
 
 

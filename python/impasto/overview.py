@@ -34,7 +34,7 @@ UNKNOWN = (0.04, 0.04, 0.04)
 """Linear light of pixels that were not estimated."""
 VERDICTS = {
     "fitted": "",
-    "mixed": ", one for several kinds",
+    "mixed": ", which does not describe all pixels",
     "at-bound": ", at the bound of its range",
 }
 """Remarks that follow beta and gamma."""

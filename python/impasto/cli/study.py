@@ -62,12 +62,12 @@ def study(
     from impasto.report import report, write_report
     from impasto.study import run, write
     from impasto.study.report import to_dict
-    from impasto.study.suggestion import check_wish
+    from impasto.study.suggestion import check_limits
 
     reading = Reading() if reading is None else reading
     reading.check()
     check_threads(threads)
-    check_wish(error, seconds)
+    check_limits(error, seconds)
     inputs = reading.paths(stack)
     if figure and out is not None:
         need("matplotlib", "plot", "the figure of a study (--no-figure does without)")

@@ -14,7 +14,7 @@ SAMPLE = 4096
 """Pixels that are looked at, spread evenly over the picture."""
 
 LIT = 0.2
-"""Cosine of incidence below which shadow and interreflection rule."""
+"""Cosine of incidence below which samples are left out: shadows and interreflections dominate."""
 
 
 def noise_of_diffuse(stack: Stack, source: Any, diffuse: NDArray[np.float32]) -> float | None:
@@ -22,8 +22,8 @@ def noise_of_diffuse(stack: Stack, source: Any, diffuse: NDArray[np.float32]) ->
 
     Residuals of the photographs against ``(n . l) rho`` over light directions give the noise of a
     sample: by their median, which neither highlights nor shadows move. The noise of the response
-    fitted to m samples is smaller by ``sqrt(n^T (L^T L)^-1 n)``, the formal error of eq. 2's
-    least-squares solution along the normal.
+    fitted to m samples is smaller by ``sqrt(n^T (L^T L)^-1 n)``, the standard error along the
+    normal of the least-squares solution of eq. 2 (RGB-camera paper).
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ VIEW_SETTINGS: tuple[Setting, ...] = ({"model": "lafortune"},)
 """What is tried in addition where the photographs have more than one view."""
 
 NEAR_BEST = 1.03
-"""Without a wish the fastest fit is suggested whose error is within three per cent of the least:
+"""Without a limit the fastest fit is suggested whose error is within three per cent of the least:
 the rule by which the effort ``"standard"`` was chosen."""
 
 
@@ -41,7 +41,7 @@ class Suggestion:
     seconds, error
         Its predicted time and error.
     met
-        Whether the wish can be met.
+        Whether a fit meets the limits.
     tried
         Every trial, the fastest first.
     """
@@ -103,16 +103,16 @@ def suggest_effort(
     GeometryError
         In no fold can the remaining lights determine normals.
     """
-    check_wish(error, seconds)
+    check_limits(error, seconds)
     if error is None and seconds is None:
-        raise ArgumentError("error: say the largest error, or in seconds= the longest time")
+        raise ArgumentError("error: give the largest error (error=) or the longest time (seconds=)")
     many = has_many_views(checked_stack(stack))
     settings = VIEW_SETTINGS + SETTINGS if many else SETTINGS
     trials = ordered_by_work(tried(stack, settings, threads=threads))
     return chosen(trials, error=error, seconds=seconds)
 
 
-def check_wish(error: float | None, seconds: float | None) -> None:
+def check_limits(error: float | None, seconds: float | None) -> None:
     """Refuse an error or a time that no fit could have."""
     for name, value in (("error", error), ("seconds", seconds)):
         if value is not None:

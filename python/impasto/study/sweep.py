@@ -9,7 +9,7 @@ from impasto.effort import Effort
 from impasto.errors import ArgumentError
 from impasto.stack import Stack, checked_stack
 from impasto.study.pareto_front import pareto_front
-from impasto.study.suggestion import SETTINGS, VIEW_SETTINGS, Suggestion, check_wish, chosen
+from impasto.study.suggestion import SETTINGS, VIEW_SETTINGS, Suggestion, check_limits, chosen
 from impasto.study.table import text
 from impasto.study.trials import Advance, Setting, Trial, has_many_views, tried
 
@@ -44,7 +44,7 @@ class Study:
     trials
         Every setting with its error and predicted time, the fastest first.
     suggestion
-        The setting to take for the wish that was given.
+        The setting to take for the given limits.
     """
 
     shape: tuple[int, int, int, int]
@@ -86,8 +86,8 @@ def run(
         normals from least squares, and a few other efforts; with more than one view also
         Lafortune lobes.
     error, seconds
-        The wish, as in :func:`impasto.suggest_effort`. With neither, the suggestion is the fastest
-        setting whose error is within three per cent of the least.
+        The limits, as in :func:`impasto.suggest_effort`. With neither, the suggestion is the
+        fastest setting whose error is within three per cent of the least.
     threads
         Threads of the fits; None: every allowed core.
     advance
@@ -106,7 +106,7 @@ def run(
     GeometryError
         In no fold can the remaining lights determine normals.
     """
-    check_wish(error, seconds)
+    check_limits(error, seconds)
     checked_stack(stack)
     if settings is None:
         settings = SETTINGS + MORE_SETTINGS
