@@ -161,7 +161,7 @@ class Stack:
         observations, bands, height, width = self.shape
         return (
             f"<Stack {observations} photographs of {width} x {height} pixels, {bands} bands, "
-            f"{self.samples.dtype}, {self.encoding.curve}>"
+            f"{self.samples.dtype}, {self._curve_words}>"
         )
 
     def _repr_html_(self) -> str:
@@ -175,10 +175,22 @@ class Stack:
             "size": f"{width} x {height} pixels",
             "bands": ", ".join(self.bands),
             "samples": self.samples.dtype,
-            "tone curve": self.encoding.curve,
+            "tone curve": self._curve_words,
             "rig": repr(self.rig).strip("<>").removeprefix("Rig "),
         }
         return table("Stack", rows, {f"mean of {len(some)} photographs": thumbnail(mean)})
+
+    @property
+    def encoding_source(self) -> str:
+        """How the curve is known: ``"given"``, ``"profile"``, ``"estimated"`` or ``"assumed"``."""
+        found = [str(getattr(note, "how", "")) for note in self.notes if _about_encoding(note)]
+        return next((how for how in found if how), "given")
+
+    @property
+    def _curve_words(self) -> str:
+        """``srgb`` if that was given, else as in ``srgb (assumed)``."""
+        source = self.encoding_source
+        return self.encoding.curve + ("" if source == "given" else f" ({source})")
 
     @property
     def shape(self) -> tuple[int, int, int, int]:
@@ -257,6 +269,10 @@ class Stack:
         samples = arguments.pop("samples")
         rig = arguments.pop("rig", self.rig)
         return Stack(samples, lights=rig, **arguments)
+
+
+def _about_encoding(note: Any) -> bool:
+    return getattr(note, "kind", "") == "encoding"
 
 
 def _samples(samples: ArrayLike, *, scaled: bool) -> tuple[NDArray[Any], float | None]:

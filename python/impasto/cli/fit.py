@@ -262,7 +262,11 @@ def numbers(stack: Stack, sbrdf: Sbrdf, reflectance: Any) -> dict[str, Any]:
     return {
         "shape": stack.shape,
         "bands": stack.bands,
-        "encoding": {"curve": stack.encoding.curve, "white": stack.encoding.white},
+        "encoding": {
+            "curve": stack.encoding.curve,
+            "white": stack.encoding.white,
+            "source": stack.encoding_source,
+        },
         "status": status_counts(sbrdf.status),
         "normals_status": status_counts(sbrdf.normals.status),
         **sbrdf.report(),

@@ -28,12 +28,15 @@ class Note:
         One sentence for people: what was found and what was done.
     repair
         True where the reader changed or dropped something; ``strict=True`` raises instead.
+    how
+        Of a value that nobody gave: ``"assumed"``, or ``"profile"`` where the files state it.
     """
 
     kind: str
     where: str
     message: str
     repair: bool = True
+    how: str = ""
 
     def __str__(self) -> str:
         return f"{self.where}: {self.message}"
@@ -52,13 +55,13 @@ class Notebook:
             raise CorruptInputError(where, f"{message} (refused because of strict=)")
         self._add(Note(kind, str(where), message), logging.WARNING)
 
-    def warn(self, kind: str, where: Path | str, message: str) -> None:
+    def warn(self, kind: str, where: Path | str, message: str, how: str = "") -> None:
         """Note something unusual that was kept."""
-        self._add(Note(kind, str(where), message, repair=False), logging.WARNING)
+        self._add(Note(kind, str(where), message, repair=False, how=how), logging.WARNING)
 
-    def say(self, kind: str, where: Path | str, message: str) -> None:
+    def say(self, kind: str, where: Path | str, message: str, how: str = "") -> None:
         """Note a harmless decision."""
-        self._add(Note(kind, str(where), message, repair=False), logging.INFO)
+        self._add(Note(kind, str(where), message, repair=False, how=how), logging.INFO)
 
     def take(self, note: Any) -> None:
         """Keep a note with more content than a sentence (a tone estimate), and log it."""

@@ -39,6 +39,9 @@ class ImageHeader:
         Of the decoded samples.
     orientation
         EXIF orientation 1..8; 1 where the file does not say.
+    curve
+        Tone curve of the file's colour profile, as :func:`~impasto.io.images.profile.profile_curve`
+        names it; empty where the file has no profile.
     """
 
     path: Path
@@ -48,6 +51,7 @@ class ImageHeader:
     channels: int
     dtype: np.dtype[np.generic]
     orientation: int = 1
+    curve: str = ""
 
     @property
     def nbytes(self) -> int:

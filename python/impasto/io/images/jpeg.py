@@ -10,6 +10,7 @@ import numpy as np
 
 from impasto.errors import CorruptInputError
 from impasto.io.images.header import ImageHeader, exif_orientation, truncated
+from impasto.io.images.profile import jpeg_curve
 
 # A marker that ends entropy-coded data: not a stuffed zero, a restart or a fill byte.
 _MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
@@ -20,6 +21,7 @@ _FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 def jpeg_header(path: Path, data: bytes) -> ImageHeader:
     """Walk the segments and scans to the end-of-image marker."""
     at, frame, orientation = 2, None, 1
+    profile: dict[int, bytes] = {}
     while True:
         if at + 2 > len(data):
             raise truncated(path, "the picture (no end-of-image marker)")
@@ -46,6 +48,8 @@ def jpeg_header(path: Path, data: bytes) -> ImageHeader:
             frame = (width, height, channels)
         elif marker == 0xE1 and data[at + 4 : at + 10] == b"Exif\0\0":
             orientation = exif_orientation(data[at + 10 : at + 2 + length])
+        elif marker == 0xE2 and data[at + 4 : at + 16] == b"ICC_PROFILE\0":
+            profile[data[at + 16]] = data[at + 18 : at + 2 + length]
         at += 2 + length
         if marker == 0xDA:
             found = _MARKER.search(data, at)
@@ -59,4 +63,5 @@ def jpeg_header(path: Path, data: bytes) -> ImageHeader:
         raise CorruptInputError(
             path, "is a CMYK JPEG, made for printing: export the photograph as RGB"
         )
-    return ImageHeader(path, "jpeg", width, height, channels, np.dtype(np.uint8), orientation)
+    dtype, curve = np.dtype(np.uint8), jpeg_curve(profile)
+    return ImageHeader(path, "jpeg", width, height, channels, dtype, orientation, curve)

@@ -10,6 +10,7 @@ import numpy as np
 
 from impasto.errors import CorruptInputError
 from impasto.io.images.header import ImageHeader, exif_orientation, truncated
+from impasto.io.images.profile import png_curve
 
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}
 
@@ -20,6 +21,7 @@ def png_header(path: Path, data: bytes) -> ImageHeader:
     claim: tuple[int, int, int, int] | None = None
     transparent = False
     orientation = 1
+    stated: dict[bytes, bytes] = {}
     while True:
         if at + 12 > len(data):
             raise truncated(path, "the picture (no IEND chunk)")
@@ -42,6 +44,8 @@ def png_header(path: Path, data: bytes) -> ImageHeader:
             transparent = True
         elif kind == b"eXIf":
             orientation = exif_orientation(data[at + 8 : end])
+        elif kind in {b"iCCP", b"sRGB", b"gAMA"}:
+            stated[kind] = data[at + 8 : end]
         elif kind == b"IEND":
             break
         at = end + 4
@@ -50,4 +54,5 @@ def png_header(path: Path, data: bytes) -> ImageHeader:
         raise CorruptInputError(path, f"is damaged: PNG colour type {colour}")
     channels = _PNG_CHANNELS[colour] + transparent
     dtype = np.dtype(np.uint16 if depth == 16 else np.uint8)
-    return ImageHeader(path, "png", width, height, channels, dtype, orientation)
+    curve = png_curve(stated)
+    return ImageHeader(path, "png", width, height, channels, dtype, orientation, curve)

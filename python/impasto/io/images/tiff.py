@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from impasto.errors import CorruptInputError, ImpastoError
 from impasto.io.images.header import ImageHeader, truncated
+from impasto.io.images.profile import profile_curve
 
 _DTYPES = frozenset({"uint8", "uint16", "float16", "float32", "float64"})
 _GREY, _RGB = 1, 2
@@ -64,6 +65,7 @@ def tiff_header(
             int(first.samplesperpixel) * len(pages),
             dtype,
             _orientation(first),
+            _curve(first),
         )
         if check is not None:
             check(header)
@@ -116,6 +118,12 @@ def _orientation(page: Any) -> int:
     tag = page.tags.get(274)
     value = int(tag.value) if tag is not None else 1
     return value if 1 <= value <= 8 else 1
+
+
+def _curve(page: Any) -> str:
+    """The tone curve of the profile, tag 34675; empty if there is none."""
+    tag = page.tags.get(34675)
+    return profile_curve(bytes(tag.value)) if tag is not None else ""
 
 
 def decode_tiff(path: Path, data: bytes) -> NDArray[Any]:

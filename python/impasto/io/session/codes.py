@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +32,8 @@ def read_codes(
     Returns
     -------
     tuple
-        Codes ``(obs, band, y, x)``, the first header (all agree in size and type), and the region
-        as four integers.
+        Codes ``(obs, band, y, x)``, the first header (all agree in size and type; without a
+        tone curve where theirs differ), and the region as four integers.
 
     Raises
     ------
@@ -69,7 +70,7 @@ def read_codes(
             out = _allocate(out, len(observations.files), files[0])
     assert out is not None
     _compare_orientations(headers, notebook)
-    return out, headers[0], area
+    return out, _with_common_curve(headers, notebook), area
 
 
 def _allocate(first: NDArray[Any], count: int, path: Path) -> NDArray[Any]:
@@ -104,6 +105,22 @@ def _refuse(header: ImageHeader, other: ImageHeader, what: str, found: Any, expe
         f"photographs differ in {what}: {header.path} has {found}, {other.path} has {expected}; "
         "all photographs of a stack come from one camera at one setting, uncropped"
     )
+
+
+def _with_common_curve(headers: list[ImageHeader], notebook: Notebook) -> ImageHeader:
+    """The first header, without its tone curve if another photograph has a different one."""
+    first = headers[0]
+    for header in headers:
+        if header.curve != first.curve:
+            notebook.warn(
+                "profile",
+                header.path,
+                f"its profile has the tone curve {header.curve or 'none'}, that of "
+                f"{first.path.name} {first.curve or 'none'}: ignored in all; export all "
+                "photographs alike, or give encoding=",
+            )
+            return replace(first, curve="")
+    return first
 
 
 def _compare_orientations(headers: list[ImageHeader], notebook: Notebook) -> None:

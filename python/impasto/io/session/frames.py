@@ -81,6 +81,14 @@ class Calibration:
         """Whether anything besides the tone curve is applied."""
         return self.dark is not None or self.board is not None or self.gains is not None
 
+    @property
+    def only_level(self) -> bool:
+        """Whether a black level, the same at every pixel, is all there is to apply."""
+        level = self.dark is not None and self.dark.shape[1:] == (1, 1)
+        return (
+            level and self.board is None and self.gains is None and self.encoding.curve == "linear"
+        )
+
     def linear(self, codes: NDArray[Any]) -> NDArray[np.float32]:
         """The tone curve alone, any shape."""
         if codes.dtype.kind == "u":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from impasto.io.images import MAX_PIXELS, read_image
 from impasto.io.lights import LightFile
 from impasto.io.notes import Notebook
 from impasto.io.session.codes import read_codes
+from impasto.io.session.curve import Photographs, choose_curve
 from impasto.io.session.frames import (
     Calibration,
     FrameSource,
@@ -31,16 +31,13 @@ from impasto.io.session.rigs import build_rig, listed_lights, without_falloff
 from impasto.rig import Rig
 from impasto.stack import Stack
 
-ASSUMED = Encoding("linear")
-"""The tone curve if none is given; compared by identity with given ones."""
-
 
 def read_stack(
     path: str | Path,
     *,
     lights: str | Path | LightFile | Rig | ArrayLike | None = None,
     images: str | Path | None = None,
-    encoding: Encoding | str | None = ASSUMED,
+    encoding: Encoding | str | None = None,
     mask: str | Path | ArrayLike | None = None,
     saturation: ArrayLike | None = None,
     white: FrameSource | None = None,
@@ -71,10 +68,11 @@ def read_stack(
     images
         The folder of the photographs; default: that of ``path``.
     encoding
-        How linear light became the files' codes: ``"linear"`` (default), ``"srgb"``, a gamma
-        such as ``"2.2"``, or ``"auto"`` to estimate it from the photographs themselves (the
-        estimate is in the notes, see :func:`impasto.io.estimate_tone`), or None for what such
-        files hold as a rule: sRGB in 8 bits, linear light in more.
+        How linear light became the files' codes: ``"linear"``, ``"srgb"``, a gamma such as
+        ``"2.2"``, or ``"auto"`` to estimate it from the photographs themselves (see
+        :func:`impasto.io.estimate_tone`). None (default): 8-bit files have the curve of their
+        colour profile (ICC), else sRGB, unless twelve or more coloured photographs show beyond
+        doubt that they are not; all other files are linear. What was assumed is in the notes.
     mask
         A picture or ``(y, x)`` array: the painting is where it is not 0.
     saturation
@@ -86,7 +84,8 @@ def read_stack(
         I' = (I - dark) cos(theta_w) / (W - dark): vignetting, fall-off and the strength of the
         lights cancel. Where the board itself is clipped or dark, samples become NaN.
     dark
-        Dark or ambient frames (averaged), or a black level in codes.
+        Dark or ambient frames (averaged), or a black level in codes, one number or one per band.
+        A level alone leaves linear integers as they are and becomes the stack's ``black``.
     board_reflectance
         Reflectance of the board that ``white`` shows, one number or one per band; default: 1.
     intensities
@@ -111,8 +110,8 @@ def read_stack(
     Returns
     -------
     Stack
-        Linear 8 and 16-bit files stay integers; everything else becomes float32. After white-board
-        or dark frames, clipped samples are +inf.
+        Linear integers stay integers, also with a black level; everything else becomes float32.
+        After white-board or dark frames, clipped samples are +inf.
 
     Raises
     ------
@@ -133,7 +132,7 @@ def read_stack(
             "lights": lights, "images": images, "mask": mask, "saturation": saturation,
             "white": white, "dark": dark, "board_reflectance": board_reflectance,
             "intensities": intensities, "pattern": pattern, "bands": bands, "pitch_mm": pitch_mm,
-            "region": region, "layer": layer, "encoding": None if encoding is ASSUMED else encoding,
+            "region": region, "layer": layer, "encoding": encoding,
         }  # fmt: skip
         return read_archive(path, given)
     listed = listed_lights(path, lights, notebook)
@@ -169,7 +168,14 @@ def read_stack(
     full = float(np.iinfo(codes.dtype).max) if integer else 1.0
     levels = _saturation(saturation, shape[0], full if integer else None)
     mask_array = _mask(mask, shape, area)
-    curve = _curve(encoding, codes, full, rig, gains, levels, mask_array, observations, notebook)
+    strengths = rig.intensities[:, None] if gains is None else gains
+    curve = choose_curve(
+        encoding,
+        Photographs(codes, full, rig.directions, strengths, levels, mask_array),
+        header,
+        observations.files[0][0],
+        notebook,
+    )
     calibration = Calibration(
         curve,
         levels,
@@ -186,7 +192,11 @@ def read_stack(
     if white is not None:
         rig = without_falloff(rig)
     samples: NDArray[Any] = codes
-    if calibration.changes or curve.curve != "linear":
+    black: NDArray[np.float64] | float = 0.0
+    if integer and calibration.only_level and dark is not None and frame_paths(dark) is None:
+        # The stack subtracts it from the integers.
+        black = np.asarray(dark, dtype=np.float64).reshape(-1)
+    elif calibration.changes or curve.curve != "linear":
         samples = np.empty(codes.shape, np.float32)
 
         def develop(index: int) -> None:
@@ -201,6 +211,7 @@ def read_stack(
         bands=_bands(bands, observations, shape[0]),
         mask=mask_array,
         saturation=levels,
+        black=black,
         encoding=curve,
         names=observations.names,
         notes=tuple(notebook.notes),
@@ -256,47 +267,6 @@ def _mask(
     if not chosen.any():
         raise ArgumentError("mask: is empty, no pixel belongs to the painting")
     return chosen
-
-
-def _curve(
-    encoding: Encoding | str | None,
-    codes: NDArray[Any],
-    full: float,
-    rig: Rig,
-    gains: NDArray[np.float64] | None,
-    levels: NDArray[np.float64] | None,
-    mask: NDArray[np.bool_] | None,
-    observations: Observations,
-    notebook: Notebook,
-) -> Encoding:
-    if encoding is ASSUMED:
-        encoding = ASSUMED.curve
-    if isinstance(encoding, Encoding):
-        return encoding
-    if encoding is None:
-        curve = "srgb" if full == 255.0 else "linear"
-        bits = "8-bit files" if full == 255.0 else "files with more than 8 bits"
-        folder = observations.files[0][0].parent
-        notebook.say("encoding", folder, f"{bits}, read as {curve} values")
-        return Encoding(curve, full)
-    if str(encoding).lower() != "auto":
-        given = Encoding(encoding, full)
-        first = observations.files[0][0]
-        if given.curve == "linear" and first.suffix.lower() in {".jpg", ".jpeg", ".jpe"}:
-            notebook.warn(
-                "encoding",
-                first.parent,
-                "JPEGs, read as linear light; most are sRGB (encoding=)",
-            )
-        return given
-    from impasto.io.session.tone import estimate_tone
-
-    strengths = rig.intensities[:, None] if gains is None else gains
-    estimate = estimate_tone(
-        codes, rig.directions, white=full, saturation=levels, mask=mask, intensities=strengths
-    )
-    notebook.take(replace(estimate, where=str(observations.files[0][0].parent)))
-    return Encoding(estimate.curve, full)
 
 
 def _bands(

@@ -13,6 +13,7 @@ dichromatic model). Where the paint is coloured enough, differences of bands are
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,6 +45,12 @@ _DECIDES = 0.01
 """Relative margin below which the curves cannot be distinguished ..."""
 _SIGMAS = 3.0
 """... and the number of standard errors, over photographs, that the margin must exceed."""
+
+_SURE = 12
+"""Photographs from which on an estimate may overrule the rule that 8-bit files are sRGB ..."""
+_TIMES = 4.0
+"""... and the error of sRGB that it needs, in units of its own. 3.2 is the largest of 240
+selections of photographs of a gilded icon, which gloss misleads; 14 is that of linear paintings."""
 
 _DARK = 0.02
 """Share of full scale below which codes are shadow, and variations are noise."""
@@ -89,6 +96,7 @@ class ToneEstimate:
     where: str = ""
     kind: str = "encoding"
     repair: bool = False
+    how: str = "estimated"
 
     @property
     def best(self) -> str:
@@ -193,6 +201,29 @@ def estimate_tone(
         plausible,
         coloured,
     )
+
+
+def sure_tone(
+    codes: NDArray[np.generic], directions: ArrayLike, *, white: float, **options: Any
+) -> ToneEstimate | None:
+    """The estimate of :func:`estimate_tone`, if sRGB is wrong beyond doubt; None otherwise.
+
+    That is: coloured photographs under twelve lights or more, whose best curve alone is plausible
+    and predicts held-out photographs four times better than sRGB.
+    """
+    if len(np.asarray(directions)) < _SURE:
+        return None
+    # Two curves first: nearly all stacks of eight bits end here.
+    for candidates in (("srgb", "linear"), CANDIDATES):
+        try:
+            found = estimate_tone(codes, directions, white=white, candidates=candidates, **options)
+        except ArgumentError:
+            return None
+        errors = dict(found.errors)
+        times = errors["srgb"] / max(errors[found.best], 1e-12)
+        if not (found.decided and found.coloured and times >= _TIMES):
+            return None
+    return found
 
 
 def few(count: int) -> NDArray[np.int64]:
