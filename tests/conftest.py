@@ -8,14 +8,12 @@ from pathlib import Path
 import pytest
 
 SLOW = {
-    "test_advice", "test_calls", "test_cli", "test_docs", "test_doctor", "test_effort",
-    "test_inputs", "test_lafortune", "test_lafortune_hard_cases", "test_lafortune_covariance",
-    "test_masks", "test_metamorphic", "test_normals", "test_sbrdf_pooled", "test_simulate",
-    "test_simulate_capture", "test_study_costs", "test_study_excess",
-    "test_study_journal", "test_study_own", "test_study_recorded", "test_stubs", "test_suggestions",
-    "test_systems", "test_tone",
+    "test_advice", "test_calls", "test_inputs", "test_lafortune", "test_lafortune_covariance",
+    "test_masks", "test_metamorphic", "test_simulate", "test_simulate_capture", "test_study_costs",
+    "test_study_excess", "test_study_journal", "test_study_own", "test_study_recorded",
+    "test_stubs", "test_suggestions", "test_systems", "test_tone",
 }  # fmt: skip
-"""Files that took more than 3 s of CPU time: nine tenths of the time, a third of the tests."""
+"""Files of which most tests are slow; in other files each slow test has its own mark."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

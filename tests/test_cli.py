@@ -476,6 +476,7 @@ def run(*words: str, **options: object) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_progress_and_complaints_leave_stdout_alone(stack: Path, tmp_path: Path) -> None:
     done = run("fit", str(stack), "--out", str(tmp_path / "out"))
     assert (done.returncode, done.stdout) == (0, "")
@@ -486,11 +487,13 @@ def test_progress_and_complaints_leave_stdout_alone(stack: Path, tmp_path: Path)
     assert failed.stderr.startswith("impasto: nowhere.lp")
 
 
+@pytest.mark.slow
 def test_quiet_says_nothing(stack: Path, tmp_path: Path) -> None:
     done = run("fit", str(stack), "--out", str(tmp_path / "out"), "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+@pytest.mark.slow
 def test_the_package_runs_as_the_program() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "impasto", "--version"], capture_output=True, text=True, check=False
@@ -500,6 +503,7 @@ def test_the_package_runs_as_the_program() -> None:
     assert subprocess.run(wrong, capture_output=True, check=False).returncode == 2
 
 
+@pytest.mark.slow
 def test_an_ascii_terminal_gets_its_table(tmp_path: Path) -> None:
     ascii_only = os.environ | {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
     done = run("demo", "--size", "16", "--out", str(tmp_path / "demo"), env=ascii_only)
@@ -507,6 +511,7 @@ def test_an_ascii_terminal_gets_its_table(tmp_path: Path) -> None:
     assert "normals" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="a shell as on POSIX")
 @pytest.mark.parametrize(
     ("words", "redirection"),
@@ -534,6 +539,7 @@ def test_a_defect_has_its_own_exit_code(
     assert "please report it" in said(capsys)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals as on POSIX")
 def test_ctrl_c_stops_within_a_second_and_leaves_nothing(tmp_path: Path) -> None:
     process = subprocess.Popen(

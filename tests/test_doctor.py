@@ -54,6 +54,7 @@ def found(diagnosis: doctor.Diagnosis) -> set[str]:
     return {f.code for f in diagnosis.of("warning", "error")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", RIGS)
 @pytest.mark.parametrize("varnish", [None, "matte", "satin", "gloss", "patches"])
 @pytest.mark.parametrize("seed", [0, 1])
@@ -65,6 +66,7 @@ def test_a_healthy_stack_raises_no_alarm(rig: str, varnish: str | None, seed: in
     assert diagnosis.usable
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("varnish", [None, "matte", "gloss"])
 @pytest.mark.parametrize("rig", RIGS)
 def test_a_flat_painting_raises_no_alarm(rig: str, varnish: str | None) -> None:
@@ -73,6 +75,7 @@ def test_a_flat_painting_raises_no_alarm(rig: str, varnish: str | None) -> None:
         assert found(diagnosis) == set(), diagnosis
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", RIGS)
 @pytest.mark.parametrize("varnish", ["matte", "gloss"])
 @pytest.mark.parametrize(
@@ -95,6 +98,7 @@ def test_wrong_directions_are_found(
     assert {finding.numbers["repair"], finding.numbers["alternative_repair"]} == repairs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("matrix", "severity", "repair"),
     [
@@ -120,6 +124,7 @@ def test_falloff_tells_one_side_from_the_other(
     assert "alternative" not in finding.numbers
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [15, 30, 45, 60, -30])
 def test_a_turned_camera_is_found(angle: float) -> None:
     """The curl gives the rotation to a degree or two, up to 180 degrees."""
@@ -130,6 +135,7 @@ def test_a_turned_camera_is_found(angle: float) -> None:
     assert finding.numbers["curl_best_rotation_deg"] == pytest.approx(angle, abs=2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "verdict"),
     [
@@ -154,6 +160,7 @@ def test_lights_out_of_step_are_found(order: np.ndarray, verdict: str | None) ->
     np.testing.assert_array_equal(repaired, stack.rig.directions)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", RIGS)
 @pytest.mark.parametrize("varnish", [None, "satin", "gloss"])
 @pytest.mark.parametrize("seed", [0, 1])
@@ -166,6 +173,7 @@ def test_an_exchanged_pair_is_found(rig: str, varnish: str | None, seed: int) ->
     assert finding.observations == (2, 6)
 
 
+@pytest.mark.slow
 def test_case_21_a_copied_photograph_is_found() -> None:
     stack = captured()
     samples = stack.samples.copy()
@@ -179,6 +187,7 @@ def test_case_21_a_copied_photograph_is_found() -> None:
     assert doctor.examine(same_light)["repeated-lights"].observations == (3, 16)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("varnish", ["matte", "satin"])
 def test_a_photograph_saved_twice_is_found(varnish: str) -> None:
     stack = captured(varnish=varnish)
@@ -249,6 +258,7 @@ def test_missing_samples() -> None:
     assert doctor.examine(empty)["mask"].severity == "error"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", RIGS)
 @pytest.mark.parametrize("factor", [0.6, 1.6])
 def test_an_odd_lamp_is_found(rig: str, factor: float) -> None:
@@ -265,6 +275,7 @@ def test_an_odd_lamp_is_found(rig: str, factor: float) -> None:
     assert doctor.examine(told)["strengths"].severity == "ok"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", RIGS)
 @pytest.mark.parametrize("varnish", [None, "matte", "satin", "gloss"])
 def test_a_wrong_tone_curve_is_found(rig: str, varnish: str | None) -> None:
@@ -342,6 +353,7 @@ def test_point_lights_are_taken_as_such() -> None:
     assert found(diagnosis) == set(), diagnosis
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coded", [False, True])
 def test_the_tone_of_hundreds_of_photographs_takes_little_memory(coded: bool) -> None:
     """As many as there are pairs of light and view in a large capture."""
@@ -363,6 +375,7 @@ def test_the_tone_of_hundreds_of_photographs_takes_little_memory(coded: bool) ->
     assert peak < 300e6
 
 
+@pytest.mark.slow
 def test_the_same_stack_gets_the_same_diagnosis() -> None:
     stack = captured(4, RIGS[0])
     assert doctor.examine(stack).to_dict() == doctor.examine(stack).to_dict()
@@ -385,6 +398,7 @@ def icon(data: Path) -> Stack:
     return read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb")
 
 
+@pytest.mark.slow
 def test_icon_is_usable(icon: Stack) -> None:
     """72 photographs of a gilded icon; 2.2 % of the samples have the code 255."""
     diagnosis = doctor.examine(icon)
@@ -397,6 +411,7 @@ def test_icon_is_usable(icon: Stack) -> None:
     assert share == pytest.approx(0.022, abs=0.001)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("flip", "repair"), [((1, -1, 1), "(x, -y, z)"), ((-1, 1, 1), "(-x, y, z)")]
 )
@@ -407,12 +422,14 @@ def test_icon_mirrored(icon: Stack, flip: tuple[int, int, int], repair: str) -> 
     assert "alternative" not in finding.numbers
 
 
+@pytest.mark.slow
 def test_icon_turned_by_half(icon: Stack) -> None:
     finding = doctor.examine(altered(icon, lights=icon.rig.directions * (-1, -1, 1)))["directions"]
     assert finding.severity == "warning"
     assert "180 degrees" in finding.message
 
 
+@pytest.mark.slow
 def test_icon_exchanged_pair(icon: Stack) -> None:
     for a, b in ((10, 40), (3, 50)):
         lights = icon.rig.directions.copy()
@@ -422,6 +439,7 @@ def test_icon_exchanged_pair(icon: Stack) -> None:
         assert finding.observations == (a, b)
 
 
+@pytest.mark.slow
 def test_icon_out_of_step(icon: Stack) -> None:
     bad = altered(icon, lights=np.roll(icon.rig.directions, 1, axis=0))
     diagnosis = doctor.examine(bad)
@@ -429,6 +447,7 @@ def test_icon_out_of_step(icon: Stack) -> None:
     assert diagnosis["directions"].severity == diagnosis["pairing"].severity == "ok"
 
 
+@pytest.mark.slow
 def test_icon_read_as_linear(icon: Stack, data: Path) -> None:
     linear = read_stack(data / "icon_rti" / "dirs.lp", encoding="linear")
     finding = doctor.examine(linear)["encoding"]
@@ -436,6 +455,7 @@ def test_icon_read_as_linear(icon: Stack, data: Path) -> None:
     assert "linear" not in finding.numbers["plausible"]
 
 
+@pytest.mark.slow
 def test_command_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -461,6 +481,7 @@ def test_command_line(
     capsys.readouterr()
 
 
+@pytest.mark.slow
 def test_repaired_lights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Mirrored in y, and photographs 2 and 6 exchanged: the written file puts both right."""
     near = simulate.rig(RIGS[1], distance_mm=30.0)

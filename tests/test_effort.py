@@ -117,6 +117,7 @@ def test_unknown_efforts_are_named(stack: impasto.Stack) -> None:
 # --- suggestions
 
 
+@pytest.mark.slow
 def test_a_suggestion_meets_an_error(stack: impasto.Stack) -> None:
     loose, tight = (impasto.suggest_effort(stack, error=error) for error in (0.9, 1e-4))
     assert loose.met
@@ -127,6 +128,7 @@ def test_a_suggestion_meets_an_error(stack: impasto.Stack) -> None:
     assert "fit_sbrdf(stack, " in str(loose)
 
 
+@pytest.mark.slow
 def test_a_suggestion_meets_a_time(stack: impasto.Stack) -> None:
     long, short = (impasto.suggest_effort(stack, seconds=s) for s in (1e6, 1e-9))
     assert long.met
@@ -179,6 +181,7 @@ def test_lights_that_lie_in_a_plane_but_for_those_held_out(stack: impasto.Stack)
         impasto.suggest_effort(flat, error=0.1)
 
 
+@pytest.mark.slow
 def test_a_turn_without_which_lights_lie_in_a_plane_is_passed_over(stack: impasto.Stack) -> None:
     """The first of three turns holds out the one that stands apart; the others tell enough."""
     tried = impasto.suggest_effort(_arc(stack, 0), error=0.99).tried
@@ -336,6 +339,7 @@ def test_an_error_relative_to_nothing() -> None:
     assert np.isnan(relative_error(grey, np.full(3, np.nan)))
 
 
+@pytest.mark.slow
 def test_a_suggestion_keeps_its_word() -> None:
     """On a painting that no setting was chosen on, and photographs that no trial saw.
 

@@ -275,6 +275,7 @@ def test_hard_case_31_a_sharp_highlight_is_no_outlier(surface: Surface) -> None:
     assert np.median(np.abs(peak / 3.9 - 1.0)) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [7, 1])
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
 def test_hard_case_31_some_gross_outliers_turn_no_normal(every: int, count: int) -> None:

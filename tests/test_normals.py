@@ -114,6 +114,7 @@ def test_every_method_agrees_with_its_definition(method: str, count: int) -> Non
     assert skipped < 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_bands_share_a_normal_and_clipped_bands_take_the_others_with_them(method: str) -> None:
     rng = np.random.default_rng(2)
@@ -132,6 +133,7 @@ def test_bands_share_a_normal_and_clipped_bands_take_the_others_with_them(method
     assert by_name.normal.tobytes() == by_number.normal.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_near_lights_have_their_own_direction_at_every_pixel(method: str) -> None:
     rng = np.random.default_rng(3)
@@ -167,6 +169,7 @@ def test_the_paper_s_top_light_is_highlight_on_a_flat_matte_pixel() -> None:
     np.testing.assert_allclose(fit.normal[2], 1.0, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_crops_of_the_icon_agree(method: str, data: Path) -> None:
     stack = impasto.read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb")
@@ -222,6 +225,7 @@ print(digest.hexdigest(), impasto._core.build_info()["simd"])
 """
 
 
+@pytest.mark.slow
 def test_every_instruction_set_gives_the_same_bits() -> None:
     found: dict[str, str] = {}
     for level in ("baseline", "avx2", "avx512"):

@@ -73,6 +73,7 @@ def excess(stack: impasto.Stack, precision: Precision) -> Any:
     return np.array(shares)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", ["polished", "double"])
 def test_double_precision_ends_at_the_least_there_is(
     stack: impasto.Stack, precision: Precision

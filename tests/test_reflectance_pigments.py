@@ -63,6 +63,7 @@ def test_the_default_is_never_much_worse_than_wiener(shipped):
         assert ratio <= 1.05
 
 
+@pytest.mark.slow
 def test_more_training_spectra_pay_off(data):
     rows = {(row["training"], row["estimator"]): row for row in benchmark.by_training_size(data)}
     assert rows[1497, "radial-basis"]["spectrum"] <= 0.0060

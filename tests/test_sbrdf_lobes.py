@@ -394,6 +394,7 @@ def test_lobes_that_need_not_be_worth_their_unknowns(scene: Any) -> None:
     assert other.lobes[fine].mean() > one.lobes[fine].mean() + 0.5
 
 
+@pytest.mark.slow
 def test_the_search_ends_where_scipy_ends(scene: Any) -> None:
     """The search on the mean of the bands, before weights are renewed, on every eleventh pixel."""
     _, _, stack = scene

@@ -157,6 +157,7 @@ def fingerprint(fitted: impasto.PooledSbrdf) -> tuple[bytes, ...]:
     return (*(m.tobytes() for m in maps), fitted.status.tobytes(), fitted.covariance.tobytes())
 
 
+@pytest.mark.slow
 def test_threads_change_no_bit() -> None:
     # 9 tiles of 4096 pixels, the last one incomplete.
     samples = np.tile(photographs(), (1, 1, 7, 7))[:, :, :151, :223]
@@ -167,6 +168,7 @@ def test_threads_change_no_bit() -> None:
         assert fingerprint(one) == fingerprint(other)
 
 
+@pytest.mark.slow
 def test_instruction_sets_change_no_bit(tmp_path: Path) -> None:
     np.save(tmp_path / "samples.npy", photographs())
     np.save(tmp_path / "lights.npy", oracle.lights())
