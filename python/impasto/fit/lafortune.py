@@ -32,15 +32,16 @@ class LafortuneSbrdf(PerPixelSbrdf):
 
     Radiance ``irradiance (N.L) (diffuse + sum over lobes of specular d^exponent)`` with
     ``d = cxy (L.V - (N.L)(N.V)) + cz (N.L)(N.V)``, 0 where it is negative: Lafortune et al. 1997
-    with ``Cx = Cy``, about the free normal of the third paper. Only ``specular * d**exponent``
-    means anything: ``(cxy, cz)`` could be longer and ``specular`` smaller. Here, as in McAllister
-    et al. 2002, the strength stands apart: ``cxy**2 + cz**2 = 2``, so that Phong's mirror lobe is
-    (-1, 1) and ``specular`` its peak.
+    with ``Cx = Cy``, about the free normal of the third paper. Only the product
+    ``specular * d**exponent`` is determined: a larger ``(cxy, cz)`` and a smaller ``specular`` give
+    the same. As in McAllister et al. 2002, the strength is separated by ``cxy**2 + cz**2 = 2``, so
+    that Phong's mirror lobe is (-1, 1) and ``specular`` its peak.
 
-    What every result has: :class:`Sbrdf`. ``normal`` was searched for together with the
-    lobes, on the mean of the bands, from where a cosine lobe points; ``sigma`` is NaN where it is
-    that of photometric stereo. Gross outliers are left out, of ``residual`` too. Where views
-    differ, pixels are estimated whose lights lie in a plane (``RANK_DEFICIENT`` in ``normals``).
+    :class:`Sbrdf` has the members of all results. ``normal`` was fitted together with the lobes, on
+    the mean of the bands, starting from the direction of a cosine lobe. ``sigma`` is NaN where the
+    normal is that of photometric stereo. Gross outliers are excluded, also from ``residual``. Where
+    views differ, pixels are estimated even if their lights lie in a plane (``RANK_DEFICIENT`` in
+    ``normals``).
 
     Attributes
     ----------
@@ -48,27 +49,28 @@ class LafortuneSbrdf(PerPixelSbrdf):
         ``(lobe, band, y, x)`` float32 strength of each lobe in each band, from 0 on; 0 where a
         pixel has fewer lobes.
     lobes
-        ``(y, x)`` uint8: how many lobes the photographs support. Under no light and view does a
-        lobe reflect more than 64 times what a photograph of the pixel shows of it.
+        ``(y, x)`` uint8: number of lobes that the photographs support. Under any light and view, a
+        lobe reflects at most 64 times its largest value in the photographs of the pixel.
     cxy, cz, exponent
         ``(lobe, y, x)`` float32 shape of each lobe, the sharpest first; NaN where there is none.
     specular_sigma
-        ``(lobe, y, x)`` float32 standard deviation of ``specular``, the mean of the bands, relative
-        to it. Like the next two it takes noise from the pixel's own residuals and everything else
-        (normal, diffuse part, other lobes) for as unknown as it is; it is NaN where there is no
-        lobe, where there are as many samples as unknowns, and where the samples do not tell: of a
-        number that ended at its bound, or that another one can stand in for to 12 digits.
+        ``(lobe, y, x)`` float32 relative standard deviation of ``specular``, the mean of the bands.
+        Like the next two, it takes the noise from the residuals of the pixel and includes the
+        errors of all other parameters (normal, diffuse part, other lobes). It is NaN where there is
+        no lobe, where there are as many samples as unknowns, and where the samples do not determine
+        the parameter: one at its bound, or one that another can replace to 12 digits.
     direction_sigma
         ``(lobe, y, x)`` float32 standard deviation, radians, of the direction of ``(cxy, cz)``:
-        under light at 45 degrees ``specular`` is the most that a lobe reflects into any view of the
-        plane of incidence, and this is how surely that view is known. ``cxy`` deviates by it times
-        ``cz``, ``cz`` by it times ``cxy``. NaN, too, where the direction is given (``"one-view"``).
+        under light at 45 degrees, ``specular`` is the largest reflection of the lobe into any view
+        in the plane of incidence, and this is the error of that view. The deviation of ``cxy`` is
+        this times ``cz``, that of ``cz`` this times ``cxy``. Also NaN where the direction is fixed
+        (``"one-view"``).
     exponent_sigma
         ``(lobe, y, x)`` float32 standard deviation of log exponent.
     verdict
-        ``"fitted"``; ``"one-view"``: all photographs show the painting from one direction, which
-        cannot tell a tilted normal from a tilted lobe: normals are those of photometric stereo,
-        lobes are Phong's (``cxy = -1``, ``cz = 1``).
+        ``"fitted"``; ``"one-view"``: all photographs have one view, which cannot distinguish a
+        tilted normal from a tilted lobe. Normals are then those of photometric stereo, and lobes
+        are Phong's (``cxy = -1``, ``cz = 1``).
     """
 
     SHAPE: ClassVar[tuple[str, ...]] = ("cxy", "cz", "exponent")
@@ -82,7 +84,7 @@ class LafortuneSbrdf(PerPixelSbrdf):
     verdict: str = field(metadata=over(dtype=np.str_))
 
     def surface(self) -> Surface:
-        """The painting with every pixel's lobes, ready to be lit."""
+        """The painting with the lobes of every pixel, for rendering."""
         return Surface.lafortune(
             self.normal,
             self.diffuse,
@@ -95,10 +97,10 @@ class LafortuneSbrdf(PerPixelSbrdf):
 
     @property
     def width(self) -> NDArray[np.float32]:
-        """``(lobe, y, x)`` radians: half the angle at which a Phong lobe so sharp has halved.
+        """``(lobe, y, x)`` radians: half the angle at which a Phong lobe has halved.
 
-        The highlight turns by twice the tilt of a facet: comparable with the ``gamma`` of
-        Torrance-Sparrow lobes. NaN where there is no lobe.
+        The highlight moves by twice the tilt of a facet, so this is comparable with the ``gamma``
+        of Torrance-Sparrow lobes. NaN where there is no lobe.
         """
         return np.asarray(0.5 * np.arccos(0.5 ** (1.0 / self.exponent)), dtype=np.float32)
 

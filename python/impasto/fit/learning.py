@@ -31,26 +31,26 @@ KIND = "impasto.LearnedModel"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LearnedModel:
-    """What :func:`learn_sbrdf` found out about a whole painting: small, and all that a tile needs.
+    """A model of a whole painting from :func:`learn_sbrdf`: what the fit of a tile needs of it.
 
     Attributes
     ----------
     model, pooling
-        Which fit this is; see :func:`impasto.fit_sbrdf`.
+        The fit; see :func:`impasto.fit_sbrdf`.
     extent
         Rows and columns of the whole painting.
     bands
-        How many bands the photographs have.
+        Number of bands.
     method
-        The photometric stereo that the fit begins with; None: the default of
+        The method of photometric stereo that the fit starts with; None: the default of
         :func:`impasto.fit_normals`.
     effort
-        How far the fit goes.
+        Accuracy against time.
     lobes
-        Lobes per pixel at most; 1 where pixels are pooled.
+        Largest number of lobes per pixel; 1 with one lobe for the painting.
     fit
-        The painting's lobe, or the prior of lobes per pixel; None for Lafortune lobes, which every
-        pixel finds by itself.
+        The painting's lobe, or the prior of lobes per pixel; None for Lafortune lobes, which are
+        fitted to each pixel alone.
     """
 
     model: Model
@@ -71,10 +71,10 @@ class LearnedModel:
 
     @property
     def halo(self) -> int:
-        """Pixels around a tile whose samples its fit needs, as far as the painting reaches.
+        """Width in pixels of the border around a tile that its fit needs, within the painting.
 
-        They are the seeds of ``Effort(start="neighbours")``: the fits of every fourth pixel of
-        every fourth row of the whole painting, from which searches around them start.
+        The border contains the seeds of ``Effort(start="neighbours")``: the fits of every fourth
+        pixel of every fourth row of the whole painting, from which searches around them start.
         """
         seeds = isinstance(self.fit, LearnedLobes) and self.fit.options.start == "neighbours"
         return HALO if seeds else 0
@@ -88,16 +88,16 @@ class LearnedModel:
         threads: int | None = None,
         progress: bool | ProgressCallback = False,
     ) -> Sbrdf:
-        """Fit a tile. Its maps are those of the whole painting's fit, bit for bit.
+        """Fit a tile. Its maps are bit-identical to those of the whole painting.
 
         Parameters
         ----------
         stack
-            Photographs of the painting, or of a part of it: ``stack[y0:y1, x0:x1]`` knows where it
-            lies (``rig.origin``).
+            Photographs of the painting, or of a part of it: ``stack[y0:y1, x0:x1]`` keeps its
+            position (``rig.origin``).
         rows, columns
-            The tile, in pixels of the stack; default: all of it. Around it the stack must reach
-            :attr:`halo` pixels farther, as far as the painting does.
+            The tile, in pixels of the stack; default: all of it. The stack must contain a border
+            of :attr:`halo` pixels around it, except at the edges of the painting.
         threads, progress
             As in :func:`impasto.fit_sbrdf`.
 
@@ -171,10 +171,11 @@ def learn_sbrdf(
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> LearnedModel:
-    """Learn what :func:`impasto.fit_sbrdf` must know about a whole painting before it fits a tile.
+    """Learn a model of a whole painting, for fitting it tile by tile.
 
-    The pooled lobe, or the prior of lobes per pixel. ``learn_sbrdf(stack).apply(stack)`` is
-    ``fit_sbrdf(stack)``, bit for bit, and so are its tiles.
+    It contains the pooled lobe, or the prior of lobes per pixel.
+    ``learn_sbrdf(stack).apply(stack)`` is bit-identical to ``fit_sbrdf(stack)``, and so are its
+    tiles.
 
     Parameters
     ----------
@@ -220,7 +221,7 @@ def learn_sbrdf(
 
 
 def load_learned(path: str | os.PathLike[str]) -> LearnedModel:
-    """Read what :meth:`LearnedModel.save` wrote.
+    """Read a model that :meth:`LearnedModel.save` wrote.
 
     Raises
     ------

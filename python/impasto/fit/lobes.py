@@ -33,10 +33,10 @@ class LobeSbrdf(PerPixelSbrdf):
     The model is eq. 1 of the six-band paper with a strength per band and lobe, and a constant:
     ``irradiance * (diffuse N.L + sum over lobes of specular D F G / (N.V)) + ambient``. Varnish is
     a lobe with equal strengths (``beta`` of eq. 1), gold one with a diffuse part near 0 and
-    coloured strengths. What every result has: :class:`Sbrdf`. ``sigma`` is at most pi / 2, which
-    says that the photographs leave the normal open. There is no ``verdict`` as in the results
-    whose pixels share a lobe or a condition (:class:`PooledSbrdf`, :class:`LafortuneSbrdf`):
-    ``lobes``, ``status`` and ``converged`` say it for each pixel.
+    coloured strengths. :class:`Sbrdf` has the members of all results. ``sigma`` is at most pi / 2:
+    the photographs do not determine the normal. There is no ``verdict`` of the painting, as in
+    :class:`PooledSbrdf` and :class:`LafortuneSbrdf`: see ``lobes``, ``status`` and ``converged`` of
+    each pixel.
 
     Attributes
     ----------
@@ -44,21 +44,21 @@ class LobeSbrdf(PerPixelSbrdf):
         ``(lobe, band, y, x)`` float32: the strength (``beta`` of eq. 1) of each lobe in each band;
         0 where a pixel has fewer lobes.
     lobes
-        ``(y, x)`` uint8: how many lobes the photographs support.
+        ``(y, x)`` uint8: number of lobes that the photographs support.
     ambient
-        ``(band, y, x)`` float32: light that comes whatever the lamp's direction (inter-reflections,
-        a room that is not dark), relative to the white board.
+        ``(band, y, x)`` float32: light that does not depend on the lamp's direction
+        (inter-reflections, a room that is not dark), relative to the white board.
     gamma
         ``(lobe, y, x)`` float32: half-width of the lobe's facets, radians; narrowest first.
     gamma_sigma
-        ``(lobe, y, x)`` float32: standard deviation of log gamma; NaN, too, where a search that was
-        cut short (``converged``; mostly by ``effort="draft"``) left one whose width nothing tells.
+        ``(lobe, y, x)`` float32: standard deviation of log gamma. Also NaN where a search ended
+        early (``converged``; mostly with ``effort="draft"``) at an undetermined width.
     tinted
-        ``(lobe, y, x)`` bool: whether the photographs ask for a strength per band (gold, bronzing);
-        False where one strength serves all of them (varnish), or the pixel has no such lobe.
+        ``(lobe, y, x)`` bool: whether the photographs support a strength per band (gold, bronzing);
+        False where one strength fits all bands (varnish), or the pixel has no such lobe.
     converged
-        ``(y, x)`` bool: whether the pixel's last search ended by its own tests; False where it
-        ran out of steps or stalled, and where nothing is estimated.
+        ``(y, x)`` bool: whether the pixel's last search ended by its convergence tests; False where
+        it ran out of steps or stalled, and where nothing is estimated.
     index
         Index of refraction of the interface.
     """
@@ -73,7 +73,7 @@ class LobeSbrdf(PerPixelSbrdf):
     index: float = field(metadata=over(dtype=np.float64))
 
     def surface(self) -> Surface:
-        """The painting with every pixel's lobes and what is ambient, ready to be lit."""
+        """The painting with the lobes and the ambient light of every pixel, for rendering."""
         return Surface.torrance_sparrow(
             self.normal,
             self.diffuse,
@@ -86,14 +86,14 @@ class LobeSbrdf(PerPixelSbrdf):
 
     @property
     def width(self) -> NDArray[np.float32]:
-        """``gamma``, by the name that lobes of all models have."""
+        """``gamma``, under the name that lobes of all models have."""
         return self.gamma
 
     def _shape_sigma(self, lobe: int, y: int, x: int) -> float:
         return float(self.gamma_sigma[lobe, y, x])
 
     def report(self) -> dict[str, Any]:
-        """Plain numbers of the gloss for a report file."""
+        """Numbers of the gloss for a report file."""
         return {**super().report(), "index": self.index}
 
     def _demand(self, maps: SavedMaps, prefix: str = "") -> None:

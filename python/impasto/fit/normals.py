@@ -22,17 +22,17 @@ from impasto.status import Status
 
 Method = Literal["robust", "least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey"]
 METHODS: tuple[Method, ...] = get_args(Method)
-"""What ``fit_normals(method=)`` knows."""
+"""Methods of :func:`fit_normals`."""
 
 MOST_STEPS = 1000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Normals(PixelMaps):
-    """Normals and albedo, and how far each can be trusted.
+    """Normals and albedo with their errors.
 
-    NaN stands where ``status`` says that a quantity could not be estimated: everywhere from 16 on,
-    and in ``residual`` and ``sigma`` where it is ``EXACT``. The albedo of a ``DARK`` pixel is 0.
+    Maps are NaN where ``status`` is 16 or more; ``residual`` and ``sigma`` also where it is
+    ``EXACT``. The albedo of a ``DARK`` pixel is 0.
 
     Parameters
     ----------
@@ -41,23 +41,23 @@ class Normals(PixelMaps):
     albedo
         ``(band, y, x)`` float32, diffuse reflectance relative to the white board.
     used
-        ``(y, x)`` uint16, how many samples carry the result.
+        ``(y, x)`` uint16, number of samples that the result uses.
     rejected
-        ``(4, y, x)`` uint16, how many do not, by reason: saturated, invalid, shadow, highlight.
-        With ``used`` they add up to the number of observations (all 0 outside the mask).
+        ``(4, y, x)`` uint16, number of samples not used, by reason: saturated, invalid, shadow,
+        highlight. With ``used`` the sum is the number of observations (all 0 outside the mask).
     residual
         ``(y, x)`` float32, root mean square of the used samples' residuals, linear light.
     condition
         ``(y, x)`` float32, condition number of the matrix whose rows are the directions of the
         used lights (times the irradiance of near ones): half a percent of noise tilts the normal
-        by about 0.1 degree times this.
+        by about 0.1 degree times this number.
     sigma
         ``(y, x)`` float32, predicted standard deviation of the normal along its worst axis, rad:
         68 % of errors along that axis are smaller where the noise is normal.
     status
         ``(y, x)`` uint8, see :class:`~impasto.Status`.
     method
-        Which samples were left out, as in :func:`fit_normals`.
+        The method of :func:`fit_normals`.
     """
 
     normal: NDArray[np.float32] = field(metadata=over("axis", "y", "x"))
@@ -71,9 +71,9 @@ class Normals(PixelMaps):
     method: str = field(metadata=over(dtype=np.str_))
 
     def within(self, mask: NDArray[np.bool_]) -> Normals:
-        """The same normals where ``mask (y, x)`` is True; nothing is known, nor counted, outside.
+        """The same normals inside ``mask (y, x)``; pixels outside become ``MASKED``.
 
-        As if they had been fitted to photographs with this mask.
+        The result is that of a fit to photographs with this mask.
         """
         outside = ~mask
         if not outside.any():
@@ -124,21 +124,21 @@ def fit_normals(
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Normals:
-    """Fit every pixel's normal and albedo.
+    """Fit the normal and the albedo of every pixel by photometric stereo.
 
-    A matte surface under light i sends ``I_i = albedo (N . l_i)`` (RGB-camera paper, eq. 2),
-    solved by least squares over the samples that are neither highlight nor shadow. Samples that
-    are clipped or missing in any band are left out first, whatever the method. Near lights have
-    their own direction, and their fall-off, at every pixel.
+    A matte surface reflects ``I_i = albedo (N . l_i)`` under light i (RGB-camera paper, eq. 2). The
+    equations of the samples that are neither highlight nor shadow are solved by least squares.
+    Every method first excludes samples that are clipped or missing in any band. Near lights have
+    their own direction and fall-off at every pixel.
 
     Parameters
     ----------
     stack
         At least three photographs whose lights do not lie in one plane.
     method
-        Which other samples are left out, or weigh less:
+        How highlights and shadows are excluded, or weighted less:
 
-        - ``"robust"``: ``"rank"``, then five steps of ``"l1"`` among the samples that it kept;
+        - ``"robust"``: ``"rank"``, then five steps of ``"l1"`` on the samples that it keeps;
         - ``"least-squares"``: none;
         - ``"threshold"``: the papers' rule (RGB-camera paper, section 3.2): a sample whose mean
           over the bands exceeds ``w1`` times the pixel's mean over the lights is highlight, one
@@ -149,11 +149,11 @@ def fit_normals(
           iterated: ``1 / |R|``, ``min(1, 1.345 s / |R|)``, ``1 / (1 + (R / 2.385 s)^2)``,
           ``(1 - (R / 4.685 s)^2)^2`` within ``4.685 s``; s is 1.4826 times the median of ``|R|``.
 
-        Where a method leaves fewer than four samples, those of middle rank are taken back
-        (status ``RELAXED``).
+        Where a method leaves fewer than four samples, rejected samples of middle rank are used
+        again (status ``RELAXED``).
     low, high
-        Shares of the darkest and up to the brightest samples; a glossy painting wants ``low``
-        higher.
+        Limits of ``"rank"``, as shares of the samples from dark to bright; a glossy painting needs
+        a higher ``low``.
     w1, w2
         Thresholds relative to the pixel's mean.
     steps
@@ -161,11 +161,11 @@ def fit_normals(
         the others.
     selection
         The band (its name or number) that normals are solved from, ``"green"`` in the papers;
-        default: the mean of the bands. What is left out is always decided on the mean.
+        default: the mean of the bands. Highlights and shadows are always detected on the mean.
     effort
         ``"draft"``, ``"standard"``, ``"reference"`` or an :class:`Effort`.
     threads, progress
-        As everywhere: None means every allowed core; a bool or a callable ``(done, total)``.
+        None means every allowed core; a bool or a callable ``(done, total)``.
 
     Returns
     -------
@@ -178,7 +178,7 @@ def fit_normals(
         If there are fewer than three lights, or all of them lie in one plane or behind the
         painting.
     ArgumentError
-        If an option makes no sense; the message names it.
+        An option that is not valid; the message names it.
     """
     one_of(method, METHODS, "method")
     if steps is not None and not (is_whole(steps) and 0 <= steps <= MOST_STEPS):

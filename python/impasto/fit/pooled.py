@@ -38,13 +38,13 @@ _WITHOUT = {"no-highlight": "no highlight", "too-few": "no pixel that could show
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PooledSbrdf(Sbrdf):
-    """A painting with one lobe for all pixels; what every result has: :class:`Sbrdf`.
+    """A painting with one lobe for all pixels. :class:`Sbrdf` has the members of all results.
 
     ``residual`` and ``sigma`` of an :attr:`~impasto.Status.EXACT` pixel are NaN where its samples
-    (three lights in one band) are no more than its unknowns. ``sigma`` takes the lobe for known,
-    colours following. ``status`` is that of the normals, and ``POOLED`` where the pixel's samples
-    do not support the lobe: there ``normal`` and ``diffuse`` are those of ``normals``, and the lobe
-    is the painting's only.
+    (three lights in one band) do not outnumber its unknowns. ``sigma`` is computed for a known
+    lobe, with the colours eliminated. ``status`` is that of the normals, and ``POOLED`` where the
+    samples of the pixel do not support the lobe: ``normal`` and ``diffuse`` are then those of
+    ``normals``.
 
     Attributes
     ----------
@@ -54,28 +54,27 @@ class PooledSbrdf(Sbrdf):
     index
         Index of refraction of the interface.
     covariance
-        ``(2, 2)`` of (log beta, log gamma); infinite where there is no highlight. From the scatter
-        of the pixels' gradients: it says how well the photographs determine the one lobe that fits
-        all of them best, not how far a pixel's own lobe may be from it (``misfit``).
+        ``(2, 2)`` of (log beta, log gamma), from the scatter of the pixels' gradients; infinite
+        where there is no highlight. It is the error of the lobe that fits all pixels best, not the
+        difference of a pixel's own lobe from it (``misfit``).
     verdict
-        ``"fitted"``; ``"mixed"``: a lobe stands out, but ``describes`` is below 0.8: several
-        varnishes, or gilding; ``"no-highlight"``: nothing stands out of the noise, ``beta`` is 0;
-        ``"at-bound"``: a lobe as sharp as a mirror or as flat as paper; ``"too-few"``: no pixel was
-        estimated that could have shown one.
+        ``"fitted"``; ``"mixed"``: there is a lobe, but ``describes`` is below 0.8, as with several
+        varnishes or gilding; ``"no-highlight"``: no lobe above the noise, ``beta`` is 0;
+        ``"at-bound"``: the width ended at a bound, as sharp as a mirror or as flat as paper;
+        ``"too-few"``: no pixel that could show a highlight was estimated.
     curve
         ``(n, 3)`` the measured lobe: phi (rad), specular part over its geometry factor, samples.
     path
-        ``(n, 2)`` beta and gamma as they got better, the separate fit of the papers first.
+        ``(n, 2)`` beta and gamma of each improvement, starting with the separate fit of the papers.
     describes
-        Share of the pixels that determine their own strength (to 20 %, normal and colours
-        following) that agree with the painting's (to 25 % or three standard deviations); NaN if
-        none does.
+        Of the pixels that determine their own strength to 20 %, the share whose strength agrees
+        with that of the painting to 25 % or three standard deviations; NaN if no pixel does.
     converged
-        Whether the search for the lobe ended by its own tests; False: after its last step.
+        Whether the search for the lobe ended by its convergence tests, not by its last step.
     misfit
-        ``(y, x)`` float32, 0 to 1: by how much of ``beta`` the pixel's own strength differs from
-        it beyond three standard deviations; 0 where the photographs cannot tell; NaN, as residual
-        and sigma, where as many samples as unknowns leave no noise to judge by (``EXACT``).
+        ``(y, x)`` float32, 0 to 1: difference between the pixel's own strength and ``beta`` beyond
+        three standard deviations, as a share of ``beta``; 0 where the photographs do not determine
+        it; NaN, like residual and sigma, where there are as many samples as unknowns (``EXACT``).
     """
 
     beta: float = field(metadata=over(dtype=np.float64))
@@ -90,7 +89,7 @@ class PooledSbrdf(Sbrdf):
     misfit: NDArray[np.float32] = field(metadata=over("y", "x"))
 
     def surface(self) -> Surface:
-        """The painting with its one lobe, ready to be lit."""
+        """The painting with its one lobe, for rendering."""
         return Surface.torrance_sparrow(
             self.normal,
             self.diffuse,
@@ -109,7 +108,7 @@ class PooledSbrdf(Sbrdf):
         return math.sqrt(self.covariance[1, 1])
 
     def report(self) -> dict[str, Any]:
-        """Plain numbers of the gloss for a report file."""
+        """Numbers of the gloss for a report file."""
         return {
             "beta": self.beta,
             "gamma_degrees": math.degrees(self.gamma),
@@ -154,7 +153,7 @@ class PooledSbrdf(Sbrdf):
         return lobe if self.converged else f"{lobe}; {self._under_way()}"
 
     def _under_way(self) -> str:
-        """How far the search still went in the end, against what the photographs can tell."""
+        """How much the last step changed the lobe, compared with its standard deviations."""
         words = "the search was still under way at its last step"
         if len(self.path) < 2 or not (self.path[-2:] > 0.0).all():
             return words

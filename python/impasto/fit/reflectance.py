@@ -181,13 +181,13 @@ def fit_reflectance(
     Parameters
     ----------
     stack
-        The photographs, from which the noise is measured; None where ``noise`` is given or a
-        guess of 0.1 % of white will do.
+        The photographs, from which the noise is measured; None: ``noise`` is used, or 0.1 % of
+        white.
     diffuse
-        What the bands read from the diffuse part under frontal unit light, a white board at 1:
+        Responses of the bands to the diffuse part under frontal unit light; a white board has 1:
         ``Sbrdf.diffuse``, ``Normals.albedo`` or an array ``(band, y, x)``. Both maps are already
         divided by the cosine of incidence and by the white board (eq. 8 of the RGB paper);
-        responses that are not go through :func:`white_corrected` first.
+        correct other responses with :func:`white_corrected` first.
     camera
         Sensitivities and the light of the photographs.
     estimator
@@ -197,7 +197,7 @@ def fit_reflectance(
         * ``"linear-model"``: eq. 4-7 of their RGB paper: principal components that reproduce the
           responses, not regularised.
         * ``"radial-basis"``: Gaussians around training responses; best where 700 or more spectra
-          of the very materials are given.
+          of the same materials are given.
     training
         Spectra to learn from: :class:`~impasto.Training`, a pair ``(wavelengths, spectra)`` or an
         array ``(N, n)`` on ``wavelengths``. Default: CES 99 and AMPAS 190.
@@ -208,8 +208,8 @@ def fit_reflectance(
         ``(n,)`` nm of the result; default 400 to 700 in steps of 5.
     rank
         Coefficients per pixel; for ``"linear-model"`` the number of principal components (default:
-        one per band, three for an RGB camera as in the paper). Default else: all that a linear
-        estimator has, and as many as raise the training error of the others by less than 1e-4.
+        one per band, three for an RGB camera as in the paper). Default of the other estimators:
+        all of a linear one, otherwise so many that the training error rises by less than 1e-4.
     integration
         How responses are predicted from spectra, see :meth:`Camera.operator`.
     threads, progress

@@ -37,10 +37,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sbrdf(PixelMaps, Relightable):
-    """A painting's surface: what every result of :func:`impasto.fit_sbrdf` holds and can do.
+    """A painting's surface: the members of every result of :func:`impasto.fit_sbrdf`.
 
-    In every map NaN stands exactly where ``status`` is 16 or more, and where a class says so
-    besides; a :attr:`~impasto.Status.DARK` pixel has no normal, but known colours: 0.
+    Every map is NaN exactly where ``status`` is 16 or more, and where its class says so. A
+    :attr:`~impasto.Status.DARK` pixel has no normal, but known colours: 0.
 
     Attributes
     ----------
@@ -51,13 +51,13 @@ class Sbrdf(PixelMaps, Relightable):
     residual
         ``(y, x)`` float32 root mean square of the residuals, linear light.
     sigma
-        ``(y, x)`` float32 standard deviation of the normal along its worst axis, radians; noise
-        from the pixel's own residuals. It does not contain what the model lacks: where several
-        varnishes share one lobe, errors are several times larger.
+        ``(y, x)`` float32 standard deviation of the normal along its worst axis, radians, with the
+        noise from the residuals of the pixel. It does not include errors of the model: where
+        several varnishes share one lobe, errors are several times larger.
     status
         ``(y, x)`` uint8, :class:`~impasto.Status`.
     normals
-        The photometric stereo that the fit began with.
+        The photometric stereo that the fit started from.
     rig
         Who lit and who looked.
     bands
@@ -107,18 +107,18 @@ class Sbrdf(PixelMaps, Relightable):
         Returns
         -------
         ndarray
-            ``(obs, band, y, x)`` float32; NaN where the normal is. An ambient part is that of the
-            photographs, times the light's intensity. No sample is above the largest float32.
+            ``(obs, band, y, x)`` float32; NaN where the normal is. Ambient light is that of the
+            photographs, times the light's intensity. No sample exceeds the largest float32.
         """
         rig = self.rig if lights is None else lights
         return self.surface().predict(rig, views, threads=threads, progress=progress)
 
     def render(self, scene: Scene, **options: Any) -> Image:
-        """Light the painting and show it: :func:`impasto.render`, which takes the same options."""
+        """Render the painting: :func:`impasto.render`, which has the same options."""
         return render(self, scene, **options)
 
     def pixel(self, y: int, x: int) -> Pixel:
-        """All that is known of one pixel, in a form to read.
+        """All results of one pixel, for reading.
 
         Parameters
         ----------
@@ -148,11 +148,12 @@ class Sbrdf(PixelMaps, Relightable):
     def lobe_plot(self, y: int, x: int, stack: Stack | None = None) -> Figure:
         """Draw a pixel's lobes in the plane of incidence, with the photographs of ``stack``.
 
-        A half disc per incidence of the light, the three at which most photographs were taken, the
-        pixel's own normal upright, the light from the left. The radius is reflectance, the mean
-        over the bands: diffuse part and lobes added up (light line) and each lobe by itself, with
-        one standard deviation of its shape. Each half disc has a scale of its own. Dots are the
-        photographs within 6 degrees of the slice, less what is ambient, divided by ``(N.L)``.
+        There is one half disc for each of the three incidences of light with the most photographs.
+        The normal of the pixel points up, and the light comes from the left. The radius is the
+        reflectance, the mean over the bands: the sum of diffuse part and lobes (light line), and
+        each lobe alone, with one standard deviation of its shape. Each half disc has its own scale.
+        Dots are the photographs within 6 degrees of the plane, without ambient light, divided by
+        ``(N.L)``.
 
         Parameters
         ----------
@@ -164,7 +165,7 @@ class Sbrdf(PixelMaps, Relightable):
         Returns
         -------
         matplotlib.figure.Figure
-            To be shown, or saved by its ``savefig``.
+            Show it, or save it with its ``savefig``.
 
         Raises
         ------
@@ -211,7 +212,7 @@ class Sbrdf(PixelMaps, Relightable):
         return replace(self, bands=bands, normals=normals, **planes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an ``.npz``, for :func:`impasto.load_sbrdf`; it appears whole or not at all.
+        """Write an ``.npz`` for :func:`impasto.load_sbrdf`; it appears complete or not at all.
 
         Raises
         ------
@@ -243,7 +244,7 @@ class Sbrdf(PixelMaps, Relightable):
 
     @abstractmethod
     def report(self) -> dict[str, Any]:
-        """Plain numbers of the gloss for a report file."""
+        """Numbers of the gloss for a report file."""
 
     def __repr__(self) -> str:
         height, width = self.shape

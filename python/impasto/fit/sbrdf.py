@@ -1,4 +1,4 @@
-"""The one call from photographs to normals, diffuse colours and gloss, whatever the model."""
+"""``fit_sbrdf``: normals, diffuse colours and gloss from photographs, with every model."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from impasto.stack import Stack, checked_stack
 RESULTS: dict[str, type[Sbrdf]] = {
     kind.kind(): kind for kind in (PooledSbrdf, SegmentSbrdf, LobeSbrdf, LafortuneSbrdf)
 }
-"""Every kind of result by what its files call it."""
+"""Every kind of result, by the name in its files."""
 
 
 def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf:
-    """Read what the ``save`` of any result of :func:`fit_sbrdf` wrote.
+    """Read a result of :func:`fit_sbrdf` that its ``save`` wrote.
 
     Parameters
     ----------
@@ -122,73 +122,72 @@ def fit_sbrdf(
 ) -> PooledSbrdf | SegmentSbrdf | LobeSbrdf | LafortuneSbrdf:
     """Estimate normals, diffuse colours and the gloss of a painting.
 
-    Photometric stereo first. Then the specular part of the samples gives one (beta, gamma) for
-    the painting by Levenberg-Marquardt (six-band paper eq. 6, RGB paper eq. 10). The papers stop
-    here; ``joint`` goes on: the lobe, every normal and all colours are fitted to all samples
-    together, so that what a highlight did to a normal is taken back, and normals that scatter
-    do not widen the lobe. Robust residual scales keep shadows, and pixels that the model does not
-    describe, from ruling the others.
+    The fit starts with photometric stereo. One (beta, gamma) for the painting is then fitted to the
+    specular part of the samples by Levenberg-Marquardt (six-band paper eq. 6, RGB paper eq. 10).
+    The papers stop here. With ``joint``, the lobe, every normal and all colours are then fitted
+    together to all samples. This removes errors that highlights caused in normals, and scattered
+    normals no longer widen the lobe. Robust scales of the residuals limit the influence of shadows
+    and of pixels that the model does not describe.
 
-    With ``pooling="pixel"`` every pixel has lobes of its own, each with a width and a strength per
-    band, and its normal is fitted with them: for gilding, metal leaf, and varnish that differs
-    from place to place. It asks for many lights (some 20 or more); where a pixel's photographs do
-    not support a lobe it has fewer (``lobes``).
+    With ``pooling="pixel"`` every pixel has its own lobes, each with a width and a strength per
+    band, and its normal is fitted with them. This is for gilding, metal leaf, and varnish that
+    varies over the painting. It needs many lights (about 20 or more). A pixel has only as many
+    lobes as its photographs support (``lobes``).
 
-    With ``model="lafortune"``, the third paper's three passes, every pixel by itself: its normal
-    by a cosine lobe with a diffuse term, on the mean of the bands; Lafortune lobes on that mean,
-    one more at a time while Schwarz's criterion (BIC) falls; the colours of all terms, band by
-    band, by non-negative least squares. Made for hundreds of photographs, each with a view of its
-    own; clipped samples count for nothing.
+    ``model="lafortune"`` fits every pixel in the three passes of the third paper: the normal, by a
+    cosine lobe with a diffuse term on the mean of the bands; Lafortune lobes on that mean, added
+    one at a time while Schwarz's criterion (BIC) decreases; the colours of all terms in each band,
+    by non-negative least squares. It is made for hundreds of photographs with different views.
+    Clipped samples are not used.
 
     Parameters
     ----------
     stack
         Photographs with their lights.
     model
-        ``"torrance-sparrow"``, the first two papers', or ``"lafortune"``, the third's.
+        ``"torrance-sparrow"`` of the first two papers, or ``"lafortune"`` of the third.
     pooling
         ``"painting"`` (default): one Torrance-Sparrow lobe for all pixels. ``"segment"``: one for
-        every part that ``segments`` tells apart; a part whose pixels do not determine a lobe has
-        the painting's, and says so. ``"pixel"``: every pixel its own; Lafortune lobes always are.
+        each part in ``segments``; a part whose pixels do not determine a lobe has the painting's
+        (``Segment.own``). ``"pixel"``: lobes of every pixel; always so for Lafortune lobes.
     segments
         With ``pooling="segment"``: ``(y, x)`` whole numbers, the same for the pixels of one part;
-        below 0, or masked by numpy: of none. All parts together take at most some two to three
-        times as long as the painting by itself; with some 20 lights or more, ``pooling="pixel"``
-        shows more.
+        below 0, or masked by numpy: no part. All parts together take at most two to three times as
+        long as the painting alone. With about 20 lights or more, ``pooling="pixel"`` shows more
+        detail.
     lobes
-        Where every pixel has lobes of its own: how many at most, 1 to 3; default: 2, of Lafortune's
-        3.
+        With lobes per pixel: their largest number, 1 to 3; default: 2, with Lafortune lobes 3.
     ambient
-        With ``pooling="pixel"``: whether every pixel has a constant per band for light that comes
-        from everywhere, as between the facets of a relief; default: True.
+        With ``pooling="pixel"``: whether every pixel has a constant per band for light that does
+        not depend on the lamp's direction, as between the facets of a relief; default: True.
     extraction
-        Where pixels are pooled: which samples carry the first estimate of the lobe.
-        ``"residual"`` (default): all that are not in shadow, by what the diffuse part leaves;
+        With one lobe per painting or segment: the samples of the first estimate of the lobe.
+        ``"residual"`` (default): all that are not in shadow, minus the diffuse part;
         ``"maximum"``: each pixel's brightest photograph; ``"papers"``: the same divided by its
         geometry factor ``F G / (N.V)`` before the fit, as in the papers, whose eq. 6 and 10 contain
         a further ``N.L`` that eq. 1 and 9 do not.
     joint
-        Where pixels are pooled: False stops at that estimate, with the normals and colours of
-        photometric stereo, the papers' procedure; default: True.
+        With one lobe per painting or segment: False stops at that estimate, with the normals and
+        colours of photometric stereo, as the papers do; default: True.
     index
-        Index of refraction of a Torrance-Sparrow lobe's interface; default: 1.45, the papers'.
+        Index of refraction of a Torrance-Sparrow lobe's interface; default: 1.45, as in the papers.
     normals
-        What :func:`impasto.fit_normals` returned, or the name of one of its methods; default:
-        its own default. The mask is the stack's, whatever the normals know outside of it.
+        The result of :func:`impasto.fit_normals`, or the name of one of its methods; default: its
+        default method. Pixels outside the mask of the stack are not fitted.
     effort
-        ``"draft"``, ``"standard"``, ``"reference"`` or an :class:`Effort`: how far the fit goes.
+        ``"draft"``, ``"standard"``, ``"reference"`` or an :class:`Effort`: accuracy against time.
     threads
         None means every allowed core.
     progress
-        True: a bar on stderr; or a callable ``(done, total)`` in tiles, which starts anew for
-        each of the two stages, and with segments for every segment.
+        True: a bar on stderr; or a callable ``(done, total)`` in tiles, which starts again for each
+        of the two stages, and with segments for every segment.
 
     Returns
     -------
     PooledSbrdf
-        Maps and the lobe. With ``pooling="segment"`` a :class:`SegmentSbrdf`, a lobe for every
-        part; with ``pooling="pixel"`` a :class:`LobeSbrdf`, maps of every pixel's
-        lobes; with ``model="lafortune"`` a :class:`LafortuneSbrdf`.
+        Maps and the lobe. ``pooling="segment"`` returns a :class:`SegmentSbrdf` with one lobe per
+        part, ``pooling="pixel"`` a :class:`LobeSbrdf` with maps of the lobes of every pixel, and
+        ``model="lafortune"`` a :class:`LafortuneSbrdf`.
 
     Raises
     ------

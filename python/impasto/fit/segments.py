@@ -1,4 +1,4 @@
-"""One lobe for every part of a painting: old varnish beside cleaned paint, matte beside gloss."""
+"""One lobe for each part of a painting, such as old varnish and cleaned paint."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 FEWEST = 64
-"""Pixels that a lobe of their own takes: fewer have too few tilts to sample its flanks."""
+"""Fewest pixels of a segment with its own lobe; fewer have too few tilts to sample its flanks."""
 
 _SHOWN = 4
-"""Segments that a line has room for."""
+"""Segments listed in one line."""
 
 KNOWN = 1.0 / 3.0
 """Largest standard deviation of log beta and log gamma of a lobe that is determined."""
@@ -50,11 +50,11 @@ class Segment:
     beta, gamma
         Its lobe, or the painting's (:attr:`own`).
     covariance
-        ``(2, 2)`` of (log beta, log gamma) from its own pixels; infinite where they show none.
+        ``(2, 2)`` of (log beta, log gamma) from its own pixels; infinite without a highlight.
     verdict
-        As ``verdict`` of a :class:`PooledSbrdf`, of its own pixels; ``"too-few"``: not tried.
+        As ``verdict`` of a :class:`PooledSbrdf`, for its own pixels; ``"too-few"``: not fitted.
     own
-        Whether the lobe is its own; else its pixels do not determine one, and have the painting's.
+        Whether the lobe is its own; False: its pixels do not determine one and have the painting's.
     """
 
     label: int = field(metadata=over(dtype=np.int64))
@@ -68,11 +68,11 @@ class Segment:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SegmentSbrdf(Sbrdf):
-    """A painting whose parts have a lobe each; what every result has: :class:`Sbrdf`.
+    """A painting with one lobe per segment. :class:`Sbrdf` has the members of all results.
 
-    NaN and ``status`` are as in :class:`PooledSbrdf`, judged by the lobe that the pixel has;
-    ``POOLED``, too, where a segment has the painting's lobe. There is no ``verdict`` of the whole:
-    each of ``segments`` has its own, and so does ``painting``.
+    NaN and ``status`` are as in :class:`PooledSbrdf`, for the lobe of the pixel's segment. The
+    status is also ``POOLED`` where a segment has the painting's lobe. There is no ``verdict`` of
+    the whole: each of ``segments`` has its own, and so has ``painting``.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class SegmentSbrdf(Sbrdf):
     misfit
         ``(y, x)`` float32 as in :class:`PooledSbrdf`.
     labels
-        ``(y, x)`` int64 as given; below 0: no segment, the painting's lobe.
+        ``(y, x)`` int64 as given; below 0: no segment, so the painting's lobe.
     segments
         One :class:`Segment` per label, in the order of their numbers.
     painting
@@ -110,7 +110,7 @@ class SegmentSbrdf(Sbrdf):
         return replace(super().with_bands(chosen), painting=self.painting.with_bands(chosen))
 
     def surface(self) -> Surface:
-        """The painting with a lobe per segment, ready to be lit."""
+        """The painting with a lobe per segment, for rendering."""
         return Surface.torrance_sparrow(
             self.normal,
             self.diffuse,
@@ -123,8 +123,8 @@ class SegmentSbrdf(Sbrdf):
     def to_xarray(self) -> Dataset:
         """Every map, and the segments as variables over ``segment``, whose coordinate is ``label``.
 
-        ``segment_pixels``, ``segment_beta`` and so on are what :class:`Segment` calls them; all
-        else as for every result: :meth:`Sbrdf.to_xarray`.
+        ``segment_pixels``, ``segment_beta`` and so on have the names of :class:`Segment`;
+        everything else is as in :meth:`Sbrdf.to_xarray`.
         """
         dataset = super().to_xarray().assign_attrs(index=self.index)
         columns = columns_of(self.segments, Segment, "")
