@@ -40,8 +40,8 @@ class ImageHeader:
     orientation
         EXIF orientation 1..8; 1 where the file does not say.
     curve
-        Tone curve of the file's colour profile, as :func:`~impasto.io.images.profile.profile_curve`
-        names it; empty where the file has no profile.
+        Tone curve of the file's colour profile: ``"linear"``, ``"srgb"``, a gamma such as
+        ``"2.2"``, or ``"other"``; empty where the file has no profile.
     """
 
     path: Path
