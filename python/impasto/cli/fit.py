@@ -207,6 +207,8 @@ def strength_numbers(lamps: Strengths) -> dict[str, Any]:
             "factor": lamps.factor,
             "converged": lamps.converged,
             "change": lamps.change,
+            "gauge": lamps.gauge,
+            "held_out": None if lamps.held_out is None else str(lamps.held_out),
         }
     }
 

@@ -6,53 +6,56 @@ acceleration.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.calls import ProgressCallback, reporting
-from impasto._internal.checks import is_whole, refractive_index
+from impasto._internal.checks import is_whole, one_of, refractive_index
+from impasto._internal.thin_plate import over_directions
 from impasto.errors import ArgumentError
+from impasto.fit.coordinate_search import coordinate_search
+from impasto.fit.held_out import Comparison, Errors, HeldOut, fold_count
 from impasto.fit.lobes import fit_lobes, lobe_count
 from impasto.fit.normals import fit_normals
+from impasto.fit.strength_search import (
+    FEWEST,
+    ROUNDS,
+    Alternation,
+    Found,
+    scaled,
+)
+from impasto.fit.strength_search import gauge as gauge_of
 from impasto.fit.subsample import subsampled_to
 from impasto.rig import Light, Rig
 from impasto.stack import Stack, checked_stack
-from impasto.status import Status
 from impasto.surface import Surface
 
-UNKNOWNS = 6
-"""Of a pixel: normal (2), brightness, ambient light, and one lobe's strength and width. The factor
-of a lamp is estimated from the mean of the bands, so that more bands add no samples."""
-FEWEST = UNKNOWNS + 1
-"""With fewer lights, strengths and surfaces cannot be separated."""
+Gauge = Literal["auto", "held", "free"]
+"""What is held while strengths are estimated."""
 
 _PIXELS = 10_000
-_ROUNDS = 12
-_STILL = 0.005
+_TESTED = 1000
+"""Pixels of the test on photographs held out."""
+_FOLDS = 3
+_FALL, _ERRORS = 0.02, 2.0
+"""The trimmed error must fall by this share, and the gain exceed so many standard errors."""
+_DETERMINED = 0.1
+"""The same share where photographs determine tilt and fall-off: gloss lowers it by a fifth and
+more (simulated paintings, strengths 0.5 to 1.5), matte paint and a gilded icon by up to 5 %."""
+_PASSES, _LATER = 4, 0.005
+"""Searches of tilt and fall-off, each followed by rounds, and by how much a later one must help."""
+_STEPS = np.array([0.04, 0.04, 0.1])
+_FARTHEST = np.array([0.5, 0.5, 1.5])
+"""Tilts in radians and the exponent of the fall-off: steps and limits of their search."""
 _CHANGED, _FEW = 0.01, 0.1
 """A few lamps that still change by more than one per cent do no harm: on the icon, where they are 4
 of 72, twelve more rounds change the normals by less than 0.1 degrees (median)."""
-_RELAXATION = 1.5
-"""The fitted surface absorbs part of a wrong strength, so each round finds only a fraction of the
-remaining error. Over-relaxation by less than 2 cannot diverge where this fraction is 0 to 1."""
-_MEMORY = 3
-"""Rounds that the acceleration uses: it removes as many slow modes at once."""
-_RIDGE = 1e-3
-"""Differences between rounds below this share of their mean square are noise."""
-_MATTE_ROUNDS = 6
-_OUTLIER = np.log(2.0)
-"""A fit of lobes finds no other lamp's factor while one lamp is off by more than this."""
-_CLEAR = 0.1
-"""A shorter step does not change which lamps are outliers."""
 _NAMED = 8
 """Photographs that a message lists by their numbers."""
-_DIM = 0.2
-"""Share of a pixel's mean light below which shadows affect a sample more than the lamp does."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,6 +84,13 @@ class Strengths:
     change
         ``(obs,)`` relative change of each factor in the last round: 0.01 is one per cent. NaN where
         no pixel determines the factor.
+    gauge
+        What was found. ``"given"``: other strengths do not predict photographs that were held out
+        better, every factor is 1. ``"held"``: strengths, with the mean normal and the fall-off with
+        elevation as the given lamps say. ``"determined"``: gloss determined these as well.
+        ``"free"``: nothing was held and nothing tested.
+    held_out
+        The gain by strengths on photographs that were held out; None if there was no test.
     """
 
     factor: NDArray[np.float64]
@@ -88,6 +98,8 @@ class Strengths:
     stack: Stack
     converged: bool
     change: NDArray[np.float64]
+    gauge: str = "free"
+    held_out: Comparison | None = None
 
     def at(self, lights: ArrayLike | Sequence[Light] | Rig) -> Rig:
         """Other lights with the strengths that lamps in their directions gave.
@@ -111,9 +123,8 @@ class Strengths:
         rig = Rig(lights)
         known = np.isfinite(self.factor)
         log = np.log(self.factor[known])
-        places = _stereographic(self.rig.directions[known])
-        found = _thin_plate(places, log, _stereographic(rig.directions))
-        return _scaled(rig, np.exp(np.clip(found, log.min(), log.max())))
+        found = over_directions(self.rig.directions[known], log, rig.directions)
+        return scaled(rig, np.exp(found))
 
     def __repr__(self) -> str:
         low, high = np.nanmin(self.factor), np.nanmax(self.factor)
@@ -121,11 +132,19 @@ class Strengths:
 
     @property
     def state(self) -> str:
-        """What is in doubt: lamps without a factor, and how much the others still changed.
+        """What is in doubt: whether others help, lamps without a factor, how much still changed.
 
         Empty if every lamp has a factor and the search converged.
         """
-        return self._changing + self._unknown
+        return self._untouched + self._changing + self._unknown
+
+    @property
+    def _untouched(self) -> str:
+        if self.gauge != "given":
+            return ""
+        if self.held_out is None:
+            return ", as given: too few lights to hold any out"
+        return f", as given: others do not predict photographs held out better ({self.held_out})"
 
     @property
     def _unknown(self) -> str:
@@ -162,9 +181,10 @@ class Strengths:
 def fit_strengths(
     stack: Stack,
     *,
+    gauge: Gauge = "auto",
     lobes: int = 2,
     index: float = 1.45,
-    rounds: int = _ROUNDS,
+    rounds: int = ROUNDS,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Strengths:
@@ -175,10 +195,13 @@ def fit_strengths(
     to what the surface should show. Two steps alternate: the surface is fitted under the current
     lamps (lobes of each pixel's own, :func:`fit_sbrdf` with ``pooling="pixel"``), then the factor
     of each lamp is the median of sample / predicted sample over the pixels that it lights without
-    clipping. About 10,000 pixels spread over the painting are used. The error shrinks slowly where
-    the surface absorbs it (a tilt absorbs strengths that grow to one side), so each step is
-    extrapolated from the last rounds (Anderson acceleration). The search ends when such a step is
-    short. Lamps that are off by more than a factor of two are found first, with a matte surface.
+    clipping. About 10,000 pixels spread over the painting are used. Lamps that are off by more than
+    a factor of two are found first, with a matte surface.
+
+    Photographs of a matte, nearly flat painting do not separate strengths from a tilt of all its
+    normals, nor from a fall-off with the elevation of lamps. By default these are held as the given
+    lamps say, unless gloss determines them; and strengths are accepted only if they predict
+    photographs that were held out better, by more than their scatter (``gauge``).
 
     Photographs of a white board measure the same directly and more accurately (``white=`` of
     :func:`~impasto.read_stack`): here every error of the surface model under a light goes into its
@@ -188,10 +211,20 @@ def fit_strengths(
     ----------
     stack
         At least 7 photographs, better 24: see ``converged``.
+    gauge
+        What is held. ``"auto"`` (default): the mean normal and the fall-off with elevation;
+        strengths are accepted if, in three folds, surfaces fitted under them predict photographs
+        that were held out better: the trimmed mean of the coded errors falls by 2 % or more, and
+        the mean gain in dB exceeds twice its standard error. The strength of each photograph held
+        out is its own median of sample / predicted sample, or else that of its neighbours
+        (:meth:`Strengths.at`). Then tilt and fall-off are searched with the former, and kept if
+        they lower the error by a tenth. ``"held"``: the same without any test. ``"free"``: nothing
+        is held or tested; each step is extrapolated from the last rounds.
     lobes, index
         As for :func:`fit_sbrdf`.
     rounds
-        The most rounds, at least 1; one takes about as long as a fit of 10,000 pixels.
+        The most rounds, at least 1; one takes about as long as a fit of 10,000 pixels. The tests of
+        ``"auto"`` take about as long as the rounds.
     threads
         None means every allowed core; the result does not depend on it.
     progress
@@ -212,10 +245,11 @@ def fit_strengths(
     Notes
     -----
     Semi-calibrated photometric stereo (Cho, Matsushita, Tai and Kweon, CVPR 2016) by alternation,
-    with highlights in the model and medians instead of sums; accelerated as by Anderson (JACM 12,
-    1965).
+    with highlights in the model and medians instead of sums; ``"free"`` is accelerated as by
+    Anderson (JACM 12, 1965).
     """
     checked_stack(stack)
+    one_of(gauge, get_args(Gauge), "gauge")
     lobes, index = lobe_count(lobes), refractive_index(index)
     if not (is_whole(rounds) and rounds >= 1):
         raise ArgumentError(f"rounds: expected a number from 1 on, found {rounds!r}")
@@ -228,12 +262,12 @@ def fit_strengths(
     few = subsampled_to(stack, _PIXELS)
     samples = np.array([few.linear(photograph) for photograph in range(count)]).mean(axis=1)
 
-    def matte(lit: Stack) -> tuple[Any, Any]:
+    def matte(lit: Stack) -> tuple[Any, Any, Any]:
         found = fit_normals(lit, threads=threads)
         surface = Surface(found.normal, found.albedo, index=index, origin=lit.rig.origin)
-        return found.status, surface.predict(lit.rig, threads=threads)
+        return found.status, found.normal, surface.predict(lit.rig, threads=threads)
 
-    def glossy(lit: Stack) -> tuple[Any, Any]:
+    def glossy(lit: Stack) -> tuple[Any, Any, Any]:
         found = fit_lobes(
             lit,
             fit_normals(lit, threads=threads),
@@ -243,144 +277,122 @@ def fit_strengths(
             threads=threads,
             progress=False,
         )
-        return found.status, found.predict(threads=threads)
+        return found.status, found.normal, found.predict(threads=threads)
 
-    def remaining(fit: Callable[[Stack], tuple[Any, Any]], log: NDArray[np.float64]) -> Any:
-        """The logarithms of the factors that remain after a fit under some strengths."""
-        lit = few._replace(rig=_scaled(few.rig, np.exp(log)))
-        status, expected = fit(lit)
-        fine = status < Status.DARK
-        _check_enough(int(fine.sum()), count)
-        left = _ratios(samples[:, fine], expected.mean(axis=1)[:, fine], lit.rig.intensities)
-        lamps = int(np.isfinite(left).sum())
-        if lamps < FEWEST:
-            raise ArgumentError(
-                f"stack: strengths need at least {FEWEST} lights that pixels determine, "
-                f"found {lamps}"
-            )
-        _check_enough(int(fine.sum()), lamps)
-        return left - np.nanmedian(left)
-
-    search = _Search(np.zeros(count), relaxation=1.0)
-    for _ in range(_MATTE_ROUNDS):
-        if np.abs(search.move(remaining(matte, search.log))).max() < _CLEAR:
-            break
-    outliers = np.abs(search.log) > _OUTLIER
-    search = _Search(np.where(outliers, search.log, 0.0), relaxation=_RELAXATION)
-    step, converged = np.zeros(count), False
+    alternation = Alternation(few, samples, glossy, matte)
+    start = alternation.outliers()
+    folds = fold_count(count, FEWEST, _FOLDS) if gauge == "auto" else 0
+    total = rounds * (folds + 1)
     with reporting(progress, "strengths") as report:
-        for done in range(rounds):
+        passed = 0
+
+        def tick() -> None:
+            nonlocal passed
             if report is not None:
-                report(done, rounds)
-            step = search.move(remaining(glossy, search.log))
-            converged = bool(np.abs(step).max() < _STILL)
-            if converged:
-                break
+                report(passed, total)
+            passed += 1
+
+        if gauge == "free":
+            found, held_out, how = alternation.free(start, rounds, tick), None, "free"
+        else:
+            found, held_out, how = alternation.held(start, rounds, tick), None, "held"
+        if gauge == "auto":
+            test = HeldOut(stack, _TESTED, index=index, threads=threads)
+            trial = _Trial(test, stack.rig, glossy, lobes, folds, rounds, tick)
+            gains = trial.gains(start)
+            held_out = next((one for one in gains if one.better(_FALL, _ERRORS)), None)
+            how = "given" if held_out is None else "held"
+            if held_out is None and gains:
+                held_out = gains[0]
+            if how == "held":
+                for pass_ in range(_PASSES):
+                    determined = trial.gauge(found, first=pass_ == 0)
+                    if determined is None:
+                        break
+                    how, found = "determined", alternation.held(determined, rounds)
         if report is not None:
-            report(rounds, rounds)
-    factor: NDArray[np.float64] = np.where(search.known, np.exp(search.log), np.nan)
+            report(total, total)
+    factor: NDArray[np.float64] = np.where(found.known, np.exp(found.log), np.nan)
     factor /= np.nanmedian(factor)
-    rig = _scaled(stack.rig, np.where(search.known, factor, 1.0))
+    if how == "given":
+        factor = np.where(found.known, 1.0, np.nan)
+    rig = scaled(stack.rig, np.where(found.known, factor, 1.0))
     return Strengths(
         factor=factor,
         rig=rig,
         stack=stack._replace(rig=rig),
-        converged=converged,
-        change=np.where(search.known, np.expm1(step), np.nan),
+        converged=found.converged or how == "given",
+        change=np.where(found.known, np.expm1(found.step), np.nan),
+        gauge=how,
+        held_out=held_out,
     )
 
 
-class _Search:
-    """Fixed-point search for the logarithms of strengths, with Anderson acceleration.
+class _Trial:
+    """What photographs held out say about strengths."""
 
-    Anderson acceleration (D. G. Anderson, Journal of the ACM 12, 1965) takes the step that would
-    end the search if the remainders of the last rounds were linear in the strengths.
-    """
+    def __init__(
+        self,
+        test: HeldOut,
+        rig: Rig,
+        glossy: Callable[[Stack], tuple[Any, Any, Any]],
+        lobes: int,
+        folds: int,
+        rounds: int,
+        tick: Callable[[], None],
+    ) -> None:
+        self._test, self._rig, self._glossy = test, rig, glossy
+        self._lobes, self._folds, self._rounds, self._tick = lobes, folds, rounds, tick
 
-    def __init__(self, log: NDArray[np.float64], relaxation: float) -> None:
-        self.log = log - np.median(log)
-        self.known = np.ones(len(log), dtype=np.bool_)
-        self._relaxation = relaxation
-        self._rounds: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+    def gains(self, start: NDArray[np.float64]) -> list[Comparison]:
+        """Gains by strengths estimated from the other photographs; none with too few lights.
 
-    def move(self, left: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Take and return the step for the logarithms that a round ``left``.
-
-        NaN, no pixel determines this factor, takes no step; ``known`` is False there.
+        The first where each photograph held out has a strength of its own, the second where it has
+        that of its neighbours: :meth:`Strengths.at`.
         """
-        self.known = np.isfinite(left)
-        left = np.where(self.known, left, 0.0)
-        self._rounds = [*self._rounds[-_MEMORY:], (self.log, left)]
-        step = self._relaxation * left
-        if len(self._rounds) > 1:
-            ways, changes = (np.diff(each, axis=0).T for each in zip(*self._rounds, strict=True))
-            # Medians of pixels are noisy: two rounds in one direction must not weigh more than one.
-            normal = changes.T @ changes
-            normal += _RIDGE * np.trace(normal) / len(normal) * np.eye(len(normal))
-            mixed = np.linalg.lstsq(normal, changes.T @ left, rcond=None)[0]
-            step = step - (ways + self._relaxation * changes) @ mixed
-        before, self.log = self.log, self.log + step
-        self.log -= np.median(self.log)
-        return self.log - before
+        if not self._folds:
+            return []
+        lit = self._test.lit(self._rig)
+        count, stacks = len(self._rig), []
+        for fold in range(self._folds):
+            held = np.arange(fold, count, self._folds)
+            seen = np.setdiff1d(np.arange(count), held)
+            part = Alternation(lit.take(seen), self._test.samples[seen], self._glossy)
+            try:
+                found = part.held(start[seen], self._rounds, self._tick)
+            except ArgumentError:  # too few pixels or lamps without these photographs
+                return []
+            log, towards = np.log(found.factor), self._rig.directions
+            factor = np.ones(count)
+            factor[seen] = found.factor
+            factor[held] = np.exp(over_directions(towards[seen], log, towards[held]))
+            stacks.append(lit._replace(rig=scaled(lit.rig, factor)))
+        before = self._test.errors_of([lit] * self._folds, self._lobes)
+        after = self._test.errors_of(stacks, self._lobes)
+        return [one.than(other) for one, other in zip(after, before, strict=True)]
 
+    def gauge(self, found: Found, *, first: bool) -> NDArray[np.float64] | None:
+        """Factors' logarithms with the tilt and fall-off that gloss determines, or None.
 
-def _check_enough(pixels: int, lights: int) -> None:
-    """Refuse too few pixels: samples must outnumber unknowns.
+        Two folds: three numbers of the whole painting are chosen. Once gloss has determined them,
+        every later pass needs no more than a lower error.
+        """
+        lights = self._rig.directions
 
-    Strengths are determined up to one common factor, so ``pixels * lights`` samples must be more
-    than ``pixels * UNKNOWNS + lights - 1`` unknowns.
-    """
-    enough = math.ceil(lights / (lights - UNKNOWNS))
-    if pixels < enough:
-        raise ArgumentError(
-            f"stack: strengths of {lights} lights need at least {enough} pixels that can be "
-            f"fitted, found {pixels or 'none'}"
+        def log(freedoms: NDArray[np.float64]) -> NDArray[np.float64]:
+            return found.log + gauge_of(lights, found.normal, freedoms)
+
+        def errors(freedoms: NDArray[np.float64]) -> Errors:
+            factor = np.where(found.known, np.exp(log(freedoms)), 1.0)
+            return self._test.errors(scaled(self._rig, factor), 2, self._lobes)
+
+        best, _ = coordinate_search(
+            lambda freedoms: errors(freedoms).trim,
+            np.zeros(3),
+            _STEPS,
+            low=-_FARTHEST,
+            high=_FARTHEST,
         )
-
-
-def _ratios(
-    samples: NDArray[Any], expected: NDArray[Any], intensities: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """``(obs,)`` logarithms of the lamps' factors; NaN where no pixel determines one."""
-    even = expected / intensities[:, None]
-    dim = _DIM * even.mean(axis=0)
-    log = np.full(len(samples), np.nan)
-    for photograph, (sample, one) in enumerate(zip(samples, expected, strict=True)):
-        usable = np.isfinite(sample) & (sample > 0.0) & (even[photograph] > dim)
-        if usable.any():
-            log[photograph] = float(np.median(np.log(sample[usable] / one[usable])))
-    return log
-
-
-def _scaled(rig: Rig, factor: NDArray[np.float64]) -> Rig:
-    """The rig with intensities times ``factor``."""
-    lights = [
-        replace(light, intensity=light.intensity * float(by))
-        for light, by in zip(rig.lights, factor, strict=True)
-    ]
-    return rig.with_lights(lights)
-
-
-def _stereographic(directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``(n, 2)`` stereographic coordinates: a hemisphere becomes the unit disc, angles stay."""
-    height = np.maximum(1.0 + directions[:, 2:], np.finfo(np.float32).eps)
-    return np.asarray(directions[:, :2] / height)
-
-
-def _thin_plate(
-    places: NDArray[np.float64], values: NDArray[np.float64], others: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Thin-plate spline through ``values`` at other places: ``sum w r^2 log r`` plus a plane."""
-
-    def bend(of: NDArray[np.float64]) -> NDArray[np.float64]:
-        square = ((of[:, None] - places) ** 2).sum(axis=2)
-        return np.asarray(0.5 * square * np.log(np.where(square > 0.0, square, 1.0)))
-
-    def plane(of: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.column_stack([np.ones(len(of)), of])
-
-    corner = np.zeros((3, 3))
-    system = np.block([[bend(places), plane(places)], [plane(places).T, corner]])
-    # Least squares: two lights in one direction have the mean of their strengths.
-    weights = np.linalg.lstsq(system, np.concatenate([values, np.zeros(3)]), rcond=None)[0]
-    return np.asarray(np.hstack([bend(others), plane(others)]) @ weights)
+        gain = errors(best).than(errors(np.zeros(3)))
+        determined = gain.better(_DETERMINED, _ERRORS) if first else gain.fall > _LATER
+        return log(best) if determined else None

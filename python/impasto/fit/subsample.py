@@ -29,8 +29,8 @@ def subsampled_to(stack: Stack, pixels: int) -> Stack:
 
     Without a mask there are at most ``pixels``. The holes of a patterned mask may coincide with the
     stride; a shorter stride is then used. Only the bounding box of the mask is sampled. If its
-    pixels are few and scattered, they are packed into a smaller picture, unless lamps are near: the
-    light of near lamps depends on the position of a pixel.
+    pixels are few and scattered, they are packed into a smaller picture, unless lamps or cameras
+    are near: their directions depend on the position of a pixel.
     """
     box, there = _box(stack), pixel_count(stack)
     share = there / _size(box)
@@ -45,9 +45,13 @@ def subsampled_to(stack: Stack, pixels: int) -> Stack:
         stride -= 1
     window = _strided(box, stride)
     left = _pixel_count(stack, window)
-    if _size(window) > SPARSE * max(pixels, left) and left and not stack.rig.near.any():
+    if _size(window) > SPARSE * max(pixels, left) and left and not _near(stack.rig):
         return _packed(stack, window)
     return _cut(stack, window)
+
+
+def _near(rig: Rig) -> bool:
+    return bool(rig.near.any() or rig.near_views.any())
 
 
 def pixel_count(stack: Stack) -> int:

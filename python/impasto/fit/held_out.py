@@ -1,0 +1,192 @@
+"""Cross-validation of rigs: photographs held out, predicted by a surface fitted to the others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.encoding import Encoding
+from impasto.fit.lobes import LobeSbrdf, fit_lobes
+from impasto.fit.normals import fit_normals
+from impasto.fit.subsample import subsampled_to
+from impasto.rig import PointView, Rig
+from impasto.stack import Stack
+from impasto.status import Status
+
+DIM = 0.2
+"""Share of a pixel's mean light below which shadows affect a sample more than the lamp does."""
+KEPT = 0.9
+"""Share of the samples, those with the smallest errors, that the trimmed mean counts."""
+CODES = 255.0
+"""Errors are in codes of 8 bits, whatever the files have."""
+_SMALLEST = 0.05
+"""Errors below this many codes are rounding: no ratio of them means anything."""
+_BRIGHT = 99.5
+"""Percentile of linear samples that counts as white where the files have no tone curve."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """How much better one rig predicts photographs held out than another.
+
+    Attributes
+    ----------
+    trim_before, trim
+        Trimmed mean of the coded errors, in codes of 8 bits: the smallest 90 % count.
+    gain, scatter
+        Mean over photographs of the gain in dB, and its standard error.
+    """
+
+    trim_before: float
+    trim: float
+    gain: float
+    scatter: float
+
+    @property
+    def fall(self) -> float:
+        """Share by which the trimmed mean fell."""
+        return 1.0 - self.trim / max(self.trim_before, _SMALLEST)
+
+    def better(self, fall: float, errors: float = 1.0) -> bool:
+        """Whether the trim fell by this share and the gain exceeds so many standard errors."""
+        return self.fall >= fall and self.gain > errors * self.scatter
+
+    def __str__(self) -> str:
+        return (
+            f"{self.gain:+.2f} ± {self.scatter:.2f} dB, "
+            f"trimmed error {self.trim_before:.2f} to {self.trim:.2f} codes"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """Coded errors ``(obs, n)`` of photographs when they were held out; NaN where unknown."""
+
+    coded: NDArray[np.float64]
+
+    @property
+    def trim(self) -> float:
+        """Trimmed mean over all photographs."""
+        return _trimmed(self.coded)
+
+    @property
+    def rms(self) -> float:
+        """Root mean square over all photographs."""
+        return float(np.sqrt(np.nanmean(self.coded**2)))
+
+    def fold(self, fold: int, folds: int) -> float:
+        """Trimmed mean of one fold."""
+        return _trimmed(self.coded[fold::folds])
+
+    def than(self, before: Errors) -> Comparison:
+        """Compared with those of another rig, photograph by photograph."""
+        power = [np.nanmean(each.coded**2, axis=1) for each in (before, self)]
+        least = _SMALLEST**2
+        gain = 10.0 * np.log10((power[0] + least) / (power[1] + least))
+        gain = gain[np.isfinite(gain)]
+        scatter = float(gain.std() / np.sqrt(max(len(gain) - 1, 1))) if len(gain) else np.inf
+        mean = float(gain.mean()) if len(gain) else 0.0
+        return Comparison(before.trim, self.trim, mean, scatter)
+
+
+class HeldOut:
+    """A sample of pixels spread over a painting, to compare rigs by photographs held out.
+
+    A photograph that is held out has, unless ``given``, a strength of its own: one number, the
+    median of sample / predicted sample, is taken from it. What is compared is then the surface,
+    with strengths of lamps that no rule predicts as well as with those of a dome.
+    """
+
+    def __init__(self, stack: Stack, pixels: int, *, index: float, threads: int | None) -> None:
+        pitch = 1.0 if stack.rig.pitch_mm is None else stack.rig.pitch_mm
+        # A point view says where the middle of the subsample lies, and forbids to pack it.
+        eye = PointView((0.0, 0.0, 1.0))
+        probe = Rig(stack.rig.directions, views=eye, pitch_mm=pitch)
+        self._few = subsampled_to(stack._replace(rig=probe), pixels)
+        x, y, _ = self._few.rig.view_positions[0].tolist()
+        self._middle = (-x, -y)
+        self._index, self._threads = index, threads
+        linear = np.array([self._few.linear(photograph) for photograph in range(len(probe))])
+        self.samples = linear.mean(axis=1)
+        """``(obs, y, x)`` linear light, mean of the bands; +inf where clipped."""
+        self._curve, self._white = stack.encoding, 1.0
+        if stack.encoding.curve == "linear":
+            known = linear[np.isfinite(linear)]
+            white = float(np.percentile(known, _BRIGHT)) if known.size else 1.0
+            self._curve, self._white = Encoding("srgb"), white if white > 0.0 else 1.0
+        self._truth = self._coded(linear)
+
+    def lit(self, rig: Rig) -> Stack:
+        """The sample under a rig of the whole painting."""
+        local = Rig(rig.seen_from(*self._middle), pitch_mm=self._few.rig.pitch_mm)
+        return self._few._replace(rig=local)
+
+    def surface(self, stack: Stack, lobes: int = 1) -> LobeSbrdf:
+        """The surface of (some photographs of) the sample."""
+        return fit_lobes(
+            stack,
+            fit_normals(stack, threads=self._threads),
+            lobes=lobes,
+            ambient=True,
+            index=self._index,
+            threads=self._threads,
+            progress=False,
+        )
+
+    def errors(self, rig: Rig, folds: int, lobes: int = 1) -> Errors:
+        """Errors of every photograph when it was held out."""
+        return self.errors_of([self.lit(rig)] * folds, lobes)[0]
+
+    def errors_of(self, stacks: list[Stack], lobes: int = 1) -> tuple[Errors, Errors]:
+        """The same with a rig for each fold, as :meth:`lit` places it; own strengths, and given."""
+        count, folds = len(self.samples), len(stacks)
+        coded = np.full((2, count, self._truth[0].size), np.nan)
+        for fold, stack in enumerate(stacks):
+            held = np.arange(fold, count, folds)
+            seen = np.setdiff1d(np.arange(count), held)
+            rig = stack.rig.take(held)
+            surface = self.surface(stack.take(seen), lobes)
+            shown = surface.predict(rig, threads=self._threads).astype(np.float64)
+            shown[..., surface.status >= Status.DARK] = np.nan
+            own = log_ratios(self.samples[held], shown.mean(axis=1), rig.intensities)
+            alike = shown * np.exp(np.where(np.isfinite(own), own, 0.0))[:, None, None, None]
+            for errors, light in zip(coded, (alike, shown), strict=True):
+                errors[held] = (self._coded(light) - self._truth[held]).reshape(len(held), -1)
+        return Errors(coded[0]), Errors(coded[1])
+
+    def _coded(self, linear: NDArray[Any]) -> NDArray[np.float64]:
+        codes = self._curve.encode(linear / self._white)
+        return np.asarray(codes, dtype=np.float64) * (CODES / self._curve.white)
+
+
+def log_ratios(
+    samples: NDArray[Any], expected: NDArray[Any], intensities: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """``(obs,)`` median logarithm of sample / expected sample; NaN where no pixel determines it."""
+    even = expected / intensities.reshape(-1, *[1] * (expected.ndim - 1))
+    with np.errstate(invalid="ignore"):
+        dim = DIM * even.mean(axis=0)
+    log = np.full(len(samples), np.nan)
+    for photograph, (sample, one) in enumerate(zip(samples, expected, strict=True)):
+        usable = np.isfinite(sample) & (sample > 0.0) & (even[photograph] > dim)
+        if usable.any():
+            log[photograph] = float(np.median(np.log(sample[usable] / one[usable])))
+    return log
+
+
+def fold_count(lights: int, fewest: int, folds: int) -> int:
+    """Folds that leave at least ``fewest`` photographs to fit; 0 if there are none."""
+    if lights - -(-lights // folds) >= fewest:
+        return folds
+    return lights if lights - 1 >= fewest else 0
+
+
+def _trimmed(errors: NDArray[np.float64]) -> float:
+    size = np.abs(errors[np.isfinite(errors)])
+    if not size.size:
+        return float("inf")
+    count = max(1, int(KEPT * size.size))
+    return float(np.partition(size, count - 1)[:count].mean())
