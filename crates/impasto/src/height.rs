@@ -9,7 +9,13 @@
 
 use std::sync::Arc;
 
-use rustdct::{DctPlanner, TransformType2And3};
+use rustdct::TransformType2And3;
+use rustdct::algorithm::type2and3_butterflies::{
+    Type2And3Butterfly2, Type2And3Butterfly3, Type2And3Butterfly4, Type2And3Butterfly8,
+    Type2And3Butterfly16,
+};
+use rustdct::algorithm::{Type2And3ConvertToFft, Type2And3SplitRadix};
+use rustdct::rustfft::{Fft, FftPlannerAvx, FftPlannerScalar};
 
 use crate::error::{Error, Result};
 use crate::pixels::{Run, TILE};
@@ -48,8 +54,7 @@ pub fn integrate(
             format!("expected a positive width, found {pitch}"),
         ));
     }
-    let mut planner = DctPlanner::new();
-    let (along_x, along_y) = (planner.plan_dct2(width), planner.plan_dct2(height));
+    let (along_x, along_y) = (cosine_transform(width), cosine_transform(height));
 
     let mut field = divergence(normal, width, height, run)?;
     transform(&mut field, width, &along_x, Direction::Forward, run)?;
@@ -70,6 +75,32 @@ pub fn integrate(
         },
     )?;
     Ok(heights)
+}
+
+/// The cosine transform of so many numbers.
+///
+/// `DctPlanner` chooses the same for processors with AVX, but compiles the algorithms for SSE, too:
+/// an eighth of all the code that this crate gives to the compiler.
+fn cosine_transform(length: usize) -> Arc<dyn TransformType2And3<f64>> {
+    match length {
+        2 => Arc::new(Type2And3Butterfly2::new()),
+        3 => Arc::new(Type2And3Butterfly3::new()),
+        4 => Arc::new(Type2And3Butterfly4::new()),
+        8 => Arc::new(Type2And3Butterfly8::new()),
+        16 => Arc::new(Type2And3Butterfly16::new()),
+        _ if length.is_power_of_two() && length > 2 => {
+            let (half, quarter) = (cosine_transform(length / 2), cosine_transform(length / 4));
+            Arc::new(Type2And3SplitRadix::new(half, quarter))
+        }
+        _ => Arc::new(Type2And3ConvertToFft::new(fourier_transform(length))),
+    }
+}
+
+fn fourier_transform(length: usize) -> Arc<dyn Fft<f64>> {
+    match FftPlannerAvx::new() {
+        Ok(mut planner) => planner.plan_fft_forward(length),
+        Err(()) => FftPlannerScalar::new().plan_fft_forward(length),
+    }
 }
 
 /// Slopes along columns (right) and rows (down) per pixel; none where the normal is left out.
