@@ -9,8 +9,7 @@
 //! copy or a sum, checks the flag as well ([`Run::in_turn`]).
 
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-
-use rayon::prelude::*;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
 use crate::math::Level;
@@ -35,6 +34,11 @@ impl Pool {
             .build()
             .map(Self)
             .map_err(|error| Error::argument("threads", format!("cannot start {threads}: {error}")))
+    }
+
+    /// Not generic: what a call to rayon needs is compiled once, not for every kind of tile.
+    fn on_every_thread(&self, work: &(dyn Fn() + Sync)) {
+        self.0.broadcast(|_| work());
     }
 }
 
@@ -162,18 +166,39 @@ impl Run<'_> {
         A: Send,
     {
         self.progress.total.fetch_add(tiles.len(), Ordering::Relaxed);
-        let step = |scratch: &mut S, tile: T| {
-            self.look()?;
-            let answer = body(scratch, tile);
-            self.progress.done.fetch_add(1, Ordering::Relaxed);
-            self.look().map(|()| answer)
+        let answers = Mutex::new(tiles.iter().map(|_| None).collect::<Vec<_>>());
+        let queue = Mutex::new(tiles.into_iter().enumerate());
+        let worker = || {
+            let mut memory = None;
+            while let Some((index, tile)) = next(&queue)
+                && !self.cancelled()
+            {
+                let answer = body(memory.get_or_insert_with(&scratch), tile);
+                self.progress.done.fetch_add(1, Ordering::Relaxed);
+                if self.cancelled() {
+                    break;
+                }
+                locked(&answers)[index] = Some(answer);
+            }
         };
-        if let Some(Pool(pool)) = self.pool {
-            return pool.install(|| tiles.into_par_iter().map_init(scratch, step).collect());
+        match self.pool {
+            Some(pool) => pool.on_every_thread(&worker),
+            None => worker(),
         }
-        let mut scratch = scratch();
-        tiles.into_iter().map(|tile| step(&mut scratch, tile)).collect()
+        // What no worker has answered was cancelled.
+        let answers = answers.into_inner().unwrap_or_else(PoisonError::into_inner);
+        answers.into_iter().collect::<Option<_>>().ok_or(Error::Cancelled)
     }
+}
+
+/// The next tile that nobody has taken.
+fn next<T>(queue: &Mutex<impl Iterator<Item = T>>) -> Option<T> {
+    locked(queue).next()
+}
+
+/// Held for a moment only, and never by a tile that panics.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A run on the caller's thread with the best instruction set, for tests and simple programs.
