@@ -62,13 +62,16 @@ impl<R: Real, const N: usize> Normal<R, N> {
             }
             self.descent[i] = sum;
         }
-        for top in (0..N).step_by(TILE) {
-            match N - top {
-                1 => self.add_tiles::<1>(top, slopes),
-                2 => self.add_tiles::<2>(top, slopes),
-                3 => self.add_tiles::<3>(top, slopes),
-                _ => self.add_tiles::<TILE>(top, slopes),
-            }
+        let rest = const { N % TILE };
+        for top in (0..N - rest).step_by(TILE) {
+            self.add_tiles::<TILE>(top, slopes);
+        }
+        // A constant, so that only one of these is compiled.
+        match const { N % TILE } {
+            1 => self.add_tiles::<1>(N - rest, slopes),
+            2 => self.add_tiles::<2>(N - rest, slopes),
+            3 => self.add_tiles::<3>(N - rest, slopes),
+            _ => {}
         }
     }
 

@@ -276,6 +276,10 @@ macro_rules! scalar_real {
             fn select(mask: bool, yes: Self, no: Self) -> Self {
                 if mask { yes } else { no }
             }
+            #[inline(never)]
+            fn apart<P: Part<Self>>(part: P) -> P::Output {
+                part.compute()
+            }
         }
     };
 }

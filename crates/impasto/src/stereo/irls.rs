@@ -1,5 +1,8 @@
 //! Iteratively reweighted least squares [@holland1977robust] for one register of pixels.
 
+use core::marker::PhantomData;
+
+use crate::math::real::Part;
 use crate::math::{Mask, Real, Vec3};
 
 use super::lights::Lights;
@@ -17,6 +20,27 @@ pub(super) struct StereoIrls<R> {
     sorted: Vec<R>,
 }
 
+/// All steps for one register of pixels; one copy serves pixels with and without invalid samples.
+struct Reweighting<'a, R: Real, L, W> {
+    irls: &'a mut StereoIrls<R>,
+    lights: &'a L,
+    kept: &'a [R::Mask],
+    signal: PlaneRows<'a>,
+    steps: usize,
+    b: Vec3<R>,
+    loss: PhantomData<W>,
+}
+
+impl<R: Real<Scalar = f32>, L: Lights<R>, W: WeightFunction> Part<R> for Reweighting<'_, R, L, W> {
+    type Output = (Vec3<R>, R::Mask);
+
+    #[inline(always)]
+    fn compute(self) -> Self::Output {
+        let Self { irls, lights, kept, signal, steps, b, .. } = self;
+        irls.improve::<W, L>(lights, kept, signal, steps, b)
+    }
+}
+
 impl<R: Real<Scalar = f32>> StereoIrls<R> {
     pub(super) fn new(observations: usize) -> Self {
         Self {
@@ -32,8 +56,7 @@ impl<R: Real<Scalar = f32>> StereoIrls<R> {
         &self.weights
     }
 
-    /// Improves `b` in place. Each step solves for a correction of `b` from its residuals, so that
-    /// what rounding leaves behind is found by the next step.
+    /// Improves `b` in place.
     ///
     /// Returns which pixels took all steps; the others stopped before a step that would have dropped too
     /// many samples, or left single precision no determinant.
@@ -46,10 +69,28 @@ impl<R: Real<Scalar = f32>> StereoIrls<R> {
         steps: usize,
         b: &mut Vec3<R>,
     ) -> R::Mask {
+        let loss = PhantomData::<W>;
+        let followed;
+        (*b, followed) =
+            R::apart(Reweighting { irls: self, lights, kept, signal, steps, b: *b, loss });
+        followed
+    }
+
+    /// Each step solves for a correction of `b` from its residuals, so that what rounding leaves
+    /// behind is found by the next step.
+    #[inline(always)]
+    fn improve<W: WeightFunction, L: Lights<R>>(
+        &mut self,
+        lights: &L,
+        kept: &[R::Mask],
+        signal: PlaneRows<'_>,
+        steps: usize,
+        mut b: Vec3<R>,
+    ) -> (Vec3<R>, R::Mask) {
         let (zero, one) = (R::zero(), R::one());
         let (mut sum, mut count) = (zero, zero);
         for (k, &kept) in kept.iter().enumerate() {
-            let size = residual(signal.at(k), lights.at(k), *b).abs();
+            let size = residual(signal.at(k), lights.at(k), b).abs();
             sum = sum + R::keep(kept, size);
             self.weights[k] = R::keep(kept, one);
             count = count + self.weights[k];
@@ -58,7 +99,7 @@ impl<R: Real<Scalar = f32>> StereoIrls<R> {
         let mut followed = zero.le(zero);
         for _ in 0..steps {
             let size = if W::MEDIAN {
-                self.median(lights, kept, signal, *b, count)
+                self.median(lights, kept, signal, b, count)
             } else {
                 sum * per_count
             };
@@ -69,7 +110,7 @@ impl<R: Real<Scalar = f32>> StereoIrls<R> {
             sum = zero;
             core::mem::swap(&mut self.weights, &mut self.previous);
             for (k, &kept) in kept.iter().enumerate() {
-                let residual = residual(signal.at(k), lights.at(k), *b);
+                let residual = residual(signal.at(k), lights.at(k), b);
                 let weight = R::keep(kept, W::weight(residual, tuned));
                 self.weights[k] = weight;
                 let light = lights.at(k);
@@ -93,13 +134,13 @@ impl<R: Real<Scalar = f32>> StereoIrls<R> {
                     *weight = R::select(followed, *weight, previous);
                 }
             }
-            *b = Vec3::new(
+            b = Vec3::new(
                 b.x + R::keep(followed, step.x),
                 b.y + R::keep(followed, step.y),
                 b.z + R::keep(followed, step.z),
             );
         }
-        followed
+        (b, followed)
     }
 
     /// Median of the kept samples' absolute residuals.

@@ -150,14 +150,8 @@ fn readmit<R: Real<Scalar = f32>>(
     let (mut shadow, mut highlight) = (lanes(rejection.shadow), lanes(rejection.highlight));
     let lower = lanes(lower);
     for lane in (0..R::WIDTH).filter(|&lane| rejection.relaxed.lane(lane)) {
-        let mut order: Vec<(f32, usize)> = (0..kept.len())
-            .map(|k| (relative.lane(k, lane), k))
-            .filter(|(value, _)| value.is_finite())
-            .collect();
-        order.sort_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
-        let mut ranks: Vec<usize> = (0..order.len()).collect();
-        ranks.sort_by_key(|&rank| ((2 * rank).abs_diff(order.len() - 1), rank));
-        for (value, k) in ranks.into_iter().map(|rank| order[rank]) {
+        let samples = (0..kept.len()).map(|k| (relative.lane(k, lane), k)).collect();
+        for (value, k) in from_the_middle(samples) {
             if kept[k].lane(lane) || count[lane] >= ENOUGH as f32 {
                 continue;
             }
@@ -172,6 +166,16 @@ fn readmit<R: Real<Scalar = f32>>(
     rejection.kept = R::load(&count);
     rejection.shadow = R::load(&shadow);
     rejection.highlight = R::load(&highlight);
+}
+
+/// The finite samples, those whose ranks are nearest to the middle first. Not generic: sorting is
+/// compiled once, not for every instruction set.
+fn from_the_middle(mut samples: Vec<(f32, usize)>) -> impl Iterator<Item = (f32, usize)> {
+    samples.retain(|(value, _)| value.is_finite());
+    samples.sort_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
+    let mut ranks: Vec<usize> = (0..samples.len()).collect();
+    ranks.sort_by_key(|&rank| ((2 * rank).abs_diff(samples.len() - 1), rank));
+    ranks.into_iter().map(move |rank| samples[rank])
 }
 
 /// Rank trimming: what it needs at every pixel.
