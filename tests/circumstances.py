@@ -60,7 +60,7 @@ def _normals(capture: Any, **options: Any) -> Arrays:
 
 
 def _sbrdf(capture: Any, **options: Any) -> Arrays:
-    fit = impasto.fit_sbrdf(capture.stack, **options)
+    fit = impasto.fit_sbrdf(capture.stack, pooling="painting", **options)
     return (*arrays(fit), *arrays(fit.normals), np.array([fit.beta, fit.gamma]))
 
 
@@ -143,7 +143,7 @@ def _long_sbrdf(capture: Any, **options: Any) -> Arrays:
     stack = capture.stack
     wide = impasto.Stack(np.tile(stack.samples, (1, 1, 4, 3)), lights=stack.rig)
     normals = impasto.fit_normals(wide, method="least-squares")
-    return arrays(impasto.fit_sbrdf(wide, normals=normals, **options))
+    return arrays(impasto.fit_sbrdf(wide, pooling="painting", normals=normals, **options))
 
 
 def _long_lafortune(_: Any, **options: Any) -> Arrays:

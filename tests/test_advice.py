@@ -90,7 +90,7 @@ def test_lamps_that_still_change_say_by_how_much(stack: Path) -> None:
 
 
 def test_a_search_under_way_says_how_far_it_still_went(capture: simulate.Capture) -> None:
-    fitted = impasto.fit_sbrdf(capture.stack)
+    fitted = impasto.fit_sbrdf(capture.stack, pooling="painting")
     path = np.array([[1.0, 0.1], [2.0, 0.2], [2.02, 0.199]])
     part = replace(
         fitted, converged=False, verdict="fitted", path=path, covariance=np.diag([0.02, 0.01]) ** 2
@@ -140,15 +140,19 @@ def test_lamps_are_estimated_with_the_lobes_that_are_fitted(stack: Path, tmp_pat
     assert str(found.held_out) != str(impasto.fit_strengths(impasto.read_stack(stack)).held_out)
 
 
-def test_one_lobe_for_several_kinds_hints_at_the_pixels_own(
+def test_several_varnishes_get_lobes_per_pixel_and_a_line_that_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     painting = simulate.painting(seed=7, size=(48, 48), varnish="patches")
     patches = simulate.capture(painting, "tominaga-six-band-adaptation", noise=None).stack
-    assert impasto.fit_sbrdf(patches).verdict == "mixed"
+    assert impasto.fit_sbrdf(patches, pooling="painting").verdict == "mixed"
     write_stack(tmp_path / "stack.npz", patches)
     assert main(["fit", str(tmp_path / "stack.npz"), "--out", str(tmp_path / "fit")]) == 0
-    assert "--pooling pixel (without --camera) for lobes per pixel" in said(capsys)
+    told = said(capsys)
+    assert "per pixel" in told
+    assert "dB on 16 held-out photographs; one lobe for the painting" in told
+    report = json.loads((tmp_path / "fit" / "report.json").read_text(encoding="utf-8"))
+    assert report["results"]["choice"]["chosen"]["pooling"] == "pixel"
 
 
 def test_advice_on_spectra_does_not_lead_into_a_wall(
@@ -227,7 +231,7 @@ def test_what_is_no_archive_is_called_so(
     picture.write_bytes(b"\x89PNG\r\n")
     with pytest.raises(impasto.CorruptInputError, match=r"lobes\.png: is no \.npz file$"):
         impasto.load_sbrdf(picture)
-    assert main(f"render {picture} --out {tmp_path / 'a.png'}".split()) == 3
+    assert main(f"render {picture} --out {tmp_path / 'a.png'}".split()) == 1
     assert "pickle" not in said(capsys)
 
 
@@ -264,7 +268,7 @@ def test_many_segments_have_room_in_a_line(capture: simulate.Capture) -> None:
 
 def test_nothing_seen_is_not_no_highlight(capture: simulate.Capture) -> None:
     black = capture.stack._replace(samples=np.zeros_like(capture.stack.samples))
-    fitted = impasto.fit_sbrdf(black)
+    fitted = impasto.fit_sbrdf(black, pooling="painting")
     assert fitted.verdict == "too-few"
     assert "no pixel that could show a highlight" in repr(fitted)
     whole = impasto.fit_sbrdf(black, pooling="segment", segments=np.zeros((32, 40), int))

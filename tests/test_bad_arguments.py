@@ -101,9 +101,9 @@ def test_lights_behind_the_painting() -> None:
         (lambda: altered(stack().samples, scale="x"), "scale"),
         (lambda: altered(stack().samples, saturation="x"), "saturation"),
         (lambda: altered(stack().samples, black="x"), "black"),
-        (lambda: fit_sbrdf(stack(), index="a"), "index"),
-        (lambda: fit_sbrdf(stack(), index=True), "index"),
-        (lambda: fit_sbrdf(stack(), index=101), "index"),
+        (lambda: fit_sbrdf(stack(), index="a", pooling="painting"), "index"),
+        (lambda: fit_sbrdf(stack(), index=True, pooling="painting"), "index"),
+        (lambda: fit_sbrdf(stack(), index=101, pooling="painting"), "index"),
         (lambda: simulate.painting(-1, SIZE), "seed"),
         (lambda: simulate.painting(0.5, SIZE), "seed"),  # type: ignore[arg-type]
     ],
@@ -118,7 +118,7 @@ def test_arguments_that_were_swapped_or_are_something_else() -> None:
     photographs = simulate.default_capture("tominaga-rgb-camera", size=SIZE)
     taken, camera = photographs.stack, photographs.truth.camera
     six = simulate.default_capture(size=SIZE).stack
-    fit = fit_sbrdf(taken)
+    fit = fit_sbrdf(taken, pooling="painting")
     scene = Scene([(0, 0.7, 0.7)])
     calls: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any], str]] = [
         (render, (scene, fit), {}, "scene: expected an impasto.Scene.*found PooledSbrdf"),
@@ -148,7 +148,7 @@ def test_arguments_that_were_swapped_or_are_something_else() -> None:
 def test_places_are_chosen_alike_from_stacks_rigs_and_bands() -> None:
     """By numbers, from the end where negative; not by truth values, which would be 0 and 1."""
     taken = simulate.default_capture("tominaga-rgb-camera", size=SIZE).stack
-    fit = fit_sbrdf(taken)
+    fit = fit_sbrdf(taken, pooling="painting")
     assert fit.with_bands([-1, 0]).bands == fit.with_bands(np.array([2, 0])).bands
     np.testing.assert_array_equal(fit.with_bands([-1]).diffuse, fit.diffuse[[2]])
     assert taken.take(range(-2, 0)).names == taken.take([7, 8]).names
@@ -235,7 +235,7 @@ def test_the_command_line_names_the_option(
 def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
     """The arrays of a saved fit, whose index was a numpy number."""
     path = tmp_path_factory.mktemp("saved") / "sbrdf.npz"
-    fit_sbrdf(stack(), index=np.float32(1.5)).save(path)
+    fit_sbrdf(stack(), index=np.float32(1.5), pooling="painting").save(path)
     with np.load(path) as file:
         return {key: file[key] for key in file.files}
 

@@ -164,7 +164,7 @@ def test_three_lights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     path.write_text("\n".join(["3", lines[2], lines[5], lines[7]]) + "\n")
     assert told(capsys, "doctor", path) == 0
     assert told(capsys, "fit", path, "--out", tmp_path / "out", "--quiet") == 0
-    assert (fit_sbrdf(three).status == Status.EXACT).all()
+    assert (fit_sbrdf(three, pooling="painting").status == Status.EXACT).all()
 
 
 def test_lights_in_one_plane(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -253,7 +253,7 @@ def spoiled() -> tuple[Stack, dict[tuple[int, int], set[Status]]]:
 def test_spoiled_pixels_through_fit_and_picture() -> None:
     """They have their status, stay dark in every picture, and disturb neither gloss nor others."""
     bad, expected = spoiled()
-    sbrdf, clean = fit_sbrdf(bad), fit_sbrdf(stack())
+    sbrdf, clean = fit_sbrdf(bad, pooling="painting"), fit_sbrdf(stack(), pooling="painting")
     for at, statuses in expected.items():
         assert Status(int(sbrdf.status[at])) in statuses
     unknown = sbrdf.status >= 16
@@ -277,12 +277,12 @@ def test_the_last_bit_of_clean_samples_decides_nothing() -> None:
     A search ends where a step gains a millionth of the cost: a part in ten thousand of beta, and
     here of two ends.
     """
-    clean = fit_sbrdf(stack())
+    clean = fit_sbrdf(stack(), pooling="painting")
     rng = np.random.default_rng(0)
     for _ in range(12):
         up, down = (np.nextafter(stack().samples, np.float32(end)) for end in (9.0, -9.0))
         samples = np.choose(rng.integers(0, 3, up.shape), [down, stack().samples, up])
-        other = fit_sbrdf(altered(samples, saturation=4.0))
+        other = fit_sbrdf(altered(samples, saturation=4.0), pooling="painting")
         assert other.verdict == "fitted"
         assert other.beta == pytest.approx(clean.beta, rel=2e-4)
         assert other.gamma == pytest.approx(clean.gamma, rel=2e-4)
@@ -300,7 +300,9 @@ def test_clean_samples_of_matte_paint_show_no_highlight() -> None:
     for _ in range(12):
         up, down = (np.nextafter(matte.samples, np.float32(end)) for end in (9.0, -9.0))
         samples = np.choose(rng.integers(0, 3, up.shape), [down, matte.samples, up])
-        found = fit_sbrdf(Stack(samples, lights=matte.rig.directions, saturation=4.0))
+        found = fit_sbrdf(
+            Stack(samples, lights=matte.rig.directions, saturation=4.0), pooling="painting"
+        )
         assert found.verdict == "no-highlight"
         assert found.beta == 0.0
 
@@ -311,7 +313,7 @@ def test_a_fit_of_nothing_says_so(
 ) -> None:
     path = tmp_path / "stack.npz"
     write_stack(path, altered(np.full_like(stack().samples, value), saturation=4.0))
-    sbrdf = fit_sbrdf(read_stack(path))
+    sbrdf = fit_sbrdf(read_stack(path), pooling="painting")
     assert (sbrdf.verdict, sbrdf.beta) == ("too-few", 0.0)
     assert (sbrdf.status >= 16).all()
     assert told(capsys, "fit", path, "--out", tmp_path / "out") == 4

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import impasto
 from impasto import Effort, simulate
 from impasto.effort import PRESETS
+from impasto.fit import cross_validation
 from impasto.fit.subsample import pixel_count, stride_index, subsampled, subsampled_to
 from impasto.study import suggestion, trials
 from impasto.study.relative_error import full_scale, relative_error
@@ -44,7 +45,7 @@ def test_every_number_of_an_effort_is_used(stack: impasto.Stack) -> None:
     base = Effort()
     others = {
         "stereo": (Effort(stereo=0), {"pooling": "pixel"}),
-        "pixels": (Effort(pixels=64), {}),
+        "pixels": (Effort(pixels=64), {"pooling": "painting"}),
         "rounds": (Effort(rounds=0), {"pooling": "pixel"}),
         "iterations": (Effort(iterations=1), {"pooling": "pixel"}),
         "start": (Effort(start="multistart"), {"pooling": "pixel"}),
@@ -194,7 +195,7 @@ def test_neighbours_are_not_held_out_together(stack: impasto.Stack) -> None:
     twice = np.concatenate(
         [row for row in stack.rig.directions[:24].reshape(4, 6, 3) for _ in "ab"]
     )
-    turns = trials._folds(impasto.Stack(stack.samples, lights=twice), None)
+    turns = cross_validation.folds_of(impasto.Stack(stack.samples, lights=twice), None)
     assert len(turns) == 3
     for turn in turns:
         assert len(np.unique(turn.rig.directions, axis=0)) == len(turn.rig) == 8
@@ -222,7 +223,7 @@ def test_few_photographs_are_held_out_in_turns(
         shown.clear()
         tried = impasto.suggest_effort(stack.take(range(count)), error=0.1).tried
         assert len(shown) == folds * len(tried)
-        assert sum(shown) >= min(count, trials.HELD_OUT) * len(tried)
+        assert sum(shown) >= min(count, cross_validation.HELD_OUT) * len(tried)
         # Black is off by all there is.
         assert {trial.error for trial in tried} == {1.0}
 
@@ -310,10 +311,10 @@ def test_photographs_are_dealt_out_evenly_and_apart(
         lights / np.linalg.norm(lights, axis=1, keepdims=True),
         views=views / np.linalg.norm(views, axis=1, keepdims=True) if seen else None,
     )
-    hands = trials._split(rig)
+    hands = cross_validation.split(rig)
     assert sorted(np.concatenate(hands)) == list(range(count))
     sizes = [len(hand) for hand in hands]
-    assert len(sizes) == trials.FOLDS
+    assert len(sizes) == cross_validation.FOLDS
     assert max(sizes) - min(sizes) <= 1
     # In the order of the rig each went where it was farthest from all that lay there, of the hands
     # that had room; into an empty one first.

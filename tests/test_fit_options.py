@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto.fit.options import KINDS, fit_kind, takers
+from impasto.fit.options import KINDS, fit_kinds, takers
 
 SIZE = (4, 5)
 LIGHTS = [(0.0, 0.6, 0.8), (0.6, 0.0, 0.8), (-0.6, 0.0, 0.8), (0.0, -0.6, 0.8)]
@@ -23,7 +23,8 @@ VALUES: dict[str, Any] = {
 """Values that are good where the option is: none is refused for itself."""
 
 FITS = [
-    ({}, {"extraction", "joint", "index"}),
+    ({}, {"segments", "lobes", "ambient", "extraction", "joint", "index"}),
+    ({"pooling": "none"}, set()),
     ({"pooling": "painting"}, {"extraction", "joint", "index"}),
     ({"pooling": "segment"}, {"segments", "extraction", "joint", "index"}),
     ({"pooling": "pixel"}, {"lobes", "ambient", "index"}),
@@ -72,10 +73,10 @@ def test_what_is_not_given_is_the_default(stack: impasto.Stack) -> None:
 
 @pytest.mark.parametrize("pooling", ["painting", "segment"])
 def test_lafortune_lobes_are_every_pixels_own(stack: impasto.Stack, pooling: str) -> None:
-    words = f"pooling: model='lafortune' goes with 'pixel' only, found '{pooling}'"
+    words = f"pooling: model='lafortune' goes with 'auto' or 'pixel' only, found '{pooling}'"
     with pytest.raises(impasto.ArgumentError, match=words):
         fit(stack, model="lafortune", pooling=pooling, segments=VALUES["segments"])
-    assert fit_kind("lafortune", None).pooling == "pixel"
+    assert [kind.pooling for kind in fit_kinds("lafortune", "auto", {})] == ["pixel"]
 
 
 @pytest.mark.parametrize("options", [asked for asked, _ in FITS], ids=str)

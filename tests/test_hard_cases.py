@@ -80,7 +80,7 @@ def stereo(samples: Any, rig: Any, **options: Any) -> impasto.Normals:
 
 
 def pooled(samples: Any, rig: Any, **options: Any) -> impasto.PooledSbrdf:
-    return impasto.fit_sbrdf(impasto.Stack(samples, lights=rig, **options))
+    return impasto.fit_sbrdf(impasto.Stack(samples, lights=rig, **options), pooling="painting")
 
 
 def pixel(samples: Any, rig: Any, precision: Any = "single", **options: Any) -> impasto.LobeSbrdf:

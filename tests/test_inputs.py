@@ -14,7 +14,7 @@ from impasto import simulate
 
 FITS = {
     "fit_normals": lambda stack: impasto.fit_normals(stack),
-    "fit_sbrdf": lambda stack: impasto.fit_sbrdf(stack),
+    "fit_sbrdf": lambda stack: impasto.fit_sbrdf(stack, pooling="painting"),
 }
 FIT = pytest.mark.parametrize("fit", FITS.values(), ids=FITS)
 

@@ -81,11 +81,11 @@ def test_what_cannot_be_learned_or_applied_is_named(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match='pooling: "segment"'):
         impasto.learn_sbrdf(photographs, pooling="segment")
     with pytest.raises(ArgumentError, match="extent: "):
-        impasto.learn_sbrdf(photographs, extent=(10, 10))
-    learned = impasto.learn_sbrdf(photographs)
+        impasto.learn_sbrdf(photographs, extent=(10, 10), pooling="painting")
+    learned = impasto.learn_sbrdf(photographs, pooling="painting")
     one_band = impasto.Stack(np.ones((4, 1, *SIZE), np.float32), lights=np.eye(4)[:, :3] + 1.0)
     with pytest.raises(ArgumentError, match="expected 3 bands, found 1"):
         learned.apply(one_band)
-    impasto.fit_sbrdf(photographs).save(tmp_path / "fit.npz")
+    impasto.fit_sbrdf(photographs, pooling="painting").save(tmp_path / "fit.npz")
     with pytest.raises(impasto.CorruptInputError, match=r"fit\.npz"):
         impasto.load_learned(tmp_path / "fit.npz")

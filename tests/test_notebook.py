@@ -228,7 +228,9 @@ def test_an_unknown_illuminant_fails_with_the_scene() -> None:
 
 def test_messages_show_plain_numbers() -> None:
     with pytest.raises(ArgumentError) as told:
-        impasto.fit_sbrdf(impasto.Stack(samples(), lights=LIGHTS), index=np.float64(0.5))
+        impasto.fit_sbrdf(
+            impasto.Stack(samples(), lights=LIGHTS), index=np.float64(0.5), pooling="painting"
+        )
     assert "0.5" in str(told.value)
     assert "np." not in str(told.value)
     with pytest.raises(ArgumentError) as told:

@@ -42,7 +42,7 @@ def clean() -> impasto.Stack:
 
 @pytest.fixture(scope="module")
 def fitted(clean: impasto.Stack) -> impasto.PooledSbrdf:
-    return impasto.fit_sbrdf(clean)
+    return impasto.fit_sbrdf(clean, pooling="painting")
 
 
 def test_the_truth_is_found_again(fitted: impasto.PooledSbrdf) -> None:
@@ -74,11 +74,14 @@ def test_maps_have_the_promised_shapes_and_types(fitted: impasto.PooledSbrdf) ->
 def test_the_stereo_stage_keeps_its_maps(clean: impasto.Stack) -> None:
     stereo = impasto.fit_normals(clean)
     before = stereo.normal.copy()
-    fitted = impasto.fit_sbrdf(clean, normals=stereo)
+    fitted = impasto.fit_sbrdf(clean, normals=stereo, pooling="painting")
     assert fitted.normals is stereo
     assert stereo.normal.tobytes() == before.tobytes()
     assert fitted.normal.tobytes() != before.tobytes()
-    assert impasto.fit_sbrdf(clean, normals="least-squares").normals.method == "least-squares"
+    assert (
+        impasto.fit_sbrdf(clean, normals="least-squares", pooling="painting").normals.method
+        == "least-squares"
+    )
 
 
 def test_numbers_stand_exactly_where_the_status_says_so(clean: impasto.Stack) -> None:
@@ -89,7 +92,7 @@ def test_numbers_stand_exactly_where_the_status_says_so(clean: impasto.Stack) ->
     samples[:, :, 6, 7] = np.inf
     samples[2:, :, 8, 9] = np.nan
     mask[10, 11] = False
-    fitted = impasto.fit_sbrdf(stack_of(samples, mask=mask))
+    fitted = impasto.fit_sbrdf(stack_of(samples, mask=mask), pooling="painting")
     lost = fitted.status >= 16
     assert {(2, 3), (4, 5), (6, 7), (8, 9), (10, 11)} == set(zip(*np.nonzero(lost), strict=True))
     assert fitted.status[2, 3] == Status.DARK
@@ -206,7 +209,7 @@ def test_a_wrong_argument_is_named(clean: impasto.Stack, argument: str, value: A
 def test_normals_of_another_stack_are_refused(clean: impasto.Stack) -> None:
     other = impasto.fit_normals(stack_of(clean.samples[:, :, :5]))
     with pytest.raises(impasto.ArgumentError, match=r"normals: .*\(3, 5, 40\)"):
-        impasto.fit_sbrdf(clean, normals=other)
+        impasto.fit_sbrdf(clean, normals=other, pooling="painting")
 
 
 def test_the_summary_says_what_matters(fitted: impasto.PooledSbrdf) -> None:

@@ -39,7 +39,9 @@ def finite_where_estimated(fitted: impasto.PooledSbrdf) -> bool:
 
 def test_case_2_all_samples_clipped() -> None:
     samples, rig = scene()
-    fitted = impasto.fit_sbrdf(impasto.Stack(samples, lights=rig, saturation=1e-6))
+    fitted = impasto.fit_sbrdf(
+        impasto.Stack(samples, lights=rig, saturation=1e-6), pooling="painting"
+    )
     assert fitted.verdict == "too-few"
     assert (fitted.status == impasto.Status.SATURATED).all()
     assert np.isnan(fitted.normal).all()
@@ -73,7 +75,7 @@ def test_case_29_sums_do_not_forget_small_terms() -> None:
 def test_case_30_as_many_samples_as_unknowns_predict_no_error() -> None:
     samples, rig = scene(beta=0.0)
     grey = impasto.Stack(samples[[0, 5, 10], :1], lights=rig.take([0, 5, 10]))
-    fitted = impasto.fit_sbrdf(grey)
+    fitted = impasto.fit_sbrdf(grey, pooling="painting")
     exact = fitted.status == impasto.Status.EXACT
     assert exact.any()
     assert np.isfinite(fitted.normal[:, exact]).all()
@@ -84,7 +86,7 @@ def test_case_30_as_many_samples_as_unknowns_predict_no_error() -> None:
 def test_case_26_a_sample_beyond_all_numbers_is_no_sample() -> None:
     samples, rig = scene()
     samples[2, 1, 5, 5] = 1e30
-    fitted = impasto.fit_sbrdf(impasto.Stack(samples, lights=rig))
+    fitted = impasto.fit_sbrdf(impasto.Stack(samples, lights=rig), pooling="painting")
     assert finite_where_estimated(fitted)
 
 
@@ -106,7 +108,8 @@ def test_dark_pixels_whose_few_codes_fit_exactly_do_not_rule(
     board = 1.0 - 0.2 * np.linspace(0.0, 1.0, shape[1]) ** 2 if flat_fielded else 1.0
     codes = np.round(255.0 * samples * board)
     fitted = impasto.fit_sbrdf(
-        impasto.Stack((codes / 255.0 / board).astype(np.float32), lights=rig)
+        impasto.Stack((codes / 255.0 / board).astype(np.float32), lights=rig),
+        pooling="painting",
     )
     assert fitted.verdict == "fitted"
     # Rounding (0.0011) is a quarter of a dark pixel's diffuse light and pulls in one direction

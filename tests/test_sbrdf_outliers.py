@@ -29,7 +29,9 @@ def photographs(seed: int) -> Any:
 
 
 def fit(samples: Any, **options: Any) -> impasto.PooledSbrdf:
-    fitted = impasto.fit_sbrdf(impasto.Stack(samples, lights=lights()), **options)
+    fitted = impasto.fit_sbrdf(
+        impasto.Stack(samples, lights=lights()), pooling="painting", **options
+    )
     assert isinstance(fitted, impasto.PooledSbrdf)
     return fitted
 

@@ -67,7 +67,7 @@ def check_maps(fitted: impasto.PooledSbrdf) -> None:
 
 @pytest.fixture(scope="module")
 def plain() -> impasto.PooledSbrdf:
-    return impasto.fit_sbrdf(stack_of(photographs()))
+    return impasto.fit_sbrdf(stack_of(photographs()), pooling="painting")
 
 
 # Against SciPy ---------------------------------------------------------------------------------
@@ -102,7 +102,9 @@ def test_the_separate_fit_is_minpacks(scene: tuple[Any, Any, impasto.Stack]) -> 
 def test_the_joint_fit_is_the_robust_minimum(
     scene: tuple[Any, Any, impasto.Stack], start: str
 ) -> None:
-    fitted = impasto.fit_sbrdf(scene[2], normals=truth(scene) if start == "truth" else None)
+    fitted = impasto.fit_sbrdf(
+        scene[2], normals=truth(scene) if start == "truth" else None, pooling="painting"
+    )
     beta, gamma = oracle.EXPECTED["joint_robust"]
     # The search ends where a step lowers the cost by less than 1e-6 of it: with
     # 174 (d beta / beta)^2 (joint.rs) that is 7.6e-5, a fifteenth of a standard deviation.
@@ -126,7 +128,7 @@ def test_the_errors_are_those_that_repetition_shows() -> None:
     logs, expected, pulls = [], [], []
     for _ in range(12):
         noise = 0.01 * np.sqrt(clean) * rng.standard_normal(clean.shape)
-        fitted = impasto.fit_sbrdf(stack_of((clean + noise).astype(np.float32)))
+        fitted = impasto.fit_sbrdf(stack_of((clean + noise).astype(np.float32)), pooling="painting")
         logs.append([np.log(fitted.beta / BETA), np.log(fitted.gamma / GAMMA)])
         expected.append(np.diag(fitted.covariance))
         pulls.append(np.radians(tilt_error(fitted)) / fitted.sigma)
@@ -161,9 +163,9 @@ def fingerprint(fitted: impasto.PooledSbrdf) -> tuple[bytes, ...]:
 def test_threads_change_no_bit() -> None:
     # 9 tiles of 4096 pixels, the last one incomplete.
     samples = np.tile(photographs(), (1, 1, 7, 7))[:, :, :151, :223]
-    one = impasto.fit_sbrdf(stack_of(samples), threads=1)
+    one = impasto.fit_sbrdf(stack_of(samples), threads=1, pooling="painting")
     for threads in (2, 3, 5, 8):
-        other = impasto.fit_sbrdf(stack_of(samples), threads=threads)
+        other = impasto.fit_sbrdf(stack_of(samples), threads=threads, pooling="painting")
         assert (one.beta, one.gamma) == (other.beta, other.gamma)
         assert fingerprint(one) == fingerprint(other)
 
@@ -183,7 +185,9 @@ def test_instruction_sets_change_no_bit(tmp_path: Path) -> None:
 def test_case_28_a_power_of_two_changes_no_shape(plain: impasto.PooledSbrdf) -> None:
     # 50: where photometric stereo, which all begins with, still keeps every bit.
     for power in (-50, -26, 7, 26, 50):
-        scaled = impasto.fit_sbrdf(stack_of(photographs() * np.float32(2.0**power)))
+        scaled = impasto.fit_sbrdf(
+            stack_of(photographs() * np.float32(2.0**power)), pooling="painting"
+        )
         assert scaled.gamma == plain.gamma
         assert scaled.beta == plain.beta * 2.0**power
         assert scaled.normal.tobytes() == plain.normal.tobytes()
@@ -197,7 +201,9 @@ def test_case_28_a_power_of_two_changes_no_shape(plain: impasto.PooledSbrdf) -> 
 
 def test_the_order_of_photographs_matters_little(plain: impasto.PooledSbrdf) -> None:
     order = np.random.default_rng(3).permutation(16)
-    mixed = impasto.fit_sbrdf(stack_of(photographs()[order], oracle.lights()[order]))
+    mixed = impasto.fit_sbrdf(
+        stack_of(photographs()[order], oracle.lights()[order]), pooling="painting"
+    )
     # Sums in another order: single precision, and where a search stops.
     assert mixed.beta == pytest.approx(plain.beta, rel=1e-4)
     assert np.median(np.abs(mixed.normal - plain.normal)) < 1e-5
@@ -206,7 +212,9 @@ def test_the_order_of_photographs_matters_little(plain: impasto.PooledSbrdf) -> 
 def test_turning_everything_turns_the_normals(plain: impasto.PooledSbrdf) -> None:
     # A quarter turn about the viewing axis is exact in floating point.
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    turned = impasto.fit_sbrdf(stack_of(photographs(), oracle.lights() @ turn.T))
+    turned = impasto.fit_sbrdf(
+        stack_of(photographs(), oracle.lights() @ turn.T), pooling="painting"
+    )
     assert turned.beta == pytest.approx(plain.beta, rel=1e-4)
     expected = np.einsum("ij,jyx->iyx", turn, plain.normal)
     assert np.median(np.abs(turned.normal - expected)) < 1e-5
@@ -220,7 +228,7 @@ def test_every_sample_type_gives_the_same_surface(dtype: str, plain: impasto.Poo
         full = np.iinfo(dtype).max
         samples = np.minimum(np.rint(samples * full / 2.0), full - 1)
         options = {"scale": 2.0 / full}
-    fitted = impasto.fit_sbrdf(stack_of(samples.astype(dtype), **options))
+    fitted = impasto.fit_sbrdf(stack_of(samples.astype(dtype), **options), pooling="painting")
     # 8 bits of a scale that reaches 2: steps of 0.008 against colours of 0.05; 16 bits and half
     # precision (11 bits, relative) are finer than the noise.
     loose = dtype == "uint8"
@@ -232,7 +240,7 @@ def test_every_sample_type_gives_the_same_surface(dtype: str, plain: impasto.Poo
 def test_near_lights_with_falloff() -> None:
     lights = [impasto.PointLight(tuple(300.0 * v)) for v in oracle.lights()]
     rig = impasto.Rig(lights, pitch_mm=5.0)
-    fitted = impasto.fit_sbrdf(stack_of(photographs(lights=rig), rig))
+    fitted = impasto.fit_sbrdf(stack_of(photographs(lights=rig), rig), pooling="painting")
     assert fitted.beta == pytest.approx(BETA, rel=0.01)
     assert fitted.gamma == pytest.approx(GAMMA, rel=0.01)
     assert np.median(tilt_error(fitted)) < 0.15
@@ -250,7 +258,7 @@ def test_cases_1_2_20_26_27_bad_pixels_leave_the_others_alone(plain: impasto.Poo
     samples[:, :, 2, 0] = 0.3  # constant: no surface does that
     samples[3, 1, 2, 5] = -np.inf
     samples[4, 2, 3, 5] = np.nan
-    fitted = impasto.fit_sbrdf(stack_of(samples))
+    fitted = impasto.fit_sbrdf(stack_of(samples), pooling="painting")
     check_maps(fitted)
     lost = {tuple(p) for p in np.argwhere(fitted.status >= 16).tolist()}
     assert lost == {(0, 0), (0, 5), (1, 0), (1, 5)}
@@ -265,9 +273,9 @@ def test_a_bad_pixel_changes_no_bit_of_its_neighbours_under_a_known_lobe() -> No
     samples = photographs()
     mask = np.ones(SHAPE, bool)
     mask[5, 5] = False
-    masked = impasto.fit_sbrdf(stack_of(samples, mask=mask))
+    masked = impasto.fit_sbrdf(stack_of(samples, mask=mask), pooling="painting")
     samples[:, :, 5, 5] = np.nan
-    missing = impasto.fit_sbrdf(stack_of(samples))
+    missing = impasto.fit_sbrdf(stack_of(samples), pooling="painting")
     assert masked.beta == missing.beta
     assert fingerprint(masked)[:5] == fingerprint(missing)[:5]
 
@@ -276,7 +284,7 @@ def test_case_3_clipped_highlights_are_left_out() -> None:
     samples = photographs()
     level = np.float32(np.percentile(samples, 99.0))
     clipped = np.where(samples >= level, np.float32(level), samples)
-    fitted = impasto.fit_sbrdf(stack_of(clipped, saturation=float(level)))
+    fitted = impasto.fit_sbrdf(stack_of(clipped, saturation=float(level)), pooling="painting")
     check_maps(fitted)
     # The tips of the highlights are gone; the flanks still tell, with twice the error.
     deviation = np.sqrt(np.diag(fitted.covariance))
@@ -285,7 +293,7 @@ def test_case_3_clipped_highlights_are_left_out() -> None:
 
 
 def test_case_4_no_highlight() -> None:
-    fitted = impasto.fit_sbrdf(stack_of(photographs(beta=0.0)))
+    fitted = impasto.fit_sbrdf(stack_of(photographs(beta=0.0)), pooling="painting")
     check_maps(fitted)
     assert fitted.verdict == "no-highlight"
     assert fitted.beta == 0.0
@@ -298,7 +306,7 @@ def test_case_4_no_highlight() -> None:
 
 def test_case_6_mirror_sharp() -> None:
     # 0.2 degrees: one pixel in a hundred has a highlight at all.
-    fitted = impasto.fit_sbrdf(stack_of(photographs(beta=40.0, gamma=0.004)))
+    fitted = impasto.fit_sbrdf(stack_of(photographs(beta=40.0, gamma=0.004)), pooling="painting")
     check_maps(fitted)
     assert np.median(tilt_error(fitted)) < 0.3
     if fitted.verdict == "fitted":
@@ -307,7 +315,7 @@ def test_case_6_mirror_sharp() -> None:
 
 def test_case_7_flat() -> None:
     # 50 degrees wide: all but a part of the diffuse reflection.
-    fitted = impasto.fit_sbrdf(stack_of(photographs(beta=1.0, gamma=0.9)))
+    fitted = impasto.fit_sbrdf(stack_of(photographs(beta=1.0, gamma=0.9)), pooling="painting")
     check_maps(fitted)
     assert fitted.verdict in {"at-bound", "no-highlight", "fitted"}
     predicted = fitted.predict()
@@ -319,7 +327,9 @@ def test_case_24_shadows_are_left_out() -> None:
     samples = photographs()
     rng = np.random.default_rng(8)
     shadow = rng.random((16, 1, *SHAPE)) < 0.08
-    fitted = impasto.fit_sbrdf(stack_of(np.where(shadow, samples * np.float32(0.05), samples)))
+    fitted = impasto.fit_sbrdf(
+        stack_of(np.where(shadow, samples * np.float32(0.05), samples)), pooling="painting"
+    )
     check_maps(fitted)
     # One in twelve photographs of every pixel is wrong; the scale's breakdown is at one in four,
     # which 2 % of the pixels reach.
@@ -332,7 +342,9 @@ def test_case_31_outliers() -> None:
     samples = photographs()
     rng = np.random.default_rng(9)
     struck = rng.random((16, 1, *SHAPE)) < 0.03
-    fitted = impasto.fit_sbrdf(stack_of(np.where(struck, np.float32(50.0), samples)))
+    fitted = impasto.fit_sbrdf(
+        stack_of(np.where(struck, np.float32(50.0), samples)), pooling="painting"
+    )
     check_maps(fitted)
     assert fitted.beta == pytest.approx(BETA, rel=0.02)
     assert fitted.gamma == pytest.approx(GAMMA, rel=0.02)
@@ -340,7 +352,9 @@ def test_case_31_outliers() -> None:
 
 def test_case_21_the_same_photograph_twice(plain: impasto.PooledSbrdf) -> None:
     again = [*range(16), 0, 0, 0]
-    fitted = impasto.fit_sbrdf(stack_of(photographs()[again], oracle.lights()[again]))
+    fitted = impasto.fit_sbrdf(
+        stack_of(photographs()[again], oracle.lights()[again]), pooling="painting"
+    )
     check_maps(fitted)
     assert fitted.beta == pytest.approx(plain.beta, rel=5e-3)
 
@@ -348,7 +362,9 @@ def test_case_21_the_same_photograph_twice(plain: impasto.PooledSbrdf) -> None:
 @pytest.mark.parametrize("count", [3, 4, 5])
 def test_case_30_few_lights(count: int) -> None:
     picks = [0, 3, 6, 9, 12][:count]
-    fitted = impasto.fit_sbrdf(stack_of(photographs()[picks], oracle.lights()[picks]))
+    fitted = impasto.fit_sbrdf(
+        stack_of(photographs()[picks], oracle.lights()[picks]), pooling="painting"
+    )
     check_maps(fitted)
     assert fitted.beta >= 0.0
 
@@ -359,7 +375,7 @@ def test_cases_19_20_lights_that_determine_nothing(lights: list[int]) -> None:
     directions[:, 1] = 0.0
     stack = stack_of(photographs()[lights], directions)
     try:
-        fitted = impasto.fit_sbrdf(stack)
+        fitted = impasto.fit_sbrdf(stack, pooling="painting")
     except impasto.GeometryError as error:
         assert "light" in str(error)  # noqa: PT017
         return
@@ -370,13 +386,13 @@ def test_cases_19_20_lights_that_determine_nothing(lights: list[int]) -> None:
 
 def test_case_22_grazing_lights_and_views() -> None:
     lights = np.vstack([oracle.lights(), [[0.999, 0.0, 0.04], [0.0, -0.999, 0.02]]])
-    fitted = impasto.fit_sbrdf(stack_of(photographs(lights=lights), lights))
+    fitted = impasto.fit_sbrdf(stack_of(photographs(lights=lights), lights), pooling="painting")
     check_maps(fitted)
     assert fitted.beta == pytest.approx(BETA, rel=0.02)
 
 
 def test_an_all_black_painting_has_no_surface() -> None:
-    fitted = impasto.fit_sbrdf(stack_of(np.zeros((16, 3, *SHAPE), np.float32)))
+    fitted = impasto.fit_sbrdf(stack_of(np.zeros((16, 3, *SHAPE), np.float32)), pooling="painting")
     check_maps(fitted)
     assert (fitted.status == Status.DARK).all()
     assert fitted.verdict == "too-few"
@@ -394,7 +410,7 @@ def test_one_varnish_is_described_and_three_are_not(plain: impasto.PooledSbrdf) 
     beta = np.broadcast_to(np.array([2.0, 12.0, 30.0])[third], SHAPE)
     gamma = np.broadcast_to(np.array([0.3, 0.12, 0.075])[third], SHAPE)
     clean = forward.stack(normal, diffuse, beta, gamma, impasto.Rig(oracle.lights()))
-    mixed = impasto.fit_sbrdf(stack_of(clean))
+    mixed = impasto.fit_sbrdf(stack_of(clean), pooling="painting")
     assert mixed.verdict == "mixed"
     assert mixed.describes < 0.7
     assert "only" in repr(mixed)
@@ -504,7 +520,7 @@ def test_a_lobe_is_learned_from_a_sample_of_the_pixels() -> None:
         effort=Effort(),
         **POOLED,
     )
-    of_mask = impasto.fit_sbrdf(masked, normals=normals)
+    of_mask = impasto.fit_sbrdf(masked, normals=normals, pooling="painting")
     # The reference brightness is that of the pixels whose colours are known, masked ones not.
     assert learned.beta == pytest.approx(of_mask.beta, rel=1.6e-4)
     maps = apply_pooled(learned, stack, normals)

@@ -25,7 +25,7 @@ def test_samples_are_not_copied(dtype: type) -> None:
 def test_what_is_printed_fits_a_line() -> None:
     capture = simulate.default_capture("tominaga-rgb-camera", size=(24, 20))
     normals = impasto.fit_normals(capture.stack)
-    sbrdf = impasto.fit_sbrdf(capture.stack, normals=normals)
+    sbrdf = impasto.fit_sbrdf(capture.stack, normals=normals, pooling="painting")
     spectra = impasto.fit_reflectance(capture.stack, sbrdf, capture.truth.camera)
     image = impasto.render(sbrdf, impasto.Scene(LIGHTS[1:]), reflectance=spectra)
     things = (capture, capture.stack, capture.stack.rig, capture.truth.camera)

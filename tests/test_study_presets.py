@@ -213,7 +213,7 @@ def test_half_the_time_is_had_for_what_can_be_asked_for() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({}, "nothing: the default"),
+        ({}, '`pooling="painting"`'),
         ({"joint": False}, "`joint=False`"),
         ({"pooling": "pixel", "effort": PRESETS["standard"].to_dict()}, '`pooling="pixel"`'),
         ({"effort": PRESETS["draft"].to_dict() | {"pixels": 7}}, '`effort="draft"`'),

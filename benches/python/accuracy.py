@@ -195,7 +195,7 @@ def measured(case: Case, system: str, seed: int, size: int) -> dict[str, Any]:
     """One fit against its truth. Errors of beta and gamma are relative, in percent, with sign."""
     capture = photographed(case, system, seed, size)
     stack, truth = case.afterwards(capture), capture.truth
-    sbrdf = impasto.fit_sbrdf(stack)
+    sbrdf = impasto.fit_sbrdf(stack, pooling="painting")
     known = sbrdf.status < impasto.Status.DARK
     angle = degrees_between(sbrdf.normal, truth.normal)[known]
     stereo = degrees_between(sbrdf.normals.normal, truth.normal)

@@ -13,7 +13,7 @@ from record import RESULTS
 
 SIX, RGB = "tominaga-six-band-adaptation", "tominaga-rgb-camera"
 PIXEL = '`pooling="pixel"`'
-DEFAULT = "nothing: the default"
+DEFAULT = '`pooling="painting"`'
 CASES = (
     ("9 lights, RGB", RGB, "one varnish", "satin varnish, as photographed"),
     ("9 lights, RGB", RGB, "several varnishes", "patches of all three"),

@@ -52,7 +52,7 @@ def photographs() -> tuple[impasto.Stack, np.ndarray]:
 def normals(stack: impasto.Stack, truth: np.ndarray) -> list[dict[str, Any]]:
     """Angles to the truth, degrees."""
     found = {method: impasto.fit_normals(stack, method=method).normal for method in METHODS}
-    found["fit_sbrdf, painting"] = impasto.fit_sbrdf(stack).normal
+    found["fit_sbrdf, painting"] = impasto.fit_sbrdf(stack, pooling="painting").normal
     found["fit_sbrdf, pixel"] = impasto.fit_sbrdf(stack, pooling="pixel").normal
     return [{"method": name, **summary(angles(normal, truth))} for name, normal in found.items()]
 

@@ -79,7 +79,7 @@ def papers(stack: impasto.Stack) -> tuple[float, float]:
 
 def test_fit_sbrdf(versus: Any, stack: impasto.Stack) -> None:
     found = versus(
-        lambda: impasto.fit_sbrdf(stack, threads=1),
+        lambda: impasto.fit_sbrdf(stack, threads=1, pooling="painting"),
         {"the papers' steps in numpy and scipy": lambda: papers(stack)},
         megapixels=SIDE * SIDE / 1e6,
         rounds=3,
@@ -96,7 +96,7 @@ def test_joint_problem(versus: Any) -> None:
     images = samples.reshape(*samples.shape[:2], *pooled.SHAPE).astype(np.float32)
     stack = impasto.Stack(images, lights=pooled.lights())
     found = versus(
-        lambda: impasto.fit_sbrdf(stack, threads=1),
+        lambda: impasto.fit_sbrdf(stack, threads=1, pooling="painting"),
         {"least_squares of SciPy": pooled.joint_least_squares},
         rounds=3,
     )

@@ -21,7 +21,9 @@ from study.pigments import GRID, NOISE, PigmentPhotograph
 
 
 def sbrdf(stack: Stack, threads: int | None, **options: Any) -> Fitted:
-    """A fit by :func:`impasto.fit_sbrdf` with these options."""
+    """A fit by :func:`impasto.fit_sbrdf` with these options; one lobe unless they say otherwise."""
+    if "model" not in options:
+        options = {"pooling": "painting"} | options
     fitted: Fitted = impasto.fit_sbrdf(stack, threads=threads, **options)
     return fitted
 

@@ -82,7 +82,7 @@ def call(options: Row) -> str:
         usual = Effort().to_dict()
         own = {n: value for n, value in options["effort"].items() if value != usual[n]}
         words.append(f"effort=Effort({_written(own)})" if name is None else f'effort="{name}"')
-    return f"`{', '.join(words)}`" if words else "nothing: the default"
+    return f"`{', '.join(words)}`" if words else '`pooling="painting"`'
 
 
 def _written(arguments: Row) -> str:

@@ -35,8 +35,8 @@ def choice(rows: Sequence[Row]) -> str:
             '* **The most accurate: `pooling="pixel", effort="reference"`.** '
             f"{ratio(reference, standard):.1f} times the time; at most "
             f"{_most(reference, standard)} are gained.",
-            "* **One strength and one width for the painting: the default.** It needs the fewest "
-            "lights. Without the joint fit (`joint=False`, as in the papers) it takes "
+            '* **One strength and one width for the painting: `pooling="painting"`.** It needs the '
+            "fewest lights. Without the joint fit (`joint=False`, as in the papers) it takes "
             f"{ratio(papers, painting):.2f} times the time and changes photographs by {shown}.",
         )
     )

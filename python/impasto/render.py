@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from impasto import _core
 from impasto._internal.border import RigArguments
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
-from impasto._internal.checks import holding, instance, length_mm
+from impasto._internal.checks import holding, instance, length_mm, one_of
 from impasto._internal.html import png
-from impasto._internal.waiting import floats
+from impasto._internal.waiting import floats, wait_for
 from impasto.bands import Camera, checked_camera
 from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_from_spectrum
 from impasto.colour import white_scale as white_scale_of
@@ -24,6 +24,8 @@ from impasto.height import integrate_normals
 from impasto.rig import PointLight, Rig
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
+
+Fidelity = Literal["photographs", "model"]
 
 CELLS = 2048
 """Cells in the table of the tone curve; the Rust core requires this number."""
@@ -172,6 +174,7 @@ def render(
     height: ArrayLike | None = None,
     pitch_mm: float | None = None,
     index: float | None = None,
+    fidelity: Fidelity = "photographs",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Image:
@@ -198,6 +201,10 @@ def render(
         Width of a pixel in mm; default: that of the surface. Only point lights need it.
     index
         Index of refraction of the interface; default: that of the surface.
+    fidelity
+        ``"photographs"``: the model and, where a result has them, its interpolated ``residuals``,
+        as long as the view is that of the photographs, no shadows are cast and the colours are
+        those of the bands; ``"model"``: the model alone.
     threads
         Number of threads; None means every allowed core.
     progress
@@ -218,6 +225,7 @@ def render(
     instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
     made_by = "what impasto.fit_sbrdf or impasto.load_sbrdf returns, or an impasto.Surface"
     instance(surface, Relightable, "surface", made_by)
+    one_of(fidelity, get_args(Fidelity), "fidelity")
     if reflectance is not None:
         spectral = ("coefficients", "basis", "wavelengths")
         holding(spectral, reflectance, "reflectance", "what impasto.fit_reflectance returns")
@@ -258,6 +266,11 @@ def render(
     workers = thread_count(threads)
     with reporting(progress, "rendering") as callback:
         xyz, coverage = _core.render(lit, relief, arguments, workers, callback)
+    if fidelity == "photographs" and reflectance is None and not scene.shadows:
+        extra = surface.unmodelled(rig)
+        if extra is not None:
+            # Colours without spectra have one matrix for all lights.
+            xyz += wait_for(_xyz_of, diffuse[0], extra)
     matrix = np.ascontiguousarray(to_display.T)
     linear = _core.linear_from_bands(xyz, matrix, workers)
     display, below, above = _core.display_from_bands(xyz, matrix, _table(scene.display), 8, workers)
@@ -343,6 +356,11 @@ def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:
     if lit.ambient is None or here == there:
         return lit
     return replace(lit, ambient=lit.ambient * np.float32(there / here))
+
+
+def _xyz_of(matrix: NDArray[Any], extra: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Light of bands in XYZ; the background stays as it is."""
+    return np.tensordot(matrix.T.astype(np.float32), np.nan_to_num(extra, nan=0.0), axes=1)
 
 
 def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:

@@ -51,6 +51,13 @@ class Relightable(ABC):
     def surface(self) -> Surface:
         """Its maps, ready to be lit."""
 
+    def unmodelled(self, rig: Rig) -> Map | None:
+        """What photographs show besides the model under all lights of a rig, ``(band, y, x)``.
+
+        Linear light; None if nothing is known of it.
+        """
+        return None
+
     def spectra(self) -> Any:
         """What has its ``coefficients``, ``basis`` and ``wavelengths``; None if none are known."""
         return None

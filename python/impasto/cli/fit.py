@@ -109,10 +109,10 @@ def fit(
     steps: dict[str, Any] = {"extraction": extraction, "joint": joint, "index": index}
     gloss = Gloss() if gloss is None else gloss
     gloss.check(system=system, camera=camera, steps=steps)
-    steps |= {"method": method, "estimator": estimator, "effort": effort}
-    chosen = {name: value for name, value in steps.items() if value is not None}
+    every = steps | {"method": method, "estimator": estimator, "effort": effort}
+    chosen = {name: value for name, value in every.items() if value is not None}
     procedure = replace(systems.get(system), **chosen)
-    own = gloss.options(procedure)
+    own = gloss.options(procedure, camera=camera, steps=steps)
     reading = Reading() if reading is None else reading
     reading.check()
     check_threads(threads)
@@ -131,6 +131,8 @@ def fit(
         photographs = photographs if lamps is None else lamps.stack
         arguments = with_labels(own, photographs, reading.region)
         sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads, arguments)
+        if sbrdf.chosen is not None:
+            stages.say(f"  {'':14}[dim]{sbrdf.chosen}[/]")
         with stages.stage("files") as stage:
             write_maps(folder, sbrdf, reflectance)
             if reflectance is not None:
@@ -167,11 +169,6 @@ def fit(
     missing = any(note.kind == "missing" for note in photographs.notes)
     if unfinished:
         stages.say(f"[yellow]partial:[/] {unfinished} pixels were not computed")
-    if system == "impasto" and getattr(sbrdf, "verdict", "") == "mixed":
-        stages.say(
-            f"[dim]one lobe describes {100 * sbrdf.describes:.0f} % of the pixels: with about 20 "
-            "lights or more, use --pooling pixel (without --camera) for lobes per pixel[/]"
-        )
     nothing = not (sbrdf.status < 16).any()
     if nothing:
         stages.say("[red]no pixel could be measured:[/] run impasto doctor for the reason")
@@ -275,4 +272,5 @@ def numbers(stack: Stack, sbrdf: Sbrdf, reflectance: Any) -> dict[str, Any]:
         "sigma_degrees_median": median(np.degrees(sbrdf.sigma)),
         "residual_median": median(sbrdf.residual),
         "reflectance": None if reflectance is None else reflectance.info,
+        "choice": None if sbrdf.chosen is None else sbrdf.chosen.report(),
     }

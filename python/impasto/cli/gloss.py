@@ -12,7 +12,7 @@ from impasto._internal.checks import refractive_index
 from impasto.cli.options import SomeWhole
 from impasto.errors import ArgumentError
 from impasto.fit.lobes import lobe_count
-from impasto.fit.options import FitKind, Model, Pooling, fit_kind, takers
+from impasto.fit.options import FitKind, Model, Pooling, fit_kind, fit_kinds, takers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,25 +32,26 @@ class Gloss:
     """The lobe of the first two papers, or up to three lobes of the third paper per pixel, which
     need hundreds of photographs."""
 
-    pooling: Pooling | None = None
+    pooling: Pooling = "auto"
     """One gloss for the painting, one per segment, or lobes per pixel (gilding, metal leaf, uneven
-    varnish). Lobes per pixel need many lights and exclude --camera. Default: the painting;
-    Lafortune lobes are always per pixel."""
+    varnish), which exclude --camera. auto: none, for the painting or per pixel, whichever
+    predicts held-out photographs best; with --camera for the painting. Lafortune lobes are
+    always per pixel."""
 
     segments: Annotated[Path | None, Parameter(metavar="PICTURE")] = None
     """With --pooling segment: a picture as large as the photographs (PNG or TIFF) in which every
     segment has its own grey or colour; black belongs to none."""
 
     lobes: SomeWhole = None
-    """With --pooling pixel or --model lafortune: most lobes per pixel, 1 to 3; default: 2, with
-    --model lafortune 3."""
+    """Lobes per pixel: how many at most, 1 to 3; default: 2, with --model lafortune 3."""
 
     ambient: Annotated[bool | None, Parameter(negative="--no-ambient")] = None
-    """With --pooling pixel: include ambient light in the model; default: yes."""
+    """Lobes per pixel: include ambient light in the model; default: yes."""
 
     def check(self, *, system: str, camera: str | None, steps: dict[str, Any]) -> None:
         """Refuse options that exclude each other; ``steps``: options of the procedure."""
-        kind = self._kind()
+        kinds = self._kinds(system=system, camera=camera, steps=steps)
+        kind = kinds[0]
         word = _in_words(kind)
         for name in kind.idle({**self._own(), **steps}):
             others = " or ".join(map(_in_words, takers(name)))
@@ -74,23 +75,53 @@ class Gloss:
                 msg=f"{word} excludes --camera: spectra do not describe lobes with colours"
             )
 
-    def options(self, procedure: System) -> dict[str, Any]:
+    def options(
+        self, procedure: System, *, camera: str | None, steps: dict[str, Any]
+    ) -> dict[str, Any]:
         """All arguments of :func:`impasto.fit_sbrdf`; segments are still a path."""
-        kind = self._kind()
+        kinds = self._kinds(system=procedure.name, camera=camera, steps=steps)
         given = {**procedure.options, **self._own()}
+        if len(kinds) > 1:
+            shared = {name: given[name] for name in kinds[0].defaults if _everywhere(name, kinds)}
+            return {"model": self.model, "pooling": "auto", **shared}
+        kind = kinds[0]
         own = kind.complete({name: given[name] for name in kind.defaults})
         return {"model": kind.model, "pooling": kind.pooling, **own}
 
-    def _kind(self) -> FitKind:
+    def _kinds(self, *, system: str, camera: str | None, steps: dict[str, Any]) -> list[FitKind]:
+        """The fits among which photographs decide, or the one that the options ask for."""
+        painting = self.model == "torrance-sparrow" and (system != "impasto" or camera is not None)
+        own = {**self._own(), **steps}
+        if self.pooling == "auto" and painting and not _others(own):
+            return [fit_kind(self.model, "painting")]
+        if self.pooling == "auto" and self.model == "lafortune":
+            return [fit_kind(self.model, "pixel")]
         try:
-            return fit_kind(self.model, self.pooling)
+            return fit_kinds(self.model, self.pooling, own)
         except ArgumentError as error:
+            if self.pooling == "auto":
+                raise CycloptsError(msg=_dashed(own)) from error
             # Each value is valid: these two exclude each other.
             words = f"--model {self.model} excludes --pooling {self.pooling}"
             raise CycloptsError(msg=words) from error
 
     def _own(self) -> dict[str, Any]:
         return {"segments": self.segments, "lobes": self.lobes, "ambient": self.ambient}
+
+
+def _others(own: dict[str, Any]) -> list[str]:
+    """Given options that the painting's one lobe does not have."""
+    return fit_kind("torrance-sparrow", "painting").idle(own)
+
+
+def _everywhere(name: str, kinds: list[FitKind]) -> bool:
+    return all(name in kind.defaults for kind in kinds)
+
+
+def _dashed(own: dict[str, Any]) -> str:
+    """What is wrong with options that no fit has together."""
+    named = [f"--{name}" for name, value in own.items() if value is not None]
+    return f"{' and '.join(named)}: no fit has them together; leave one out"
 
 
 def _in_words(kind: FitKind) -> str:

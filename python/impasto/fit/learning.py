@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.calls import ProgressCallback
-from impasto._internal.checks import instance
+from impasto._internal.checks import instance, truth
 from impasto._internal.windows import Window, window
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
+from impasto.fit.choice import Choice
 from impasto.fit.lafortune import fit_lafortune
 from impasto.fit.learned import LearnedLobe
 from impasto.fit.lobes import HALO, LearnedLobes, LobeOptions, apply_lobes, learn_lobes
 from impasto.fit.normals import Method
-from impasto.fit.options import FitKind, Model, Pooling, fit_kind
-from impasto.fit.pooled import Extraction, apply_pooled, learn_pooled, pooled_sbrdf
+from impasto.fit.options import FitKind, Model, Pooling, fit_kind, fit_kinds
+from impasto.fit.pooled import Extraction, apply_pooled, learn_pooled, pooled_sbrdf, without_gloss
+from impasto.fit.residuals import LearnedResiduals, apply_residuals
 from impasto.fit.result import Sbrdf
-from impasto.fit.sbrdf import checked_options, start_normals
+from impasto.fit.saved import arrays_of
+from impasto.fit.sbrdf import checked_options, chosen_kind, learned_residuals, start_normals
 from impasto.io.results import read_maps, write_maps
 from impasto.stack import Stack, checked_stack
 
@@ -51,6 +54,10 @@ class LearnedModel:
     fit
         The painting's lobe, or the prior of lobes per pixel; None for Lafortune lobes, which are
         fitted to each pixel alone.
+    chosen
+        What ``pooling="auto"`` chose, and against what; None where the caller chose.
+    residuals
+        How residuals are kept and interpolated; None: they are not kept.
     """
 
     model: Model
@@ -61,6 +68,8 @@ class LearnedModel:
     effort: Effort
     lobes: int
     fit: LearnedLobe | LearnedLobes | None
+    chosen: Choice | None = None
+    residuals: LearnedResiduals | None = None
 
     def __repr__(self) -> str:
         height, width = self.extent
@@ -126,13 +135,22 @@ class LearnedModel:
             maps = apply_lobes(
                 self.fit, near, stereo, inner=inner, threads=threads, progress=progress
             )
-            return maps.result(near[inner], stereo[inner], self.fit.options.index)
+            lobes = maps.result(near[inner], stereo[inner], self.fit.options.index)
+            return self._completed(lobes, near[inner])
         if isinstance(self.fit, LearnedLobe):
             pooled = apply_pooled(self.fit, near, stereo, threads=threads, progress=progress)
-            return pooled_sbrdf(self.fit, pooled, near, stereo)
-        return fit_lafortune(
+            return self._completed(pooled_sbrdf(self.fit, pooled, near, stereo), near)
+        if self.pooling == "none":
+            return self._completed(without_gloss(near, stereo), near)
+        fitted = fit_lafortune(
             near, stereo, lobes=self.lobes, effort=self.effort, threads=threads, progress=progress
         )
+        return self._completed(fitted, near)
+
+    def _completed(self, result: Sbrdf, stack: Stack) -> Sbrdf:
+        """A tile's result with what was chosen and, if wanted, with its residuals."""
+        kept = None if self.residuals is None else apply_residuals(self.residuals, stack, result)
+        return replace(result, chosen=self.chosen, residuals=kept)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz``, for :func:`load_learned`; it appears whole or not at all.
@@ -152,6 +170,8 @@ class LearnedModel:
         }
         arrays |= {f"effort.{name}": value for name, value in asdict(self.effort).items()}
         arrays |= {f"fit.{name}": array for name, array in _fit_arrays(self.fit).items()}
+        arrays |= {} if self.chosen is None else self.chosen.arrays()
+        arrays |= {} if self.residuals is None else arrays_of(self.residuals, "residuals.")
         write_maps(path, KIND, {name: np.asarray(value) for name, value in arrays.items()})
 
 
@@ -159,13 +179,14 @@ def learn_sbrdf(
     stack: Stack,
     *,
     model: Model = "torrance-sparrow",
-    pooling: Pooling | None = None,
+    pooling: Pooling = "auto",
     lobes: int | None = None,
     ambient: bool | None = None,
     extraction: Extraction | None = None,
     joint: bool | None = None,
     index: float | None = None,
     normals: Method | None = None,
+    residuals: bool | None = None,
     extent: tuple[int, int] | None = None,
     effort: EffortLike = "standard",
     threads: int | None = None,
@@ -181,7 +202,7 @@ def learn_sbrdf(
     ----------
     stack
         The whole painting, or a sample of it: a part, or the whole with a mask.
-    model, pooling, lobes, ambient, extraction, joint, index, effort, threads, progress
+    model, pooling, lobes, ambient, extraction, joint, index, residuals, effort, threads, progress
         As in :func:`impasto.fit_sbrdf`. ``pooling="segment"`` has no learned model.
     normals
         The name of a method of :func:`impasto.fit_normals`; default: its own default.
@@ -194,18 +215,27 @@ def learn_sbrdf(
         What :func:`impasto.fit_sbrdf` refuses; segments; an extent smaller than the stack.
     """
     checked_stack(stack)
-    kind = fit_kind(model, pooling)
-    if kind.pooling == "segment":
+    if pooling == "segment":
         raise ArgumentError(
             'pooling: "segment" cannot be learned from a sample; fit every part by '
             'fit_sbrdf(stack, pooling="segment"), or ask for "painting" or "pixel"'
         )
-    given = {"lobes": lobes, "ambient": ambient, "extraction": extraction}
-    options = checked_options(kind, given | {"joint": joint, "index": index})
+    given = {
+        "lobes": lobes,
+        "ambient": ambient,
+        "extraction": extraction,
+        "joint": joint,
+        "index": index,
+    }
     resolved_effort = resolved(effort)
+    choice, kind, given = chosen_kind(
+        stack, fit_kinds(model, pooling, given), given, normals, threads, progress
+    )
+    options = checked_options(kind, given)
+    wanted = choice is not None if residuals is None else truth(residuals, "residuals")
     size = _extent(extent, stack)
     fit: LearnedLobe | LearnedLobes | None = None
-    if kind.model != "lafortune":
+    if kind.model != "lafortune" and kind.pooling != "none":
         stereo = start_normals(stack, normals, resolved_effort, threads, progress)
         fit = _learned(stack, stereo, options, resolved_effort, size, threads, progress)
     return LearnedModel(
@@ -217,6 +247,8 @@ def learn_sbrdf(
         resolved_effort,
         options.get("lobes", 1),
         fit,
+        choice,
+        learned_residuals(stack, kind, given, normals, threads) if wanted else None,
     )
 
 
@@ -244,6 +276,8 @@ def load_learned(path: str | os.PathLike[str]) -> LearnedModel:
             Effort(**{name: array.item() for name, array in _part(one, "effort.").items()}),
             int(one["lobes"]),
             _fit_of(kind, _part(one, "fit.")),
+            Choice.of_maps(maps),
+            _residuals_of(_part(one, "residuals.")),
         )
 
 
@@ -309,8 +343,15 @@ def _fit_arrays(fit: LearnedLobe | LearnedLobes | None) -> dict[str, NDArray[Any
 
 
 def _fit_of(kind: FitKind, arrays: Mapping[str, NDArray[Any]]) -> LearnedLobe | LearnedLobes | None:
-    if kind.model == "lafortune":
+    if kind.model == "lafortune" or kind.pooling == "none":
         return None
     if kind.pooling == "pixel":
         return LearnedLobes.from_arrays(arrays)
     return LearnedLobe.from_arrays(arrays)
+
+
+def _residuals_of(arrays: Mapping[str, NDArray[Any]]) -> LearnedResiduals | None:
+    if not arrays:
+        return None
+    numbers = {name: float(arrays[name]) for name in ("length", "noise", "top", "gain")}
+    return LearnedResiduals(basis=arrays["basis"].astype(np.float64), **numbers)

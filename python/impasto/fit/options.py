@@ -10,7 +10,7 @@ from impasto._internal.checks import one_of
 from impasto.errors import ArgumentError
 
 Model = Literal["torrance-sparrow", "lafortune"]
-Pooling = Literal["painting", "segment", "pixel"]
+Pooling = Literal["auto", "none", "painting", "segment", "pixel"]
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class FitKind:
     """
 
     model: Model
-    pooling: Pooling
+    pooling: Literal["none", "painting", "segment", "pixel"]
     selected_by: Literal["model", "pooling"]
     defaults: Mapping[str, Any]
 
@@ -69,6 +69,7 @@ class FitKind:
 _POOLED = {"extraction": "residual", "joint": True, "index": 1.45}
 
 KINDS = (
+    FitKind("torrance-sparrow", "none", "pooling", {}),
     FitKind("torrance-sparrow", "painting", "pooling", _POOLED),
     FitKind("torrance-sparrow", "segment", "pooling", {"segments": None} | _POOLED),
     FitKind("torrance-sparrow", "pixel", "pooling", {"lobes": 2, "ambient": True, "index": 1.45}),
@@ -76,12 +77,9 @@ KINDS = (
 )
 """Every fit there is. Normals, effort, threads and progress are options of all of them."""
 
-_POOLING: Mapping[Model, Pooling] = {"torrance-sparrow": "painting", "lafortune": "pixel"}
-"""How a model's lobes are pooled by default."""
 
-
-def fit_kind(model: Model, pooling: Pooling | None) -> FitKind:
-    """The fit of a model and a pooling.
+def fit_kind(model: Model, pooling: Pooling) -> FitKind:
+    """The fit of a model and a pooling that is not ``"auto"``.
 
     Raises
     ------
@@ -89,13 +87,38 @@ def fit_kind(model: Model, pooling: Pooling | None) -> FitKind:
         An unknown name, or a model that has no such pooling.
     """
     one_of(model, get_args(Model), "model")
-    wanted = _POOLING[model] if pooling is None else pooling
-    one_of(wanted, get_args(Pooling), "pooling")
+    one_of(pooling, get_args(Pooling), "pooling")
     kinds = {kind.pooling: kind for kind in KINDS if kind.model == model}
-    if wanted not in kinds:
-        known = " or ".join(map(repr, kinds))
-        raise ArgumentError(f"pooling: model={model!r} goes with {known} only, found {wanted!r}")
-    return kinds[wanted]
+    if pooling not in kinds:
+        known = " or ".join(map(repr, ("auto", *kinds)))
+        raise ArgumentError(f"pooling: model={model!r} goes with {known} only, found {pooling!r}")
+    return kinds[pooling]
+
+
+def fit_kinds(model: Model, pooling: Pooling, given: Mapping[str, Any]) -> list[FitKind]:
+    """The fits among which ``pooling`` leaves the choice.
+
+    ``"auto"`` leaves those that have every given option (None means not given); segments, which
+    nobody but the caller knows, must be given.
+
+    Raises
+    ------
+    ArgumentError
+        As :func:`fit_kind`, or options that no fit has together.
+    """
+    one_of(model, get_args(Model), "model")
+    if pooling != "auto":
+        return [fit_kind(model, pooling)]
+    kinds = [kind for kind in KINDS if kind.model == model]
+    if given.get("segments") is None:
+        kinds = [kind for kind in kinds if kind.pooling != "segment"]
+    left = [kind for kind in kinds if not kind.idle(given)]
+    if left:
+        return left
+    if len(kinds) == 1:
+        kinds[0].complete(given)
+    named = [name for name, value in given.items() if value is not None]
+    raise ArgumentError(f"{' and '.join(named)}: no fit has both; leave one of them out")
 
 
 def takers(option: str) -> list[FitKind]:

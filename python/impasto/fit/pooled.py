@@ -32,6 +32,9 @@ Extraction = Literal["residual", "maximum", "papers"]
 VERDICTS = ("fitted", "mixed", "no-highlight", "at-bound", "too-few")
 
 
+_GAMMA, _INDEX = 1.0, 1.45
+"""Width (rad) and index of refraction of a lobe of strength 0: any will do."""
+
 _WITHOUT = {"no-highlight": "no highlight", "too-few": "no pixel that could show a highlight"}
 """Verdicts without a lobe, in words."""
 
@@ -175,6 +178,32 @@ class PooledOptions(TypedDict):
     effort: Effort
     threads: int | None
     progress: bool | ProgressCallback
+
+
+def without_gloss(stack: Stack, stereo: Normals) -> PooledSbrdf:
+    """A matte painting: the normals and albedo of photometric stereo, and no lobe."""
+    size = stereo.status.shape
+    known = stereo.status < Status.DARK
+    return PooledSbrdf(
+        normal=stereo.normal,
+        diffuse=stereo.albedo,
+        residual=stereo.residual,
+        sigma=stereo.sigma,
+        status=stereo.status,
+        normals=stereo,
+        rig=stack.rig,
+        bands=stack.bands,
+        beta=0.0,
+        gamma=_GAMMA,
+        index=_INDEX,
+        covariance=np.diag([np.inf, np.inf]),
+        verdict="no-highlight" if known.any() else "too-few",
+        curve=np.zeros((0, 3)),
+        path=np.zeros((0, 2)),
+        describes=math.nan,
+        converged=True,
+        misfit=np.where(known, np.zeros(size, np.float32), np.float32(np.nan)),
+    )
 
 
 def fit_pooled(stack: Stack, stereo: Normals, **options: Unpack[PooledOptions]) -> PooledSbrdf:

@@ -7,23 +7,25 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.calls import ProgressCallback
-from impasto._internal.checks import picked
+from impasto._internal.checks import one_of, picked
 from impasto._internal.html import normal_thumbnail, share_of, table, thumbnail
 from impasto._internal.waiting import wait_for
 from impasto._internal.windows import place
+from impasto.fit.choice import Choice
 from impasto.fit.gloss import Gloss, gloss_of_pixels
 from impasto.fit.normals import Normals
 from impasto.fit.pixel import Pixel, lobes_of
 from impasto.fit.pixel_maps import PixelMaps
+from impasto.fit.residuals import Residuals, residuals_of
 from impasto.fit.saved import Reader, arrays_of, over
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
-from impasto.render import Image, render
+from impasto.render import Fidelity, Image, render
 from impasto.rig import Rig, Views
 from impasto.scene import Scene
 from impasto.stack import Stack
@@ -62,6 +64,11 @@ class Sbrdf(PixelMaps, Relightable):
         Who lit and who looked.
     bands
         One name per band.
+    chosen
+        What ``pooling="auto"`` chose, and against what; None where the caller chose.
+    residuals
+        What the model leaves of the photographs, interpolated to new lights by :meth:`predict` and
+        :func:`impasto.render`; None where that predicts no better, or was not wanted.
     """
 
     normal: NDArray[np.float32] = field(metadata=over("axis", "y", "x"))
@@ -72,6 +79,8 @@ class Sbrdf(PixelMaps, Relightable):
     normals: Normals
     rig: Rig
     bands: tuple[str, ...] = field(metadata=over("band", dtype=np.str_))
+    chosen: Choice | None = field(default=None, kw_only=True)
+    residuals: Residuals | None = field(default=None, kw_only=True)
 
     @property
     @abstractmethod
@@ -88,6 +97,7 @@ class Sbrdf(PixelMaps, Relightable):
         lights: Any = None,
         views: Views | None = None,
         *,
+        fidelity: Fidelity = "photographs",
         threads: int | None = None,
         progress: bool | ProgressCallback = False,
     ) -> NDArray[np.float32]:
@@ -101,6 +111,9 @@ class Sbrdf(PixelMaps, Relightable):
         views
             ``(obs, 3)`` or ``(3,)`` directions to the eye, or :class:`~impasto.PointView`;
             default: those of the rig, frontal for lights without one.
+        fidelity
+            ``"photographs"``: the model and, where there are any, its interpolated ``residuals``,
+            seen as the photographs were; ``"model"``: the model alone.
         threads, progress
             None means every allowed core; a bool or a callable ``(done, total)``.
 
@@ -110,8 +123,27 @@ class Sbrdf(PixelMaps, Relightable):
             ``(obs, band, y, x)`` float32; NaN where the normal is. Ambient light is that of the
             photographs, times the light's intensity. No sample exceeds the largest float32.
         """
+        one_of(fidelity, get_args(Fidelity), "fidelity")
         rig = self.rig if lights is None else lights
-        return self.surface().predict(rig, views, threads=threads, progress=progress)
+        shown = self.surface().predict(rig, views, threads=threads, progress=progress)
+        if self.residuals is not None and fidelity == "photographs":
+            pitch = getattr(rig, "pitch_mm", None) or self.pitch_mm
+            self.residuals.add_to(shown, self.rig, Rig(rig, views=views, pitch_mm=pitch))
+        return shown
+
+    def unmodelled(self, rig: Rig) -> NDArray[np.float32] | None:
+        """What the photographs show besides the model under all lights of a rig: ``residuals``."""
+        if self.residuals is None:
+            return None
+        surface = self.surface()
+        total = np.zeros_like(surface.diffuse)
+        for light in range(len(rig)):
+            one = rig.take([light])
+            model = surface.predict(one)
+            shown = model.copy()
+            self.residuals.add_to(shown, self.rig, one)
+            total += (shown - model)[0]
+        return total
 
     def render(self, scene: Scene, **options: Any) -> Image:
         """Render the painting: :func:`impasto.render`, which has the same options."""
@@ -209,7 +241,10 @@ class Sbrdf(PixelMaps, Relightable):
         }
         normals = replace(self.normals, albedo=np.take(self.normals.albedo, chosen, axis=0))
         bands = tuple(self.bands[band] for band in chosen)
-        return replace(self, bands=bands, normals=normals, **planes)
+        residuals = self.residuals
+        if residuals is not None:
+            residuals = replace(residuals, maps=np.take(residuals.maps, chosen, axis=1))
+        return replace(self, bands=bands, normals=normals, residuals=residuals, **planes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` for :func:`impasto.load_sbrdf`; it appears complete or not at all.
@@ -219,7 +254,8 @@ class Sbrdf(PixelMaps, Relightable):
         ArgumentError
             Another suffix.
         """
-        write_maps(path, self.kind(), self._arrays())
+        chosen = {} if self.chosen is None else self.chosen.arrays()
+        write_maps(path, self.kind(), self._arrays() | chosen)
 
     def to_xarray(self) -> Dataset:
         """Every map of the model over named dimensions, for xarray.
@@ -264,6 +300,10 @@ class Sbrdf(PixelMaps, Relightable):
         }
         if gloss.source == "pixels":
             rows["median lobe"] = str(gloss)
+        if self.chosen is not None:
+            rows["chosen"] = str(self.chosen)
+        if self.residuals is not None:
+            rows["residuals"] = f"predict new lights {self.residuals.gain:.1f} dB better"
         pictures = {"diffuse": thumbnail(self.diffuse), "normals": normal_thumbnail(self.normal)}
         return table(type(self).__name__, rows, pictures)
 
@@ -279,7 +319,10 @@ class Sbrdf(PixelMaps, Relightable):
         normals = Normals(**reader.fields(Normals, "normals."))
         found = cls(**cls._read(reader, {"normals": normals, "rig": rig_from_arrays(maps)}))
         found._demand(maps)
-        return found
+        residuals = None
+        if "residuals.maps" in maps.arrays:
+            residuals = residuals_of(maps, reader.fields(Residuals, "residuals."))
+        return replace(found, chosen=Choice.of_maps(maps), residuals=residuals)
 
     @classmethod
     def _read(cls, reader: Reader, shared: dict[str, Any]) -> dict[str, Any]:

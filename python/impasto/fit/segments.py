@@ -261,7 +261,7 @@ def fit_segments(
     )
 
 
-def _maps_of(fitted: PooledSbrdf) -> dict[str, NDArray[Any]]:
+def _maps_of(fitted: PooledSbrdf) -> dict[str, Any]:
     """Copies of a fit's maps, and of its lobe as maps."""
     names = ("normal", "diffuse", "residual", "sigma", "misfit", "status")
     lobe = {

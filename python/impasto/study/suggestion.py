@@ -15,7 +15,7 @@ from impasto.study.trials import Setting, Trial, has_many_views, ordered_by_work
 
 SETTINGS: tuple[Setting, ...] = (
     {"joint": False},
-    {"effort": "standard"},
+    {"pooling": "painting", "effort": "standard"},
     {"pooling": "pixel", "effort": "draft"},
     {"pooling": "pixel", "effort": "standard"},
     {"pooling": "pixel", "effort": "reference"},

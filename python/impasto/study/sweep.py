@@ -14,8 +14,8 @@ from impasto.study.table import text
 from impasto.study.trials import Advance, Setting, Trial, has_many_views, tried
 
 MORE_SETTINGS: tuple[Setting, ...] = (
-    {"effort": "draft"},
-    {"effort": "reference"},
+    {"pooling": "painting", "effort": "draft"},
+    {"pooling": "painting", "effort": "reference"},
     {"pooling": "pixel", "lobes": 1},
     {"pooling": "pixel", "lobes": 3},
     {"pooling": "pixel", "ambient": False},

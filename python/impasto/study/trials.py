@@ -12,37 +12,25 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impasto import _core
 from impasto._internal.border import RigArguments
 from impasto.effort import resolved
-from impasto.errors import ArgumentError, GeometryError
-from impasto.fit.normals import fit_normals
+from impasto.errors import ArgumentError
+from impasto.fit.cross_validation import FEWEST, Fold, folds_of
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.fit.subsample import pixel_count, subsampled, subsampled_to
-from impasto.report import status_counts
-from impasto.rig import Rig
 from impasto.stack import Stack, checked_stack
-from impasto.status import Status
 from impasto.study.relative_error import full_scale, relative_error
 
 PIXELS = 4096
 """Approximate number of pixels in a trial. They are spread over the picture: as many pixels in one
 block would see fewer materials, and their error would say less about the whole."""
-FOLDS = 6
-"""One photograph in six is held out of each fit."""
-HELD_OUT = 24
-"""Photographs that are held out over all folds, at least, or every photograph. Highlights dominate
-the error, and a few photographs may show them by chance. The cost is bounded: all folds together
-fit about a hundred photographs of the trial's pixels."""
 TIMED_SECONDS = 0.3
 """Total seconds of the timed runs of one trial, at least; the fastest run counts. The first run
 starts threads and allocates memory, and any run may be slowed by other programs."""
 EMPTY_EDGE = 256
 """Edge in pixels of the empty picture that measures the cost of pixels outside the mask."""
-FEWEST = 8
-"""Photographs that a trial needs."""
 
 Setting: TypeAlias = dict[str, Any]
 """Options of :func:`impasto.fit_sbrdf`."""
@@ -100,7 +88,7 @@ def tried(
     count = len(stack.rig)
     if count < FEWEST:
         raise ArgumentError(f"stack: a trial needs {FEWEST} photographs, found {count}")
-    folds = _folds(subsampled_to(stack, PIXELS), threads)
+    folds = folds_of(subsampled_to(stack, PIXELS), threads)
     if not any((np.isfinite(fold.truth) & (fold.truth > 0.0)).any() for fold in folds):
         raise ArgumentError("stack: a trial needs photographs that show something, found none")
     if all(fold.unknown is not None for fold in folds):
@@ -136,64 +124,7 @@ def ordered_by_work(trials: list[Trial]) -> list[Trial]:
     return found[::-1]
 
 
-@dataclass(frozen=True, eq=False)
-class _Fold:
-    """Photographs that are fitted, and photographs that are held out."""
-
-    known: Stack
-    rig: Rig
-    truth: NDArray[np.float32]
-    unknown: str | None
-    """Why no pixel of ``known`` can be estimated, if none can."""
-
-
-def _folds(part: Stack, threads: int | None) -> list[_Fold]:
-    """Folds that hold out :data:`HELD_OUT` photographs, without those that no lights determine."""
-    count = len(part.rig)
-    refusal: GeometryError | None = None
-    folds = []
-    for held in _split(part.rig)[: math.ceil(FOLDS * HELD_OUT / count)]:
-        known, shown = part.take(np.setdiff1d(np.arange(count), held)), part.take(held)
-        try:
-            # Photometric stereo takes a millisecond and refuses what any fit would refuse.
-            status = fit_normals(known, method="least-squares", threads=threads).status
-        except GeometryError as error:
-            words = f"{error} (of {count} photographs {len(held)} were held out of the trial)"
-            refusal = refusal or GeometryError(words)
-            continue
-        truth = np.array([shown.linear(i) for i in range(len(held))])
-        if part.mask is not None:
-            truth[..., ~part.mask] = np.nan
-        reasons = None if (status < Status.DARK).any() else ", ".join(status_counts(status))
-        folds.append(_Fold(known, shown.rig, truth, reasons))
-    if refusal is not None and not folds:
-        # If the whole stack is refused too, its own message is the better one.
-        fit_normals(part, method="least-squares", threads=threads)
-        raise refusal
-    return folds
-
-
-def _split(rig: Rig) -> list[NDArray[np.intp]]:
-    """Split the photographs into :data:`FOLDS` subsets, each spread over all directions.
-
-    Each photograph goes to the subset whose directions are farthest from its own. If neighbouring
-    directions were held out together, a narrow highlight could fall into the gap, and the error
-    would be twice that of a fit of all photographs.
-    """
-    places = np.concatenate([rig.directions, rig.views], axis=1)
-    nearest = np.full((FOLDS, len(rig)), np.inf)
-    subsets: list[list[int]] = [[] for _ in range(FOLDS)]
-    for index, place in enumerate(places):
-        subset = int(nearest[:, index].argmax())
-        subsets[subset].append(index)
-        nearest[subset] = np.minimum(nearest[subset], np.linalg.norm(places - place, axis=1))
-        if len(subsets[subset]) == len(range(subset, len(rig), FOLDS)):
-            # This subset is full.
-            nearest[subset] = -1.0
-    return [np.array(subset) for subset in subsets]
-
-
-def _trial(folds: list[_Fold], options: Setting, stack: Stack, threads: int | None) -> Trial:
+def _trial(folds: list[Fold], options: Setting, stack: Stack, threads: int | None) -> Trial:
     """The first fold is timed; all folds are compared."""
     first, *others = folds
     fitted, took = _predicted(first.known, options, pixel_count(stack), threads)

@@ -1,0 +1,250 @@
+"""What ``pooling="auto"`` fits: the candidate that predicts held-out photographs best.
+
+Model selection by cross-validation [@stone1974].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto._internal.calls import ProgressCallback, reporting
+from impasto.encoding import Encoding
+from impasto.errors import GeometryError
+from impasto.fit.cross_validation import FEWEST, folds_of
+from impasto.fit.subsample import subsampled_to
+from impasto.io.results import SavedMaps
+from impasto.stack import Stack
+
+PIXELS = 2048
+"""Approximate number of sampled pixels, spread over the picture. Four times as many changed no
+error by more than 0.4 dB where the candidates are 0.5 dB apart or more."""
+MARGIN = 0.1
+"""dB by which a candidate must predict better than a simpler one; smaller differences change from
+sample to sample."""
+ROUNDING = 1.0 / 12.0
+"""Least mean squared error of a photograph, in squared 8-bit codes: that of rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One fit that was considered.
+
+    Attributes
+    ----------
+    pooling
+        ``"none"``, ``"painting"`` or ``"pixel"``, as in :func:`impasto.fit_sbrdf`.
+    lobes, ambient
+        Its options with ``pooling="pixel"``; 1 and False otherwise.
+    decibels
+        Peak signal-to-noise ratio of held-out photographs, coded as sRGB: the mean over the
+        photographs; NaN if it was not tried.
+    """
+
+    pooling: Literal["none", "painting", "pixel"]
+    lobes: int = 1
+    ambient: bool = False
+    decibels: float = float("nan")
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What :func:`impasto.fit_sbrdf` takes."""
+        if self.pooling != "pixel":
+            return {"pooling": self.pooling}
+        return {"pooling": "pixel", "lobes": self.lobes, "ambient": self.ambient}
+
+    def __str__(self) -> str:
+        if self.pooling != "pixel":
+            return "no gloss" if self.pooling == "none" else "one lobe for the painting"
+        most = "one lobe per pixel" if self.lobes == 1 else f"up to {self.lobes} lobes per pixel"
+        return most + (" and ambient light" if self.ambient else "")
+
+
+UNTRIED = Candidate("painting")
+"""What is fitted where nothing can be tried."""
+
+CANDIDATES = (
+    Candidate("none"),
+    UNTRIED,
+    Candidate("pixel", 1, ambient=False),
+    Candidate("pixel", 1, ambient=True),
+    Candidate("pixel", 2, ambient=False),
+    Candidate("pixel", 2, ambient=True),
+)
+"""What ``pooling="auto"`` considers, the simplest first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What ``pooling="auto"`` chose, and against what.
+
+    Attributes
+    ----------
+    best
+        The fit that was chosen.
+    tried
+        All candidates with their errors, the simplest first.
+    photographs
+        How many photographs were held out and predicted; 0 if nothing was tried.
+    why
+        Why nothing was tried; empty otherwise.
+    """
+
+    best: Candidate
+    tried: tuple[Candidate, ...]
+    photographs: int
+    why: str = ""
+
+    @property
+    def gain(self) -> float:
+        """How much better it is than the best fit of the other pooling, in dB; NaN if not tried."""
+        others = [other.decibels for other in self.tried if other.pooling != self.best.pooling]
+        return self.best.decibels - max(others, default=float("nan"))
+
+    def __str__(self) -> str:
+        if not self.tried:
+            return f"{self.best} ({self.why})"
+        others = [other for other in self.tried if other.pooling != self.best.pooling]
+        second = max(others, key=lambda other: other.decibels)
+        return (
+            f"{self.best}: {self.best.decibels:.1f} dB on {self.photographs} held-out photographs; "
+            f"{second}: {second.decibels:.1f} dB"
+        )
+
+    def report(self) -> dict[str, Any]:
+        """Plain numbers for a report file."""
+        return {
+            "chosen": self.best.options,
+            "held_out_photographs": self.photographs,
+            "tried": [{**one.options, "decibels": one.decibels} for one in self.tried],
+            "why": self.why,
+        }
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The choice among the arrays of a result file."""
+        rows = (self.best, *self.tried)
+        return {
+            "chosen.pooling": np.array([row.pooling for row in rows], dtype=np.str_),
+            "chosen.lobes": np.array([row.lobes for row in rows], dtype=np.int64),
+            "chosen.ambient": np.array([row.ambient for row in rows], dtype=np.bool_),
+            "chosen.decibels": np.array([row.decibels for row in rows], dtype=np.float64),
+            "chosen.photographs": np.array(self.photographs, dtype=np.int64),
+            "chosen.why": np.array(self.why, dtype=np.str_),
+        }
+
+    @classmethod
+    def of_maps(cls, maps: SavedMaps) -> Choice | None:
+        """The inverse of :meth:`arrays`; None if the file has no choice."""
+        if "chosen.pooling" not in maps.arrays:
+            return None
+        pooling = maps.array("chosen.pooling", np.str_, (None,))
+        known = set(pooling.tolist()) <= {"none", "painting", "pixel"} and len(pooling) > 0
+        maps.demand(
+            "chosen.pooling", known, 'holds something else than "none", "painting" and "pixel"'
+        )
+        columns = [
+            maps.array(f"chosen.{name}", dtype, pooling.shape).tolist()
+            for name, dtype in (
+                ("lobes", np.int64),
+                ("ambient", np.bool_),
+                ("decibels", np.float64),
+            )
+        ]
+        best, *tried = (Candidate(*row) for row in zip(pooling.tolist(), *columns, strict=True))
+        return cls(
+            best,
+            tuple(tried),
+            int(maps.array("chosen.photographs", np.int64, ())),
+            str(maps.array("chosen.why", np.str_, ())),
+        )
+
+
+def choose(
+    stack: Stack,
+    candidates: Sequence[Candidate],
+    fit: Callable[[Stack, Candidate], Any],
+    *,
+    threads: int | None,
+    progress: bool | ProgressCallback,
+) -> Choice:
+    """The simplest candidate whose error is within :data:`MARGIN` of the least.
+
+    Parameters
+    ----------
+    stack
+        The photographs.
+    candidates
+        Of :data:`CANDIDATES`, in their order.
+    fit
+        Fits a candidate to some photographs and returns a result that can ``predict`` others.
+    threads
+        As in :func:`impasto.fit_sbrdf`.
+    progress
+        True: a bar; a callable is left to the fit that follows.
+    """
+    count = len(stack.rig)
+    if count < FEWEST:
+        return Choice(UNTRIED, (), 0, f"{count} photographs are too few to hold any out")
+    try:
+        folds = folds_of(subsampled_to(stack, PIXELS), threads)
+    except GeometryError:
+        return Choice(UNTRIED, (), 0, "without some of the photographs no normal is determined")
+    if all(fold.unknown is not None for fold in folds):
+        return Choice(UNTRIED, (), 0, "no sampled pixel can be estimated")
+    top = full_scale([fold.truth for fold in folds])
+    tried = []
+    with reporting(progress is True, "choice") as callback:
+        for done, candidate in enumerate(candidates, start=1):
+            errors = [
+                decibels(fit(fold.known, candidate).predict(fold.rig) / top, fold.truth / top)
+                for fold in folds
+            ]
+            decibel = float(np.concatenate(errors).mean())
+            tried.append(Candidate(candidate.pooling, candidate.lobes, candidate.ambient, decibel))
+            if callback is not None:
+                callback(done, len(candidates))
+    return Choice(_simplest(tried), tuple(tried), sum(len(fold.rig) for fold in folds))
+
+
+def decibels(shown: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
+    """Peak signal-to-noise ratio of each photograph, both coded as sRGB.
+
+    Parameters
+    ----------
+    shown, truth
+        ``(obs, band, y, x)`` linear light, full scale 1. A prediction that is NaN counts as black,
+        a clipped sample (+inf) as white; a sample of the truth that is NaN does not count.
+
+    Returns
+    -------
+    ndarray
+        ``(obs,)``; of the photographs that have a sample.
+    """
+    curve = Encoding("srgb", white=255.0)
+    shown = curve.encode(np.nan_to_num(shown, nan=0.0))
+    real = curve.encode(np.nan_to_num(truth, nan=0.0, posinf=1.0))
+    return psnr(shown, np.where(np.isnan(truth), np.nan, real))
+
+
+def psnr(shown: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
+    """The same of 8-bit codes, which need not be whole numbers."""
+    count = len(truth)
+    difference = np.subtract(shown, truth, dtype=np.float64).reshape(count, -1)
+    samples = np.isfinite(difference).sum(axis=1)
+    mean = np.nansum(difference**2, axis=1)[samples > 0] / samples[samples > 0]
+    return np.asarray(10.0 * np.log10(255.0**2 / np.maximum(mean, ROUNDING)))
+
+
+def full_scale(truth: Sequence[NDArray[Any]]) -> float:
+    """What is shown as white: the white board, or what nearly all samples are below."""
+    known = np.concatenate([shown[np.isfinite(shown)] for shown in truth])
+    return max(1.0, float(np.quantile(known, 0.999))) if known.size else 1.0
+
+
+def _simplest(tried: Sequence[Candidate]) -> Candidate:
+    most = max(one.decibels for one in tried)
+    return next(one for one in tried if one.decibels >= most - MARGIN)

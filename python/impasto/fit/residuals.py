@@ -1,0 +1,315 @@
+"""Kriging [@rasmussen2006gaussian] of what a model leaves of the photographs.
+
+The fitted model is the mean of a Gaussian process over the directions of light. Its residuals at
+the fitted lights, as differences of codes of the sRGB curve, are interpolated to new lights by one
+linear operator for the whole painting. A pixel keeps the leading principal components of its
+residuals, not all of them: they are smaller, and they predict better.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto import _core
+from impasto._internal.border import RigArguments
+from impasto._internal.waiting import wait_for
+from impasto.encoding import Encoding
+from impasto.errors import GeometryError
+from impasto.fit.choice import MARGIN, PIXELS, full_scale, psnr
+from impasto.fit.cross_validation import FEWEST, folds_of
+from impasto.fit.saved import over
+from impasto.fit.subsample import subsampled_to
+from impasto.io.results import SavedMaps
+from impasto.rig import Rig
+from impasto.stack import Stack
+
+LENGTHS = (0.1, 0.15, 0.2, 0.3, 0.5)
+"""Length scales of the process that are tried, in stereographic coordinates: 0.1 is a step of 11
+degrees about the vertical."""
+NOISES = (0.05, 0.1, 0.2, 0.5)
+"""Variances of what is not smooth that are tried, relative to that of the process."""
+COMPONENTS = (4, 8, 16)
+"""Numbers of principal components that are tried."""
+ONE_VIEW = 0.05
+"""Views within this angle, radians, are one view, as in the numerics."""
+ROWS = 32
+"""Rows of a picture that are computed together."""
+
+_CURVE = Encoding("srgb", white=255.0)
+_STEPS = 16384
+_CODES = _CURVE.encode(np.linspace(0.0, 1.0, _STEPS + 1) ** 2)
+"""Codes at equal steps of the square root of light: within 0.01 of a code, and a quarter of the
+time of the curve itself."""
+
+Fit = Callable[[Stack], Any]
+"""Fits photographs and returns a result that can ``predict`` others."""
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedResiduals:
+    """What the residuals of a tile must know about the whole painting.
+
+    Attributes
+    ----------
+    basis
+        ``(component, observation)``: principal components, orthonormal rows.
+    length, noise
+        Of the process: length scale in stereographic coordinates, and variance of what is not
+        smooth relative to that of the process.
+    top
+        Linear light of full scale.
+    gain
+        dB by which held-out photographs are predicted better than by the model alone.
+    """
+
+    basis: NDArray[np.float64] = field(metadata=over("component", "observation", dtype=np.float64))
+    length: float = field(metadata=over(dtype=np.float64))
+    noise: float = field(metadata=over(dtype=np.float64))
+    top: float = field(metadata=over(dtype=np.float64))
+    gain: float = field(metadata=over(dtype=np.float64))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Residuals(LearnedResiduals):
+    """The residuals of a painting's photographs, compressed.
+
+    Attributes
+    ----------
+    maps
+        ``(component, band, y, x)`` float16, differences of 8-bit sRGB codes.
+    """
+
+    maps: NDArray[np.float16] = field(
+        metadata=over("component", "band", "y", "x", dtype=np.float16)
+    )
+
+    def __repr__(self) -> str:
+        return (
+            f"<Residuals, {len(self.basis)} components, length {self.length:g}, "
+            f"noise {self.noise:g}, gain {self.gain:.1f} dB>"
+        )
+
+    def weights(self, known: Rig, wanted: Rig) -> NDArray[np.float64]:
+        """How each component contributes to new photographs.
+
+        Parameters
+        ----------
+        known
+            The rig of the fitted photographs.
+        wanted
+            That of the new ones.
+
+        Returns
+        -------
+        ndarray
+            ``(new, component)``; 0 for another view than that of the fitted photographs. They fade
+            out within some :attr:`length` of the nearest known light.
+        """
+        operator = kriging_weights(_stereographic(known), _stereographic(wanted), self)
+        return np.where(_seen_alike(known, wanted)[:, None], operator @ self.basis.T, 0.0)
+
+    def add_to(self, shown: NDArray[np.float32], known: Rig, wanted: Rig) -> None:
+        """Add to what the model shows ``(obs, band, y, x)``, in place."""
+        weights = self.weights(known, wanted)
+        for photograph, row, light in zip(shown, weights, wanted.intensities, strict=True):
+            if row.any() and light > 0.0:
+                wait_for(self._add_to, photograph, row.astype(np.float32), float(light))
+
+    def _add_to(
+        self, photograph: NDArray[np.float32], weights: NDArray[np.float32], light: float
+    ) -> None:
+        unit = light * self.top
+        for start in range(0, photograph.shape[1], ROWS):
+            rows = np.s_[:, start : start + ROWS]
+            model = _CURVE.encode(photograph[rows] / np.float32(unit))
+            codes = model.copy()
+            for weight, plane in zip(weights, self.maps, strict=True):
+                codes += weight * plane[rows].astype(np.float32)
+            change = _CURVE.decode(np.clip(codes, 0.0, 255.0)) - _CURVE.decode(model)
+            # A pixel without a model stays without a number.
+            photograph[rows] += np.float32(unit) * change
+
+
+def kriging_weights(
+    known: NDArray[np.float64], wanted: NDArray[np.float64], process: LearnedResiduals
+) -> NDArray[np.float64]:
+    """The operator ``(wanted, known)`` from values at known places to those at wanted places.
+
+    Simple kriging: a process of mean 0 with a squared-exponential covariance and independent noise.
+    """
+    covariance = _covariance(known, known, process.length)
+    covariance[np.diag_indices_from(covariance)] += process.noise
+    return np.asarray(
+        np.linalg.solve(covariance, _covariance(known, wanted, process.length)).T, np.float64
+    )
+
+
+def learn_residuals(stack: Stack, fit: Fit, *, threads: int | None) -> LearnedResiduals | None:
+    """The process that predicts held-out photographs best; None if the model alone does.
+
+    Parameters
+    ----------
+    stack
+        The photographs.
+    fit
+        The fit whose residuals are meant.
+    threads
+        None means every allowed core.
+
+    Returns
+    -------
+    LearnedResiduals or None
+        None, too, with fewer than 8 photographs or several views.
+    """
+    if len(stack.rig) < FEWEST or _core.views_differ(RigArguments.of(stack.rig)):
+        return None
+    part = subsampled_to(stack, PIXELS)
+    try:
+        folds = [fold for fold in folds_of(part, threads) if fold.unknown is None]
+    except GeometryError:
+        return None
+    if not folds:
+        return None
+    top = full_scale([fold.truth for fold in folds])
+    gains: dict[tuple[float, float, int], list[NDArray[np.float64]]] = {}
+    for fold in folds:
+        result = fit(fold.known)
+        model = _coded(result.predict(fold.rig), top)
+        truth = np.where(np.isnan(fold.truth), np.nan, _coded(fold.truth, top))
+        alone = psnr(model, truth)
+        residual = _residual_codes(fold.known, result, top)
+        basis = principal_components(residual)
+        scores = np.tensordot(basis, residual, axes=1)
+        places = _stereographic(fold.known.rig), _stereographic(fold.rig)
+        for length, noise in itertools.product(LENGTHS, NOISES):
+            process = LearnedResiduals(basis, length, noise, top, 0.0)
+            weights = kriging_weights(*places, process) @ basis.T
+            for count in COMPONENTS:
+                change = np.tensordot(weights[:, :count], scores[:count], axes=1)
+                better = psnr(np.clip(model + change, 0.0, 255.0), truth) - alone
+                gains.setdefault((length, noise, count), []).append(better)
+    every = {setting: np.concatenate(each) for setting, each in gains.items()}
+    setting = max(every, key=lambda one: float(every[one].mean()))
+    gain, scatter = float(every[setting].mean()), float(every[setting].std())
+    if gain <= max(MARGIN, scatter / np.sqrt(len(every[setting]))):
+        return None
+    length, noise, count = setting
+    basis = principal_components(_residual_codes(part, fit(part), top))[:count]
+    return LearnedResiduals(basis, length, noise, top, gain)
+
+
+def apply_residuals(learned: LearnedResiduals, stack: Stack, result: Any) -> Residuals:
+    """The residuals of a tile: of each pixel from its own samples alone.
+
+    Parameters
+    ----------
+    learned
+        What :func:`learn_residuals` returned for the whole painting.
+    stack, result
+        The photographs of the tile and their fit.
+    """
+    _, bands, height, width = stack.shape
+    maps = np.zeros((len(learned.basis), bands, height, width), np.float32)
+    surface = result.surface()
+    for index in range(len(stack.rig)):
+        shown = surface.predict(stack.rig.take([index]))[0]
+        wait_for(_accumulate, maps, learned, stack, index, shown)
+    return Residuals(
+        learned.basis,
+        learned.length,
+        learned.noise,
+        learned.top,
+        learned.gain,
+        maps.astype(np.float16),
+    )
+
+
+def residuals_of(maps: SavedMaps, fields: dict[str, Any]) -> Residuals:
+    """The residuals of a file, from their fields; errors name the array."""
+    found = Residuals(**fields)
+    positive = {"length": found.length, "noise": found.noise, "top": found.top}
+    for name, value in positive.items():
+        maps.demand(f"residuals.{name}", 0.0 < value < np.inf, f"is {value:g}, not positive")
+    return found
+
+
+def principal_components(residual: NDArray[np.float32]) -> NDArray[np.float64]:
+    """The leading directions ``(component, obs)`` of residuals ``(obs, ...)``, about 0."""
+    rows = residual.reshape(len(residual), -1)
+    _, vectors = np.linalg.eigh((rows @ rows.T).astype(np.float64))
+    leading = vectors[:, ::-1][:, : COMPONENTS[-1]].T
+    # The sign of an eigenvector is arbitrary: the largest entry is positive.
+    largest = np.take_along_axis(leading, np.abs(leading).argmax(axis=1)[:, None], axis=1)
+    return np.ascontiguousarray(leading * np.where(largest < 0.0, -1.0, 1.0))
+
+
+def _accumulate(
+    maps: NDArray[np.float32],
+    learned: LearnedResiduals,
+    stack: Stack,
+    index: int,
+    shown: NDArray[np.float32],
+) -> None:
+    light = float(stack.rig.intensities[index])
+    if not light > 0.0:
+        return
+    linear = stack.linear(index)
+    weights = learned.basis[:, index].astype(np.float32)
+    for start in range(0, linear.shape[1], ROWS):
+        rows = np.s_[:, start : start + ROWS]
+        codes = _difference(linear[rows], shown[rows], light * learned.top)
+        for weight, plane in zip(weights, maps, strict=True):
+            plane[rows] += weight * codes
+
+
+def _residual_codes(stack: Stack, result: Any, top: float) -> NDArray[np.float32]:
+    """``(obs, band, y, x)``; 0 where a sample or its prediction is missing."""
+    shown = result.predict(stack.rig)
+    return np.array(
+        [
+            _difference(stack.linear(index), model, light * top)
+            if light > 0.0
+            else np.zeros_like(model)
+            for index, (model, light) in enumerate(zip(shown, stack.rig.intensities, strict=True))
+        ]
+    )
+
+
+def _difference(
+    linear: NDArray[np.float32], shown: NDArray[np.float32], unit: float
+) -> NDArray[np.float32]:
+    """Codes of a photograph less those of its prediction."""
+    codes = _coded(linear, unit) - _coded(shown, unit)
+    codes[np.isnan(linear) | np.isnan(shown)] = 0.0
+    return codes
+
+
+def _coded(linear: NDArray[np.float32], unit: float) -> NDArray[np.float32]:
+    """Codes of linear light; a clipped sample is white, a missing one black."""
+    light = np.nan_to_num(linear / np.float32(unit), nan=0.0, posinf=1.0)
+    step = np.sqrt(np.clip(light, 0.0, 1.0)) * np.float32(_STEPS) + np.float32(0.5)
+    return np.asarray(_CODES[step.astype(np.int32)])
+
+
+def _stereographic(rig: Rig) -> NDArray[np.float64]:
+    """``(obs, 2)``: directions of light in a plane, all heights above the painting alike."""
+    directions = rig.directions
+    return np.asarray(directions[:, :2] / (1.0 + np.maximum(directions[:, 2:], -0.5)))
+
+
+def _covariance(
+    first: NDArray[np.float64], second: NDArray[np.float64], length: float
+) -> NDArray[np.float64]:
+    squares = ((first[:, None] - second[None]) ** 2).sum(axis=-1)
+    return np.asarray(np.exp(-0.5 * squares / length**2))
+
+
+def _seen_alike(known: Rig, wanted: Rig) -> NDArray[np.bool_]:
+    """``(new,)``: whether a view is that of the fitted photographs."""
+    return np.asarray(wanted.views @ known.views[0] >= np.cos(ONE_VIEW))

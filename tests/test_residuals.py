@@ -1,0 +1,155 @@
+"""Kriging of what the model leaves of the photographs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import impasto
+from impasto import DistantLight, Rig, Scene
+from impasto.fit.choice import decibels
+from impasto.fit.residuals import (
+    LearnedResiduals,
+    apply_residuals,
+    kriging_weights,
+    learn_residuals,
+    principal_components,
+)
+from impasto.fit.sbrdf import fit_sbrdf
+from test_choice import dome, photographs
+
+NEW = [(0.25, -0.2, 0.9), (-0.3, 0.5, 0.8), (0.1, 0.1, 1.0)]
+
+
+def uneven(stack: impasto.Stack) -> impasto.Stack:
+    """The photographs under lamps whose strength varies over the dome, as no model says."""
+    lights = stack.rig.directions
+    strength = 1.0 + 0.35 * np.sin(5.0 * lights[:, 0]) * np.cos(4.0 * lights[:, 1])
+    linear = np.array([stack.linear(i) for i in range(len(lights))])
+    linear = np.where(np.isfinite(linear), linear, 1.0) * strength[:, None, None, None]
+    samples = linear.astype(np.float32) * 0.6
+    return impasto.Stack(samples, lights=lights, pitch_mm=0.2)
+
+
+@pytest.fixture(scope="module")
+def stack() -> impasto.Stack:
+    return uneven(photographs("patches", 48))
+
+
+@pytest.fixture(scope="module")
+def fitted(stack: impasto.Stack) -> impasto.Sbrdf:
+    found = fit_sbrdf(stack)
+    assert found.residuals is not None
+    return found
+
+
+def test_weights_are_those_of_the_conditional_mean() -> None:
+    """The conditional mean of a joint normal distribution, by its precision matrix instead."""
+    rng = np.random.default_rng(1)
+    known, wanted = rng.uniform(-0.5, 0.5, (9, 2)), rng.uniform(-0.5, 0.5, (4, 2))
+    process = LearnedResiduals(np.eye(9), 0.3, 0.1, 1.0, 0.0)
+    places = np.concatenate([known, wanted])
+    squares = ((places[:, None] - places) ** 2).sum(axis=-1)
+    joint = np.exp(-squares / (2.0 * 0.3**2)) + 0.1 * np.eye(13)
+    precision = np.linalg.inv(joint)
+    expected = -np.linalg.solve(precision[9:, 9:], precision[9:, :9])
+    # Two inversions of a matrix of condition 100 in double precision.
+    np.testing.assert_allclose(kriging_weights(known, wanted, process), expected, atol=1e-12)
+
+
+def test_principal_components_hold_most_of_the_residuals() -> None:
+    rng = np.random.default_rng(2)
+    residual = (rng.normal(size=(10, 3)) @ rng.normal(size=(3, 600))).astype(np.float32)
+    basis = principal_components(residual)[:3]
+    np.testing.assert_allclose(basis @ basis.T, np.eye(3), atol=1e-12)
+    # Three components are all there is, up to single precision.
+    np.testing.assert_allclose(basis.T @ (basis @ residual), residual, atol=1e-4)
+
+
+def test_without_noise_known_lights_show_the_photographs(stack: impasto.Stack) -> None:
+    model = fit_sbrdf(stack, pooling="painting")
+    process = LearnedResiduals(np.eye(len(stack.rig)), 0.05, 1e-6, 1.0, 0.0)
+    kept = replace(model, residuals=apply_residuals(process, stack, model))
+    truth = np.array([stack.linear(i) for i in range(len(stack.rig))])
+    assert decibels(kept.predict(fidelity="model"), truth).mean() < 40.0
+    # Residuals of up to some 100 codes in half precision have steps of 0.06, tables 0.01.
+    assert decibels(kept.predict(), truth).min() > 65.0 - 10.0
+
+
+def test_new_lights_look_more_like_photographs(stack: impasto.Stack) -> None:
+    held = np.arange(0, 48, 6)
+    known = fit_sbrdf(stack.take(np.setdiff1d(np.arange(48), held)))
+    assert known.residuals is not None
+    truth = np.array([stack.linear(i) for i in held])
+    rig = stack.take(held).rig
+    model = decibels(known.predict(rig, fidelity="model"), truth).mean()
+    both = decibels(known.predict(rig), truth).mean()
+    assert both > model + 1.0
+    # What was promised is what came, within what 8 photographs scatter.
+    assert both - model == pytest.approx(known.residuals.gain, abs=2.0)
+
+
+def test_a_model_that_says_all_keeps_nothing() -> None:
+    assert fit_sbrdf(photographs("matte", 24)).residuals is None
+
+
+def test_another_view_and_the_model_alone_leave_residuals_out(fitted: impasto.Sbrdf) -> None:
+    alone = replace(fitted, residuals=None)
+    slanted = (0.4, 0.0, 0.9)
+    assert fitted.predict(NEW, slanted).tobytes() == alone.predict(NEW, slanted).tobytes()
+    assert fitted.predict(NEW, fidelity="model").tobytes() == alone.predict(NEW).tobytes()
+    assert fitted.predict(NEW).tobytes() != alone.predict(NEW).tobytes()
+    with pytest.raises(impasto.ArgumentError, match="fidelity"):
+        fitted.predict(NEW, fidelity="photograph")  # type: ignore[arg-type]
+
+
+def test_far_from_every_light_the_model_remains(fitted: impasto.Sbrdf) -> None:
+    assert fitted.residuals is not None
+    grazing = Rig([DistantLight((0.0, 0.999, 0.04))])
+    reach = fitted.residuals.length
+    # The lowest light of the dome lies 0.37 away in stereographic coordinates.
+    bound = np.exp(-0.5 * (0.37 / reach) ** 2) * len(fitted.rig) / fitted.residuals.noise
+    assert np.abs(fitted.residuals.weights(fitted.rig, grazing)).max() <= bound
+
+
+def test_crops_turns_and_bands_keep_them(fitted: impasto.Sbrdf) -> None:
+    shown = fitted.predict(NEW)
+    part = fitted[5:20, 8:30].predict(NEW)
+    assert part.tobytes() == np.ascontiguousarray(shown[..., 5:20, 8:30]).tobytes()
+    turned_lights = [(-y, x, z) for x, y, z in NEW]
+    turned = fitted.rotated(1).predict(turned_lights)
+    # Coordinates of lights change places: the operator's sums run in another order.
+    np.testing.assert_allclose(turned, np.rot90(shown, axes=(2, 3)), rtol=1e-4, atol=1e-5)
+    red = fitted.with_bands([0]).predict(NEW)
+    np.testing.assert_allclose(red, shown[:, :1], rtol=1e-5, atol=1e-6)
+
+
+def test_a_file_keeps_them(fitted: impasto.Sbrdf, tmp_path: Path) -> None:
+    fitted.save(tmp_path / "fit.npz")
+    again = impasto.load_sbrdf(tmp_path / "fit.npz")
+    assert again.predict(NEW).tobytes() == fitted.predict(NEW).tobytes()
+
+
+def test_a_picture_shows_what_is_predicted(fitted: impasto.Sbrdf) -> None:
+    lights = [DistantLight(NEW[0], intensity=0.7), DistantLight(NEW[1], intensity=0.4)]
+    image = impasto.render(fitted, Scene(lights, exposure=1.0))
+    shown = fitted.predict(Rig(lights)).sum(axis=0)
+    # Bands are linear sRGB under D65: what is shown, up to the digits of the matrices.
+    np.testing.assert_allclose(image.linear, shown, rtol=1e-3, atol=1e-5)
+    model = impasto.render(fitted, Scene(lights, exposure=1.0), fidelity="model")
+    assert np.abs(model.linear - image.linear).max() > 0.01
+
+
+def test_several_views_keep_none(stack: impasto.Stack) -> None:
+    views = np.tile([[0.0, 0.0, 1.0], [0.5, 0.0, 0.85]], (24, 1))
+    moved = impasto.Stack(stack.samples, lights=stack.rig.directions, views=views)
+    assert learn_residuals(moved, lambda known: fit_sbrdf(known, joint=False), threads=1) is None
+
+
+def test_few_lights_of_a_dome_keep_none() -> None:
+    known = uneven(photographs("gloss", 7))
+    assert learn_residuals(known, lambda s: fit_sbrdf(s, joint=False), threads=1) is None
+    assert len(dome(7)) == 7
