@@ -28,11 +28,13 @@ from impasto.fit.pixel import Pixel
 from impasto.fit.pooled import PooledSbrdf
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
 from impasto.fit.result import Sbrdf
+from impasto.fit.rig_refinement import refine_rig
 from impasto.fit.sbrdf import fit_sbrdf, load_sbrdf
 from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.fit.strengths import Strengths, fit_strengths
 from impasto.height import cast_shadows, integrate_normals
 from impasto.io import read_stack
+from impasto.refinement import RigRefinement
 from impasto.render import Image, display_from_bands, render
 from impasto.rig import DistantLight, PointLight, PointView, Rig
 from impasto.scene import Scene
@@ -67,6 +69,7 @@ __all__ = [
     "PooledSbrdf",
     "Reflectance",
     "Rig",
+    "RigRefinement",
     "Sbrdf",
     "Scene",
     "Segment",
@@ -90,6 +93,7 @@ __all__ = [
     "load_learned",
     "load_sbrdf",
     "read_stack",
+    "refine_rig",
     "render",
     "suggest_effort",
     "systems",

@@ -23,7 +23,9 @@ from impasto._internal.checks import (
     picked,
     positive,
 )
+from impasto._internal.thin_plate import over_directions
 from impasto.errors import ArgumentError, GeometryError
+from impasto.refinement import RigRefinement
 
 FRONTAL = (0.0, 0.0, 1.0)
 """The view of a camera far in front of the painting."""
@@ -188,6 +190,8 @@ class Rig:
         (x, y) of the middle of the picture in pixels from the middle of the painting, x right, y
         up: where a part of a painting (:class:`Stack`, :class:`Sbrdf`) lies in it. Positions of
         lights stay those of the whole painting. Default: (0, 0), the whole.
+    refinement
+        What :func:`impasto.refine_rig` found; None for a rig as it was given.
     """
 
     lights: tuple[Light, ...]
@@ -197,6 +201,7 @@ class Rig:
     """``(obs, 3)`` mm where the view is a :class:`PointView`, else NaN."""
     pitch_mm: float | None
     origin: tuple[float, float]
+    refinement: RigRefinement | None
 
     def __init__(
         self,
@@ -205,8 +210,10 @@ class Rig:
         views: Views | None = None,
         pitch_mm: float | None = None,
         origin: tuple[float, float] | None = None,
+        refinement: RigRefinement | None = None,
     ) -> None:
         if isinstance(lights, Rig):
+            refinement = lights.refinement if refinement is None else refinement
             views = lights.viewpoints if views is None else views
             pitch_mm = lights.pitch_mm if pitch_mm is None else pitch_mm
             origin = lights.origin if origin is None else origin
@@ -219,6 +226,7 @@ class Rig:
         set_(self, "view_positions", positions)
         set_(self, "pitch_mm", pitch_mm)
         set_(self, "origin", _origin(origin))
+        set_(self, "refinement", refinement)
         if pitch_mm is not None:
             length_mm(pitch_mm, "pitch_mm")
         if pitch_mm is None and any(isinstance(light, PointLight) for light in parsed):
@@ -238,7 +246,8 @@ class Rig:
         lights = f"{len(self)} light{'s' * (len(self) != 1)}"
         close = f", {near} of them near" if near else ""
         pitch = "" if self.pitch_mm is None else f", pixels of {self.pitch_mm:g} mm"
-        return f"<Rig {lights}{close}{pitch}>"
+        refined = "" if self.refinement is None else ", refined"
+        return f"<Rig {lights}{close}{pitch}{refined}>"
 
     @property
     def directions(self) -> NDArray[np.float64]:
@@ -296,11 +305,74 @@ class Rig:
         if (x, y) != (0.0, 0.0):
             lights = tuple(a.seen_from(x, y) if isinstance(a, PointLight) else a for a in lights)
         views = viewpoints(self.views, self.view_positions - (x, y, 0.0))
-        return Rig(lights, views=views, pitch_mm=self.pitch_mm)
+        return Rig(lights, views=views, pitch_mm=self.pitch_mm, refinement=self.refinement)
 
     def with_lights(self, lights: Sequence[Light]) -> Rig:
         """The same views and origin with other lights, one per observation."""
-        return Rig(lights, views=self.viewpoints, pitch_mm=self.pitch_mm, origin=self.origin)
+        return Rig(
+            lights,
+            views=self.viewpoints,
+            pitch_mm=self.pitch_mm,
+            origin=self.origin,
+            refinement=self.refinement,
+        )
+
+    def at(self, lights: ArrayLike | Sequence[Light] | Rig) -> Rig:
+        """Other lamps of the same rig: what lamps in their directions would be.
+
+        Strengths are interpolated by a thin-plate spline over the stereographic coordinates
+        ``(x, y) / (1 + z)`` of the directions, clipped to the range of this rig's; so are distances
+        if all lamps of this rig are near. This predicts what depends on the place of a lamp, not
+        lamps that flicker.
+
+        Parameters
+        ----------
+        lights
+            ``(obs, 3)`` directions, or lights, whose intensities multiply the interpolated ones.
+
+        Returns
+        -------
+        Rig
+            The lamps, seen as the photographs of this rig were.
+
+        Raises
+        ------
+        ArgumentError
+            The photographs of this rig have different views.
+        """
+        others = Rig(lights, pitch_mm=self.pitch_mm)
+        towards = others.directions
+        strengths = np.exp(over_directions(self.directions, np.log(self.intensities), towards))
+        strengths = (strengths * others.intensities).tolist()
+        lamps: list[Light]
+        if self.near.all():
+            log = np.log(np.linalg.norm(self.vectors, axis=1))
+            places = towards * np.exp(over_directions(self.directions, log, towards))[:, None]
+            lamps = [
+                PointLight((x, y, z), strength, bool(self.falloff[0]))
+                for (x, y, z), strength in zip(places.tolist(), strengths, strict=True)
+            ]
+        else:
+            lamps = [
+                DistantLight((x, y, z), strength)
+                for (x, y, z), strength in zip(towards.tolist(), strengths, strict=True)
+            ]
+        return Rig(
+            lamps,
+            views=self._common_view(),
+            pitch_mm=self.pitch_mm,
+            origin=self.origin,
+            refinement=self.refinement,
+        )
+
+    def _common_view(self) -> Views:
+        """The one view of all observations, for any number of lights."""
+        same = np.array_equal(self.view_positions, self.view_positions[[0] * len(self)], True)
+        if not same or not (self.views == self.views[0]).all():
+            raise ArgumentError("lights: photographs with different views have no common view")
+        if self.near_views.any():
+            return PointView((*self.view_positions[0].tolist(),))
+        return np.asarray(self.views[0])
 
     def part(self, right: float, up: float) -> Rig:
         """The rig of a part whose middle lies so many pixels from that of the picture."""
@@ -318,7 +390,13 @@ class Rig:
         views = viewpoints(
             rotated_rows(self.views, turns), rotated_rows(self.view_positions, turns)
         )
-        return Rig(lights, views=views, pitch_mm=self.pitch_mm, origin=(x, y))
+        return Rig(
+            lights,
+            views=views,
+            pitch_mm=self.pitch_mm,
+            origin=(x, y),
+            refinement=self.refinement,
+        )
 
     def take(self, indices: Iterable[int]) -> Rig:
         """The rig of some observations, in the order given; negative ones count from the end."""
@@ -328,6 +406,7 @@ class Rig:
             views=viewpoints(self.views[chosen], self.view_positions[chosen]),
             pitch_mm=self.pitch_mm,
             origin=self.origin,
+            refinement=self.refinement,
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -123,6 +124,22 @@ class HeldOut:
         """The sample under a rig of the whole painting."""
         local = Rig(rig.seen_from(*self._middle), pitch_mm=self._few.rig.pitch_mm)
         return self._few._replace(rig=local)
+
+    def turned(self) -> HeldOut:
+        """The photographs after half a turn under lamps and cameras that did not turn.
+
+        What depends on the place of a pixel then has the opposite sign: a camera in front of the
+        painting counts as one behind it.
+        """
+        other = copy(self)
+        turned = (..., slice(None, None, -1), slice(None, None, -1))
+        few, mask = self._few, self._few.mask
+        other._few = few._replace(
+            samples=np.ascontiguousarray(few.samples[turned]),
+            mask=None if mask is None else mask[turned],
+        )
+        other.samples, other._truth = self.samples[turned], self._truth[turned]
+        return other
 
     def surface(self, stack: Stack, lobes: int = 1) -> LobeSbrdf:
         """The surface of (some photographs of) the sample."""

@@ -26,7 +26,7 @@ from impasto.fit.residuals import Residuals, residuals_of
 from impasto.fit.saved import Reader, arrays_of, over
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
 from impasto.render import Fidelity, Image, render
-from impasto.rig import Rig, Views
+from impasto.rig import DistantLight, PointLight, Rig, Views
 from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status
@@ -107,7 +107,9 @@ class Sbrdf(PixelMaps, Relightable):
         ----------
         lights
             ``(obs, 3)`` directions, a sequence of :class:`~impasto.DistantLight` and
-            :class:`~impasto.PointLight`, or a :class:`~impasto.Rig`; default: the rig's own.
+            :class:`~impasto.PointLight`, or a :class:`~impasto.Rig`; default: the rig's own. If
+            the rig was refined (:func:`impasto.refine_rig`), directions are lamps of this rig
+            (:meth:`impasto.Rig.at`); lights and rigs are what they say.
         views
             ``(obs, 3)`` or ``(3,)`` directions to the eye, or :class:`~impasto.PointView`;
             default: those of the rig, frontal for lights without one.
@@ -125,6 +127,8 @@ class Sbrdf(PixelMaps, Relightable):
         """
         one_of(fidelity, get_args(Fidelity), "fidelity")
         rig = self.rig if lights is None else lights
+        if self.rig.refinement is not None and _directions_only(rig):
+            rig = self.rig.at(rig)
         shown = self.surface().predict(rig, views, threads=threads, progress=progress)
         if self.residuals is not None and fidelity == "photographs":
             pitch = getattr(rig, "pitch_mm", None) or self.pitch_mm
@@ -406,6 +410,14 @@ def shared_fields(found: Mapping[str, Any], stack: Stack, stereo: Normals) -> di
     """The fields of :class:`Sbrdf` from what the numerics found."""
     maps = {name: found[name] for name in ("normal", "diffuse", "residual", "sigma", "status")}
     return {**maps, "normals": stereo, "rig": stack.rig, "bands": stack.bands}
+
+
+def _directions_only(lights: Any) -> bool:
+    """Whether lights are plain directions, without strengths and distances."""
+    if isinstance(lights, Rig):
+        return False
+    listed = isinstance(lights, Sequence)
+    return not (listed and any(isinstance(one, DistantLight | PointLight) for one in lights))
 
 
 def deviation(sigma: float) -> str:

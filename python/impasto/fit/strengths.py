@@ -46,7 +46,7 @@ _FALL, _ERRORS = 0.02, 2.0
 _DETERMINED = 0.1
 """The same share where photographs determine tilt and fall-off: gloss lowers it by a fifth and
 more (simulated paintings, strengths 0.5 to 1.5), matte paint and a gilded icon by up to 5 %."""
-_PASSES, _LATER = 4, 0.005
+_PASSES, _LATER = 4, 0.002
 """Searches of tilt and fall-off, each followed by rounds, and by how much a later one must help."""
 _STEPS = np.array([0.04, 0.04, 0.1])
 _FARTHEST = np.array([0.5, 0.5, 1.5])
@@ -389,7 +389,7 @@ class _Trial:
         best, _ = coordinate_search(
             lambda freedoms: errors(freedoms).trim,
             np.zeros(3),
-            _STEPS,
+            _STEPS if first else 0.25 * _STEPS,
             low=-_FARTHEST,
             high=_FARTHEST,
         )

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
+from impasto.refinement import RigRefinement
 from impasto.rig import DistantLight, Light, PointLight, Rig, Views, viewpoints
 
 
@@ -27,6 +28,8 @@ def arrays_of_rig(rig: Rig) -> dict[str, NDArray[Any]]:
         arrays["pitch_mm"] = np.array(rig.pitch_mm)
     if rig.origin != (0.0, 0.0):
         arrays["origin"] = np.array(rig.origin)
+    if rig.refinement is not None:
+        arrays["refinement"] = np.array(rig.refinement.to_json())
     return arrays
 
 
@@ -60,4 +63,13 @@ def rig_of_arrays(arrays: Mapping[str, NDArray[Any]]) -> Rig:
     views: Views | None = directions
     if directions is not None and "view_positions" in arrays:
         views = viewpoints(directions, arrays["view_positions"])
-    return Rig(lights, views=views, pitch_mm=pitch, origin=(origin[0], origin[1]))
+    refinement = None
+    if "refinement" in arrays:
+        refinement = RigRefinement.from_json(str(arrays["refinement"]))
+    return Rig(
+        lights,
+        views=views,
+        pitch_mm=pitch,
+        origin=(origin[0], origin[1]),
+        refinement=refinement,
+    )

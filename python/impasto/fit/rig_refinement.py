@@ -1,0 +1,443 @@
+"""Refinement of a rig from the photographs themselves: self-calibration by cross-validation.
+
+A camera or a lamp at a finite distance changes the direction of view or light from pixel to pixel.
+Which distance is right shows in photographs that were held out of the fit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto._internal.calls import ProgressCallback, reporting
+from impasto._internal.checks import refractive_index, truth
+from impasto.errors import ArgumentError
+from impasto.fit.coordinate_search import coordinate_search
+from impasto.fit.held_out import Comparison, Errors, HeldOut
+from impasto.fit.strength_search import FEWEST, Alternation, gauge
+from impasto.fit.strengths import Strengths, fit_strengths
+from impasto.refinement import Estimate, RigRefinement
+from impasto.rig import DistantLight, Light, PointLight, PointView, Rig, Views
+from impasto.stack import Stack, checked_stack
+
+_PIXELS = 576
+"""The sample: 36 clusters of 4 x 4 pixels, spread evenly, each with its own directions."""
+_FOLDS, _MANY, _FOLDS_OF_FEW = 2, 24, 4
+"""Half of the photographs are held out at a time; of fewer than 24, a quarter."""
+_NODES = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+"""Inverse distances of camera and lamps at which the search starts, per half of the longer side."""
+_COARSE = (np.array([0.0, 0.2, 0.4]), np.array([0.0, 0.15, 0.3, 0.45]))
+"""The same where strengths are estimated anew at every node."""
+_UNEVEN = 0.1
+"""Strengths that lower the error by this share hide distances: they must be estimated together."""
+_STEP, _FINE = 0.05, 0.02
+_NEAREST = 0.6
+_FAR = 0.02
+"""An inverse distance below this counts as 0: directions differ by a degree."""
+_ROUNDS = 10
+_PASSES = 3
+_FALL, _ERRORS = 0.02, 1.0
+"""The trimmed error must fall by this share, and the gain exceed so many standard errors."""
+_DETERMINED = 0.1
+"""The same share where gloss is to determine tilt and fall-off; see ``fit.strengths``."""
+_CODES = 1.2
+"""Below this root mean square error, in codes of 8 bits, a camera's distance is read from rounding:
+errors fall while normals become worse."""
+_MIRRORED = 0.5
+"""Share of the fall that a rig of the opposite sign may reach."""
+_STEPS = np.array([0.04, 0.04, 0.1])
+_FARTHEST = np.array([0.5, 0.5, 1.5])
+
+Point = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    """Inverse distances of camera and lamps, and logarithms of strengths."""
+
+    place: Point
+    log: NDArray[np.float64]
+
+
+def refine_rig(
+    stack: Stack,
+    *,
+    camera: bool = True,
+    lamps: bool = True,
+    strengths: bool = True,
+    falloff: bool = True,
+    index: float = 1.45,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> Rig:
+    """Estimate distances of camera and lamps and strengths of lamps from the photographs.
+
+    Light files give directions, as if camera and lamps were infinitely far. At a finite distance
+    directions change over the painting, and the light of a lamp falls off; a fit that does not know
+    bends its normals, like a bowl where the painting is glossy. Here surfaces with lobes of each
+    pixel's own are fitted to half of the photographs (three quarters of fewer than 24), and
+    predict the others: the distances that predict best are found on a grid over both together, then
+    by parabolas. Strengths (:func:`fit_strengths`) and distances alternate, because each hides the
+    other.
+
+    A distance is accepted only if the trimmed error falls by 2 % or more, all folds improve and
+    agree about it, and the opposite sign (the same distances behind the painting) does not do as
+    well. A camera's distance also needs errors above 1.2 codes of 8 bits
+    without it: matte paint shows none, and its errors fall for wrong reasons. What is not accepted
+    stays as given.
+
+    Parameters
+    ----------
+    stack
+        At least 10 photographs, better 24. Lights that are already near, and cameras that are,
+        keep their distances; so does the camera where views differ.
+    camera, lamps, strengths
+        False keeps what was given.
+    falloff
+        False if the photographs were divided by those of a white board (``white=`` of
+        :func:`~impasto.read_stack`), which cancels the fall-off of near lamps and their strengths.
+    index
+        As for :func:`fit_sbrdf`.
+    threads
+        None means every allowed core; the result does not depend on it.
+    progress
+        True for a bar on stderr, or a callable ``(done, total)``.
+
+    Returns
+    -------
+    Rig
+        For this stack, and for other stacks of the same session: ``read_stack(..., lights=rig)``,
+        ``Stack(..., lights=rig)``. ``refinement`` (:class:`RigRefinement`) says what was found,
+        accepted and left open; printed in three lines. It is saved with a stack
+        (:func:`impasto.io.write_stack`) and with results. New lamps have the distances and
+        strengths of their neighbours (:meth:`Rig.at`), which :meth:`Sbrdf.predict` uses for plain
+        directions. Lengths are in pixels, ``pitch_mm`` 1, if the width of a pixel is not known.
+
+    Raises
+    ------
+    ArgumentError
+        Fewer than 10 photographs, or no pixel that can be fitted.
+
+    Notes
+    -----
+    The mean normal and the fall-off with the elevation of lamps are held as given, unless gloss
+    determines them. The principal point and the tilt of the camera are not estimated. The sample is
+    576 pixels; the rig of several paintings is best refined on the glossiest.
+    """
+    checked_stack(stack)
+    switches = {"camera": camera, "lamps": lamps, "strengths": strengths, "falloff": falloff}
+    for name, value in switches.items():
+        truth(value, name)
+    index = refractive_index(index)
+    if len(stack.rig) < _FEWEST_LIGHTS:
+        raise ArgumentError(
+            f"stack: a rig needs at least {_FEWEST_LIGHTS} photographs to be refined, "
+            f"found {len(stack.rig)}"
+        )
+    search = _Search(stack, camera, lamps, strengths, falloff, index, threads)
+    with reporting(progress, "rig") as report:
+        search.report = report
+        return search.rig()
+
+
+_FEWEST_LIGHTS = 10
+"""Seven to fit and three to predict."""
+
+
+class _Search:
+    """The search of one rig."""
+
+    def __init__(
+        self,
+        stack: Stack,
+        camera: bool,
+        lamps: bool,
+        strengths: bool,
+        falloff: bool,
+        index: float,
+        threads: int | None,
+    ) -> None:
+        rig = stack.rig
+        height, width = stack.shape[2:]
+        pitch = 1.0 if rig.pitch_mm is None else rig.pitch_mm
+        self._given = Rig(rig, pitch_mm=pitch)
+        self._stack, self._index, self._threads = stack, index, threads
+        self._half = 0.5 * pitch * max(height, width)
+        self._falloff, self._strengths = falloff, strengths and len(rig) > FEWEST
+        one_view = bool((rig.views == rig.views[0]).all()) and not rig.near_views.any()
+        self._free = np.array([camera and one_view, lamps and not rig.near.any()])
+        self._why = (
+            "not asked for" if not camera else "given as near or with views that differ",
+            "not asked for" if not lamps else "given as near",
+        )
+        self._folds = _FOLDS if len(rig) >= _MANY else _FOLDS_OF_FEW
+        self._test = HeldOut(stack, _PIXELS, index=index, threads=threads)
+        self._known: dict[bytes, Errors] = {}
+        self.report: Callable[[int, int], object] | None = None
+        self._done = 0
+
+    # --- one candidate
+
+    def at(self, state: _State) -> Rig:
+        """The rig of a state, for the whole painting."""
+        u, w = state.place.tolist()
+        lights: list[Light] = []
+        for light, factor in zip(self._given.lights, np.exp(state.log).tolist(), strict=True):
+            strength = light.intensity * factor
+            if isinstance(light, DistantLight) and w > 0.0:
+                x, y, z = (self._half / w * np.array(light.direction)).tolist()
+                lights.append(PointLight((x, y, z), strength, self._falloff))
+            else:
+                lights.append(replace(light, intensity=strength))
+        views: Views = self._given.viewpoints
+        if u > 0.0:
+            x, y, z = (self._half / u * self._given.views[0]).tolist()
+            views = PointView((x, y, z))
+        place: dict[str, Any] = {"pitch_mm": self._given.pitch_mm, "origin": self._given.origin}
+        return Rig(lights, views=views, **place)
+
+    def errors(self, state: _State) -> Errors:
+        """Errors of photographs held out."""
+        key = state.place.tobytes() + state.log.tobytes()
+        if key not in self._known:
+            self._known[key] = self._test.errors(self.at(state), self._folds)
+            self._done += 1
+            if self.report is not None:
+                # The number of candidates is not known: the bar approaches its end.
+                self.report(self._done, self._done + 2 * len(_NODES) ** 2)
+        return self._known[key]
+
+    # --- parts of the search
+
+    def grid(self) -> _State:
+        """The best node of the joint grid, with strengths as given or, if uneven, of its own."""
+        states = [self.even(place) for place in self._nodes(_NODES, _NODES)]
+        best = min(states, key=lambda state: self.errors(state).trim)
+        lit = self.lit(best, closed=True)
+        if self.errors(lit).trim > (1.0 - _UNEVEN) * self.errors(best).trim:
+            return best
+        states = [self.lit(self.even(place), closed=True) for place in self._nodes(*_COARSE)]
+        return min([lit, *states], key=lambda state: self.errors(state).trim)
+
+    def _nodes(self, *axes: Point) -> list[Point]:
+        u, w = (axis if free else axis[:1] for axis, free in zip(axes, self._free, strict=True))
+        return [np.array([a, b]) for a in u for b in w]
+
+    def agree(self, state: _State, axis: int) -> bool:
+        """Whether the best distance of each fold, along one axis, is next to that of both."""
+        places = []
+        for node in [*_NODES, state.place[axis]]:
+            place = state.place.copy()
+            place[axis] = node
+            places.append(place)
+        found = [self.errors(replace(state, place=place)) for place in places]
+        for fold in range(self._folds):
+            alone = places[int(np.argmin([one.fold(fold, self._folds) for one in found]))]
+            if abs(alone[axis] - state.place[axis]) > _NODES[1]:
+                return False
+        return True
+
+    def distances(self, state: _State, step: float = _STEP, halvings: int = 1) -> _State:
+        """The best distances near those of a state."""
+        place, _ = coordinate_search(
+            lambda place: self.errors(replace(state, place=place)).trim,
+            state.place,
+            np.where(self._free, step, 0.0),
+            low=np.zeros(2),
+            high=np.full(2, _NEAREST),
+            halvings=halvings,
+        )
+        return replace(state, place=place)
+
+    def even(self, place: Point) -> _State:
+        """A place with the strengths as given."""
+        return _State(place, np.zeros(len(self._given)))
+
+    def lit(self, state: _State, *, closed: bool) -> _State:
+        """Strengths at a place, from those of the state; ``closed``: tilt and fall-off are held."""
+        if not self._strengths:
+            return state
+        start = self._held(state)
+        if start is None:
+            return state
+        if not closed:
+            start = self._gauged(start)
+        return start if self.errors(start).trim < self.errors(state).trim else state
+
+    def _held(self, state: _State) -> _State | None:
+        lit = self._test.lit(self.at(replace(state, log=0.0 * state.log)))
+
+        def glossy(stack: Stack) -> tuple[Any, Any, Any]:
+            found = self._test.surface(stack)
+            return found.status, found.normal, found.predict(threads=self._threads)
+
+        try:
+            self._found = Alternation(lit, self._test.samples, glossy).held(state.log, _ROUNDS)
+        except ArgumentError:
+            return None
+        return replace(state, log=np.where(self._found.known, self._found.log, 0.0))
+
+    def _gauged(self, state: _State) -> _State:
+        """The state with the tilt and fall-off that gloss determines, if it does."""
+        lights, normal = self._given.directions, self._found.normal
+
+        def moved(freedoms: NDArray[np.float64]) -> _State:
+            return replace(state, log=state.log + gauge(lights, normal, freedoms))
+
+        best, _ = coordinate_search(
+            lambda freedoms: self.errors(moved(freedoms)).trim,
+            np.zeros(3),
+            _STEPS,
+            low=-_FARTHEST,
+            high=_FARTHEST,
+            halvings=1,
+        )
+        gain = self.errors(moved(best)).than(self.errors(moved(np.zeros(3))))
+        if not gain.better(_DETERMINED, _ERRORS):
+            return state
+        held = self._held(moved(best))
+        return moved(best) if held is None else held
+
+    def best(self, start: _State, free: NDArray[np.bool_]) -> _State:
+        """Distances (those that are ``free``) and strengths that predict best, in turn."""
+        before, self._free = self._free, free
+        state = replace(start, place=np.where(free, start.place, 0.0))
+        for _ in range(_PASSES):
+            last = state
+            state = self.distances(self.lit(state, closed=False))
+            if np.abs(state.place - last.place).max() < 0.5 * _FAR:
+                break
+        self._free = before
+        return state
+
+    # --- the decision
+
+    def rig(self) -> Rig:
+        """The refined rig."""
+        allowed = self._free.copy()
+        nothing = self.even(np.zeros(2))
+        if not np.isfinite(self.errors(nothing).trim):
+            raise ArgumentError("stack: no pixel can be fitted; impasto.doctor.examine says why")
+        state = self.best(self.grid(), allowed)
+        found = state.place.copy()
+        reasons = list(self._why)
+        for axis in (0, 1):
+            if not allowed[axis]:
+                continue
+            accepted, reasons[axis] = self._judge(axis, state)
+            if not accepted:
+                allowed[axis] = False
+                if state.place[axis] > 0.0:
+                    state = self.best(self.even(state.place), allowed)
+        place = np.where(allowed & (state.place >= _FAR), state.place, 0.0)
+        rig, lamps = self._with_strengths(place)
+        if place.any():
+            log = (
+                np.zeros(len(rig))
+                if lamps is None
+                else np.log(np.nan_to_num(lamps.factor, nan=1.0))
+            )
+            self._free = place > 0.0
+            place = self.distances(_State(place, log), _FINE, halvings=2).place
+            rig, lamps = self._with_strengths(place)
+            found = np.where(place > 0.0, place, found)
+            # Strengths alone may do as well: they hide distances, and distances hide them.
+            plain = self._with_strengths(np.zeros(2))
+            gain = self._gain(rig, plain[0])
+            if gain.fall < _FALL:
+                reasons = [
+                    f"strengths alone do as well: {gain}" if place[axis] > 0.0 else reasons[axis]
+                    for axis in (0, 1)
+                ]
+                place = np.zeros(2)
+                rig, lamps = plain
+        total = self._gain(rig, self._given)
+        report = RigRefinement(
+            camera=Estimate(_inverse(found[0]), bool(place[0] > 0.0), reasons[0]),
+            lamps=Estimate(_inverse(found[1]), bool(place[1] > 0.0), reasons[1]),
+            strengths=_strengths(lamps, self._strengths),
+            half_mm=self._half,
+            gain=total.gain,
+            scatter=total.scatter,
+            open=_open(lamps),
+        )
+        if self.report is not None:
+            self.report(self._done, self._done)
+        return Rig(rig, refinement=report)
+
+    def _with_strengths(self, place: Point) -> tuple[Rig, Strengths | None]:
+        """The rig with these distances, and the strengths that :func:`fit_strengths` gives it."""
+        rig = self.at(self.even(place)) if place.any() else self._stack.rig
+        lamps = self._lamps(rig)
+        return (rig if lamps is None else lamps.rig), lamps
+
+    def _judge(self, axis: int, state: _State) -> tuple[bool, str]:
+        """Whether a distance is accepted, and why."""
+        if state.place[axis] < _FAR:
+            return False, "the photographs show none"
+        others = self._free.copy()
+        others[axis] = False
+        far = self.best(self.even(state.place), others)
+        if self._uneven(state):
+            far = min(far, self.best(state, others), key=lambda one: self.errors(one).trim)
+        with_it, without = self.errors(state), self.errors(far)
+        gain = with_it.than(without)
+        if gain.fall < _FALL:
+            return False, f"no better: {gain}"
+        folds = [
+            with_it.fold(one, self._folds) < (1.0 - 0.5 * _FALL) * without.fold(one, self._folds)
+            for one in range(self._folds)
+        ]
+        if not (all(folds) and self.agree(state, axis)):
+            return False, f"parts of the photographs disagree: {gain}"
+        if axis == 0 and without.rms < _CODES:
+            return False, f"errors of {without.rms:.1f} codes are too small to show one"
+        turned, nowhere = self._test.turned(), replace(state, place=np.zeros(2))
+        mirrored = turned.errors(self.at(state), self._folds).than(
+            turned.errors(self.at(nowhere), self._folds)
+        )
+        if mirrored.fall > _MIRRORED * with_it.than(self.errors(nowhere)).fall:
+            return False, f"the opposite sign does as well: {mirrored}"
+        return True, str(gain)
+
+    def _uneven(self, state: _State) -> bool:
+        return bool(np.abs(state.log).max() > 0.0)
+
+    def _lamps(self, rig: Rig) -> Strengths | None:
+        if not self._strengths:
+            return None
+        try:
+            return fit_strengths(
+                self._stack._replace(rig=rig), index=self._index, threads=self._threads
+            )
+        except ArgumentError:  # too few lamps that any pixel determines
+            return None
+
+    def _gain(self, rig: Rig, before: Rig) -> Comparison:
+        """Of one rig against another, other folds, lobes as they are fitted."""
+        folds = self._folds + 1
+        return self._test.errors(rig, folds, 2).than(self._test.errors(before, folds, 2))
+
+
+def _inverse(place: float) -> float:
+    return 1.0 / float(place) if place >= _FAR else math.inf
+
+
+def _strengths(lamps: Strengths | None, asked: bool) -> Estimate:
+    if lamps is None:
+        return Estimate(1.0, False, "too few lights" if asked else "not estimated")
+    spread = float(np.nanmax(lamps.factor) / np.nanmin(lamps.factor))
+    reason = "too few lights to hold any out" if lamps.held_out is None else str(lamps.held_out)
+    return Estimate(spread, lamps.gauge != "given", reason)
+
+
+def _open(lamps: Strengths | None) -> tuple[str, ...]:
+    always = ("overall strength", "axis of the camera")
+    if lamps is not None and lamps.gauge == "determined":
+        return always
+    return ("tilt of the painting", "fall-off of strengths with elevation", *always)
