@@ -7,8 +7,8 @@ with a camera and lamps at finite distances (in halves of the side) and strength
 0.5 to 1.5, coded as sRGB in 8 bits. Their rig is given as distant, frontal and even, and refined by
 ``impasto.refine_rig``. "known" is the error of the normals with the rig as it was simulated.
 Strengths of new lamps: domes of known strengths without painting, every sixth lamp left out.
-Photographs: the icon and the object between the two balls, six folds; "agreement" is the angle
-between normals fitted to the even and to the odd photographs. ``--record`` writes
+Photographs: the icon and the object between the two balls, six folds; "agreement" is the median
+angle between normals fitted to the even and to the odd photographs. ``--record`` writes
 benches/results/rigs.json, ``--only`` its part alone.
 """
 
@@ -180,6 +180,7 @@ def photographs(name: str, stack: impasto.Stack) -> list[dict[str, Any]]:
         ]
         whole = impasto.fit_sbrdf(stack._replace(rig=rig), pooling="pixel")
         fine = whole.estimated & halves[0].estimated & halves[1].estimated
+        between = normal_error(halves[0].normal, halves[1].normal)
         mean = whole.normal[:, fine].mean(axis=1, dtype=np.float64)
         mean /= np.linalg.norm(mean)
         first = mean if first is None else first
@@ -190,7 +191,7 @@ def photographs(name: str, stack: impasto.Stack) -> list[dict[str, Any]]:
                 "rig": way,
                 "mean dB": float(each.mean()),
                 "worst dB": float(each.min()),
-                "agreement": float(normal_error(halves[0].normal, halves[1].normal)[fine].mean()),
+                "agreement": float(np.median(between[fine])),
                 "mean normal moved": float(np.degrees(np.arccos(min(1.0, mean @ first)))),
                 "refinement": None if rig.refinement is None else str(rig.refinement),
             }

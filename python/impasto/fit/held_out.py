@@ -125,20 +125,20 @@ class HeldOut:
         local = Rig(rig.seen_from(*self._middle), pitch_mm=self._few.rig.pitch_mm)
         return self._few._replace(rig=local)
 
-    def turned(self) -> HeldOut:
+    def rotated(self) -> HeldOut:
         """The photographs after half a turn under lamps and cameras that did not turn.
 
         What depends on the place of a pixel then has the opposite sign: a camera in front of the
         painting counts as one behind it.
         """
         other = copy(self)
-        turned = (..., slice(None, None, -1), slice(None, None, -1))
+        rotated = (..., slice(None, None, -1), slice(None, None, -1))
         few, mask = self._few, self._few.mask
         other._few = few._replace(
-            samples=np.ascontiguousarray(few.samples[turned]),
-            mask=None if mask is None else mask[turned],
+            samples=np.ascontiguousarray(few.samples[rotated]),
+            mask=None if mask is None else mask[rotated],
         )
-        other.samples, other._truth = self.samples[turned], self._truth[turned]
+        other.samples, other._truth = self.samples[rotated], self._truth[rotated]
         return other
 
     def surface(self, stack: Stack, lobes: int = 1) -> LobeSbrdf:

@@ -172,8 +172,8 @@ class _Search:
         one_view = bool((rig.views == rig.views[0]).all()) and not rig.near_views.any()
         self._free = np.array([camera and one_view, lamps and not rig.near.any()])
         self._why = (
-            "not asked for" if not camera else "given as near or with views that differ",
-            "not asked for" if not lamps else "given as near",
+            "not requested" if not camera else "given as near or with views that differ",
+            "not requested" if not lamps else "given as near",
         )
         self._folds = _FOLDS if len(rig) >= _MANY else _FOLDS_OF_FEW
         self._test = HeldOut(stack, _PIXELS, index=index, threads=threads)
@@ -397,9 +397,9 @@ class _Search:
             return False, f"parts of the photographs disagree: {gain}"
         if axis == 0 and without.rms < _CODES:
             return False, f"errors of {without.rms:.1f} codes are too small to show one"
-        turned, nowhere = self._test.turned(), replace(state, place=np.zeros(2))
-        mirrored = turned.errors(self.at(state), self._folds).than(
-            turned.errors(self.at(nowhere), self._folds)
+        rotated, nowhere = self._test.rotated(), replace(state, place=np.zeros(2))
+        mirrored = rotated.errors(self.at(state), self._folds).than(
+            rotated.errors(self.at(nowhere), self._folds)
         )
         if mirrored.fall > _MIRRORED * with_it.than(self.errors(nowhere)).fall:
             return False, f"the opposite sign does as well: {mirrored}"
@@ -428,9 +428,9 @@ def _inverse(place: float) -> float:
     return 1.0 / float(place) if place >= _FAR else math.inf
 
 
-def _strengths(lamps: Strengths | None, asked: bool) -> Estimate:
+def _strengths(lamps: Strengths | None, requested: bool) -> Estimate:
     if lamps is None:
-        return Estimate(1.0, False, "too few lights" if asked else "not estimated")
+        return Estimate(1.0, False, "too few lights" if requested else "not estimated")
     spread = float(np.nanmax(lamps.factor) / np.nanmin(lamps.factor))
     reason = "too few lights to hold any out" if lamps.held_out is None else str(lamps.held_out)
     return Estimate(spread, lamps.gauge != "given", reason)

@@ -17,6 +17,7 @@ from impasto.io.lights import LightFile, read_lights
 from impasto.io.notes import Notebook
 from impasto.io.session.frames import Region
 from impasto.io.session.observations import find_lights, is_light_file
+from impasto.refinement import RigRefinement
 from impasto.rig import DistantLight, Light, PointLight, Rig, Views, viewpoints
 
 _STRENGTHS = "light_intensities.txt"
@@ -39,6 +40,8 @@ class ListedLights:
         ``(n,)`` or ``(n, band)``, where the light file knows them.
     pitch_mm, width_mm
         Width of a pixel / of the picture on the painting, where known.
+    refinement
+        What a refined rig says of itself.
     """
 
     source: Path
@@ -49,6 +52,7 @@ class ListedLights:
     intensities: NDArray[np.float64] | None = None
     pitch_mm: float | None = None
     width_mm: float | None = None
+    refinement: RigRefinement | None = None
 
 
 def listed_lights(
@@ -83,6 +87,7 @@ def listed_lights(
         views=rig.views,
         view_positions=rig.view_positions,
         pitch_mm=rig.pitch_mm,
+        refinement=rig.refinement,
     )
 
 
@@ -132,7 +137,7 @@ def build_rig(
     if listed.views is not None and listed.view_positions is not None:
         places = listed.view_positions[list(kept)] - (dx, dy, 0.0)
         views = viewpoints(listed.views[list(kept)], places)
-    return Rig(picked, views=views, pitch_mm=pitch), gains
+    return Rig(picked, views=views, pitch_mm=pitch, refinement=listed.refinement), gains
 
 
 def without_falloff(rig: Rig) -> Rig:
