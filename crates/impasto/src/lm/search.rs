@@ -1,5 +1,5 @@
 //! The Levenberg-Marquardt search [@levenberg1944; @marquardt1963; @more1978levenberg] on any kind of
-//! number: its state, the test of a trial, and the step.
+//! number, with Nielsen's damping [@nielsen1999damping]: its state, the test of a trial, and the step.
 
 use super::cholesky::factor_damped;
 use super::ending::MinimumCheck;

@@ -1,5 +1,6 @@
-//! The symmetric 3 x 3 system of one pixel: solution by cofactors, condition number by closed-form
-//! eigenvalues [@smith1961eigenvalues], predicted error.
+//! Photometric stereo [@woodham1980photometric]: the symmetric 3 x 3 system of one pixel, its solution
+//! by cofactors, its condition number by closed-form eigenvalues [@smith1961eigenvalues], and the
+//! predicted error.
 
 use crate::math::{Real, Vec3};
 

@@ -1,7 +1,7 @@
-//! Unconstrained least-squares problems of More, Garbow and Hillstrom (ACM TOMS 7, 1981, 17-41),
-//! from their standard starts and from ten and a hundred times those.
+//! Unconstrained least-squares problems of More, Garbow and Hillstrom [@more1981testing], from their
+//! standard starts and from ten and a hundred times those.
 //!
-//! The yardstick is MINPACK, run on the same formulas in the same test (crate
+//! The reference is MINPACK, run on the same formulas in the same test (crate
 //! `levenberg-marquardt`): whatever it solves, the search must solve. Solved: the cost is within
 //! 1e-4 of the published minimum, or below 1e-16 of the start's
 //! (of 1e8 at most) where that is zero. As a second opinion the cautious options are tried.

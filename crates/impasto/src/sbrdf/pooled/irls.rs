@@ -1,5 +1,6 @@
 //! Iteratively reweighted least squares [@holland1977robust]: every pixel's normal and colours under
-//! the painting's lobe, and the equations of the lobe that remain when they are eliminated.
+//! the painting's lobe, and the equations of the lobe that remain when they are eliminated (variable
+//! projection [@golub1973varpro]).
 //!
 //! A pixel's estimate is the S-estimate [@rousseeuw1984s], of smallest robust scale
 //! ([`scale`](super::scale)). Gauss-Newton steps on the weighted sum of squares lead to it; a step
