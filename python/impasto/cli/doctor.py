@@ -45,11 +45,11 @@ def doctor(
     stack
         Light file (.lp) beside its photographs, a folder of both, or an .npz.
     write
-        Write a light file (.lp) with corrected directions.
+        Write a light file (.lp) with corrected directions, without photographs that occur twice.
     json
         Print JSON for programs.
     """
-    from impasto.doctor import examine, repaired_directions
+    from impasto.doctor import examine, kept_observations, repaired_directions
     from impasto.io import write_lights
 
     if write is not None and write.exists():
@@ -67,7 +67,9 @@ def doctor(
     else:
         show(diagnosis, console.stdout())
     if write is not None:
-        write_lights(write, repaired_directions(photographs, diagnosis), photographs.names)
+        kept = kept_observations(diagnosis)
+        right = repaired_directions(photographs, diagnosis)[kept]
+        write_lights(write, right, [photographs.names[index] for index in kept])
     return Exit.OK if diagnosis.usable else Exit.USER_ERROR
 
 

@@ -10,6 +10,7 @@ from cyclopts import CycloptsError, Parameter
 from rich.markup import escape
 
 from impasto._internal.checks import refractive_index
+from impasto.cli.checking import refuse_faults
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.gloss import Gloss, with_labels
@@ -37,6 +38,7 @@ def fit(
     out: Path,
     reading: Reading | None = None,
     gloss: Gloss | None = None,
+    check: Annotated[bool, Parameter(negative="--no-check")] = True,
     strengths: Flag = False,
     system: Name = "impasto",
     method: Method | None = None,
@@ -62,6 +64,9 @@ def fit(
         Light file (.lp) beside its photographs, a folder of both, or an .npz.
     out
         Folder for maps, overview and report.
+    check
+        Stop if lights are mirrored, rotated or exchanged, or a photograph occurs twice, and print
+        the commands that repair it; takes a small part of the time of the fit.
     strengths
         First estimate the strength of each lamp from the photographs (at least 7 lights), for lamps
         that were not measured, hand-held or in a dome. Takes longer than the fit; uses lobes per
@@ -127,6 +132,8 @@ def fit(
             photographs = reading.read(stack)
             stage.note = stack_words(photographs)
         say_notes(stages, photographs)
+        if check:
+            refuse_faults(stages, photographs, stack, reading, out)
         lamps = estimated_strengths(stages, photographs, own, threads) if strengths else None
         photographs = photographs if lamps is None else lamps.stack
         arguments = with_labels(own, photographs, reading.region)
@@ -150,6 +157,7 @@ def fit(
             options={
                 "stack": stack,
                 **asdict(reading),
+                "check": check,
                 "strengths": strengths,
                 "system": system,
                 **{name: value for name, value in procedure.options.items() if not takers(name)},

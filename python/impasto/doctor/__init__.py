@@ -6,17 +6,20 @@
 'ok'
 """
 
+from impasto.doctor.before_fit import before_fit
 from impasto.doctor.diagnosis import SEVERITIES, Diagnosis, Finding, Severity
 from impasto.doctor.examination import examine
 from impasto.doctor.files import damaged_files
-from impasto.doctor.repair import repaired_directions
+from impasto.doctor.repair import kept_observations, repaired_directions
 
 __all__ = [
     "SEVERITIES",
     "Diagnosis",
     "Finding",
     "Severity",
+    "before_fit",
     "damaged_files",
     "examine",
+    "kept_observations",
     "repaired_directions",
 ]

@@ -7,15 +7,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.wording import factor, scatter
 from impasto.doctor.curl import RATIO, Curl, measure_curl
-from impasto.doctor.diagnosis import Finding
+from impasto.doctor.diagnosis import Finding, Severity
 from impasto.doctor.falloff import FallOff, measure_falloff
 from impasto.doctor.sampled_tiles import SampledTiles
 
 Floats = NDArray[np.float64]
 
+_FEWEST = 4
 _NEAR_DEG, _SLIGHT_DEG = 20.0, 12.0
 """Rotations this close to a multiple of 90 degrees count as one; smaller ones are not reported."""
+
+_ROTATED_DEG = 45.0
 
 _REPAIRS = {
     (0, True): ("mirrored top to bottom (y counted downwards?)", "(x, -y, z)"),
@@ -41,6 +45,8 @@ def directions(sampled: SampledTiles, surface: Floats, listed: Floats) -> list[F
     """
     if len(listed) < 3:
         return []
+    if len(listed) < _FEWEST:
+        return [_undecided("three lights leave no sample to reject gloss with", {})]
     curl, falloff = measure_curl(sampled, surface), measure_falloff(sampled, listed)
     if not curl.known:
         return [_undecided("there is too little relief", {})]
@@ -65,7 +71,7 @@ def _straight(curl: Curl, falloff: FallOff, numbers: dict[str, Any]) -> Finding:
                 "directions",
                 "warning",
                 f"{message}; but each lamp lights the opposite side of the picture more (by "
-                f"{100 * np.expm1(falloff.strength):.0f} % across): the directions are rotated by "
+                f"{scatter(falloff.strength)} across): the directions are rotated by "
                 "180 degrees, or the painting is hollow",
                 "compare a photograph with its line in the light file; if the lamp was on the "
                 f"other side, {_use('(-x, -y, z)')}",
@@ -101,7 +107,9 @@ def _wrong(best: tuple[float, bool], falloff: FallOff, numbers: dict[str, Any]) 
         what = f"the light directions are {kind}, by about {turn:.0f} degrees"
         advice = "measure the directions again, or check the orientation of the camera then"
         numbers |= {"verdict": kind}
-        return Finding("directions", "error", f"{what}: {_ratios(numbers)}", advice, (), numbers)
+        # A rotation by less than an eighth costs accuracy only.
+        severity: Severity = "error" if mirrored or abs(turn) > _ROTATED_DEG else "warning"
+        return Finding("directions", severity, f"{what}: {_ratios(numbers)}", advice, (), numbers)
     what, repair = _REPAIRS[nearest, mirrored]
     numbers |= {"verdict": what, "repair": repair}
     message = f"the light directions are wrong: {what}"
@@ -151,7 +159,11 @@ def _numbers(curl: Curl, falloff: FallOff) -> dict[str, Any]:
 
 def _ratios(numbers: dict[str, Any]) -> str:
     return (
-        f"mirrored, they have {numbers['curl_mirrored']:.2f} times the curl, rotated by 90 degrees "
-        f"{numbers['curl_quarter_rotation']:.2f}, with x and y swapped "
-        f"{numbers['curl_axes_swapped']:.2f} times"
+        f"mirrored, they have {_times(numbers['curl_mirrored'])} times the curl, rotated by "
+        f"90 degrees {_times(numbers['curl_quarter_rotation'])}, with x and y swapped "
+        f"{_times(numbers['curl_axes_swapped'])} times"
     )
+
+
+def _times(ratio: float) -> str:
+    return factor(ratio) if ratio > 10.0 else f"{ratio:.2f}"

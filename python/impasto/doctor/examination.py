@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impasto.doctor.diagnosis import Diagnosis, Finding
 from impasto.doctor.directions import directions
@@ -45,9 +46,9 @@ def examine(stack: Stack) -> Diagnosis:
         *lights(stack),
     ]
     sampled = SampledTiles.of(stack)
-    surface = _surface(stack, sampled)
+    surface = surface_of(sampled, stack.rig.directions)
     similarity = measure_similarity(sampled)
-    found += duplicates(stack, similarity)
+    found += duplicates(stack, sampled, similarity)
     if surface is not None:
         out_of_step, right_order = order(sampled)
         found += out_of_step
@@ -57,15 +58,15 @@ def examine(stack: Stack) -> Diagnosis:
             sampled = replace(sampled, lights=sampled.lights[right_order])
             surface = fit_surface(sampled.grey, sampled.lights)
         found += directions(sampled, surface, stack.rig.directions)
-        found += pairing(stack, similarity)
+        found += pairing(stack, sampled, similarity)
         found += strengths(stack, sampled)
         found += tone(stack)
     return Diagnosis(tuple(found), stack.names, stack.shape)
 
 
-def _surface(stack: Stack, sampled: SampledTiles) -> np.ndarray | None:
-    """A surface for the further checks, or None if the stack does not determine one."""
-    if len(stack.rig) < 3 or np.linalg.matrix_rank(stack.rig.directions, tol=1e-3) < 3:
+def surface_of(sampled: SampledTiles, directions: NDArray[np.float64]) -> np.ndarray | None:
+    """A surface for the further checks, or None if the lights do not determine one."""
+    if len(directions) < 3 or np.linalg.matrix_rank(directions, tol=1e-3) < 3:
         return None
     surface = fit_surface(sampled.grey, sampled.lights)
     return surface if np.isfinite(surface).all(axis=0).sum() >= 30 else None

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.wording import factor
 from impasto.doctor.diagnosis import Finding
 from impasto.doctor.sampled_tiles import SampledTiles
 from impasto.doctor.surface import fit_surface, shading
@@ -19,8 +20,11 @@ Order = NDArray[np.int64]
 
 _FEWEST = 6
 _PIXELS = 4000
-_BETTER = 1.4
-"""An order is wrong if the residuals of another one are smaller by this factor."""
+_FOLDS = 6
+_BETTER = 1.3
+"""An order is wrong if the residuals of another one are smaller by this factor, and so are those
+of held-out photographs, by at least this many standard errors over the photographs."""
+_SIGMAS = 3.0
 
 
 def order(sampled: SampledTiles) -> tuple[list[Finding], Order | None]:
@@ -35,19 +39,68 @@ def order(sampled: SampledTiles) -> tuple[list[Finding], Order | None]:
     best = min(misfits, key=lambda name: misfits[name])
     numbers = {"misfit": round(given, 5), **{n: round(m, 5) for n, m in misfits.items()}}
     times = given / max(misfits[best], 1e-12)
-    if not times > _BETTER:
+    if not (times > _BETTER and _predicts_better(sampled, orders(count)[best])):
         message = "photographs and lights are in the same order: no shift or reversal fits better"
         return [Finding("order", "ok", message, numbers=numbers)], None
     found = Finding(
         "order",
         "error",
         f"photographs and lights are in different orders: with the list of lights {best}, a "
-        f"surface fits the photographs {times:.1f} times better (the checks below use that order)",
+        f"surface fits the photographs {factor(times)} times better (the checks below use that "
+        "order)",
         "correct the order of the light file, preferably with file names in it; impasto doctor "
         "--write FILE.lp does so",
         numbers=numbers | {"verdict": best, "order": orders(count)[best].tolist()},
     )
     return [found], orders(count)[best]
+
+
+def _predicts_better(sampled: SampledTiles, to: Order) -> bool:
+    """Whether held-out photographs are predicted better by this order than by the given one."""
+    given, other = (held_out_errors(sampled, one) for one in (np.arange(len(to)), to))
+    gain = np.log(given / other)
+    gain = gain[np.isfinite(gain)]
+    if len(gain) < _FEWEST:
+        return False
+    doubt = float(gain.std(ddof=1)) / np.sqrt(len(gain))
+    return bool(gain.mean() > max(np.log(_BETTER), _SIGMAS * doubt))
+
+
+def held_out_errors(
+    sampled: SampledTiles, to: Order, photographs: NDArray[np.int64] | None = None
+) -> Floats:
+    """Error of each photograph when a surface fitted to others predicts it, relative to its light.
+
+    Parameters
+    ----------
+    sampled
+        The pixels examined.
+    to
+        ``(obs,)``: the light that each photograph has.
+    photographs
+        Those to predict, each time without all of them; default: all of them, in folds.
+    """
+    pick = np.arange(0, sampled.grey.shape[1], max(1, sampled.grey.shape[1] // _PIXELS))
+    grey = sampled.grey[:, pick]
+    lights = sampled.lights[to]
+    lights = lights if lights.ndim == 2 else lights[:, pick]
+    count = len(grey)
+    folds = (
+        [np.arange(fold, count, _FOLDS) for fold in range(min(_FOLDS, count))]
+        if photographs is None
+        else [photographs]
+    )
+    errors = np.full(count, np.nan)
+    for out in folds:
+        kept = np.setdiff1d(np.arange(count), out)
+        surface = fit_surface(grey[kept], lights[kept])
+        shown = np.maximum(shading(surface, lights[out]), 0.0)
+        for row, index in enumerate(out):
+            known = np.isfinite(grey[index]) & np.isfinite(shown[row])
+            if known.sum() >= 30:
+                miss = np.median(np.abs(grey[index] - shown[row])[known])
+                errors[index] = miss / max(float(np.median(grey[index][known])), 1e-30)
+    return errors if photographs is None else errors[photographs]
 
 
 def orders(count: int) -> dict[str, Order]:

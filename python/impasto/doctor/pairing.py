@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from impasto._internal.wording import counted
 from impasto.doctor.diagnosis import Finding
 from impasto.doctor.lights import angles_between
+from impasto.doctor.order import held_out_errors
 from impasto.doctor.sampled_tiles import SampledTiles
 from impasto.stack import Stack
 
@@ -31,14 +32,16 @@ _REVERSED = -0.5
 _SLOPE = -0.35
 _MOST = 8
 _SIGMAS = 5.0
+_BETTER = 1.2
+"""Errors of both photographs, as given, in units of those after the exchange."""
 
 
-def pairing(stack: Stack, similarity: Floats | None) -> list[Finding]:
+def pairing(stack: Stack, sampled: SampledTiles, similarity: Floats | None) -> list[Finding]:
     """Photographs whose lights were exchanged.
 
     Parameters
     ----------
-    stack
+    stack, sampled
         What is examined.
     similarity
         As from :func:`measure_similarity`.
@@ -46,7 +49,7 @@ def pairing(stack: Stack, similarity: Floats | None) -> list[Finding]:
     directions = stack.rig.directions
     if similarity is None or len(directions) < _FEWEST:
         return []
-    swaps = find_swaps(similarity, directions)
+    swaps = [pair for pair in find_swaps(similarity, directions) if _explains(sampled, pair)]
     agreement = order_agreement(similarity, _swapped(directions, swaps))
     numbers: dict[str, Any] = {"agreement": round(agreement, 3)}
     if agreement < _ORDERED:
@@ -85,6 +88,15 @@ def pairing(stack: Stack, similarity: Floats | None) -> list[Finding]:
             numbers | {"pairs": [list(pair) for pair in swaps]},
         )
     ]
+
+
+def _explains(sampled: SampledTiles, pair: tuple[int, int]) -> bool:
+    """Whether a surface fitted to all others predicts both better with their lights exchanged."""
+    to = np.arange(len(sampled.grey))
+    both = np.array(pair)
+    given = held_out_errors(sampled, to, both)
+    to[both] = to[both[::-1]]
+    return bool((given > _BETTER * held_out_errors(sampled, to, both)).all())
 
 
 def measure_similarity(sampled: SampledTiles) -> Floats | None:

@@ -11,18 +11,26 @@ from numpy.typing import NDArray
 
 from impasto import _core
 from impasto._internal.border import RigArguments
+from impasto._internal.wording import factor
 from impasto.doctor.diagnosis import Finding, named
 from impasto.doctor.lights import angles_between
+from impasto.doctor.sampled_tiles import SampledTiles
+from impasto.doctor.surface import fit_surface, shading
 from impasto.stack import Stack
 
 Floats = NDArray[np.float64]
 
 _APART_DEG = 15.0
 """Only lights this far apart must give different photographs."""
+SAME_LIGHT_DEG = 0.5
 _FEWEST = 6
 _ALIKE, _NEVER = 0.25, 0.1
 """Two photographs are copies if they differ by less than this share of the median difference, and
 less than this share of their variance."""
+
+_SAME, _LESS = 0.02, 0.3
+"""Median difference between two files of one photograph at most, and as a share of what their
+lights would make it."""
 
 _ADVICE = {
     "missing": "copy the files to the folder that the light file names, or give images=FOLDER",
@@ -61,17 +69,17 @@ def reading(stack: Stack) -> list[Finding]:
     return found
 
 
-def duplicates(stack: Stack, similarity: Floats | None) -> list[Finding]:
+def duplicates(stack: Stack, sampled: SampledTiles, similarity: Floats | None) -> list[Finding]:
     """Photographs that occur twice: byte for byte or, if all have one view, saved again."""
     exact = _equal_samples(stack)
-    found = [_duplicate(stack, group, "the same samples") for group in exact]
+    found = [_duplicate(stack, group, "the same samples", exact=True) for group in exact]
     # Lights determine the similarity of photographs only if all have one view.
     one_view = not _core.views_differ(RigArguments.of(stack.rig))
     if one_view and similarity is not None and len(similarity) >= _FEWEST:
         seen = {frozenset(pair) for group in exact for pair in _pairs(group)}
-        for first, second, times in _copies(stack, similarity):
+        for first, second, times in _copies(stack, sampled, similarity):
             if frozenset((first, second)) not in seen:
-                how = f"one picture saved twice ({min(times, 999.0):.0f} times more similar than "
+                how = f"one picture saved twice ({factor(times)} times more similar than "
                 how += "others under such lights)"
                 found.append(_duplicate(stack, (first, second), how))
     if not found:
@@ -79,16 +87,20 @@ def duplicates(stack: Stack, similarity: Floats | None) -> list[Finding]:
     return found
 
 
-def _duplicate(stack: Stack, group: tuple[int, ...], how: str) -> Finding:
+def _duplicate(stack: Stack, group: tuple[int, ...], how: str, *, exact: bool = False) -> Finding:
     apart = angles_between(stack.rig.directions[list(group)], stack.rig.directions[list(group)])
     names = named(stack.names, group)
-    numbers: dict[str, Any] = {"lights_apart_deg": round(float(apart.max()), 2)}
-    if apart.max() < 0.5:
+    numbers: dict[str, Any] = {
+        "lights_apart_deg": round(float(apart.max()), 2),
+        "exact": exact,
+    }
+    if apart.max() < SAME_LIGHT_DEG:
         return Finding(
             "duplicates",
             "warning",
             f"{names}: {how}, under the same light: counted {len(group)} times",
-            "remove all but one of these lines from the light file",
+            "remove all but one of these lines from the light file"
+            + (" (impasto doctor --write FILE.lp does so)" if exact else ""),
             group,
             numbers,
         )
@@ -97,7 +109,11 @@ def _duplicate(stack: Stack, group: tuple[int, ...], how: str) -> Finding:
         "warning",
         f"{names}: {how}, with light directions up to {apart.max():.0f} degrees apart: at most one "
         "of these directions is right",
-        "copy the photographs from the camera again, or remove the wrong lines from the light file",
+        "copy the photographs from the camera again, or remove the wrong lines from the light file "
+        "(impasto doctor --write FILE.lp leaves out all of them)"
+        if exact
+        else "copy the photographs from the camera again, or remove the wrong lines from the light "
+        "file",
         group,
         numbers,
     )
@@ -138,7 +154,9 @@ def _digest(samples: NDArray[np.generic]) -> bytes:
     return hashlib.blake2b(np.ascontiguousarray(samples).data, digest_size=16).digest()
 
 
-def _copies(stack: Stack, similarity: Floats) -> list[tuple[int, int, float]]:
+def _copies(
+    stack: Stack, sampled: SampledTiles, similarity: Floats
+) -> list[tuple[int, int, float]]:
     """Pairs under distant lights that are several times more similar than other such pairs.
 
     The comparison is with the other photographs of this stack: a flat painting looks nearly the
@@ -153,4 +171,29 @@ def _copies(stack: Stack, similarity: Floats) -> list[tuple[int, int, float]]:
     usual = float(np.median(nearest[np.isfinite(nearest)]))
     limit = min(_ALIKE * usual, _NEVER)
     pairs = np.argwhere(np.triu(distance < limit, 1)).tolist()
-    return [(a, b, usual / max(float(distance[a, b]), 1e-9)) for a, b in pairs]
+    return [
+        (a, b, usual / max(float(distance[a, b]), 1e-9)) for a, b in pairs if _equal(sampled, a, b)
+    ]
+
+
+def _equal(sampled: SampledTiles, a: int, b: int) -> bool:
+    """Whether two photographs differ by less than their lights make them differ.
+
+    A flat painting looks nearly the same under two lights: a surface fitted to the other
+    photographs says how much they should differ.
+    """
+    both = [a, b]
+    others = np.setdiff1d(np.arange(len(sampled.grey)), both)
+    surface = fit_surface(sampled.grey[others], sampled.lights[others])
+    shown = shading(surface, sampled.lights[both])
+    found, expected = _difference(*sampled.grey[both]), _difference(*shown)
+    return found < _SAME and found < _LESS * expected
+
+
+def _difference(one: NDArray[Any], other: NDArray[Any]) -> float:
+    """Median difference of two photographs after a change of exposure, relative to their light."""
+    known = np.isfinite(one) & np.isfinite(other) & (one > 0) & (other > 0)
+    if known.sum() < _FEWEST:
+        return 0.0
+    ratio = np.log(one[known] / other[known])
+    return float(np.median(np.abs(ratio - np.median(ratio))))

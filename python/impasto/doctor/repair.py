@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.doctor.diagnosis import Diagnosis
+from impasto.doctor.photographs import SAME_LIGHT_DEG
 from impasto.stack import Stack
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -40,6 +41,30 @@ def repaired_directions(stack: Stack, diagnosis: Diagnosis) -> NDArray[np.float6
         if repair:
             directions = directions @ repair_matrix(repair).T
     return directions
+
+
+def kept_observations(diagnosis: Diagnosis) -> list[int]:
+    """The photographs that a light file should list.
+
+    Of equal photographs under one light the first is kept; of equal photographs under different
+    lights none, for nobody knows which of the lights is right.
+
+    Parameters
+    ----------
+    diagnosis
+        The result of :func:`examine`.
+
+    Returns
+    -------
+    list
+        Indices, in order.
+    """
+    out: set[int] = set()
+    for finding in diagnosis.findings:
+        if finding.code == "duplicates" and finding.numbers.get("exact"):
+            apart = finding.numbers["lights_apart_deg"] >= SAME_LIGHT_DEG
+            out |= set(finding.observations[0 if apart else 1 :])
+    return [index for index in range(len(diagnosis.names)) if index not in out]
 
 
 def repair_matrix(text: str) -> NDArray[np.float64]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.rig import PointLight
+from impasto.rig import PointLight, Rig
 from impasto.stack import Stack
 
 Floats = NDArray[np.float64]
@@ -18,6 +19,8 @@ _SAMPLES = 12_000_000
 """Samples kept in memory (48 MB as float32) ..."""
 _MOST, _FEWEST = 40_000, 2_500
 """... and the bounds on the number of pixels that follows from it."""
+_BRIGHT = 0.1
+"""Least share of a bright pixel's light: black cloth around an object is no part of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +34,8 @@ class SampledTiles:
     ----------
     grey
         ``(obs, n)`` float32: mean of the bands in linear light, divided by the intensity of the
-        light; NaN where a band is clipped, not finite or outside the mask.
+        light; NaN where a band is clipped, not finite or outside the mask, and in pixels that
+        are nearly black in most photographs.
     lights
         ``(obs, 3)`` directions, or ``(obs, n, 3)`` for point lights: direction at each pixel times
         fall-off, so that a Lambert surface shows ``lights . albedo normal``.
@@ -40,7 +44,7 @@ class SampledTiles:
     x, y
         ``(n,)`` position on the painting, x right, y up, the longer side from -0.5 to 0.5.
     inside
-        ``(n,)``: whether the mask holds the pixel.
+        ``(n,)``: whether the mask holds the pixel and it is not nearly black.
     """
 
     grey: NDArray[np.float32]
@@ -51,26 +55,35 @@ class SampledTiles:
     inside: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, stack: Stack) -> SampledTiles:
-        """Cut the tiles out of a stack."""
-        observations, bands, height, width = stack.shape
-        budget = int(np.clip(_SAMPLES // (observations * bands), _FEWEST, _MOST))
+    def of(
+        cls, stack: Stack, *, photographs: Sequence[int] | None = None, most: int = _MOST
+    ) -> SampledTiles:
+        """Cut the tiles out of a stack, or out of some of its photographs.
+
+        ``most`` bounds the number of pixels.
+        """
+        picked = range(len(stack.rig)) if photographs is None else photographs
+        _, bands, height, width = stack.shape
+        budget = min(int(np.clip(_SAMPLES // (len(picked) * bands), _FEWEST, _MOST)), most)
         rows, columns, tile = _places(height, width, budget, stack.mask)
         at_y = (rows[:, None, None] + np.arange(tile[0])[None, :, None]).repeat(tile[1], 2)
         at_x = (columns[:, None, None] + np.arange(tile[1])[None, None, :]).repeat(tile[0], 1)
         at_y, at_x = at_y.ravel(), at_x.ravel()
         inside = np.ones(len(at_y), bool) if stack.mask is None else stack.mask[at_y, at_x]
-        grey = np.empty((observations, len(at_y)), dtype=np.float32)
-        for index, strength in enumerate(stack.rig.intensities):
+        rig = stack.rig if photographs is None else stack.rig.take(picked)
+        grey = np.empty((len(picked), len(at_y)), dtype=np.float32)
+        for row, index in enumerate(picked):
             values = linear(stack, stack.samples[index][:, at_y, at_x])
             with np.errstate(invalid="ignore"):
-                mean = values.mean(axis=0) / np.float32(strength)
+                mean = values.mean(axis=0) / np.float32(rig.intensities[row])
             mean[~(np.isfinite(mean) & inside)] = np.nan
-            grey[index] = mean
+            grey[row] = mean
+        inside &= _bright(grey)
+        grey[:, ~inside] = np.nan
         side = max(height, width)
         return cls(
             grey=grey,
-            lights=_lights(stack, at_y, at_x),
+            lights=_lights(rig, (height, width), at_y, at_x),
             tiles=(len(rows), *tile),
             x=(at_x - (width - 1) / 2) / side,
             y=((height - 1) / 2 - at_y) / side,
@@ -112,16 +125,28 @@ def _places(
     return grid_y.ravel(), grid_x.ravel(), tile
 
 
-def _lights(stack: Stack, at_y: NDArray[np.int64], at_x: NDArray[np.int64]) -> Floats:
-    if not any(isinstance(light, PointLight) for light in stack.rig.lights):
-        return stack.rig.directions
-    height, width = stack.shape[2:]
-    pitch = float(stack.rig.pitch_mm or 1.0)
+def _bright(grey: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """``(n,)``: all pixels that are not nearly black in most photographs."""
+    # Clipped samples are bright: they count as the largest.
+    middle = np.sort(grey, axis=0)[len(grey) // 2]
+    known = middle[np.isfinite(middle)]
+    if len(known) == 0:
+        return np.ones(grey.shape[1], bool)
+    return np.asarray(~(middle < _BRIGHT * np.percentile(known, 95)))
+
+
+def _lights(
+    rig: Rig, size: tuple[int, int], at_y: NDArray[np.int64], at_x: NDArray[np.int64]
+) -> Floats:
+    if not any(isinstance(light, PointLight) for light in rig.lights):
+        return rig.directions
+    height, width = size
+    pitch = float(rig.pitch_mm or 1.0)
     points = np.stack(
         [(at_x - (width - 1) / 2) * pitch, ((height - 1) / 2 - at_y) * pitch, 0.0 * at_x], axis=1
     )
-    lights = np.empty((len(stack.rig), len(points), 3))
-    for index, light in enumerate(stack.rig.lights):
+    lights = np.empty((len(rig), len(points), 3))
+    for index, light in enumerate(rig.lights):
         if isinstance(light, PointLight):
             towards = np.array(light.position) - points
             distance = np.linalg.norm(towards, axis=1, keepdims=True)

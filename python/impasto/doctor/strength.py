@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.wording import counted
+from impasto._internal.wording import counted, factor, scatter
 from impasto.doctor.diagnosis import Finding
 from impasto.doctor.lights import elevation
 from impasto.doctor.sampled_tiles import SampledTiles
@@ -66,15 +66,15 @@ def strengths(stack: Stack, sampled: SampledTiles) -> list[Finding]:
 
 def _none_stands_out(spread: float, numbers: dict[str, Any]) -> Finding:
     """Ok if a lamp that is off by :data:`_OFF` would stand out; otherwise no check is possible."""
-    scatter = f"their strengths scatter by {100 * np.expm1(spread):.0f} %"
+    words = f"their strengths scatter by {scatter(spread)}"
     limit = _SIGMAS * spread
     if limit <= np.log1p(_OFF):
-        return Finding("strengths", "ok", f"no light stands out: {scatter}", numbers=numbers)
+        return Finding("strengths", "ok", f"no light stands out: {words}", numbers=numbers)
     return Finding(
         "strengths",
         "note",
-        f"cannot check whether lamps differ: {scatter}, including gloss and changing views; only "
-        f"one {np.exp(limit):.2g} times as strong as the others would stand out",
+        f"cannot check whether lamps differ: {words}, including gloss and changing views; only "
+        f"one {factor(np.exp(min(limit, 700.0)))} times as strong as the others would stand out",
         "if the lamps were not measured, impasto.fit_strengths (impasto fit --strengths) estimates "
         "their strengths with gloss in its model",
         numbers=numbers,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.wording import factor
 from impasto.doctor.diagnosis import Finding
 from impasto.doctor.sampled_tiles import linear
 from impasto.encoding import Encoding
@@ -51,7 +52,8 @@ def tone(stack: Stack) -> list[Finding]:
                 "encoding",
                 "warning",
                 f"the tone curve {curve!r} seems to be wrong: "
-                f"{estimate.best!r} predicts held-out photographs {times:.1f} times better{also}",
+                f"{estimate.best!r} predicts held-out photographs {factor(times)} times "
+                f"better{also}",
                 f'give encoding="{better}" (command line: --encoding {better})',
                 numbers=numbers,
             )

@@ -58,6 +58,7 @@ class Common(TypedDict, total=False):
 
     normals: Normals | Method | None
     residuals: bool | None
+    check: bool
     effort: EffortLike
     threads: int | None
     progress: bool | ProgressCallback
@@ -137,6 +138,7 @@ def fit_sbrdf(
     index: float | None = None,
     normals: Normals | Method | None = None,
     residuals: bool | None = None,
+    check: bool = False,
     effort: EffortLike = "standard",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
@@ -208,6 +210,10 @@ def fit_sbrdf(
         Whether to keep what the model leaves of the photographs, for new lights seen from the same
         view: by kriging, if held-out photographs are then predicted better. Default: where
         ``pooling="auto"`` has chosen. Not with ``segments``.
+    check
+        Whether to refuse a stack whose lights are mirrored, rotated or exchanged, or that has a
+        photograph twice (:func:`impasto.doctor.before_fit`); default: False. The command line
+        checks every stack.
     effort
         ``"draft"``, ``"standard"``, ``"reference"`` or an :class:`Effort`: accuracy against time.
     threads
@@ -227,8 +233,8 @@ def fit_sbrdf(
     ------
     ArgumentError
         An unknown name, an option that the fit does not have, an index outside 1 to 100, lobes
-        outside 1 to 3, joint or ambient neither True nor False, normals of another size, or
-        segments that are no whole numbers ``(y, x)``.
+        outside 1 to 3, joint or ambient neither True nor False, normals of another size, segments
+        that are no whole numbers ``(y, x)``, or with ``check`` a stack to be repaired first.
     GeometryError
         Lights that cannot determine normals.
 
@@ -240,6 +246,10 @@ def fit_sbrdf(
     approximation of reflectance functions, SIGGRAPH 1997.
     """
     checked_stack(stack)
+    if truth(check, "check"):
+        from impasto.doctor.before_fit import refuse_faults
+
+        wait_for(refuse_faults, stack)
     given = {
         "segments": segments,
         "lobes": lobes,

@@ -1,0 +1,148 @@
+"""The faults that spoil a fit, found in a small part of its time.
+
+A sample of the pixels and photographs is examined. Only if anything stands out there,
+:func:`impasto.doctor.examine` decides, so that this check has no false alarms of its own.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto import _core
+from impasto._internal.border import RigArguments
+from impasto.doctor.diagnosis import Diagnosis, Finding
+from impasto.doctor.directions import directions
+from impasto.doctor.examination import examine, surface_of
+from impasto.doctor.order import order
+from impasto.doctor.pairing import measure_similarity, pairing
+from impasto.doctor.photographs import SAME_LIGHT_DEG, duplicates
+from impasto.doctor.sampled_tiles import SampledTiles
+from impasto.doctor.surface import shading
+from impasto.errors import ArgumentError
+from impasto.stack import Stack
+
+_PHOTOGRAPHS = 24
+"""Photographs of which a surface is fitted, to test its curl."""
+_RELIEF_SAMPLES = 480_000
+"""Pixels of these photographs, times their number."""
+_CURLED = 0.8
+"""The curl under other lights, as a share of that under the given ones, that calls for a closer
+look."""
+_MANY = 9
+"""Lights from which on a significant curl suffices."""
+_PIXELS = 2_500
+"""Pixels of every photograph that are compared with those of the others."""
+_DIFFER = 0.01
+"""Share of the light by which two photographs differ at least if their lights are to matter."""
+
+
+def before_fit(stack: Stack) -> Diagnosis:
+    """The faults of a stack that spoil a fit: of light directions, pairs and copies.
+
+    Takes about 1 % of the time of a fit of one megapixel if there are none.
+
+    Parameters
+    ----------
+    stack
+        As for :func:`impasto.fit_sbrdf`.
+
+    Returns
+    -------
+    Diagnosis
+        Only what should be repaired first; no findings as a rule. Mirrored, rotated and shifted
+        lights, exchanged photographs, and photographs that occur under two lights.
+    """
+    found: list[Finding] = []
+    if _suspicious(stack):
+        found = [f for f in examine(stack).of("warning", "error") if _spoils(stack, f)]
+    return Diagnosis(tuple(found), stack.names, stack.shape)
+
+
+def refuse_faults(stack: Stack) -> None:
+    """Raise an error if :func:`before_fit` finds anything.
+
+    Raises
+    ------
+    ArgumentError
+        With the findings, and how to go on.
+    """
+    faults = before_fit(stack).findings
+    if faults:
+        words = "; ".join(f"{fault.message} ({fault.advice})" for fault in faults)
+        raise ArgumentError(
+            f"stack: {words}; impasto.doctor.examine(stack) says more, check=False fits it as it is"
+        )
+
+
+def _suspicious(stack: Stack) -> bool:
+    """Whether a sample of the stack shows any of the faults."""
+    sampled = SampledTiles.of(stack, most=_PIXELS)
+    if surface_of(sampled, stack.rig.directions) is None:
+        return False
+    similarity = measure_similarity(sampled)
+    found = [
+        *duplicates(stack, sampled, similarity),
+        *order(sampled)[0],
+        *pairing(stack, sampled, similarity),
+    ]
+    if any(_spoils(stack, finding) for finding in found):
+        return True
+    count = len(stack.rig)
+    some = np.unique(np.linspace(0, count - 1, min(count, _PHOTOGRAPHS)).astype(int)).tolist()
+    relief = SampledTiles.of(stack, photographs=some, most=_RELIEF_SAMPLES // len(some))
+    surface = surface_of(relief, stack.rig.directions[some])
+    if surface is None:
+        return False
+    (finding,) = directions(relief, surface, stack.rig.directions[some]) or (None,)
+    return finding is not None and (_spoils(stack, finding) or _undecided(finding))
+
+
+def _undecided(finding: Finding) -> bool:
+    """Whether other lights fit the relief better, if not beyond doubt."""
+    names = ("curl_mirrored", "curl_quarter_rotation", "curl_axes_swapped")
+    return any(finding.numbers.get(name, 1.0) < _CURLED for name in names)
+
+
+def _spoils(stack: Stack, finding: Finding) -> bool:
+    """Whether a fit must not go on with what a finding is about."""
+    if finding.severity not in {"warning", "error"}:
+        return False
+    if finding.code == "directions":
+        return finding.severity == "error" and _clear(stack, finding)
+    if finding.code == "order":
+        return finding.severity == "error"
+    if finding.code == "pairing":
+        return not _core.views_differ(RigArguments.of(stack.rig))
+    return finding.code == "duplicates" and _lights_matter(stack, finding)
+
+
+def _clear(stack: Stack, finding: Finding) -> bool:
+    """Whether the directions named have less than half of the curl, if there are few lights.
+
+    Then the curl of gloss and shadow, which no light rejects, exceeds that of noise.
+    """
+    numbers = finding.numbers
+    names = ("curl_mirrored", "curl_quarter_rotation", "curl_axes_swapped")
+    least = min(numbers[name] for name in names)
+    return len(stack.rig) >= _MANY or least < 0.5
+
+
+def _lights_matter(stack: Stack, finding: Finding) -> bool:
+    """Whether the lights of equal photographs are too different for this surface to hide it.
+
+    Simulated photographs of a plane without noise are equal under all lights of one height.
+    """
+    numbers = finding.numbers
+    if not (numbers.get("exact") and numbers["lights_apart_deg"] >= SAME_LIGHT_DEG):
+        return False
+    sampled = SampledTiles.of(stack, most=_PIXELS)
+    surface = surface_of(sampled, stack.rig.directions)
+    if surface is None:
+        return False
+    lights = sampled.lights[list(finding.observations)]
+    shown: NDArray[Any] = shading(surface, lights)
+    apart = np.nanmedian(np.ptp(shown, axis=0) / np.maximum(np.abs(shown).max(axis=0), 1e-30))
+    return bool(apart > _DIFFER)
