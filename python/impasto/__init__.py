@@ -34,6 +34,7 @@ from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.fit.strengths import Strengths, fit_strengths
 from impasto.height import cast_shadows, integrate_normals
 from impasto.io import read_stack
+from impasto.level import Level, find_level
 from impasto.refinement import RigRefinement
 from impasto.render import Image, display_from_bands, render
 from impasto.rig import DistantLight, PointLight, PointView, Rig
@@ -60,6 +61,7 @@ __all__ = [
     "InternalError",
     "LafortuneSbrdf",
     "LearnedModel",
+    "Level",
     "LobeSbrdf",
     "MissingExtraError",
     "Normals",
@@ -83,6 +85,7 @@ __all__ = [
     "cast_shadows",
     "colour",
     "display_from_bands",
+    "find_level",
     "fit_highlight",
     "fit_normals",
     "fit_reflectance",

@@ -21,6 +21,7 @@ from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.reflectance import Reflectance, fit_reflectance
 from impasto.height import integrate_normals
+from impasto.level import Level, as_level, find_level
 from impasto.rig import PointLight, Rig
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
@@ -29,6 +30,8 @@ Fidelity = Literal["photographs", "model"]
 
 CELLS = 2048
 """Cells in the table of the tone curve; the Rust core requires this number."""
+_ENOUGH = 100
+"""A panel has more normals than that."""
 MIXING_GRID = np.arange(360.0, 831.0)
 """Wavelengths in nm at which several illuminants are added."""
 
@@ -175,6 +178,7 @@ def render(
     pitch_mm: float | None = None,
     index: float | None = None,
     fidelity: Fidelity = "photographs",
+    level: bool | Level | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Image:
@@ -203,8 +207,13 @@ def render(
         Index of refraction of the interface; default: that of the surface.
     fidelity
         ``"photographs"``: the model and, where a result has them, its interpolated ``residuals``,
-        as long as the view is that of the photographs, no shadows are cast and the colours are
-        those of the bands; ``"model"``: the model alone.
+        as long as the view is that of the photographs, no shadows are cast, the panel is not
+        rotated and the colours are those of the bands; ``"model"``: the model alone.
+    level
+        True: the panel is rotated to face the viewer, so that the lights shine on its own plane; or
+        the plane itself, as :func:`impasto.find_level` finds it in a larger part of the painting.
+        Default: True with shadows, for a surface without a height of its own whose panel leans by
+        more than a degree; False without. A leaning panel is in its own shadow under raking light.
     threads
         Number of threads; None means every allowed core.
     progress
@@ -245,6 +254,9 @@ def render(
         source: Any = surface
         reflectance = fit_reflectance(None, source, camera)
     lit = _coloured(lit, type(surface).__name__, reflectance, index)
+    stood = lit.normal
+    lit = _levelled(lit, level, has_height=height is not None, shadows=scene.shadows)
+    as_photographed = lit.normal is stood and not scene.shadows
     relief = _relief(lit, height, pitch, threads) if scene.shadows else None
 
     diffuse, interface, which, white = _colours(scene, reflectance, len(lit.diffuse))
@@ -266,7 +278,7 @@ def render(
     workers = thread_count(threads)
     with reporting(progress, "rendering") as callback:
         xyz, coverage = _core.render(lit, relief, arguments, workers, callback)
-    if fidelity == "photographs" and reflectance is None and not scene.shadows:
+    if fidelity == "photographs" and reflectance is None and as_photographed:
         extra = surface.unmodelled(rig)
         if extra is not None:
             # Colours without spectra have one matrix for all lights.
@@ -370,6 +382,25 @@ def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:
             f"reflectance: expected coefficients (k, {size[0]}, {size[1]}), found {planes.shape}"
         )
     return planes
+
+
+def _levelled(
+    lit: Surface, level: bool | Level | None, *, has_height: bool, shadows: bool
+) -> Surface:
+    """The surface relative to the plane of its panel, if that is wanted."""
+    if level is None:
+        if not shadows or has_height or lit.height is not None or not _faces(lit.normal):
+            return lit
+        found = find_level(lit.normal)
+        plane = found if found.leans else None
+    else:
+        plane = as_level(level, lit.normal)
+    return lit if plane is None else replace(lit, normal=plane.rotated(lit.normal))
+
+
+def _faces(normal: NDArray[np.float32]) -> bool:
+    """Whether there are enough normals to find a plane."""
+    return int((normal[2] > 0).sum()) >= _ENOUGH
 
 
 def _relief(

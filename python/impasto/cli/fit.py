@@ -28,6 +28,7 @@ from impasto.systems import Name
 if TYPE_CHECKING:
     from impasto.fit.result import Sbrdf
     from impasto.fit.strengths import Strengths
+    from impasto.level import Level
     from impasto.stack import Stack
 
 
@@ -140,6 +141,9 @@ def fit(
         sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads, arguments)
         if sbrdf.chosen is not None:
             stages.say(f"  {'':14}[dim]{sbrdf.chosen}[/]")
+        panel = panel_of(sbrdf)
+        if panel is not None:
+            stages.say(f"  {'':14}[dim]{panel}[/]")
         with stages.stage("files") as stage:
             write_maps(folder, sbrdf, reflectance)
             if reflectance is not None:
@@ -167,6 +171,7 @@ def fit(
                 "threads": threads,
             },
             results=numbers(photographs, sbrdf, reflectance)
+            | ({} if panel is None else level_numbers(panel))
             | ({} if lamps is None else strength_numbers(lamps)),
             timings=stages.timings,
             notes=photographs.notes,
@@ -214,6 +219,28 @@ def strength_numbers(lamps: Strengths) -> dict[str, Any]:
             "change": lamps.change,
             "gauge": lamps.gauge,
             "held_out": None if lamps.held_out is None else str(lamps.held_out),
+        }
+    }
+
+
+def panel_of(sbrdf: Sbrdf) -> Level | None:
+    """The plane of the panel; None where hardly any pixel could be measured."""
+    from impasto.level import find_level
+
+    # NaN is not above 0.
+    return find_level(sbrdf.normal, bend=True) if (sbrdf.normal[2] > 0).sum() >= 100 else None
+
+
+def level_numbers(level: Level) -> dict[str, Any]:
+    """The panel's part of a report, in degrees."""
+    import numpy as np
+
+    return {
+        "level": {
+            "angle_degrees": np.degrees(level.angle),
+            "azimuth_degrees": np.degrees(level.azimuth),
+            "near_share": level.share,
+            "sagitta": level.sagitta,
         }
     }
 

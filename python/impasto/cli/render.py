@@ -43,6 +43,7 @@ def render(
     view: OneDirection = None,
     exposure: float | None = None,
     shadows: Flag = False,
+    level: Annotated[bool | None, Parameter(negative="--no-level")] = None,
     pitch: float | None = None,
     threads: SomeWhole = None,
     quiet: Flag = False,
@@ -76,6 +77,9 @@ def render(
         clip.
     shadows
         Include cast shadows of the relief.
+    level
+        Rotate a panel that leans to face the viewer, so that lights shine on its own plane;
+        default: with --shadows.
     pitch
         Width of a pixel in mm, if the result does not contain it; required for near lamps.
     threads
@@ -116,12 +120,19 @@ def render(
             if isinstance(sbrdf, PerPixelSbrdf)
             else f"{known}known; fit again with --camera to render another light"
         )
+    plane: bool | impasto.Level = False
+    if shadows if level is None else level:
+        found = impasto.find_level(sbrdf.normal)
+        plane = found if found.leans else False
+        words = "; the lights shine on its own plane (--no-level: as it stood)" if plane else ""
+        stages.say(f"  {'':14}[dim]{found}{words}[/]")
     with stages.stage("picture") as stage:
         image = impasto.render(
             visible(sbrdf, reflectance),
             scene,
             reflectance=reflectance,
             pitch_mm=sbrdf.rig.pitch_mm if pitch is None else pitch,
+            level=plane,
             threads=threads,
             progress=stage.advance,
         )
