@@ -190,7 +190,7 @@ def test_the_report_and_the_command_line_say_it(
 ) -> None:
     """The icon leans by 10 degrees: raking light from the left left it black."""
     icon, out = data / "icon_rti" / "dirs.lp", tmp_path / "fit"
-    words = f"fit {icon} --out {out} --region 150 150 96 96 --effort draft"
+    words = f"fit {icon} --out {out} --region 150 150 96 96 --effort draft --pooling painting"
     assert main(words.split()) == 0
     found = json.loads((out / "report.json").read_text(encoding="utf-8"))["results"]["level"]
     assert 8.0 < found["angle_degrees"] < 13.0

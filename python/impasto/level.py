@@ -23,7 +23,7 @@ _STEEPEST = 3.0
 _STEPS = 30
 _TUKEY = 4.685
 """Tuning constant of Tukey's biweight: 95 % of the efficiency of least squares."""
-_SETTLED = 1e-9
+_CONVERGED = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +201,7 @@ def _fitted(p: Floats, q: Floats, x: Floats, y: Floats, *, bend: bool) -> Level:
             found,
             np.linalg.lstsq(weighted.T @ design, weighted.T @ slopes, rcond=None)[0],
         )
-        if np.abs(found - last).max() < _SETTLED:
+        if np.abs(found - last).max() < _CONVERGED:
             break
     values = [*found.tolist(), 0.0, 0.0, 0.0][:5]
     level = Level((values[0], values[1]), (values[2], values[3], values[4]))

@@ -35,6 +35,7 @@ _MANY = 9
 """Lights from which on a significant curl suffices."""
 _PIXELS = 2_500
 """Pixels of every photograph that are compared with those of the others."""
+_EIGHT_BITS = 255.0
 _DIFFER = 0.01
 """Share of the light by which two photographs differ at least if their lights are to matter."""
 
@@ -80,7 +81,7 @@ def refuse_faults(stack: Stack) -> None:
 def _suspicious(stack: Stack) -> bool:
     """Whether a sample of the stack shows any of the faults."""
     sampled = SampledTiles.of(stack, most=_PIXELS)
-    if surface_of(sampled, stack.rig.directions) is None:
+    if surface_of(sampled, stack.rig.directions) is None or _is_black(stack, sampled):
         return False
     similarity = measure_similarity(sampled)
     found = [
@@ -98,6 +99,14 @@ def _suspicious(stack: Stack) -> bool:
         return False
     (finding,) = directions(relief, surface, stack.rig.directions[some]) or (None,)
     return finding is not None and (_spoils(stack, finding) or _undecided(finding))
+
+
+def _is_black(stack: Stack, sampled: SampledTiles) -> bool:
+    """Whether half of the light is below three codes of eight bits: steps of codes, no picture."""
+    if stack.encoding.white != _EIGHT_BITS:
+        return False
+    least = float(stack.encoding.decode(3.0)) / float(np.median(stack.rig.intensities))
+    return bool(np.nanmedian(sampled.grey) < least)
 
 
 def _undecided(finding: Finding) -> bool:

@@ -11,8 +11,8 @@ from impasto.doctor.diagnosis import Diagnosis, Finding
 from impasto.doctor.directions import directions
 from impasto.doctor.exposure import Exposure, exposure
 from impasto.doctor.lights import lights
-from impasto.doctor.order import order
-from impasto.doctor.pairing import measure_similarity, pairing
+from impasto.doctor.order import misfit_of, order
+from impasto.doctor.pairing import exchanged, measure_similarity, pairing
 from impasto.doctor.photographs import duplicates, reading
 from impasto.doctor.sampled_tiles import SampledTiles
 from impasto.doctor.strength import strengths
@@ -51,6 +51,13 @@ def examine(stack: Stack) -> Diagnosis:
     found += duplicates(stack, sampled, similarity)
     if surface is not None:
         out_of_step, right_order = order(sampled)
+        if right_order is not None:
+            repaired = exchanged(sampled, similarity, stack.rig.directions)
+            given = np.arange(len(stack.rig))
+            # A shift within a ring is an exchange and a rotation, which no misfit shows.
+            limit = 0.9 * misfit_of(sampled, right_order)
+            if repaired is not None and misfit_of(repaired, given) < limit:
+                out_of_step, right_order = order(repaired)
         found += out_of_step
         if right_order is not None:
             # Under wrong lights all further checks fail: continue with the right order.

@@ -32,10 +32,10 @@ def order(sampled: SampledTiles) -> tuple[list[Finding], Order | None]:
     count = len(sampled.grey)
     if count < _FEWEST:
         return [], None
-    given = _misfit(sampled, np.arange(count))
+    given = misfit_of(sampled, np.arange(count))
     if not given > 0:
         return [], None
-    misfits = {name: _misfit(sampled, to) for name, to in orders(count).items()}
+    misfits = {name: misfit_of(sampled, to) for name, to in orders(count).items()}
     best = min(misfits, key=lambda name: misfits[name])
     numbers = {"misfit": round(given, 5), **{n: round(m, 5) for n, m in misfits.items()}}
     times = given / max(misfits[best], 1e-12)
@@ -121,7 +121,7 @@ def orders(count: int) -> dict[str, Order]:
     return found
 
 
-def _misfit(sampled: SampledTiles, to: Order) -> float:
+def misfit_of(sampled: SampledTiles, to: Order) -> float:
     """Median residual of a surface fitted with the lights in this order, relative to the light."""
     pick = np.arange(0, sampled.grey.shape[1], max(1, sampled.grey.shape[1] // _PIXELS))
     grey = sampled.grey[:, pick]
