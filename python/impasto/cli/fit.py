@@ -165,6 +165,7 @@ def fit(
                 "strengths": strengths,
                 "system": system,
                 **{name: value for name, value in procedure.options.items() if not takers(name)},
+                "index": procedure.index,
                 **own,
                 "camera": camera,
                 "illuminant": illuminant,
