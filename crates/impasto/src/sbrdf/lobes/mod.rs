@@ -10,6 +10,9 @@
 //! the normal and a few per lobe, however many bands there are. [`learn_lobes`] finds
 //! what the fit needs to know about the whole painting, [`apply_lobes`] fits the pixels of a tile;
 //! [`fit_lobes`] is both.
+//!
+//! All of this is generic over a [`LobeEstimation`], which the caller chooses. Torrance-Sparrow is the
+//! only one: Lafortune lobes have three unknowns, and [a fit of their own](crate::sbrdf::lafortune).
 
 mod apply;
 mod forward_selection;

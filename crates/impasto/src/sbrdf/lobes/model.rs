@@ -21,7 +21,10 @@ pub struct Slope<R> {
 /// A kind of lobe whose shape is searched for: its unknowns, their bounds, and where to start.
 ///
 /// The unknowns of a shape are a search's own; [`LobeModel::NAMES`] names the parameters that maps
-/// hold. Every generic method must be `#[inline(always)]`: it becomes part of a vector kernel.
+/// hold. The first unknown is the logarithm of a sharpness: the prior, the status `Pooled` and the
+/// map of deviations use the standard deviation of this unknown alone.
+///
+/// Every generic method must be `#[inline(always)]`: it becomes part of a vector kernel.
 pub trait LobeEstimation: LobeModel {
     /// How many unknowns a shape has, at most [`MAX_SHAPES`].
     const SHAPES: usize;
@@ -47,9 +50,10 @@ pub trait LobeEstimation: LobeModel {
     /// Usual standard deviations of the unknowns over a painting: a lobe whose unknowns are known
     /// no better is not known.
     fn deviations(&self) -> [f64; MAX_SHAPES];
-    /// Lobes are numbered by this, largest first.
+    /// Lobes are numbered by this, largest first: the sharpest lobe is number 0.
     fn order(&self, shape: [f32; MAX_SHAPES]) -> f32;
-    /// Calls `visit` with so many lobes as constants.
+    /// Calls `visit` with the constants of [`Visit::visit`] for 0 to
+    /// [`MOST_LOBES`](super::MOST_LOBES) lobes.
     fn dispatch<V: Visit>(lobes: usize, visit: V) -> V::Output;
 }
 
