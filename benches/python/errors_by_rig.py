@@ -13,7 +13,7 @@ from record import RESULTS
 
 SIX, RGB = "tominaga-six-band-adaptation", "tominaga-rgb-camera"
 PIXEL = '`pooling="pixel"`'
-DEFAULT = '`pooling="painting"`'
+PAINTING = '`pooling="painting"`'
 CASES = (
     ("9 lights, RGB", RGB, "one varnish", "satin varnish, as photographed"),
     ("9 lights, RGB", RGB, "several varnishes", "patches of all three"),
@@ -47,7 +47,7 @@ def _which() -> list[dict[str, Any]]:
     lines = []
     for rig, key, surface, case in CASES:
         row = _one(accuracy[key], case=case)
-        lines.append(_line(rig, surface, DEFAULT, row["normal deg"], row["dE00 D65"], None))
+        lines.append(_line(rig, surface, PAINTING, row["normal deg"], row["dE00 D65"], None))
     patches = _one(_record("pooling")["rows"], subject="simulated", fit="own lobes")
     angle = patches["normal deg, mean"]
     lines.append(
@@ -57,12 +57,13 @@ def _which() -> list[dict[str, Any]]:
     materials = _one(_record("lobes")["materials"], method="fit_sbrdf, pixel")
     angle = materials["mean deg"]
     lines.append(_line("48 lights", "a hundred measured materials", PIXEL, angle, None, None))
-    for more, name in (
-        ("", "impasto, own lobes per pixel"),
-        (" after `fit_strengths`", "impasto, own lobes per pixel, lamps' strengths estimated"),
+    for ask, name in (
+        (PIXEL, "impasto, own lobes per pixel"),
+        ("nothing: the default", "impasto, the default call"),
+        ("nothing, after `fit_strengths`", "impasto, the default call, lamps' strengths estimated"),
     ):
         decibels = _one(relighting, method=name)["mean dB"]
-        lines.append(_line("72 photographs", "gilded icon", f"{PIXEL}{more}", None, None, decibels))
+        lines.append(_line("72 photographs", "gilded icon", ask, None, None, decibels))
     return lines
 
 

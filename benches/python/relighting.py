@@ -41,11 +41,11 @@ STORED = {
     OURS: "6",
     PIXEL: "17",
     LAMPS: "17",
-    DEFAULT: "65",
-    BOTH: "65",
+    DEFAULT: "89",
+    BOTH: "89",
 }
 """Numbers kept per pixel of three bands; a normal and an albedo per band count as 6, two lobes as 8
-and the ambient part as 3, sixteen components of residuals per band as 48."""
+and the ambient part as 3, 24 components of residuals per band as 72."""
 PICTURED = {
     OURS: "one lobe per painting",
     PIXEL: "own lobes per pixel",

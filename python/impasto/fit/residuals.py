@@ -34,7 +34,7 @@ LENGTHS = (0.1, 0.15, 0.2, 0.3, 0.5)
 degrees about the vertical."""
 NOISES = (0.05, 0.1, 0.2, 0.5)
 """Variances of what is not smooth that are tried, relative to that of the process."""
-COMPONENTS = (4, 8, 16)
+COMPONENTS = (4, 8, 16, 24)
 """Numbers of principal components that are tried."""
 ONE_VIEW = 0.05
 """Views within this angle, radians, are one view, as in the numerics."""
