@@ -111,6 +111,9 @@ def test_gamma_errors_are_those_predicted(scene: Any, fitted: impasto.LobeSbrdf)
     error = np.log(fitted.gamma[0] / scene[0]["gamma"])[one] / fitted.gamma_sigma[0][one]
     # A normal deviate is within 3 for 99.7 %; weights that follow the residuals cost some of it.
     assert np.mean(np.abs(error) < 4.0) > 0.97
+    # Of some 500 pixels the 68 % quantile scatters by 4 %; the same weights make errors larger than
+    # predicted, not twice as large.
+    assert 0.8 < np.quantile(np.abs(error), 0.6827) < 1.6
 
 
 @pytest.mark.parametrize("threads", [2, 5])
@@ -249,7 +252,7 @@ def test_case_5_one_sample_in_the_highlight() -> None:
     # Strength and width trade off and the normal may lean within the lobe, no farther.
     assert np.percentile(angle(found.normal, normal), 90) < np.degrees(0.03)
     assert np.median(np.abs(found.diffuse - t["diffuse"])) < 0.01
-    unknown = found.gamma_sigma[0] > 0.2
+    unknown = found.gamma_sigma[0] > 0.1
     assert (unknown | (found.lobes == 0) | (found.status == Status.POOLED)).mean() > 0.5
 
 

@@ -22,7 +22,7 @@ pub struct LobeMapsMut<'a> {
     pub specular: &'a mut [f32],
     /// `(lobe, parameter, y, x)`: what [`LobeModel::NAMES`](crate::surface::LobeModel::NAMES) names.
     pub parameters: &'a mut [f32],
-    /// `(lobe, y, x)` standard deviation of the first unknown of a lobe's shape.
+    /// `(lobe, y, x)` standard deviation of the logarithm of a lobe's width.
     pub deviation: &'a mut [f32],
     /// `(lobe, y, x)` 1 where a lobe's strengths differ from band to band, 0 where one is enough.
     pub tinted: &'a mut [u8],

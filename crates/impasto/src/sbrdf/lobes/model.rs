@@ -50,6 +50,8 @@ pub trait LobeEstimation: LobeModel {
     /// Usual standard deviations of the unknowns over a painting: a lobe whose unknowns are known
     /// no better is not known.
     fn deviations(&self) -> [f64; MAX_SHAPES];
+    /// Standard deviation of the logarithm of a lobe's width, from that of the first unknown.
+    fn width_deviation(&self, deviation: f32) -> f32;
     /// Lobes are numbered by this, largest first: the sharpest lobe is number 0.
     fn order(&self, shape: [f32; MAX_SHAPES]) -> f32;
     /// Calls `visit` with the constants of [`Visit::visit`] for 0 to

@@ -298,7 +298,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
         for (plane, &mut value) in out.parameters[first..].iter_mut().zip(parameters) {
             plane[pixel] = value;
         }
-        let deviation = estimate.shape_deviation[lobe];
+        let deviation = self.photographs.model.width_deviation(estimate.shape_deviation[lobe]);
         out.deviation[lobe][pixel] = if deviation.is_finite() { deviation } else { f32::NAN };
     }
 }

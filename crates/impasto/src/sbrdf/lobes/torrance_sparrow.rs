@@ -41,6 +41,10 @@ impl LobeEstimation for TorranceSparrow {
         // 12 % of gamma: of a width that is known no better the photographs say little.
         [0.25, 0.25]
     }
+    fn width_deviation(&self, deviation: f32) -> f32 {
+        // ln gamma = (ln ln 2 - ln k) / 2.
+        0.5 * deviation
+    }
     fn order(&self, [log_sharpness, _]: [f32; MAX_SHAPES]) -> f32 {
         log_sharpness
     }
