@@ -40,6 +40,17 @@ impl<M: LobeModel, S: Scalar> Pairs<M, S> {
         Self { model, seen: pairs.into_iter().map(pair_of).collect() }
     }
 
+    /// These pairs, computed in double precision and rounded to `S`.
+    pub fn rounded(model: M, pairs: impl IntoIterator<Item = (Light, View)>) -> Self {
+        let Pairs { model, seen } = Pairs::<M>::new(model, pairs);
+        let round = |Entry { light, view, middle }: Entry<M, f64>| Entry {
+            light,
+            view,
+            middle: model.splat(&middle),
+        };
+        Self { model, seen: seen.into_iter().map(round).collect() }
+    }
+
     /// How many there are.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -57,7 +57,7 @@ impl Covariance<'_> {
 
 struct CovarianceBatch<'a, 'tile> {
     covariance: &'a Covariance<'a>,
-    geometries: Geometries<'a, f64>,
+    geometries: Geometries<f64>,
     tile: &'a mut LafortuneTile<'tile>,
 }
 

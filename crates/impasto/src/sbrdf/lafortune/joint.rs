@@ -7,7 +7,7 @@
 
 use crate::brdf::lafortune::Pair;
 use crate::lm::{Batch, Column, Normal, Options, Outcome, Rows, fit};
-use crate::math::{Element, Real, Vec3};
+use crate::math::{Element, Real, Scalar, Vec3};
 
 use super::estimate::LafortuneEstimate;
 use super::lobes::{LafortuneSearch, Shapes, bounds};
@@ -87,9 +87,9 @@ impl JointFit<'_> {
     }
 }
 
-struct JointBatch<'a, S, const N: usize> {
+struct JointBatch<'a, S: Scalar, const N: usize> {
     data: &'a Luminance<'a>,
-    geometries: Geometries<'a, S>,
+    geometries: Geometries<S>,
     pixels: &'a [usize],
     these: &'a [usize],
     found: &'a mut [LafortuneEstimate],

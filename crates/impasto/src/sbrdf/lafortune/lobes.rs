@@ -7,7 +7,7 @@
 use crate::brdf::lafortune::{Lobe, Pair};
 use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Rows, fit};
 use crate::math::elementary::exp;
-use crate::math::{Element, Level, Real, Vec3};
+use crate::math::{Element, Level, Real, Scalar, Vec3};
 
 use super::estimate::{MOST_LOBES, TURN};
 use super::luminance::{Geometries, Luminance};
@@ -57,9 +57,9 @@ impl LafortuneSearch<'_> {
     }
 }
 
-struct LafortuneBatch<'a, S, A, T> {
+struct LafortuneBatch<'a, S: Scalar, A, T> {
     data: &'a Luminance<'a>,
-    geometries: Geometries<'a, S>,
+    geometries: Geometries<S>,
     pixels: &'a [usize],
     start: A,
     store: T,

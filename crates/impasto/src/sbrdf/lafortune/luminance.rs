@@ -3,7 +3,8 @@
 use crate::brdf::lafortune::Pair;
 use crate::geometry::Rig;
 use crate::lm::{Normal, ROWS, Rows};
-use crate::math::{Element, Real, Vec3};
+use crate::math::{Element, Real, Scalar, Vec3};
+use crate::surface::{Lafortune, LightView, Pairs};
 
 /// Squared length of the sum of two directions that are opposite to each other, to a thousandth.
 const OPPOSITE: f64 = 1e-6;
@@ -36,7 +37,7 @@ impl Luminance<'_> {
     pub(super) fn column<S: Element>(
         &self,
         pixel: usize,
-        geometries: &Geometries<'_, S>,
+        geometries: &Geometries<S>,
     ) -> impl Iterator<Item = S> {
         let samples = geometries.numbers.iter().map(move |number| number * self.stride + pixel);
         let samples = samples.map(|place| self.samples[place]);
@@ -47,14 +48,18 @@ impl Luminance<'_> {
     }
 
     /// How many of a pixel's samples count, among some photographs.
-    pub(super) fn count<S>(&self, pixel: usize, geometries: &Geometries<'_, S>) -> usize {
+    pub(super) fn count<S: Scalar>(&self, pixel: usize, geometries: &Geometries<S>) -> usize {
         let sample = |number: &&usize| self.samples[**number * self.stride + pixel].is_finite();
         geometries.numbers.iter().filter(sample).count()
     }
 
     /// The normal that mirrors the light of the brightest photograph of `geometries` into its view; one
     /// that clipped is brightest of all.
-    pub(super) fn brightest<S>(&self, pixel: usize, geometries: &Geometries<'_, S>) -> [f32; 3] {
+    pub(super) fn brightest<S: Scalar>(
+        &self,
+        pixel: usize,
+        geometries: &Geometries<S>,
+    ) -> [f32; 3] {
         let [across, up] = self.places[pixel].map(f64::from);
         let (mut peak, mut facing) = (0.0, Vec3::new(0.0, 0.0, 1.0));
         for &photograph in &geometries.numbers {
@@ -138,41 +143,29 @@ impl Side {
     }
 }
 
-/// Illumination and viewing geometry of some photographs, in the precision of a search.
-pub(super) struct Geometries<'a, S> {
-    rig: &'a Rig,
+/// Lights and views of some photographs, in the precision of a search.
+pub(super) struct Geometries<S: Scalar> {
     /// Which photographs.
     numbers: Vec<usize>,
-    /// Light, view and their product, as one number each.
-    distant: Vec<[S; 7]>,
-    /// Whether every light and every view is.
-    all_distant: bool,
+    pairs: Pairs<Lafortune, S>,
 }
 
-impl<'a, S: Element> Geometries<'a, S> {
+impl<S: Element> Geometries<S> {
     /// All photographs.
-    pub(super) fn all(rig: &'a Rig) -> Self {
+    pub(super) fn all(rig: &Rig) -> Self {
         Self::some(rig, rig.observations())
     }
 
     /// So many photographs, spread evenly over the order in which they were taken. An uneven
     /// number keeps step with no pattern of the rig.
-    pub(super) fn some(rig: &'a Rig, count: usize) -> Self {
+    pub(super) fn some(rig: &Rig, count: usize) -> Self {
         Self::of(rig, (0..count).map(|i| i * rig.observations() / count).collect())
     }
 
     /// These photographs.
-    pub(super) fn of(rig: &'a Rig, numbers: Vec<usize>) -> Self {
-        let distant = numbers.iter().map(|&number| {
-            let (l, v) = (rig.lights()[number].direction(), rig.views()[number].direction());
-            [l.x, l.y, l.z, v.x, v.y, v.z, l.dot(v)].map(S::from_f64)
-        });
-        Self {
-            rig,
-            distant: distant.collect(),
-            numbers,
-            all_distant: (0..rig.observations()).all(|number| rig.is_distant_at(number)),
-        }
+    pub(super) fn of(rig: &Rig, numbers: Vec<usize>) -> Self {
+        let pairs = numbers.iter().map(|&number| (rig.lights()[number], rig.views()[number]));
+        Self { pairs: Pairs::rounded(Lafortune, pairs), numbers }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -193,7 +186,7 @@ impl<'a, S: Element> Geometries<'a, S> {
         model: impl Fn(Vec3<R>, Vec3<R>, R, R) -> (R, [R; N]),
     ) -> Normal<R, N> {
         let (zero, count) = (R::zero(), self.len());
-        let place = [rows.get(count + 3), rows.get(count + 4)];
+        let (x, y) = (rows.get(count + 3), rows.get(count + 4));
         let mut normal = Normal::zero();
         let mut slopes = [[zero; N]; ROWS];
         let mut residuals = [zero; ROWS];
@@ -202,7 +195,7 @@ impl<'a, S: Element> Geometries<'a, S> {
             let end = (photograph + ROWS).min(count);
             for k in photograph..end {
                 let sample = rows.get(k);
-                let (light, view, light_view, irradiance) = self.at(k, place);
+                let (_, irradiance, LightView { light, view, light_view }) = self.pairs.at(k, x, y);
                 // A sample that does not count is a photograph without light: value and slopes
                 // are 0 (hard case 26).
                 let counts = sample.is_finite();
@@ -223,24 +216,5 @@ impl<'a, S: Element> Geometries<'a, S> {
             photograph = end;
         }
         normal
-    }
-
-    /// Light, view and their product, and the irradiance, seen from `(x, y)`.
-    #[inline(always)]
-    fn at<R: Real<Scalar = S>>(
-        &self,
-        photograph: usize,
-        [x, y]: [R; 2],
-    ) -> (Vec3<R>, Vec3<R>, R, R) {
-        let [lx, ly, lz, vx, vy, vz, light_view] = self.distant[photograph];
-        let view = Vec3::new(R::splat(vx), R::splat(vy), R::splat(vz));
-        if !self.all_distant && !self.rig.is_distant_at(self.numbers[photograph]) {
-            let number = self.numbers[photograph];
-            let (towards, irradiance) = self.rig.lights()[number].at(x, y);
-            let view = self.rig.views()[number].at(x, y);
-            return (towards, view, towards.dot(view), irradiance);
-        }
-        let light = Vec3::new(R::splat(lx), R::splat(ly), R::splat(lz));
-        (light, view, R::splat(light_view), R::one())
     }
 }

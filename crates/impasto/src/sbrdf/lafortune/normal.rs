@@ -54,7 +54,7 @@ pub fn fit_normal(
 pub(super) fn fit_cosine_lobe(
     level: Level,
     data: &Luminance<'_>,
-    geometries: Geometries<'_, f32>,
+    geometries: Geometries<f32>,
     pixels: &[usize],
     options: &Options,
     stopped: &(dyn Fn() -> bool + Sync),
@@ -85,7 +85,7 @@ pub(super) fn fit_cosine_lobe(
 
 struct CosineLobeBatch<'a> {
     data: &'a Luminance<'a>,
-    geometries: Geometries<'a, f32>,
+    geometries: Geometries<f32>,
     pixels: &'a [usize],
     /// The smallest cost so far, and the start that led to it.
     best: Vec<(f32, usize)>,

@@ -6,6 +6,7 @@ use crate::maps::Status;
 use crate::pixels::{Run, TILE, tiles};
 use crate::sbrdf::Start;
 use crate::stack::{Decode, Stack};
+use crate::surface::{Pairs, TorranceSparrow};
 
 use super::irls::{Irls, LobeEquations, ScaleReference};
 use super::joint::FIRST_STEPS;
@@ -46,7 +47,8 @@ pub fn apply(
     let unit = unit_of(lobe.brightness);
     let decode = in_unit(stack, unit);
     let stack = &stack.decoded(&decode)?;
-    let photographs = &photographs(stack, rig, start, lobe.index);
+    let pairs = &Pairs::of_rig(TorranceSparrow { index: lobe.index }, rig);
+    let photographs = &photographs(stack, rig, start, pairs);
     let brightness = lobe.brightness / f64::from(unit);
     let scale_reference = ScaleReference { brightness, noise_floor: 0.0 };
     let application = Application {
@@ -92,10 +94,10 @@ pub(super) fn photographs<'a>(
     stack: &'a Stack<'a>,
     rig: &'a Rig,
     start: &Start<'a>,
-    index: f64,
+    pairs: &'a Pairs<TorranceSparrow, f32>,
 ) -> Photographs<'a> {
     let bands = stack.shape().bands;
-    Photographs { stack, rig, index, bands, status: start.status, places: None }
+    Photographs { stack, rig, pairs, bands, status: start.status, places: None }
 }
 
 pub(super) fn check(

@@ -1,7 +1,6 @@
 //! The specular part of every sample: what the diffuse part does not explain.
 
 use crate::brdf::lambert;
-use crate::brdf::torrance_sparrow::Facet;
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
 use crate::pixels::{Run, TILE};
@@ -73,7 +72,6 @@ impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
     fn run<I: Isa>(self) -> S {
         let Self { photographs, run, tile, samples, extraction, mut sink } = self;
         let zero = I::F32::zero();
-        let index = I::F32::of(photographs.index);
         let (bands, observations) = (photographs.bands, photographs.rig.observations());
         let share = I::F32::of(1.0 / bands as f64);
         let mut found = vec![[[0.0_f32; MAX_LANES]; 4]; observations];
@@ -88,9 +86,8 @@ impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
             let diffuse = diffuse * share;
             for (i, found) in found.iter_mut().enumerate() {
                 let (px, py) = (load(&samples.x, at), load::<I::F32>(&samples.y, at));
-                let (towards, irradiance) = photographs.rig.lights()[i].at(px, py);
-                let view = photographs.rig.views()[i].at(px, py);
-                let glint = Facet::between(towards, view, index).on(normal);
+                let (towards, irradiance, facet) = photographs.pairs.at(i, px, py);
+                let glint = facet.on(normal);
                 let mut sample = zero;
                 for band in 0..bands {
                     let plane = &samples.planes[(i * bands + band) * TILE..];

@@ -6,6 +6,7 @@ use crate::lm::{self, Outcome};
 use crate::pixels::{Run, TILE};
 use crate::sbrdf::Start;
 use crate::stack::Stack;
+use crate::surface::{Pairs, TorranceSparrow};
 
 use super::apply::{Application, begin, check, in_unit, photographs, unit_of};
 use super::covariance::{relative, sandwich};
@@ -84,7 +85,8 @@ pub fn fit(
     let unit = unit_of(brightness);
     let decode = in_unit(stack, unit);
     let stack = &stack.decoded(&decode)?;
-    let photographs = &photographs(stack, rig, start, options.index);
+    let pairs = &Pairs::of_rig(TorranceSparrow { index: options.index }, rig);
+    let photographs = &photographs(stack, rig, start, pairs);
     let scale_reference =
         ScaleReference { brightness: brightness / f64::from(unit), noise_floor: 0.0 };
     let passes = Passes { photographs, run, scale_reference };
@@ -251,7 +253,7 @@ impl Passes<'_> {
             lobe: PooledLobe {
                 beta: lobe.beta,
                 log_sharpness: lobe.log_sharpness,
-                index: self.photographs.index,
+                index: self.photographs.pairs.model.index,
                 refined: application.refined,
                 brightness: self.scale_reference.brightness,
                 noise,

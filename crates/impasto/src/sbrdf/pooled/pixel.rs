@@ -74,14 +74,8 @@ pub(super) struct Pixels<'a, R: Real> {
 
 impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
     pub(super) fn new(photographs: &'a Photographs<'a>, lobe: CommonLobe) -> Self {
-        let (zero, index) = (R::zero(), R::of(photographs.index));
-        let geometry: Vec<_> = (0..photographs.rig.observations())
-            .map(|i| {
-                let (towards, irradiance) = photographs.rig.lights()[i].at(zero, zero);
-                let view = photographs.rig.views()[i].at(zero, zero);
-                (towards, irradiance, Facet::between(towards, view, index))
-            })
-            .collect();
+        let (zero, pairs) = (R::zero(), photographs.pairs);
+        let geometry: Vec<_> = (0..pairs.len()).map(|pair| pairs.at(pair, zero, zero)).collect();
         let observations = geometry.len();
         let glint = Glint { weight: zero, phi_squared: zero };
         Self {
@@ -107,13 +101,9 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         let zero = R::zero();
         let (mut peak, mut mean) = (zero, zero);
         for (i, usable) in self.usable.iter_mut().enumerate() {
-            let light = self.photographs.rig.lights()[i];
-            if !self.photographs.rig.is_distant_at(i) {
+            if !self.photographs.pairs.is_distant(i) {
                 let (px, py) = (load(&samples.x, at), load(&samples.y, at));
-                let (towards, irradiance) = light.at(px, py);
-                let view = self.photographs.rig.views()[i].at(px, py);
-                let facet = Facet::between(towards, view, R::of(self.photographs.index));
-                self.geometry[i] = (towards, irradiance, facet);
+                self.geometry[i] = self.photographs.pairs.at(i, px, py);
             }
             // Clipped in any band, never taken, or with a square beyond all numbers: weight 0, by
             // selection (hard case 26).

@@ -7,13 +7,14 @@ use crate::math::tail::{load, store};
 use crate::math::{Isa, Kernel, Level, Mask, Real, Vec3};
 use crate::pixels::{self, Run, TILE};
 use crate::stack::Stack;
+use crate::surface::{Pairs, TorranceSparrow};
 
 /// What all tiles of a painting share.
 #[derive(Clone, Copy)]
 pub(super) struct Photographs<'a> {
     pub(super) stack: &'a Stack<'a>,
     pub(super) rig: &'a Rig,
-    pub(super) index: f64,
+    pub(super) pairs: &'a Pairs<TorranceSparrow, f32>,
     pub(super) bands: usize,
     /// `(y, x)` [`Status`] codes of the normals that the fit begins with. Only pixels whose normal
     /// was estimated are read: a pass over a segment costs what the segment's pixels cost.

@@ -17,6 +17,7 @@ use crate::pixels::{Run, looks, serially};
 use crate::sbrdf::Start;
 use crate::sbrdf::tests::{PIXELS, Painting, SHAPE};
 use crate::stack::{Samples, Shape, Stack};
+use crate::surface::{Pairs, TorranceSparrow};
 
 /// Pixels of a register.
 struct Width;
@@ -88,7 +89,8 @@ fn a_pass_looks_before_every_register_of_pixels() {
     let looks_of = |level: Level, pass: Pass<'_>| {
         let all = |run: &Run<'_>| {
             let run = &Run { level, ..*run };
-            let photographs = &photographs(stack, &painting.rig, start, 1.45);
+            let pairs = &Pairs::of_rig(TorranceSparrow { index: 1.45 }, &painting.rig);
+            let photographs = &photographs(stack, &painting.rig, start, pairs);
             let scale_reference = ScaleReference { brightness: 0.5, noise_floor: 0.0 };
             pass(&Passes { photographs, run, scale_reference }, begin(start, 1.0))
         };
