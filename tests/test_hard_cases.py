@@ -227,9 +227,7 @@ def test_case_3_clipped_highlight() -> None:
     one = (found.lobes == 1) & (found.status == Status.FITTED)
     assert one.mean() > 0.8
     error = np.abs(np.log(found.gamma[0] / GAMMA))[one]
-    # Without the tips, near the truth behind them; samples just below the clipping level pull on
-    # the flanks, so that errors have longer tails than those of noise: a twentieth of 60 pixels may
-    # lie beyond three standard deviations, and the median does not.
+    # Samples just below the clipping level pull on the flanks: errors have longer tails than noise.
     assert np.sum(error > 3.0 * found.gamma_sigma[0][one]) <= 3
     assert np.median(error / found.gamma_sigma[0][one]) < 1.5
 
