@@ -11,6 +11,7 @@ import pytest
 import impasto
 from impasto import ArgumentError, simulate
 from impasto.fit.choice import CANDIDATES, MARGIN, decibels
+from impasto.fit.cross_validation import split
 from impasto.fit.options import fit_kinds
 
 
@@ -74,6 +75,32 @@ def test_the_choice_is_saved_and_reported(patches: impasto.Stack, tmp_path: Path
     for words in ("per pixel", "held-out photographs", "one lobe for the painting"):
         assert words in str(fitted.chosen)
     assert "held-out photographs" in fitted._repr_html_()
+
+
+def test_pixels_that_no_fit_can_predict_do_not_count(patches: impasto.Stack) -> None:
+    """A third of the pixels without a sample: they would drown what the others tell."""
+    samples = np.array([patches.linear(i) for i in range(24)])
+    samples[:, :, :13] = np.nan
+    lost = impasto.Stack(samples, lights=patches.rig.directions)
+    part = impasto.Stack(samples[:, :, 13:], lights=patches.rig.directions)
+    chosen = [impasto.fit_sbrdf(stack).chosen for stack in (lost, part)]
+    assert chosen[0] is not None
+    assert chosen[1] is not None
+    assert chosen[0].best.options == chosen[1].best.options
+    # The fits of a pixel do not know of the others, but for the prior: the errors are alike.
+    assert chosen[0].best.decibels == pytest.approx(chosen[1].best.decibels, abs=0.2)
+
+
+def test_held_out_photographs_that_show_nothing_are_no_error() -> None:
+    """Of 200 photographs one fold of six is held out: none of its photographs has a sample."""
+    stack = photographs("gloss", 200, size=12)
+    held = split(stack.rig)[0]
+    samples = np.array([stack.linear(i) for i in range(200)])
+    samples[held] = np.nan
+    fitted = impasto.fit_sbrdf(impasto.Stack(samples, lights=stack.rig.directions))
+    assert fitted.chosen is not None
+    assert fitted.chosen.tried == ()
+    assert "no held-out photograph shows" in str(fitted.chosen)
 
 
 def test_seven_photographs_are_too_few_to_hold_any_out() -> None:

@@ -195,12 +195,14 @@ def choose(
         return Choice(UNTRIED, (), 0, "without some of the photographs no normal is determined")
     if all(fold.unknown is not None for fold in folds):
         return Choice(UNTRIED, (), 0, "no sampled pixel can be estimated")
-    top = full_scale([fold.truth for fold in folds])
+    if all(np.isnan(fold.compared).all() for fold in folds):
+        return Choice(UNTRIED, (), 0, "no held-out photograph shows a pixel that can be estimated")
+    top = full_scale([fold.compared for fold in folds])
     tried = []
     with reporting(progress is True, "choice") as callback:
         for done, candidate in enumerate(candidates, start=1):
             errors = [
-                decibels(fit(fold.known, candidate).predict(fold.rig) / top, fold.truth / top)
+                decibels(fit(fold.known, candidate).predict(fold.rig) / top, fold.compared / top)
                 for fold in folds
             ]
             decibel = float(np.concatenate(errors).mean())

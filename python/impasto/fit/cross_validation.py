@@ -34,6 +34,13 @@ class Fold:
     truth: NDArray[np.float32]
     unknown: str | None
     """Why no pixel of ``known`` can be estimated, if none can."""
+    estimable: NDArray[np.bool_]
+    """``(y, x)``: the pixels of which ``known`` determines a normal."""
+
+    @property
+    def compared(self) -> NDArray[np.float32]:
+        """``truth``, NaN in the pixels that no fit can predict."""
+        return np.where(self.estimable, self.truth, np.float32(np.nan))
 
 
 def folds_of(part: Stack, threads: int | None) -> list[Fold]:
@@ -60,7 +67,7 @@ def folds_of(part: Stack, threads: int | None) -> list[Fold]:
         if part.mask is not None:
             truth[..., ~part.mask] = np.nan
         reasons = None if (status < Status.DARK).any() else ", ".join(status_counts(status))
-        folds.append(Fold(known, shown.rig, truth, reasons))
+        folds.append(Fold(known, shown.rig, truth, reasons, status < Status.DARK))
     if refusal is not None and not folds:
         # If the whole stack is refused too, its own message is the better one.
         fit_normals(part, method="least-squares", threads=threads)

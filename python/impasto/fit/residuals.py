@@ -174,14 +174,15 @@ def learn_residuals(stack: Stack, fit: Fit, *, threads: int | None) -> LearnedRe
         folds = [fold for fold in folds_of(part, threads) if fold.unknown is None]
     except GeometryError:
         return None
-    if not folds:
+    if all(np.isnan(fold.compared).all() for fold in folds):
         return None
-    top = full_scale([fold.truth for fold in folds])
+    top = full_scale([fold.compared for fold in folds])
     gains: dict[tuple[float, float, int], list[NDArray[np.float64]]] = {}
     for fold in folds:
         result = fit(fold.known)
         model = _coded(result.predict(fold.rig), top)
-        truth = np.where(np.isnan(fold.truth), np.nan, _coded(fold.truth, top))
+        compared = fold.compared
+        truth = np.where(np.isnan(compared), np.nan, _coded(compared, top))
         alone = psnr(model, truth)
         residual = _residual_codes(fold.known, result, top)
         basis = principal_components(residual)
