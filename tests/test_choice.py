@@ -103,6 +103,18 @@ def test_held_out_photographs_that_show_nothing_are_no_error() -> None:
     assert "no held-out photograph shows" in str(fitted.chosen)
 
 
+def test_exposure_does_not_change_the_choice(patches: impasto.Stack) -> None:
+    """A power of two scales every number exactly."""
+    samples = np.array([patches.linear(i) for i in range(24)])
+    samples[~np.isfinite(samples)] = 1.0
+    lights = patches.rig.directions
+    one, other = (
+        impasto.fit_sbrdf(impasto.Stack(samples * scale, lights=lights)).chosen
+        for scale in (np.float32(1.0), np.float32(2.0**-9))
+    )
+    assert one == other
+
+
 def test_seven_photographs_are_too_few_to_hold_any_out() -> None:
     fitted = impasto.fit_sbrdf(photographs("patches", 7))
     assert isinstance(fitted, impasto.PooledSbrdf)

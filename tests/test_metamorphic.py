@@ -96,7 +96,7 @@ def normals(method: Any) -> Callable[..., Any]:
 
 
 def painting(stack: impasto.Stack, **options: Any) -> Any:
-    return impasto.fit_sbrdf(stack, **options)
+    return impasto.fit_sbrdf(stack, pooling="painting", **options)
 
 
 def segment(stack: impasto.Stack, **options: Any) -> Any:

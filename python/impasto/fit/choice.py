@@ -242,9 +242,13 @@ def psnr(shown: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def full_scale(truth: Sequence[NDArray[Any]]) -> float:
-    """What is shown as white: the white board, or what nearly all samples are below."""
+    """What is shown as white: the least power of two that nearly all samples are below.
+
+    The white board of most stacks; twice the exposure changes no bit of what is chosen.
+    """
     known = np.concatenate([shown[np.isfinite(shown)] for shown in truth])
-    return max(1.0, float(np.quantile(known, 0.999))) if known.size else 1.0
+    bright = float(np.quantile(known, 0.999)) if known.size else 0.0
+    return float(2.0 ** np.ceil(np.log2(bright))) if bright > 0.0 else 1.0
 
 
 def _simplest(tried: Sequence[Candidate]) -> Candidate:
