@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto import DistantLight, Rig, Scene
+from impasto import DistantLight, PointView, Rig, Scene
 from impasto.fit.choice import decibels
 from impasto.fit.residuals import (
     LearnedResiduals,
@@ -141,6 +141,36 @@ def test_a_picture_shows_what_is_predicted(fitted: impasto.Sbrdf) -> None:
     np.testing.assert_allclose(image.linear, shown, rtol=1e-3, atol=1e-5)
     model = impasto.render(fitted, Scene(lights, exposure=1.0), fidelity="model")
     assert np.abs(model.linear - image.linear).max() > 0.01
+
+
+def test_a_picture_of_a_part_is_a_part_of_the_picture(fitted: impasto.Sbrdf) -> None:
+    """Under a near lamp, whose direction from the middle of a part is another."""
+    scene = Scene([impasto.PointLight((3.0, 5.0, 12.0), intensity=0.8)], exposure=1.0)
+    whole, part = (impasto.render(one, scene).linear for one in (fitted, fitted[5:20, 8:30]))
+    # Coordinates in single precision, of a few mm.
+    np.testing.assert_allclose(part, whole[:, 5:20, 8:30], rtol=1e-4, atol=1e-5)
+    model = impasto.render(fitted, scene, fidelity="model").linear
+    assert np.abs(model - whole).max() > 0.01
+
+
+def test_a_near_camera_is_another_view_than_a_distant_one(fitted: impasto.Sbrdf) -> None:
+    assert fitted.residuals is not None
+    eyes = [PointView((0.0, 0.0, 60.0)), PointView((0.0, 0.0, 61.0)), PointView((0.0, 0.0, 90.0))]
+    lights = [DistantLight(direction) for direction in fitted.rig.directions]
+    known = Rig(lights, views=eyes[0], pitch_mm=0.2)
+    new = [Rig([DistantLight(NEW[0])], views=eye, pitch_mm=0.2) for eye in eyes]
+    same, beside, far = (fitted.residuals.weights(known, rig).any() for rig in new)
+    assert same
+    assert beside
+    assert not far
+    distant = Rig([DistantLight(NEW[0])], pitch_mm=0.2)
+    assert not fitted.residuals.weights(known, distant).any()
+    assert not fitted.residuals.weights(fitted.rig, new[0]).any()
+
+
+def test_segments_keep_none(stack: impasto.Stack) -> None:
+    with pytest.raises(impasto.ArgumentError, match="residuals: a fit with segments keeps none"):
+        fit_sbrdf(stack, segments=np.zeros((40, 40), int), residuals=True)
 
 
 def test_several_views_keep_none(stack: impasto.Stack) -> None:

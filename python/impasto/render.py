@@ -264,7 +264,8 @@ def render(
     if exposure is None:
         exposure = white_scale_of(white, scene.display).scale
     to_display = exposure * scene.display.linear_from_xyz
-    rig = Rig(scene.lights, views=scene.view, pitch_mm=pitch, origin=lit.origin).here
+    whole = Rig(scene.lights, views=scene.view, pitch_mm=pitch, origin=lit.origin)
+    rig = whole.here
     lit = _with_ambient_of(lit, scene, rig)
     background = np.linalg.solve(to_display, np.asarray(scene.background))
     arguments = SceneArguments(
@@ -279,7 +280,7 @@ def render(
     with reporting(progress, "rendering") as callback:
         xyz, coverage = _core.render(lit, relief, arguments, workers, callback)
     if fidelity == "photographs" and reflectance is None and as_photographed:
-        extra = surface.unmodelled(rig)
+        extra = surface.unmodelled(whole)
         if extra is not None:
             # Colours without spectra have one matrix for all lights.
             xyz += wait_for(_xyz_of, diffuse[0], extra)

@@ -54,7 +54,8 @@ class Relightable(ABC):
     def unmodelled(self, rig: Rig) -> Map | None:
         """What photographs show besides the model under all lights of a rig, ``(band, y, x)``.
 
-        Linear light; None if nothing is known of it.
+        Positions of the rig are those of the whole painting. Linear light; None if nothing is
+        known of it.
         """
         return None
 

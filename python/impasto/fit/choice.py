@@ -21,8 +21,8 @@ from impasto.io.results import SavedMaps
 from impasto.stack import Stack
 
 PIXELS = 2048
-"""Approximate number of sampled pixels, spread over the picture. Four times as many changed no
-error by more than 0.4 dB where the candidates are 0.5 dB apart or more."""
+"""Approximate number of sampled pixels, spread over the picture. 1024 and 4096 chose the same
+pooling on seven stacks: 9 to 72 photographs of the icon, 9 to 48 of a matte simulation."""
 MARGIN = 0.1
 """dB by which a candidate must predict better than a simpler one; smaller differences change from
 sample to sample."""

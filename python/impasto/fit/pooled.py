@@ -19,7 +19,7 @@ from impasto.effort import Effort
 from impasto.fit.gloss import Gloss, fitted_gloss
 from impasto.fit.learned import LearnedLobe, PooledMaps
 from impasto.fit.normals import Normals
-from impasto.fit.result import Sbrdf
+from impasto.fit.result import Sbrdf, shared_fields
 from impasto.fit.saved import over
 from impasto.fit.start import StartArguments
 from impasto.io.results import SavedMaps
@@ -182,17 +182,11 @@ class PooledOptions(TypedDict):
 
 def without_gloss(stack: Stack, stereo: Normals) -> PooledSbrdf:
     """A matte painting: the normals and albedo of photometric stereo, and no lobe."""
-    size = stereo.status.shape
     known = stereo.status < Status.DARK
+    names = ("normal", "residual", "sigma", "status")
+    maps = {"diffuse": stereo.albedo, **{name: getattr(stereo, name) for name in names}}
     return PooledSbrdf(
-        normal=stereo.normal,
-        diffuse=stereo.albedo,
-        residual=stereo.residual,
-        sigma=stereo.sigma,
-        status=stereo.status,
-        normals=stereo,
-        rig=stack.rig,
-        bands=stack.bands,
+        **shared_fields(maps, stack, stereo),
         beta=0.0,
         gamma=_GAMMA,
         index=_INDEX,
@@ -202,7 +196,7 @@ def without_gloss(stack: Stack, stereo: Normals) -> PooledSbrdf:
         path=np.zeros((0, 2)),
         describes=math.nan,
         converged=True,
-        misfit=np.where(known, np.zeros(size, np.float32), np.float32(np.nan)),
+        misfit=np.where(known, np.float32(0.0), np.float32(np.nan)),
     )
 
 
@@ -319,14 +313,7 @@ def pooled_sbrdf(
 ) -> PooledSbrdf:
     """The public result, from a learned lobe and the maps of its application."""
     return PooledSbrdf(
-        normal=maps.normal,
-        diffuse=maps.diffuse,
-        residual=maps.residual,
-        sigma=maps.sigma,
-        status=maps.status,
-        normals=stereo,
-        rig=stack.rig,
-        bands=stack.bands,
+        **shared_fields(vars(maps), stack, stereo),
         beta=learned.beta,
         gamma=learned.gamma,
         index=learned.index,

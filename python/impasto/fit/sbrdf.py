@@ -209,7 +209,7 @@ def fit_sbrdf(
     residuals
         Whether to keep what the model leaves of the photographs, for new lights seen from the same
         view: by kriging, if held-out photographs are then predicted better. Default: where
-        ``pooling="auto"`` has chosen. Not with ``segments``.
+        ``pooling="auto"`` has chosen. Not with ``segments``, and never from several views.
     check
         Whether to refuse a stack whose lights are mirrored, rotated or exchanged, or that has a
         photograph twice (:func:`impasto.doctor.before_fit`); default: False. The command line
@@ -269,6 +269,8 @@ def fit_sbrdf(
     if "segments" in options:
         labels = wait_for(checked_labels, options.pop("segments"), stack.shape[2:])
     wanted = choice is not None if residuals is None else truth(residuals, "residuals")
+    if wanted and labels is not None:
+        raise ArgumentError("residuals: a fit with segments keeps none; leave one of them out")
     stereo = start_normals(stack, normals, effort, threads, progress)
     options |= {"effort": effort, "threads": threads, "progress": progress}
 
@@ -285,7 +287,7 @@ def fit_sbrdf(
     else:
         result = pooled(stereo) if labels is None else fit_segments(labels, stereo, pooled)
     kept = None
-    if wanted and labels is None:
+    if wanted:
         learned = learned_residuals(stack, kind, given, normals, threads)
         kept = None if learned is None else apply_residuals(learned, stack, result)
     return replace(result, chosen=choice, residuals=kept)
