@@ -19,7 +19,7 @@ from impasto._internal.checks import refractive_index, truth
 from impasto.errors import ArgumentError
 from impasto.fit.coordinate_search import coordinate_search
 from impasto.fit.held_out import Comparison, Errors, HeldOut
-from impasto.fit.strength_search import FEWEST, Alternation, gauge
+from impasto.fit.strength_search import FEWEST, Alternation
 from impasto.fit.strengths import Strengths, fit_strengths
 from impasto.refinement import Estimate, RigRefinement
 from impasto.rig import DistantLight, Light, PointLight, PointView, Rig, Views
@@ -39,6 +39,8 @@ _STEP, _FINE = 0.05, 0.02
 _NEAREST = 0.6
 _FAR = 0.02
 """An inverse distance below this counts as 0: directions differ by a degree."""
+_SETTLED = 0.002
+"""Inverse distances and strengths take turns until the distances move by less than this."""
 _ROUNDS = 10
 _PASSES = 3
 _FALL, _ERRORS = 0.02, 1.0
@@ -218,10 +220,10 @@ class _Search:
         """The best node of the joint grid, with strengths as given or, if uneven, of its own."""
         states = [self.even(place) for place in self._nodes(_NODES, _NODES)]
         best = min(states, key=lambda state: self.errors(state).trim)
-        lit = self.lit(best, closed=True)
+        lit = self.lit(best)
         if self.errors(lit).trim > (1.0 - _UNEVEN) * self.errors(best).trim:
             return best
-        states = [self.lit(self.even(place), closed=True) for place in self._nodes(*_COARSE)]
+        states = [self.lit(self.even(place)) for place in self._nodes(*_COARSE)]
         return min([lit, *states], key=lambda state: self.errors(state).trim)
 
     def _nodes(self, *axes: Point) -> list[Point]:
@@ -258,15 +260,13 @@ class _Search:
         """A place with the strengths as given."""
         return _State(place, np.zeros(len(self._given)))
 
-    def lit(self, state: _State, *, closed: bool) -> _State:
-        """Strengths at a place, from those of the state; ``closed``: tilt and fall-off are held."""
+    def lit(self, state: _State) -> _State:
+        """Strengths at a place, from those of the state; tilt and fall-off are held."""
         if not self._strengths:
             return state
         start = self._held(state)
         if start is None:
             return state
-        if not closed:
-            start = self._gauged(start)
         return start if self.errors(start).trim < self.errors(state).trim else state
 
     def _held(self, state: _State) -> _State | None:
@@ -282,34 +282,13 @@ class _Search:
             return None
         return replace(state, log=np.where(self._found.known, self._found.log, 0.0))
 
-    def _gauged(self, state: _State) -> _State:
-        """The state with the tilt and fall-off that gloss determines, if it does."""
-        lights, normal = self._given.directions, self._found.normal
-
-        def moved(freedoms: NDArray[np.float64]) -> _State:
-            return replace(state, log=state.log + gauge(lights, normal, freedoms))
-
-        best, _ = coordinate_search(
-            lambda freedoms: self.errors(moved(freedoms)).trim,
-            np.zeros(3),
-            _STEPS,
-            low=-_FARTHEST,
-            high=_FARTHEST,
-            halvings=1,
-        )
-        gain = self.errors(moved(best)).than(self.errors(moved(np.zeros(3))))
-        if not gain.better(_DETERMINED, _ERRORS):
-            return state
-        held = self._held(moved(best))
-        return moved(best) if held is None else held
-
     def best(self, start: _State, free: NDArray[np.bool_]) -> _State:
         """Distances (those that are ``free``) and strengths that predict best, in turn."""
         before, self._free = self._free, free
         state = replace(start, place=np.where(free, start.place, 0.0))
         for _ in range(_PASSES):
             last = state
-            state = self.distances(self.lit(state, closed=False))
+            state = self.distances(self.lit(state))
             if np.abs(state.place - last.place).max() < 0.5 * _FAR:
                 break
         self._free = before
@@ -337,14 +316,15 @@ class _Search:
         place = np.where(allowed & (state.place >= _FAR), state.place, 0.0)
         rig, lamps = self._with_strengths(place)
         if place.any():
-            log = (
-                np.zeros(len(rig))
-                if lamps is None
-                else np.log(np.nan_to_num(lamps.factor, nan=1.0))
-            )
             self._free = place > 0.0
-            place = self.distances(_State(place, log), _FINE, halvings=2).place
-            rig, lamps = self._with_strengths(place)
+            for _ in range(_PASSES):
+                last, log = place, state.log
+                if lamps is not None:
+                    log = np.log(np.nan_to_num(lamps.factor, nan=1.0))
+                place = self.distances(_State(place, log), _FINE, halvings=2).place
+                rig, lamps = self._with_strengths(place)
+                if np.abs(place - last).max() < _SETTLED:
+                    break
             found = np.where(place > 0.0, place, found)
             # Strengths alone may do as well: they hide distances, and distances hide them.
             plain = self._with_strengths(np.zeros(2))
