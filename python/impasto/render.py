@@ -264,7 +264,8 @@ def render(
     if exposure is None:
         exposure = white_scale_of(white, scene.display).scale
     to_display = exposure * scene.display.linear_from_xyz
-    whole = Rig(scene.lights, views=scene.view, pitch_mm=pitch, origin=lit.origin)
+    eye = surface.eye() if scene.view is None else scene.view
+    whole = Rig(scene.lights, views=eye, pitch_mm=pitch, origin=lit.origin)
     rig = whole.here
     lit = _with_ambient_of(lit, scene, rig)
     background = np.linalg.solve(to_display, np.asarray(scene.background))

@@ -32,6 +32,8 @@ class Scene:
         Direction to the eye, parallel rays. Off the normal, the picture is the painting
         foreshortened along its tilt, the painting's up staying up. Or a
         :class:`~impasto.PointView`: the painting's own pixels, each lit as seen from there.
+        Default: in front; where the photographs of a result have one :class:`~impasto.PointView`,
+        given or refined, from there.
     adaptation
         Degree d of chromatic adaptation from the illuminant to ``reference`` (eq. 7 to 12 of the
         six-band paper): 0 to 1; None shows the light as it is.
@@ -69,7 +71,7 @@ class Scene:
 
     lights: tuple[Light, ...]
     illuminants: tuple[Any, ...]
-    view: tuple[float, float, float] | PointView
+    view: tuple[float, float, float] | PointView | None
     adaptation: float | None
     adaptation_mode: Mode
     reference: Any
@@ -83,7 +85,7 @@ class Scene:
         lights: ArrayLike | Sequence[Light],
         *,
         illuminant: Any = "D65",
-        view: ArrayLike | PointView = FRONTAL,
+        view: ArrayLike | PointView | None = None,
         adaptation: float | None = None,
         adaptation_mode: Mode = "planck",
         reference: Any = "D65",
@@ -92,7 +94,7 @@ class Scene:
         shadows: bool = False,
         background: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
-        rig = Rig(lights, views=view, pitch_mm=1.0)
+        rig = Rig(lights, views=FRONTAL if view is None else view, pitch_mm=1.0)
         for index, light in enumerate(rig.lights):
             if not light.direction[2] > 0.0:
                 raise GeometryError(
@@ -125,7 +127,8 @@ class Scene:
         set_ = object.__setattr__
         set_(self, "lights", rig.lights)
         set_(self, "illuminants", tuple(spectra))
-        set_(self, "view", view if isinstance(view, PointView) else (x, y, z))
+        given = view is None or isinstance(view, PointView)
+        set_(self, "view", view if given else (x, y, z))
         set_(self, "adaptation", adaptation)
         set_(self, "adaptation_mode", adaptation_mode)
         set_(self, "reference", reference)
@@ -141,7 +144,8 @@ class Scene:
         }
         eye = "" if self.adaptation is None else f", an eye adapted by {self.adaptation:g}"
         near = isinstance(self.view, PointView)
-        x, y, z = self.view.position if isinstance(self.view, PointView) else self.view
+        stood = FRONTAL if self.view is None else self.view
+        x, y, z = stood.position if isinstance(stood, PointView) else stood
         millimetres = " mm" if near else ""
         place = f", seen from ({x:.3g}, {y:.3g}, {z:.3g}){millimetres}"
         side = "" if (x, y) == (0.0, 0.0) and not near else place

@@ -29,6 +29,8 @@ SAMPLE_INTEGERS = (np.uint8, np.uint16)
 _MOST_LAST, _MOST_UNNAMED = 4, 16
 """A last axis of at most four beside more bands than filter wheels have is one of colours."""
 
+DIVIDED = "board"
+"""Kind of the note that photographs were divided by those of a white board."""
 LONGEST_BAND = 200
 """Bytes of a band's name: OpenEXR's channels have at most 255 with what is written before it."""
 
@@ -185,6 +187,11 @@ class Stack:
         """How the curve is known: ``"given"``, ``"profile"``, ``"estimated"`` or ``"assumed"``."""
         found = [str(getattr(note, "how", "")) for note in self.notes if _about_encoding(note)]
         return next((how for how in found if how), "given")
+
+    @property
+    def divided_by_board(self) -> bool:
+        """Whether the reader divided the photographs by those of a white board, says its note."""
+        return any(getattr(note, "kind", "") == DIVIDED for note in self.notes)
 
     @property
     def _curve_words(self) -> str:

@@ -16,7 +16,7 @@ from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import length_mm, one_of, refractive_index
 from impasto._internal.waiting import floats
 from impasto.errors import ArgumentError
-from impasto.rig import Rig, Views
+from impasto.rig import FRONTAL, PointView, Rig, Views
 
 Map: TypeAlias = NDArray[np.float32]
 LobeModel = Literal["torrance-sparrow", "lafortune"]
@@ -58,6 +58,10 @@ class Relightable(ABC):
         known of it.
         """
         return None
+
+    def eye(self) -> tuple[float, float, float] | PointView:
+        """From where pictures show it unless a scene says so."""
+        return FRONTAL
 
     def spectra(self) -> Any:
         """What has its ``coefficients``, ``basis`` and ``wavelengths``; None if none are known."""

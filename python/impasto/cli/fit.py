@@ -17,6 +17,7 @@ from impasto.cli.gloss import Gloss, with_labels
 from impasto.cli.measuring import measured
 from impasto.cli.options import Flag, SomeWhole, check_threads
 from impasto.cli.photographs import Reading
+from impasto.cli.rig import estimated_strengths, refined_rig, rig_numbers, strength_numbers
 from impasto.effort import Preset
 from impasto.errors import ArgumentError
 from impasto.fit.normals import Method
@@ -27,7 +28,6 @@ from impasto.systems import Name
 
 if TYPE_CHECKING:
     from impasto.fit.result import Sbrdf
-    from impasto.fit.strengths import Strengths
     from impasto.level import Level
     from impasto.stack import Stack
 
@@ -40,6 +40,7 @@ def fit(
     reading: Reading | None = None,
     gloss: Gloss | None = None,
     check: Annotated[bool, Parameter(negative="--no-check")] = True,
+    refine: Annotated[bool | None, Parameter(negative="--no-refine")] = None,
     strengths: Flag = False,
     system: Name = "impasto",
     method: Method | None = None,
@@ -68,10 +69,14 @@ def fit(
     check
         Stop if lights are mirrored, rotated or exchanged, or a photograph occurs twice, and print
         the commands that repair it; takes a small part of the time of the fit.
+    refine
+        First estimate distances of camera and lamps and strengths of lamps from the photographs,
+        accepted where held-out photographs are predicted better; 1 to 30 s. Default: with 24
+        photographs or more from one view, unless --system, --pooling or an option of one is given.
     strengths
-        First estimate the strength of each lamp from the photographs (at least 7 lights), for lamps
-        that were not measured, hand-held or in a dome. Takes longer than the fit; uses lobes per
-        pixel (--lobes of --pooling pixel, else 2).
+        First estimate only the strength of each lamp from the photographs (at least 7 lights), for
+        lamps that were not measured, hand-held or in a dome; uses lobes per pixel (--lobes of
+        --pooling pixel, else 2).
     system
         The procedure of impasto, or that of one of the papers as published, with its pictures;
         those need --camera. The options below change single steps.
@@ -102,6 +107,7 @@ def fit(
     from impasto import systems
     from impasto.cli.folder import REPORT, result_folder
     from impasto.cli.maps import write_maps
+    from impasto.fit.rig_refinement import refinable
     from impasto.io import write_jpeg
     from impasto.overview import overview
     from impasto.report import report, status_counts, write_report
@@ -137,6 +143,11 @@ def fit(
             refuse_faults(stages, photographs, stack, reading, out)
         lamps = estimated_strengths(stages, photographs, own, threads) if strengths else None
         photographs = photographs if lamps is None else lamps.stack
+        if refine is None:
+            open_choice = gloss.is_open(system=system, steps=steps) and not strengths
+            refine = open_choice and refinable(photographs.rig)
+        if refine:
+            photographs = refined_rig(stages, photographs, index, threads)
         arguments = with_labels(own, photographs, reading.region)
         sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads, arguments)
         if sbrdf.chosen is not None:
@@ -162,6 +173,7 @@ def fit(
                 "stack": stack,
                 **asdict(reading),
                 "check": check,
+                "refine": refine,
                 "strengths": strengths,
                 "system": system,
                 **{name: value for name, value in procedure.options.items() if not takers(name)},
@@ -173,6 +185,7 @@ def fit(
             },
             results=numbers(photographs, sbrdf, reflectance)
             | ({} if panel is None else level_numbers(panel))
+            | rig_numbers(photographs)
             | ({} if lamps is None else strength_numbers(lamps)),
             timings=stages.timings,
             notes=photographs.notes,
@@ -189,39 +202,6 @@ def fit(
     if missing:
         stages.say("[yellow]partial:[/] listed photographs are missing; the others were used")
     return Exit.PARTIAL if missing or unfinished or nothing else Exit.OK
-
-
-def estimated_strengths(
-    stages: Stages, stack: Stack, own: dict[str, Any], threads: int | None
-) -> Strengths:
-    """Strengths of the lamps, as a stage; ``own``: options of the fit that follows."""
-    import numpy as np
-
-    from impasto.fit.strengths import fit_strengths
-
-    # Strengths are not estimated with Lafortune lobes: their options do not apply.
-    shared = () if own["model"] == "lafortune" else ("lobes", "index")
-    options = {name: own[name] for name in shared if name in own}
-    with stages.stage("strengths") as stage:
-        lamps = fit_strengths(stack, **options, threads=threads, progress=stage.advance)
-        low, high = np.nanmin(lamps.factor), np.nanmax(lamps.factor)
-        stage.note = f"{len(lamps.factor)} lights, {low:.2f} to {high:.2f}"
-    if lamps.state:
-        stages.say(f"  {'':14}[dim]{len(lamps.factor)} lights{lamps.state}[/]")
-    return lamps
-
-
-def strength_numbers(lamps: Strengths) -> dict[str, Any]:
-    """The lamps' part of a report; ``--intensities`` reads such a column."""
-    return {
-        "strengths": {
-            "factor": lamps.factor,
-            "converged": lamps.converged,
-            "change": lamps.change,
-            "gauge": lamps.gauge,
-            "held_out": None if lamps.held_out is None else str(lamps.held_out),
-        }
-    }
 
 
 def panel_of(sbrdf: Sbrdf) -> Level | None:

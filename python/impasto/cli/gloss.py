@@ -75,6 +75,13 @@ class Gloss:
                 msg=f"{word} excludes --camera: spectra do not describe lobes with colours"
             )
 
+    def is_open(self, *, system: str, steps: dict[str, Any]) -> bool:
+        """Whether no option says what is fitted."""
+        given = {**self._own(), **steps} | {"index": None}
+        nothing = all(value is None for value in given.values())
+        usual = (system, self.model, self.pooling) == ("impasto", "torrance-sparrow", "auto")
+        return usual and nothing
+
     def options(
         self, procedure: System, *, camera: str | None, steps: dict[str, Any]
     ) -> dict[str, Any]:

@@ -71,7 +71,7 @@ def render(
     display
         srgb, "Display P3", or a JSON file of measurements.
     view
-        Azimuth,elevation of the eye in degrees; default: in front.
+        Azimuth,elevation of the eye in degrees; default: in front, as far away as the camera was.
     exposure
         Factor on all light; default: the largest at which a white board in full light does not
         clip.
@@ -104,7 +104,7 @@ def render(
     scene = impasto.Scene(
         lights,
         illuminant=illuminant,
-        view=(0.0, 0.0, 1.0) if view is None else view.direction,
+        view=None if view is None else view.direction,
         adaptation=adaptation,
         adaptation_mode=adaptation_mode,
         display=impasto.colour.as_display(display),

@@ -84,7 +84,7 @@ class Errors:
 
     def than(self, before: Errors) -> Comparison:
         """Compared with those of another rig, photograph by photograph."""
-        power = [np.nanmean(each.coded**2, axis=1) for each in (before, self)]
+        power = [_means(each.coded**2) for each in (before, self)]
         least = _SMALLEST**2
         gain = 10.0 * np.log10((power[0] + least) / (power[1] + least))
         gain = gain[np.isfinite(gain)]
@@ -199,6 +199,13 @@ def fold_count(lights: int, fewest: int, folds: int) -> int:
     if lights - -(-lights // folds) >= fewest:
         return folds
     return lights if lights - 1 >= fewest else 0
+
+
+def _means(squares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The mean of each row; NaN of a photograph that shows nothing known."""
+    known = np.isfinite(squares).sum(axis=1)
+    total = np.nansum(squares, axis=1)
+    return np.where(known > 0, total / np.maximum(known, 1), np.nan)
 
 
 def _trimmed(errors: NDArray[np.float64]) -> float:

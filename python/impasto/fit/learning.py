@@ -25,8 +25,16 @@ from impasto.fit.pooled import Extraction, apply_pooled, learn_pooled, pooled_sb
 from impasto.fit.residuals import LearnedResiduals, apply_residuals
 from impasto.fit.result import Sbrdf
 from impasto.fit.saved import arrays_of
-from impasto.fit.sbrdf import checked_options, chosen_kind, learned_residuals, start_normals
+from impasto.fit.sbrdf import (
+    checked_options,
+    chosen_kind,
+    learned_residuals,
+    start_normals,
+    with_refined_rig,
+)
 from impasto.io.results import read_maps, write_maps
+from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
+from impasto.rig import Rig
 from impasto.stack import Stack, checked_stack
 
 KIND = "impasto.LearnedModel"
@@ -58,6 +66,8 @@ class LearnedModel:
         What ``pooling="auto"`` chose, and against what; None where the caller chose.
     residuals
         How residuals are kept and interpolated; None: they are not kept.
+    rig
+        The refined rig, which replaces that of every stack; None: it was not refined.
     """
 
     model: Model
@@ -70,6 +80,7 @@ class LearnedModel:
     fit: LearnedLobe | LearnedLobes | None
     chosen: Choice | None = None
     residuals: LearnedResiduals | None = None
+    rig: Rig | None = None
 
     def __repr__(self) -> str:
         height, width = self.extent
@@ -125,6 +136,12 @@ class LearnedModel:
         checked_stack(stack)
         if stack.shape[1] != self.bands:
             raise ArgumentError(f"stack: expected {self.bands} bands, found {stack.shape[1]}")
+        if self.rig is not None:
+            if len(self.rig) != len(stack.rig):
+                raise ArgumentError(
+                    f"stack: expected {len(self.rig)} photographs, found {len(stack.rig)}"
+                )
+            stack = stack._replace(rig=Rig(self.rig, origin=stack.rig.origin))
         size = stack.shape[2:]
         tile = window((rows, columns), size)
         wide = _widened(tile, size, self.halo)
@@ -172,6 +189,8 @@ class LearnedModel:
         arrays |= {f"fit.{name}": array for name, array in _fit_arrays(self.fit).items()}
         arrays |= {} if self.chosen is None else self.chosen.arrays()
         arrays |= {} if self.residuals is None else arrays_of(self.residuals, "residuals.")
+        rig = {} if self.rig is None else arrays_of_rig(self.rig)
+        arrays |= {f"rig.{name}": array for name, array in rig.items()}
         write_maps(path, KIND, {name: np.asarray(value) for name, value in arrays.items()})
 
 
@@ -186,6 +205,7 @@ def learn_sbrdf(
     joint: bool | None = None,
     index: float | None = None,
     normals: Method | None = None,
+    refine: bool | None = None,
     residuals: bool | None = None,
     extent: tuple[int, int] | None = None,
     effort: EffortLike = "standard",
@@ -202,7 +222,8 @@ def learn_sbrdf(
     ----------
     stack
         The whole painting, or a sample of it: a part, or the whole with a mask.
-    model, pooling, lobes, ambient, extraction, joint, index, residuals, effort, threads, progress
+    model, pooling, lobes, ambient, extraction, joint, index, refine, residuals, effort, threads,
+    progress
         As in :func:`impasto.fit_sbrdf`. ``pooling="segment"`` has no learned model.
     normals
         The name of a method of :func:`impasto.fit_normals`; default: its own default.
@@ -228,9 +249,10 @@ def learn_sbrdf(
         "index": index,
     }
     resolved_effort = resolved(effort)
-    choice, kind, given = chosen_kind(
-        stack, fit_kinds(model, pooling, given), given, normals, threads, progress
-    )
+    kinds = fit_kinds(model, pooling, given)
+    before = stack.rig
+    stack = with_refined_rig(stack, kinds, given, refine, maps=False, threads=threads)
+    choice, kind, given = chosen_kind(stack, kinds, given, normals, threads, progress)
     options = checked_options(kind, given)
     wanted = choice is not None if residuals is None else truth(residuals, "residuals")
     size = _extent(extent, stack)
@@ -249,6 +271,7 @@ def learn_sbrdf(
         fit,
         choice,
         learned_residuals(stack, kind, given, normals, threads) if wanted else None,
+        None if stack.rig is before else stack.rig,
     )
 
 
@@ -278,6 +301,7 @@ def load_learned(path: str | os.PathLike[str]) -> LearnedModel:
             _fit_of(kind, _part(one, "fit.")),
             Choice.of_maps(maps),
             _residuals_of(_part(one, "residuals.")),
+            rig_of_arrays(rig) if (rig := _part(one, "rig.")) else None,
         )
 
 

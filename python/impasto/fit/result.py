@@ -26,7 +26,7 @@ from impasto.fit.residuals import Residuals, residuals_of
 from impasto.fit.saved import Reader, arrays_of, over
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
 from impasto.render import Fidelity, Image, render
-from impasto.rig import DistantLight, PointLight, Rig, Views
+from impasto.rig import FRONTAL, DistantLight, PointLight, PointView, Rig, Views
 from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status
@@ -109,7 +109,8 @@ class Sbrdf(PixelMaps, Relightable):
             ``(obs, 3)`` directions, a sequence of :class:`~impasto.DistantLight` and
             :class:`~impasto.PointLight`, or a :class:`~impasto.Rig`; default: the rig's own. If
             the rig was refined (:func:`impasto.refine_rig`), directions are lamps of this rig
-            (:meth:`impasto.Rig.at`); lights and rigs are what they say.
+            (:meth:`impasto.Rig.at`), and so is a rig of nothing but directions, as light files
+            give it. A sequence of lights and any other rig are what they say.
         views
             ``(obs, 3)`` or ``(3,)`` directions to the eye, or :class:`~impasto.PointView`;
             default: those of the rig, frontal for lights without one.
@@ -134,6 +135,14 @@ class Sbrdf(PixelMaps, Relightable):
             pitch = getattr(rig, "pitch_mm", None) or self.pitch_mm
             self.residuals.add_to(shown, self.rig, Rig(rig, views=views, pitch_mm=pitch))
         return shown
+
+    def eye(self) -> tuple[float, float, float] | PointView:
+        """The near camera of all photographs; in front if there is none."""
+        places = self.rig.view_positions
+        if not self.rig.near_views.all() or not (places == places[0]).all():
+            return FRONTAL
+        x, y, z = places[0].tolist()
+        return PointView((x, y, z))
 
     def unmodelled(self, rig: Rig) -> NDArray[np.float32] | None:
         """What the photographs show besides the model under all lights of a rig: ``residuals``."""
@@ -413,9 +422,11 @@ def shared_fields(found: Mapping[str, Any], stack: Stack, stereo: Normals) -> di
 
 
 def _directions_only(lights: Any) -> bool:
-    """Whether lights are plain directions, without strengths and distances."""
+    """Whether lights are plain directions, without strengths, distances and views."""
     if isinstance(lights, Rig):
-        return False
+        near = lights.near.any() or lights.near_views.any()
+        even = bool((lights.intensities == 1.0).all() and (lights.views == FRONTAL).all())
+        return even and not near and lights.refinement is None
     listed = isinstance(lights, Sequence)
     return not (listed and any(isinstance(one, DistantLight | PointLight) for one in lights))
 

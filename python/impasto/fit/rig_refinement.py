@@ -72,7 +72,7 @@ def refine_rig(
     camera: bool = True,
     lamps: bool = True,
     strengths: bool = True,
-    falloff: bool = True,
+    falloff: bool | None = None,
     index: float = 1.45,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
@@ -101,8 +101,8 @@ def refine_rig(
     camera, lamps, strengths
         False keeps what was given.
     falloff
-        False if the photographs were divided by those of a white board (``white=`` of
-        :func:`~impasto.read_stack`), which cancels the fall-off of near lamps and their strengths.
+        Whether the light of near lamps falls off over the painting. Photographs of a white board
+        cancel that; default: unless ``white=`` of :func:`~impasto.read_stack` divided by them.
     index
         As for :func:`fit_sbrdf`.
     threads
@@ -132,9 +132,10 @@ def refine_rig(
     576 pixels; the rig of several paintings is best refined on the glossiest.
     """
     checked_stack(stack)
-    switches = {"camera": camera, "lamps": lamps, "strengths": strengths, "falloff": falloff}
+    switches = {"camera": camera, "lamps": lamps, "strengths": strengths}
     for name, value in switches.items():
         truth(value, name)
+    falloff = not stack.divided_by_board if falloff is None else truth(falloff, "falloff")
     index = refractive_index(index)
     if len(stack.rig) < _FEWEST_LIGHTS:
         raise ArgumentError(
@@ -149,6 +150,47 @@ def refine_rig(
 
 _FEWEST_LIGHTS = 10
 """Seven to fit and three to predict."""
+BY_DEFAULT = 24
+"""Photographs from which on fits refine the rig by themselves: with half of them held out, a
+distance is found that fits to fewer miss."""
+
+
+def refinable(rig: Rig) -> bool:
+    """Whether fits refine a rig by themselves: new, with many photographs from one view."""
+    # New lamps of a rig with several views have no view.
+    one_view = bool((rig.views == rig.views[0]).all())
+    return rig.refinement is None and len(rig) >= BY_DEFAULT and one_view
+
+
+def refined(
+    stack: Stack,
+    refine: bool | None,
+    *,
+    open_choice: bool,
+    index: float,
+    threads: int | None,
+    progress: bool | ProgressCallback = False,
+) -> Stack:
+    """A stack with its rig refined where a fit is to refine it.
+
+    Parameters
+    ----------
+    refine
+        As in :func:`impasto.fit_sbrdf`.
+    open_choice
+        Whether the fit decides by itself what suits the photographs.
+    index, threads, progress
+        As in :func:`refine_rig`.
+    """
+    if not (open_choice and refinable(stack.rig) if refine is None else truth(refine, "refine")):
+        return stack
+    try:
+        rig = refine_rig(stack, index=index, threads=threads, progress=progress)
+        return stack._replace(rig=rig)
+    except ArgumentError:
+        if refine:
+            raise
+        return stack  # no pixel can be fitted, as the statuses of the fit will say
 
 
 class _Search:

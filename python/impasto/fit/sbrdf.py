@@ -23,6 +23,7 @@ from impasto.fit.options import FitKind, Model, Pooling, fit_kind, fit_kinds
 from impasto.fit.pooled import Extraction, PooledSbrdf, fit_pooled, without_gloss
 from impasto.fit.residuals import LearnedResiduals, apply_residuals, learn_residuals
 from impasto.fit.result import Sbrdf
+from impasto.fit.rig_refinement import refined
 from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
 from impasto.io.results import RESULT, read_maps
 from impasto.stack import Stack, checked_stack
@@ -57,6 +58,7 @@ class Common(TypedDict, total=False):
     """Options of every fit."""
 
     normals: Normals | Method | None
+    refine: bool | None
     residuals: bool | None
     check: bool
     effort: EffortLike
@@ -137,6 +139,7 @@ def fit_sbrdf(
     joint: bool | None = None,
     index: float | None = None,
     normals: Normals | Method | None = None,
+    refine: bool | None = None,
     residuals: bool | None = None,
     check: bool = False,
     effort: EffortLike = "standard",
@@ -206,6 +209,13 @@ def fit_sbrdf(
     normals
         The result of :func:`impasto.fit_normals`, or the name of one of its methods; default: its
         default method. Pixels outside the mask of the stack are not fitted.
+    refine
+        Whether the rig is refined first by :func:`impasto.refine_rig`, which takes 1 to 30 s
+        whatever the size of the picture: distances of camera and lamps and strengths of lamps,
+        accepted only where held-out photographs are predicted better. ``rig`` of the result is the
+        refined one, and its ``refinement`` says what was accepted. Default: with
+        ``pooling="auto"`` and 24 photographs or more from one view, unless the rig was refined
+        before or ``normals`` are maps.
     residuals
         Whether to keep what the model leaves of the photographs, for new lights seen from the same
         view: by kriging, if held-out photographs are then predicted better. Default: where
@@ -259,11 +269,12 @@ def fit_sbrdf(
         "index": index,
     }
     effort = resolved(effort)
-    if normals is not None and not isinstance(normals, str):
+    maps = normals is not None and not isinstance(normals, str)
+    if maps:
         checked_normals(normals, stack)
-    choice, kind, given = chosen_kind(
-        stack, fit_kinds(model, pooling, given), given, normals, threads, progress
-    )
+    kinds = fit_kinds(model, pooling, given)
+    stack = with_refined_rig(stack, kinds, given, refine, maps=maps, threads=threads)
+    choice, kind, given = chosen_kind(stack, kinds, given, normals, threads, progress)
     options = checked_options(kind, given)
     labels = None
     if "segments" in options:
@@ -306,10 +317,32 @@ def learned_residuals(
     options |= {"model": kind.model, "pooling": kind.pooling, "normals": method}
 
     def fit(known: Stack) -> Sbrdf:
-        result: Sbrdf = fit_sbrdf(known, **options, residuals=False, threads=threads)
+        result: Sbrdf = fit_sbrdf(known, **options, refine=False, residuals=False, threads=threads)
         return result
 
     return learn_residuals(stack, fit, threads=threads)
+
+
+def with_refined_rig(
+    stack: Stack,
+    kinds: Sequence[FitKind],
+    given: Mapping[str, Any],
+    refine: bool | None,
+    *,
+    maps: bool,
+    threads: int | None,
+) -> Stack:
+    """The stack with the rig that a fit of one of these kinds uses; ``maps``: of given normals."""
+    for kind in kinds:
+        checked_options(kind, given)
+    index = given.get("index")
+    return refined(
+        stack,
+        refine,
+        open_choice=len(kinds) > 1 and not maps,
+        index=1.45 if index is None else refractive_index(index),
+        threads=threads,
+    )
 
 
 def chosen_kind(
@@ -323,15 +356,13 @@ def chosen_kind(
     """The fit among ``kinds``, its options, and how it was chosen; None where nothing was open."""
     if len(kinds) == 1:
         return None, kinds[0], dict(given)
-    for kind in kinds:
-        checked_options(kind, given)
     # Normals of all photographs know those that are held out.
     method = normals if isinstance(normals, str) else None
 
     def fit(known: Stack, candidate: Candidate) -> Sbrdf:
         options: dict[str, Any] = {**given, **candidate.options}
-        options |= {"normals": method, "residuals": False, "threads": threads}
-        result: Sbrdf = fit_sbrdf(known, **options)
+        options |= {"normals": method, "refine": False, "residuals": False}
+        result: Sbrdf = fit_sbrdf(known, **options, threads=threads)
         return result
 
     poolings = {kind.pooling for kind in kinds}

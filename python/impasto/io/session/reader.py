@@ -29,7 +29,7 @@ from impasto.io.session.frames import (
 from impasto.io.session.observations import Observations, find_observations
 from impasto.io.session.rigs import build_rig, listed_lights, without_falloff
 from impasto.rig import Rig
-from impasto.stack import Stack
+from impasto.stack import DIVIDED, Stack
 
 
 def read_stack(
@@ -191,6 +191,7 @@ def read_stack(
     )
     if white is not None:
         rig = without_falloff(rig)
+        notebook.say(DIVIDED, listed.source, "photographs divided by those of a white board")
     samples: NDArray[Any] = codes
     black: NDArray[np.float64] | float = 0.0
     if integer and calibration.only_level and dark is not None and frame_paths(dark) is None:
