@@ -163,8 +163,11 @@ def test_advice_on_spectra_does_not_lead_into_a_wall(
     picture = tmp_path / "a.png"
     assert main(f"render {out} --illuminant A --out {picture} --quiet".split()) == 1
     told = said(capsys)
-    assert "lobes per pixel cannot be rendered in another light yet" in told
-    assert "fit again with --camera" not in told
+    assert "fit again with --camera" in told
+    again = f"fit {stack} --out {out} --pooling pixel --camera srgb --force --quiet"
+    assert main(again.split()) == 0
+    assert main(f"render {out} --illuminant A --out {picture} --quiet".split()) == 0
+    assert picture.exists()
 
 
 def test_words_out_of_range_are_refused_before_photographs_are_read(

@@ -19,6 +19,7 @@ from impasto.bands import Camera, checked_camera
 from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_from_spectrum
 from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError
+from impasto.fit.interface import spectra_of_lobes
 from impasto.fit.reflectance import Reflectance, fit_reflectance
 from impasto.height import integrate_normals
 from impasto.level import Level, as_level, find_level
@@ -351,12 +352,22 @@ def _coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) ->
     """The surface to render, with the coefficients of a reflectance as its colours."""
     if reflectance is None:
         return lit if index is None else replace(lit, index=index)
-    if lit.tinted:
+    planes = _planes(reflectance.coefficients, lit.shape)
+    if not lit.tinted:
+        return lit.with_diffuse(planes, index=index)
+    operator = getattr(reflectance, "interface", None)
+    bands = len(lit.diffuse)
+    if operator is None or operator.shape != (len(planes), bands):
         raise ArgumentError(
-            f"reflectance: the lobes of a {kind} have strengths per band, which spectra do not "
-            "describe; leave camera= and reflectance= out"
+            f"reflectance: the lobes of a {kind} have strengths in {bands} bands, whose spectra "
+            "only the result of impasto.fit_reflectance for these bands has; fit it again, or "
+            "leave reflectance= out"
         )
-    return lit.with_diffuse(_planes(reflectance.coefficients, lit.shape), index=index)
+
+    def spectra(strength: NDArray[np.float32]) -> NDArray[np.float32]:
+        return spectra_of_lobes(strength, operator, reflectance.basis)
+
+    return lit.with_diffuse(planes, index=index, spectra=spectra)
 
 
 def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:

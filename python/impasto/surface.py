@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -262,10 +262,29 @@ class Surface(Relightable):
                 self, RigArguments.of(rig), rig.intensities, thread_count(threads), callback
             )
 
-    def with_diffuse(self, diffuse: ArrayLike, *, index: float | None = None) -> Surface:
-        """The same lobes over other colours ``(k, y, x)``, such as coefficients of spectra."""
+    def with_diffuse(
+        self,
+        diffuse: ArrayLike,
+        *,
+        index: float | None = None,
+        spectra: Callable[[Map], Map] | None = None,
+    ) -> Surface:
+        """The same lobes over other colours ``(k, y, x)``, such as coefficients of spectra.
+
+        ``spectra`` makes coefficients of what has one number per band: strengths of coloured lobes
+        and ambient light.
+        """
         n = self.index if index is None else index
-        return replace(self, diffuse=floats(diffuse), index=n)
+        ambient, lobes = self.ambient, self.lobes
+        if spectra is not None:
+            ambient = None if ambient is None else spectra(ambient)
+            lobes = tuple(
+                Lobe(spectra(np.asarray(lobe.strength)), lobe.shape)
+                if np.ndim(lobe.strength) == 3
+                else lobe
+                for lobe in lobes
+            )
+        return replace(self, diffuse=floats(diffuse), index=n, ambient=ambient, lobes=lobes)
 
     def __repr__(self) -> str:
         count, height, width = self.diffuse.shape

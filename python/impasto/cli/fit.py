@@ -120,11 +120,11 @@ def fit(
         raise CycloptsError(msg=f"--system {system} estimates spectra: it needs --camera")
     steps: dict[str, Any] = {"extraction": extraction, "joint": joint, "index": index}
     gloss = Gloss() if gloss is None else gloss
-    gloss.check(system=system, camera=camera, steps=steps)
+    gloss.check(system=system, steps=steps)
     every = steps | {"method": method, "estimator": estimator, "effort": effort}
     chosen = {name: value for name, value in every.items() if value is not None}
     procedure = replace(systems.get(system), **chosen)
-    own = gloss.options(procedure, camera=camera, steps=steps)
+    own = gloss.options(procedure, steps=steps)
     reading = Reading() if reading is None else reading
     reading.check()
     check_threads(threads)

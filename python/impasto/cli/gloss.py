@@ -34,9 +34,8 @@ class Gloss:
 
     pooling: Pooling = "auto"
     """One gloss for the painting, one per segment, or lobes per pixel (gilding, metal leaf, uneven
-    varnish), which exclude --camera. auto: none, for the painting or per pixel, whichever
-    predicts held-out photographs best; with --camera for the painting. Lafortune lobes are
-    always per pixel."""
+    varnish). auto: none, for the painting or per pixel, whichever predicts held-out photographs
+    best. Lafortune lobes are always per pixel."""
 
     segments: Annotated[Path | None, Parameter(metavar="PICTURE")] = None
     """With --pooling segment: a picture as large as the photographs (PNG or TIFF) in which every
@@ -48,9 +47,9 @@ class Gloss:
     ambient: Annotated[bool | None, Parameter(negative="--no-ambient")] = None
     """Lobes per pixel: include ambient light in the model; default: yes."""
 
-    def check(self, *, system: str, camera: str | None, steps: dict[str, Any]) -> None:
+    def check(self, *, system: str, steps: dict[str, Any]) -> None:
         """Refuse options that exclude each other; ``steps``: options of the procedure."""
-        kinds = self._kinds(system=system, camera=camera, steps=steps)
+        kinds = self._kinds(system=system, steps=steps)
         kind = kinds[0]
         word = _in_words(kind)
         for name in kind.idle({**self._own(), **steps}):
@@ -70,10 +69,6 @@ class Gloss:
             raise CycloptsError(
                 msg=f"{word} excludes --system: the papers have one gloss per painting"
             )
-        if camera is not None and "lobes" in kind.defaults:
-            raise CycloptsError(
-                msg=f"{word} excludes --camera: spectra do not describe lobes with colours"
-            )
 
     def is_open(self, *, system: str, steps: dict[str, Any]) -> bool:
         """Whether no option says what is fitted."""
@@ -82,11 +77,9 @@ class Gloss:
         usual = (system, self.model, self.pooling) == ("impasto", "torrance-sparrow", "auto")
         return usual and nothing
 
-    def options(
-        self, procedure: System, *, camera: str | None, steps: dict[str, Any]
-    ) -> dict[str, Any]:
+    def options(self, procedure: System, *, steps: dict[str, Any]) -> dict[str, Any]:
         """All arguments of :func:`impasto.fit_sbrdf`; segments are still a path."""
-        kinds = self._kinds(system=procedure.name, camera=camera, steps=steps)
+        kinds = self._kinds(system=procedure.name, steps=steps)
         given = {**procedure.options, **self._own()}
         if len(kinds) > 1:
             shared = {name: given[name] for name in kinds[0].defaults if _everywhere(name, kinds)}
@@ -95,9 +88,9 @@ class Gloss:
         own = kind.complete({name: given[name] for name in kind.defaults})
         return {"model": kind.model, "pooling": kind.pooling, **own}
 
-    def _kinds(self, *, system: str, camera: str | None, steps: dict[str, Any]) -> list[FitKind]:
+    def _kinds(self, *, system: str, steps: dict[str, Any]) -> list[FitKind]:
         """The fits among which photographs decide, or the one that the options ask for."""
-        painting = self.model == "torrance-sparrow" and (system != "impasto" or camera is not None)
+        painting = self.model == "torrance-sparrow" and system != "impasto"
         own = {**self._own(), **steps}
         if self.pooling == "auto" and painting and not _others(own):
             return [fit_kind(self.model, "painting")]

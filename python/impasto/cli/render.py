@@ -89,7 +89,6 @@ def render(
     """
     import impasto
     from impasto.cli.maps import load_result
-    from impasto.fit.result import PerPixelSbrdf
     from impasto.overview import visible
     from impasto.render import checked_suffix
 
@@ -113,12 +112,9 @@ def render(
     )
     sbrdf, reflectance = load_result(result)
     if reflectance is None and (adaptation is not None or scene.illuminants[0] != "D65"):
-        known = f"--illuminant: {result} has no spectra, so only its colours as photographed are "
         raise ArgumentError(
-            f"{known}known; lobes per pixel cannot be rendered in another light yet, one gloss for "
-            "the painting can (impasto fit --camera, without --pooling pixel and --model lafortune)"
-            if isinstance(sbrdf, PerPixelSbrdf)
-            else f"{known}known; fit again with --camera to render another light"
+            f"--illuminant: {result} has no spectra, so only its colours as photographed are "
+            "known; fit again with --camera to render another light"
         )
     plane: bool | impasto.Level = False
     if shadows if level is None else level:

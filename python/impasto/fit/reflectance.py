@@ -19,6 +19,7 @@ from impasto._internal.waiting import floats, wait_for
 from impasto.bands import Camera, Integration, checked_camera
 from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError
+from impasto.fit.interface import interface_operator
 from impasto.fit.noise import noise_of_diffuse
 from impasto.fit.pixel_maps import PixelMaps
 from impasto.fit.saved import over
@@ -78,6 +79,10 @@ class Reflectance(PixelMaps):
         How it was estimated: estimator, training set, noise and where it is known from, and the
         diagnostics ``condition`` (of H R H^T), ``effective_rank``, ``noise_gain`` (rms over
         wavelengths per unit of noise), ``training_rmse``, ``truncation``, ``ridge``, ``gamma``.
+    interface
+        ``(k, band)`` float64: from the strengths of a coloured lobe in the camera's bands to the
+        coefficients of its spectrum, the smoothest that has them (van Trigt 1990); None in files
+        of versions that had none.
     """
 
     coefficients: NDArray[np.float32] = field(metadata=over("k", "y", "x"))
@@ -85,6 +90,7 @@ class Reflectance(PixelMaps):
     wavelengths: Floats
     status: NDArray[np.uint8] = field(metadata=over("y", "x", dtype=np.uint8))
     info: dict[str, Any]
+    interface: Floats | None = None
 
     def __repr__(self) -> str:
         count, height, width = self.coefficients.shape
@@ -135,6 +141,7 @@ class Reflectance(PixelMaps):
             "status": self.status,
             "info": np.array(json.dumps(self.info)),
         }
+        arrays |= {} if self.interface is None else {"interface": self.interface}
         write_maps(path, KIND, arrays)
 
     @classmethod
@@ -150,12 +157,14 @@ class Reflectance(PixelMaps):
             coefficients = maps.array("coefficients", np.float32, (None, None, None))
             count, height, width = coefficients.shape
             grid = maps.array("wavelengths", np.float64, (None,))
+            lobes = "interface" in maps.arrays
             return cls(
                 coefficients=coefficients,
                 basis=maps.array("basis", np.float64, (count, len(grid))),
                 wavelengths=grid,
                 status=maps.array("status", np.uint8, (height, width)),
                 info=json.loads(str(maps.array("info", np.str_, ()))),
+                interface=maps.array("interface", np.float64, (count, None)) if lobes else None,
             )
 
 
@@ -247,9 +256,10 @@ def fit_reflectance(
         measured = None if stack is None else wait_for(noise_of_diffuse, stack, diffuse, responses)
         noise = DEFAULT_NOISE if measured is None else max(measured, NOISE_FLOOR)
         noise_from = "default" if measured is None else "stack"
+    operator = np.ascontiguousarray(camera.operator(grid, integration=integration))
     built = _core.spectral_estimator(
         estimator,
-        np.ascontiguousarray(camera.operator(grid, integration=integration)),
+        operator,
         np.ascontiguousarray(spectra.at(grid)),
         float(noise),
         None if rank is None else int(rank),
@@ -272,6 +282,7 @@ def fit_reflectance(
         wavelengths=np.array(grid),
         status=np.empty(responses.shape[1:], np.uint8),
         info=info | dict(built.diagnostics),
+        interface=interface_operator(operator, basis),
     )
     with reporting(progress, "reflectance") as callback:
         built.apply(responses, status, found, thread_count(threads), callback)
