@@ -19,8 +19,8 @@ from impasto._internal.checks import refractive_index, truth
 from impasto.errors import ArgumentError
 from impasto.fit.coordinate_search import coordinate_search
 from impasto.fit.held_out import Comparison, Errors, HeldOut
-from impasto.fit.strength_search import FEWEST, Alternation
-from impasto.fit.strengths import Strengths, fit_strengths
+from impasto.fit.strength_search import FEWEST, Alternation, gauge
+from impasto.fit.strengths import Strengths, strengths_of
 from impasto.refinement import Estimate, RigRefinement
 from impasto.rig import DistantLight, Light, PointLight, PointView, Rig, Views
 from impasto.stack import Stack, checked_stack
@@ -39,7 +39,7 @@ _STEP, _FINE = 0.05, 0.02
 _NEAREST = 0.6
 _FAR = 0.02
 """An inverse distance below this counts as 0: directions differ by a degree."""
-_SETTLED = 0.002
+_STILL = 0.002
 """Inverse distances and strengths take turns until the distances move by less than this."""
 _ROUNDS = 10
 _PASSES = 3
@@ -47,6 +47,8 @@ _FALL, _ERRORS = 0.02, 1.0
 """The trimmed error must fall by this share, and the gain exceed so many standard errors."""
 _DETERMINED = 0.1
 """The same share where gloss is to determine tilt and fall-off; see ``fit.strengths``."""
+_LITTLE = 0.01
+"""A search of tilt and fall-off that lowers the error by less is the last."""
 _CODES = 1.2
 """Below this root mean square error, in codes of 8 bits, a camera's distance is read from rounding:
 errors fall while normals become worse."""
@@ -60,10 +62,14 @@ Point = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _State:
-    """Inverse distances of camera and lamps, and logarithms of strengths."""
+    """Inverse distances of camera and lamps, and logarithms of strengths.
+
+    ``determined``: gloss has determined the tilt and fall-off of the strengths.
+    """
 
     place: Point
     log: NDArray[np.float64]
+    determined: bool = False
 
 
 def refine_rig(
@@ -336,6 +342,45 @@ class _Search:
         self._free = before
         return state
 
+    def alternated(self, state: _State) -> _State:
+        """Strengths with their gauge, and the distances that the state has, in turn."""
+        before, self._free = self._free, state.place > 0.0
+        for _ in range(_PASSES):
+            last = state
+            state = self.distances(self.gauged(self.lit(state)), _FINE, halvings=2)
+            if np.abs(state.place - last.place).max() < _STILL:
+                break
+        self._free = before
+        return state
+
+    def gauged(self, state: _State) -> _State:
+        """The state with the tilt and fall-off that gloss determines, if it does."""
+        moved = state
+        for _ in range(_PASSES if state.log.any() else 0):
+            tilted = self._tilted(moved)
+            if self.errors(tilted).than(self.errors(moved)).fall < _LITTLE:
+                break
+            moved = self._held(tilted) or tilted
+        gain = self.errors(moved).than(self.errors(state))
+        return replace(moved, determined=True) if gain.better(_DETERMINED, _ERRORS) else state
+
+    def _tilted(self, state: _State) -> _State:
+        """The state with the tilt and fall-off that predict best."""
+        lights, normal = self._given.directions, self._found.normal
+
+        def moved(freedoms: NDArray[np.float64]) -> _State:
+            return replace(state, log=state.log + gauge(lights, normal, freedoms))
+
+        best, _ = coordinate_search(
+            lambda freedoms: self.errors(moved(freedoms)).trim,
+            np.zeros(3),
+            _STEPS,
+            low=-_FARTHEST,
+            high=_FARTHEST,
+            halvings=1,
+        )
+        return moved(best)
+
     # --- the decision
 
     def rig(self) -> Rig:
@@ -356,28 +401,21 @@ class _Search:
                 if state.place[axis] > 0.0:
                     state = self.best(self.even(state.place), allowed)
         place = np.where(allowed & (state.place >= _FAR), state.place, 0.0)
-        rig, lamps = self._with_strengths(place)
+        best = self.gauged(self.lit(self.even(np.zeros(2))))
         if place.any():
-            self._free = place > 0.0
-            for _ in range(_PASSES):
-                last, log = place, state.log
-                if lamps is not None:
-                    log = np.log(np.nan_to_num(lamps.factor, nan=1.0))
-                place = self.distances(_State(place, log), _FINE, halvings=2).place
-                rig, lamps = self._with_strengths(place)
-                if np.abs(place - last).max() < _SETTLED:
-                    break
-            found = np.where(place > 0.0, place, found)
+            near = self.alternated(replace(state, place=place))
+            found = np.where(place > 0.0, near.place, found)
             # Strengths alone may do as well: they hide distances, and distances hide them.
-            plain = self._with_strengths(np.zeros(2))
-            gain = self._gain(rig, plain[0])
+            gain = self.errors(near).than(self.errors(best))
             if gain.fall < _FALL:
                 reasons = [
                     f"strengths alone do as well: {gain}" if place[axis] > 0.0 else reasons[axis]
                     for axis in (0, 1)
                 ]
-                place = np.zeros(2)
-                rig, lamps = plain
+            else:
+                best = near
+        place = best.place
+        rig, lamps = self._with_strengths(best)
         total = self._gain(rig, self._given)
         report = RigRefinement(
             camera=Estimate(_inverse(found[0]), bool(place[0] > 0.0), reasons[0]),
@@ -392,11 +430,23 @@ class _Search:
             self.report(self._done, self._done)
         return Rig(rig, refinement=report)
 
-    def _with_strengths(self, place: Point) -> tuple[Rig, Strengths | None]:
+    def _with_strengths(self, state: _State) -> tuple[Rig, Strengths | None]:
         """The rig with these distances, and the strengths that :func:`fit_strengths` gives it."""
-        rig = self.at(self.even(place)) if place.any() else self._stack.rig
-        lamps = self._lamps(rig)
-        return (rig if lamps is None else lamps.rig), lamps
+        rig = self.at(self.even(state.place)) if state.place.any() else self._stack.rig
+        if not self._strengths:
+            return rig, None
+        try:
+            lamps = strengths_of(
+                self._stack._replace(rig=rig),
+                "auto",
+                index=self._index,
+                threads=self._threads,
+                start=state.log,
+                determined=state.determined,
+            )
+        except ArgumentError:  # too few lamps that any pixel determines
+            return rig, None
+        return lamps.rig, lamps
 
     def _judge(self, axis: int, state: _State) -> tuple[bool, str]:
         """Whether a distance is accepted, and why."""
@@ -429,16 +479,6 @@ class _Search:
 
     def _uneven(self, state: _State) -> bool:
         return bool(np.abs(state.log).max() > 0.0)
-
-    def _lamps(self, rig: Rig) -> Strengths | None:
-        if not self._strengths:
-            return None
-        try:
-            return fit_strengths(
-                self._stack._replace(rig=rig), index=self._index, threads=self._threads
-            )
-        except ArgumentError:  # too few lamps that any pixel determines
-            return None
 
     def _gain(self, rig: Rig, before: Rig) -> Comparison:
         """Of one rig against another, other folds, lobes as they are fitted."""

@@ -46,8 +46,9 @@ _FALL, _ERRORS = 0.02, 2.0
 _DETERMINED = 0.1
 """The same share where photographs determine tilt and fall-off: gloss lowers it by a fifth and
 more (simulated paintings, strengths 0.5 to 1.5), matte paint and a gilded icon by up to 5 %."""
-_PASSES, _LATER = 4, 0.002
-"""Searches of tilt and fall-off, each followed by rounds, and by how much a later one must help."""
+_PASSES, _FIRST, _LATER = 6, 0.01, 0.002
+"""Searches of tilt and fall-off, each followed by rounds, and by how much the first and each later
+one must help."""
 _STEPS = np.array([0.04, 0.04, 0.1])
 _FARTHEST = np.array([0.5, 0.5, 1.5])
 """Tilts in radians and the exponent of the fall-off: steps and limits of their search."""
@@ -259,6 +260,35 @@ def fit_strengths(
             f"stack: strengths need at least {FEWEST} lights, found {count}; "
             "photograph a white board under each light (white=)"
         )
+    return strengths_of(
+        stack,
+        gauge,
+        lobes=lobes,
+        index=index,
+        rounds=rounds,
+        threads=threads,
+        progress=progress,
+    )
+
+
+def strengths_of(
+    stack: Stack,
+    gauge: Gauge,
+    *,
+    lobes: int = 2,
+    index: float,
+    rounds: int = ROUNDS,
+    threads: int | None,
+    progress: bool | ProgressCallback = False,
+    start: NDArray[np.float64] | None = None,
+    determined: bool = False,
+) -> Strengths:
+    """:func:`fit_strengths` of checked arguments.
+
+    ``start`` holds logarithms of factors, ``(obs,)``, to start from; their tilt and fall-off are
+    those that are held. ``determined``: gloss has determined these before.
+    """
+    count = len(stack.rig)
     few = subsampled_to(stack, _PIXELS)
     samples = np.array([few.linear(photograph) for photograph in range(count)]).mean(axis=1)
 
@@ -280,7 +310,7 @@ def fit_strengths(
         return found.status, found.normal, found.predict(threads=threads)
 
     alternation = Alternation(few, samples, glossy, matte)
-    start = alternation.outliers()
+    start = alternation.outliers() if start is None else start
     folds = fold_count(count, FEWEST, _FOLDS) if gauge == "auto" else 0
     total = rounds * (folds + 1)
     with reporting(progress, "strengths") as report:
@@ -305,11 +335,14 @@ def fit_strengths(
             if held_out is None and gains:
                 held_out = gains[0]
             if how == "held":
+                moved = found
                 for pass_ in range(_PASSES):
-                    determined = trial.gauge(found, first=pass_ == 0)
-                    if determined is None:
+                    log = trial.gauge(moved, first=pass_ == 0 and not determined)
+                    if log is None:
                         break
-                    how, found = "determined", alternation.held(determined, rounds)
+                    moved = alternation.held(log, rounds)
+                if determined or trial.better(moved, found):
+                    how, found = "determined", moved
         if report is not None:
             report(total, total)
     factor: NDArray[np.float64] = np.where(found.known, np.exp(found.log), np.nan)
@@ -372,10 +405,9 @@ class _Trial:
         return [one.than(other) for one, other in zip(after, before, strict=True)]
 
     def gauge(self, found: Found, *, first: bool) -> NDArray[np.float64] | None:
-        """Factors' logarithms with the tilt and fall-off that gloss determines, or None.
+        """Factors' logarithms with the tilt and fall-off that lower the error, or None.
 
-        Two folds: three numbers of the whole painting are chosen. Once gloss has determined them,
-        every later pass needs no more than a lower error.
+        Two folds: three numbers of the whole painting are chosen.
         """
         lights = self._rig.directions
 
@@ -383,8 +415,7 @@ class _Trial:
             return found.log + gauge_of(lights, found.normal, freedoms)
 
         def errors(freedoms: NDArray[np.float64]) -> Errors:
-            factor = np.where(found.known, np.exp(log(freedoms)), 1.0)
-            return self._test.errors(scaled(self._rig, factor), 2, self._lobes)
+            return self._errors(log(freedoms), found.known)
 
         best, _ = coordinate_search(
             lambda freedoms: errors(freedoms).trim,
@@ -394,5 +425,13 @@ class _Trial:
             high=_FARTHEST,
         )
         gain = errors(best).than(errors(np.zeros(3)))
-        determined = gain.better(_DETERMINED, _ERRORS) if first else gain.fall > _LATER
-        return log(best) if determined else None
+        return log(best) if gain.fall > (_FIRST if first else _LATER) else None
+
+    def better(self, moved: Found, found: Found) -> bool:
+        """Whether gloss determines the tilt and fall-off that were moved."""
+        after, before = (self._errors(one.log, one.known) for one in (moved, found))
+        return after.than(before).better(_DETERMINED, _ERRORS)
+
+    def _errors(self, log: NDArray[np.float64], known: NDArray[np.bool_]) -> Errors:
+        factor = np.where(known, np.exp(log), 1.0)
+        return self._test.errors(scaled(self._rig, factor), 2, self._lobes)
