@@ -13,7 +13,7 @@ from impasto._internal.checks import refractive_index
 from impasto.cli.checking import refuse_faults
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
-from impasto.cli.gloss import Gloss, with_labels
+from impasto.cli.gloss import LAFORTUNE, Gloss, with_labels
 from impasto.cli.measuring import measured
 from impasto.cli.options import Flag, SomeWhole, check_threads
 from impasto.cli.photographs import Reading
@@ -23,7 +23,7 @@ from impasto.fit.normals import Method
 from impasto.fit.options import takers
 from impasto.fit.pooled import Extraction
 from impasto.fit.reflectance import Estimator
-from impasto.systems import Name
+from impasto.systems import Highlights, Name
 
 if TYPE_CHECKING:
     from impasto.fit.result import Sbrdf
@@ -42,8 +42,10 @@ def fit(
     check: Annotated[bool, Parameter(negative="--no-check")] = True,
     strengths: Flag = False,
     system: Name = "impasto",
+    highlights: Highlights | None = None,
     method: Method | None = None,
     extraction: Extraction | None = None,
+    peak: Annotated[bool | None, Parameter(negative="--no-peak")] = None,
     joint: Annotated[bool | None, Parameter(negative="--no-joint")] = None,
     index: float | None = None,
     effort: Preset | None = None,
@@ -73,12 +75,17 @@ def fit(
         that were not measured, hand-held or in a dome. Takes longer than the fit; uses lobes per
         pixel (--lobes of --pooling pixel, else 2).
     system
-        The procedure of impasto, or that of one of the papers as published, with its pictures;
-        those need --camera. The options below change single steps.
+        The procedure of impasto, or that of one of the papers as published, with its figures;
+        the Tominaga systems need --camera. The options below change single steps.
+    highlights
+        Leave out clipped samples (censored; impasto), or replace clipped bands from those that are
+        not clipped (reconstructed; snel-lafortune).
     method
         How highlights and shadows are excluded from the fit of normals; impasto: robust.
     extraction
         Which samples the first estimate of the gloss uses; impasto: residual.
+    peak
+        The first estimate uses only samples near the peak of the highlight, as the RGB paper does.
     joint
         Fit normals, colours and gloss together to all samples; the papers do not.
     index
@@ -102,7 +109,8 @@ def fit(
     from impasto import systems
     from impasto.cli.folder import REPORT, result_folder
     from impasto.cli.maps import write_maps
-    from impasto.io import write_jpeg
+    from impasto.figures import figures
+    from impasto.io import write_jpeg, write_png8
     from impasto.overview import overview
     from impasto.report import report, status_counts, write_report
 
@@ -110,12 +118,22 @@ def fit(
         raise CycloptsError(
             msg="--illuminant is the light for the sensitivities of a camera: it needs --camera"
         )
-    if system != "impasto" and camera is None:
+    if system not in {"impasto", LAFORTUNE} and camera is None:
         raise CycloptsError(msg=f"--system {system} estimates spectra: it needs --camera")
-    steps: dict[str, Any] = {"extraction": extraction, "joint": joint, "index": index}
+    steps: dict[str, Any] = {
+        "extraction": extraction,
+        "peak": peak,
+        "joint": joint,
+        "index": index,
+    }
     gloss = Gloss() if gloss is None else gloss
     gloss.check(system=system, camera=camera, steps=steps)
-    every = steps | {"method": method, "estimator": estimator, "effort": effort}
+    every = steps | {
+        "highlights": highlights,
+        "method": method,
+        "estimator": estimator,
+        "effort": effort,
+    }
     chosen = {name: value for name, value in every.items() if value is not None}
     procedure = replace(systems.get(system), **chosen)
     own = gloss.options(procedure, camera=camera, steps=steps)
@@ -146,10 +164,12 @@ def fit(
             stages.say(f"  {'':14}[dim]{panel}[/]")
         with stages.stage("files") as stage:
             write_maps(folder, sbrdf, reflectance)
-            if reflectance is not None:
+            if system != "impasto":
                 images = procedure.render(sbrdf, reflectance, threads=threads)
                 for name, image in images.items():
                     image.save(folder / f"{name}.png")
+                for name, drawn in figures(procedure, photographs, sbrdf, reflectance).items():
+                    write_png8(folder / f"{name}.png", drawn)
             sheet = overview(
                 sbrdf, reflectance=reflectance, title=painting_name(stack), threads=threads
             )
