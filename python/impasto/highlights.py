@@ -19,7 +19,8 @@ def reconstruct_highlights(stack: Stack) -> Stack:
     the colour of another photograph of the same pixel, the brightest in which no band is clipped.
     It is scaled to the bands that are not clipped. This assumes that a highlight has the colour of
     that photograph. The colour of the paint is part of it, so the error is largest where saturated
-    paint shines. Fits otherwise leave out samples that are clipped in any band.
+    paint shines. Lafortune lobes that are fitted to the photographs as they are give clipped
+    samples no weight, which predicts highlights better.
 
     Parameters
     ----------

@@ -58,8 +58,8 @@ class System:
     bands
         Required number of bands; None: any number.
     highlights
-        ``"censored"``: samples that are clipped in any band are left out; ``"reconstructed"``:
-        clipped bands are first replaced (:func:`impasto.reconstruct_highlights`).
+        ``"censored"``: clipped samples count as such; ``"reconstructed"``: clipped bands are first
+        replaced (:func:`impasto.reconstruct_highlights`).
     method, low, high, w1, w2, selection
         Of :func:`impasto.fit_normals`.
     albedo
