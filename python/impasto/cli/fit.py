@@ -78,8 +78,8 @@ def fit(
         The procedure of impasto, or that of one of the papers as published, with its figures;
         the Tominaga systems need --camera. The options below change single steps.
     highlights
-        Fit clipped samples as such (censored; impasto), or replace clipped bands from those that are
-        not clipped (reconstructed; snel-lafortune).
+        Fit clipped samples as such (censored; impasto), or replace clipped bands from those that
+        are not clipped (reconstructed; snel-lafortune).
     method
         How highlights and shadows are excluded from the fit of normals; impasto: robust.
     extraction
