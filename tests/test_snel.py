@@ -231,6 +231,13 @@ def test_the_system_is_one_option_of_every_command(
         assert pictures[0].std() > 5
         assert (pictures[0] == pictures[1]).all()
         assert (pictures[0] == pictures[2]).all()
+    repaired = tmp_path / "repaired.csv"
+    words_of = ["doctor", str(shot), *read[:-1], "--json", "--write"]
+    main([*words_of, str(repaired)])
+    found, listed = read_lights(repaired), read_lights(shot / "lights.csv")
+    np.testing.assert_array_equal(found.views, listed.views)
+    assert main([*words_of, str(tmp_path / "repaired.lp")]) == 1
+    assert "ends in .csv" in capsys.readouterr().err
     censored = ["--highlights", "censored", *read, *words]
     assert main(["fit", str(shot), "--out", str(tmp_path / "censored"), *censored]) == 0
     other = impasto.load_sbrdf(tmp_path / "censored" / "sbrdf.npz")
