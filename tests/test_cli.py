@@ -402,7 +402,7 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         (
             "render {tmp} --exposure 0 --out {out}.png",
             1,
-            "--exposure: expected a positive factor, found 0",
+            '--exposure: expected a positive factor or "maximum", found 0',
         ),
         ("render {tmp} --adaptation 3 --out {out}.png", 1, "--adaptation"),
         ("render {tmp} --pitch -1 --out {out}.png", 1, "--pitch"),

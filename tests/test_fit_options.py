@@ -17,16 +17,17 @@ VALUES: dict[str, Any] = {
     "lobes": 1,
     "ambient": True,
     "extraction": "residual",
+    "peak": True,
     "joint": True,
     "index": 1.45,
 }
 """Values that are good where the option is: none is refused for itself."""
 
 FITS = [
-    ({}, {"segments", "lobes", "ambient", "extraction", "joint", "index"}),
+    ({}, {"segments", "lobes", "ambient", "extraction", "peak", "joint", "index"}),
     ({"pooling": "none"}, set()),
-    ({"pooling": "painting"}, {"extraction", "joint", "index"}),
-    ({"pooling": "segment"}, {"segments", "extraction", "joint", "index"}),
+    ({"pooling": "painting"}, {"extraction", "peak", "joint", "index"}),
+    ({"pooling": "segment"}, {"segments", "extraction", "peak", "joint", "index"}),
     ({"pooling": "pixel"}, {"lobes", "ambient", "index"}),
     ({"model": "lafortune"}, {"lobes"}),
     ({"model": "lafortune", "pooling": "pixel"}, {"lobes"}),

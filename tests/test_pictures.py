@@ -148,3 +148,47 @@ def test_a_strip_of_pixels_makes_a_sheet_of_ordinary_size(shape: tuple[int, int]
     panel = pictures.ramp_panel(np.zeros(shape), "strip")
     sheet = pictures.contact_sheet([panel, panel])
     assert sheet.shape[0] * sheet.shape[1] < 3_000_000
+
+
+# Diagrams --------------------------------------------------------------------------------------
+
+
+def test_a_line_lies_where_its_axes_say() -> None:
+    line = pictures.Series("", [(0.0, 0.5), (10.0, 0.5)], (255, 0, 0))
+    dot = pictures.Series("", [(5.0, 0.9)], (0, 255, 0), dots=True)
+    panel = pictures.diagram_panel([line, dot], "", x=(0.0, 10.0), y=(0.0, 1.0), size=(200, 300))
+    red = np.argwhere((panel.picture == (255, 0, 0)).all(axis=-1))
+    green = np.argwhere((panel.picture == (0, 255, 0)).all(axis=-1))
+    # The axes run from 10 above the bottom to 14 below the top, from 44 to 12 before the right.
+    assert abs(red[:, 0].mean() - (190 + 14) / 2) <= 1
+    assert abs(red[:, 1].min() - 44) <= 1
+    assert abs(red[:, 1].max() - 288) <= 1
+    np.testing.assert_allclose(green.mean(axis=0), [190 - 0.9 * 176, 44 + 0.5 * 244], atol=1)
+    with pytest.raises(ArgumentError, match="ranges that rise"):
+        pictures.diagram_panel([line], "", x=(1.0, 1.0), y=(0.0, 1.0))
+
+
+def test_bars_are_as_high_as_their_values() -> None:
+    bars = [("red", 0.5, (255, 0, 0)), ("green", 1.0, (0, 255, 0))]
+    picture = pictures.bar_panel(bars, "").picture
+    heights = [int((picture == colour).all(axis=-1).any(axis=1).sum()) for _, _, colour in bars]
+    assert heights[1] == 460 - 80
+    # Half of an even number of rows.
+    assert heights[0] == heights[1] // 2
+
+
+def test_needles_point_where_the_normals_lean() -> None:
+    normal = np.zeros((3, 10, 10))
+    normal[0], normal[1], normal[2] = 0.6, 0.3, np.sqrt(1.0 - 0.45)
+    normal[:, :5] = np.nan
+    panel = pictures.needle_panel(normal, "", needles=1, gain=0.5)
+    # One needle from the middle: right by 0.6 and up by 0.3, half the width long at most.
+    amber = np.argwhere((panel.picture == (232, 161, 90)).all(axis=-1)).mean(axis=0)
+    np.testing.assert_allclose(amber, 230.0, atol=1)
+    light = np.argwhere(panel.picture.min(axis=-1) > 180)
+    assert abs(light[:, 1].max() - (230 + 0.5 * 0.6 * 460)) <= 2
+    assert abs(light[:, 0].min() - (230 - 0.5 * 0.3 * 460)) <= 2
+    unknown = pictures.needle_panel(np.full((3, 10, 10), np.nan), "")
+    assert unknown.picture.std(axis=(0, 1)).max() == 0.0
+    with pytest.raises(ArgumentError, match="normal: expected"):
+        pictures.needle_panel(np.zeros((2, 4, 4)), "")

@@ -153,6 +153,33 @@ def test_adaptation_moves_white_and_the_exposure_keeps_it_in_gamut() -> None:
     assert image.exposure == pytest.approx(0.728, abs=2e-3)
 
 
+@pytest.mark.parametrize("view", [(0.0, 0.0, 1.0), (0.64, 0.0, 0.77)])
+@pytest.mark.parametrize("background", [(0.0, 0.0, 0.0), (0.2, 0.1, 0.3)])
+def test_the_largest_y_of_the_picture_can_be_white(view: Any, background: Any) -> None:
+    painting = surface()
+    painting.normal[:, 4, 6] = np.nan
+    scene = {"lights": [PAPER_LIGHT], "view": view, "background": background}
+    image = lit(painting, Scene(exposure="maximum", **scene))
+    usual = lit(painting, Scene(exposure=1.0, **scene))
+    # "Let Y_W and Y_max be the maximum Y value in an image and the maximum luminance in the
+    # monitor" (six-band paper): of the painting, not of what is behind it.
+    highest = usual.xyz[1][usual.coverage == 1.0].max()
+    assert image.exposure == pytest.approx(1.0 / highest, rel=1e-6)
+    given = lit(painting, Scene(exposure=image.exposure, **scene))
+    # The background is added after the light or with it: one rounding of single precision.
+    np.testing.assert_allclose(image.xyz, given.xyz, rtol=2e-7, atol=2e-7 * highest)
+    np.testing.assert_array_equal(image.coverage, given.coverage)
+    assert np.abs(image.display.astype(int) - given.display.astype(int)).max() <= 1
+
+
+def test_a_black_picture_has_an_exposure() -> None:
+    painting = surface(beta=0.0, gamma=0.1)
+    painting.diffuse = np.zeros_like(painting.diffuse)
+    image = lit(painting, Scene([PAPER_LIGHT], exposure="maximum"))
+    assert image.exposure == 1.0
+    assert image.display.max() == 0
+
+
 def test_holes_show_the_background_and_nothing_else_changes() -> None:
     painting, holed = surface(), surface()
     hole = np.zeros(SIZE, bool)
@@ -263,6 +290,7 @@ def test_one_band_is_grey() -> None:
         ({"adaptation": 0.5}, "camera: without"),
         ({"adaptation": 1.5}, "adaptation: expected"),
         ({"exposure": 0.0}, "exposure: expected"),
+        ({"exposure": "largest"}, "exposure: expected"),
         ({"illuminant": ["A", "A"]}, "illuminant: expected one per light"),
         ({"background": (2.0, 0, 0)}, "background: expected"),
         ({"display": "crt"}, "display: expected"),

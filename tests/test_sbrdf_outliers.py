@@ -62,7 +62,7 @@ def test_a_lamp_in_the_frame_does_not_decide() -> None:
     assert found.gamma == pytest.approx(usual.gamma, rel=0.1)
 
 
-@pytest.mark.parametrize("extraction", ["residual", "maximum", "papers"])
+@pytest.mark.parametrize("extraction", ["residual", "maximum", "papers", "printed"])
 @pytest.mark.parametrize("value", [1e6, 1e25, 1e30])
 def test_one_wild_sample_leaves_the_separate_fit_alone(value: float, extraction: str) -> None:
     samples = photographs(7).copy()
@@ -76,7 +76,7 @@ def test_one_wild_sample_leaves_the_separate_fit_alone(value: float, extraction:
 
 
 @pytest.mark.parametrize("level", [0.3, 1.0])
-@pytest.mark.parametrize("extraction", ["residual", "maximum", "papers"])
+@pytest.mark.parametrize("extraction", ["residual", "maximum", "papers", "printed"])
 def test_case_27_constant_photographs_show_no_highlight(level: float, extraction: str) -> None:
     found = fit(np.full((24, 3, *SIZE), level, np.float32), joint=False, extraction=extraction)
     assert (found.verdict, found.beta) == ("no-highlight", 0.0)

@@ -422,11 +422,11 @@ def test_one_varnish_is_described_and_three_are_not(plain: impasto.PooledSbrdf) 
 def test_extractions_start_from_different_samples_and_end_alike(plain: impasto.PooledSbrdf) -> None:
     stack = stack_of(photographs())
     starts = set()
-    for extraction in ("residual", "maximum", "papers"):
+    for extraction in ("residual", "maximum", "papers", "printed"):
         fitted = impasto.fit_sbrdf(stack, extraction=extraction)
         starts.add(tuple(fitted.path[0]))
         assert fitted.beta == pytest.approx(plain.beta, rel=1e-3)
-    assert len(starts) == 3
+    assert len(starts) == 4
 
 
 def test_the_papers_procedure_keeps_the_normals_of_stereo() -> None:
@@ -440,7 +440,13 @@ def test_the_papers_procedure_keeps_the_normals_of_stereo() -> None:
 
 # Learn, then apply -----------------------------------------------------------------------------
 
-POOLED: Any = {"extraction": "residual", "index": 1.45, "threads": 2, "progress": False}
+POOLED: Any = {
+    "extraction": "residual",
+    "peak": False,
+    "index": 1.45,
+    "threads": 2,
+    "progress": False,
+}
 MAPS = ("normal", "diffuse", "residual", "sigma", "misfit", "status")
 
 

@@ -205,6 +205,8 @@ def test_refusals(painting: simulate.Painting) -> None:
         ({"bits": 17}, "bits"),
         ({"exposure": 0.0}, "exposure"),
         ({"frames": 0}, "frames"),
+        ({"sensitivity": (1.0, 0.5)}, "sensitivity"),
+        ({"sensitivity": (1.0, 0.5, 0.0)}, "sensitivity"),
         ({"encoding": "log"}, "encoding"),
     ):
         with pytest.raises(ArgumentError, match=f"^{name}:"):

@@ -33,6 +33,7 @@ from impasto.fit.sbrdf import fit_sbrdf, load_sbrdf
 from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.fit.strengths import Strengths, fit_strengths
 from impasto.height import cast_shadows, integrate_normals
+from impasto.highlights import reconstruct_highlights
 from impasto.io import read_stack
 from impasto.level import Level, find_level
 from impasto.refinement import RigRefinement
@@ -96,6 +97,7 @@ __all__ = [
     "load_learned",
     "load_sbrdf",
     "read_stack",
+    "reconstruct_highlights",
     "refine_rig",
     "render",
     "suggest_effort",

@@ -92,6 +92,7 @@ def learn_pooled(
     start: StartArguments,
     maps: PooledMaps | None,
     extraction: str,
+    peak: bool,
     joint: bool,
     index: float,
     pixels: int,

@@ -261,7 +261,9 @@ def render(
     relief = _relief(lit, height, pitch, threads) if scene.shadows else None
 
     diffuse, interface, which, white = _colours(scene, reflectance, len(lit.diffuse))
-    exposure = scene.exposure
+    # The largest Y is known when the picture is.
+    unknown = isinstance(scene.exposure, str)
+    exposure = 1.0 if isinstance(scene.exposure, str) else scene.exposure
     if exposure is None:
         exposure = white_scale_of(white, scene.display).scale
     to_display = exposure * scene.display.linear_from_xyz
@@ -269,7 +271,8 @@ def render(
     whole = Rig(scene.lights, views=eye, pitch_mm=pitch, origin=lit.origin)
     rig = whole.here
     lit = _with_ambient_of(lit, scene, rig)
-    background = np.linalg.solve(to_display, np.asarray(scene.background))
+    behind = np.zeros(3) if unknown else np.asarray(scene.background)
+    background = np.linalg.solve(to_display, behind)
     arguments = SceneArguments(
         rig=RigArguments.of(rig),
         intensity=rig.intensities,
@@ -286,6 +289,11 @@ def render(
         if extra is not None:
             # Colours without spectra have one matrix for all lights.
             xyz += wait_for(_xyz_of, diffuse[0], extra)
+    if unknown:
+        exposure = _exposure_of_maximum(xyz, coverage)
+        to_display = exposure * scene.display.linear_from_xyz
+        light = np.linalg.solve(to_display, np.asarray(scene.background)).astype(np.float32)
+        xyz += light[:, None, None] * (1.0 - coverage)
     matrix = np.ascontiguousarray(to_display.T)
     linear = _core.linear_from_bands(xyz, matrix, workers)
     display, below, above = _core.display_from_bands(xyz, matrix, _table(scene.display), 8, workers)
@@ -386,6 +394,13 @@ def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:
 def _xyz_of(matrix: NDArray[Any], extra: NDArray[np.float32]) -> NDArray[np.float32]:
     """Light of bands in XYZ; the background stays as it is."""
     return np.tensordot(matrix.T.astype(np.float32), np.nan_to_num(extra, nan=0.0), axes=1)
+
+
+def _exposure_of_maximum(xyz: NDArray[np.float32], coverage: NDArray[np.float32]) -> float:
+    """The factor at which the largest Y of the picture is that of the display's white."""
+    luminance = xyz[1][coverage > 0.0]
+    highest = float(luminance.max(initial=0.0))
+    return 1.0 / highest if highest > 0.0 else 1.0
 
 
 def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:

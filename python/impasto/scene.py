@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 from numpy.typing import ArrayLike
 
@@ -45,8 +45,10 @@ class Scene:
         ``"srgb"``, ``"display-p3"`` or a :class:`impasto.colour.Display`.
     exposure
         Factor on all light before the display: a white board in full light has Y = ``exposure``.
-        None: the largest at which a white board facing all lights together clips no channel; the
-        picture reports it.
+        None: the largest at which a white board facing all lights together clips no channel.
+        ``"maximum"``: the largest Y of the picture becomes that of the display's white, ``Y_W =
+        Y_max`` of the six-band paper; one bright highlight then darkens the whole picture. The
+        picture reports the factor.
     shadows
         Include cast shadows of the relief.
     background
@@ -76,7 +78,7 @@ class Scene:
     adaptation_mode: Mode
     reference: Any
     display: Display
-    exposure: float | None
+    exposure: float | Literal["maximum"] | None
     shadows: bool
     background: tuple[float, float, float]
 
@@ -90,7 +92,7 @@ class Scene:
         adaptation_mode: Mode = "planck",
         reference: Any = "D65",
         display: Display | str = "srgb",
-        exposure: float | None = None,
+        exposure: float | Literal["maximum"] | None = None,
         shadows: bool = False,
         background: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
@@ -119,8 +121,8 @@ class Scene:
             raise ArgumentError(
                 f'adaptation_mode: expected "planck" or "anchored", found {adaptation_mode!r}'
             )
-        if exposure is not None:
-            positive(exposure, "exposure", "a positive factor or None")
+        if exposure is not None and not (isinstance(exposure, str) and exposure == "maximum"):
+            positive(exposure, "exposure", 'a positive factor or "maximum" or None')
         fill = numbers(background, "background", "three numbers, 0 to 1")
         if fill.shape != (3,) or not ((fill >= 0) & (fill <= 1)).all():
             raise ArgumentError(f"background: expected three numbers, 0 to 1, found {background}")

@@ -91,7 +91,7 @@ impl From<LearnedLobe> for Learned {
 /// One lobe for the whole painting, from the maps of photometric stereo; `maps` are filled if given.
 #[pyfunction]
 #[pyo3(signature = (
-    stack, start, maps, extraction, joint, index, pixels, threads, progress
+    stack, start, maps, extraction, peak, joint, index, pixels, threads, progress
 ))]
 #[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.pooled")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
@@ -101,6 +101,7 @@ pub(crate) fn learn_pooled(
     start: StartArguments<'_>,
     mut maps: Option<PooledMapArrays<'_>>,
     extraction: &str,
+    peak: bool,
     joint: bool,
     index: f64,
     pixels: usize,
@@ -112,12 +113,13 @@ pub(crate) fn learn_pooled(
         "residual" => Extraction::Residual,
         "maximum" => Extraction::Maximum,
         "papers" => Extraction::Papers,
+        "printed" => Extraction::Printed,
         _ => {
             let problem = format!("there is none called {extraction:?}");
             return Err(refuse(Error::argument("extraction", problem)));
         }
     };
-    let options = PooledOptions { extraction, joint, index, pixels };
+    let options = PooledOptions { extraction, peak, joint, index, pixels };
     let decode = stack.decode();
     let samples = stack.stack(&decode).map_err(refuse)?;
     let rig = stack.rig.rig(samples.shape().height, samples.shape().width).map_err(refuse)?;

@@ -88,8 +88,13 @@ fn main() -> impasto::Result<()> {
 
     // ... then the lobe of the whole painting, with normals and colours that go with it.
     let start = Start { normal: &floats[0], diffuse: &floats[1], status: &status };
-    let options =
-        PooledOptions { extraction: Extraction::Residual, joint: true, index: INDEX, pixels: 4096 };
+    let options = PooledOptions {
+        extraction: Extraction::Residual,
+        peak: false,
+        joint: true,
+        index: INDEX,
+        pixels: 4096,
+    };
     let mut fitted = [3, BANDS, 1, 1, 1].map(|planes| vec![0.0; planes * PIXELS]);
     let [fitted_normal, fitted_diffuse, residual, sigma, misfit] = &mut fitted;
     let mut out = PooledMapsMut {

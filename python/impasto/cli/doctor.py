@@ -45,12 +45,14 @@ def doctor(
     stack
         Light file (.lp) beside its photographs, a folder of both, or an .npz.
     write
-        Write a light file (.lp) with corrected directions, without photographs that occur twice.
+        Write a light file (.lp; .csv with views) with corrected directions, without photographs
+        that occur twice.
     json
         Print JSON for programs.
     """
     from impasto.doctor import examine, kept_observations, repaired_directions
     from impasto.io import write_lights
+    from impasto.rig import Rig
 
     if write is not None and write.exists():
         raise ArgumentError(f"--write: {write} already exists; choose another name")
@@ -69,7 +71,8 @@ def doctor(
     if write is not None:
         kept = kept_observations(diagnosis)
         right = repaired_directions(photographs, diagnosis)[kept]
-        write_lights(write, right, [photographs.names[index] for index in kept])
+        rig = Rig(right, views=photographs.rig.views[kept])
+        write_lights(write, rig, [photographs.names[index] for index in kept])
     return Exit.OK if diagnosis.usable else Exit.USER_ERROR
 
 

@@ -13,7 +13,7 @@ from impasto._internal.checks import refractive_index
 from impasto.cli.checking import refuse_faults
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
-from impasto.cli.gloss import Gloss, with_labels
+from impasto.cli.gloss import LAFORTUNE, Gloss, with_labels
 from impasto.cli.measuring import measured
 from impasto.cli.options import Flag, SomeWhole, check_threads
 from impasto.cli.photographs import Reading
@@ -24,7 +24,7 @@ from impasto.fit.normals import Method
 from impasto.fit.options import takers
 from impasto.fit.pooled import Extraction
 from impasto.fit.reflectance import Estimator
-from impasto.systems import Name
+from impasto.systems import Highlights, Name
 
 if TYPE_CHECKING:
     from impasto.fit.result import Sbrdf
@@ -43,8 +43,10 @@ def fit(
     refine: Annotated[bool | None, Parameter(negative="--no-refine")] = None,
     strengths: Flag = False,
     system: Name = "impasto",
+    highlights: Highlights | None = None,
     method: Method | None = None,
     extraction: Extraction | None = None,
+    peak: Annotated[bool | None, Parameter(negative="--no-peak")] = None,
     joint: Annotated[bool | None, Parameter(negative="--no-joint")] = None,
     index: float | None = None,
     effort: Preset | None = None,
@@ -78,12 +80,17 @@ def fit(
         lamps that were not measured, hand-held or in a dome; uses lobes per pixel (--lobes of
         --pooling pixel, else 2).
     system
-        The procedure of impasto, or that of one of the papers as published, with its pictures;
-        those need --camera. The options below change single steps.
+        The procedure of impasto, or that of one of the papers as published, with its figures;
+        the Tominaga systems need --camera. The options below change single steps.
+    highlights
+        Fit clipped samples as such (censored; impasto), or replace clipped bands from those that
+        are not clipped (reconstructed; snel-lafortune).
     method
         How highlights and shadows are excluded from the fit of normals; impasto: robust.
     extraction
         Which samples the first estimate of the gloss uses; impasto: residual.
+    peak
+        The first estimate uses only samples near the peak of the highlight, as the RGB paper does.
     joint
         Fit normals, colours and gloss together to all samples; the papers do not.
     index
@@ -107,8 +114,9 @@ def fit(
     from impasto import systems
     from impasto.cli.folder import REPORT, result_folder
     from impasto.cli.maps import write_maps
+    from impasto.figures import figures
     from impasto.fit.rig_refinement import refinable
-    from impasto.io import write_jpeg
+    from impasto.io import write_jpeg, write_png8
     from impasto.overview import overview
     from impasto.report import report, status_counts, write_report
 
@@ -116,12 +124,22 @@ def fit(
         raise CycloptsError(
             msg="--illuminant is the light for the sensitivities of a camera: it needs --camera"
         )
-    if system != "impasto" and camera is None:
+    if system not in {"impasto", LAFORTUNE} and camera is None:
         raise CycloptsError(msg=f"--system {system} estimates spectra: it needs --camera")
-    steps: dict[str, Any] = {"extraction": extraction, "joint": joint, "index": index}
+    steps: dict[str, Any] = {
+        "extraction": extraction,
+        "peak": peak,
+        "joint": joint,
+        "index": index,
+    }
     gloss = Gloss() if gloss is None else gloss
     gloss.check(system=system, steps=steps)
-    every = steps | {"method": method, "estimator": estimator, "effort": effort}
+    every = steps | {
+        "highlights": highlights,
+        "method": method,
+        "estimator": estimator,
+        "effort": effort,
+    }
     chosen = {name: value for name, value in every.items() if value is not None}
     procedure = replace(systems.get(system), **chosen)
     own = gloss.options(procedure, steps=steps)
@@ -157,10 +175,12 @@ def fit(
             stages.say(f"  {'':14}[dim]{panel}[/]")
         with stages.stage("files") as stage:
             write_maps(folder, sbrdf, reflectance)
-            if reflectance is not None:
+            if system != "impasto":
                 images = procedure.render(sbrdf, reflectance, threads=threads)
                 for name, image in images.items():
                     image.save(folder / f"{name}.png")
+                for name, drawn in figures(procedure, photographs, sbrdf, reflectance).items():
+                    write_png8(folder / f"{name}.png", drawn)
             sheet = overview(
                 sbrdf, reflectance=reflectance, title=painting_name(stack), threads=threads
             )

@@ -13,6 +13,7 @@ from impasto.cli.options import SomeWhole
 from impasto.errors import ArgumentError
 from impasto.fit.lobes import lobe_count
 from impasto.fit.options import FitKind, Model, Pooling, fit_kind, fit_kinds, takers
+from impasto.systems import Name
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from impasto.systems import System
 
 GROUP = Group("Gloss", sort_key=2)
+
+LAFORTUNE: Name = "snel-lafortune"
+"""The system whose model is ``"lafortune"``."""
 
 
 @Parameter(name="*", group=GROUP)
@@ -65,9 +69,10 @@ class Gloss:
                 msg=f"{word} needs --segments, a picture in which every segment has its own "
                 "grey or colour"
             )
-        if system != "impasto" and kind.chosen != ("pooling", "painting"):
+        own = ("model", "lafortune") if system == LAFORTUNE else ("pooling", "painting")
+        if system != "impasto" and kind.chosen != own:
             raise CycloptsError(
-                msg=f"{word} excludes --system: the papers have one gloss per painting"
+                msg=f"{word} excludes --system {system}: its paper has one gloss per painting"
             )
 
     def is_open(self, *, system: str, steps: dict[str, Any]) -> bool:
@@ -90,19 +95,20 @@ class Gloss:
 
     def _kinds(self, *, system: str, steps: dict[str, Any]) -> list[FitKind]:
         """The fits among which photographs decide, or the one that the options ask for."""
-        painting = self.model == "torrance-sparrow" and system != "impasto"
+        model: Model = "lafortune" if system == LAFORTUNE else self.model
+        painting = model == "torrance-sparrow" and system != "impasto"
         own = {**self._own(), **steps}
         if self.pooling == "auto" and painting and not _others(own):
-            return [fit_kind(self.model, "painting")]
-        if self.pooling == "auto" and self.model == "lafortune":
-            return [fit_kind(self.model, "pixel")]
+            return [fit_kind(model, "painting")]
+        if self.pooling == "auto" and model == "lafortune":
+            return [fit_kind(model, "pixel")]
         try:
-            return fit_kinds(self.model, self.pooling, own)
+            return fit_kinds(model, self.pooling, own)
         except ArgumentError as error:
             if self.pooling == "auto":
                 raise CycloptsError(msg=_dashed(own)) from error
             # Each value is valid: these two exclude each other.
-            words = f"--model {self.model} excludes --pooling {self.pooling}"
+            words = f"--model {model} excludes --pooling {self.pooling}"
             raise CycloptsError(msg=words) from error
 
     def _own(self) -> dict[str, Any]:

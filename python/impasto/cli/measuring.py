@@ -36,6 +36,7 @@ def measured(
 
     if camera is not None:
         matching_camera(camera, stack.bands)
+    stack = system.prepared(stack)
     with stages.stage("normals") as stage:
         normals = system.fit_normals(stack, threads=threads, progress=stage.advance)
         stage.note = f"{system.method}; {_share_estimated(normals.status)} of the pixels"

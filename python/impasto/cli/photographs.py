@@ -126,24 +126,30 @@ def _is_number(text: str) -> bool:
 def write_photographs(folder: Path, capture: Capture) -> Stack:
     """Write a simulated session as files, and read them with :func:`impasto.read_stack`.
 
-    ``lights.lp``, ``light_intensities.txt``, one 16-bit TIFF per light and ``camera.csv``. The 12
-    bits of the sensor are the upper ones of 16, as from raw converters.
+    ``lights.lp``, or ``lights.csv`` where photographs have different views,
+    ``light_intensities.txt``, one 16-bit TIFF per photograph and ``camera.csv``. The 12 bits of
+    the sensor are the upper ones of 16, as from raw converters.
     """
     from impasto.io import read_stack, write_camera, write_lights, write_tiff16
 
     stack, camera = capture.stack, capture.truth.camera
     folder.mkdir()
-    names = [f"light{i + 1:02d}.tif" for i in range(len(stack.rig))]
+    rig = stack.rig
+    digits = max(2, len(str(len(rig))))
+    names = [f"light{i + 1:0{digits}d}.tif" for i in range(len(rig))]
     for name, codes in zip(names, stack.samples, strict=True):
         write_tiff16(folder / name, codes << TO_16_BITS, attributes={"bands": stack.bands})
-    write_lights(folder / "lights.lp", stack.rig.directions, names)
+    lights = folder / ("lights.csv" if (rig.views != rig.views[0]).any() else "lights.lp")
+    write_lights(lights, rig, names)
     write_camera(folder / "camera.csv", camera)
-    strength = stack.rig.intensities / (65535.0 * stack.scale[0] / (1 << TO_16_BITS))
-    text = "".join(f"{value!r}\n" for value in strength.tolist())
+    # One column for all bands, or one for each.
+    scale = stack.scale[:1] if (stack.scale == stack.scale[0]).all() else stack.scale
+    strength = rig.intensities[:, None] / (65535.0 * scale / (1 << TO_16_BITS))
+    text = "".join(" ".join(map(repr, row)) + "\n" for row in strength.tolist())
     (folder / "light_intensities.txt").write_text(text, encoding="utf-8")
     assert stack.saturation is not None  # the simulated sensor has 12 bits
     return read_stack(
-        folder / "lights.lp",
+        lights,
         encoding="linear",
         dark=float(stack.black[0]) * (1 << TO_16_BITS),
         saturation=float(stack.saturation[0]) * (1 << TO_16_BITS),

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from cyclopts import Parameter
+from cyclopts import CycloptsError, Parameter
 
 from impasto._internal.checks import length_mm
 from impasto.cli.console import Stages
@@ -21,6 +21,7 @@ from impasto.cli.options import (
 )
 from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError
+from impasto.systems import Name
 
 if TYPE_CHECKING:
     from impasto.render import Image
@@ -34,6 +35,7 @@ def render(
     /,
     *,
     out: Path,
+    system: Name | None = None,
     light: SeveralDirections = None,
     point: SeveralPositions = None,
     illuminant: str = "D65",
@@ -41,7 +43,7 @@ def render(
     adaptation_mode: Mode = "planck",
     display: str = "srgb",
     view: OneDirection = None,
-    exposure: float | None = None,
+    exposure: float | Literal["maximum"] | None = None,
     shadows: Flag = False,
     level: Annotated[bool | None, Parameter(negative="--no-level")] = None,
     pitch: float | None = None,
@@ -55,7 +57,11 @@ def render(
     result
         The --out folder of impasto fit or demo, or an sbrdf.npz.
     out
-        The picture: .png, .jpg or .tif (codes of the display), or .exr (linear light).
+        The picture: .png, .jpg or .tif (codes of the display), or .exr (linear light). With
+        --system the folder for its pictures.
+    system
+        Write the rendered figures of a paper, each in its own light and view, as fit --system and
+        demo --system do. The options of one picture do not apply.
     light
         Azimuth,elevation of a distant light in degrees: 90,45 is above, 180,20 is raking light from
         the left. Can be repeated. Default: 90,45.
@@ -73,8 +79,9 @@ def render(
     view
         Azimuth,elevation of the eye in degrees; default: in front, as far away as the camera was.
     exposure
-        Factor on all light; default: the largest at which a white board in full light does not
-        clip.
+        Factor on all light; maximum: the brightest pixel of the picture becomes the display's
+        white, as in the six-band paper. Default: the largest at which a white board in full light
+        does not clip.
     shadows
         Include cast shadows of the relief.
     level
@@ -92,9 +99,18 @@ def render(
     from impasto.overview import visible
     from impasto.render import checked_suffix
 
-    checked_suffix(out, "--out")
     stages = Stages(quiet=quiet)
     check_threads(threads)
+    if system is not None:
+        others = (light, point, adaptation, view, exposure, level, pitch)
+        chosen = (illuminant, adaptation_mode, display, shadows)
+        if any(value is not None for value in others) or chosen != ("D65", "planck", "srgb", False):
+            raise CycloptsError(
+                msg="--system has its own lights, views and displays: give --out and --threads only"
+            )
+        _figures(result, system, out, stages, threads)
+        return
+    checked_suffix(out, "--out")
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
     directions = light or (() if point else (Angles(90.0, 45.0),))
@@ -136,6 +152,28 @@ def render(
         image.save(out)
         stage.note = str(out)
     _tell(stages, image)
+
+
+def _figures(result: Path, system: Name, out: Path, stages: Stages, threads: int | None) -> None:
+    """The rendered figures of a paper, from a result of any of its procedures."""
+    from impasto import systems
+    from impasto.cli.maps import load_result
+
+    procedure = systems.get(system)
+    if not procedure.pictures:
+        raise CycloptsError(msg=f"--system {system} has no figures; give a light instead")
+    sbrdf, reflectance = load_result(result)
+    if procedure.estimator is not None and reflectance is None:
+        raise ArgumentError(
+            f"--system {system}: its figures need spectra, and {result} has none; fit again with "
+            "--camera"
+        )
+    with stages.stage("pictures") as stage:
+        out.mkdir(parents=True, exist_ok=True)
+        images = procedure.render(sbrdf, reflectance, threads=threads)
+        for name, image in images.items():
+            image.save(out / f"{name}.png")
+        stage.note = f"{out}: {', '.join(images)}"
 
 
 def _tell(stages: Stages, image: Image) -> None:

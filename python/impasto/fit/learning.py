@@ -202,6 +202,7 @@ def learn_sbrdf(
     lobes: int | None = None,
     ambient: bool | None = None,
     extraction: Extraction | None = None,
+    peak: bool | None = None,
     joint: bool | None = None,
     index: float | None = None,
     normals: Method | None = None,
@@ -222,8 +223,9 @@ def learn_sbrdf(
     ----------
     stack
         The whole painting, or a sample of it: a part, or the whole with a mask.
-    model, pooling, lobes, ambient, extraction, joint, index, refine, residuals, effort, threads,
-    progress
+    model, pooling, lobes, ambient, extraction, peak, joint, index
+        What is fitted, as in :func:`impasto.fit_sbrdf`.
+    refine, residuals, effort, threads, progress
         As in :func:`impasto.fit_sbrdf`. ``pooling="segment"`` has no learned model.
     normals
         The name of a method of :func:`impasto.fit_normals`; default: its own default.
@@ -245,6 +247,7 @@ def learn_sbrdf(
         "lobes": lobes,
         "ambient": ambient,
         "extraction": extraction,
+        "peak": peak,
         "joint": joint,
         "index": index,
     }

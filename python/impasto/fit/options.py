@@ -66,7 +66,7 @@ class FitKind:
         }
 
 
-_POOLED = {"extraction": "residual", "joint": True, "index": 1.45}
+_POOLED = {"extraction": "residual", "peak": False, "joint": True, "index": 1.45}
 
 KINDS = (
     FitKind("torrance-sparrow", "none", "pooling", {}),

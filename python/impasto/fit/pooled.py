@@ -27,7 +27,7 @@ from impasto.stack import Stack
 from impasto.status import Status
 from impasto.surface import Surface
 
-Extraction = Literal["residual", "maximum", "papers"]
+Extraction = Literal["residual", "maximum", "papers", "printed"]
 
 VERDICTS = ("fitted", "mixed", "no-highlight", "at-bound", "too-few")
 
@@ -67,6 +67,8 @@ class PooledSbrdf(Sbrdf):
         ``"too-few"``: no pixel that could show a highlight was estimated.
     curve
         ``(n, 3)`` the measured lobe: phi (rad), specular part over its geometry factor, samples.
+        With ``joint=False`` these are the samples that the lobe was fitted to, divided as for the
+        fit; else all samples that are not in shadow, beside the fitted normals and colours.
     path
         ``(n, 2)`` beta and gamma of each improvement, starting with the separate fit of the papers.
     describes
@@ -173,6 +175,7 @@ class PooledOptions(TypedDict):
     """Options of a pooled fit, as in :func:`impasto.fit_sbrdf`."""
 
     extraction: Extraction
+    peak: bool
     joint: bool
     index: float
     effort: Effort
@@ -238,6 +241,7 @@ def learn_pooled(
             StartArguments.of(stereo),
             maps,
             options["extraction"],
+            options["peak"],
             options["joint"],
             options["index"],
             options["effort"].pixels,

@@ -70,6 +70,7 @@ class Pooled(Common, total=False):
     """Options of a fit that pools pixels."""
 
     extraction: Extraction
+    peak: bool
     joint: bool
     index: float
 
@@ -136,6 +137,7 @@ def fit_sbrdf(
     lobes: int | None = None,
     ambient: bool | None = None,
     extraction: Extraction | None = None,
+    peak: bool | None = None,
     joint: bool | None = None,
     index: float | None = None,
     normals: Normals | Method | None = None,
@@ -198,9 +200,14 @@ def fit_sbrdf(
     extraction
         With one lobe per painting or segment: the samples of the first estimate of the lobe.
         ``"residual"`` (default): all that are not in shadow, minus the diffuse part;
-        ``"maximum"``: each pixel's brightest photograph; ``"papers"``: the same divided by its
-        geometry factor ``F G / (N.V)`` before the fit, as in the papers, whose eq. 6 and 10 contain
-        a further ``N.L`` that eq. 1 and 9 do not.
+        ``"maximum"``: each pixel's brightest photograph; ``"papers"``: the same divided by the
+        geometry factor of eq. 1 and 9, ``F G / (N.V)``, before the fit; ``"printed"``: the same
+        as eq. 10 and the text before eq. 6 print it, multiplied by ``(N.V) (N.L) / (F G)``. The
+        further ``N.L`` contradicts eq. 1 and 9, and lowers beta and gamma.
+    peak
+        With one lobe per painting or segment: whether the first estimate uses the samples of the
+        peak region only (RGB paper, section 6). The paper does not say how far it reaches; here
+        it is where the lobe exceeds half its peak, ``phi <= gamma``. Default: False, all angles.
     joint
         With one lobe per painting or segment: False stops at that estimate, with the normals and
         colours of photometric stereo, as the papers do; default: True.
@@ -243,8 +250,9 @@ def fit_sbrdf(
     ------
     ArgumentError
         An unknown name, an option that the fit does not have, an index outside 1 to 100, lobes
-        outside 1 to 3, joint or ambient neither True nor False, normals of another size, segments
-        that are no whole numbers ``(y, x)``, or with ``check`` a stack to be repaired first.
+        outside 1 to 3, joint, peak or ambient neither True nor False, normals of another size,
+        segments that are no whole numbers ``(y, x)``, or with ``check`` a stack to be repaired
+        first.
     GeometryError
         Lights that cannot determine normals.
 
@@ -265,6 +273,7 @@ def fit_sbrdf(
         "lobes": lobes,
         "ambient": ambient,
         "extraction": extraction,
+        "peak": peak,
         "joint": joint,
         "index": index,
     }
@@ -380,7 +389,7 @@ def checked_options(kind: FitKind, given: Mapping[str, Any]) -> dict[str, Any]:
         one_of(options["extraction"], get_args(Extraction), "extraction")
     if "index" in options:
         options["index"] = refractive_index(options["index"])
-    for name in ("joint", "ambient"):
+    for name in ("joint", "peak", "ambient"):
         if name in options:
             options[name] = truth(options[name], name)
     if "lobes" in options:

@@ -14,7 +14,7 @@ from impasto.io.images.write import (
 )
 from impasto.io.labels import read_labels
 from impasto.io.lights import LightFile, read_lights
-from impasto.io.lights.lp import write_lights
+from impasto.io.lights.write import write_lights
 from impasto.io.notes import Note
 from impasto.io.session.archive import write_stack
 from impasto.io.session.reader import read_stack

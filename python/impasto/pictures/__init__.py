@@ -6,6 +6,7 @@ quantities on one perceptual colour ramp, statuses in flat colours. Pixels whose
 its title and scale.
 """
 
+from impasto.pictures.diagrams import Series, bar_panel, diagram_panel, needle_panel
 from impasto.pictures.panels import (
     BACKGROUND,
     FAINT,
@@ -29,11 +30,15 @@ __all__ = [
     "STATUS_COLOURS",
     "Panel",
     "Picture",
+    "Series",
+    "bar_panel",
     "colour_panel",
     "colour_ramp",
     "contact_sheet",
     "curve_panel",
+    "diagram_panel",
     "fitted",
+    "needle_panel",
     "normal_panel",
     "ramp_panel",
     "status_panel",

@@ -55,9 +55,9 @@ def contact_sheet(
         dtype=np.uint8,
     )
     sheet[:] = BACKGROUND
-    _text(sheet, title, (margin, 52), 26, weight=500, room=sheet.shape[1] - 2 * margin)
+    draw_text(sheet, title, (margin, 52), 26, weight=500, room=sheet.shape[1] - 2 * margin)
     if subtitle:
-        _text(sheet, subtitle, (margin, 78), 15, FAINT, room=sheet.shape[1] - 2 * margin)
+        draw_text(sheet, subtitle, (margin, 78), 15, FAINT, room=sheet.shape[1] - 2 * margin)
     for index, panel in enumerate(panels):
         row, column = divmod(index, columns)
         corner = (margin + column * cell_w, top + row * cell_h)
@@ -69,18 +69,20 @@ def _set_panel(
     sheet: Picture, panel: Panel, corner: tuple[int, int], width: int, height: int, head: int
 ) -> None:
     x, y = corner
-    end = _text(sheet, panel.title, (x, y + 23), 17, weight=450, room=width)
-    _text(sheet, panel.note, (x + width, y + 23), 13, FAINT, right=True, room=x + width - end - 12)
+    end = draw_text(sheet, panel.title, (x, y + 23), 17, weight=450, room=width)
+    draw_text(
+        sheet, panel.note, (x + width, y + 23), 13, FAINT, right=True, room=x + width - end - 12
+    )
     sheet[y + head : y + head + height, x : x + width] = fitted(panel.picture, width, height)
     below = y + head + height
     if panel.bar is not None:
         ramp = colour_ramp()[np.linspace(0, 255, width).round().astype(np.uint8)]
         sheet[below + 8 : below + 13, x : x + width] = ramp
-        _text(sheet, panel.bar[0], (x, below + 30), 13, FAINT)
-        _text(sheet, panel.bar[1], (x + width, below + 30), 13, FAINT, right=True)
+        draw_text(sheet, panel.bar[0], (x, below + 30), 13, FAINT)
+        draw_text(sheet, panel.bar[1], (x + width, below + 30), 13, FAINT, right=True)
     if panel.axis is not None:
-        _text(sheet, panel.axis[0], (x, below + 18), 13, FAINT)
-        _text(sheet, panel.axis[1], (x + width, below + 18), 13, FAINT, right=True)
+        draw_text(sheet, panel.axis[0], (x, below + 18), 13, FAINT)
+        draw_text(sheet, panel.axis[1], (x + width, below + 18), 13, FAINT, right=True)
     pen, line = x, below + 21
     for name, colour in panel.classes:
         if pen > x and pen + 16 + _width(name, 13, 400) > x + width:
@@ -88,7 +90,7 @@ def _set_panel(
         if line > below + 38:  # no room for the rarest classes of a long list
             break
         sheet[line - 10 : line, pen : pen + 10] = colour
-        pen = _text(sheet, name, (pen + 16, line), 13, FAINT, room=width - 16) + 16
+        pen = draw_text(sheet, name, (pen + 16, line), 13, FAINT, room=width - 16) + 16
 
 
 def fitted(picture: Picture, width: int, height: int) -> Picture:
@@ -110,7 +112,7 @@ def fitted(picture: Picture, width: int, height: int) -> Picture:
     return cell
 
 
-def _text(
+def draw_text(
     sheet: Picture,
     text: str,
     origin: tuple[int, int],

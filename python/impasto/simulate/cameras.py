@@ -1,6 +1,8 @@
-"""The cameras of the two papers."""
+"""The cameras of the papers."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -17,14 +19,23 @@ CAMERAS = {
     "six-band": "six-band",
     "tominaga-rgb-camera": "rgb",
     "tominaga-six-band-adaptation": "six-band",
+    "snel-lafortune": "rgb",
 }
 """The cameras by their own names and by those of their rigs."""
+
+CAMERA_OPTIONS: dict[str, dict[str, Any]] = {
+    "snel-lafortune": {"sensitivity": (2.0 / 3.0, 1.0, 1.0 / 3.0), "exposure": 1.0}
+}
+"""Options of a capture that belong to the camera of a rig. "Green elements are almost three times
+more sensitive than blue", red ones "about twice" (section 4); an exposure at which green clips
+where a white board would."""
 
 
 def camera(name: str = "rgb") -> Camera:
     """A camera under a 3000 K halogen lamp.
 
-    ``"rgb"`` (or ``"tominaga-rgb-camera"``): the measured Nikon D5100 of colour-science.
+    ``"rgb"`` (or ``"tominaga-rgb-camera"``, ``"snel-lafortune"``): the measured Nikon D5100 of
+    colour-science.
 
     ``"six-band"`` (or ``"tominaga-six-band-adaptation"``): a monochrome CCD behind six filters.
     The paper's curves were never published: Gaussians at 425, 475 ... 675 nm, 50 nm wide at half

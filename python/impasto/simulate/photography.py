@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.checks import instance, is_whole, number, one_of, truth
+from impasto._internal.checks import instance, is_whole, number, numbers, one_of, truth
 from impasto.bands import Camera
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import Light, PointLight, Rig
-from impasto.simulate.cameras import CAMERAS
+from impasto.simulate.cameras import CAMERA_OPTIONS, CAMERAS
 from impasto.simulate.cameras import camera as camera_named
 from impasto.simulate.fields import Field, check_seed
 from impasto.simulate.lobes import Lobes, lobes
@@ -109,6 +109,7 @@ def capture(
     noise: bool | Noise = True,
     bits: int | None = 12,
     exposure: float = 0.6,
+    sensitivity: Sequence[float] | None = None,
     clip: bool = True,
     falloff: bool | None = None,
     shadows: bool = False,
@@ -139,6 +140,10 @@ def capture(
         Quantisation to integers, 1 to 16 bits; None: float32 samples.
     exposure
         Share of full scale that a white board facing a light of intensity 1 reaches.
+    sensitivity
+        Relative sensitivity of each band: the share of ``exposure`` that the white board reaches in
+        it, above 0 up to 1; default: 1 in every band. A less sensitive band clips later. Samples
+        are relative to the white board in any case.
     clip
         Whether light beyond full scale is clipped. False lowers ``exposure`` until the brightest
         highlight stays below 95 % of full scale.
@@ -175,11 +180,13 @@ def capture(
     diffuse = painting.reflectance_in(camera)
     gloss = lobes(painting, diffuse) if model == "lafortune" else None
     scene = _Scene(painting, rig, diffuse, gloss, shadows, forward or _default_forward)
+    share = _shares(sensitivity, camera)
     if not clip:
         brightest = max(float(scene.photograph(i).max()) for i in range(len(rig)))
         exposure = min(exposure, 0.95 / max(brightest, 1e-6))
     seed = painting.seed if seed is None else seed
     check_seed(seed)
+    gain = (exposure * share).astype(np.float32)[:, None, None]
     full = 1.0 if bits is None else float(2**bits - 1)
     linear = Encoding(encoding).curve == "linear"
     # A pedestal keeps the noise of dark samples from being clipped at 0.
@@ -188,29 +195,29 @@ def capture(
     samples = np.empty((len(rig), *diffuse.shape), dtype=dtype)
     curve = Encoding(encoding, full)
     for i in range(len(rig)):
-        exposed = scene.photograph(i) * np.float32(exposure)
+        exposed = scene.photograph(i) * gain
         if sensor:
             exposed = _noisy(exposed, sensor, frames, _noise_stream(seed, i))
         if not linear:
             coded = curve.encode(exposed)
             samples[i] = curve.decode(coded if bits is None else np.rint(coded))
         elif bits is None:
-            samples[i] = np.minimum(exposed, 1.0) / np.float32(exposure)
+            samples[i] = np.minimum(exposed, 1.0) / gain
         else:
             samples[i] = np.rint(np.clip(exposed * (full - black) + black, 0.0, full))
     common: dict[str, Any] = {"bands": camera.bands}
     if not linear:
         lit = [replace(light, intensity=light.intensity * exposure) for light in rig.lights]
         exposed_rig = rig.with_lights(lit)
+        if sensitivity is not None:
+            common["scale"] = 1.0 / share
         stack = Stack(samples, lights=exposed_rig, saturation=1.0, encoding=curve, **common)
     elif bits is None:
-        stack = Stack(
-            samples, lights=rig, saturation=float(np.float32(1.0) / np.float32(exposure)), **common
-        )
+        stack = Stack(samples, lights=rig, saturation=(np.float32(1.0) / gain).ravel(), **common)
     else:
         stack = Stack(
             samples, lights=rig, saturation=full, black=black,
-            scale=1.0 / (exposure * (full - black)),
+            scale=1.0 / (exposure * share * (full - black)),
             encoding=Encoding("linear", exposure * (full - black)), **common,
         )  # fmt: skip
     truth = Truth(
@@ -229,9 +236,13 @@ def default_capture(
 ) -> Capture:
     """The default simulation: a satin-varnished landscape, photographed with the rig of a paper.
 
-    ``options`` go to :func:`capture`.
+    ``options`` go to :func:`capture`. The camera of ``"snel-lafortune"`` is half as sensitive to
+    blue as to red and a third as sensitive as to green, and its exposure is 1.0: highlights are
+    overexposed in green first (section 4 of the paper).
     """
-    return capture(painting(seed, size), system, system, **options)
+    return capture(
+        painting(seed, size), system, system, **{**CAMERA_OPTIONS.get(system, {}), **options}
+    )
 
 
 @dataclass(frozen=True)
@@ -317,6 +328,17 @@ def _resolved(
         ]
         rig = rig.with_lights(lights)
     return rig, camera
+
+
+def _shares(sensitivity: Sequence[float] | None, camera: Camera) -> NDArray[np.float64]:
+    """``(band,)``, from above 0 to 1."""
+    count, what = len(camera.bands), "one share above 0 up to 1 for each band"
+    if sensitivity is None:
+        return np.ones(count)
+    share = numbers(sensitivity, "sensitivity", what)
+    if share.shape != (count,) or not ((share > 0.0) & (share <= 1.0)).all():
+        raise ArgumentError(f"sensitivity: expected {what} ({count}), found {sensitivity!r}")
+    return share
 
 
 def _sensor(noise: bool | Noise | None) -> Noise | None:

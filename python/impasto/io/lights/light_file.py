@@ -37,6 +37,9 @@ class LightFile:
         ``(n, 3)`` in mm where the file knows them (point lights), else None.
     intensities
         ``(n,)`` or ``(n, band)`` where the file knows them, else None.
+    views
+        ``(n, 3)`` unit vectors from the surface to the eye where the file knows them, else None:
+        one frontal view.
     pitch_mm, width_mm
         Width of a pixel / of the image on the painting, where the file knows it.
     notes
@@ -50,6 +53,7 @@ class LightFile:
     lengths: NDArray[np.float64]
     positions: NDArray[np.float64] | None = None
     intensities: NDArray[np.float64] | None = None
+    views: NDArray[np.float64] | None = None
     pitch_mm: float | None = None
     width_mm: float | None = None
     notes: tuple[Note, ...] = ()

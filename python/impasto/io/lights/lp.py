@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.files import atomic_bytes
+from impasto.errors import CorruptInputError
 from impasto.io.lights.light_file import LightFile, comma_numbers, finish, number
-from impasto.io.notes import LOG, Notebook
-from impasto.rig import Rig
-
-RELIGHT_LIMIT = 1000
-"""More lights than this are refused by relight, the most common reader of ``.lp`` files."""
+from impasto.io.notes import Notebook
 
 
 def parse_lp(text: str, path: Path, notebook: Notebook) -> LightFile:
@@ -82,49 +75,3 @@ def _entry(line: str, index: int, path: Path) -> tuple[str, list[float], bool]:
     raise CorruptInputError(
         path, f"line {index}: expected FILE X Y Z with three numbers, found {line!r}"
     )
-
-
-def write_lights(
-    path: str | Path,
-    lights: Rig | LightFile | ArrayLike,
-    names: Sequence[str] | None = None,
-) -> None:
-    """Write an ``.lp`` file that reads back to the same directions, bit for bit.
-
-    Parameters
-    ----------
-    path
-        The file to write (replaced atomically).
-    lights
-        ``(n, 3)`` directions, a :class:`~impasto.Rig` or a :class:`LightFile`.
-    names
-        The file name of each photograph; default: those of the :class:`LightFile`.
-
-    Raises
-    ------
-    ArgumentError
-        Names are missing, do not match the lights in number, or contain a line break.
-    """
-    if isinstance(lights, LightFile):
-        names = lights.names if names is None else names
-    directions: NDArray[np.float64] = (
-        lights.directions
-        if isinstance(lights, Rig | LightFile)
-        else np.asarray(lights, dtype=np.float64)
-    )
-    if directions.ndim != 2 or directions.shape[1:] != (3,) or not np.isfinite(directions).all():
-        raise ArgumentError(f"lights: expected finite (n, 3), found shape {directions.shape}")
-    if names is None or len(names) != len(directions):
-        found = "none" if names is None else str(len(names))
-        raise ArgumentError(f"names: expected {len(directions)} file names, found {found}")
-    for name in names:
-        if not name.strip() or name != name.strip() or "\n" in name or "\r" in name:
-            raise ArgumentError(f"names: {name!r} is not possible in an .lp file")
-    if len(names) > RELIGHT_LIMIT:
-        LOG.warning("%s: %d lights; relight reads at most %d", path, len(names), RELIGHT_LIMIT)
-    lines = [str(len(names))]
-    lines += [
-        f"{name} {x!r} {y!r} {z!r}"
-        for name, (x, y, z) in zip(names, directions.tolist(), strict=True)
-    ]
-    atomic_bytes(path, ("\n".join(lines) + "\n").encode("utf-8"))

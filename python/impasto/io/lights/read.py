@@ -26,7 +26,8 @@ def read_lights(
     """Read the light directions of one session.
 
     Accepts ``.lp`` in every variant met in practice, numbers as N x 3 or 3 x N text, CSV,
-    relight's ``.dome`` and ``.relight``, and AliceVision's JSON.
+    relight's ``.dome`` and ``.relight``, and AliceVision's JSON. A CSV with six numbers in a row
+    has the direction to the eye after that to the light, for photographs with a view each.
 
     Parameters
     ----------

@@ -11,8 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.lights.light_file import LightFile, comma_numbers, finish, number
+from impasto.io.lights.light_file import SHORTEST, LightFile, comma_numbers, finish, number
 from impasto.io.notes import Notebook
+
+COLUMNS = ("light_x", "light_y", "light_z")
+VIEW_COLUMNS = ("view_x", "view_y", "view_z")
+"""Header of a table that has both; headers are not read."""
+
+
+ROUNDING = 1e-12
+"""Vectors whose length differs from 1 by less have length 1."""
 
 
 def parse_text(text: str, path: Path, notebook: Notebook, layout: str | None) -> LightFile:
@@ -83,7 +91,11 @@ def _table(
 
 
 def parse_csv(text: str, path: Path, notebook: Notebook, layout: str | None) -> LightFile:
-    """CSV with or without a header, with or without a file name in the first column."""
+    """CSV with or without a header, with or without a file name in the first column.
+
+    Three numbers in a row are the direction to the light; six are that and the direction to the
+    eye.
+    """
     first = text.lstrip().splitlines()[0] if text.strip() else ""
     delimiter = max(";\t,", key=first.count)
     records = [
@@ -91,33 +103,37 @@ def parse_csv(text: str, path: Path, notebook: Notebook, layout: str | None) -> 
         for reader_line, row in enumerate(csv.reader(io.StringIO(text), delimiter=delimiter), 1)
         if any(cell.strip() for cell in row)
     ]
-    vectors: list[list[float]] = []
+    rows: list[list[float]] = []
     names: list[str] = []
     labels: list[str] = []
     commas = 0
     for position, (line, cells) in enumerate(records):
         while cells and not cells[-1]:
             cells.pop()
-        values: list[float | None] = [number(cell) for cell in cells[-3:]]
-        if len(values) == 3 and None in values:
-            repaired = comma_numbers(cells[-3:])
+        count = 6 if len(cells) > 5 else 3
+        values: list[float | None] = [number(cell) for cell in cells[-count:]]
+        if len(values) == count and None in values:
+            repaired = comma_numbers(cells[-count:])
             if repaired is not None:
                 values, commas = list(repaired), commas + 1
-        if len(values) != 3 or None in values or len(cells) > 4:
+        if len(values) != count or None in values or len(cells) > count + 1:
             if position == 0:
                 continue  # a header
             raise CorruptInputError(
-                path, f"line {line}: expected [name{delimiter}] x y z, found {cells}"
+                path,
+                f"line {line}: expected [name{delimiter}] x y z of the light, or these and x y z "
+                f"of the view, found {cells}",
             )
-        vectors.append([v for v in values if v is not None])
+        rows.append([v for v in values if v is not None])
         labels.append(f"line {line}")
-        if len(cells) == 4:
+        if len(cells) == count + 1:
             names.append(cells[0])
+    vectors, views = _lights_and_views(rows, path)
     if names and len(names) != len(vectors):
         raise CorruptInputError(path, f"{len(names)} of {len(vectors)} lines name an image")
     if commas:
         notebook.repair("comma", path, f"{commas} line(s) with decimal commas: read as points")
-    if not names and len(vectors) == 3:
+    if not names and len(vectors) == 3 and views is None:
         vectors = _table(vectors, path, layout or "rows")[0].tolist()
     return finish(
         path,
@@ -126,4 +142,26 @@ def parse_csv(text: str, path: Path, notebook: Notebook, layout: str | None) -> 
         labels,
         notebook,
         names=tuple(names) or None,
+        views=views,
     )
+
+
+def _lights_and_views(
+    rows: list[list[float]], path: Path
+) -> tuple[list[list[float]], NDArray[np.float64] | None]:
+    widths = {len(row) for row in rows}
+    if len(widths) > 1:
+        raise CorruptInputError(
+            path, "some lines have a view and others do not: give all photographs one, or none"
+        )
+    if widths != {6}:
+        return rows, None
+    views = np.array(rows, dtype=np.float64)[:, 3:]
+    lengths = np.linalg.norm(views, axis=1)
+    if not (np.isfinite(lengths) & (lengths >= SHORTEST)).all() or (views[:, 2] <= 0.0).any():
+        raise CorruptInputError(
+            path, "a direction to the eye has no length or lies behind the painting (z <= 0)"
+        )
+    # Unit vectors keep their bits.
+    lengths[np.abs(lengths - 1.0) < ROUNDING] = 1.0
+    return [row[:3] for row in rows], views / lengths[:, None]

@@ -17,7 +17,7 @@ from impasto.io.session.match import basename, match_names
 _NOT_PHOTOGRAPHS = re.compile(
     r"^(mask|white|board|flat|dark|black|ambient|ref|normals?[_-]gt)", re.I
 )
-_TEXT_LIGHTS = ("light_directions.txt", "lights.txt")
+_TEXT_LIGHTS = ("lights.csv", "light_directions.txt", "lights.txt")
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,6 +97,7 @@ def _from_file(file: LightFile, notebook: Notebook) -> ListedLights:
         file.path,
         file.names,
         file.lights,
+        views=file.views,
         intensities=file.intensities,
         pitch_mm=file.pitch_mm,
         width_mm=file.width_mm,
@@ -133,10 +134,11 @@ def build_rig(
         dx = (left + width / 2 - header.width / 2) * pitch
         dy = -(top + height / 2 - header.height / 2) * pitch
         picked = [a.seen_from(dx, dy) if isinstance(a, PointLight) else a for a in picked]
-    views: Views | None = listed.views
-    if listed.views is not None and listed.view_positions is not None:
-        places = listed.view_positions[list(kept)] - (dx, dy, 0.0)
-        views = viewpoints(listed.views[list(kept)], places)
+    views: Views | None = None
+    if listed.views is not None:
+        views = listed.views[list(kept)]
+        if listed.view_positions is not None:
+            views = viewpoints(views, listed.view_positions[list(kept)] - (dx, dy, 0.0))
     return Rig(picked, views=views, pitch_mm=pitch, refinement=listed.refinement), gains
 
 

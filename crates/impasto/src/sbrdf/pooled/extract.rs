@@ -19,10 +19,13 @@ pub enum Extraction {
     Residual,
     /// The papers' "maximum minus diffuse": each pixel's brightest observation only.
     Maximum,
-    /// The same, each divided by its geometry factor before the fit, as in eq. 6 and 10 (but by that
-    /// of eq. 1 and 9, without a further `N.L`): pixels whose highlight is weak by their geometry
-    /// count as much as the others, with noise that is larger by as much.
+    /// The same, each divided by its geometry factor before the fit, that of eq. 1 and 9,
+    /// `F G / (N.V)`: pixels whose highlight is weak by their geometry count as much as the others,
+    /// with noise that is larger by as much.
     Papers,
+    /// The same as eq. 10 and the text before eq. 6 print it, `(N.V) (N.L) / (F G)`: times a cosine
+    /// of the light that eq. 1 and 9 do not have.
+    Printed,
 }
 
 /// Share of its diffuse part below which a sample is a shadow (hard case 24).
@@ -74,7 +77,7 @@ impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
         let zero = I::F32::zero();
         let (bands, observations) = (photographs.bands, photographs.rig.observations());
         let share = I::F32::of(1.0 / bands as f64);
-        let mut found = vec![[[0.0_f32; MAX_LANES]; 4]; observations];
+        let mut found = vec![[[0.0_f32; MAX_LANES]; 5]; observations];
         let mut at = 0;
         // A tile of hundreds of photographs takes long.
         while at < tile.count && !run.cancelled() {
@@ -94,20 +97,26 @@ impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
                     sample = sample + load::<I::F32>(plane, at);
                 }
                 let sample = sample * share;
-                let lambert = diffuse * lambert::cosine(normal, towards) * irradiance;
+                let cosine = lambert::cosine(normal, towards);
+                let lambert = diffuse * cosine * irradiance;
                 let lit = sample.is_finite() & sample.ge(lambert * I::F32::of(SHADOW));
                 (sample - lambert).store(&mut found[0]);
                 I::F32::keep(lit, glint.weight * irradiance).store(&mut found[1]);
                 glint.phi_squared.store(&mut found[2]);
                 sample.store(&mut found[3]);
+                cosine.store(&mut found[4]);
             }
             for lane in 0..I::F32::WIDTH.min(tile.count - at) {
-                let mut add = |f: &[[f32; MAX_LANES]; 4]| {
-                    let (specular, weight) = (f[0][lane], f[1][lane]);
-                    if extraction == Extraction::Papers && weight > 0.0 {
-                        sink.take(specular / weight, 1.0, f[2][lane]);
-                    } else {
-                        sink.take(specular, weight, f[2][lane]);
+                let mut add = |f: &[[f32; MAX_LANES]; 5]| {
+                    let [specular, weight, phi_squared, _, cosine] = f.each_ref().map(|f| f[lane]);
+                    match extraction {
+                        Extraction::Papers if weight > 0.0 => {
+                            sink.take(specular / weight, 1.0, phi_squared);
+                        }
+                        Extraction::Printed if weight > 0.0 => {
+                            sink.take(specular / weight * cosine, 1.0, phi_squared);
+                        }
+                        _ => sink.take(specular, weight, phi_squared),
                     }
                 };
                 match extraction {
@@ -116,7 +125,7 @@ impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
                             add(found);
                         }
                     }
-                    Extraction::Maximum | Extraction::Papers => {
+                    Extraction::Maximum | Extraction::Papers | Extraction::Printed => {
                         let brightest = found
                             .iter()
                             .filter(|found| found[1][lane] > 0.0)

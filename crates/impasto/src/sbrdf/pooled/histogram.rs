@@ -22,6 +22,9 @@ pub const PHI_SQUARED_MAX: f64 = 1.0;
 /// any strength (hard case 27).
 const FAINT: f64 = 0.01;
 
+/// Steps of the search for the peak region, which changes by less and less.
+const PEAK_STEPS: usize = 16;
+
 /// Sums over the samples of each bin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram {
@@ -113,6 +116,29 @@ impl Histogram {
             .collect()
     }
 
+    /// The samples of the peak region: those at angles where the lobe that is fitted to them is above
+    /// half its peak, `phi <= gamma`. Section 6 of the RGB-camera paper fits these; it does not say
+    /// how far they reach. The search starts with all samples; where too few are left for a fit, it
+    /// stops.
+    #[must_use]
+    pub fn peak(&self) -> Self {
+        let mut region = self.clone();
+        let mut bins = BINS;
+        for _ in 0..PEAK_STEPS {
+            let found = region.fit();
+            let half = core::f64::consts::LN_2 / found.parameters[1].exp();
+            let end = ((half * (BINS as f64 / PHI_SQUARED_MAX)).ceil() as usize).min(BINS);
+            let filled = self.bins[..end].iter().filter(|bin| bin.ww > 0.0).count();
+            if end == bins || filled < 3 || found.parameters[0] == 0.0 {
+                break;
+            }
+            bins = end;
+            region = self.clone();
+            region.bins[end..].fill(Bin::default());
+        }
+        region
+    }
+
     /// The best (beta, log k) by Levenberg-Marquardt, from several starting widths.
     #[must_use]
     pub fn fit(&self) -> Outcome<f64, 2> {
@@ -186,6 +212,38 @@ mod tests {
         // Quantisation: (k width)^2 / 24 with k = 48, width 1/4096 is 6e-6.
         assert!((outcome.parameters[0] / 12.0 - 1.0).abs() < 1e-5);
         assert!((gamma / 0.12 - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn the_peak_region_ends_at_half_the_height() {
+        // A haze four times as wide lies under the highlight: all samples are fitted by a lobe that
+        // is too wide, those of the peak by a narrower one.
+        let lobe =
+            |phi: f64, gamma: f64| (-core::f64::consts::LN_2 * phi * phi / (gamma * gamma)).exp();
+        let mut histogram = Histogram::default();
+        for i in 0..200_000 {
+            let phi = (f64::from(i) * 0.618_034).fract() * 0.8;
+            let y = 10.0 * lobe(phi, 0.1) + lobe(phi, 0.4);
+            histogram.add(y as f32, 1.0, (phi * phi) as f32);
+        }
+        let gamma = |fitted: &Histogram| {
+            (core::f64::consts::LN_2 / fitted.fit().parameters[1].exp()).sqrt()
+        };
+        let region = histogram.peak();
+        let last = region.bins.iter().rposition(|bin| bin.count > 0.0).unwrap();
+        let reach = ((last + 1) as f64 / BINS as f64).sqrt();
+        // The end is that of a bin: half of 1/4096 in phi^2 is 1.2e-3 rad at 0.1.
+        assert!((reach - gamma(&region)).abs() < 1.3e-3, "{reach} {}", gamma(&region));
+        assert!(gamma(&region) < gamma(&histogram) - 1e-3);
+        // One lobe alone is found again from its peak.
+        let mut alone = Histogram::default();
+        for i in 0..200_000 {
+            let phi = (f64::from(i) * 0.618_034).fract() * 0.8;
+            alone.add(lobe(phi, 0.1) as f32, 1.0, (phi * phi) as f32);
+        }
+        assert!((gamma(&alone.peak()) / 0.1 - 1.0).abs() < 1e-5);
+        // Nothing to fit leaves nothing.
+        assert_eq!(Histogram::default().peak(), Histogram::default());
     }
 
     #[test]

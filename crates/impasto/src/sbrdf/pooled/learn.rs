@@ -29,6 +29,8 @@ use super::verdict::{DESCRIBES, Strengths, Verdict};
 pub struct PooledOptions {
     /// Which samples carry the first estimate.
     pub extraction: Extraction,
+    /// Whether only those of the peak region do: see [`Histogram::peak`].
+    pub peak: bool,
     /// Whether normals, colours and the lobe are fitted together; else the papers' separate fit.
     pub joint: bool,
     /// Index of refraction.
@@ -121,7 +123,7 @@ struct Estimate {
     /// Whether normals and colours are fitted with the lobe.
     joint: bool,
     scale_reference: ScaleReference,
-    /// The specular part beside the normals and colours of the start, where they stay.
+    /// The samples that the lobe was fitted to, where normals and colours stay those of the start.
     histogram: Option<Histogram>,
 }
 
@@ -152,13 +154,14 @@ impl Estimate {
 impl Passes<'_> {
     fn estimate(&self, begin: Begin<'_>, options: &PooledOptions) -> Result<Estimate> {
         let samples = self.extract(begin, options.extraction)?;
+        let samples = if options.peak { samples.peak() } else { samples };
         let first = samples.fit();
         if !options.joint {
-            return self.separate(begin, &first, &samples);
+            return Ok(self.separate(&first, samples));
         }
         let subset = Subset::gather(self.photographs, begin, options.pixels, self.run)?;
         if subset.len() == 0 {
-            return self.separate(begin, &first, &samples);
+            return Ok(self.separate(&first, samples));
         }
         let stack = subset.stack()?;
         let photographs = &subset.photographs(self.photographs, &stack);
@@ -169,19 +172,13 @@ impl Passes<'_> {
     }
 
     /// The lobe that was fitted to `samples`.
-    fn separate(
-        &self,
-        begin: Begin<'_>,
-        first: &Outcome<f64, 2>,
-        samples: &Histogram,
-    ) -> Result<Estimate> {
+    fn separate(&self, first: &Outcome<f64, 2>, samples: Histogram) -> Estimate {
         let lobe = CommonLobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
-        let histogram = self.extract(begin, Extraction::Residual)?;
-        let variance = first.normal.cost.max(0.0) / (histogram.count() - 2.0).max(1.0);
+        let variance = first.normal.cost.max(0.0) / (samples.count() - 2.0).max(1.0);
         let shown = samples.shows(lobe.log_sharpness);
         let covariance = (lobe.beta > 0.0 && shown && !first.deficient()[0])
             .then(|| relative(lobe, first.covariance(variance)));
-        Ok(Estimate {
+        Estimate {
             lobe,
             covariance,
             open: first.deficient()[1],
@@ -189,8 +186,8 @@ impl Passes<'_> {
             converged: first.reason.converged(),
             joint: false,
             scale_reference: self.scale_reference,
-            histogram: Some(histogram),
-        })
+            histogram: Some(samples),
+        }
     }
 
     /// The lobe that the joint search found.

@@ -127,7 +127,7 @@ fn a_pass_looks_before_every_register_of_pixels() {
 /// What a painting's fit learns, and its maps.
 fn fitted(painting: &Painting, start: &Start<'_>, joint: bool) -> (LearnedLobe, Maps) {
     let extraction = Extraction::Residual;
-    let options = PooledOptions { extraction, joint, index: 1.45, pixels: PIXELS };
+    let options = PooledOptions { extraction, peak: false, joint, index: 1.45, pixels: PIXELS };
     let mut maps = Maps::new(PIXELS);
     let (stack, rig) = (painting.stack(), &painting.rig);
     let learned = serially(|run| {

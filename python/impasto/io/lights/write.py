@@ -1,0 +1,98 @@
+"""Write light files: ``.lp``, or ``.csv`` where every photograph has its own view."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto.errors import ArgumentError
+from impasto.io.files import atomic_bytes
+from impasto.io.lights.light_file import LightFile
+from impasto.io.lights.tables import COLUMNS, VIEW_COLUMNS
+from impasto.io.notes import LOG
+from impasto.rig import FRONTAL, Rig
+
+RELIGHT_LIMIT = 1000
+"""More lights than this are refused by relight, the most common reader of ``.lp`` files."""
+
+Directions = NDArray[np.float64]
+
+
+def write_lights(
+    path: str | Path,
+    lights: Rig | LightFile | ArrayLike,
+    names: Sequence[str] | None = None,
+) -> None:
+    """Write a light file that reads back to the same directions, bit for bit.
+
+    Parameters
+    ----------
+    path
+        The file to write (replaced atomically). Any ending but ``.csv``: the ``.lp`` format, which
+        has lights only. ``.csv``: a table with a header, whose columns are the photograph, the
+        direction to the light, and the direction to the eye.
+    lights
+        ``(n, 3)`` directions, a :class:`~impasto.Rig` or a :class:`LightFile`. Of near lamps and
+        cameras, the directions from the middle of the painting.
+    names
+        The file name of each photograph; default: those of the :class:`LightFile`.
+
+    Raises
+    ------
+    ArgumentError
+        Names are missing, do not match the lights in number, or contain a line break; views that
+        an ``.lp`` file cannot hold.
+    """
+    table = Path(path).suffix.lower() == ".csv"
+    if isinstance(lights, LightFile):
+        names = lights.names if names is None else names
+    directions, views = _directions(lights)
+    if directions.ndim != 2 or directions.shape[1:] != (3,) or not np.isfinite(directions).all():
+        raise ArgumentError(f"lights: expected finite (n, 3), found shape {directions.shape}")
+    if names is None or len(names) != len(directions):
+        found = "none" if names is None else str(len(names))
+        raise ArgumentError(f"names: expected {len(directions)} file names, found {found}")
+    for name in names:
+        if not name.strip() or name != name.strip() or "\n" in name or "\r" in name:
+            raise ArgumentError(f"names: {name!r} is not possible in a light file")
+    if not table and views is not None and (views != FRONTAL).any():
+        raise ArgumentError(
+            f"path: {path} is an .lp file, which has no views; give a name that ends in .csv"
+        )
+    if table:
+        views = np.broadcast_to(FRONTAL, directions.shape) if views is None else views
+        text = _csv(names, np.hstack([directions, views]))
+    else:
+        if len(names) > RELIGHT_LIMIT:
+            message = "%s: %d lights; relight reads at most %d"
+            LOG.warning(message, path, len(names), RELIGHT_LIMIT)
+        text = _lp(names, directions)
+    atomic_bytes(path, text.encode("utf-8"))
+
+
+def _directions(lights: Any) -> tuple[Directions, Directions | None]:
+    """Of the lights and, where known, of the views."""
+    if isinstance(lights, Rig | LightFile):
+        return lights.directions, lights.views
+    return np.asarray(lights, dtype=np.float64), None
+
+
+def _lp(names: Sequence[str], directions: Directions) -> str:
+    rows = zip(names, directions.tolist(), strict=True)
+    lines = [str(len(names)), *(f"{name} {x!r} {y!r} {z!r}" for name, (x, y, z) in rows)]
+    return "\n".join(lines) + "\n"
+
+
+def _csv(names: Sequence[str], numbers: Directions) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["photograph", *COLUMNS, *VIEW_COLUMNS])
+    for name, row in zip(names, numbers.tolist(), strict=True):
+        writer.writerow([name, *map(repr, row)])
+    return text.getvalue()
