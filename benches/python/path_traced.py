@@ -7,7 +7,7 @@ Objects and painted panels are path-traced by Mitsuba 3 under 49 lights (``path_
 exposed so that half a percent of the samples are clipped, and coded as sRGB in 8 bits. Errors of
 normals are in degrees, over the pixels that lie within the surface; "sigma" is the 68 % quantile of
 the angle over 1.51 times the predicted error, 1 where the prediction is true. "dB" is the PSNR of
-12 photographs under other lights, on codes. Parts: ``objects``; ``rigs``, what a near camera, near
+12 photographs under other lights, on codes. Parts: ``fits``; ``rigs``, what a near camera, near
 lamps and uneven strengths do to panels, untold, told, and refined by ``impasto.refine_rig``.
 ``--record`` writes benches/results/path_traced.json.
 """
@@ -38,6 +38,7 @@ ANGLE = float(np.sqrt(-2.0 * np.log(0.32)))
 """68 % of the angles are within this many standard deviations of an axis."""
 UNEVEN = 0.4
 """Strengths are drawn evenly from 1 minus this to 1 plus this."""
+UNTOLD = "-uneven"
 SEED = 5
 PEERS = {"HSH, 4 terms": fitted(lambda light: hemispherical(light)[:, :4]), **WEIGHTS}
 FITS: dict[str, Callable[[impasto.Stack], Any]] = {
@@ -74,15 +75,15 @@ class Shown:
         curve = impasto.Encoding("srgb", white=255.0)
         codes = np.rint(curve.encode(one.samples * strengths[:, None, None, None]))
         held = np.rint(curve.encode(one.held * exposure))
-        told = {"near_camera": camera, "near_lamps": lamps, "strength": exposure}
+        known: dict[str, Any] = {"near_camera": camera, "near_lamps": lamps, "strength": exposure}
         stack = impasto.Stack(
             np.asarray(curve.decode(codes), np.float32),
-            lights=one.rig(one.lights, **told),
+            lights=one.rig(one.lights, **known),
             mask=one.mask,
             saturation=1.0,
             encoding=curve,
         )
-        return cls(one, stack, held.astype(np.float32), one.rig(one.held_lights, **told))
+        return cls(one, stack, held.astype(np.float32), one.rig(one.held_lights, **known))
 
     def decibels(self, coded: NDArray[Any]) -> float:
         """Mean PSNR over the photographs held out; what is not a number is black."""
@@ -106,19 +107,21 @@ def scores(shown: Shown, found: Any) -> dict[str, float]:
     }
 
 
-def fit_rows(name: str, shown: Shown) -> Iterator[dict[str, Any]]:
-    """One row for each fit and each peer."""
-    stack = shown.stack
+def fit_rows(one: Traced) -> Iterator[dict[str, Any]]:
+    """One row for each fit and each peer, with the rig as it was."""
+    shown = Shown.of(one)
+    name, stack = one.scene.name, shown.stack
     for way, fit in FITS.items():
         start = time.perf_counter()
         found = fit(stack)
-        row = {"scene": name, "fit": way, **scores(shown, found), "dB": None, "chosen": ""}
-        row["seconds"] = time.perf_counter() - start
+        seconds = time.perf_counter() - start
+        row: dict[str, Any] = {"scene": name, "fit": way, **scores(shown, found)}
+        row |= {"dB": None, "seconds": seconds, "chosen": None}
         if way in ("painting", "pixel", "auto"):
             row["dB"] = shown.predicted(found)
         if way == "auto":
             row["chosen"] = f"{found.chosen.best}{', residuals' if found.residuals else ''}"
-            row["model dB"] = shown.predicted(found, fidelity="model")
+            row["dB of the model"] = shown.predicted(found, fidelity="model")
         yield row
     coded = np.rint(stack.encode(stack.samples)).reshape(len(stack.rig), -1)
     for way, weights in PEERS.items():
@@ -130,8 +133,10 @@ def fit_rows(name: str, shown: Shown) -> Iterator[dict[str, Any]]:
 def rig_rows(one: Traced) -> Iterator[dict[str, Any]]:
     """What is told of the rig of a panel, and what is found."""
     uneven = (False, True) if one.scene.camera is None and one.scene.lamps is None else (False,)
+    if not one.scene.slope:
+        return
     for strengths in uneven:
-        name = one.scene.name + ("-uneven" if strengths else "")
+        name = one.scene.name + (UNTOLD if strengths else "")
         blind = Shown.of(one, camera=False, lamps=False, uneven=strengths)
         start = time.perf_counter()
         refined = impasto.refine_rig(blind.stack)
@@ -139,7 +144,7 @@ def rig_rows(one: Traced) -> Iterator[dict[str, Any]]:
         true = Shown.of(one)
         rigs = {
             "given": (blind.stack.rig, blind.new),
-            "refined": (refined, refined.at(blind.new)),
+            "refined": (refined, refined.at(one.held_lights)),
             "known": (true.stack.rig, true.new),
         }
         row: dict[str, Any] = {"scene": name}
@@ -147,7 +152,9 @@ def rig_rows(one: Traced) -> Iterator[dict[str, Any]]:
             stack = (true if way == "known" else blind).stack._replace(rig=rig)
             row[f"{way} stereo"] = scores(blind, impasto.fit_normals(stack))["mean"]
             found = impasto.fit_sbrdf(stack, pooling="pixel")
-            row[way], row[f"{way} dB"] = scores(blind, found)["mean"], blind.predicted(found, new)
+            row[way] = scores(blind, found)["mean"]
+            # Strengths drawn at random say nothing about those of new lamps.
+            row[f"{way} dB"] = None if strengths else blind.predicted(found, new)
         report = refined.refinement
         assert report is not None
         for what, part in (("camera", report.camera), ("lamps", report.lamps)):
@@ -163,42 +170,91 @@ def rig_rows(one: Traced) -> Iterator[dict[str, Any]]:
         }
 
 
+def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Means over objects and over panels, by fit."""
+    table = []
+    for way in (*FITS, *PEERS):
+        line: dict[str, Any] = {"fit": way}
+        for kind in ("objects", "panels"):
+            own = [
+                row
+                for row in rows
+                if row["fit"] == way and row["scene"].startswith("panel") == (kind == "panels")
+            ]
+            for column in ("mean", "median", "sigma", "dB", "seconds"):
+                known = [row[column] for row in own if row.get(column) is not None]
+                line[f"{kind} {column}"] = float(np.mean(known)) if known else None
+        table.append(line)
+    return table
+
+
+def scene_table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row for each scene: errors of normals, predicted errors, and dB of new lights."""
+    table: dict[str, dict[str, Any]] = {}
+    for row in rows:
+        line = table.setdefault(row["scene"], {"scene": row["scene"]})
+        line[f"{row['fit']} dB"] = row["dB"]
+        if row["fit"] in FITS:
+            line |= {row["fit"]: row["mean"], f"{row['fit']} sigma": row["sigma"]}
+    return list(table.values())
+
+
+def rig_table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The same rows with the distances that were accepted, None: as given."""
+    return [
+        {
+            **row,
+            "camera": row["camera found"] if row["camera accepted"] else None,
+            "lamps": row["lamps found"] if row["lamps accepted"] else None,
+            "strengths": "estimated" if row["strengths accepted"] else "as given",
+        }
+        for row in rows
+    ]
+
+
+def _place(scene: str) -> int:
+    return list(SCENES).index(scene.removesuffix(UNTOLD))
+
+
+PARTS: dict[str, Callable[[Traced], Iterator[dict[str, Any]]]] = {
+    "fits": fit_rows,
+    "rigs": rig_rows,
+}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--cache", type=Path, default=CACHE, help="folder of rendered scenes")
     parser.add_argument("--only", default="", help="scenes whose name contains this")
-    parser.add_argument("--part", choices=("objects", "rigs"), help="only this part")
-    parser.add_argument("--record", action="store_true", help="write benches/results")
+    parser.add_argument("--part", choices=PARTS, help="only this part")
+    parser.add_argument(
+        "--record",
+        action="store_true",
+        help="write benches/results/path_traced.json; scenes that are not run keep their rows",
+    )
     options = parser.parse_args()
-    if options.record and options.only:
-        parser.error("--record records all scenes: leave --only out")
     recorded = RESULTS / "path_traced.json"
-    parts = json.loads(recorded.read_text("utf-8")) if options.part and recorded.exists() else {}
+    before = json.loads(recorded.read_text("utf-8")) if recorded.exists() else {}
+    run = run_info("python benches/python/path_traced.py --record")
+    content: dict[str, Any] = {"run": run, "seed": SEED}
     scenes = [scene for scene in SCENES.values() if options.only in scene.name]
-    content: dict[str, Any] = {
-        "run": run_info("python benches/python/path_traced.py --record"),
-        "seed": SEED,
-    }
-    if options.part in (None, "objects"):
+    for part, rows_of in PARTS.items():
         rows: list[dict[str, Any]] = []
-        for scene in scenes:
-            one = traced(scene, options.cache)
-            for row in fit_rows(scene.name, Shown.of(one)):
-                rows.append(row)
-                print(json.dumps(row), flush=True)
-        content["fits"] = rows
-    if options.part in (None, "rigs"):
-        rows = []
-        for scene in scenes:
-            if scene.slope:
-                for row in rig_rows(traced(scene, options.cache)):
+        if options.part in (None, part):
+            for scene in scenes:
+                for row in rows_of(traced(scene, options.cache)):
                     rows.append(row)
                     print(json.dumps(row), flush=True)
-        content["rigs"] = rows
-        if rows:
-            show("rigs", [{k: v for k, v in row.items() if k != "report"} for row in rows])
+        # Scenes that were not run keep their rows.
+        new = {row["scene"] for row in rows}
+        known = [*(row for row in before.get(part, []) if row["scene"] not in new), *rows]
+        content[part] = sorted(known, key=lambda row: _place(row["scene"]))
+    content["scenes"] = scene_table(content["fits"])
+    content["refined"] = rig_table(content["rigs"])
+    content["summary"] = summary(content["fits"])
     if options.record:
-        print(f"\nwrote {write('path_traced.json', parts | content)}")
+        print(f"\nwrote {write('path_traced.json', content)}")
+    show("means over the scenes", content["summary"])
 
 
 if __name__ == "__main__":

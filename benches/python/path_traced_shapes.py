@@ -177,7 +177,8 @@ def panel(slope: float, pixels: int, finer: int = 3) -> tuple[Mesh, Array]:
     """A painted panel whose slopes have the given root mean square, in degrees, and its colours.
 
     Heights and colours ``(y, x, 3)`` are those of a simulated painting; heights run smoothly
-    between its pixels (Fourier interpolation), and the relief ends level at the border.
+    between its pixels (Fourier interpolation), and the relief ends level at the border. Colours are
+    rendered upside down, so that edges of colours are not those of the relief.
     """
     painting = simulate.painting(7, (pixels, pixels), varnish=None, pitch_mm=0.4)
     height = painting.height.astype(np.float64)
@@ -214,5 +215,6 @@ def panel(slope: float, pixels: int, finer: int = 3) -> tuple[Mesh, Array]:
     points = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     texture = 0.5 * (points[:, :2] + 1.0)
     mesh = Mesh(points, normal.reshape(3, -1).T, texture, faces)
-    colours = np.clip(np.moveaxis(painting.reflectance_in(simulate.camera("rgb")), 0, -1), 0.02, 0.9)
+    bands = painting.reflectance_in(simulate.camera("rgb"))
+    colours = np.clip(np.moveaxis(bands, 0, -1), 0.02, 0.9)
     return mesh, np.asarray(colours, np.float64)
