@@ -9,7 +9,7 @@ normals are in degrees, over the pixels that lie within the surface; "sigma" is 
 the angle over 1.51 times the predicted error, 1 where the prediction is true. "dB" is the PSNR of
 12 photographs under other lights, on codes. Parts: ``fits``; ``rigs``, what a near camera, near
 lamps and uneven strengths do to panels, untold, told, and refined by ``impasto.refine_rig``.
-``--record`` writes benches/results/path_traced.json.
+``--record`` writes benches/results/path_traced.json and sets the tables of docs/accuracy.md.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pages import set_tables
 from path_traced_scenes import CACHE, SCENES, Traced, traced
-from record import RESULTS, run_info, show, write
+from record import RESULTS, ROOT, run_info, show, write
 
 import impasto
 from impasto.fit.choice import psnr
@@ -54,7 +55,7 @@ FITS: dict[str, Callable[[impasto.Stack], Any]] = {
 class Shown:
     """A stack as a camera would give it, and coded photographs ``(held, band, y, x)`` to predict.
 
-    ``known`` says which rig the fit is told of: the true one, or directions alone.
+    ``new`` is the rig of those photographs.
     """
 
     truth: Traced
@@ -254,6 +255,7 @@ def main() -> None:
     content["summary"] = summary(content["fits"])
     if options.record:
         print(f"\nwrote {write('path_traced.json', content)}")
+        set_tables(ROOT / "docs" / "accuracy.md")
     show("means over the scenes", content["summary"])
 
 

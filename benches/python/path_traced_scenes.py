@@ -6,8 +6,9 @@
 Objects are seen by an orthographic camera under distant lights. Painted panels are photographed by
 four rigs: distant; with a camera at 2.78 halves of the side; with lamps at 3 halves; with both.
 Interreflection and cast shadows are in the photographs; so are the renderer's own noise and its own
-models of gloss (Trowbridge-Reitz, "GGX"), which are not those of the fit. Each scene becomes one
-``.npz`` in the cache (default: target/path_traced). Each photograph has its own seed.
+models of gloss (Trowbridge-Reitz, "GGX"; under "plastic", the diffuse part lies below an interface
+that light crosses twice), which are not those of the fit. Each scene becomes one ``.npz`` in the
+cache (default: target/path_traced). Each photograph has its own seed.
 """
 
 from __future__ import annotations
