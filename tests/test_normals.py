@@ -59,9 +59,11 @@ def angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def compare(stack: impasto.Stack, linear: np.ndarray, lights: np.ndarray, **options: Any) -> int:
     """Every pixel against the oracle; how many were too close to a threshold to compare."""
-    fit = impasto.fit_normals(stack, **options)
     method = options.pop("method", "robust")
+    learned = impasto.learn_normals(stack, selection=options.get("selection"))
+    fit = impasto.fit_normals(stack, method=method, learned=learned, **options)
     oracle_options = {k: v for k, v in options.items() if k != "threads"}
+    oracle_options["typical"] = learned.scale
     skipped = 0
     for y, x in np.ndindex(fit.status.shape):
         samples = linear[:, :, y, x].astype(np.float64)
@@ -80,8 +82,8 @@ def compare(stack: impasto.Stack, linear: np.ndarray, lights: np.ndarray, **opti
         # Single precision: sums of n products lose some 1e-7 of the largest term; the inverse
         # multiplies that by the condition number of the normal equations, which the loss's weights
         # (1e-3 at least for l1, 0 for tukey) can raise 30-fold over the square of the lights'.
-        steep = method in {"robust", "l1"}
-        reweighted = method in {"robust", "l1", "huber", "cauchy", "tukey"}
+        steep = method in {"robust", "trimmed", "l1"}
+        reweighted = method not in {"least-squares", "threshold", "rank"}
         tolerance = 1e-6 * exact.condition**2 * (30 if reweighted else 1)
         assert angle(fit.normal[:, y, x], exact.normal) < tolerance, where
         albedo = oracle.band_albedo(samples, towards, exact)

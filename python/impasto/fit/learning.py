@@ -19,7 +19,7 @@ from impasto.fit.choice import Choice
 from impasto.fit.lafortune import fit_lafortune
 from impasto.fit.learned import LearnedLobe
 from impasto.fit.lobes import HALO, LearnedLobes, LobeOptions, apply_lobes, learn_lobes
-from impasto.fit.normals import Method
+from impasto.fit.normals import LearnedNormals, Method, learn_normals
 from impasto.fit.options import FitKind, Model, Pooling, fit_kind, fit_kinds
 from impasto.fit.pooled import Extraction, apply_pooled, learn_pooled, pooled_sbrdf, without_gloss
 from impasto.fit.residuals import LearnedResiduals, apply_residuals
@@ -58,6 +58,9 @@ class LearnedModel:
         What ``pooling="auto"`` chose, and against what; None where the caller chose.
     residuals
         How residuals are kept and interpolated; None: they are not kept.
+    stereo
+        What the default of :func:`impasto.fit_normals` must know of the whole painting; None for
+        other methods.
     """
 
     model: Model
@@ -70,6 +73,7 @@ class LearnedModel:
     fit: LearnedLobe | LearnedLobes | None
     chosen: Choice | None = None
     residuals: LearnedResiduals | None = None
+    stereo: LearnedNormals | None = None
 
     def __repr__(self) -> str:
         height, width = self.extent
@@ -129,7 +133,7 @@ class LearnedModel:
         tile = window((rows, columns), size)
         wide = _widened(tile, size, self.halo)
         near = stack[wide]
-        stereo = start_normals(near, self.method, self.effort, threads, progress)
+        stereo = start_normals(near, self.method, self.effort, threads, progress, self.stereo)
         inner = _within(tile, wide)
         if isinstance(self.fit, LearnedLobes):
             maps = apply_lobes(
@@ -172,6 +176,8 @@ class LearnedModel:
         arrays |= {f"fit.{name}": array for name, array in _fit_arrays(self.fit).items()}
         arrays |= {} if self.chosen is None else self.chosen.arrays()
         arrays |= {} if self.residuals is None else arrays_of(self.residuals, "residuals.")
+        if self.stereo is not None:
+            arrays |= {f"stereo.{name}": value for name, value in asdict(self.stereo).items()}
         write_maps(path, KIND, {name: np.asarray(value) for name, value in arrays.items()})
 
 
@@ -235,8 +241,11 @@ def learn_sbrdf(
     wanted = choice is not None if residuals is None else truth(residuals, "residuals")
     size = _extent(extent, stack)
     fit: LearnedLobe | LearnedLobes | None = None
+    known = None
+    if normals in {None, "robust"}:
+        known = learn_normals(stack, effort=resolved_effort, threads=threads)
     if kind.model != "lafortune" and kind.pooling != "none":
-        stereo = start_normals(stack, normals, resolved_effort, threads, progress)
+        stereo = start_normals(stack, normals, resolved_effort, threads, progress, known)
         fit = _learned(stack, stereo, options, resolved_effort, size, threads, progress)
     return LearnedModel(
         kind.model,
@@ -249,6 +258,7 @@ def learn_sbrdf(
         fit,
         choice,
         learned_residuals(stack, kind, given, normals, threads) if wanted else None,
+        known,
     )
 
 
@@ -278,6 +288,7 @@ def load_learned(path: str | os.PathLike[str]) -> LearnedModel:
             _fit_of(kind, _part(one, "fit.")),
             Choice.of_maps(maps),
             _residuals_of(_part(one, "residuals.")),
+            _stereo_of(_part(one, "stereo.")),
         )
 
 
@@ -355,3 +366,9 @@ def _residuals_of(arrays: Mapping[str, NDArray[Any]]) -> LearnedResiduals | None
         return None
     numbers = {name: float(arrays[name]) for name in ("length", "noise", "top", "gain")}
     return LearnedResiduals(basis=arrays["basis"].astype(np.float64), **numbers)
+
+
+def _stereo_of(arrays: Mapping[str, NDArray[Any]]) -> LearnedNormals | None:
+    if not arrays:
+        return None
+    return LearnedNormals(**{name: float(array) for name, array in arrays.items()})

@@ -16,13 +16,17 @@ mod distant_system;
 mod fit;
 mod irls;
 mod lanes;
+mod learning;
 mod lights;
 mod m_estimators;
+mod m_scale;
+mod mm_estimation;
 mod problem;
 mod rejection;
 mod results;
 mod rows;
 mod samples;
+mod shrinkage;
 mod solve;
 mod sorting_network;
 mod sums;
@@ -34,8 +38,9 @@ use crate::pixels::Run;
 use crate::stack::Stack;
 
 use distant_system::DistantSystem;
+pub use learning::learn_normals;
 use problem::StereoProblem;
-pub use problem::{Method, StereoOptions};
+pub use problem::{Learned, Method, StereoOptions};
 use rejection::RejectionRule;
 use solve::determined;
 pub use solve::{CONDITION_LIMIT, ENOUGH, RANK_LIMIT};
@@ -53,6 +58,18 @@ pub fn fit_normals(
     maps: &mut NormalMaps<'_>,
     run: &Run<'_>,
 ) -> Result<()> {
+    fit(stack, rig, options, maps, None, run)
+}
+
+/// The fit, and for a sample to learn from what each of its pixels says.
+fn fit(
+    stack: &Stack<'_>,
+    rig: &Rig,
+    options: &StereoOptions,
+    maps: &mut NormalMaps<'_>,
+    statistics: Option<&mut [f32]>,
+    run: &Run<'_>,
+) -> Result<()> {
     check(stack, rig, options)?;
     let rule = options.method.rule();
     let problem = StereoProblem {
@@ -61,13 +78,14 @@ pub fn fit_normals(
         rule,
         loss: options.method.loss(),
         options: *options,
+        learns: statistics.is_some(),
         run,
         uniform: (rule == RejectionRule::All && rig.is_distant()).then(|| DistantSystem::new(rig)),
     };
     let shape = stack.shape();
     let level = run.level;
     run.for_each(
-        maps.tiles(shape.pixels(), shape.bands)?,
+        maps.tiles(shape.pixels(), shape.bands, statistics)?,
         || samples::StereoScratch::new(&problem),
         |scratch, mut tile| {
             level.run(fit::NormalFit { problem: &problem, scratch, tile: &mut tile });
@@ -100,5 +118,5 @@ fn check(stack: &Stack<'_>, rig: &Rig, options: &StereoOptions) -> Result<()> {
         let problem = format!("there are {} bands, counted from 0", shape.bands);
         return Err(Error::argument("selection", problem));
     }
-    options.method.rule().check()
+    options.check()
 }

@@ -1,0 +1,158 @@
+//! What [`Method::Robust`](super::Method) must know of a whole painting: two numbers, from a sample of its pixels.
+//!
+//! The typical scale of a pixel's residuals is the prior of empirical Bayes [@morris1983empirical]. The correlation
+//! of the residuals between each light and its nearest ones is a variogram's first point [@cressie1993]: zero or
+//! less for noise.
+
+use crate::error::{Error, Result};
+use crate::geometry::Rig;
+use crate::math::real::Part;
+use crate::math::{Real, Vec3};
+use crate::pixels::Run;
+use crate::stack::Stack;
+
+use super::lights::Lights;
+use super::problem::{Learned, Method, StereoOptions};
+use super::rows::PlaneRows;
+use super::sums::residual;
+use super::tile::NormalMaps;
+
+/// Neighbours of a light.
+const NEAREST: usize = 3;
+
+/// The nearest other lights of each light, by direction.
+#[derive(Clone, Debug)]
+pub(super) struct LightNeighbours(Vec<[usize; NEAREST]>);
+
+impl LightNeighbours {
+    pub(super) fn new(rig: &Rig) -> Self {
+        let directions: Vec<_> = rig.lights().iter().map(|l| l.direction().normalised()).collect();
+        let nearest = |k: usize| {
+            let mut others: Vec<_> = (0..directions.len()).filter(|&other| other != k).collect();
+            others.sort_by(|&a, &b| {
+                let [a, b] = [a, b].map(|other| directions[k].dot(directions[other]));
+                b.total_cmp(&a)
+            });
+            core::array::from_fn(|i| others.get(i).copied().unwrap_or(k))
+        };
+        Self((0..directions.len()).map(nearest).collect())
+    }
+}
+
+/// Sums over pairs of neighbouring lights.
+#[derive(Clone, Copy)]
+pub(super) struct PairSums<R> {
+    /// Products of both residuals.
+    products: R,
+    /// Means of their squares.
+    squares: R,
+}
+
+/// What a register of pixels says of the painting.
+#[derive(Clone, Copy)]
+pub(super) struct PixelStatistics<R> {
+    /// 1 where it says anything.
+    pub(super) known: R,
+    pub(super) scale: R,
+    pub(super) sums: PairSums<R>,
+}
+
+impl<R: Real<Scalar = f32>> PixelStatistics<R> {
+    pub(super) fn none() -> Self {
+        let zero = R::zero();
+        Self { known: zero, scale: zero, sums: PairSums { products: zero, squares: zero } }
+    }
+
+    /// `known`, scale, products and squares.
+    pub(super) fn planes(&self) -> [R; PLANES] {
+        [self.known, self.scale, self.sums.products, self.sums.squares]
+    }
+}
+
+/// Numbers per pixel.
+pub(super) const PLANES: usize = 4;
+
+/// The sums of [`PairSums`] over the used samples, in units of the brightness.
+pub(super) struct Neighbours<'a, R: Real, L> {
+    pub(super) pairs: &'a LightNeighbours,
+    pub(super) lights: &'a L,
+    pub(super) used: &'a [R::Mask],
+    pub(super) signal: PlaneRows<'a>,
+    pub(super) b: Vec3<R>,
+}
+
+impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Neighbours<'_, R, L> {
+    type Output = PairSums<R>;
+
+    #[inline(always)]
+    fn compute(self) -> PairSums<R> {
+        let Self { pairs, lights, used, signal, b } = self;
+        let per_length = b.length().recip();
+        let at = |k: usize| R::keep(used[k], residual(signal.at(k), lights.at(k), b) * per_length);
+        let (mut products, mut squares) = (R::zero(), R::zero());
+        for (k, nearest) in pairs.0.iter().enumerate() {
+            let own = at(k);
+            for &other in nearest {
+                let both = used[k] & used[other];
+                let other = R::keep(both, at(other));
+                let own = R::keep(both, own);
+                products = own.mul_add(other, products);
+                squares = own.mul_add(own, other.mul_add(other, squares));
+            }
+        }
+        PairSums { products, squares: squares * R::of(0.5) }
+    }
+}
+
+/// Learns what a fit of any part of a painting must know of the whole, from a sample of its pixels.
+///
+/// # Errors
+/// As for [`fit_normals`](super::fit_normals).
+pub fn learn_normals(
+    stack: &Stack<'_>,
+    rig: &Rig,
+    options: &StereoOptions,
+    run: &Run<'_>,
+) -> Result<Learned> {
+    if options.method != Method::Robust {
+        let problem = "only the robust method learns from a whole painting".to_owned();
+        return Err(Error::argument("method", problem));
+    }
+    let shape = stack.shape();
+    let pixels = shape.pixels();
+    let mut statistics = run.filled(0.0, PLANES * pixels)?;
+    let options = StereoOptions { learned: Learned::default(), ..*options };
+    let mut maps = NormalMaps {
+        normal: &mut run.filled(0.0, 3 * pixels)?,
+        albedo: &mut run.filled(0.0, shape.bands * pixels)?,
+        used: &mut run.filled(0, pixels)?,
+        rejected: &mut run.filled(0, 4 * pixels)?,
+        residual: &mut run.filled(0.0, pixels)?,
+        condition: &mut run.filled(0.0, pixels)?,
+        sigma: &mut run.filled(0.0, pixels)?,
+        status: &mut run.filled(0, pixels)?,
+    };
+    super::fit(stack, rig, &options, &mut maps, Some(&mut statistics), run)?;
+    // Dark and undetermined pixels say nothing.
+    let estimated = |&pixel: &usize| {
+        maps.status[pixel] < crate::maps::Status::Dark.code() && statistics[pixel] > 0.0
+    };
+    let known: Vec<usize> = (0..pixels).filter(estimated).collect();
+    let plane = |plane: usize| known.iter().map(move |&pixel| pixel + plane * pixels);
+    let mut scales: Vec<f32> = plane(1).map(|at| statistics[at]).collect();
+    scales.retain(|scale| scale.is_finite());
+    let sum = |index: usize| -> f64 {
+        plane(index).map(|at| f64::from(statistics[at])).filter(|one| one.is_finite()).sum()
+    };
+    let (products, squares) = (sum(2), sum(3));
+    let correlation = if squares > 0.0 { (products / squares).clamp(-1.0, 1.0) } else { 0.0 };
+    Ok(Learned { scale: median(&mut scales), correlation })
+}
+
+fn median(values: &mut [f32]) -> f64 {
+    let middle = values.len() / 2;
+    if values.is_empty() {
+        return 0.0;
+    }
+    f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
