@@ -91,8 +91,14 @@ def scene(seed: int, lafortune: bool) -> Scene:
 # The calls ---------------------------------------------------------------------------------------
 
 
+LEARNED = impasto.LearnedNormals(scale=0.014, correlation=0.125)
+"""Two numbers of the painting for its normals, whatever part of it is fitted."""
+
+
 def normals(method: Any) -> Callable[..., Any]:
-    return lambda stack, **options: impasto.fit_normals(stack, method=method, **options)
+    return lambda stack, **options: impasto.fit_normals(
+        stack, method=method, learned=LEARNED, **options
+    )
 
 
 def painting(stack: impasto.Stack, **options: Any) -> Any:
@@ -110,7 +116,7 @@ def pixel(stack: impasto.Stack, **options: Any) -> Any:
 
 def apart(stack: impasto.Stack, threads: int = 1, start: Origin = "multistart") -> Any:
     """The same without what is typical of the painting, and without asking other pixels."""
-    stereo = impasto.fit_normals(stack)
+    stereo = impasto.fit_normals(stack, learned=LEARNED)
     options = {
         "ambient": True,
         "index": 1.45,
@@ -128,7 +134,8 @@ def neighbours(stack: impasto.Stack, threads: int = 1) -> Any:
 
 
 def lafortune(stack: impasto.Stack, **options: Any) -> Any:
-    return impasto.fit_sbrdf(stack, model="lafortune", lobes=2, **options)
+    normals = impasto.fit_normals(stack, learned=LEARNED)
+    return impasto.fit_sbrdf(stack, model="lafortune", lobes=2, normals=normals, **options)
 
 
 BY_ITSELF = {

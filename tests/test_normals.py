@@ -193,17 +193,17 @@ def test_threads_tiles_and_pixel_order_change_nothing(method: str) -> None:
     lights = dome(11, rng)
     samples = np.concatenate([photographs(rng, lights, bands=2) for _ in range(60)], axis=2)
     samples[3, :, 100:105, 7] = np.nan
-    one = impasto.fit_normals(impasto.Stack(samples, lights=lights), method=method, threads=1)
+    whole = impasto.Stack(samples, lights=lights)
+    options: dict[str, Any] = {"method": method, "learned": impasto.learn_normals(whole)}
+    one = impasto.fit_normals(whole, method=method, threads=1)
     maps = ["normal", "albedo", "used", "rejected", "residual", "condition", "sigma", "status"]
     for threads in (2, 3, 5):
-        fit = impasto.fit_normals(
-            impasto.Stack(samples, lights=lights), method=method, threads=threads
-        )
+        fit = impasto.fit_normals(whole, method=method, threads=threads)
         for name in maps:
             assert getattr(fit, name).tobytes() == getattr(one, name).tobytes(), name
     order = rng.permutation(samples[0, 0].size)
     shuffled = samples.reshape(*samples.shape[:2], -1)[:, :, order].reshape(samples.shape)
-    fit = impasto.fit_normals(impasto.Stack(shuffled, lights=lights), method=method)
+    fit = impasto.fit_normals(impasto.Stack(shuffled, lights=lights), **options)
     for name in maps:
         here, there = getattr(fit, name), getattr(one, name)
         planes = there.reshape(*there.shape[:-2], -1)[..., order]
@@ -272,10 +272,10 @@ def test_intensities_are_divided_out() -> None:
     [
         ({"method": "median"}, "method: expected 'robust' or 'least-squares'"),
         ({"method": "rnak"}, "did you mean 'rank'"),
-        ({"low": 0.8, "high": 0.2}, "high: expected more than low = 0.8"),
-        ({"low": -0.1}, "low: expected at least 0"),
-        ({"high": 1.5}, "high"),
-        ({"low": float("nan")}, "low"),
+        ({"method": "rank", "low": 0.8, "high": 0.2}, "high: expected more than low = 0.8"),
+        ({"method": "rank", "low": -0.1}, "low: expected at least 0"),
+        ({"method": "rank", "high": 1.5}, "high"),
+        ({"method": "rank", "low": float("nan")}, "low"),
         ({"method": "threshold", "w1": -1.0}, "w1: expected a positive number, found -1"),
         ({"method": "threshold", "w2": 1.3}, "w2: expected at least 0 and less than w1 = 1.2"),
         ({"low": "dark"}, "low: expected a number, found 'dark'"),

@@ -115,6 +115,21 @@ def m_scale(residual: np.ndarray, signal: float) -> float:
     return float(start * np.sqrt(loss.sum() / (0.5 * (n - 3))))
 
 
+def biweight(
+    l: np.ndarray,  # noqa: E741
+    signal: np.ndarray,
+    b: np.ndarray,
+    s: float,
+    steps: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Steps of Tukey's biweight with c = 2 at a fixed scale."""
+    weights = np.ones(len(l))
+    for _ in range(steps):
+        weights = np.maximum(0.0, 1.0 - ((signal - l @ b) / (2.0 * s)) ** 2) ** 2
+        b = weighted(l, signal, weights)
+    return b, weights
+
+
 @dataclass
 class Evidence:
     """The robust estimate before and after shrinkage."""
@@ -146,6 +161,11 @@ def by_evidence(
         keep, margin = by_rank(relative, low, high)
         starts.append(widened(keep, rank))
         edges.append(margin)
+
+    def noise(own: float) -> float:
+        pooled = ((n - 3) * own**2 + 20 * typical**2) / (n + 17)
+        return float(np.sqrt(max(own**2, pooled)))
+
     found = []
     for keep in starts:
         b = weighted(l[keep], signal[keep], np.ones(keep.sum()))
@@ -159,19 +179,23 @@ def by_evidence(
     scales = sorted(scale for scale, _ in found)
     scale, b = min(found, key=lambda one: one[0])
     s = float(np.hypot(scale, 0.01 * length))
-    weights = np.ones(n)
-    for _ in range(steps):
-        weights = np.maximum(0.0, 1.0 - ((signal - l @ b) / (2.0 * s)) ** 2) ** 2
-        b = weighted(l, signal, weights)
-    pooled = ((n - 3) * s**2 + 20 * (typical * length) ** 2) / (n + 17)
+    b, weights = biweight(l, signal, b, s, steps)
     d = b - least
-    q = d @ (l.T * weights @ l) @ d / max(s**2, pooled)
+    q = d @ (l.T * weights @ l) @ d / noise(s / length) ** 2 / length**2
     share = max(0.0, 1.0 - (12.0 / q) ** 2) if q > 12.0 and n >= 5 and steps > 0 else 0.0
     margin = min(*edges, abs(scales[1] / scales[0] - 1), abs(q / 12.0 - 1))
     inside = np.abs(signal - l @ b) / (2.0 * s)
     margin = min(margin, np.abs(inside - 1).min())
     if share > 0 and (inside < 1).sum() < ENOUGH:
         share = 0.0
+    # One step from least squares settles pixels whose residuals are no larger than is typical.
+    own = float(((signal - l @ least) ** 2).sum() / (n - 3)) / length**2
+    if own <= 2.25 * typical**2:
+        spread = noise(np.sqrt(own + 1e-4)) * length
+        step, one = biweight(l, signal, least, spread, 1)
+        q = (step - least) @ (l.T * one @ l) @ (step - least) / spread**2
+        margin = min(margin, abs(q - 1), abs(own / (2.25 * typical**2) - 1))
+        share = 0.0 if q <= 1.0 else share
     return Evidence(least + share * d, weights, share, s / length, 2.0 * s, margin)
 
 

@@ -40,11 +40,12 @@ class LearnedNormals:
     Parameters
     ----------
     scale
-        Median over the pixels of the residuals' scale relative to the pixel's brightness.
+        Median over the pixels of the residuals' scale relative to the pixel's brightness, to four
+        binary digits.
     correlation
-        Correlation of the residuals between each light and its three nearest, -1 to 1: zero or less
-        where the residuals are noise, and up to a half where the surface is not as the model has
-        it.
+        Correlation of the residuals between each light and its three nearest, 0 to 1 in steps of
+        1/32, beyond what noise has: 0 where the residuals are noise, up to a half where the surface
+        is not as the model has it.
     """
 
     scale: float
@@ -77,7 +78,8 @@ class Normals(PixelMaps):
         by about 0.1 degree times this number.
     sigma
         ``(y, x)`` float32, predicted standard deviation of the normal along its worst axis, rad:
-        68 % of errors along that axis are smaller where the noise is normal.
+        68 % of errors along that axis are smaller where the noise is normal. With ``"robust"`` it
+        contains errors of the model, from residuals that are alike under neighbouring lights.
     status
         ``(y, x)`` uint8, see :class:`~impasto.Status`.
     method
@@ -274,9 +276,7 @@ def learn_normals(
     return _learned(stack, steps, _band(stack, selection), threads)
 
 
-def _learned(
-    stack: Stack, steps: int, band: int | None, threads: int | None
-) -> LearnedNormals:
+def _learned(stack: Stack, steps: int, band: int | None, threads: int | None) -> LearnedNormals:
     sample = StackArguments.of(subsampled_to(stack, LEARNED_PIXELS))
     scale, correlation = _core.learn_normals(sample, steps, band, thread_count(threads))
     return LearnedNormals(scale, correlation)

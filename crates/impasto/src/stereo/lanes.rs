@@ -73,7 +73,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
             },
             irls: StereoIrls::new(count),
             mm: (problem.options.method == Method::Robust)
-                .then(|| MmEstimation::new(count, problem)),
+                .then(|| MmEstimation::new(count, &problem.options)),
             learned: problem.options.learned,
             neighbours: problem.learns.then(|| LightNeighbours::new(problem.rig)),
             statistics: PixelStatistics::none(),
@@ -280,7 +280,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
         share: Option<R>,
     ) {
         let (zero, one) = (R::zero(), R::one());
-        if let [albedo] = &mut self.albedo[..] {
+        if let ([albedo], None) = (&mut self.albedo[..], share) {
             // The same number: the normal is the direction of the least-squares solution.
             *albedo = length;
             return;
@@ -319,6 +319,9 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
         let per_square = squares.recip();
         for albedo in &mut self.albedo {
             *albedo = *albedo * per_square;
+        }
+        if let ([albedo], Some(share)) = (&mut self.albedo[..], share) {
+            *albedo = R::select(share.gt(zero), *albedo, length);
         }
     }
 

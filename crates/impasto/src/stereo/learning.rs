@@ -1,7 +1,7 @@
 //! What [`Method::Robust`](super::Method) must know of a whole painting: two numbers, from a sample of its pixels.
 //!
 //! The typical scale of a pixel's residuals is the prior of empirical Bayes [@morris1983empirical]. The correlation
-//! of the residuals between each light and its nearest ones is a variogram's first point [@cressie1993]: zero or
+//! of the residuals between each light and its nearest ones shows errors of the model: zero or
 //! less for noise.
 
 use crate::error::{Error, Result};
@@ -18,11 +18,11 @@ use super::sums::residual;
 use super::tile::NormalMaps;
 
 /// Neighbours of a light.
-const NEAREST: usize = 3;
+const NEAREST: f64 = 3.0;
 
-/// The nearest other lights of each light, by direction.
+/// All other lights of each light, the nearest first.
 #[derive(Clone, Debug)]
-pub(super) struct LightNeighbours(Vec<[usize; NEAREST]>);
+pub(super) struct LightNeighbours(Vec<Vec<usize>>);
 
 impl LightNeighbours {
     pub(super) fn new(rig: &Rig) -> Self {
@@ -33,7 +33,7 @@ impl LightNeighbours {
                 let [a, b] = [a, b].map(|other| directions[k].dot(directions[other]));
                 b.total_cmp(&a)
             });
-            core::array::from_fn(|i| others.get(i).copied().unwrap_or(k))
+            others
         };
         Self((0..directions.len()).map(nearest).collect())
     }
@@ -42,7 +42,7 @@ impl LightNeighbours {
 /// Sums over pairs of neighbouring lights.
 #[derive(Clone, Copy)]
 pub(super) struct PairSums<R> {
-    /// Products of both residuals.
+    /// Products of both residuals, and what noise lacks of zero.
     products: R,
     /// Means of their squares.
     squares: R,
@@ -77,6 +77,7 @@ pub(super) struct Neighbours<'a, R: Real, L> {
     pub(super) pairs: &'a LightNeighbours,
     pub(super) lights: &'a L,
     pub(super) used: &'a [R::Mask],
+    pub(super) valid: R,
     pub(super) signal: PlaneRows<'a>,
     pub(super) b: Vec3<R>,
 }
@@ -86,21 +87,26 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Neighbours<'_, R, L> {
 
     #[inline(always)]
     fn compute(self) -> PairSums<R> {
-        let Self { pairs, lights, used, signal, b } = self;
+        let Self { pairs, lights, used, valid, signal, b } = self;
+        let (zero, one) = (R::zero(), R::one());
         let per_length = b.length().recip();
         let at = |k: usize| R::keep(used[k], residual(signal.at(k), lights.at(k), b) * per_length);
-        let (mut products, mut squares) = (R::zero(), R::zero());
-        for (k, nearest) in pairs.0.iter().enumerate() {
+        let (mut products, mut squares) = (zero, zero);
+        for (k, others) in pairs.0.iter().enumerate() {
             let own = at(k);
-            for &other in nearest {
-                let both = used[k] & used[other];
+            let mut found = zero;
+            for &other in others {
+                let both = used[k] & used[other] & found.lt(R::of(NEAREST));
+                found = found + R::keep(both, one);
                 let other = R::keep(both, at(other));
                 let own = R::keep(both, own);
                 products = own.mul_add(other, products);
                 squares = own.mul_add(own, other.mul_add(other, squares));
             }
         }
-        PairSums { products, squares: squares * R::of(0.5) }
+        let squares = squares * R::of(0.5);
+        // Residuals that satisfy three equations are correlated by -3 / n even if the noise is not.
+        PairSums { products: (R::of(3.0) / valid).mul_add(squares, products), squares }
     }
 }
 
@@ -145,8 +151,20 @@ pub fn learn_normals(
         plane(index).map(|at| f64::from(statistics[at])).filter(|one| one.is_finite()).sum()
     };
     let (products, squares) = (sum(2), sum(3));
-    let correlation = if squares > 0.0 { (products / squares).clamp(-1.0, 1.0) } else { 0.0 };
-    Ok(Learned { scale: median(&mut scales), correlation })
+    let correlation = if squares > 0.0 { (products / squares).clamp(0.0, 1.0) } else { 0.0 };
+    Ok(Learned {
+        scale: rounded(median(&mut scales)),
+        correlation: (correlation * STEPS).round() / STEPS,
+    })
+}
+
+/// Steps of the correlation. Both numbers are coarse: no pixel of a sample decides what others become.
+const STEPS: f64 = 32.0;
+
+/// The nearest number of four binary digits.
+fn rounded(value: f64) -> f64 {
+    const LOW: u64 = (1 << 49) - 1;
+    f64::from_bits((value.to_bits() + LOW.midpoint(1)) & !LOW)
 }
 
 fn median(values: &mut [f32]) -> f64 {

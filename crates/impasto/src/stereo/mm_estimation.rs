@@ -22,7 +22,7 @@ use super::irls::StereoIrls;
 use super::lights::Lights;
 use super::m_estimators::Absolute;
 use super::m_scale::ResidualScale;
-use super::problem::{Learned, StereoProblem};
+use super::problem::{Learned, StereoOptions};
 use super::rejection::Ranks;
 use super::rows::PlaneRows;
 use super::solve::{ENOUGH, Symmetric};
@@ -46,13 +46,15 @@ const PRIOR: f64 = 20.0;
 /// Least `q` that is evidence: 0.7 % of `chi^2` with three degrees of freedom lie above.
 const EVIDENCE: f64 = 12.0;
 
+/// Mean square of least squares' residuals, relative to the painting's typical, up to which one step may
+/// settle a pixel.
+const QUIET: f64 = 2.25;
+
 /// Samples without which there is no majority to follow: two more than unknowns.
 const LEAST: f64 = 5.0;
 
 pub(super) struct MmEstimation<R: Real> {
     learned: Learned,
-    /// Whether the painting's scale is what is looked for; then least squares settles no pixel.
-    learns: bool,
     steps: usize,
     ranks: Ranks<R>,
     scale: ResidualScale<R>,
@@ -96,11 +98,10 @@ pub(super) struct MmEstimate<R> {
 }
 
 impl<R: Real<Scalar = f32>> MmEstimation<R> {
-    pub(super) fn new(observations: usize, problem: &StereoProblem<'_>) -> Self {
+    pub(super) fn new(observations: usize, options: &StereoOptions) -> Self {
         Self {
-            learned: problem.options.learned,
-            learns: problem.learns,
-            steps: problem.options.steps,
+            learned: options.learned,
+            steps: options.steps,
             ranks: Ranks::new(&WINDOWS, observations),
             scale: ResidualScale::new(observations),
             chosen: vec![Mask::splat(false); observations],
@@ -109,26 +110,39 @@ impl<R: Real<Scalar = f32>> MmEstimation<R> {
         }
     }
 
-    /// Least variance of noise that step 5 may find, relative to the squared brightness: that of step 4 for
-    /// residuals of no size.
+    /// Variance of the noise, from that of the pixel's own residuals: both relative to its brightness.
     #[inline(always)]
-    fn least_variance(&self, valid: R) -> R {
+    fn pooled(&self, own: R, freedom: R) -> R {
         let typical = R::of(PRIOR * self.learned.scale * self.learned.scale);
-        let own = valid - R::of(3.0);
-        own.mul_add(R::of(FLOOR * FLOOR), typical) / (own + R::of(PRIOR))
+        let pooled = freedom.mul_add(own, typical) / (freedom + R::of(PRIOR));
+        own.max(pooled)
     }
 
-    /// Pixels that keep least squares whatever the steps find.
-    ///
-    /// As `b` solves the equations with the weights `w <= 1`, `d' A d` is at most the sum of `w r^2` for least
-    /// squares' residuals `r`: where all squares together are no evidence, `q` is none.
+    /// Pixels that keep least squares before any start is tried: those with too few samples, and those whose
+    /// residuals are no larger than is typical of the painting and in which one step of the biweight
+    /// from least squares finds nothing either.
     #[inline(always)]
-    pub(super) fn settled(&self, valid: R, least: &LeastSquares<R>) -> R::Mask {
-        let evidence = self.least_variance(valid) * R::of(EVIDENCE);
-        let relative = least.squares / least.b.length_squared();
-        // NaN where there is no light at all.
-        let quiet = !relative.gt(evidence) & Mask::splat(!self.learns);
-        quiet | valid.lt(R::of(LEAST)) | Mask::splat(self.steps == 0)
+    pub(super) fn settled<L: Lights<R>>(
+        &mut self,
+        samples: &MmSamples<'_, R, L>,
+        least: &LeastSquares<R>,
+    ) -> R::Mask {
+        let brightness = least.b.length();
+        let few = samples.valid.lt(R::of(LEAST)) | !brightness.gt(R::zero());
+        let few = few | Mask::splat(self.steps == 0);
+        let freedom = samples.valid - R::of(3.0);
+        let own = least.squares / (freedom * brightness * brightness);
+        let typical = R::of(QUIET * self.learned.scale * self.learned.scale);
+        let quiet = own.le(typical) & !few;
+        if !quiet.any() {
+            return few;
+        }
+        let noise = self.pooled(own + R::of(FLOOR * FLOOR), freedom).sqrt() * brightness;
+        let (steps, per_tuned) = (1, (noise * R::of(TUNING)).recip());
+        let step = Biweight { weights: &mut self.weights, samples, steps, per_tuned, b: least.b };
+        let (b, information) = R::apart(step);
+        let way = (b - least.b).scale(noise.recip());
+        few | (quiet & way.dot(information.times(way)).le(R::one()))
     }
 
     /// The estimate, of pixels that are not `settled`; `used` and `weights` are set for all.
@@ -145,15 +159,12 @@ impl<R: Real<Scalar = f32>> MmEstimation<R> {
         let (mut b, scale) = self.start(irls, samples, least.b);
         let relative = scale / brightness;
         let variance = relative.mul_add(relative, R::of(FLOOR * FLOOR));
-        let scale = variance.sqrt() * brightness;
-        let per_tuned = (scale * R::of(TUNING)).recip();
+        let per_tuned = (variance.sqrt() * brightness * R::of(TUNING)).recip();
+        let (steps, weights) = (self.steps, &mut self.weights);
         let information;
-        (b, information) = R::apart(Biweight { mm: self, samples, per_tuned, b });
+        (b, information) = R::apart(Biweight { weights, samples, steps, per_tuned, b });
 
-        let own = samples.valid - R::of(3.0);
-        let typical = R::of(PRIOR * self.learned.scale * self.learned.scale);
-        let pooled = own.mul_add(variance, typical) / (own + R::of(PRIOR));
-        let noise = variance.max(pooled).sqrt() * brightness;
+        let noise = self.pooled(variance, samples.valid - R::of(3.0)).sqrt() * brightness;
         let way = b - least.b;
         let deviations = way.scale(noise.recip());
         let evidence = deviations.dot(information.times(deviations));
@@ -230,10 +241,12 @@ impl<R: Real<Scalar = f32>> MmEstimation<R> {
     }
 }
 
-/// Step 3, and the information of its last weights.
+/// Step 3, and the information of its last weights; nothing where they left no determinant.
 struct Biweight<'a, R: Real, L> {
-    mm: &'a mut MmEstimation<R>,
+    weights: &'a mut [R],
     samples: &'a MmSamples<'a, R, L>,
+    steps: usize,
+    /// One over the residual from which on a sample has no weight.
     per_tuned: R,
     b: Vec3<R>,
 }
@@ -243,12 +256,12 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Biweight<'_, R, L> {
 
     #[inline(always)]
     fn compute(self) -> Self::Output {
-        let Self { mm, samples, per_tuned, mut b } = self;
+        let Self { weights, samples, steps, per_tuned, mut b } = self;
         let &MmSamples { lights, kept, signal, .. } = samples;
         let (zero, one) = (R::zero(), R::one());
         let mut information = Symmetric::zero();
         let mut followed = zero.le(zero);
-        for _ in 0..mm.steps {
+        for _ in 0..steps {
             let mut matrix = Symmetric::zero();
             let mut right = Vec3::new(zero, zero, zero);
             for (k, &kept) in kept.iter().enumerate() {
@@ -256,7 +269,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Biweight<'_, R, L> {
                 let u = residual * per_tuned;
                 let inside = (-u).mul_add(u, one).max(zero);
                 let weight = R::keep(kept, inside * inside);
-                mm.weights[k] = weight;
+                weights[k] = weight;
                 let weighted = light.scale(weight);
                 matrix.add(light, weighted);
                 right = weighted.mul_add(residual, right);
@@ -266,7 +279,6 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Biweight<'_, R, L> {
             let step = matrix.inverse().times(right);
             b = Vec3::select(followed, b + step, b);
         }
-        // Weights that left no determinant are evidence of nothing.
         (b, Symmetric::select(followed, &information, &Symmetric::zero()))
     }
 }

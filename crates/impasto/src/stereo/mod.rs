@@ -72,6 +72,8 @@ fn fit(
 ) -> Result<()> {
     check(stack, rig, options)?;
     let rule = options.method.rule();
+    // The default solves complete pixels as it does others: a photograph that counts nowhere changes no bit.
+    let one_path = options.method != Method::Robust;
     let problem = StereoProblem {
         stack,
         rig,
@@ -80,7 +82,8 @@ fn fit(
         options: *options,
         learns: statistics.is_some(),
         run,
-        uniform: (rule == RejectionRule::All && rig.is_distant()).then(|| DistantSystem::new(rig)),
+        uniform: (rule == RejectionRule::All && one_path && rig.is_distant())
+            .then(|| DistantSystem::new(rig)),
     };
     let shape = stack.shape();
     let level = run.level;

@@ -4,9 +4,11 @@
 //! Residuals of noise alone are independent from light to light. Where a lobe, interreflection or a wrong curve is
 //! left in them they are alike under neighbouring lights, no number of photographs averages them out, and
 //! the covariance of least squares is far too small. The correlation of the painting's residuals
-//! ([`Learned::correlation`](super::Learned)) tells the two apart:
-//! `sigma^2 = S^2 + (kappa max(rho, 0) s / |b|)^2`, with `S` from the covariance
-//! `f g s^2 A^-1 + (1 - f) s_LS^2 (L'L)^-1`, and `s` the used samples' standard deviation.
+//! ([`Learned::correlation`](super::Learned)) tells the two apart. Such residuals are mostly symmetric about the
+//! view, and so are the lights: they tilt a normal the more the further it points away from it. With
+//! the used samples' standard deviation `s` and the angle `t` between normal and view,
+//! `sigma^2 = S^2 + (kappa rho sin(t) s / |b|)^2`, where `S` is the deviation of the covariance
+//! `f s^2 A^-1 + (1 - f) s_LS^2 (L'L)^-1`.
 
 use crate::math::{Mask, Real, Vec3};
 
@@ -19,12 +21,8 @@ use super::rows::PlaneRows;
 use super::solve::{Solution, Symmetric, SymmetricInverse};
 use super::sums::{Accumulate, Squares};
 
-/// Deviation of a normal per correlated deviation of the used samples, relative to the brightness.
-const CORRELATED: f64 = 6.5;
-
-/// Variance of the biweight's estimate over that of weighted least squares with its weights, for normal
-/// noise between one half of the scale and all of it.
-const REWEIGHTED: f64 = 1.15;
+/// `kappa`, calibrated on path-traced objects of known normals (docs/numerics.md).
+const CORRELATED: f64 = 7.0;
 
 impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
     /// The estimate that starts from `least` squares over all valid samples.
@@ -38,12 +36,12 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
     ) -> NormalSolution<R> {
         let Some(mm) = &mut self.mm else { return least };
         let found = LeastSquares { b: least.start.b, squares: least.squares };
-        let settled = mm.settled(self.valid, &found);
+        let (lights, kept, valid) = (&self.lights, &self.kept[..], self.valid);
+        let samples = MmSamples { lights, kept, relative, signal, valid };
+        let settled = mm.settled(&samples, &found);
         let mut estimate = None;
         self.statistics.known = R::zero();
         if !settled.all() {
-            let (lights, kept, valid) = (&self.lights, &self.kept[..], self.valid);
-            let samples = MmSamples { lights, kept, relative, signal, valid };
             let some = mm.run(&mut self.irls, &samples, &found, settled);
             if some.share.gt(R::zero()).any() {
                 estimate = Some(some);
@@ -51,12 +49,12 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
             if let Some(pairs) = &self.neighbours {
                 let used = &mm.used[..];
                 let known = R::keep(!settled, R::one());
-                let sums = R::apart(Neighbours { pairs, lights, used, signal, b: some.b });
+                let sums = R::apart(Neighbours { pairs, lights, used, valid, signal, b: some.b });
                 self.statistics = PixelStatistics { known, scale: some.scale, sums };
             }
         }
         let spread = (least.squares * self.share.per_freedom).sqrt() / least.length;
-        least.sigma = self.with_correlated(least.sigma, spread);
+        least.sigma = self.with_correlated(least.sigma, spread, least.normal);
         let Some(estimate) = estimate else {
             self.follow::<ALL>(bands, least.normal, least.length, None);
             return least;
@@ -66,12 +64,13 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
 
     /// Adds what correlated residuals do to the error.
     #[inline(always)]
-    fn with_correlated(&self, sigma: R, spread: R) -> R {
+    fn with_correlated(&self, sigma: R, spread: R, normal: Vec3<R>) -> R {
         let correlation = self.learned.correlation;
         if correlation <= 0.0 {
             return sigma;
         }
-        let systematic = spread * R::of(CORRELATED * correlation);
+        let tilt = normal.x.mul_add(normal.x, normal.y * normal.y).sqrt();
+        let systematic = spread * tilt * R::of(CORRELATED * correlation);
         sigma.mul_add(sigma, systematic * systematic).sqrt()
     }
 
@@ -92,23 +91,22 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
         let inverse = matrix.inverse();
         let squared = matrix.squared_condition(&inverse);
         // Of least squares, before the number of samples changes.
-        let own = least.squares * self.share.per_freedom * self.share.quantile;
-        let own = own * self.share.quantile;
+        let all = (least.squares * self.share.per_freedom).sqrt() * self.share.quantile;
         self.count(estimate.used);
 
         let length = b.length();
         let per_length = length.recip();
         let normal = b.scale(per_length);
-        let all = &least.start.inverse;
-        let weighted = estimate.information.inverse();
-        let variance = squares * self.share.per_freedom;
-        let by_weights = estimate.share * variance * R::of(REWEIGHTED) * weighted.per_determinant;
-        let by_all = (R::one() - estimate.share) * own * all.per_determinant;
-        let covariance =
-            Symmetric::zero().plus(by_weights, &weighted.adjugate).plus(by_all, &all.adjugate);
+        let (by_all, by_weights) = (&least.start.inverse, &estimate.information.inverse());
+        // Relative to the brightness, whose square is within the range of numbers, but not its fourth power.
+        let all = all * per_length;
+        let spread = (squares * self.share.per_freedom).sqrt() * per_length;
+        let share = estimate.share;
+        let covariance = Symmetric::zero()
+            .plus(share * spread * spread * by_weights.per_determinant, &by_weights.adjugate)
+            .plus((R::one() - share) * all * all * by_all.per_determinant, &by_all.adjugate);
         let worst = covariance.largest_tangent_eigenvalue(normal);
-        let sigma = worst.sqrt() * per_length;
-        let sigma = self.with_correlated(sigma, variance.sqrt() * per_length);
+        let sigma = self.with_correlated(worst.sqrt(), spread, normal);
 
         let normal = Vec3::select(robust, normal, least.normal);
         let length = R::select(robust, length, least.length);
