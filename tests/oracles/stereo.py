@@ -176,14 +176,15 @@ def by_evidence(
             before = residual
             b = weighted(l[keep], signal[keep], weights)
         found.append((m_scale(signal - l @ b, float(np.linalg.norm(b))), b))
-    scales = sorted(scale for scale, _ in found)
     scale, b = min(found, key=lambda one: one[0])
+    # Ranges of few samples are the same range: no choice is close between them.
+    others = [s / scale - 1 for s, c in found if np.abs(c - b).max() > 1e-6 * length]
     s = float(np.hypot(scale, 0.01 * length))
     b, weights = biweight(l, signal, b, s, steps)
     d = b - least
     q = d @ (l.T * weights @ l) @ d / noise(s / length) ** 2 / length**2
     share = max(0.0, 1.0 - (12.0 / q) ** 2) if q > 12.0 and n >= 5 and steps > 0 else 0.0
-    margin = min(*edges, abs(scales[1] / scales[0] - 1), abs(q / 12.0 - 1))
+    margin = min(*edges, *others, abs(q / 12.0 - 1))
     inside = np.abs(signal - l @ b) / (2.0 * s)
     margin = min(margin, np.abs(inside - 1).min())
     if share > 0 and (inside < 1).sum() < ENOUGH:
