@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import impasto
+from circumstances import LEARNED
 from impasto import simulate
 from impasto.effort import Origin
 from impasto.fit.lobes import fit_lobes
@@ -89,10 +90,6 @@ def scene(seed: int, lafortune: bool) -> Scene:
 
 
 # The calls ---------------------------------------------------------------------------------------
-
-
-LEARNED = impasto.LearnedNormals(scale=0.014, correlation=0.125)
-"""Two numbers of the painting for its normals, whatever part of it is fitted."""
 
 
 def normals(method: Any) -> Callable[..., Any]:

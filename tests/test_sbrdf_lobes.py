@@ -441,7 +441,7 @@ def apart(stack: impasto.Stack, **effort: Any) -> impasto.LobeSbrdf:
     """A fit without what is typical of the painting."""
     return fit_lobes(
         stack,
-        impasto.fit_normals(stack),
+        impasto.fit_normals(stack, learned=impasto.LearnedNormals(0.014, 0.0)),
         lobes=2,
         ambient=True,
         index=1.45,

@@ -103,6 +103,7 @@ def weighted(lights: np.ndarray, signal: np.ndarray, weights: np.ndarray) -> np.
     return np.linalg.lstsq(lights * root[:, None], signal * root, rcond=None)[0]
 
 
+EVIDENCE = 6.25
 WINDOWS = ((0.2, 0.8), (0.0, 0.65), (0.35, 1.0))
 
 
@@ -149,7 +150,7 @@ def by_evidence(
     typical: float,
     steps: int,
 ) -> Evidence:
-    """MM-estimation, and least squares where d'Ad / s^2 is below 12.
+    """MM-estimation, and least squares where d'Ad / s^2 is below 6.25.
 
     ``typical`` is the painting's median of s / |b_LS|.
     """
@@ -183,8 +184,8 @@ def by_evidence(
     b, weights = biweight(l, signal, b, s, steps)
     d = b - least
     q = d @ (l.T * weights @ l) @ d / noise(s / length) ** 2 / length**2
-    share = max(0.0, 1.0 - (12.0 / q) ** 2) if q > 12.0 and n >= 5 and steps > 0 else 0.0
-    margin = min(*edges, *others, abs(q / 12.0 - 1))
+    share = max(0.0, 1.0 - (EVIDENCE / q) ** 2) if q > EVIDENCE and n >= 5 and steps > 0 else 0.0
+    margin = min(*edges, *others, abs(q / EVIDENCE - 1))
     inside = np.abs(signal - l @ b) / (2.0 * s)
     margin = min(margin, np.abs(inside - 1).min())
     if share > 0 and (inside < 1).sum() < ENOUGH:

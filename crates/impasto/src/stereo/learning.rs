@@ -4,18 +4,15 @@
 //! of the residuals between each light and its nearest ones shows errors of the model: zero or
 //! less for noise.
 
-use crate::error::{Error, Result};
 use crate::geometry::Rig;
+use crate::maps::Status;
 use crate::math::real::Part;
 use crate::math::{Real, Vec3};
-use crate::pixels::Run;
-use crate::stack::Stack;
 
 use super::lights::Lights;
-use super::problem::{Learned, Method, StereoOptions};
+use super::problem::Learned;
 use super::rows::PlaneRows;
 use super::sums::residual;
-use super::tile::NormalMaps;
 
 /// Neighbours of a light.
 const NEAREST: f64 = 3.0;
@@ -110,52 +107,23 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Neighbours<'_, R, L> {
     }
 }
 
-/// Learns what a fit of any part of a painting must know of the whole, from a sample of its pixels.
-///
-/// # Errors
-/// As for [`fit_normals`](super::fit_normals).
-pub fn learn_normals(
-    stack: &Stack<'_>,
-    rig: &Rig,
-    options: &StereoOptions,
-    run: &Run<'_>,
-) -> Result<Learned> {
-    if options.method != Method::Robust {
-        let problem = "only the robust method learns from a whole painting".to_owned();
-        return Err(Error::argument("method", problem));
-    }
-    let shape = stack.shape();
-    let pixels = shape.pixels();
-    let mut statistics = run.filled(0.0, PLANES * pixels)?;
-    let options = StereoOptions { learned: Learned::default(), ..*options };
-    let mut maps = NormalMaps {
-        normal: &mut run.filled(0.0, 3 * pixels)?,
-        albedo: &mut run.filled(0.0, shape.bands * pixels)?,
-        used: &mut run.filled(0, pixels)?,
-        rejected: &mut run.filled(0, 4 * pixels)?,
-        residual: &mut run.filled(0.0, pixels)?,
-        condition: &mut run.filled(0.0, pixels)?,
-        sigma: &mut run.filled(0.0, pixels)?,
-        status: &mut run.filled(0, pixels)?,
-    };
-    super::fit(stack, rig, &options, &mut maps, Some(&mut statistics), run)?;
+/// Both numbers, from the planes of a sample's pixels and whether each is estimated.
+pub(super) fn learned(statistics: &[f32], status: &[u8]) -> Learned {
+    let pixels = status.len();
     // Dark and undetermined pixels say nothing.
-    let estimated = |&pixel: &usize| {
-        maps.status[pixel] < crate::maps::Status::Dark.code() && statistics[pixel] > 0.0
-    };
-    let known: Vec<usize> = (0..pixels).filter(estimated).collect();
-    let plane = |plane: usize| known.iter().map(move |&pixel| pixel + plane * pixels);
-    let mut scales: Vec<f32> = plane(1).map(|at| statistics[at]).collect();
-    scales.retain(|scale| scale.is_finite());
-    let sum = |index: usize| -> f64 {
-        plane(index).map(|at| f64::from(statistics[at])).filter(|one| one.is_finite()).sum()
-    };
+    let known: Vec<usize> = (0..pixels)
+        .filter(|&pixel| status[pixel] < Status::Dark.code() && statistics[pixel] > 0.0)
+        .collect();
+    let plane = |plane: usize| known.iter().map(move |&pixel| statistics[pixel + plane * pixels]);
+    let mut scales: Vec<f32> = plane(1).filter(|scale| scale.is_finite()).collect();
+    let sum =
+        |index: usize| -> f64 { plane(index).map(f64::from).filter(|one| one.is_finite()).sum() };
     let (products, squares) = (sum(2), sum(3));
     let correlation = if squares > 0.0 { (products / squares).clamp(0.0, 1.0) } else { 0.0 };
-    Ok(Learned {
+    Learned {
         scale: rounded(median(&mut scales)),
         correlation: (correlation * STEPS).round() / STEPS,
-    })
+    }
 }
 
 /// Steps of the correlation. Both numbers are coarse: no pixel of a sample decides what others become.

@@ -43,8 +43,8 @@ const TUNING: f64 = 2.0;
 /// Degrees of freedom that the painting's scale counts for.
 const PRIOR: f64 = 20.0;
 
-/// Least `q` that is evidence: 0.7 % of `chi^2` with three degrees of freedom lie above.
-const EVIDENCE: f64 = 12.0;
+/// Least `q` that is evidence: the 90 % quantile of `chi^2` with three degrees of freedom.
+const EVIDENCE: f64 = 6.25;
 
 /// Mean square of least squares' residuals, relative to the painting's typical, up to which one step may
 /// settle a pixel.
@@ -122,7 +122,7 @@ impl<R: Real<Scalar = f32>> MmEstimation<R> {
     /// residuals are no larger than is typical of the painting and in which one step of the biweight
     /// from least squares finds nothing either.
     #[inline(always)]
-    pub(super) fn settled<L: Lights<R>>(
+    pub(super) fn consistent<L: Lights<R>>(
         &mut self,
         samples: &MmSamples<'_, R, L>,
         least: &LeastSquares<R>,
@@ -145,14 +145,14 @@ impl<R: Real<Scalar = f32>> MmEstimation<R> {
         few | (quiet & way.dot(information.times(way)).le(R::one()))
     }
 
-    /// The estimate, of pixels that are not `settled`; `used` and `weights` are set for all.
+    /// The estimate, of pixels that are not `consistent`; `used` and `weights` are set for all.
     #[inline(always)]
     pub(super) fn run<L: Lights<R>>(
         &mut self,
         irls: &mut StereoIrls<R>,
         samples: &MmSamples<'_, R, L>,
         least: &LeastSquares<R>,
-        settled: R::Mask,
+        consistent: R::Mask,
     ) -> MmEstimate<R> {
         let (zero, one) = (R::zero(), R::one());
         let brightness = least.b.length();
@@ -170,7 +170,7 @@ impl<R: Real<Scalar = f32>> MmEstimation<R> {
         let evidence = deviations.dot(information.times(deviations));
         let left = R::of(EVIDENCE) / evidence;
         let share = (-left).mul_add(left, one).max(zero);
-        let share = R::keep(!settled & evidence.gt(R::of(EVIDENCE)), share);
+        let share = R::keep(!consistent & evidence.gt(R::of(EVIDENCE)), share);
         let mut robust = share.gt(zero);
 
         let (mut shadow, mut highlight) = (zero, zero);

@@ -38,7 +38,6 @@ use crate::pixels::Run;
 use crate::stack::Stack;
 
 use distant_system::DistantSystem;
-pub use learning::learn_normals;
 use problem::StereoProblem;
 pub use problem::{Learned, Method, StereoOptions};
 use rejection::RejectionRule;
@@ -58,11 +57,43 @@ pub fn fit_normals(
     maps: &mut NormalMaps<'_>,
     run: &Run<'_>,
 ) -> Result<()> {
-    fit(stack, rig, options, maps, None, run)
+    estimate(stack, rig, options, maps, None, run)
+}
+
+/// Learns what a fit of any part of a painting must know of the whole, from a sample of its pixels.
+///
+/// # Errors
+/// As for [`fit_normals`], or if the method is another than [`Method::Robust`].
+pub fn learn_normals(
+    stack: &Stack<'_>,
+    rig: &Rig,
+    options: &StereoOptions,
+    run: &Run<'_>,
+) -> Result<Learned> {
+    if options.method != Method::Robust {
+        let problem = "only the robust method learns from a whole painting".to_owned();
+        return Err(Error::argument("method", problem));
+    }
+    let shape = stack.shape();
+    let pixels = shape.pixels();
+    let mut statistics = run.filled(0.0, learning::PLANES * pixels)?;
+    let options = StereoOptions { learned: Learned::default(), ..*options };
+    let mut maps = NormalMaps {
+        normal: &mut run.filled(0.0, 3 * pixels)?,
+        albedo: &mut run.filled(0.0, shape.bands * pixels)?,
+        used: &mut run.filled(0, pixels)?,
+        rejected: &mut run.filled(0, 4 * pixels)?,
+        residual: &mut run.filled(0.0, pixels)?,
+        condition: &mut run.filled(0.0, pixels)?,
+        sigma: &mut run.filled(0.0, pixels)?,
+        status: &mut run.filled(0, pixels)?,
+    };
+    estimate(stack, rig, &options, &mut maps, Some(&mut statistics), run)?;
+    Ok(learning::learned(&statistics, maps.status))
 }
 
 /// The fit, and for a sample to learn from what each of its pixels says.
-fn fit(
+fn estimate(
     stack: &Stack<'_>,
     rig: &Rig,
     options: &StereoOptions,

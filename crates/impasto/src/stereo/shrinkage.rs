@@ -38,17 +38,17 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
         let found = LeastSquares { b: least.start.b, squares: least.squares };
         let (lights, kept, valid) = (&self.lights, &self.kept[..], self.valid);
         let samples = MmSamples { lights, kept, relative, signal, valid };
-        let settled = mm.settled(&samples, &found);
+        let consistent = mm.consistent(&samples, &found);
         let mut estimate = None;
         self.statistics.known = R::zero();
-        if !settled.all() {
-            let some = mm.run(&mut self.irls, &samples, &found, settled);
+        if !consistent.all() {
+            let some = mm.run(&mut self.irls, &samples, &found, consistent);
             if some.share.gt(R::zero()).any() {
                 estimate = Some(some);
             }
             if let Some(pairs) = &self.neighbours {
                 let used = &mm.used[..];
-                let known = R::keep(!settled, R::one());
+                let known = R::keep(!consistent, R::one());
                 let sums = R::apart(Neighbours { pairs, lights, used, valid, signal, b: some.b });
                 self.statistics = PixelStatistics { known, scale: some.scale, sums };
             }
