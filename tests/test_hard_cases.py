@@ -551,10 +551,8 @@ def test_case_29_sums_over_many_pixels() -> None:
     # Of the copies another sample of pixels is learned from.
     starts = [impasto.fit_normals(stack, learned=LEARNED) for stack in (one, many)]
     expected = impasto.fit_sbrdf(one, joint=False, normals=starts[0])
-    runs = (
-        impasto.fit_sbrdf(many, joint=False, normals=starts[1], threads=threads)
-        for threads in (1, 2, 3, 5, 8)
-    )
+    options: dict[str, Any] = {"joint": False, "normals": starts[1]}
+    runs = (impasto.fit_sbrdf(many, threads=threads, **options) for threads in (1, 2, 3, 5, 8))
     answers = {(found.beta, found.gamma) for found in runs}
     assert len(answers) == 1
     # 800 copies are 4.6 million samples. In single precision sums of such would stand still.

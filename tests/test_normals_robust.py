@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stereo_methods import METHODS, SEED, Samples, dome, matte, outliers, surface, turned
+from stereo_methods import METHODS, SEED, Samples, dome, matte, outliers, seams, surface
 
 import impasto
 from impasto import LearnedNormals
@@ -109,7 +109,7 @@ def test_heavy_saturation_under_few_lights_is_stable() -> None:
 
 
 def test_a_cat_under_uneven_lamps_has_no_seams(data: Path) -> None:
-    shares = turned(data, ("robust", "least-squares", "trimmed"))
+    shares = seams(data, ("robust", "least-squares", "trimmed"))
     # The goal; found: 1.02. Rank trimming cuts the cat into plates.
     assert shares["robust"] < 1.1 * shares["least-squares"]
     assert shares["trimmed"] > 4.0 * shares["least-squares"]
@@ -142,7 +142,7 @@ def test_noise_is_not_correlated() -> None:
 @pytest.mark.parametrize(
     ("learned", "message"),
     [
-        ((0.01, 0.0), "learned: expected what impasto.learn_normals returned, found tuple"),
+        ((0.01, 0.0), "learned: expected what impasto.learn_normals reseams, found tuple"),
         (LearnedNormals(-1.0, 0.0), "learned: expected a scale of at least 0"),
         (LearnedNormals(np.nan, 0.0), "learned: expected a scale of at least 0"),
         (LearnedNormals(0.01, 1.5), "learned: expected a correlation of -1 to 1"),

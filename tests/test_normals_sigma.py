@@ -88,7 +88,7 @@ def spiral(count: int) -> impasto.Rig:
     [
         ("satin", 16, "painting", 0.90),
         ("patches", 24, "pixel", 0.74),
-        ("patches", 24, "painting", 0.64),
+        ("patches", 24, "painting", 0.56),
         ("patches", 16, "painting", 0.21),
     ],
 )

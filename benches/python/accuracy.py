@@ -246,7 +246,9 @@ def table(system: str, cases: list[Case], seeds: range, size: int) -> list[dict[
     return rows
 
 
-METHODS = ("least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey", "robust")
+METHODS = (
+    "least-squares", "threshold", "rank", "trimmed", "l1", "huber", "cauchy", "tukey", "robust",
+)  # fmt: skip
 HARD = Case("gloss, three times the relief", {"varnish": "gloss", "relief": 3.0}, {"shadows": True})
 
 
