@@ -142,7 +142,7 @@ def test_noise_is_not_correlated() -> None:
 @pytest.mark.parametrize(
     ("learned", "message"),
     [
-        ((0.01, 0.0), "learned: expected what impasto.learn_normals reseams, found tuple"),
+        ((0.01, 0.0), "learned: expected what impasto.learn_normals returned, found tuple"),
         (LearnedNormals(-1.0, 0.0), "learned: expected a scale of at least 0"),
         (LearnedNormals(np.nan, 0.0), "learned: expected a scale of at least 0"),
         (LearnedNormals(0.01, 1.5), "learned: expected a correlation of -1 to 1"),

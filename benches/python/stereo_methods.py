@@ -7,7 +7,7 @@ of least squares, which is the best there is. *Outliers*: 54 stacks of 9, 16 or 
 samples of every pixel 10, 20 or 30 % are highlights, shadows or both, at random or under
 neighbouring lights. The mean error over that of the best method in this case. *Glossy*: nine
 spheres under 48 lights, of GGX facets of three widths and three strengths; mean error in degrees.
-*Cat*: twelve photographs of a matte object whose lamps differ in strength; the share of neighbouring
+*Cat*: twelve photographs of a matte object whose lamps differ in strength; the share of adjacent
 pixels whose normals are more than 10 degrees apart. *Sigma*: the 68 % quantile of the angle over
 1.51 sigma, which is 1 if sigma is true. ``--write`` records benches/results/stereo.json and sets
 the tables of docs/accuracy.md.

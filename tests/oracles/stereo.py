@@ -185,6 +185,7 @@ def by_evidence(
     d = b - least
     q = d @ (l.T * weights @ l) @ d / noise(s / length) ** 2 / length**2
     share = max(0.0, 1.0 - (EVIDENCE / q) ** 2) if q > EVIDENCE and n >= 5 and steps > 0 else 0.0
+    share = 1.0 if share > 0 and q >= 100 * EVIDENCE else share
     margin = min(*edges, *others, abs(q / EVIDENCE - 1))
     inside = np.abs(signal - l @ b) / (2.0 * s)
     margin = min(margin, np.abs(inside - 1).min())

@@ -46,6 +46,9 @@ const PRIOR: f64 = 20.0;
 /// Least `q` that is evidence: the 90 % quantile of `chi^2` with three degrees of freedom.
 const EVIDENCE: f64 = 6.25;
 
+/// `q` from which on the result is the robust one: `f` is within `1e-4` of 1.
+const CERTAIN: f64 = 100.0 * EVIDENCE;
+
 /// Mean square of least squares' residuals, relative to the painting's typical, up to which one step may
 /// settle a pixel.
 const QUIET: f64 = 2.25;
@@ -170,6 +173,9 @@ impl<R: Real<Scalar = f32>> MmEstimation<R> {
         let evidence = deviations.dot(information.times(deviations));
         let left = R::of(EVIDENCE) / evidence;
         let share = (-left).mul_add(left, one).max(zero);
+        // What is left of least squares would be rounding, where a sample is a million times the others.
+        let certain = evidence.ge(R::of(CERTAIN));
+        let share = R::select(certain, one, share);
         let share = R::keep(!consistent & evidence.gt(R::of(EVIDENCE)), share);
         let mut robust = share.gt(zero);
 
@@ -188,11 +194,7 @@ impl<R: Real<Scalar = f32>> MmEstimation<R> {
             *used = *used | (kept & !robust);
         }
         MmEstimate {
-            b: Vec3::new(
-                R::select(robust, share.mul_add(way.x, least.b.x), least.b.x),
-                R::select(robust, share.mul_add(way.y, least.b.y), least.b.y),
-                R::select(robust, share.mul_add(way.z, least.b.z), least.b.z),
-            ),
+            b: Vec3::select(robust, Vec3::select(certain, b, way.mul_add(share, least.b)), least.b),
             share,
             information,
             scale: variance.sqrt(),
