@@ -22,6 +22,9 @@ SCENE = impasto.Scene(
     shadows=True,
 )
 
+LEARNED = impasto.LearnedNormals(scale=0.014, correlation=0.125)
+"""Two numbers of a painting for its normals, in which its parts and bad pixels have no say."""
+
 Arrays = tuple[Any, ...]
 
 

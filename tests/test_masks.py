@@ -45,8 +45,10 @@ def masked() -> tuple[impasto.Stack, impasto.Normals, Any]:
     samples, lights = photographs()
     mask = np.ones(SHAPE, np.bool_)
     mask[:4] = mask[6, 7] = False
-    stereo = impasto.fit_normals(impasto.Stack(samples, lights=lights))
-    return impasto.Stack(samples, lights=lights, mask=mask), stereo, mask
+    stack = impasto.Stack(samples, lights=lights, mask=mask)
+    learned = impasto.learn_normals(stack)
+    stereo = impasto.fit_normals(impasto.Stack(samples, lights=lights), learned=learned)
+    return stack, stereo, mask
 
 
 def same(one: Any, other: Any) -> None:

@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import impasto
+from circumstances import LEARNED
 from impasto import simulate
 from impasto.effort import Origin
 from impasto.fit.lobes import fit_lobes
@@ -92,7 +93,9 @@ def scene(seed: int, lafortune: bool) -> Scene:
 
 
 def normals(method: Any) -> Callable[..., Any]:
-    return lambda stack, **options: impasto.fit_normals(stack, method=method, **options)
+    return lambda stack, **options: impasto.fit_normals(
+        stack, method=method, learned=LEARNED, **options
+    )
 
 
 def painting(stack: impasto.Stack, **options: Any) -> Any:
@@ -110,7 +113,7 @@ def pixel(stack: impasto.Stack, **options: Any) -> Any:
 
 def apart(stack: impasto.Stack, threads: int = 1, start: Origin = "multistart") -> Any:
     """The same without what is typical of the painting, and without asking other pixels."""
-    stereo = impasto.fit_normals(stack)
+    stereo = impasto.fit_normals(stack, learned=LEARNED)
     options = {
         "ambient": True,
         "index": 1.45,
@@ -128,7 +131,8 @@ def neighbours(stack: impasto.Stack, threads: int = 1) -> Any:
 
 
 def lafortune(stack: impasto.Stack, **options: Any) -> Any:
-    return impasto.fit_sbrdf(stack, model="lafortune", lobes=2, **options)
+    normals = impasto.fit_normals(stack, learned=LEARNED)
+    return impasto.fit_sbrdf(stack, model="lafortune", lobes=2, normals=normals, **options)
 
 
 BY_ITSELF = {

@@ -88,8 +88,9 @@ def test_new_lights_look_more_like_photographs(stack: impasto.Stack) -> None:
     model = decibels(known.predict(rig, fidelity="model"), truth).mean()
     both = decibels(known.predict(rig), truth).mean()
     assert both > model + 1.0
-    # What was promised is what came, within what 8 photographs scatter.
-    assert both - model == pytest.approx(known.residuals.gain, abs=2.0)
+    # What was promised is what came, within what 8 photographs scatter: each by 4.7 dB, their mean
+    # by 1.7; one and a half of that.
+    assert both - model == pytest.approx(known.residuals.gain, abs=2.5)
 
 
 def test_a_model_that_says_all_keeps_nothing() -> None:

@@ -64,20 +64,38 @@ def assert_same(tile: Any, whole: Any, place: tuple[slice, slice], maps: tuple[s
 
 
 @pytest.mark.parametrize("near", [False, True], ids=["distant", "near"])
-@pytest.mark.parametrize("method", ["least-squares", "threshold", "robust", "tukey"])
+@pytest.mark.parametrize("method", ["least-squares", "threshold", "robust", "trimmed", "tukey"])
 def test_normals_of_a_tile_are_those_of_the_whole(method: Any, near: bool) -> None:
-    whole = impasto.fit_normals(impasto.Stack(photographs()[0], lights=rig(near)), method=method)
+    painting = impasto.Stack(photographs()[0], lights=rig(near))
+    whole = impasto.fit_normals(painting, method=method)
+    learned = impasto.learn_normals(painting)
     for place, stack in tiles(near):
-        assert_same(impasto.fit_normals(stack, method=method), whole, place, NORMALS)
+        tile = impasto.fit_normals(stack, method=method, learned=learned)
+        assert_same(tile, whole, place, NORMALS)
+
+
+def test_the_scale_and_the_correlation_of_the_painting_matter() -> None:
+    """Else the test above could not fail."""
+    stack = impasto.Stack(photographs()[0], lights=rig(False))
+    whole, learned = impasto.fit_normals(stack), impasto.learn_normals(stack)
+    other = impasto.LearnedNormals(8.0 * learned.scale, learned.correlation)
+    assert impasto.fit_normals(stack, learned=other).normal.tobytes() != whole.normal.tobytes()
+    other = impasto.LearnedNormals(learned.scale, learned.correlation + 0.25)
+    found = impasto.fit_normals(stack, learned=other)
+    assert found.normal.tobytes() == whole.normal.tobytes()
+    assert (found.sigma >= whole.sigma)[np.isfinite(whole.sigma)].all()
+    assert found.sigma.tobytes() != whole.sigma.tobytes()
 
 
 @pytest.mark.parametrize("near", [False, True], ids=["distant", "near"])
 def test_lafortune_lobes_of_a_tile_are_those_of_the_whole(near: bool) -> None:
     options: dict[str, Any] = {"model": "lafortune", "lobes": 2}
-    whole = impasto.fit_sbrdf(impasto.Stack(photographs()[0], lights=rig(near)), **options)
+    painting = impasto.Stack(photographs()[0], lights=rig(near))
+    whole = impasto.fit_sbrdf(painting, **options)
     assert (whole.status == 0).mean() > 0.9
+    learned = impasto.learn_sbrdf(painting, **options)
     for place, stack in tiles(near):
-        assert_same(impasto.fit_sbrdf(stack, **options), whole, place, LOBES)
+        assert_same(learned.apply(stack), whole, place, LOBES)
 
 
 def test_a_tile_that_does_not_know_its_place_differs() -> None:

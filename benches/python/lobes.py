@@ -30,7 +30,9 @@ from impasto import simulate
 SIZE = (96, 128)
 SEED = 7
 SCIPY_PIXELS = 12
-METHODS = ("least-squares", "threshold", "rank", "l1", "huber", "cauchy", "tukey", "robust")
+METHODS = (
+    "least-squares", "threshold", "rank", "trimmed", "l1", "huber", "cauchy", "tukey", "robust",
+)  # fmt: skip
 
 
 def rig(count: int = 48) -> impasto.Rig:

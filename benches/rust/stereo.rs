@@ -5,7 +5,7 @@ use divan::{Bencher, counter::ItemsCount};
 use impasto::geometry::Rig;
 use impasto::pixels::serially;
 use impasto::stack::{Decode, Samples, Shape, Stack};
-use impasto::stereo::{Method, NormalMaps, StereoOptions, fit_normals};
+use impasto::stereo::{Learned, Method, NormalMaps, StereoOptions, fit_normals};
 use impasto::surface::{Lobe, Model, Parameter, Strength, Surface, predict};
 use nalgebra::{Matrix3, Vector3};
 
@@ -17,11 +17,12 @@ const DECODE: Decode = Decode { gain: 1.0 / 65535.0, offset: 0.0, saturation: 65
 const LOW: f64 = 0.2;
 const HIGH: f64 = 0.8;
 
-const METHODS: [(&str, Method); 8] = [
+const METHODS: [(&str, Method); 9] = [
     ("least squares", Method::LeastSquares),
     ("threshold", Method::Threshold { w1: 1.2, w2: 0.1 }),
     ("rank", Method::Rank { low: LOW, high: HIGH }),
-    ("robust", Method::Robust { low: LOW, high: HIGH }),
+    ("robust", Method::Robust),
+    ("trimmed", Method::Trimmed { low: LOW, high: HIGH }),
     ("L1", Method::L1),
     ("Huber", Method::Huber),
     ("Cauchy", Method::Cauchy),
@@ -53,7 +54,12 @@ fn impasto(bencher: Bencher<'_, '_>, name: &str) {
     let decode = [DECODE; LIGHTS];
     let stack = Stack::new(Samples::U16(&codes), SHAPE, &decode, None).expect("it is sound");
     let (_, method) = METHODS.into_iter().find(|&(other, _)| other == name).expect("it is listed");
-    let options = StereoOptions { method, steps: method.usual_steps(), selection: None };
+    let options = StereoOptions {
+        method,
+        steps: method.usual_steps(),
+        selection: None,
+        learned: Learned::default(),
+    };
     let (mut vectors, mut albedo) = (vec![0.0; 3 * PIXELS], vec![0.0; PIXELS]);
     let (mut used, mut rejected) = (vec![0; PIXELS], vec![0; 4 * PIXELS]);
     let (mut residual, mut condition) = (vec![0.0; PIXELS], vec![0.0; PIXELS]);

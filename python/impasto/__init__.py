@@ -23,7 +23,7 @@ from impasto.fit.highlight import HighlightFit, fit_highlight
 from impasto.fit.lafortune import LafortuneSbrdf
 from impasto.fit.learning import LearnedModel, learn_sbrdf, load_learned
 from impasto.fit.lobes import LobeSbrdf
-from impasto.fit.normals import Normals, fit_normals
+from impasto.fit.normals import LearnedNormals, Normals, fit_normals, learn_normals
 from impasto.fit.pixel import Pixel
 from impasto.fit.pooled import PooledSbrdf
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
@@ -62,6 +62,7 @@ __all__ = [
     "InternalError",
     "LafortuneSbrdf",
     "LearnedModel",
+    "LearnedNormals",
     "Level",
     "LobeSbrdf",
     "MissingExtraError",
@@ -93,6 +94,7 @@ __all__ = [
     "fit_sbrdf",
     "fit_strengths",
     "integrate_normals",
+    "learn_normals",
     "learn_sbrdf",
     "load_learned",
     "load_sbrdf",

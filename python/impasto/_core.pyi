@@ -171,9 +171,13 @@ def fit_normals(
     w2: float,
     steps: int | None,
     selection: int | None,
+    learned: tuple[float, float],
     threads: int,
     progress: ProgressCallback | None,
 ) -> None: ...
+def learn_normals(
+    stack: StackArguments, steps: int, selection: int | None, threads: int
+) -> tuple[float, float]: ...
 
 # Spectral reflectance
 

@@ -4,7 +4,7 @@ use numpy::{PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
 use impasto::Error;
-use impasto::stereo::{Method, NormalMaps, StereoOptions};
+use impasto::stereo::{Learned, Method, NormalMaps, StereoOptions};
 
 use crate::arrays::StackArguments;
 use crate::{errors, run};
@@ -22,9 +22,11 @@ pub(crate) struct NormalArrays<'py> {
     status: PyReadwriteArray2<'py, u8>,
 }
 
-/// Normals and albedo of every pixel.
+/// Normals and albedo of every pixel; `learned` is what [`learn_normals`] returned.
 #[pyfunction]
-#[pyo3(signature = (stack, maps, method, low, high, w1, w2, steps, selection, threads, progress))]
+#[pyo3(signature = (
+    stack, maps, method, low, high, w1, w2, steps, selection, learned, threads, progress
+))]
 #[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.normals")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
 pub(crate) fn fit_normals<'py>(
@@ -38,12 +40,14 @@ pub(crate) fn fit_normals<'py>(
     w2: f64,
     steps: Option<usize>,
     selection: Option<usize>,
+    learned: (f64, f64),
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<()> {
     let refuse = |error| errors::to_python(py, &error);
     let method = match method {
-        "robust" => Method::Robust { low, high },
+        "robust" => Method::Robust,
+        "trimmed" => Method::Trimmed { low, high },
         "least-squares" => Method::LeastSquares,
         "threshold" => Method::Threshold { w1, w2 },
         "rank" => Method::Rank { low, high },
@@ -56,8 +60,10 @@ pub(crate) fn fit_normals<'py>(
             return Err(refuse(Error::argument("method", problem)));
         }
     };
+    let steps = steps.unwrap_or_else(|| method.usual_steps());
+    let (scale, correlation) = learned;
     let options =
-        StereoOptions { method, steps: steps.unwrap_or_else(|| method.usual_steps()), selection };
+        StereoOptions { method, steps, selection, learned: Learned { scale, correlation } };
     let decode = stack.decode();
     let samples = stack.stack(&decode).map_err(refuse)?;
     let shape = samples.shape();
@@ -75,4 +81,29 @@ pub(crate) fn fit_normals<'py>(
     run::call(py, threads, progress.as_ref(), |run| {
         impasto::stereo::fit_normals(&samples, &rig, &options, &mut maps, run)
     })
+}
+
+/// What the robust method must know of a whole painting, from a sample of its pixels: the typical scale of the
+/// residuals and their correlation under neighbouring lights.
+#[pyfunction]
+#[pyo3(signature = (stack, steps, selection, threads))]
+#[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
+pub(crate) fn learn_normals<'py>(
+    py: Python<'py>,
+    stack: StackArguments<'py>,
+    steps: usize,
+    selection: Option<usize>,
+    threads: usize,
+) -> PyResult<(f64, f64)> {
+    let refuse = |error| errors::to_python(py, &error);
+    let learned = Learned::default();
+    let options = StereoOptions { method: Method::Robust, steps, selection, learned };
+    let decode = stack.decode();
+    let samples = stack.stack(&decode).map_err(refuse)?;
+    let shape = samples.shape();
+    let rig = stack.rig.rig(shape.height, shape.width).map_err(refuse)?;
+    let learned = run::call(py, threads, None, |run| {
+        impasto::stereo::learn_normals(&samples, &rig, &options, run)
+    })?;
+    Ok((learned.scale, learned.correlation))
 }

@@ -22,7 +22,7 @@ use impasto::relight::{Relief, render};
 use impasto::sbrdf::Start;
 use impasto::sbrdf::pooled::{self, Extraction, PooledMapsMut, PooledOptions};
 use impasto::stack::{Decode, Samples, Shape, Stack};
-use impasto::stereo::{Method, NormalMaps, StereoOptions, fit_normals};
+use impasto::stereo::{Learned, Method, NormalMaps, StereoOptions, fit_normals};
 use impasto::surface::{Lobe, Model, Parameter, Strength, Surface, predict};
 
 const WIDTH: usize = 160;
@@ -78,8 +78,13 @@ fn main() -> impasto::Result<()> {
         sigma,
         status: &mut status,
     };
-    let method = Method::Robust { low: 0.2, high: 0.8 };
-    let options = StereoOptions { method, steps: method.usual_steps(), selection: None };
+    let method = Method::Robust;
+    let options = StereoOptions {
+        method,
+        steps: method.usual_steps(),
+        selection: None,
+        learned: Learned::default(),
+    };
     fit_normals(&stack, &rig, &options, &mut maps, &run)?;
     println!(
         "photometric stereo: normals off by {:.2} degrees (median)",

@@ -17,8 +17,8 @@ _RIDGE = 1e-9
 def fit_surface(grey: NDArray[np.floating], lights: Floats) -> Floats:
     """Albedo times normal ``(3, n)`` by least squares over the middle ranks.
 
-    The default of :func:`impasto.fit_normals` without its last steps: accurate enough for the
-    checks, also of stacks that a fit would refuse.
+    ``method="trimmed"`` of :func:`impasto.fit_normals` without its last steps: accurate enough for
+    the checks, also of stacks that a fit would refuse.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from impasto.fit.choice import Choice
 from impasto.fit.lafortune import fit_lafortune
 from impasto.fit.learned import LearnedLobe
 from impasto.fit.lobes import HALO, LearnedLobes, LobeOptions, apply_lobes, learn_lobes
-from impasto.fit.normals import Method
+from impasto.fit.normals import LearnedNormals, Method, learn_normals
 from impasto.fit.options import FitKind, Model, Pooling, fit_kind, fit_kinds
 from impasto.fit.pooled import Extraction, apply_pooled, learn_pooled, pooled_sbrdf, without_gloss
 from impasto.fit.residuals import LearnedResiduals, apply_residuals
@@ -68,6 +68,9 @@ class LearnedModel:
         How residuals are kept and interpolated; None: they are not kept.
     rig
         The refined rig, which replaces that of every stack; None: it was not refined.
+    stereo
+        What the default of :func:`impasto.fit_normals` must know of the whole painting; None for
+        other methods.
     """
 
     model: Model
@@ -81,6 +84,7 @@ class LearnedModel:
     chosen: Choice | None = None
     residuals: LearnedResiduals | None = None
     rig: Rig | None = None
+    stereo: LearnedNormals | None = None
 
     def __repr__(self) -> str:
         height, width = self.extent
@@ -146,7 +150,7 @@ class LearnedModel:
         tile = window((rows, columns), size)
         wide = _widened(tile, size, self.halo)
         near = stack[wide]
-        stereo = start_normals(near, self.method, self.effort, threads, progress)
+        stereo = start_normals(near, self.method, self.effort, threads, progress, self.stereo)
         inner = _within(tile, wide)
         if isinstance(self.fit, LearnedLobes):
             maps = apply_lobes(
@@ -191,6 +195,8 @@ class LearnedModel:
         arrays |= {} if self.residuals is None else arrays_of(self.residuals, "residuals.")
         rig = {} if self.rig is None else arrays_of_rig(self.rig)
         arrays |= {f"rig.{name}": array for name, array in rig.items()}
+        if self.stereo is not None:
+            arrays |= {f"stereo.{name}": value for name, value in asdict(self.stereo).items()}
         write_maps(path, KIND, {name: np.asarray(value) for name, value in arrays.items()})
 
 
@@ -260,8 +266,11 @@ def learn_sbrdf(
     wanted = choice is not None if residuals is None else truth(residuals, "residuals")
     size = _extent(extent, stack)
     fit: LearnedLobe | LearnedLobes | None = None
+    known = None
+    if normals in {None, "robust"}:
+        known = learn_normals(stack, effort=resolved_effort, threads=threads)
     if kind.model != "lafortune" and kind.pooling != "none":
-        stereo = start_normals(stack, normals, resolved_effort, threads, progress)
+        stereo = start_normals(stack, normals, resolved_effort, threads, progress, known)
         fit = _learned(stack, stereo, options, resolved_effort, size, threads, progress)
     return LearnedModel(
         kind.model,
@@ -275,6 +284,7 @@ def learn_sbrdf(
         choice,
         learned_residuals(stack, kind, given, normals, threads) if wanted else None,
         None if stack.rig is before else stack.rig,
+        known,
     )
 
 
@@ -305,6 +315,7 @@ def load_learned(path: str | os.PathLike[str]) -> LearnedModel:
             Choice.of_maps(maps),
             _residuals_of(_part(one, "residuals.")),
             rig_of_arrays(rig) if (rig := _part(one, "rig.")) else None,
+            _stereo_of(_part(one, "stereo.")),
         )
 
 
@@ -382,3 +393,9 @@ def _residuals_of(arrays: Mapping[str, NDArray[Any]]) -> LearnedResiduals | None
         return None
     numbers = {name: float(arrays[name]) for name in ("length", "noise", "top", "gain")}
     return LearnedResiduals(basis=arrays["basis"].astype(np.float64), **numbers)
+
+
+def _stereo_of(arrays: Mapping[str, NDArray[Any]]) -> LearnedNormals | None:
+    if not arrays:
+        return None
+    return LearnedNormals(**{name: float(array) for name, array in arrays.items()})

@@ -18,7 +18,7 @@ from impasto.errors import ArgumentError
 from impasto.fit.choice import CANDIDATES, Candidate, Choice, choose
 from impasto.fit.lafortune import LafortuneSbrdf, fit_lafortune
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count
-from impasto.fit.normals import Method, Normals, fit_normals
+from impasto.fit.normals import LearnedNormals, Method, Normals, fit_normals
 from impasto.fit.options import FitKind, Model, Pooling, fit_kind, fit_kinds
 from impasto.fit.pooled import Extraction, PooledSbrdf, fit_pooled, without_gloss
 from impasto.fit.residuals import LearnedResiduals, apply_residuals, learn_residuals
@@ -403,12 +403,13 @@ def start_normals(
     effort: Effort,
     threads: int | None,
     progress: bool | ProgressCallback,
+    learned: LearnedNormals | None = None,
 ) -> Normals:
     """The maps of photometric stereo that a fit begins with."""
-    if normals is None:
-        return fit_normals(stack, effort=effort, threads=threads, progress=progress)
-    if isinstance(normals, str):
-        return fit_normals(stack, method=normals, effort=effort, threads=threads, progress=progress)
+    if normals is None or isinstance(normals, str):
+        options: dict[str, Any] = {} if normals is None else {"method": normals}
+        options |= {"learned": learned, "effort": effort, "threads": threads}
+        return fit_normals(stack, **options, progress=progress)
     checked_normals(normals, stack)
     return normals if stack.mask is None else wait_for(normals.within, stack.mask)
 

@@ -9,7 +9,7 @@ use crate::geometry::{Grid, Light, Rig};
 use crate::math::Vec3;
 use crate::pixels::{Run, looks};
 use crate::stack::{Decode, Samples, Shape, Stack};
-use crate::stereo::{self, Method, StereoOptions};
+use crate::stereo::{self, Learned, Method, StereoOptions};
 use crate::surface::TorranceSparrow;
 
 const OBSERVATIONS: usize = 12;
@@ -137,7 +137,12 @@ impl Painting {
             sigma,
             status: &mut vec![0; PIXELS],
         };
-        let options = StereoOptions { method, steps: method.usual_steps(), selection: None };
+        let options = StereoOptions {
+            method,
+            steps: method.usual_steps(),
+            selection: None,
+            learned: Learned::default(),
+        };
         stereo::fit_normals(&self.stack(), &self.rig, &options, &mut maps, run)
     }
 }

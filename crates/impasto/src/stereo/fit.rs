@@ -7,6 +7,7 @@ use super::lanes::NormalLanes;
 use super::lights::{Distant, Lights, Near};
 use super::problem::StereoProblem;
 use super::results::NormalResults;
+use super::rows::store;
 use super::samples::{BLOCK, RegisterSamples, ScreenedSamples, StereoScratch};
 use super::tile::NormalTile;
 
@@ -57,6 +58,9 @@ impl NormalFit<'_, '_, '_> {
                 } else {
                     pixels.fit_some(&samples, &mut screened)
                 };
+                for (plane, value) in tile.statistics.iter_mut().zip(pixels.statistics.planes()) {
+                    store(value, plane, start + at);
+                }
                 NormalResults::new(&pixels, &estimate).write(&pixels, tile, start + at);
                 at += R::WIDTH;
             }

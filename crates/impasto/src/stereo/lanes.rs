@@ -3,9 +3,11 @@
 use crate::math::{Mask, Real, Vec3};
 
 use super::irls::StereoIrls;
+use super::learning::{LightNeighbours, PixelStatistics};
 use super::lights::Lights;
 use super::m_estimators::{Absolute, Cauchy, ErrorScale, Huber, LossFunction, Tukey};
-use super::problem::StereoProblem;
+use super::mm_estimation::MmEstimation;
+use super::problem::{Learned, Method, StereoProblem};
 use super::rejection::{Ranks, RejectionOutcome, RejectionRule, threshold};
 use super::rows::{MAX_LANES, PlaneRows, any};
 use super::samples::{RegisterSamples, ScreenedSamples};
@@ -19,11 +21,14 @@ pub(super) struct NormalSolution<R: Real> {
     pub(super) start: Solution<R>,
     /// After reweighting.
     pub(super) normal: Vec3<R>,
-    /// Of the normal times the albedo, and one over it.
+    /// Of the normal times the albedo.
     pub(super) length: R,
-    pub(super) per_length: R,
     /// Sum of the residuals' squares.
     pub(super) squares: R,
+    /// Variance of `b` along its worst tangent for noise of variance 1.
+    pub(super) worst: R,
+    /// Predicted deviation of the normal along it, rad.
+    pub(super) sigma: R,
 }
 
 pub(super) struct NormalLanes<R: Real, L> {
@@ -31,7 +36,12 @@ pub(super) struct NormalLanes<R: Real, L> {
     loss: LossFunction,
     steps: usize,
     ranks: Option<Ranks<R>>,
-    irls: StereoIrls<R>,
+    pub(super) irls: StereoIrls<R>,
+    pub(super) mm: Option<MmEstimation<R>>,
+    pub(super) learned: Learned,
+    /// Only where the painting is learned from these pixels, and then what they say.
+    pub(super) neighbours: Option<LightNeighbours>,
+    pub(super) statistics: PixelStatistics<R>,
     pub(super) lights: L,
     /// Of all lights, where that is the same for every pixel; without `b` and `total`.
     uniform: Option<Solution<R>>,
@@ -58,10 +68,15 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
             loss: problem.loss,
             steps: problem.options.steps,
             ranks: match problem.rule {
-                RejectionRule::Rank { low, high } => Some(Ranks::new((low, high), count)),
+                RejectionRule::Rank { low, high } => Some(Ranks::new(&[(low, high)], count)),
                 _ => None,
             },
             irls: StereoIrls::new(count),
+            mm: (problem.options.method == Method::Robust)
+                .then(|| MmEstimation::new(count, &problem.options)),
+            learned: problem.options.learned,
+            neighbours: problem.learns.then(|| LightNeighbours::new(problem.rig)),
+            statistics: PixelStatistics::none(),
             lights: L::new(problem.rig),
             uniform: None,
             pseudoinverse: Vec::new(),
@@ -99,7 +114,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
         self.valid = R::of(self.kept.len() as f64);
         self.saturated = R::zero();
         let mut relative = samples.means;
-        if !L::DISTANT && self.rule != RejectionRule::All {
+        if !L::DISTANT && (self.rule != RejectionRule::All || self.mm.is_some()) {
             sum = R::zero();
             for k in 0..self.kept.len() {
                 let mean = samples.means.at::<R>(k) * self.lights.per_irradiance(k);
@@ -163,28 +178,49 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
             };
             rejection.relaxed = rejection.relaxed | !left;
         }
-        let (lights, kept) = (&self.lights, &self.kept[..]);
-        let squares = if ALL && self.rule == RejectionRule::All {
-            R::apart(Squares::<_, _, _, true> { lights, kept, signal, b })
-        } else {
-            R::apart(Squares::<_, _, _, false> { lights, kept, signal, b })
-        };
+        let squares = self.squares::<ALL>(signal, b);
+        self.count(rejection.kept);
         let length = b.length();
         let per_length = length.recip();
         let normal = b.scale(per_length);
-        self.follow::<ALL>(bands, normal, length);
-        // Dividing takes time, and the number of kept samples is mostly that of the neighbours.
-        if any(rejection.kept - self.share.count) {
-            self.share = ErrorScale::of(rejection.kept, self.loss);
+        let worst = start.matrix.worst_tangent_variance(&start.inverse, normal);
+        let sigma =
+            (squares * worst * self.share.per_freedom).sqrt() * per_length * self.share.quantile;
+        let least = NormalSolution { rejection, start, normal, length, squares, worst, sigma };
+        if self.mm.is_some() {
+            return self.shrunk::<ALL>(least, relative, signal, bands);
         }
-        NormalSolution { rejection, start, normal, length, per_length, squares }
+        self.follow::<ALL>(bands, normal, length, None);
+        least
+    }
+
+    /// The kept samples' squared residuals.
+    #[inline(always)]
+    fn squares<const ALL: bool>(&self, signal: PlaneRows<'_>, b: Vec3<R>) -> R {
+        let (lights, kept) = (&self.lights, &self.kept[..]);
+        if ALL && self.rule == RejectionRule::All {
+            R::apart(Squares::<_, _, _, true> { lights, kept, signal, b })
+        } else {
+            R::apart(Squares::<_, _, _, false> { lights, kept, signal, b })
+        }
+    }
+
+    /// Dividing takes time, and the number of kept samples is mostly that of the neighbours.
+    #[inline(always)]
+    pub(super) fn count(&mut self, kept: R) {
+        if any(kept - self.share.count) {
+            self.share = ErrorScale::of(kept, self.loss);
+        }
     }
 
     /// Which samples the rule keeps.
     #[inline(always)]
     fn select<const ALL: bool>(&mut self, relative: PlaneRows<'_>, sum: R) -> RejectionOutcome<R> {
         match (&mut self.ranks, self.rule) {
-            (Some(ranks), _) => ranks.apply::<ALL>(relative, &mut self.kept, self.valid),
+            (Some(ranks), _) => {
+                ranks.sort::<ALL>(relative);
+                ranks.keep::<ALL>(0, relative, &mut self.kept, self.valid)
+            }
             (None, RejectionRule::Threshold { w1, w2 }) => {
                 let mean = sum / self.valid;
                 threshold::<R, ALL>((w1, w2), relative, mean, &mut self.kept, self.valid)
@@ -227,46 +263,51 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
             ),
             total,
             matrix: Symmetric::select(whole, &uniform.matrix, &some.matrix),
-            inverse: SymmetricInverse {
-                adjugate: Symmetric::select(
-                    whole,
-                    &uniform.inverse.adjugate,
-                    &some.inverse.adjugate,
-                ),
-                per_determinant: R::select(
-                    whole,
-                    uniform.inverse.per_determinant,
-                    some.inverse.per_determinant,
-                ),
-            },
+            inverse: SymmetricInverse::select(whole, &uniform.inverse, &some.inverse),
             squared: R::select(whole, uniform.squared, some.squared),
             condition: R::select(whole, uniform.condition, some.condition),
         }
     }
 
-    /// Every band's albedo along the normal.
+    /// Every band's albedo along the normal, with the weights of `b`: those of the loss, or for
+    /// MM-estimation a mixture by its `share`.
     #[inline(always)]
-    fn follow<const ALL: bool>(&mut self, bands: PlaneRows<'_>, normal: Vec3<R>, length: R) {
+    pub(super) fn follow<const ALL: bool>(
+        &mut self,
+        bands: PlaneRows<'_>,
+        normal: Vec3<R>,
+        length: R,
+        share: Option<R>,
+    ) {
         let (zero, one) = (R::zero(), R::one());
-        if let [albedo] = &mut self.albedo[..] {
+        if let ([albedo], None) = (&mut self.albedo[..], share) {
             // The same number: the normal is the direction of the least-squares solution.
             *albedo = length;
             return;
         }
         let by_rule = self.loss == LossFunction::Squares || self.steps == 0;
+        let whole = ALL && self.rule == RejectionRule::All && self.loss == LossFunction::Squares;
+        let mixture = match (&self.mm, share) {
+            (Some(mm), Some(share)) => {
+                Some((&mm.weights[..], share.gt(zero), self.mixture(mm, normal, share)))
+            }
+            _ => None,
+        };
         self.albedo.fill(zero);
         let mut squares = zero;
         let count = self.albedo.len();
         for (k, &kept) in self.kept.iter().enumerate() {
             let cosine = normal.dot(self.lights.at(k));
-            let weight =
-                if ALL && self.rule == RejectionRule::All && self.loss == LossFunction::Squares {
-                    one
-                } else if by_rule {
-                    R::keep(kept, one)
-                } else {
-                    self.irls.weights()[k]
-                };
+            let weight = if let Some((weights, robust, (by_weights, by_all))) = mixture {
+                let mixed = weights[k].mul_add(by_weights, by_all);
+                R::keep(kept, R::select(robust, mixed, one))
+            } else if whole {
+                one
+            } else if by_rule {
+                R::keep(kept, one)
+            } else {
+                self.irls.weights()[k]
+            };
             let weighted = cosine * weight;
             squares = weighted.mul_add(cosine, squares);
             for (band, albedo) in self.albedo.iter_mut().enumerate() {
@@ -279,5 +320,22 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
         for albedo in &mut self.albedo {
             *albedo = *albedo * per_square;
         }
+        if let ([albedo], Some(share)) = (&mut self.albedo[..], share) {
+            *albedo = R::select(share.gt(zero), *albedo, length);
+        }
+    }
+
+    /// Factors of the weights and of one, so that each of both fits has its share in the albedo.
+    #[inline(always)]
+    fn mixture(&self, mm: &MmEstimation<R>, normal: Vec3<R>, share: R) -> (R, R) {
+        let (zero, one) = (R::zero(), R::one());
+        let (mut all, mut weighted) = (zero, zero);
+        for (k, &kept) in self.kept.iter().enumerate() {
+            let cosine = normal.dot(self.lights.at(k));
+            let square = R::keep(kept, cosine * cosine);
+            all = all + square;
+            weighted = mm.weights[k].mul_add(square, weighted);
+        }
+        (share * all / weighted, one - share)
     }
 }

@@ -33,13 +33,13 @@ impl LossFunction {
 }
 
 /// Median of absolute normal deviates, inverted.
-const SIGMA_PER_MEDIAN: f64 = 1.482_602_218_505_602;
+pub(super) const SIGMA_PER_MEDIAN: f64 = 1.482_602_218_505_602;
 
 /// Mean of absolute normal deviates, inverted.
 const SIGMA_PER_MEAN: f64 = 1.253_314_137_315_500_3;
 
 /// Share of the signal below which single precision sees no residual: 2^-22.
-const LEAST_RESIDUAL: f64 = 1.0 / 4_194_304.0;
+pub(super) const LEAST_RESIDUAL: f64 = 1.0 / 4_194_304.0;
 
 /// A loss whose weights depend on residuals.
 pub(super) trait WeightFunction {

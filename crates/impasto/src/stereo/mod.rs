@@ -16,13 +16,17 @@ mod distant_system;
 mod fit;
 mod irls;
 mod lanes;
+mod learning;
 mod lights;
 mod m_estimators;
+mod m_scale;
+mod mm_estimation;
 mod problem;
 mod rejection;
 mod results;
 mod rows;
 mod samples;
+mod shrinkage;
 mod solve;
 mod sorting_network;
 mod sums;
@@ -35,7 +39,7 @@ use crate::stack::Stack;
 
 use distant_system::DistantSystem;
 use problem::StereoProblem;
-pub use problem::{Method, StereoOptions};
+pub use problem::{Learned, Method, StereoOptions};
 use rejection::RejectionRule;
 use solve::determined;
 pub use solve::{CONDITION_LIMIT, ENOUGH, RANK_LIMIT};
@@ -53,21 +57,69 @@ pub fn fit_normals(
     maps: &mut NormalMaps<'_>,
     run: &Run<'_>,
 ) -> Result<()> {
+    estimate(stack, rig, options, maps, None, run)
+}
+
+/// Learns what a fit of any part of a painting must know of the whole, from a sample of its pixels.
+///
+/// # Errors
+/// As for [`fit_normals`], or if the method is another than [`Method::Robust`].
+pub fn learn_normals(
+    stack: &Stack<'_>,
+    rig: &Rig,
+    options: &StereoOptions,
+    run: &Run<'_>,
+) -> Result<Learned> {
+    if options.method != Method::Robust {
+        let problem = "only the robust method learns from a whole painting".to_owned();
+        return Err(Error::argument("method", problem));
+    }
+    let shape = stack.shape();
+    let pixels = shape.pixels();
+    let mut statistics = run.filled(0.0, learning::PLANES * pixels)?;
+    let options = StereoOptions { learned: Learned::default(), ..*options };
+    let mut maps = NormalMaps {
+        normal: &mut run.filled(0.0, 3 * pixels)?,
+        albedo: &mut run.filled(0.0, shape.bands * pixels)?,
+        used: &mut run.filled(0, pixels)?,
+        rejected: &mut run.filled(0, 4 * pixels)?,
+        residual: &mut run.filled(0.0, pixels)?,
+        condition: &mut run.filled(0.0, pixels)?,
+        sigma: &mut run.filled(0.0, pixels)?,
+        status: &mut run.filled(0, pixels)?,
+    };
+    estimate(stack, rig, &options, &mut maps, Some(&mut statistics), run)?;
+    Ok(learning::learned(&statistics, maps.status))
+}
+
+/// The fit, and for a sample to learn from what each of its pixels says.
+fn estimate(
+    stack: &Stack<'_>,
+    rig: &Rig,
+    options: &StereoOptions,
+    maps: &mut NormalMaps<'_>,
+    statistics: Option<&mut [f32]>,
+    run: &Run<'_>,
+) -> Result<()> {
     check(stack, rig, options)?;
     let rule = options.method.rule();
+    // The default solves complete pixels as it does others: a photograph that counts nowhere changes no bit.
+    let one_path = options.method != Method::Robust;
     let problem = StereoProblem {
         stack,
         rig,
         rule,
         loss: options.method.loss(),
         options: *options,
+        learns: statistics.is_some(),
         run,
-        uniform: (rule == RejectionRule::All && rig.is_distant()).then(|| DistantSystem::new(rig)),
+        uniform: (rule == RejectionRule::All && one_path && rig.is_distant())
+            .then(|| DistantSystem::new(rig)),
     };
     let shape = stack.shape();
     let level = run.level;
     run.for_each(
-        maps.tiles(shape.pixels(), shape.bands)?,
+        maps.tiles(shape.pixels(), shape.bands, statistics)?,
         || samples::StereoScratch::new(&problem),
         |scratch, mut tile| {
             level.run(fit::NormalFit { problem: &problem, scratch, tile: &mut tile });
@@ -100,5 +152,5 @@ fn check(stack: &Stack<'_>, rig: &Rig, options: &StereoOptions) -> Result<()> {
         let problem = format!("there are {} bands, counted from 0", shape.bands);
         return Err(Error::argument("selection", problem));
     }
-    options.method.rule().check()
+    options.check()
 }

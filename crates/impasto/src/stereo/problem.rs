@@ -1,5 +1,6 @@
 //! Methods and options of photometric stereo, and what all tiles share.
 
+use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::pixels::Run;
 use crate::stack::Stack;
@@ -39,19 +40,21 @@ pub enum Method {
     /// Tukey's biweight, `(1 - (R / 4.685 s)^2)^2`, zero beyond.
     Tukey,
     /// [`Method::Rank`], then [`Method::L1`] among the samples that it kept.
-    Robust {
+    Trimmed {
         /// As for `Rank`.
         low: f64,
         /// As for `Rank`.
         high: f64,
     },
+    /// MM-estimation, shrunk to least squares where a Hausman test finds no evidence against it.
+    Robust,
 }
 
 impl Method {
     pub(super) fn rule(self) -> RejectionRule {
         match self {
             Self::Threshold { w1, w2 } => RejectionRule::Threshold { w1, w2 },
-            Self::Rank { low, high } | Self::Robust { low, high } => {
+            Self::Rank { low, high } | Self::Trimmed { low, high } => {
                 RejectionRule::Rank { low, high }
             }
             _ => RejectionRule::All,
@@ -60,7 +63,7 @@ impl Method {
 
     pub(super) fn loss(self) -> LossFunction {
         match self {
-            Self::L1 | Self::Robust { .. } => LossFunction::Absolute,
+            Self::L1 | Self::Trimmed { .. } => LossFunction::Absolute,
             Self::Huber => LossFunction::Huber,
             Self::Cauchy => LossFunction::Cauchy,
             Self::Tukey => LossFunction::Tukey,
@@ -72,7 +75,7 @@ impl Method {
     #[must_use]
     pub fn usual_steps(self) -> usize {
         match self {
-            Self::Robust { .. } => 5,
+            Self::Trimmed { .. } | Self::Robust => 5,
             Self::L1 => 30,
             Self::Huber | Self::Cauchy | Self::Tukey => 20,
             _ => 0,
@@ -89,6 +92,39 @@ pub struct StereoOptions {
     pub steps: usize,
     /// The band that normals are solved from; none means the mean of all bands.
     pub selection: Option<usize>,
+    /// What is known of the whole painting; only [`Method::Robust`] asks.
+    pub learned: Learned,
+}
+
+/// What [`Method::Robust`] knows of the whole painting, from [`learn_normals`](super::learn_normals).
+/// Zeros: nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Learned {
+    /// Typical scale of a pixel's residuals relative to its brightness.
+    pub scale: f64,
+    /// Correlation of the residuals under neighbouring lights, -1 to 1.
+    pub correlation: f64,
+}
+
+impl Learned {
+    fn check(self) -> Result<()> {
+        if !(self.scale >= 0.0 && self.scale.is_finite()) {
+            let problem = format!("expected a scale of at least 0, found {}", self.scale);
+            return Err(Error::argument("learned", problem));
+        }
+        if !(-1.0..=1.0).contains(&self.correlation) {
+            let problem = format!("expected a correlation of -1 to 1, found {}", self.correlation);
+            return Err(Error::argument("learned", problem));
+        }
+        Ok(())
+    }
+}
+
+impl StereoOptions {
+    pub(super) fn check(&self) -> Result<()> {
+        self.method.rule().check()?;
+        self.learned.check()
+    }
 }
 
 /// What all tiles share.
@@ -98,6 +134,8 @@ pub(super) struct StereoProblem<'a> {
     pub(super) rule: RejectionRule,
     pub(super) loss: LossFunction,
     pub(super) options: StereoOptions,
+    /// Whether the pixels are a sample to learn from.
+    pub(super) learns: bool,
     pub(super) run: &'a Run<'a>,
     /// Only where every valid sample counts and all lights are distant.
     pub(super) uniform: Option<DistantSystem>,

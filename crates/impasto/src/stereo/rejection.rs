@@ -181,8 +181,8 @@ fn from_the_middle(mut samples: Vec<(f32, usize)>) -> impl Iterator<Item = (f32,
 /// Rank trimming: what it needs at every pixel.
 pub(super) struct Ranks<R> {
     network: SortingNetwork,
-    /// For every number of valid samples.
-    kept: Vec<RankRange>,
+    /// For every pair of limits, and every number of valid samples.
+    kept: Vec<Vec<RankRange>>,
     sorted: Vec<R>,
 }
 
@@ -196,30 +196,40 @@ struct RankLimits<R: Real> {
 }
 
 impl<R: Real<Scalar = f32>> Ranks<R> {
-    pub(super) fn new((low, high): (f64, f64), observations: usize) -> Self {
+    pub(super) fn new(limits: &[(f64, f64)], observations: usize) -> Self {
+        let ranges = |&(low, high): &(f64, f64)| {
+            (0..=observations).map(|n| RankRange::of(n, low, high)).collect()
+        };
         Self {
             network: SortingNetwork::new(observations),
-            kept: (0..=observations).map(|n| RankRange::of(n, low, high)).collect(),
+            kept: limits.iter().map(ranges).collect(),
             sorted: vec![R::zero(); observations],
         }
     }
 
-    /// Keeps the samples of the kept ranks; arguments as for [`threshold`].
+    /// Ranks the samples; arguments as for [`threshold`].
     #[inline(always)]
-    pub(super) fn apply<const ALL: bool>(
-        &mut self,
-        relative: PlaneRows<'_>,
-        kept: &mut [R::Mask],
-        valid: R,
-    ) -> RejectionOutcome<R> {
-        let (zero, one) = (R::zero(), R::one());
+    pub(super) fn sort<const ALL: bool>(&mut self, relative: PlaneRows<'_>) {
         let infinity = R::splat(f32::INFINITY);
         for (k, sorted) in self.sorted.iter_mut().enumerate() {
             let value = relative.at::<R>(k);
             *sorted = if ALL { value } else { R::select(value.is_finite(), value, infinity) };
         }
         self.network.sort(&mut self.sorted);
-        let limits = if ALL { self.limits_of_all() } else { self.limits(valid) };
+    }
+
+    /// Keeps the samples within one pair of limits, of those that [`Self::sort`] ranked.
+    #[inline(always)]
+    pub(super) fn keep<const ALL: bool>(
+        &self,
+        pair: usize,
+        relative: PlaneRows<'_>,
+        kept: &mut [R::Mask],
+        valid: R,
+    ) -> RejectionOutcome<R> {
+        let (zero, one) = (R::zero(), R::one());
+        let ranges = &self.kept[pair];
+        let limits = if ALL { self.limits_of_all(ranges) } else { self.limits(ranges, valid) };
         let expected = limits.end - limits.first;
         let mut count = zero;
         for (k, kept) in kept.iter_mut().enumerate() {
@@ -264,8 +274,8 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
     }
 
     #[inline(always)]
-    fn limits_of_all(&self) -> RankLimits<R> {
-        let kept = self.kept[self.sorted.len()];
+    fn limits_of_all(&self, ranges: &[RankRange]) -> RankLimits<R> {
+        let kept = ranges[self.sorted.len()];
         RankLimits {
             lower: self.sorted[kept.first],
             upper: self.sorted[kept.end - 1],
@@ -277,11 +287,11 @@ impl<R: Real<Scalar = f32>> Ranks<R> {
 
     /// Lane by lane, for every lane has its own number of valid samples.
     #[inline(always)]
-    fn limits(&self, valid: R) -> RankLimits<R> {
+    fn limits(&self, ranges: &[RankRange], valid: R) -> RankLimits<R> {
         let mut found = [[0.0_f32; MAX_LANES]; 5];
         let valid = lanes(valid);
         for (lane, &valid) in valid.iter().enumerate().take(R::WIDTH) {
-            let kept = self.kept[valid as usize];
+            let kept = ranges[valid as usize];
             let last = kept.end.saturating_sub(1);
             found[0][lane] = lanes(self.sorted[kept.first.min(last)])[lane];
             found[1][lane] = lanes(self.sorted[last])[lane];

@@ -29,14 +29,11 @@ fn code<R: Real>(status: Status) -> R {
 impl<R: Real<Scalar = f32>> NormalResults<R> {
     #[inline(always)]
     pub(super) fn new<L>(pixels: &NormalLanes<R, L>, estimate: &NormalSolution<R>) -> Self {
-        let NormalSolution { ref rejection, ref start, normal, length, per_length, squares } =
+        let NormalSolution { ref rejection, ref start, normal, length, squares, worst, sigma } =
             *estimate;
-        let share = pixels.share;
-        let worst = start.matrix.worst_tangent_variance(&start.inverse, normal);
-        let sigma = (squares * worst * share.per_freedom).sqrt() * per_length * share.quantile;
         Self {
             normal,
-            residual: (squares * share.per_count).sqrt(),
+            residual: (squares * pixels.share.per_count).sqrt(),
             condition: start.condition,
             sigma,
             status: status(pixels, rejection, start, &Magnitudes { length, squares, worst, sigma }),

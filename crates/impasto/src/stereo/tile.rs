@@ -40,10 +40,17 @@ pub(super) struct NormalTile<'a> {
     pub(super) condition: &'a mut [f32],
     pub(super) sigma: &'a mut [f32],
     pub(super) status: &'a mut [u8],
+    /// What the pixels of a sample say of the painting; else no planes.
+    pub(super) statistics: Vec<&'a mut [f32]>,
 }
 
 impl NormalMaps<'_> {
-    pub(super) fn tiles(&mut self, pixels: usize, bands: usize) -> Result<Vec<NormalTile<'_>>> {
+    pub(super) fn tiles<'a>(
+        &'a mut self,
+        pixels: usize,
+        bands: usize,
+        statistics: Option<&'a mut [f32]>,
+    ) -> Result<Vec<NormalTile<'a>>> {
         let sizes = [
             ("normal", self.normal.len(), 3 * pixels),
             ("albedo", self.albedo.len(), bands * pixels),
@@ -60,6 +67,7 @@ impl NormalMaps<'_> {
         let mut normal = planes(self.normal, pixels);
         let mut albedo = planes(self.albedo, pixels);
         let mut rejected = planes(self.rejected, pixels);
+        let mut statistics = planes(statistics.unwrap_or_default(), pixels);
         Ok(pixels::tiles(pixels)
             .into_iter()
             .zip(self.used.chunks_mut(pixels::TILE))
@@ -78,6 +86,7 @@ impl NormalMaps<'_> {
                 condition,
                 sigma,
                 status,
+                statistics: statistics.iter_mut().filter_map(Iterator::next).collect(),
             })
             .collect())
     }
