@@ -180,7 +180,8 @@ def choose(
     candidates
         Of :data:`CANDIDATES`, in their order.
     fit
-        Fits a candidate to some photographs and returns a result that can ``predict`` others.
+        Fits a candidate to some photographs and returns a result that can ``predict`` others, with
+        its residuals if they may be kept.
     threads
         As in :func:`impasto.fit_sbrdf`.
     progress
@@ -201,11 +202,14 @@ def choose(
     tried = []
     with reporting(progress is True, "choice") as callback:
         for done, candidate in enumerate(candidates, start=1):
-            errors = [
-                decibels(fit(fold.known, candidate).predict(fold.rig) / top, fold.compared / top)
-                for fold in folds
-            ]
-            decibel = float(np.concatenate(errors).mean())
+            errors: dict[str, list[NDArray[np.float64]]] = {"model": [], "photographs": []}
+            for fold in folds:
+                result = fit(fold.known, candidate)
+                for fidelity, found in errors.items():
+                    shown = result.predict(fold.rig, fidelity=fidelity)
+                    found.append(decibels(shown / top, fold.compared / top))
+            # Residuals are kept where they help.
+            decibel = max(float(np.concatenate(found).mean()) for found in errors.values())
             tried.append(Candidate(candidate.pooling, candidate.lobes, candidate.ambient, decibel))
             if callback is not None:
                 callback(done, len(candidates))

@@ -261,7 +261,7 @@ def learn_sbrdf(
     kinds = fit_kinds(model, pooling, given)
     before = stack.rig
     stack = with_refined_rig(stack, kinds, given, refine, maps=False, threads=threads)
-    choice, kind, given = chosen_kind(stack, kinds, given, normals, threads, progress)
+    choice, kind, given = chosen_kind(stack, kinds, given, normals, residuals, threads, progress)
     options = checked_options(kind, given)
     wanted = choice is not None if residuals is None else truth(residuals, "residuals")
     size = _extent(extent, stack)

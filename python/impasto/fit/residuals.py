@@ -42,6 +42,8 @@ ONE_VIEW = 0.05
 ROWS = 32
 """Rows of a picture that are computed together."""
 
+_USUAL = (0.35, 0.1)
+"""Length and noise where none were learned."""
 _CURVE = Encoding("srgb", white=255.0)
 _STEPS = 16384
 _CODES = _CURVE.encode(np.linspace(0.0, 1.0, _STEPS + 1) ** 2)
@@ -208,6 +210,13 @@ def learn_residuals(stack: Stack, fit: Fit, *, threads: int | None) -> LearnedRe
     length, noise, count = setting
     basis = principal_components(_residual_codes(part, fit(part), top))[:count]
     return LearnedResiduals(basis, length, noise, top, gain)
+
+
+def usual_residuals(stack: Stack, result: Any) -> Residuals:
+    """Residuals with usual numbers, for comparing fits that will have their own."""
+    top = full_scale([np.array([stack.linear(i) for i in range(len(stack.rig))])])
+    basis = principal_components(_residual_codes(stack, result, top))
+    return apply_residuals(LearnedResiduals(basis, *_USUAL, top, 0.0), stack, result)
 
 
 def apply_residuals(learned: LearnedResiduals, stack: Stack, result: Any) -> Residuals:

@@ -10,6 +10,8 @@ from typing import Any, Literal, TypedDict, Unpack, get_args, overload
 
 from numpy.typing import ArrayLike
 
+from impasto import _core
+from impasto._internal.border import RigArguments
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import one_of, refractive_index, truth
 from impasto._internal.waiting import wait_for
@@ -21,7 +23,12 @@ from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count
 from impasto.fit.normals import LearnedNormals, Method, Normals, fit_normals
 from impasto.fit.options import FitKind, Model, Pooling, fit_kind, fit_kinds
 from impasto.fit.pooled import Extraction, PooledSbrdf, fit_pooled, without_gloss
-from impasto.fit.residuals import LearnedResiduals, apply_residuals, learn_residuals
+from impasto.fit.residuals import (
+    LearnedResiduals,
+    apply_residuals,
+    learn_residuals,
+    usual_residuals,
+)
 from impasto.fit.result import Sbrdf
 from impasto.fit.rig_refinement import refined
 from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
@@ -283,7 +290,7 @@ def fit_sbrdf(
         checked_normals(normals, stack)
     kinds = fit_kinds(model, pooling, given)
     stack = with_refined_rig(stack, kinds, given, refine, maps=maps, threads=threads)
-    choice, kind, given = chosen_kind(stack, kinds, given, normals, threads, progress)
+    choice, kind, given = chosen_kind(stack, kinds, given, normals, residuals, threads, progress)
     options = checked_options(kind, given)
     labels = None
     if "segments" in options:
@@ -359,10 +366,14 @@ def chosen_kind(
     kinds: Sequence[FitKind],
     given: Mapping[str, Any],
     normals: Normals | Method | None,
+    residuals: bool | None,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> tuple[Choice | None, FitKind, dict[str, Any]]:
-    """The fit among ``kinds``, its options, and how it was chosen; None where nothing was open."""
+    """The fit among ``kinds``, its options, and how it was chosen; None where nothing was open.
+
+    Fits whose residuals will be kept are compared with those.
+    """
     if len(kinds) == 1:
         return None, kinds[0], dict(given)
     # Normals of all photographs know those that are held out.
@@ -372,8 +383,9 @@ def chosen_kind(
         options: dict[str, Any] = {**given, **candidate.options}
         options |= {"normals": method, "refine": False, "residuals": False}
         result: Sbrdf = fit_sbrdf(known, **options, threads=threads)
-        return result
+        return replace(result, residuals=usual_residuals(known, result)) if kept else result
 
+    kept = residuals is not False and not _core.views_differ(RigArguments.of(stack.rig))
     poolings = {kind.pooling for kind in kinds}
     candidates = [one for one in CANDIDATES if one.pooling in poolings]
     choice = choose(stack, candidates, fit, threads=threads, progress=progress)
