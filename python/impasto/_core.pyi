@@ -119,6 +119,7 @@ class PriorNumbers(TypedDict):
 @type_check_only
 class Learned(TypedDict):
     start: Literal["multistart", "neighbours"]
+    bounded: bool
     pixels: int
     prior: PriorNumbers | None
 

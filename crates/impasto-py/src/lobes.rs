@@ -41,6 +41,7 @@ pub(crate) struct LobeArguments {
     rounds: usize,
     typical: bool,
     sparing: bool,
+    bounded: bool,
     iterations: usize,
     start: String,
     precision: String,
@@ -71,6 +72,7 @@ struct PriorArguments<'py> {
 #[derive(IntoPyObject)]
 pub(crate) struct Learned<'py> {
     start: &'static str,
+    bounded: bool,
     pixels: usize,
     prior: Option<PriorArrays<'py>>,
 }
@@ -188,6 +190,7 @@ impl LobeArguments {
             lobes: self.lobes,
             ambient: self.ambient,
             normal: true,
+            bounded: self.bounded,
             rounds: self.rounds,
             typical: self.typical,
             sparing: self.sparing,
@@ -241,7 +244,7 @@ impl<'py> Learned<'py> {
             Origin::Neighbours => "neighbours",
         };
         let prior = learned.prior().map(|prior| PriorArrays::of(py, prior)).transpose()?;
-        Ok(Self { start, pixels: learned.pixels, prior })
+        Ok(Self { start, bounded: learned.options.bounded, pixels: learned.pixels, prior })
     }
 }
 

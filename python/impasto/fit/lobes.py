@@ -110,7 +110,8 @@ class LobeOptions:
     """How lobes are fitted; ``rounds`` to ``precision`` are those of :class:`impasto.Effort`.
 
     ``typical=False`` takes no prior from the painting's other pixels, and ``sparing=False`` gives a
-    pixel every lobe that lowers its cost, worth its unknowns or not.
+    pixel every lobe that lowers its cost, worth its unknowns or not. ``bounded``: no lobe is wider
+    than 0.25 rad while the normal is free, unless the painting has broader ones.
     """
 
     lobes: int
@@ -122,6 +123,7 @@ class LobeOptions:
     precision: Precision
     typical: bool = True
     sparing: bool = True
+    bounded: bool = True
 
     @classmethod
     def of(
@@ -223,7 +225,8 @@ class LearnedLobes:
     Attributes
     ----------
     options
-        Those of the fit; ``start`` is ``"multistart"`` where the sample was too small for seeds.
+        Those of the fit; ``start`` is ``"multistart"`` where the sample was too small for seeds,
+        ``bounded`` is False where it showed lobes that are broader.
     extent
         Rows and columns of the whole painting.
     pixels
@@ -323,7 +326,8 @@ def learn_lobes(
     with reporting(progress, "learning") as callback:
         found = _core.learn_lobes(*arguments, options, extent, thread_count(threads), callback)
     prior = None if found["prior"] is None else Prior(**found["prior"])
-    return LearnedLobes(replace(options, start=found["start"]), extent, found["pixels"], prior)
+    options = replace(options, start=found["start"], bounded=found["bounded"])
+    return LearnedLobes(options, extent, found["pixels"], prior)
 
 
 def apply_lobes(

@@ -85,6 +85,7 @@ impl Painting {
             lobes: 1,
             ambient: true,
             normal: true,
+            bounded: true,
             rounds: 1,
             typical: true,
             sparing: true,

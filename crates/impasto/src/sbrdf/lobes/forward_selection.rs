@@ -271,6 +271,7 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
             y: &tile.y,
             ambient: self.options.ambient,
             free: self.options.normal,
+            bounded: self.options.normal && self.options.bounded,
             typical: None,
             starts,
             found: &mut tile.estimates,

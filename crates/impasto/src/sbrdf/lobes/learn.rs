@@ -17,6 +17,16 @@ use super::tile_fit::{LobeFit, LobeScratch};
 /// Most tiles from which the prior is made.
 const SAMPLED: usize = 40;
 
+/// Lobes are not bounded where, at the median pixel that reaches the bound, lobes and normal free of
+/// it leave less than this share of the cost. Broad lobes that are there leave noise: 0.2 to 0.5 of
+/// the cost in simulations, more where noise is above 0.4 % of white. Lobes that stand for errors of
+/// the diffuse part leave 0.7 to 1 of it (varnish, path-traced and simulated).
+const EXPLAINED: f32 = 0.6;
+
+/// Fewest pixels, and their least fraction of all, that say so.
+const FEWEST_BROAD: usize = 5;
+const BROAD_FRACTION: f64 = 0.05;
+
 /// Most pixels that multistart fits twice: once for the prior, once with it.
 pub const TYPICAL_PIXELS: usize = SAMPLED * TILE;
 
@@ -73,9 +83,32 @@ pub fn learn_lobes<M: LobeEstimation>(
     LobeFit::new(stack, rig, start, &photographs, options, run)?.learn().map(|(learned, _)| learned)
 }
 
+/// Whether pixels say that their lobes are broader than the bound.
+fn has_broad_lobes(estimates: &[Estimate]) -> bool {
+    let mut said: Vec<f32> =
+        estimates.iter().map(|one| one.unbounded).filter(|ratio| ratio.is_finite()).collect();
+    let fewest = FEWEST_BROAD.max((BROAD_FRACTION * estimates.len() as f64) as usize);
+    if said.len() < fewest {
+        return false;
+    }
+    said.sort_by(f32::total_cmp);
+    said[said.len() / 2] < EXPLAINED
+}
+
 impl<M: LobeEstimation> LobeFit<'_, M> {
     /// What is learned from this fit's stack, and the seeds that were fitted for it.
     pub(super) fn learn(&self) -> Result<(LearnedLobes, Option<Seeds>)> {
+        let (learned, seeds, estimates) = LobeFit { learning: true, ..*self }.learn_bounded()?;
+        if !has_broad_lobes(&estimates) {
+            return Ok((learned, seeds));
+        }
+        let options = LobeOptions { bounded: false, ..*self.options };
+        let (learned, seeds, _) = LobeFit { options: &options, ..*self }.learn_bounded()?;
+        Ok((learned, seeds))
+    }
+
+    /// The same with lobes bounded as the options say, and the estimates of the sample.
+    fn learn_bounded(&self) -> Result<(LearnedLobes, Option<Seeds>, Vec<Estimate>)> {
         let grid = SeedGrid::inside(self.rig.grid());
         let seeds = match self.options.start {
             Origin::Neighbours => Some(self.seeds(grid)?),
@@ -92,7 +125,7 @@ impl<M: LobeEstimation> LobeFit<'_, M> {
         let prior =
             self.options.typical.then(|| Prior::of_estimates(&self.photographs.model, &estimates));
         let options = LobeOptions { start, ..*self.options };
-        Ok((LearnedLobes { options, pixels: estimates.len(), prior }, seeds))
+        Ok((LearnedLobes { options, pixels: estimates.len(), prior }, seeds, estimates))
     }
 
     /// Estimates of tiles spread over the painting.

@@ -45,6 +45,9 @@ pub trait LobeEstimation: LobeModel {
     ) -> Slope<R>;
     /// Smallest and largest shape.
     fn bounds(&self) -> [[f64; MAX_SHAPES]; 2];
+    /// Smallest shape while the normal is free: a wider lobe would stand for diffuse light under
+    /// another normal.
+    fn widest_with_normal(&self) -> [f64; MAX_SHAPES];
     /// Shapes to start from.
     fn starts(&self) -> &'static [[f64; MAX_SHAPES]];
     /// Usual standard deviations of the unknowns over a painting: a lobe whose unknowns are known

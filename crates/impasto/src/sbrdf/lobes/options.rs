@@ -10,6 +10,9 @@ pub struct LobeOptions {
     pub ambient: bool,
     /// Whether the normal is fitted; otherwise it stays at its start.
     pub normal: bool,
+    /// Whether lobes have the width of a highlight at most while the normal is free; learned: off
+    /// where the painting has broader ones.
+    pub bounded: bool,
     /// Rounds in which all bands are fitted together and samples are reweighted by their residuals.
     pub rounds: usize,
     /// Whether shapes are drawn towards the painting's typical ones (empirical Bayes).

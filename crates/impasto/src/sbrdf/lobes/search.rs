@@ -32,6 +32,8 @@ pub(super) struct Search<'a, M: LobeEstimation> {
     pub(super) y: &'a [f32],
     pub(super) ambient: bool,
     pub(super) free: bool,
+    /// Whether lobes are no wider than [`LobeEstimation::widest_with_normal`].
+    pub(super) bounded: bool,
     /// The prior of each pixel's shapes; `None` during forward selection.
     pub(super) typical: Option<&'a [ShapePrior]>,
     /// The start of each pixel.
@@ -54,7 +56,10 @@ impl<M: LobeEstimation> Search<'_, M> {
     fn seek<S: Element, const J: usize, const K: usize, const N: usize>(self) {
         let tilt = S::from_f64(if self.free { STEEPEST } else { 0.0 });
         let mut bounds = Bounds { lower: [-tilt; N], upper: [tilt; N] };
-        let [lower, upper] = self.photographs.model.bounds();
+        let [mut lower, upper] = self.photographs.model.bounds();
+        if self.bounded {
+            lower = self.photographs.model.widest_with_normal();
+        }
         for (unknown, shape) in (2..N).zip((0..M::SHAPES).cycle()) {
             bounds.lower[unknown] = S::from_f64(lower[shape]);
             bounds.upper[unknown] = S::from_f64(upper[shape]);

@@ -163,6 +163,7 @@ fn options(start: Origin) -> LobeOptions {
         lobes: LOBES,
         ambient: true,
         normal: true,
+        bounded: true,
         rounds: 1,
         typical: true,
         sparing: true,

@@ -42,6 +42,9 @@ pub(super) struct Estimate {
     pub(super) shape_deviation: [f32; MOST_LOBES],
     /// The deviation of a shape's first number by the photographs alone, without the prior.
     pub(super) own_deviation: [f32; MOST_LOBES],
+    /// Cost with lobes and normal free of the bound over that with the normal kept; NaN for a pixel
+    /// that does not reach the bound, or where this was not asked for.
+    pub(super) unbounded: f32,
     /// Whether the last search ended by its own tests.
     pub(super) converged: bool,
 }
@@ -56,6 +59,7 @@ impl Estimate {
             normal_deviation: f32::NAN,
             shape_deviation: [f32::NAN; MOST_LOBES],
             own_deviation: [f32::NAN; MOST_LOBES],
+            unbounded: f32::NAN,
             converged: false,
         }
     }

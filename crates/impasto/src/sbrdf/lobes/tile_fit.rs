@@ -24,6 +24,20 @@ use super::seeds::{HALO, Seed, SeedGrid, Seeds};
 use super::support::drop_unsupported;
 use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE};
 
+/// A logarithm of a sharpness so near its bound counts as at the bound: a per cent of the width.
+const AT_BOUND: f32 = 0.02;
+
+/// What a search may change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Freedom {
+    /// Normals, and lobes no wider than [`LobeEstimation::widest_with_normal`].
+    Bounded,
+    /// Lobes, about fixed normals.
+    Shapes,
+    /// Normals, and lobes of any width.
+    All,
+}
+
 /// Memory of a worker.
 pub(super) struct LobeScratch {
     pub(super) tile: LobeFitTile,
@@ -46,6 +60,8 @@ pub(super) struct LobeFit<'a, M: LobeEstimation> {
     pub(super) options: &'a LobeOptions,
     pub(super) prior: Option<&'a Prior>,
     pub(super) seeds: Option<&'a Seeds>,
+    /// Whether pixels say what the bound of their lobes costs.
+    pub(super) learning: bool,
     pub(super) run: &'a Run<'a>,
 }
 
@@ -70,7 +86,17 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             return Err(Error::argument("lobes", problem));
         }
         start.check(shape.pixels(), shape.bands)?;
-        Ok(Self { stack, rig, start, photographs, options, prior: None, seeds: None, run })
+        Ok(Self {
+            stack,
+            rig,
+            start,
+            photographs,
+            options,
+            prior: None,
+            seeds: None,
+            learning: false,
+            run,
+        })
     }
 
     /// Fits the seeds of a grid; also returns their estimates.
@@ -126,8 +152,17 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
                 return (fitted, by_count);
             }
             self.reweight(tile, solution, true);
-            self.refine(tile, &fitted, &solution.variance, round == self.options.rounds);
+            let freedom = match (self.options.normal, self.options.bounded) {
+                (true, true) => Freedom::Bounded,
+                (true, false) => Freedom::All,
+                (false, _) => Freedom::Shapes,
+            };
+            let last = round == self.options.rounds;
+            self.refine(tile, &fitted, &solution.variance, freedom, last);
             drop_unsupported(self.photographs, tile, &fitted, self.run.level);
+        }
+        if self.options.normal && self.options.bounded {
+            self.widen(tile, &fitted, &solution.variance);
         }
         self.reweight(tile, solution, false);
         for (estimate, &variance) in tile.estimates.iter_mut().zip(&solution.variance) {
@@ -158,36 +193,71 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     }
 
     /// Searches on all bands from the present estimates, whose samples have these variances.
-    fn refine(&self, tile: &mut LobeFitTile, fitted: &[usize], variances: &[f32], last: bool) {
+    fn refine(
+        &self,
+        tile: &mut LobeFitTile,
+        fitted: &[usize],
+        variances: &[f32],
+        freedom: Freedom,
+        last: bool,
+    ) {
         let precision = self.options.precision;
         let typical = self.prior.map(|prior| {
             let (model, estimates) = (&self.photographs.model, &tile.estimates);
             self.run.level.run(ShapePriors { prior, model, estimates, variances })
         });
         let typical = typical.as_deref();
-        self.search_all(tile, fitted, typical, precision == Precision::Double);
+        self.search_all(tile, fitted, typical, freedom, precision == Precision::Double);
         if last && precision == Precision::Polished && !self.run.cancelled() {
-            self.search_all(tile, fitted, typical, true);
+            self.search_all(tile, fitted, typical, freedom, true);
         }
         for &pixel in fitted {
             tile.estimates[pixel] = self.ordered(&tile.estimates[pixel]);
         }
     }
 
-    /// One search for every pixel, whatever its number of lobes.
+    /// Lobes about the normals that were found, without the bound, of the pixels that reach it.
+    fn widen(&self, tile: &mut LobeFitTile, fitted: &[usize], variances: &[f32]) {
+        let widest = self.photographs.model.widest_with_normal()[0] as f32;
+        let at_bound = |pixel: &usize| {
+            let Estimate { shapes, lobes, .. } = &tile.estimates[*pixel];
+            shapes[..*lobes].iter().any(|shape| shape[0] <= widest + AT_BOUND)
+        };
+        let pixels: Vec<usize> = fitted.iter().copied().filter(at_bound).collect();
+        if pixels.is_empty() || self.run.cancelled() {
+            return;
+        }
+        let bounded = tile.estimates.clone();
+        self.refine(tile, &pixels, variances, Freedom::Shapes, true);
+        for &pixel in &pixels {
+            tile.estimates[pixel].normal_deviation = bounded[pixel].normal_deviation;
+        }
+        if self.learning {
+            let about = tile.estimates.clone();
+            self.refine(tile, &pixels, variances, Freedom::All, true);
+            for &pixel in &pixels {
+                let unbounded = tile.estimates[pixel].cost / about[pixel].cost;
+                tile.estimates[pixel] = Estimate { unbounded, ..about[pixel] };
+            }
+        }
+        drop_unsupported(self.photographs, tile, &pixels, self.run.level);
+    }
+
+    /// One search for some pixels, whatever their number of lobes.
     fn search_all(
         &self,
         tile: &mut LobeFitTile,
         fitted: &[usize],
         typical: Option<&[ShapePrior]>,
+        freedom: Freedom,
         double: bool,
     ) {
         let starts = &tile.estimates.clone();
         let tolerances = if double { Options::default() } else { Options::single() };
         let options = &Options { max_iterations: self.options.iterations, ..tolerances };
-        for estimate in &mut tile.estimates {
-            estimate.cost = f32::INFINITY;
-            estimate.converged = false;
+        for &pixel in fitted {
+            tile.estimates[pixel].cost = f32::INFINITY;
+            tile.estimates[pixel].converged = false;
         }
         for lobes in 0..=self.options.lobes {
             let with = |&pixel: &usize| starts[pixel].lobes == lobes;
@@ -198,7 +268,8 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
                 x: &tile.x,
                 y: &tile.y,
                 ambient: self.options.ambient,
-                free: self.options.normal,
+                free: freedom != Freedom::Shapes,
+                bounded: freedom == Freedom::Bounded,
                 typical,
                 starts,
                 found: &mut tile.estimates,

@@ -12,6 +12,18 @@ use super::model::{LobeEstimation, MAX_SHAPES, Slope, Visit};
 /// `ln k` at gamma = 0.08, 0.2 and 0.45 rad: a varnish's highlight, satin, a sheen.
 const STARTS: [[f64; MAX_SHAPES]; 3] = [[4.684, 0.0], [2.852, 0.0], [1.230, 0.0]];
 
+/// Widest gamma while the normal is free, in radians.
+///
+/// A wider lobe is nearly as flat as the diffuse part: errors of either are then made up for by the
+/// normal. Of the bounds 0.15, 0.25, 0.3, 0.5 and none, 0.25 has the smallest errors of normals on
+/// 28 path-traced scenes; 0.15 misses the lobes of gilding.
+const WIDEST_WITH_NORMAL: f64 = 0.25;
+
+/// `ln k` of a gamma.
+fn log_sharpness(gamma: f64) -> f64 {
+    (LN_2 / (gamma * gamma)).ln()
+}
+
 impl LobeEstimation for TorranceSparrow {
     const SHAPES: usize = 1;
 
@@ -31,8 +43,10 @@ impl LobeEstimation for TorranceSparrow {
         Slope { value: slope.beta, shape: [slope.log_sharpness, R::zero()], normal: slope.normal }
     }
     fn bounds(&self) -> [[f64; MAX_SHAPES]; 2] {
-        let log_sharpness = |gamma: f64| (LN_2 / (gamma * gamma)).ln();
         [[log_sharpness(GAMMA_MAX), 0.0], [log_sharpness(GAMMA_MIN), 0.0]]
+    }
+    fn widest_with_normal(&self) -> [f64; MAX_SHAPES] {
+        [log_sharpness(WIDEST_WITH_NORMAL), 0.0]
     }
     fn starts(&self) -> &'static [[f64; MAX_SHAPES]] {
         &STARTS
