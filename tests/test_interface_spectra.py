@@ -50,9 +50,9 @@ def test_the_operator_is_that_of_a_minimum_by_its_null_space() -> None:
     np.testing.assert_allclose(found.sum(axis=1), 1.0, atol=1e-9)
 
 
-@pytest.mark.parametrize(("name", "mean", "most"), [("six-band", 0.4, 1.0), ("rgb", 1.2, 2.5)])
+@pytest.mark.parametrize(("name", "mean", "most"), [("six-band", 0.2, 0.3), ("rgb", 0.4, 0.8)])
 def test_metals_look_right_by_candlelight(name: str, mean: float, most: float) -> None:
-    """What is asked for is 1.5 and 3 on average; a sharper prior (a training set) gives 2.1."""
+    """A difference of 1 is just seen; a Wiener estimate from paints has 0.4 and 0.9 on average."""
     responses = simulated_camera(name).operator(GRID)
     operator = smoothest_reflectance(responses)
     observer = xyz_from_spectrum(GRID, "E") * candle()
