@@ -49,6 +49,9 @@ _DETERMINED = 0.1
 """The same share where gloss is to determine tilt and fall-off; see ``fit.strengths``."""
 _LITTLE = 0.01
 """A search of tilt and fall-off that lowers the error by less is the last."""
+_SPREAD = 8.0
+"""Strengths that differ by more are not accepted: domes have factors of 2 to 5. On metal, which
+shows most lamps as black, wrong ones of 10 and more predict better by chance."""
 _CODES = 1.2
 """Below this root mean square error, in codes of 8 bits, a camera's distance is read from rounding:
 errors fall while normals become worse."""
@@ -416,11 +419,16 @@ class _Search:
                 best = near
         place = best.place
         rig, lamps = self._with_strengths(best)
+        strengths = _strengths(lamps, self._strengths)
+        if strengths.accepted and strengths.found > _SPREAD:
+            why = f"they would differ by a factor of {strengths.found:.0f}, more than lamps do"
+            strengths, lamps = Estimate(strengths.found, False, why), None
+            rig = self._distant_or_near(best)
         total = self._gain(rig, self._given)
         report = RigRefinement(
             camera=Estimate(_inverse(found[0]), bool(place[0] > 0.0), reasons[0]),
             lamps=Estimate(_inverse(found[1]), bool(place[1] > 0.0), reasons[1]),
-            strengths=_strengths(lamps, self._strengths),
+            strengths=strengths,
             half_mm=self._half,
             gain=total.gain,
             scatter=total.scatter,
@@ -430,9 +438,13 @@ class _Search:
             self.report(self._done, self._done)
         return Rig(rig, refinement=report)
 
+    def _distant_or_near(self, state: _State) -> Rig:
+        """The rig with the distances of a state and strengths as given."""
+        return self.at(self.even(state.place)) if state.place.any() else self._stack.rig
+
     def _with_strengths(self, state: _State) -> tuple[Rig, Strengths | None]:
         """The rig with these distances, and the strengths that :func:`fit_strengths` gives it."""
-        rig = self.at(self.even(state.place)) if state.place.any() else self._stack.rig
+        rig = self._distant_or_near(state)
         if not self._strengths:
             return rig, None
         try:
