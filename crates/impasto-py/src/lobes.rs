@@ -6,6 +6,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
+use impasto::brdf::coated_diffuse::CoatedDiffuse;
 use impasto::sbrdf::{LearnedLobes, LobeMapsMut, LobeOptions, Origin, Precision, PriorNumbers};
 use impasto::surface::TorranceSparrow;
 use impasto::{Error, Result};
@@ -35,9 +36,12 @@ pub(crate) struct LobeArrays<'py> {
 
 /// What `impasto.fit.lobes.LobeOptions` holds.
 #[derive(FromPyObject)]
+#[allow(clippy::struct_excessive_bools, reason = "each switches one thing")]
 pub(crate) struct LobeArguments {
     lobes: usize,
     ambient: bool,
+    /// Whether diffuse light crosses an interface of this `index`.
+    coated: bool,
     rounds: usize,
     typical: bool,
     sparing: bool,
@@ -187,6 +191,7 @@ impl LobeArguments {
         Ok(LobeOptions {
             lobes: self.lobes,
             ambient: self.ambient,
+            coated: self.coated.then(|| CoatedDiffuse::new(self.index)),
             normal: true,
             rounds: self.rounds,
             typical: self.typical,

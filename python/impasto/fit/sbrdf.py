@@ -81,6 +81,7 @@ class Auto(Pooled, total=False):
     segments: ArrayLike | None
     lobes: int | None
     ambient: bool | None
+    coated: bool | None
 
 
 @overload
@@ -108,6 +109,7 @@ def fit_sbrdf(
     pooling: Literal["pixel"],
     lobes: int | None = ...,
     ambient: bool = ...,
+    coated: bool | None = ...,
     index: float = ...,
     **options: Unpack[Common],
 ) -> LobeSbrdf: ...
@@ -136,6 +138,7 @@ def fit_sbrdf(
     segments: ArrayLike | None = None,
     lobes: int | None = None,
     ambient: bool | None = None,
+    coated: bool | None = None,
     extraction: Extraction | None = None,
     peak: bool | None = None,
     joint: bool | None = None,
@@ -158,8 +161,8 @@ def fit_sbrdf(
     and of pixels that the model does not describe.
 
     By default held-out photographs decide whether the painting has one lobe or every pixel its own,
-    how many, and whether ambient light is part of the model (``pooling="auto"``); ``chosen`` of the
-    result says what was chosen, and against what.
+    how many, whether ambient light is part of the model, and whether diffuse light crosses a
+    varnish (``pooling="auto"``); ``chosen`` of the result says what was chosen, and against what.
 
     With ``pooling="pixel"`` every pixel has its own lobes, each with a width and a strength per
     band, and its normal is fitted with them. This is for gilding, metal leaf, and varnish that
@@ -181,7 +184,8 @@ def fit_sbrdf(
     pooling
         ``"auto"`` (default): the fit that predicts held-out photographs of some 2000 sampled pixels
         best, of those that have all given options: ``joint`` and ``extraction`` ask for
-        ``"painting"``, ``lobes`` and ``ambient`` for ``"pixel"``, ``segments`` for ``"segment"``.
+        ``"painting"``, ``lobes``, ``ambient`` and ``coated`` for ``"pixel"``, ``segments`` for
+        ``"segment"``.
         With fewer than 8 photographs it is ``"painting"``.
         ``"none"``: photometric stereo alone, no gloss.
         ``"painting"``: one Torrance-Sparrow lobe for all pixels. ``"segment"``: one for
@@ -197,6 +201,13 @@ def fit_sbrdf(
     ambient
         With ``pooling="pixel"``: whether every pixel has a constant per band for light that does
         not depend on the lamp's direction, as between the facets of a relief; default: True.
+    coated
+        With ``pooling="pixel"``: whether diffuse light crosses a smooth interface of index
+        ``index`` on its way to the paint and back, as in varnished paintings: ``N.L`` is then
+        multiplied by ``t(N.L) t(N.V)``, ``t(c) = (1 - F(c)) / (1 - F(1))`` with Fresnel's
+        reflectance F (Wolff 1994). Steep flanks of varnished paint are darker than Lambert's law
+        says; of bare paint they are not. Default: with ``pooling="auto"`` held-out photographs
+        decide, else False.
     extraction
         With one lobe per painting or segment: the samples of the first estimate of the lobe.
         ``"residual"`` (default): all that are not in shadow, minus the diffuse part;
@@ -250,9 +261,9 @@ def fit_sbrdf(
     ------
     ArgumentError
         An unknown name, an option that the fit does not have, an index outside 1 to 100, lobes
-        outside 1 to 3, joint, peak or ambient neither True nor False, normals of another size,
-        segments that are no whole numbers ``(y, x)``, or with ``check`` a stack to be repaired
-        first.
+        outside 1 to 3, joint, peak, ambient or coated neither True nor False, normals of another
+        size, segments that are no whole numbers ``(y, x)``, or with ``check`` a stack to be
+        repaired first.
     GeometryError
         Lights that cannot determine normals.
 
@@ -260,8 +271,9 @@ def fit_sbrdf(
     ----------
     S. Tominaga and N. Tanaka, papers on measuring and rendering art paintings by an RGB camera
     (eq. 9, 10) and by a six-band camera (eq. 1, 6). E. Snel, J. Heuberger, W. Pasman and
-    E. Jansen, Acquisition and rendering of paintings (section 4). E. Lafortune et al., Non-linear
-    approximation of reflectance functions, SIGGRAPH 1997.
+    E. Jansen, Acquisition and rendering of paintings (section 4). L. B. Wolff, Diffuse-reflectance
+    model for smooth dielectric surfaces, J. Opt. Soc. Am. A 11, 1994. E. Lafortune et al.,
+    Non-linear approximation of reflectance functions, SIGGRAPH 1997.
     """
     checked_stack(stack)
     if truth(check, "check"):
@@ -272,6 +284,7 @@ def fit_sbrdf(
         "segments": segments,
         "lobes": lobes,
         "ambient": ambient,
+        "coated": coated,
         "extraction": extraction,
         "peak": peak,
         "joint": joint,
@@ -389,7 +402,7 @@ def checked_options(kind: FitKind, given: Mapping[str, Any]) -> dict[str, Any]:
         one_of(options["extraction"], get_args(Extraction), "extraction")
     if "index" in options:
         options["index"] = refractive_index(options["index"])
-    for name in ("joint", "peak", "ambient"):
+    for name in ("joint", "peak", "ambient", "coated"):
         if name in options:
             options[name] = truth(options[name], name)
     if "lobes" in options:

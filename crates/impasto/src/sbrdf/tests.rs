@@ -84,6 +84,7 @@ impl Painting {
         let options = LobeOptions {
             lobes: 1,
             ambient: true,
+            coated: None,
             normal: true,
             rounds: 1,
             typical: true,
