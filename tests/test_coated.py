@@ -112,13 +112,31 @@ def test_a_picture_shows_what_is_predicted(near: bool) -> None:
             normal, diffuse, beta, 0.2, coated=True, pitch_mm=PITCH
         )
         shown = surface.predict(rig)[0]
-        seen = impasto.render(surface, Scene([lamp], view=eye), display=None).linear
-        bare = impasto.render(replace(surface, coated=False), Scene([lamp], view=eye), display=None)
+        scene = Scene([lamp], view=eye, exposure=1.0)
+        seen = impasto.render(surface, scene).linear
+        bare = impasto.render(replace(surface, coated=False), scene).linear
         known = np.isfinite(shown).all(axis=0)
+        assert known.sum() == known.size - 1
         assert not known[3, 4]
-        # Bands are the display's primaries where nothing says what they are.
-        np.testing.assert_allclose(seen[:, known], shown[:, known], rtol=2e-5, atol=2e-6)
-        assert (bare.linear[:, known] >= seen[:, known] - 1e-6).all()
+        # Bands are linear sRGB: to XYZ and back is a few roundings of 6e-8, times the largest
+        # entries of the two matrices, 1 and 3.2, with sums of up to 2.
+        np.testing.assert_allclose(seen[:, known], shown[:, known], rtol=0, atol=4e-6)
+        assert (bare[:, known] >= seen[:, known] - 4e-6).all()
+
+
+def test_a_slanted_picture_shows_what_is_predicted() -> None:
+    flat = np.zeros((3, *SHAPE), np.float32)
+    flat[2] = 1.0
+    surface = impasto.Surface(flat, np.full((3, *SHAPE), 0.5, np.float32), coated=True)
+    view = np.array([np.sin(1.1), 0.0, np.cos(1.1)])
+    seen = impasto.render(surface, Scene([DistantLight((0.7, 0.1, 0.7))], view=view, exposure=1.0))
+    shown = surface.predict([(0.7, 0.1, 0.7)], views=view)[0, :, 0, 0]
+    middle = seen.linear[:, seen.linear.shape[1] // 2, seen.linear.shape[2] // 2]
+    # As above.
+    np.testing.assert_allclose(middle, shown, rtol=0, atol=4e-6)
+    # 63 degrees from the normal the interface keeps 6 % of the light.
+    frontal = surface.predict([(0.7, 0.1, 0.7)])[0, :, 0, 0]
+    np.testing.assert_allclose(shown / frontal, oracle.transmittance(1.1), rtol=1e-5)
 
 
 def test_a_shadow_is_a_shadow_under_varnish_too() -> None:
@@ -126,7 +144,7 @@ def test_a_shadow_is_a_shadow_under_varnish_too() -> None:
     height = np.zeros(SHAPE, np.float32)
     height[:, 12] = 2.0
     surface = impasto.Surface(normal, diffuse, coated=True, height=height, pitch_mm=PITCH)
-    scene = Scene([DistantLight((0.8, 0.0, 0.6))], shadows=True)
+    scene = Scene([DistantLight((0.8, 0.0, 0.6))], shadows=True, exposure=1.0)
     dark = impasto.render(surface, scene).linear.max(axis=0) == 0.0
     bare = impasto.render(replace(surface, coated=False), scene).linear.max(axis=0) == 0.0
     assert dark.any()
@@ -137,7 +155,7 @@ def test_normals_under_varnish_are_found(varnished: Any) -> None:
     normal, stack = varnished
     bare = impasto.fit_sbrdf(stack, pooling="pixel", lobes=1, ambient=False)
     coated = impasto.fit_sbrdf(stack, pooling="pixel", lobes=1, ambient=False, coated=True)
-    assert (coated.status == Status.FITTED).all()
+    assert (coated.status < Status.DARK).all()
     # Noise of 0.001 in 40 photographs of three bands of reflectance 0.4: a slope of the samples by
     # tilt of 0.4 sin 45 gives 0.001 / (0.28 sqrt 120) = 3e-4 rad = 0.02 degrees along either axis.
     # Weights that follow residuals and the width of the lobe cost less than a factor of 3.
@@ -148,7 +166,7 @@ def test_normals_under_varnish_are_found(varnished: Any) -> None:
     # Colours relative to a frontal light and view.
     _, diffuse = maps(0.35)
     np.testing.assert_allclose(np.median(coated.diffuse / diffuse), 1.0, atol=3e-3)
-    np.testing.assert_allclose(np.median(coated.gamma[0]), GAMMA, rtol=0.02)
+    np.testing.assert_allclose(np.nanmedian(coated.gamma[0]), GAMMA, rtol=0.02)
     again = coated.predict()
     assert np.std(again - stack.samples) < 0.00105
 

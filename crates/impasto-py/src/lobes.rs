@@ -6,9 +6,8 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
-use impasto::brdf::coated_diffuse::CoatedDiffuse;
 use impasto::sbrdf::{LearnedLobes, LobeMapsMut, LobeOptions, Origin, Precision, PriorNumbers};
-use impasto::surface::TorranceSparrow;
+use impasto::surface::{CoatedDiffuse, TorranceSparrow};
 use impasto::{Error, Result};
 
 use crate::arrays::{StackArguments, StartArguments, contiguous};

@@ -3,9 +3,8 @@
 use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use impasto::brdf::coated_diffuse::CoatedDiffuse;
 use impasto::geometry::Grid;
-use impasto::surface::{Lobe, Model, Parameter, Strength, Surface};
+use impasto::surface::{CoatedDiffuse, Lobe, Model, Parameter, Strength, Surface};
 use impasto::{Error, Result};
 
 use crate::arrays::contiguous;

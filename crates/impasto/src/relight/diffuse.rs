@@ -2,9 +2,9 @@
 
 use super::block::{BLOCK, Block};
 use super::scene::Lamp;
-use crate::brdf::coated_diffuse::CoatedDiffuse;
 use crate::geometry::View;
 use crate::math::{Isa, Real, Vec3};
+use crate::surface::CoatedDiffuse;
 
 /// Irradiance of a lamp at normal incidence, before anything stands in its light.
 #[inline(always)]
