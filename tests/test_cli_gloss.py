@@ -175,7 +175,7 @@ def mistakes(stack: Path) -> dict[str, str]:
         ("--model phong", 2, "--model"),
         ("--pooling brush", 2, "--pooling"),
         ("--pooling painting --lobes 2", 2, "--lobes goes with --pooling pixel"),
-        ("--pooling painting --coated", 2, "--coated goes with --pooling pixel"),
+        ("--pooling none --coated", 2, "--coated goes with --pooling painting or --pooling pixel"),
         ("--pooling painting --no-ambient", 2, "--ambient goes with --pooling pixel"),
         ("--lobes 2 --no-joint", 2, "--lobes and --joint: no fit has them together"),
         ("--model lafortune --ambient", 2, "--model lafortune has no --ambient"),

@@ -171,6 +171,52 @@ def test_normals_under_varnish_are_found(varnished: Any) -> None:
     assert np.std(again - stack.samples) < 0.00105
 
 
+def test_one_lobe_for_a_varnished_painting(varnished: Any, tmp_path: Path) -> None:
+    normal, stack = varnished
+    bare = impasto.fit_sbrdf(stack, pooling="painting")
+    coated = impasto.fit_sbrdf(stack, pooling="painting", coated=True)
+    assert coated.coated
+    assert not bare.coated
+    # As above. Without it, robust weights leave out the flanks that Lambert's law does not describe,
+    # where others remain.
+    assert np.mean(errors(coated, normal)) < 0.06
+    assert np.mean(errors(bare, normal)) > 0.25
+    np.testing.assert_allclose([coated.beta, coated.gamma], [4.0, GAMMA], rtol=0.02)
+    assert np.std(coated.predict() - stack.samples) < 0.00105
+    assert "under a varnish" in repr(coated)
+    coated.save(tmp_path / "fit.npz")
+    again = impasto.load_sbrdf(tmp_path / "fit.npz")
+    assert again.predict().tobytes() == coated.predict().tobytes()
+    impasto.learn_sbrdf(stack, pooling="painting", coated=True).save(tmp_path / "learned.npz")
+    tile = impasto.load_learned(tmp_path / "learned.npz").apply(stack, slice(5, 14), slice(2, 19))
+    assert tile.predict().tobytes() == coated[5:14, 2:19].predict().tobytes()
+
+
+def test_without_a_highlight_normals_are_those_of_photometric_stereo() -> None:
+    """Lambert's law: stereo knows no varnish, and its colours are shown as it understands them."""
+    normal, diffuse = maps(0.2)
+    rig = impasto.Rig(lights())
+    stack = impasto.Stack(impasto.Surface(normal, diffuse).predict(rig), lights=rig)
+    found = impasto.fit_sbrdf(stack, pooling="painting", coated=True)
+    assert found.verdict == "no-highlight"
+    assert not found.coated
+    # Samples in single precision.
+    np.testing.assert_allclose(found.predict(), stack.samples, atol=1e-5)
+
+
+def test_colours_of_photometric_stereo_know_no_varnish(varnished: Any) -> None:
+    with pytest.raises(impasto.ArgumentError, match="coated: joint=False"):
+        impasto.fit_sbrdf(varnished[1], pooling="painting", joint=False, coated=True)
+
+
+def test_a_given_answer_is_not_asked_again(varnished: Any) -> None:
+    for coated in (False, True):
+        found = impasto.fit_sbrdf(varnished[1], refine=False, residuals=False, coated=coated)
+        assert found.chosen is not None
+        assert {one.coated for one in found.chosen.tried} == {coated}
+        assert found.coated is coated
+
+
 def test_held_out_photographs_tell_varnish_from_bare_paint(varnished: Any) -> None:
     for coated, (_, stack) in ((True, varnished), (False, photographs(coated=False))):
         found = impasto.fit_sbrdf(stack, refine=False, residuals=False)
@@ -179,7 +225,7 @@ def test_held_out_photographs_tell_varnish_from_bare_paint(varnished: Any) -> No
         assert found.chosen.tried[-1].coated
         assert ("under a varnish" in str(found.chosen)) is coated
         if coated:
-            assert isinstance(found, impasto.LobeSbrdf)
+            assert isinstance(found, impasto.LobeSbrdf | impasto.PooledSbrdf)
             assert found.coated
             assert "under a varnish" in repr(found)
             told = impasto.fit_sbrdf(stack, refine=False, **found.chosen.best.options)
@@ -190,7 +236,7 @@ def test_a_file_keeps_it(varnished: Any, tmp_path: Path) -> None:
     found = impasto.fit_sbrdf(varnished[1], refine=False, residuals=False)
     found.save(tmp_path / "fit.npz")
     again = impasto.load_sbrdf(tmp_path / "fit.npz")
-    assert isinstance(again, impasto.LobeSbrdf)
+    assert isinstance(again, impasto.LobeSbrdf | impasto.PooledSbrdf)
     assert again.coated
     assert again.chosen == found.chosen
     assert again.report()["coated"] is True

@@ -27,7 +27,7 @@ VALUES: dict[str, Any] = {
 FITS = [
     ({}, {"segments", "lobes", "ambient", "coated", "extraction", "peak", "joint", "index"}),
     ({"pooling": "none"}, set()),
-    ({"pooling": "painting"}, {"extraction", "peak", "joint", "index"}),
+    ({"pooling": "painting"}, {"coated", "extraction", "peak", "joint", "index"}),
     ({"pooling": "segment"}, {"segments", "extraction", "peak", "joint", "index"}),
     ({"pooling": "pixel"}, {"lobes", "ambient", "coated", "index"}),
     ({"model": "lafortune"}, {"lobes"}),

@@ -92,6 +92,7 @@ fn main() -> impasto::Result<()> {
         extraction: Extraction::Residual,
         peak: false,
         joint: true,
+        coated: false,
         index: INDEX,
         pixels: 4096,
     };

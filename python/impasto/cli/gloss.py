@@ -52,8 +52,8 @@ class Gloss:
     """Lobes per pixel: include ambient light in the model; default: yes."""
 
     coated: Annotated[bool | None, Parameter(negative="--no-coated")] = None
-    """Lobes per pixel: diffuse light crosses a varnish; default: no, or with --pooling auto
-    whichever predicts held-out photographs best."""
+    """One lobe for the painting, or lobes per pixel: diffuse light crosses a varnish; default: no,
+    or with --pooling auto whichever predicts held-out photographs best."""
 
     def check(self, *, system: str, steps: dict[str, Any]) -> None:
         """Refuse options that exclude each other; ``steps``: options of the procedure."""

@@ -38,8 +38,10 @@ class Candidate:
     ----------
     pooling
         ``"none"``, ``"painting"`` or ``"pixel"``, as in :func:`impasto.fit_sbrdf`.
-    lobes, ambient, coated
-        Its options with ``pooling="pixel"``; 1, False and False otherwise.
+    lobes, ambient
+        Its options with ``pooling="pixel"``; 1 and False otherwise.
+    coated
+        Whether diffuse light crosses a varnish; False without gloss.
     decibels
         Peak signal-to-noise ratio of held-out photographs, coded as sRGB: the mean over the
         photographs; NaN if it was not tried.
@@ -54,16 +56,21 @@ class Candidate:
     @property
     def options(self) -> dict[str, Any]:
         """What :func:`impasto.fit_sbrdf` takes."""
-        if self.pooling != "pixel":
-            return {"pooling": self.pooling}
-        own = {"lobes": self.lobes, "ambient": self.ambient, "coated": self.coated}
-        return {"pooling": "pixel", **own}
+        if self.pooling == "none":
+            return {"pooling": "none"}
+        own: dict[str, Any] = {"pooling": self.pooling, "coated": self.coated}
+        if self.pooling == "pixel":
+            own |= {"lobes": self.lobes, "ambient": self.ambient}
+        return own
 
     def __str__(self) -> str:
-        if self.pooling != "pixel":
-            return "no gloss" if self.pooling == "none" else "one lobe for the painting"
+        varnish = " under a varnish" * self.coated
+        if self.pooling == "none":
+            return "no gloss"
+        if self.pooling == "painting":
+            return "one lobe for the painting" + varnish
         most = "one lobe per pixel" if self.lobes == 1 else f"up to {self.lobes} lobes per pixel"
-        return most + " and ambient light" * self.ambient + " under a varnish" * self.coated
+        return most + " and ambient light" * self.ambient + varnish
 
 
 UNTRIED = Candidate("painting")
@@ -72,13 +79,13 @@ UNTRIED = Candidate("painting")
 CANDIDATES = (
     Candidate("none"),
     UNTRIED,
+    Candidate("painting", coated=True),
     Candidate("pixel", 1, ambient=False),
     Candidate("pixel", 1, ambient=True),
     Candidate("pixel", 2, ambient=False),
     Candidate("pixel", 2, ambient=True),
 )
-"""What ``pooling="auto"`` considers, the simplest first; then the best of those with lobes per
-pixel once more, :func:`under_varnish`."""
+"""What ``pooling="auto"`` considers, the simplest first; then :func:`under_varnish`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +180,7 @@ def choose(
     candidates: Sequence[Candidate],
     fit: Callable[[Stack, Candidate], Any],
     *,
+    open_varnish: bool = True,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Choice:
@@ -186,6 +194,8 @@ def choose(
         Of :data:`CANDIDATES`, in their order.
     fit
         Fits a candidate to some photographs and returns a result that can ``predict`` others.
+    open_varnish
+        Whether the best of lobes per pixel is tried under a varnish, too.
     threads
         As in :func:`impasto.fit_sbrdf`.
     progress
@@ -214,7 +224,7 @@ def choose(
             ]
             decibel = float(np.concatenate(errors).mean())
             tried.append(replace(candidate, decibels=decibel))
-            if not waiting:
+            if not waiting and open_varnish and len(tried) == len(candidates):
                 waiting += under_varnish(tried)
             if callback is not None:
                 callback(len(tried), len(tried) + len(waiting))
@@ -222,11 +232,9 @@ def choose(
 
 
 def under_varnish(tried: Sequence[Candidate]) -> list[Candidate]:
-    """The best candidate with lobes per pixel, now with a coated diffuse part, unless tried."""
+    """The best candidate with lobes per pixel, now with a coated diffuse part."""
     pixel = [one for one in tried if one.pooling == "pixel"]
-    if not pixel or any(one.coated for one in pixel):
-        return []
-    return [replace(_simplest(pixel), coated=True, decibels=float("nan"))]
+    return [replace(_simplest(pixel), coated=True, decibels=float("nan"))] if pixel else []
 
 
 def decibels(shown: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:

@@ -70,7 +70,7 @@ _POOLED = {"extraction": "residual", "peak": False, "joint": True, "index": 1.45
 
 KINDS = (
     FitKind("torrance-sparrow", "none", "pooling", {}),
-    FitKind("torrance-sparrow", "painting", "pooling", _POOLED),
+    FitKind("torrance-sparrow", "painting", "pooling", _POOLED | {"coated": False}),
     FitKind("torrance-sparrow", "segment", "pooling", {"segments": None} | _POOLED),
     FitKind(
         "torrance-sparrow",

@@ -72,6 +72,7 @@ class Pooled(Common, total=False):
     extraction: Extraction
     peak: bool
     joint: bool
+    coated: bool | None
     index: float
 
 
@@ -81,7 +82,6 @@ class Auto(Pooled, total=False):
     segments: ArrayLike | None
     lobes: int | None
     ambient: bool | None
-    coated: bool | None
 
 
 @overload
@@ -184,8 +184,8 @@ def fit_sbrdf(
     pooling
         ``"auto"`` (default): the fit that predicts held-out photographs of some 2000 sampled pixels
         best, of those that have all given options: ``joint`` and ``extraction`` ask for
-        ``"painting"``, ``lobes``, ``ambient`` and ``coated`` for ``"pixel"``, ``segments`` for
-        ``"segment"``.
+        ``"painting"``, ``lobes`` and ``ambient`` for ``"pixel"``, ``segments`` for ``"segment"``,
+        ``coated`` for one of the first two.
         With fewer than 8 photographs it is ``"painting"``.
         ``"none"``: photometric stereo alone, no gloss.
         ``"painting"``: one Torrance-Sparrow lobe for all pixels. ``"segment"``: one for
@@ -202,26 +202,12 @@ def fit_sbrdf(
         With ``pooling="pixel"``: whether every pixel has a constant per band for light that does
         not depend on the lamp's direction, as between the facets of a relief; default: True.
     coated
-        With ``pooling="pixel"``: whether diffuse light crosses a smooth interface of index
-        ``index`` on its way to the paint and back, as in varnished paintings: ``N.L`` is then
-        multiplied by ``t(N.L) t(N.V)``, ``t(c) = (1 - F(c)) / (1 - F(1))`` with Fresnel's
-        reflectance F (Wolff 1994). Steep flanks of varnished paint are darker than Lambert's law
-        says; of bare paint they are not. Default: with ``pooling="auto"`` held-out photographs
-        decide, else False.
-    extraction
-        With one lobe per painting or segment: the samples of the first estimate of the lobe.
-        ``"residual"`` (default): all that are not in shadow, minus the diffuse part;
-        ``"maximum"``: each pixel's brightest photograph; ``"papers"``: the same divided by the
-        geometry factor of eq. 1 and 9, ``F G / (N.V)``, before the fit; ``"printed"``: the same
-        as eq. 10 and the text before eq. 6 print it, multiplied by ``(N.V) (N.L) / (F G)``. The
-        further ``N.L`` contradicts eq. 1 and 9, and lowers beta and gamma.
-    peak
-        With one lobe per painting or segment: whether the first estimate uses the samples of the
-        peak region only (RGB paper, section 6). The paper does not say how far it reaches; here
-        it is where the lobe exceeds half its peak, ``phi <= gamma``. Default: False, all angles.
-    joint
-        With one lobe per painting or segment: False stops at that estimate, with the normals and
-        colours of photometric stereo, as the papers do; default: True.
+        With one lobe per painting (``joint``) or lobes per pixel: whether diffuse light crosses a
+        smooth interface of index ``index`` on its way to the paint and back, as in varnished
+        paintings: ``N.L`` is then multiplied by ``t(N.L) t(N.V)``,
+        ``t(c) = (1 - F(c)) / (1 - F(1))`` with Fresnel's reflectance F (Wolff 1994). Steep flanks
+        of varnished paint are darker than Lambert's law says; of bare paint they are not. Default:
+        with ``pooling="auto"`` held-out photographs decide, else False.
     index
         Index of refraction of a Torrance-Sparrow lobe's interface; default: 1.45, as in the papers.
     normals
@@ -389,7 +375,12 @@ def chosen_kind(
 
     poolings = {kind.pooling for kind in kinds}
     candidates = [one for one in CANDIDATES if one.pooling in poolings]
-    choice = choose(stack, candidates, fit, threads=threads, progress=progress)
+    coated = given.get("coated")
+    if coated is not None:
+        candidates = [replace(one, coated=coated) for one in candidates if not one.coated]
+    choice = choose(
+        stack, candidates, fit, open_varnish=coated is None, threads=threads, progress=progress
+    )
     chosen = dict(choice.best.options)
     kind = fit_kind(kinds[0].model, chosen.pop("pooling"))
     return choice, kind, {**given, **chosen}
@@ -407,6 +398,11 @@ def checked_options(kind: FitKind, given: Mapping[str, Any]) -> dict[str, Any]:
             options[name] = truth(options[name], name)
     if "lobes" in options:
         options["lobes"] = lobe_count(options["lobes"])
+    if options.get("coated") and not options.get("joint", True):
+        raise ArgumentError(
+            "coated: joint=False keeps the colours of photometric stereo, which know no varnish; "
+            "leave one of them out"
+        )
     return options
 
 
