@@ -177,7 +177,7 @@ def test_one_lobe_for_a_varnished_painting(varnished: Any, tmp_path: Path) -> No
     coated = impasto.fit_sbrdf(stack, pooling="painting", coated=True)
     assert coated.coated
     assert not bare.coated
-    # As above. Without it, robust weights leave out the flanks that Lambert's law does not describe,
+    # As above. Without it, robust weights leave out flanks that Lambert's law does not describe,
     # where others remain.
     assert np.mean(errors(coated, normal)) < 0.06
     assert np.mean(errors(bare, normal)) > 0.25
