@@ -49,7 +49,9 @@ def test_several_varnishes_ask_for_lobes_per_pixel(patches: impasto.Stack) -> No
     assert isinstance(fitted, impasto.LobeSbrdf)
     choice = fitted.chosen
     assert choice is not None
-    assert len(choice.tried) == len(CANDIDATES)
+    # The best of lobes per pixel also under a varnish.
+    assert [one.coated for one in choice.tried[:-1]] == [one.coated for one in CANDIDATES]
+    assert (choice.tried[-1].pooling, choice.tried[-1].coated) == ("pixel", True)
     assert choice.gain > 1.0
     # The simplest that is nearly the best.
     most = max(one.decibels for one in choice.tried)
@@ -71,7 +73,7 @@ def test_the_choice_is_saved_and_reported(patches: impasto.Stack, tmp_path: Path
     assert fitted.chosen is not None
     report = fitted.chosen.report()
     assert report["chosen"] == fitted.chosen.best.options
-    assert len(report["tried"]) == len(CANDIDATES)
+    assert len(report["tried"]) == len(CANDIDATES) + 1
     for words in ("per pixel", "held-out photographs", "one lobe for the painting"):
         assert words in str(fitted.chosen)
     assert "held-out photographs" in fitted._repr_html_()

@@ -37,6 +37,7 @@ def test_every_pixel_may_have_lobes_of_its_own(
     content = json.loads((out / "report.json").read_text())
     told = content["options"]
     assert (told["pooling"], told["lobes"], told["ambient"]) == ("pixel", 1, True)
+    assert told["coated"] is content["results"]["coated"] is False
     assert "extraction" not in told
     assert sum(content["results"]["lobes"]) == 32 * 40
     assert main(["render", str(out), "--out", str(tmp_path / "lit.png"), "--quiet"]) == 0
@@ -174,6 +175,7 @@ def mistakes(stack: Path) -> dict[str, str]:
         ("--model phong", 2, "--model"),
         ("--pooling brush", 2, "--pooling"),
         ("--pooling painting --lobes 2", 2, "--lobes goes with --pooling pixel"),
+        ("--pooling none --coated", 2, "--coated goes with --pooling painting or --pooling pixel"),
         ("--pooling painting --no-ambient", 2, "--ambient goes with --pooling pixel"),
         ("--lobes 2 --no-joint", 2, "--lobes and --joint: no fit has them together"),
         ("--model lafortune --ambient", 2, "--model lafortune has no --ambient"),

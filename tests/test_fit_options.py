@@ -16,6 +16,7 @@ VALUES: dict[str, Any] = {
     "segments": np.zeros(SIZE, int),
     "lobes": 1,
     "ambient": True,
+    "coated": True,
     "extraction": "residual",
     "peak": True,
     "joint": True,
@@ -24,11 +25,11 @@ VALUES: dict[str, Any] = {
 """Values that are good where the option is: none is refused for itself."""
 
 FITS = [
-    ({}, {"segments", "lobes", "ambient", "extraction", "peak", "joint", "index"}),
+    ({}, {"segments", "lobes", "ambient", "coated", "extraction", "peak", "joint", "index"}),
     ({"pooling": "none"}, set()),
-    ({"pooling": "painting"}, {"extraction", "peak", "joint", "index"}),
+    ({"pooling": "painting"}, {"coated", "extraction", "peak", "joint", "index"}),
     ({"pooling": "segment"}, {"segments", "extraction", "peak", "joint", "index"}),
-    ({"pooling": "pixel"}, {"lobes", "ambient", "index"}),
+    ({"pooling": "pixel"}, {"lobes", "ambient", "coated", "index"}),
     ({"model": "lafortune"}, {"lobes"}),
     ({"model": "lafortune", "pooling": "pixel"}, {"lobes"}),
 ]
@@ -86,7 +87,9 @@ def test_an_array_is_no_stack(options: dict[str, Any]) -> None:
         fit(np.ones((4, 3, *SIZE)), **options)
 
 
-@pytest.mark.parametrize(("asked", "name"), [({}, "joint"), ({"pooling": "pixel"}, "ambient")])
+@pytest.mark.parametrize(
+    ("asked", "name"), [({}, "joint"), ({"pooling": "pixel"}, "ambient"), ({}, "coated")]
+)
 @pytest.mark.parametrize("value", ["no", 0, 1.0, [True]])
 def test_only_true_is_true(
     stack: impasto.Stack, asked: dict[str, Any], name: str, value: Any

@@ -35,6 +35,7 @@ def always(
     lobes: int,
     effort: Effort = PRESETS["standard"],
     typical: bool = True,
+    bounded: bool = True,
 ) -> LobeSbrdf:
     """A fixed number of lobes per pixel, without selection by BIC."""
     stereo = impasto.fit_normals(stack, threads=threads)
@@ -49,12 +50,13 @@ def always(
         progress=False,
         typical=typical,
         sparing=False,
+        bounded=bounded,
     )
 
 
 def search(stack: Stack, threads: int | None, *, effort: Effort) -> LobeSbrdf:
-    """One lobe per pixel by a search alone, without the typical lobe of the painting."""
-    return always(stack, threads, lobes=1, effort=effort, typical=False)
+    """One lobe of any width per pixel by a search alone, without the painting's typical lobe."""
+    return always(stack, threads, lobes=1, effort=effort, typical=False, bounded=False)
 
 
 @dataclass(frozen=True, eq=False)

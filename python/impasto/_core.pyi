@@ -77,6 +77,7 @@ class LearnedNumbers(TypedDict):
     log_sharpness: float
     index: float
     refined: bool
+    coated: bool
     brightness: float
     noise: list[float]
     noise_floor: float
@@ -94,6 +95,7 @@ def learn_pooled(
     extraction: str,
     peak: bool,
     joint: bool,
+    coated: bool,
     index: float,
     pixels: int,
     threads: int,

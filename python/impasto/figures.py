@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +24,6 @@ from impasto.pictures.diagrams import (
     needle_panel,
 )
 from impasto.stack import Stack
-from impasto.surface import Surface
 
 if TYPE_CHECKING:
     from impasto.simulate import Truth
@@ -46,7 +46,7 @@ def specular_component(stack: Stack, sbrdf: Any) -> NDArray[np.float32]:
     the mean of the bands; photographs that are clipped in a band do not count. NaN where no
     photograph is left.
     """
-    matte = Surface(sbrdf.normal, sbrdf.diffuse, origin=stack.rig.origin)
+    matte = replace(sbrdf.surface(), lobes=(), ambient=None, origin=stack.rig.origin)
     _, bands, height, width = stack.shape
     specular = np.full((bands, height, width), np.nan, np.float32)
     brightest = np.full((height, width), -np.inf, np.float32)

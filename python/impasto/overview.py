@@ -190,13 +190,14 @@ def subtitle(sbrdf: Any) -> str:
 
 def gloss_words(sbrdf: Any) -> str:
     """The gloss as text: ``"gloss: beta 11.7, gamma 7.0 degrees"``."""
+    varnish = ", under a varnish" * getattr(sbrdf, "coated", False)
     if isinstance(sbrdf, PerPixelSbrdf):
         fine = sbrdf.lobes[sbrdf.status < Status.DARK]
         if not fine.any():
             return "gloss: no highlight found"
         width = median(np.degrees(sbrdf.width))
         kind = "Lafortune lobes" if isinstance(sbrdf, LafortuneSbrdf) else "lobes"
-        return f"gloss: {fine.mean():.1f} {kind} per pixel, {width:.3g} degrees wide"
+        return f"gloss: {fine.mean():.1f} {kind} per pixel, {width:.3g} degrees wide{varnish}"
     if isinstance(sbrdf, SegmentSbrdf):
         own = sum(one.own for one in sbrdf.segments)
         return f"gloss: {own} of {len(sbrdf.segments)} segments have their own lobe"
@@ -205,7 +206,8 @@ def gloss_words(sbrdf: Any) -> str:
     if sbrdf.verdict == "no-highlight":
         return "gloss: no highlight found"
     remark = VERDICTS.get(sbrdf.verdict, f", {sbrdf.verdict}")
-    return f"gloss: beta {sbrdf.beta:.3g}, gamma {np.degrees(sbrdf.gamma):.3g} degrees{remark}"
+    lobe = f"beta {sbrdf.beta:.3g}, gamma {np.degrees(sbrdf.gamma):.3g} degrees"
+    return f"gloss: {lobe}{remark}{varnish}"
 
 
 def _colour_note(count: int, reflectance: Any) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from impasto import _core
 from impasto._internal.border import RigArguments, placed
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
-from impasto._internal.checks import length_mm, one_of, refractive_index
+from impasto._internal.checks import length_mm, one_of, refractive_index, truth
 from impasto._internal.waiting import floats
 from impasto.errors import ArgumentError
 from impasto.rig import FRONTAL, PointView, Rig, Views
@@ -89,6 +89,11 @@ class Surface(Relightable):
         Index of refraction of a Torrance-Sparrow lobe's interface.
     ambient
         ``(band, y, x)`` light that comes whatever the lamp's direction; default: none.
+    coated
+        Whether diffuse light crosses a smooth interface of index ``index`` on its way in and out,
+        as paint under varnish: ``N.L`` is then multiplied by ``t(N.L) t(N.V)``,
+        ``t(c) = (1 - F(c)) / (1 - F(1))`` with Fresnel's reflectance F (Wolff 1994);
+        default: False.
     height
         ``(y, x)`` mm, for shadows; default: the normals, integrated.
     pitch_mm
@@ -108,6 +113,7 @@ class Surface(Relightable):
     model: LobeModel = "torrance-sparrow"
     index: float = 1.45
     ambient: Map | None = None
+    coated: bool = False
     height: Map | None = None
     pitch_mm: float | None = None
     origin: tuple[float, float] = (0.0, 0.0)
@@ -120,6 +126,7 @@ class Surface(Relightable):
         set_(self, "diffuse", diffuse)
         set_(self, "lobes", tuple(_lobe(lobe, self.model, diffuse.shape) for lobe in self.lobes))
         set_(self, "index", refractive_index(self.index))
+        set_(self, "coated", truth(self.coated, "coated"))
         for name, expected in (("ambient", diffuse.shape), ("height", diffuse.shape[1:])):
             given = getattr(self, name)
             plane = None if given is None else floats(given)
@@ -151,7 +158,7 @@ class Surface(Relightable):
             Half-width of the facets in radians: a number, ``(y, x)``, ``(coat,)`` or
             ``(coat, y, x)``.
         **options
-            ``index``, ``ambient``, ``height``, ``pitch_mm``, ``origin`` of the class.
+            ``index``, ``ambient``, ``coated``, ``height``, ``pitch_mm``, ``origin`` of the class.
 
         Raises
         ------
@@ -188,7 +195,7 @@ class Surface(Relightable):
         cxy, cz, exponent
             ``(lobe, y, x)``; ``cxy**2 + cz**2`` about 2.
         **options
-            ``height``, ``pitch_mm``, ``origin`` of the class.
+            ``ambient``, ``coated``, ``index``, ``height``, ``pitch_mm``, ``origin`` of the class.
 
         Raises
         ------
@@ -291,7 +298,7 @@ class Surface(Relightable):
         lobes = f"{len(self.lobes)} {self.model} lobe{'s' * (len(self.lobes) != 1)}"
         return (
             f"<Surface {width} x {height} pixels, {count} band{'s' * (count != 1)}, "
-            f"{lobes if self.lobes else 'matte'}>"
+            f"{lobes if self.lobes else 'matte'}{', coated' * self.coated}>"
         )
 
 

@@ -8,6 +8,10 @@ Equation numbers: Tominaga & Tanaka's six-band paper eq. 1 = RGB-camera paper eq
 phi the angle between N and the bisector H of L and V, G the attenuation of Torrance & Sparrow's
 V-grooves, F Fresnel's reflectance of unpolarised light at a dielectric of index n, theta the
 incidence on the facet. All angles by arccos and arcsin: this file is to be right, not fast.
+
+``coated`` multiplies the first term by what a smooth dielectric interface transmits of the light on
+its way in and, scattered, on its way out, relative to normal incidence (Wolff, Diffuse-reflectance
+model for smooth dielectric surfaces, JOSA A 11, 1994).
 """
 
 from __future__ import annotations
@@ -27,7 +31,12 @@ def fresnel(theta, index=INDEX):
     return 0.5 * (perpendicular**2 + parallel**2)
 
 
-def radiance(normal, diffuse, beta, gamma, light, view, index=INDEX):
+def transmittance(theta, index=INDEX):
+    """What the interface transmits at incidence ``theta`` (rad), 1 at normal incidence."""
+    return (1.0 - fresnel(theta, index)) / (1.0 - fresnel(0.0, index))
+
+
+def radiance(normal, diffuse, beta, gamma, light, view, index=INDEX, coated=False):
     """Radiance ``(band, y, x)`` under one light of unit irradiance, white board 1.0.
 
     ``normal`` (3, y, x); ``diffuse`` (band, y, x); ``beta``, ``gamma`` (y, x) or numbers;
@@ -51,7 +60,11 @@ def radiance(normal, diffuse, beta, gamma, light, view, index=INDEX):
         specular = beta * distribution * fresnel(facet, index) * attenuation / n_v
     seen = (n_l > 0.0) & (n_v > 0.0)
     specular = np.where(seen, specular, 0.0)
-    return s * np.maximum(n_l, 0.0)[None] + specular[None]
+    lit = np.maximum(n_l, 0.0)
+    if coated:
+        incidence, exitance = (np.arccos(np.clip(cosine, 0.0, 1.0)) for cosine in (n_l, n_v))
+        lit = lit * transmittance(incidence, index) * transmittance(exitance, index)
+    return s * lit[None] + specular[None]
 
 
 def to_light(shape, pitch_mm, position):
@@ -65,7 +78,7 @@ def to_light(shape, pitch_mm, position):
     return reach / np.sqrt(squared), squared
 
 
-def stack(normal, diffuse, beta, gamma, rig, pitch_mm=None):
+def stack(normal, diffuse, beta, gamma, rig, pitch_mm=None, **options):
     """Radiance ``(obs, band, y, x)`` of a rig; ``beta``, ``gamma`` (coat, y, x) or (y, x)."""
     beta, gamma = (np.asarray(p, np.float64) for p in (beta, gamma))
     if beta.ndim < 3:
@@ -82,7 +95,7 @@ def stack(normal, diffuse, beta, gamma, rig, pitch_mm=None):
                 gain = gain * np.sum(np.square(light.position)) / squared
         else:
             direction = np.asarray(light.direction)
-        image = radiance(normal, diffuse, beta[0], gamma[0], direction, view)
+        image = radiance(normal, diffuse, beta[0], gamma[0], direction, view, **options)
         for extra_beta, extra_gamma in zip(beta[1:], gamma[1:], strict=True):
             image = image + radiance(
                 normal, np.zeros_like(diffuse), extra_beta, extra_gamma, direction, view

@@ -7,7 +7,7 @@ use numpy::{
 use pyo3::prelude::*;
 
 use impasto::sbrdf::{LearnedLobes, LobeMapsMut, LobeOptions, Origin, Precision, PriorNumbers};
-use impasto::surface::TorranceSparrow;
+use impasto::surface::{CoatedDiffuse, TorranceSparrow};
 use impasto::{Error, Result};
 
 use crate::arrays::{StackArguments, StartArguments, contiguous};
@@ -35,9 +35,12 @@ pub(crate) struct LobeArrays<'py> {
 
 /// What `impasto.fit.lobes.LobeOptions` holds.
 #[derive(FromPyObject)]
+#[allow(clippy::struct_excessive_bools, reason = "each switches one thing")]
 pub(crate) struct LobeArguments {
     lobes: usize,
     ambient: bool,
+    /// Whether diffuse light crosses an interface of this `index`.
+    coated: bool,
     rounds: usize,
     typical: bool,
     sparing: bool,
@@ -189,6 +192,7 @@ impl LobeArguments {
         Ok(LobeOptions {
             lobes: self.lobes,
             ambient: self.ambient,
+            coated: self.coated.then(|| CoatedDiffuse::new(self.index)),
             normal: true,
             bounded: self.bounded,
             rounds: self.rounds,

@@ -42,6 +42,7 @@ pub(crate) struct LobeArguments<'py> {
     log_sharpness: f64,
     index: f64,
     refined: bool,
+    coated: bool,
     brightness: f64,
     noise: PyReadonlyArray1<'py, f32>,
 }
@@ -54,6 +55,7 @@ pub(crate) struct Learned {
     log_sharpness: f64,
     index: f64,
     refined: bool,
+    coated: bool,
     brightness: f64,
     noise: Vec<f32>,
     noise_floor: f64,
@@ -68,13 +70,15 @@ pub(crate) struct Learned {
 impl From<LearnedLobe> for Learned {
     fn from(learned: LearnedLobe) -> Self {
         let gamma = learned.lobe.gamma();
-        let PooledLobe { beta, log_sharpness, index, refined, brightness, noise } = learned.lobe;
+        let PooledLobe { beta, log_sharpness, index, refined, coated, brightness, noise } =
+            learned.lobe;
         Self {
             beta,
             gamma,
             log_sharpness,
             index,
             refined,
+            coated,
             brightness,
             noise,
             noise_floor: learned.noise_floor,
@@ -91,7 +95,7 @@ impl From<LearnedLobe> for Learned {
 /// One lobe for the whole painting, from the maps of photometric stereo; `maps` are filled if given.
 #[pyfunction]
 #[pyo3(signature = (
-    stack, start, maps, extraction, peak, joint, index, pixels, threads, progress
+    stack, start, maps, extraction, peak, joint, coated, index, pixels, threads, progress
 ))]
 #[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.pooled")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
@@ -103,6 +107,7 @@ pub(crate) fn learn_pooled(
     extraction: &str,
     peak: bool,
     joint: bool,
+    coated: bool,
     index: f64,
     pixels: usize,
     threads: usize,
@@ -119,7 +124,7 @@ pub(crate) fn learn_pooled(
             return Err(refuse(Error::argument("extraction", problem)));
         }
     };
-    let options = PooledOptions { extraction, peak, joint, index, pixels };
+    let options = PooledOptions { extraction, peak, joint, coated, index, pixels };
     let decode = stack.decode();
     let samples = stack.stack(&decode).map_err(refuse)?;
     let rig = stack.rig.rig(samples.shape().height, samples.shape().width).map_err(refuse)?;
@@ -151,6 +156,7 @@ pub(crate) fn apply_pooled(
         log_sharpness: learned.log_sharpness,
         index: learned.index,
         refined: learned.refined,
+        coated: learned.coated,
         brightness: learned.brightness,
         noise: learned.noise.as_slice()?.to_vec(),
     };

@@ -4,7 +4,7 @@ use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use impasto::geometry::Grid;
-use impasto::surface::{Lobe, Model, Parameter, Strength, Surface};
+use impasto::surface::{CoatedDiffuse, Lobe, Model, Parameter, Strength, Surface};
 use impasto::{Error, Result};
 
 use crate::arrays::contiguous;
@@ -21,6 +21,8 @@ pub(crate) struct SurfaceArguments<'py> {
     /// Index of refraction, where the model has one.
     index: f64,
     lobes: Vec<LobeArguments<'py>>,
+    /// Whether diffuse light crosses an interface of this `index`.
+    coated: bool,
     /// (k, y, x).
     ambient: Option<PyReadonlyArray3<'py, f32>>,
 }
@@ -62,6 +64,7 @@ impl SurfaceArguments<'_> {
             diffuse: self::planes("diffuse", &self.diffuse)?,
             model: Model::from_name(&self.model, self.index)?,
             lobes: self.lobes.iter().map(LobeArguments::lobe).collect::<Result<_>>()?,
+            coated: self.coated.then(|| CoatedDiffuse::new(self.index)),
             ambient: self.ambient.as_ref().map(planes).transpose()?,
         })
     }

@@ -97,6 +97,7 @@ fn main() -> impasto::Result<()> {
         extraction: Extraction::Residual,
         peak: false,
         joint: true,
+        coated: false,
         index: INDEX,
         pixels: 4096,
     };
@@ -162,7 +163,7 @@ fn varnished<'a>(normal: &'a [f32], diffuse: &'a [f32], beta: f32, gamma: f32) -
     let strength = Strength::Neutral(Parameter::Everywhere(beta));
     let lobe = Lobe { strength, shape: vec![Parameter::Everywhere(gamma)] };
     let model = Model::TorranceSparrow { index: INDEX };
-    Surface { normal, diffuse, model, lobes: vec![lobe], ambient: None }
+    Surface { normal, diffuse, model, lobes: vec![lobe], ambient: None, coated: None }
 }
 
 /// Median angle between two maps of unit normals, degrees.

@@ -51,6 +51,10 @@ class Gloss:
     ambient: Annotated[bool | None, Parameter(negative="--no-ambient")] = None
     """Lobes per pixel: include ambient light in the model; default: yes."""
 
+    coated: Annotated[bool | None, Parameter(negative="--no-coated")] = None
+    """One lobe for the painting, or lobes per pixel: diffuse light crosses a varnish; default: no,
+    or with --pooling auto whichever predicts held-out photographs best."""
+
     def check(self, *, system: str, steps: dict[str, Any]) -> None:
         """Refuse options that exclude each other; ``steps``: options of the procedure."""
         kinds = self._kinds(system=system, steps=steps)
@@ -112,7 +116,7 @@ class Gloss:
             raise CycloptsError(msg=words) from error
 
     def _own(self) -> dict[str, Any]:
-        return {"segments": self.segments, "lobes": self.lobes, "ambient": self.ambient}
+        return {name: getattr(self, name) for name in ("segments", "lobes", "ambient", "coated")}
 
 
 def _others(own: dict[str, Any]) -> list[str]:

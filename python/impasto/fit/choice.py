@@ -6,7 +6,7 @@ Model selection by cross-validation [@stone1974].
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -40,6 +40,8 @@ class Candidate:
         ``"none"``, ``"painting"`` or ``"pixel"``, as in :func:`impasto.fit_sbrdf`.
     lobes, ambient
         Its options with ``pooling="pixel"``; 1 and False otherwise.
+    coated
+        Whether diffuse light crosses a varnish; False without gloss.
     decibels
         Peak signal-to-noise ratio of held-out photographs, coded as sRGB: the mean over the
         photographs; NaN if it was not tried.
@@ -49,19 +51,26 @@ class Candidate:
     lobes: int = 1
     ambient: bool = False
     decibels: float = float("nan")
+    coated: bool = False
 
     @property
     def options(self) -> dict[str, Any]:
         """What :func:`impasto.fit_sbrdf` takes."""
-        if self.pooling != "pixel":
-            return {"pooling": self.pooling}
-        return {"pooling": "pixel", "lobes": self.lobes, "ambient": self.ambient}
+        if self.pooling == "none":
+            return {"pooling": "none"}
+        own: dict[str, Any] = {"pooling": self.pooling, "coated": self.coated}
+        if self.pooling == "pixel":
+            own |= {"lobes": self.lobes, "ambient": self.ambient}
+        return own
 
     def __str__(self) -> str:
-        if self.pooling != "pixel":
-            return "no gloss" if self.pooling == "none" else "one lobe for the painting"
+        varnish = " under a varnish" * self.coated
+        if self.pooling == "none":
+            return "no gloss"
+        if self.pooling == "painting":
+            return "one lobe for the painting" + varnish
         most = "one lobe per pixel" if self.lobes == 1 else f"up to {self.lobes} lobes per pixel"
-        return most + (" and ambient light" if self.ambient else "")
+        return most + " and ambient light" * self.ambient + varnish
 
 
 UNTRIED = Candidate("painting")
@@ -70,12 +79,13 @@ UNTRIED = Candidate("painting")
 CANDIDATES = (
     Candidate("none"),
     UNTRIED,
+    Candidate("painting", coated=True),
     Candidate("pixel", 1, ambient=False),
     Candidate("pixel", 1, ambient=True),
     Candidate("pixel", 2, ambient=False),
     Candidate("pixel", 2, ambient=True),
 )
-"""What ``pooling="auto"`` considers, the simplest first."""
+"""What ``pooling="auto"`` considers, the simplest first; then :func:`under_varnish`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +141,7 @@ class Choice:
             "chosen.pooling": np.array([row.pooling for row in rows], dtype=np.str_),
             "chosen.lobes": np.array([row.lobes for row in rows], dtype=np.int64),
             "chosen.ambient": np.array([row.ambient for row in rows], dtype=np.bool_),
+            "chosen.coated": np.array([row.coated for row in rows], dtype=np.bool_),
             "chosen.decibels": np.array([row.decibels for row in rows], dtype=np.float64),
             "chosen.photographs": np.array(self.photographs, dtype=np.int64),
             "chosen.why": np.array(self.why, dtype=np.str_),
@@ -152,6 +163,7 @@ class Choice:
                 ("lobes", np.int64),
                 ("ambient", np.bool_),
                 ("decibels", np.float64),
+                ("coated", np.bool_),
             )
         ]
         best, *tried = (Candidate(*row) for row in zip(pooling.tolist(), *columns, strict=True))
@@ -168,6 +180,7 @@ def choose(
     candidates: Sequence[Candidate],
     fit: Callable[[Stack, Candidate], Any],
     *,
+    open_varnish: bool = True,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Choice:
@@ -182,6 +195,8 @@ def choose(
     fit
         Fits a candidate to some photographs and returns a result that can ``predict`` others, with
         its residuals if they may be kept.
+    open_varnish
+        Whether the best of lobes per pixel is tried under a varnish, too.
     threads
         As in :func:`impasto.fit_sbrdf`.
     progress
@@ -199,9 +214,11 @@ def choose(
     if all(np.isnan(fold.compared).all() for fold in folds):
         return Choice(UNTRIED, (), 0, "no held-out photograph shows a pixel that can be estimated")
     top = full_scale([fold.compared for fold in folds])
-    tried = []
+    tried: list[Candidate] = []
+    waiting = list(candidates)
     with reporting(progress is True, "choice") as callback:
-        for done, candidate in enumerate(candidates, start=1):
+        while waiting:
+            candidate = waiting.pop(0)
             errors: dict[str, list[NDArray[np.float64]]] = {"model": [], "photographs": []}
             for fold in folds:
                 result = fit(fold.known, candidate)
@@ -210,10 +227,18 @@ def choose(
                     found.append(decibels(shown / top, fold.compared / top))
             # Residuals are kept where they help.
             decibel = max(float(np.concatenate(found).mean()) for found in errors.values())
-            tried.append(Candidate(candidate.pooling, candidate.lobes, candidate.ambient, decibel))
+            tried.append(replace(candidate, decibels=decibel))
+            if not waiting and open_varnish and len(tried) == len(candidates):
+                waiting += under_varnish(tried)
             if callback is not None:
-                callback(done, len(candidates))
+                callback(len(tried), len(tried) + len(waiting))
     return Choice(_simplest(tried), tuple(tried), sum(len(fold.rig) for fold in folds))
+
+
+def under_varnish(tried: Sequence[Candidate]) -> list[Candidate]:
+    """The best candidate with lobes per pixel, now with a coated diffuse part."""
+    pixel = [one for one in tried if one.pooling == "pixel"]
+    return [replace(_simplest(pixel), coated=True, decibels=float("nan"))] if pixel else []
 
 
 def decibels(shown: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:

@@ -25,6 +25,8 @@ class LearnedLobe:
     refined
         Whether every pixel's normal and colours are fitted with the lobe; else they stay those of
         photometric stereo.
+    coated
+        Whether diffuse light crosses a smooth interface; only where ``refined``.
     brightness
         A bright colour of the painting; its power of two is the unit that samples are counted in.
     noise
@@ -39,6 +41,7 @@ class LearnedLobe:
     log_sharpness: float = field(metadata=over(dtype=np.float64))
     index: float = field(metadata=over(dtype=np.float64))
     refined: bool = field(metadata=over(dtype=np.bool_))
+    coated: bool = field(metadata=over(dtype=np.bool_))
     brightness: float = field(metadata=over(dtype=np.float64))
     noise: NDArray[np.float32] = field(metadata=over("brightness"))
     noise_floor: float = field(metadata=over(dtype=np.float64))

@@ -156,7 +156,8 @@ class LearnedModel:
             maps = apply_lobes(
                 self.fit, near, stereo, inner=inner, threads=threads, progress=progress
             )
-            lobes = maps.result(near[inner], stereo[inner], self.fit.options.index)
+            options = self.fit.options
+            lobes = maps.result(near[inner], stereo[inner], options.index, coated=options.coated)
             return self._completed(lobes, near[inner])
         if isinstance(self.fit, LearnedLobe):
             pooled = apply_pooled(self.fit, near, stereo, threads=threads, progress=progress)
@@ -207,6 +208,7 @@ def learn_sbrdf(
     pooling: Pooling = "auto",
     lobes: int | None = None,
     ambient: bool | None = None,
+    coated: bool | None = None,
     extraction: Extraction | None = None,
     peak: bool | None = None,
     joint: bool | None = None,
@@ -229,7 +231,7 @@ def learn_sbrdf(
     ----------
     stack
         The whole painting, or a sample of it: a part, or the whole with a mask.
-    model, pooling, lobes, ambient, extraction, peak, joint, index
+    model, pooling, lobes, ambient, coated, extraction, peak, joint, index
         What is fitted, as in :func:`impasto.fit_sbrdf`.
     refine, residuals, effort, threads, progress
         As in :func:`impasto.fit_sbrdf`. ``pooling="segment"`` has no learned model.
@@ -252,6 +254,7 @@ def learn_sbrdf(
     given = {
         "lobes": lobes,
         "ambient": ambient,
+        "coated": coated,
         "extraction": extraction,
         "peak": peak,
         "joint": joint,

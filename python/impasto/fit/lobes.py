@@ -31,12 +31,13 @@ class LobeSbrdf(PerPixelSbrdf):
     """A painting whose pixels have Torrance-Sparrow lobes of their own.
 
     The model is eq. 1 of the six-band paper with a strength per band and lobe, and a constant:
-    ``irradiance * (diffuse N.L + sum over lobes of specular D F G / (N.V)) + ambient``. Varnish is
-    a lobe with equal strengths (``beta`` of eq. 1), gold one with a diffuse part near 0 and
-    coloured strengths. :class:`Sbrdf` has the members of all results. ``sigma`` is at most pi / 2:
-    the photographs do not determine the normal. There is no ``verdict`` of the painting, as in
-    :class:`PooledSbrdf` and :class:`LafortuneSbrdf`: see ``lobes``, ``status`` and ``converged`` of
-    each pixel.
+    ``irradiance * (diffuse N.L + sum over lobes of specular D F G / (N.V)) + ambient``; where
+    ``coated``, ``N.L`` is multiplied by what a smooth interface transmits (:class:`Surface`).
+    Varnish is a lobe with equal strengths (``beta`` of eq. 1), gold one with a diffuse part near 0
+    and coloured strengths. :class:`Sbrdf` has the members of all results. ``sigma`` is at most
+    pi / 2: the photographs do not determine the normal. There is no ``verdict`` of the painting,
+    as in :class:`PooledSbrdf` and :class:`LafortuneSbrdf`: see ``lobes``, ``status`` and
+    ``converged`` of each pixel.
 
     Attributes
     ----------
@@ -61,6 +62,8 @@ class LobeSbrdf(PerPixelSbrdf):
         it ran out of steps or stalled, and where nothing is estimated.
     index
         Index of refraction of the interface.
+    coated
+        Whether diffuse light crosses that interface.
     """
 
     SHAPE: ClassVar[tuple[str, ...]] = ("gamma",)
@@ -71,6 +74,7 @@ class LobeSbrdf(PerPixelSbrdf):
     tinted: NDArray[np.bool_] = field(metadata=over("lobe", "y", "x", dtype=np.bool_))
     converged: NDArray[np.bool_] = field(metadata=over("y", "x", dtype=np.bool_))
     index: float = field(metadata=over(dtype=np.float64))
+    coated: bool = field(default=False, metadata=over(dtype=np.bool_))
 
     def surface(self) -> Surface:
         """The painting with the lobes and the ambient light of every pixel, for rendering."""
@@ -81,6 +85,7 @@ class LobeSbrdf(PerPixelSbrdf):
             self.gamma,
             index=self.index,
             ambient=self.ambient,
+            coated=self.coated,
             **self._place(),
         )
 
@@ -94,7 +99,10 @@ class LobeSbrdf(PerPixelSbrdf):
 
     def report(self) -> dict[str, Any]:
         """Numbers of the gloss for a report file."""
-        return {**super().report(), "index": self.index}
+        return {**super().report(), "index": self.index, "coated": self.coated}
+
+    def _gloss(self) -> str:
+        return super()._gloss() + " under a varnish" * self.coated
 
     def _demand(self, maps: SavedMaps, prefix: str = "") -> None:
         refractive_index(self.index)
@@ -109,9 +117,10 @@ start from neighbours."""
 class LobeOptions:
     """How lobes are fitted; ``rounds`` to ``precision`` are those of :class:`impasto.Effort`.
 
-    ``typical=False`` takes no prior from the painting's other pixels, and ``sparing=False`` gives a
-    pixel every lobe that lowers its cost, worth its unknowns or not. ``bounded``: no lobe is wider
-    than 0.25 rad while the normal is free, unless the painting has broader ones.
+    With ``coated`` diffuse light crosses a smooth interface of index ``index``. ``typical=False``
+    takes no prior from the painting's other pixels, and ``sparing=False`` gives a pixel every lobe
+    that lowers its cost, worth its unknowns or not. ``bounded``: no lobe is wider than 0.25 rad
+    while the normal is free, unless the painting has broader ones.
     """
 
     lobes: int
@@ -121,6 +130,7 @@ class LobeOptions:
     iterations: int
     start: Origin
     precision: Precision
+    coated: bool = False
     typical: bool = True
     sparing: bool = True
     bounded: bool = True
@@ -188,7 +198,9 @@ class LobeMaps:
             status=codes(),
         )
 
-    def result(self, stack: Stack, stereo: Normals, index: float) -> LobeSbrdf:
+    def result(
+        self, stack: Stack, stereo: Normals, index: float, *, coated: bool = False
+    ) -> LobeSbrdf:
         """The maps as a result, together with those of photometric stereo; nothing is copied."""
         found = {name: getattr(self, name) for name in self.__slots__}
         return LobeSbrdf(
@@ -201,6 +213,7 @@ class LobeMaps:
             lobes=self.lobes,
             converged=self.converged.view(np.bool_),
             index=index,
+            coated=coated,
         )
 
 
@@ -284,23 +297,32 @@ def fit_lobes(
     index: float,
     threads: int | None,
     progress: bool | ProgressCallback,
+    coated: bool = False,
     effort: Effort = PRESETS["standard"],
     typical: bool = True,
     sparing: bool = True,
+    bounded: bool = True,
 ) -> LobeSbrdf:
     """Lobes of every pixel, from the maps of photometric stereo; see :func:`impasto.fit_sbrdf`.
 
-    It is :func:`learn_lobes` and :func:`apply_lobes` in a row; ``typical`` and ``sparing`` are
-    those of :class:`LobeOptions`.
+    It is :func:`learn_lobes` and :func:`apply_lobes` in a row; ``coated``, ``typical``,
+    ``sparing`` and ``bounded`` are those of :class:`LobeOptions`.
     """
     options = LobeOptions.of(
-        effort, lobes=lobes, ambient=ambient, index=index, typical=typical, sparing=sparing
+        effort,
+        lobes=lobes,
+        ambient=ambient,
+        index=index,
+        coated=coated,
+        typical=typical,
+        sparing=sparing,
+        bounded=bounded,
     )
     maps = LobeMaps.empty(stack.shape[1], lobes, (stack.shape[2], stack.shape[3]))
     arguments = StackArguments.of(stack), StartArguments.of(stereo)
     with reporting(progress, "lobes") as callback:
         _core.fit_lobes(*arguments, options, maps, thread_count(threads), callback)
-    return maps.result(stack, stereo, index)
+    return maps.result(stack, stereo, index, coated=coated)
 
 
 def learn_lobes(

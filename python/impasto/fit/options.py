@@ -70,9 +70,14 @@ _POOLED = {"extraction": "residual", "peak": False, "joint": True, "index": 1.45
 
 KINDS = (
     FitKind("torrance-sparrow", "none", "pooling", {}),
-    FitKind("torrance-sparrow", "painting", "pooling", _POOLED),
+    FitKind("torrance-sparrow", "painting", "pooling", _POOLED | {"coated": False}),
     FitKind("torrance-sparrow", "segment", "pooling", {"segments": None} | _POOLED),
-    FitKind("torrance-sparrow", "pixel", "pooling", {"lobes": 2, "ambient": True, "index": 1.45}),
+    FitKind(
+        "torrance-sparrow",
+        "pixel",
+        "pooling",
+        {"lobes": 2, "ambient": True, "index": 1.45, "coated": False},
+    ),
     FitKind("lafortune", "pixel", "model", {"lobes": 3}),
 )
 """Every fit there is. Normals, effort, threads and progress are options of all of them."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, TypedDict, Unpack
+from typing import Any, Literal, NotRequired, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +80,9 @@ class PooledSbrdf(Sbrdf):
         ``(y, x)`` float32, 0 to 1: difference between the pixel's own strength and ``beta`` beyond
         three standard deviations, as a share of ``beta``; 0 where the photographs do not determine
         it; NaN, like residual and sigma, where there are as many samples as unknowns (``EXACT``).
+    coated
+        Whether diffuse light crosses that interface (:class:`Surface`); False where normals and
+        colours are those of photometric stereo.
     """
 
     beta: float = field(metadata=over(dtype=np.float64))
@@ -92,6 +95,7 @@ class PooledSbrdf(Sbrdf):
     describes: float = field(metadata=over(dtype=np.float64))
     converged: bool = field(metadata=over(dtype=np.bool_))
     misfit: NDArray[np.float32] = field(metadata=over("y", "x"))
+    coated: bool = field(default=False, metadata=over(dtype=np.bool_))
 
     def surface(self) -> Surface:
         """The painting with its one lobe, for rendering."""
@@ -101,6 +105,7 @@ class PooledSbrdf(Sbrdf):
             self.beta,
             self.gamma,
             index=self.index,
+            coated=self.coated,
             **self._place(),
         )
 
@@ -118,6 +123,7 @@ class PooledSbrdf(Sbrdf):
             "beta": self.beta,
             "gamma_degrees": math.degrees(self.gamma),
             "index": self.index,
+            "coated": self.coated,
             "verdict": self.verdict,
             "describes": self.describes,
             "converged": self.converged,
@@ -155,6 +161,7 @@ class PooledSbrdf(Sbrdf):
                 )
             elif self.verdict != "fitted":
                 lobe += f" ({self.verdict})"
+        lobe += " under a varnish" * self.coated
         return lobe if self.converged else f"{lobe}; {self._under_way()}"
 
     def _under_way(self) -> str:
@@ -177,6 +184,7 @@ class PooledOptions(TypedDict):
     extraction: Extraction
     peak: bool
     joint: bool
+    coated: NotRequired[bool]
     index: float
     effort: Effort
     threads: int | None
@@ -243,6 +251,7 @@ def learn_pooled(
             options["extraction"],
             options["peak"],
             options["joint"],
+            options.get("coated", False),
             options["index"],
             options["effort"].pixels,
             thread_count(options["threads"]),
@@ -254,6 +263,7 @@ def learn_pooled(
         log_sharpness=found["log_sharpness"],
         index=found["index"],
         refined=found["refined"],
+        coated=found["coated"],
         brightness=found["brightness"],
         noise=np.array(found["noise"], dtype=np.float32),
         noise_floor=found["noise_floor"],
@@ -328,4 +338,5 @@ def pooled_sbrdf(
         describes=learned.describes,
         converged=learned.converged,
         misfit=maps.misfit,
+        coated=learned.coated,
     )

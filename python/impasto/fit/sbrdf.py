@@ -79,6 +79,7 @@ class Pooled(Common, total=False):
     extraction: Extraction
     peak: bool
     joint: bool
+    coated: bool | None
     index: float
 
 
@@ -115,6 +116,7 @@ def fit_sbrdf(
     pooling: Literal["pixel"],
     lobes: int | None = ...,
     ambient: bool = ...,
+    coated: bool | None = ...,
     index: float = ...,
     **options: Unpack[Common],
 ) -> LobeSbrdf: ...
@@ -143,6 +145,7 @@ def fit_sbrdf(
     segments: ArrayLike | None = None,
     lobes: int | None = None,
     ambient: bool | None = None,
+    coated: bool | None = None,
     extraction: Extraction | None = None,
     peak: bool | None = None,
     joint: bool | None = None,
@@ -165,8 +168,8 @@ def fit_sbrdf(
     and of pixels that the model does not describe.
 
     By default held-out photographs decide whether the painting has one lobe or every pixel its own,
-    how many, and whether ambient light is part of the model (``pooling="auto"``); ``chosen`` of the
-    result says what was chosen, and against what.
+    how many, whether ambient light is part of the model, and whether diffuse light crosses a
+    varnish (``pooling="auto"``); ``chosen`` of the result says what was chosen, and against what.
 
     With ``pooling="pixel"`` every pixel has its own lobes, each with a width and a strength per
     band, and its normal is fitted with them. This is for gilding, metal leaf, and varnish that
@@ -188,7 +191,8 @@ def fit_sbrdf(
     pooling
         ``"auto"`` (default): the fit that predicts held-out photographs of some 2000 sampled pixels
         best, of those that have all given options: ``joint`` and ``extraction`` ask for
-        ``"painting"``, ``lobes`` and ``ambient`` for ``"pixel"``, ``segments`` for ``"segment"``.
+        ``"painting"``, ``lobes`` and ``ambient`` for ``"pixel"``, ``segments`` for ``"segment"``,
+        ``coated`` for one of the first two.
         With fewer than 8 photographs it is ``"painting"``.
         ``"none"``: photometric stereo alone, no gloss.
         ``"painting"``: one Torrance-Sparrow lobe for all pixels. ``"segment"``: one for
@@ -204,20 +208,13 @@ def fit_sbrdf(
     ambient
         With ``pooling="pixel"``: whether every pixel has a constant per band for light that does
         not depend on the lamp's direction, as between the facets of a relief; default: True.
-    extraction
-        With one lobe per painting or segment: the samples of the first estimate of the lobe.
-        ``"residual"`` (default): all that are not in shadow, minus the diffuse part;
-        ``"maximum"``: each pixel's brightest photograph; ``"papers"``: the same divided by the
-        geometry factor of eq. 1 and 9, ``F G / (N.V)``, before the fit; ``"printed"``: the same
-        as eq. 10 and the text before eq. 6 print it, multiplied by ``(N.V) (N.L) / (F G)``. The
-        further ``N.L`` contradicts eq. 1 and 9, and lowers beta and gamma.
-    peak
-        With one lobe per painting or segment: whether the first estimate uses the samples of the
-        peak region only (RGB paper, section 6). The paper does not say how far it reaches; here
-        it is where the lobe exceeds half its peak, ``phi <= gamma``. Default: False, all angles.
-    joint
-        With one lobe per painting or segment: False stops at that estimate, with the normals and
-        colours of photometric stereo, as the papers do; default: True.
+    coated
+        With one lobe per painting (``joint``) or lobes per pixel: whether diffuse light crosses a
+        smooth interface of index ``index`` on its way to the paint and back, as in varnished
+        paintings: ``N.L`` is then multiplied by ``t(N.L) t(N.V)``,
+        ``t(c) = (1 - F(c)) / (1 - F(1))`` with Fresnel's reflectance F (Wolff 1994). Steep flanks
+        of varnished paint are darker than Lambert's law says; of bare paint they are not. Default:
+        with ``pooling="auto"`` held-out photographs decide, else False.
     index
         Index of refraction of a Torrance-Sparrow lobe's interface; default: 1.45, as in the papers.
     normals
@@ -257,9 +254,9 @@ def fit_sbrdf(
     ------
     ArgumentError
         An unknown name, an option that the fit does not have, an index outside 1 to 100, lobes
-        outside 1 to 3, joint, peak or ambient neither True nor False, normals of another size,
-        segments that are no whole numbers ``(y, x)``, or with ``check`` a stack to be repaired
-        first.
+        outside 1 to 3, joint, peak, ambient or coated neither True nor False, normals of another
+        size, segments that are no whole numbers ``(y, x)``, or with ``check`` a stack to be
+        repaired first.
     GeometryError
         Lights that cannot determine normals.
 
@@ -267,8 +264,9 @@ def fit_sbrdf(
     ----------
     S. Tominaga and N. Tanaka, papers on measuring and rendering art paintings by an RGB camera
     (eq. 9, 10) and by a six-band camera (eq. 1, 6). E. Snel, J. Heuberger, W. Pasman and
-    E. Jansen, Acquisition and rendering of paintings (section 4). E. Lafortune et al., Non-linear
-    approximation of reflectance functions, SIGGRAPH 1997.
+    E. Jansen, Acquisition and rendering of paintings (section 4). L. B. Wolff, Diffuse-reflectance
+    model for smooth dielectric surfaces, J. Opt. Soc. Am. A 11, 1994. E. Lafortune et al.,
+    Non-linear approximation of reflectance functions, SIGGRAPH 1997.
     """
     checked_stack(stack)
     if truth(check, "check"):
@@ -279,6 +277,7 @@ def fit_sbrdf(
         "segments": segments,
         "lobes": lobes,
         "ambient": ambient,
+        "coated": coated,
         "extraction": extraction,
         "peak": peak,
         "joint": joint,
@@ -388,7 +387,12 @@ def chosen_kind(
     kept = residuals is not False and not _core.views_differ(RigArguments.of(stack.rig))
     poolings = {kind.pooling for kind in kinds}
     candidates = [one for one in CANDIDATES if one.pooling in poolings]
-    choice = choose(stack, candidates, fit, threads=threads, progress=progress)
+    coated = given.get("coated")
+    if coated is not None:
+        candidates = [replace(one, coated=coated) for one in candidates if not one.coated]
+    choice = choose(
+        stack, candidates, fit, open_varnish=coated is None, threads=threads, progress=progress
+    )
     chosen = dict(choice.best.options)
     kind = fit_kind(kinds[0].model, chosen.pop("pooling"))
     return choice, kind, {**given, **chosen}
@@ -401,11 +405,16 @@ def checked_options(kind: FitKind, given: Mapping[str, Any]) -> dict[str, Any]:
         one_of(options["extraction"], get_args(Extraction), "extraction")
     if "index" in options:
         options["index"] = refractive_index(options["index"])
-    for name in ("joint", "peak", "ambient"):
+    for name in ("joint", "peak", "ambient", "coated"):
         if name in options:
             options[name] = truth(options[name], name)
     if "lobes" in options:
         options["lobes"] = lobe_count(options["lobes"])
+    if options.get("coated") and not options.get("joint", True):
+        raise ArgumentError(
+            "coated: joint=False keeps the colours of photometric stereo, which know no varnish; "
+            "leave one of them out"
+        )
     return options
 
 

@@ -3,6 +3,7 @@
 //! A model knows directions and parameters; it knows no image, no solver and no thread. All values
 //! are radiance relative to a white board under unit irradiance (`docs/models`).
 
+pub mod coated_diffuse;
 pub mod cosine_lobe;
 pub mod lafortune;
 pub mod lambert;

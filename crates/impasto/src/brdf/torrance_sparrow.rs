@@ -182,6 +182,13 @@ impl<R: Real> Facet<R> {
         }
     }
 
+    /// Unit direction to the eye.
+    #[must_use]
+    #[inline(always)]
+    pub fn view(&self) -> Vec3<R> {
+        self.view
+    }
+
     /// Unit half vector `H`.
     #[must_use]
     #[inline(always)]

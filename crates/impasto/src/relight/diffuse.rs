@@ -2,7 +2,9 @@
 
 use super::block::{BLOCK, Block};
 use super::scene::Lamp;
+use crate::geometry::View;
 use crate::math::{Isa, Real, Vec3};
+use crate::surface::CoatedDiffuse;
 
 /// Irradiance of a lamp at normal incidence, before anything stands in its light.
 #[inline(always)]
@@ -15,16 +17,25 @@ pub(crate) fn reach<I: Isa>(block: &mut Block, lamp: &Lamp) {
     }
 }
 
-/// Adds the lamp's `(N.L) E`, 0 where the surface turns away.
+/// What diffuse light crosses on its way to an eye, if anything.
+pub(crate) type Interface = Option<(CoatedDiffuse, View)>;
+
+/// Adds the lamp's `(N.L) E`, 0 where the surface turns away, times what an interface transmits.
 #[inline(always)]
-pub(crate) fn diffuse<I: Isa>(block: &mut Block, lamp: &Lamp) {
+pub(crate) fn diffuse<I: Isa>(block: &mut Block, lamp: &Lamp, interface: Interface) {
     for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
         let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
         let normal = normal::<I>(block, lane);
         let (direction, _) = lamp.light.at(x, y);
         let cosine = normal.dot(direction);
         // A selection, not `max`: a missing normal must stay NaN until the pixel is filled.
-        let cosine = I::F32::select(cosine.lt(I::F32::zero()), I::F32::zero(), cosine);
+        let cosine = match interface {
+            None => I::F32::select(cosine.lt(I::F32::zero()), I::F32::zero(), cosine),
+            Some((coated, view)) => {
+                let value = coated.value(normal, direction, view.at(x, y));
+                I::F32::select(cosine.le(cosine), value, cosine)
+            }
+        };
         let sum = I::F32::load(&block.diffuse[lane..]);
         cosine.mul_add(I::F32::load(&block.reach[lane..]), sum).store(&mut block.diffuse[lane..]);
     }

@@ -24,6 +24,7 @@ pub mod view;
 mod visible;
 
 use block::{BLOCK, Block, Plane, copied};
+use diffuse::Interface;
 use effects::Effects;
 use scene::{Colour, Lamp, Scene};
 use visible::Visible;
@@ -52,7 +53,7 @@ enum Stage<'a> {
     /// Irradiance of a lamp at normal incidence.
     Reach(&'a Lamp),
     Shadow(Visible),
-    Diffuse(&'a Lamp),
+    Diffuse(&'a Lamp, Interface),
     /// Of a lamp by its number.
     Specular(usize, &'a Lobe<'a>, &'a Colour),
     Ambient(&'a Lamp, &'a [f32], &'a Colour),
@@ -153,6 +154,7 @@ fn stages<'a>(
     run: &Run<'_>,
 ) -> Result<Vec<Stage<'a>>> {
     let mut stages = Vec::new();
+    let interface = surface.coated.map(|coated| (coated, scene.view()));
     for (index, colour) in scene.colours().iter().enumerate() {
         let lamps = scene.lamps().iter().enumerate();
         for (number, lamp) in lamps.filter(|(_, lamp)| lamp.colour == index) {
@@ -161,7 +163,7 @@ fn stages<'a>(
                 let visible = shadow::cast_shadows(height, relief.grid, &lamp.light, run)?;
                 stages.push(Stage::Shadow(Visible::new(&visible, run)?));
             }
-            stages.push(Stage::Diffuse(lamp));
+            stages.push(Stage::Diffuse(lamp, interface));
             if effects.specular {
                 let specular = |lobe| Stage::Specular(number, lobe, colour);
                 stages.extend(surface.lobes.iter().map(specular));
@@ -217,7 +219,9 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
                 match stage {
                     Stage::Reach(lamp) => diffuse::reach::<I>(block, lamp),
                     Stage::Shadow(visible) => visible.shade(block, at),
-                    Stage::Diffuse(lamp) => diffuse::diffuse::<I>(block, lamp),
+                    Stage::Diffuse(lamp, interface) => {
+                        diffuse::diffuse::<I>(block, lamp, *interface);
+                    }
                     Stage::Specular(lamp, lobe, colour) => {
                         let lobe = (*lamp, *lobe);
                         specular::specular::<I, M>(block, pairs, lobe, colour, (at, count));

@@ -76,7 +76,14 @@ impl Painting {
 
     fn pooled(&self, joint: bool, run: &Run<'_>) -> Result<()> {
         let extraction = Extraction::Residual;
-        let options = PooledOptions { extraction, peak: false, joint, index: 1.45, pixels: PIXELS };
+        let options = PooledOptions {
+            extraction,
+            peak: false,
+            joint,
+            coated: false,
+            index: 1.45,
+            pixels: PIXELS,
+        };
         learn(&self.stack(), &self.rig, &self.start(), &options, run).map(drop)
     }
 
@@ -84,6 +91,7 @@ impl Painting {
         let options = LobeOptions {
             lobes: 1,
             ambient: true,
+            coated: None,
             normal: true,
             bounded: true,
             rounds: 1,

@@ -38,6 +38,10 @@ impl LobeModel for Lafortune {
         }
     }
     #[inline(always)]
+    fn view<R: Real>(&self, pair: &LightView<R>) -> Vec3<R> {
+        pair.view
+    }
+    #[inline(always)]
     fn lobe_from_parameters<R: Real>(
         &self,
         [cxy, cz, exponent]: [R; MAX_PARAMETERS],

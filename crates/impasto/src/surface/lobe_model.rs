@@ -22,6 +22,8 @@ pub trait LobeModel: Copy + Debug + Send + Sync {
     fn pair<R: Real>(&self, light: Vec3<R>, view: Vec3<R>) -> Self::Pair<R>;
     /// The same pair in every lane.
     fn splat<S: Scalar, R: Real>(&self, pair: &Self::Pair<S>) -> Self::Pair<R>;
+    /// The view of a pair.
+    fn view<R: Real>(&self, pair: &Self::Pair<R>) -> Vec3<R>;
     /// A lobe from its parameters; those beyond [`Self::NAMES`] are ignored.
     fn lobe_from_parameters<R: Real>(&self, parameters: [R; MAX_PARAMETERS]) -> Self::Lobe<R>;
     /// Radiance of a lobe of unit strength under unit irradiance, 0 where the surface turns away

@@ -1,5 +1,6 @@
 //! The maps of a whole painting.
 
+use crate::brdf::coated_diffuse::CoatedDiffuse;
 use crate::error::{Error, Result};
 
 use super::lobe::{Lobe, Strength};
@@ -19,6 +20,8 @@ pub struct Surface<'a> {
     pub lobes: Vec<Lobe<'a>>,
     /// `(band, y, x)`: what the surface shows whatever a lamp's direction.
     pub ambient: Option<&'a [f32]>,
+    /// The smooth interface that diffuse light crosses, where there is one.
+    pub coated: Option<CoatedDiffuse>,
 }
 
 impl Surface<'_> {

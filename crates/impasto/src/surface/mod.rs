@@ -15,6 +15,7 @@ mod pairs;
 mod predict;
 mod torrance_sparrow;
 
+pub use crate::brdf::coated_diffuse::CoatedDiffuse;
 pub use lafortune::{Lafortune, LightView};
 pub(crate) use lobe::scaled;
 pub use lobe::{Lobe, Parameter, Strength};

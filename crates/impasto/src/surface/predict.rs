@@ -17,7 +17,8 @@ use super::pairs::Pairs;
 
 /// Writes the samples `(obs, band, y, x)` that a surface shows, white board 1.0: per light
 /// `intensity * (irradiance * ((N.L) S + sum over lobes of their strength times what the model
-/// says) + ambient)`, 0 where the surface turns away from the light, without lobes where it turns
+/// says) + ambient)`, with `(N.L)` times what an interface transmits where the diffuse part is
+/// [`coated`](Surface::coated); 0 where the surface turns away from the light, without lobes where it turns
 /// away from the view, NaN where the normal or the diffuse reflectance is. Nothing is infinite: a
 /// sum in the parentheses, or a sample, that single precision does not hold is its largest number.
 ///
@@ -151,7 +152,10 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
                     neutral = neutral + scaled(strength.at(pixel), *value);
                 }
             }
-            let cosine = lambert::cosine(normal, towards);
+            let cosine = match &surface.coated {
+                None => lambert::cosine(normal, towards),
+                Some(coated) => coated.value(normal, towards, pairs.model.view(&pair)),
+            };
             let intensity = I::F32::splat(intensity);
             let scale = irradiance * intensity;
             let known = (normal.x + normal.y + normal.z).is_finite();
@@ -176,6 +180,7 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::brdf::coated_diffuse::CoatedDiffuse;
     use crate::geometry::{Grid, Light};
     use crate::math::Level;
     use crate::pixels::{Pool, Progress};
@@ -187,6 +192,16 @@ mod tests {
     const PIXELS: usize = GRID.width * GRID.height;
 
     fn every_level_and_thread_count_gives_the_same_bits(model: Model, shape: &[Parameter<'_>]) {
+        for coated in [None, Some(CoatedDiffuse::new(1.45))] {
+            levels_and_thread_counts_give_the_same_bits(model, shape, coated);
+        }
+    }
+
+    fn levels_and_thread_counts_give_the_same_bits(
+        model: Model,
+        shape: &[Parameter<'_>],
+        coated: Option<CoatedDiffuse>,
+    ) {
         let mut normal = vec![0.0_f32; 3 * PIXELS];
         for pixel in 0..PIXELS {
             let t = pixel as f64;
@@ -212,6 +227,7 @@ mod tests {
             model,
             lobes: vec![lobe(varnish), lobe(Strength::Tinted(&gold))],
             ambient: Some(&diffuse),
+            coated,
         };
         let bits = |level: Level, threads: usize| {
             let pool = Pool::new(threads).unwrap();

@@ -27,6 +27,10 @@ impl LobeModel for TorranceSparrow {
         pair.splat()
     }
     #[inline(always)]
+    fn view<R: Real>(&self, pair: &Facet<R>) -> Vec3<R> {
+        pair.view()
+    }
+    #[inline(always)]
     fn lobe_from_parameters<R: Real>(&self, [gamma, ..]: [R; MAX_PARAMETERS]) -> R {
         sharpness(gamma)
     }

@@ -31,7 +31,7 @@ pub fn fit_lobes<M: LobeEstimation>(
     out: LobeMapsMut<'_>,
     run: &Run<'_>,
 ) -> Result<LearnedLobes> {
-    let photographs = Photographs::new(model, rig);
+    let photographs = Photographs::new(model, rig, options.coated);
     let fit = LobeFit::new(stack, rig, start, &photographs, options, run)?;
     fit.check(rig.grid(), &out)?;
     let (learned, seeds) = fit.learn()?;
@@ -63,7 +63,7 @@ pub fn apply_lobes<M: LobeEstimation>(
     out: LobeMapsMut<'_>,
     run: &Run<'_>,
 ) -> Result<()> {
-    let photographs = Photographs::new(model, rig);
+    let photographs = Photographs::new(model, rig, learned.options.coated);
     let fit = LobeFit::new(stack, rig, start, &photographs, &learned.options, run)?;
     fit.check(tile, &out)?;
     let seeds = match learned.options.start {

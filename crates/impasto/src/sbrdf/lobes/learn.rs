@@ -79,7 +79,7 @@ pub fn learn_lobes<M: LobeEstimation>(
     options: &LobeOptions,
     run: &Run<'_>,
 ) -> Result<LearnedLobes> {
-    let photographs = Photographs::new(model, rig);
+    let photographs = Photographs::new(model, rig, options.coated);
     LobeFit::new(stack, rig, start, &photographs, options, run)?.learn().map(|(learned, _)| learned)
 }
 

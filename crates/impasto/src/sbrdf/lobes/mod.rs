@@ -1,9 +1,11 @@
 //! Every pixel's own lobes, with a normal of its own:
 //!
 //! ```text
-//! y = E (rho_b (N.L) + sum over lobes of  s_b lobe(N, L, V; shape)) + ambient_b
+//! y = E (rho_b (N.L) t + sum over lobes of  s_b lobe(N, L, V; shape)) + ambient_b
 //! ```
 //!
+//! `t` is what a smooth interface above the diffuse part transmits
+//! ([`coated_diffuse`](crate::brdf::coated_diffuse)), 1 without one.
 //! A lobe of a [`model`] has a shape and, in every band, a strength: neutral varnish and tinted
 //! gold are the same model. Shapes and normal are searched for ([`search`]), everything that
 //! enters linearly follows from them in closed form ([`nnls`](crate::lm::nnls)): the search has two unknowns for

@@ -1,5 +1,7 @@
 //! Options of the fit of every pixel's own lobes.
 
+use crate::brdf::coated_diffuse::CoatedDiffuse;
+
 /// Options of [`fit_lobes`](super::fit_lobes).
 #[derive(Clone, Copy, Debug)]
 #[allow(clippy::struct_excessive_bools, reason = "each switches one thing")]
@@ -8,6 +10,8 @@ pub struct LobeOptions {
     pub lobes: usize,
     /// Whether every band also has a constant: ambient and inter-reflected light.
     pub ambient: bool,
+    /// The smooth interface that diffuse light crosses; `None`: there is none.
+    pub coated: Option<CoatedDiffuse>,
     /// Whether the normal is fitted; otherwise it stays at its start.
     pub normal: bool,
     /// Whether lobes have the width of a highlight at most while the normal is free; learned: off

@@ -1,5 +1,6 @@
 //! Lights and views of the photographs, and the normals that would mirror one into the other.
 
+use crate::brdf::coated_diffuse::{CoatedDiffuse, Slope};
 use crate::geometry::Rig;
 use crate::math::{Real, Vec3};
 use crate::surface::Pairs;
@@ -12,13 +13,15 @@ pub(in crate::sbrdf) struct Photographs<M: LobeEstimation> {
     pairs: Pairs<M>,
     /// Normals that would mirror the pairs.
     facing: Vec<Vec3<f64>>,
+    /// What diffuse light crosses.
+    coated: Option<CoatedDiffuse>,
 }
 
 impl<M: LobeEstimation> Photographs<M> {
-    pub(in crate::sbrdf) fn new(model: M, rig: &Rig) -> Self {
+    pub(in crate::sbrdf) fn new(model: M, rig: &Rig, coated: Option<CoatedDiffuse>) -> Self {
         let pairs = Pairs::of_rig(model, rig);
         let facing = (0..pairs.len()).map(|index| model.facing(pairs.middle(index))).collect();
-        Self { model, pairs, facing }
+        Self { model, pairs, facing, coated }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -48,5 +51,20 @@ impl<M: LobeEstimation> Photographs<M> {
         y: R,
     ) -> (Vec3<R>, R, M::Pair<R>) {
         self.pairs.at(photograph, x, y)
+    }
+
+    /// The diffuse term of reflectance 1 under unit irradiance from `towards`, in front of the
+    /// surface, and its derivative by the normal.
+    #[inline(always)]
+    pub(super) fn diffuse<R: Real>(
+        &self,
+        normal: Vec3<R>,
+        towards: Vec3<R>,
+        pair: &M::Pair<R>,
+    ) -> Slope<R> {
+        match &self.coated {
+            None => Slope { value: normal.dot(towards), normal: towards },
+            Some(coated) => coated.slope(normal, towards, self.model.view(pair)),
+        }
     }
 }

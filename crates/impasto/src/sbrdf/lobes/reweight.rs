@@ -108,7 +108,8 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
             for (photograph, columns) in columns.iter_mut().enumerate() {
                 let (towards, irradiance, pair) = photographs.at(photograph, px, py);
                 let cosine = normal.dot(towards);
-                columns[0] = I::F32::keep(cosine.gt(zero), cosine * irradiance);
+                let diffuse = photographs.diffuse(normal, towards, &pair).value;
+                columns[0] = I::F32::keep(cosine.gt(zero), diffuse * irradiance);
                 for (j, lobe) in lobes.iter().enumerate() {
                     let value = photographs.model.value(lobe, &pair, normal) * irradiance;
                     // A pixel without this lobe has a column of zeros.

@@ -70,7 +70,8 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ScorePass<'_,
                 let (towards, irradiance, pair) = photographs.at(photograph, px, py);
                 let cosine = normal.dot(towards);
                 let mut columns = [I::F32::one(); K];
-                columns[0] = I::F32::keep(cosine.gt(zero), cosine * irradiance);
+                let diffuse = photographs.diffuse(normal, towards, &pair).value;
+                columns[0] = I::F32::keep(cosine.gt(zero), diffuse * irradiance);
                 for (j, lobe) in lobes.iter().enumerate() {
                     columns[1 + j] = photographs.model.value(lobe, &pair, normal) * irradiance;
                 }

@@ -149,9 +149,10 @@ impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usi
                 value.store(&mut out[place..]);
                 place += R::WIDTH;
             };
-            put(cosine * lit);
-            put(tilts[0].dot(towards) * lit);
-            put(tilts[1].dot(towards) * lit);
+            let diffuse = self.photographs.diffuse(normal, towards, &pair);
+            put(diffuse.value * lit);
+            put(tilts[0].dot(diffuse.normal) * lit);
+            put(tilts[1].dot(diffuse.normal) * lit);
             for lobe in &lobes {
                 let slope = self.photographs.model.slope(lobe, &pair, normal);
                 put(slope.value * irradiance);

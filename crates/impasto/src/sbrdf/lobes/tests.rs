@@ -1,6 +1,7 @@
 //! A painting fitted tile by tile is the painting fitted as a whole.
 
 use super::*;
+use crate::brdf::coated_diffuse::CoatedDiffuse;
 use crate::error::Error;
 use crate::geometry::{Grid, Light, Rig};
 use crate::math::Vec3;
@@ -162,6 +163,7 @@ fn options(start: Origin) -> LobeOptions {
     LobeOptions {
         lobes: LOBES,
         ambient: true,
+        coated: None,
         normal: true,
         bounded: true,
         rounds: 1,
@@ -193,8 +195,11 @@ fn apply(scene: &Scene, learned: &LearnedLobes, tile: Grid) -> Result<Buffers, E
 #[test]
 fn tiles_are_the_whole_bit_for_bit() {
     let scene = Scene::whole();
-    for start in [Origin::Neighbours, Origin::Multistart] {
-        let options = options(start);
+    let varnish = Some(CoatedDiffuse::new(1.45));
+    for (start, coated) in
+        [(Origin::Neighbours, None), (Origin::Multistart, None), (Origin::Neighbours, varnish)]
+    {
+        let options = LobeOptions { coated, ..options(start) };
         let (whole, learned) = fit_whole(&scene, &options);
         assert!(whole.codes[1].iter().filter(|&&lobes| lobes > 0).count() > 1000);
         // Saved and read again.

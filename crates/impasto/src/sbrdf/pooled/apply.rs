@@ -1,5 +1,6 @@
 //! The second half of the pooled fit: every pixel of a tile under a known lobe.
 
+use crate::brdf::coated_diffuse::CoatedDiffuse;
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::maps::Status;
@@ -48,7 +49,7 @@ pub fn apply(
     let decode = in_unit(stack, unit);
     let stack = &stack.decoded(&decode)?;
     let pairs = &Pairs::of_rig(TorranceSparrow { index: lobe.index }, rig);
-    let photographs = &photographs(stack, rig, start, pairs);
+    let photographs = &photographs(stack, rig, start, pairs, lobe.coated);
     let brightness = lobe.brightness / f64::from(unit);
     let scale_reference = ScaleReference { brightness, noise_floor: 0.0 };
     let application = Application {
@@ -95,9 +96,11 @@ pub(super) fn photographs<'a>(
     rig: &'a Rig,
     start: &Start<'a>,
     pairs: &'a Pairs<TorranceSparrow, f32>,
+    coated: bool,
 ) -> Photographs<'a> {
     let bands = stack.shape().bands;
-    Photographs { stack, rig, pairs, bands, status: start.status, places: None }
+    let coated = coated.then(|| CoatedDiffuse::new(pairs.model.index));
+    Photographs { stack, rig, pairs, bands, coated, status: start.status, places: None }
 }
 
 pub(super) fn check(
@@ -132,6 +135,8 @@ pub(super) struct PooledScratch {
     state: State,
     /// Squared scales without a lobe.
     plain: Vec<f32>,
+    /// Normals and colours without a lobe.
+    matte: State,
     measured: Measured,
 }
 
@@ -141,6 +146,7 @@ impl PooledScratch {
             reader: Reader::new(photographs),
             state: State::sized(TILE, photographs.bands),
             plain: vec![0.0; TILE],
+            matte: State::sized(TILE, photographs.bands),
             measured: Measured::default(),
         }
     }
@@ -185,7 +191,7 @@ impl Application<'_> {
         mut misfit: impl FnMut(usize, Strength) -> f32,
     ) -> [LobeEquations; 2] {
         let Passes { photographs, run, .. } = self.passes;
-        let PooledScratch { reader, state, plain, measured } = scratch;
+        let PooledScratch { reader, state, plain, matte, measured } = scratch;
         reader.read(photographs, self.begin, [start, count], run.level);
         out.begin(self.begin, &photographs.status[start..start + count], start);
         state.copy_from(&reader.begin);
@@ -194,6 +200,7 @@ impl Application<'_> {
             let flat = CommonLobe { beta: 0.0, ..self.lobe };
             equations[0] = self.irls(reader, state, flat, false);
             plain.copy_from_slice(&state.scale);
+            matte.copy_from(state);
             equations[1] = self.irls(reader, state, self.lobe, true);
         }
         let samples = &reader.samples;
@@ -202,7 +209,9 @@ impl Application<'_> {
                 continue;
             }
             // The lobe does not help to explain the pixel's samples.
-            state.copy_pixel(place, &reader.begin);
+            // Photometric stereo knows no interface.
+            let without = if photographs.coated.is_some() { &*matte } else { &reader.begin };
+            state.copy_pixel(place, without);
             if out.status[pixel] == Status::Fitted.code() {
                 out.status[pixel] = Status::Pooled.code();
             }

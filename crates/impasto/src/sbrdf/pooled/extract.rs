@@ -98,7 +98,7 @@ impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
                 }
                 let sample = sample * share;
                 let cosine = lambert::cosine(normal, towards);
-                let lambert = diffuse * cosine * irradiance;
+                let lambert = diffuse * photographs.diffuse(normal, towards, &facet) * irradiance;
                 let lit = sample.is_finite() & sample.ge(lambert * I::F32::of(SHADOW));
                 (sample - lambert).store(&mut found[0]);
                 I::F32::keep(lit, glint.weight * irradiance).store(&mut found[1]);

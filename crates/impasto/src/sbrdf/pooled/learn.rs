@@ -33,6 +33,8 @@ pub struct PooledOptions {
     pub peak: bool,
     /// Whether normals, colours and the lobe are fitted together; else the papers' separate fit.
     pub joint: bool,
+    /// Whether diffuse light crosses a smooth interface; only with [`joint`](Self::joint).
+    pub coated: bool,
     /// Index of refraction.
     pub index: f64,
     /// Pixels that the joint search visits, at most, about.
@@ -88,7 +90,7 @@ pub fn fit(
     let decode = in_unit(stack, unit);
     let stack = &stack.decoded(&decode)?;
     let pairs = &Pairs::of_rig(TorranceSparrow { index: options.index }, rig);
-    let photographs = &photographs(stack, rig, start, pairs);
+    let photographs = &photographs(stack, rig, start, pairs, options.coated && options.joint);
     let scale_reference =
         ScaleReference { brightness: brightness / f64::from(unit), noise_floor: 0.0 };
     let passes = Passes { photographs, run, scale_reference };
@@ -153,7 +155,7 @@ impl Estimate {
 
 impl Passes<'_> {
     fn estimate(&self, begin: Begin<'_>, options: &PooledOptions) -> Result<Estimate> {
-        let samples = self.extract(begin, options.extraction)?;
+        let samples = self.on(&self.photographs.bare()).extract(begin, options.extraction)?;
         let samples = if options.peak { samples.peak() } else { samples };
         let first = samples.fit();
         if !options.joint {
@@ -213,11 +215,15 @@ impl Passes<'_> {
         out: &mut PooledMapsMut<'_>,
     ) -> Result<LearnedLobe> {
         let mut strengths = Strengths::unknown(out.status.len(), self.run)?;
+        // Maps of photometric stereo know no interface.
+        let bare = self.photographs.bare();
+        let unrefined = self.on(&bare);
+        let refined = estimate.joint && estimate.seen();
         let mut application = Application {
-            passes: *self,
+            passes: if refined { *self } else { unrefined },
             begin,
             lobe: estimate.shown(),
-            refined: estimate.joint && estimate.seen(),
+            refined,
             unit,
             gaussian: Gaussian::of(self.photographs.bands),
         };
@@ -227,6 +233,7 @@ impl Passes<'_> {
             estimate.covariance = None;
             application.lobe = estimate.shown();
             application.refined = false;
+            application.passes = unrefined;
             application.whole(out, &mut strengths)?;
         }
         let lobe = application.lobe;
@@ -235,7 +242,7 @@ impl Passes<'_> {
         let left = Begin { normal: out.normal, diffuse: out.diffuse, factor: unit.recip() };
         let mut histogram = match estimate.histogram.take() {
             Some(histogram) => histogram,
-            None => self.extract(left, Extraction::Residual)?,
+            None => application.passes.extract(left, Extraction::Residual)?,
         };
         histogram.scale(f64::from(unit));
         let unknown = [[f64::INFINITY, 0.0], [0.0, f64::INFINITY]];
@@ -252,6 +259,7 @@ impl Passes<'_> {
                 log_sharpness: lobe.log_sharpness,
                 index: self.photographs.pairs.model.index,
                 refined: application.refined,
+                coated: application.passes.photographs.coated.is_some(),
                 brightness: self.scale_reference.brightness,
                 noise,
             },

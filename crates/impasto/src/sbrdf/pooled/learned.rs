@@ -15,6 +15,8 @@ pub struct PooledLobe {
     /// Whether every pixel's normal and colours are fitted with the lobe; else they stay those of the
     /// start.
     pub refined: bool,
+    /// Whether diffuse light crosses a smooth interface; only where pixels are refined.
+    pub coated: bool,
     /// A bright colour of the painting: its power of two is the unit that samples are counted in.
     pub brightness: f64,
     /// Standard deviation of a sample by class of brightness, in that unit; infinite where unknown.

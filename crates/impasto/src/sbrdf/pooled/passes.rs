@@ -30,6 +30,11 @@ impl Passes<'_> {
         Self { scale_reference, ..self }
     }
 
+    /// The same passes over other photographs.
+    pub(super) fn on<'a>(&'a self, photographs: &'a Photographs<'a>) -> Passes<'a> {
+        Passes { photographs, ..*self }
+    }
+
     /// The specular part of all samples, outliers tempered.
     pub(super) fn extract(&self, begin: Begin<'_>, extraction: Extraction) -> Result<Histogram> {
         let all = tiles(self.photographs.pixels());

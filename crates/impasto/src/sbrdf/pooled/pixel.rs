@@ -1,12 +1,12 @@
 //! A register full of pixels under one lobe: residuals, their scale, and the equations of a step.
 //!
-//! The model is `y = E (rho_b (N.L) + beta D F G / (N.V))` in photograph i and band b. Every band
+//! The model is `y = E (rho_b (N.L) T + beta D F G / (N.V))` in photograph i and band b, `T` being what
+//! an interface above the diffuse part transmits, 1 without one. Every band
 //! of a photograph has the same weight and the same specular part, so that sums over bands fold
-//! into sums over photographs: with `t` the slopes of `N.L` and `g` those of the specular part, the
+//! into sums over photographs: with `t` the slopes of the diffuse term and `g` those of the specular part, the
 //! slope of a sample is `rho_b t + g`, and `sum_b (rho_b t + g)(rho_b t + g)'` needs only
 //! `sum rho_b^2`, `sum rho_b` and the number of bands.
 
-use crate::brdf::lambert;
 use crate::brdf::torrance_sparrow::{Facet, GAMMA_MAX, GAMMA_MIN, Glint, sharpness};
 use crate::lm::Bounds;
 use crate::math::{Real, Vec3};
@@ -154,7 +154,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         let bands = self.photographs.bands;
         let share = R::of(1.0 / bands as f64);
         for (i, (towards, irradiance, facet)) in self.geometry.iter().enumerate() {
-            let cosine = lambert::cosine(normal, *towards) * *irradiance;
+            let cosine = self.photographs.diffuse(normal, *towards, facet) * *irradiance;
             let glint = facet.on(normal);
             let lobe = glint.lobe(self.sharpness);
             let specular = self.beta * glint.weight * lobe * *irradiance;
@@ -195,7 +195,8 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
             let weight = lasting * self.precision[i];
             let slope = facet.slope(normal, glint, lobe, self.beta, self.sharpness);
             let lit = R::keep(cosine.gt(zero), *irradiance);
-            let t = tilt.map(|tilt| tilt.dot(*towards) * lit);
+            let by_normal = self.photographs.diffuse_slope(normal, *towards, facet);
+            let t = tilt.map(|tilt| tilt.dot(by_normal) * lit);
             let g = [
                 tilt[0].dot(slope.normal) * *irradiance,
                 tilt[1].dot(slope.normal) * *irradiance,

@@ -1,5 +1,8 @@
 //! The samples of a tile's estimated pixels, and where every pixel of a search stands.
 
+use crate::brdf::coated_diffuse::CoatedDiffuse;
+use crate::brdf::lambert;
+use crate::brdf::torrance_sparrow::Facet;
 use crate::error::Result;
 use crate::geometry::Rig;
 use crate::maps::Status;
@@ -16,6 +19,8 @@ pub(super) struct Photographs<'a> {
     pub(super) rig: &'a Rig,
     pub(super) pairs: &'a Pairs<TorranceSparrow, f32>,
     pub(super) bands: usize,
+    /// The smooth interface that diffuse light crosses.
+    pub(super) coated: Option<CoatedDiffuse>,
     /// `(y, x)` [`Status`] codes of the normals that the fit begins with. Only pixels whose normal
     /// was estimated are read: a pass over a segment costs what the segment's pixels cost.
     pub(super) status: &'a [u8],
@@ -36,6 +41,39 @@ impl Photographs<'_> {
             y[..count].copy_from_slice(&all_y[start..start + count]);
         } else {
             self.rig.grid().coordinates(start, x, y);
+        }
+    }
+
+    /// The same without an interface above the diffuse part.
+    pub(super) fn bare(&self) -> Self {
+        Self { coated: None, ..*self }
+    }
+
+    /// The diffuse term of reflectance 1 under unit irradiance, 0 where the surface turns away.
+    #[inline(always)]
+    pub(super) fn diffuse<R: Real>(
+        &self,
+        normal: Vec3<R>,
+        towards: Vec3<R>,
+        facet: &Facet<R>,
+    ) -> R {
+        match &self.coated {
+            None => lambert::cosine(normal, towards),
+            Some(coated) => coated.value(normal, towards, facet.view()),
+        }
+    }
+
+    /// Its derivative by the normal, where the surface does not turn away.
+    #[inline(always)]
+    pub(super) fn diffuse_slope<R: Real>(
+        &self,
+        normal: Vec3<R>,
+        towards: Vec3<R>,
+        facet: &Facet<R>,
+    ) -> Vec3<R> {
+        match &self.coated {
+            None => towards,
+            Some(coated) => coated.slope(normal, towards, facet.view()).normal,
         }
     }
 

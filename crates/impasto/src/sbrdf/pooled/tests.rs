@@ -90,7 +90,7 @@ fn a_pass_looks_before_every_register_of_pixels() {
         let all = |run: &Run<'_>| {
             let run = &Run { level, ..*run };
             let pairs = &Pairs::of_rig(TorranceSparrow { index: 1.45 }, &painting.rig);
-            let photographs = &photographs(stack, &painting.rig, start, pairs);
+            let photographs = &photographs(stack, &painting.rig, start, pairs, false);
             let scale_reference = ScaleReference { brightness: 0.5, noise_floor: 0.0 };
             pass(&Passes { photographs, run, scale_reference }, begin(start, 1.0))
         };
@@ -127,7 +127,14 @@ fn a_pass_looks_before_every_register_of_pixels() {
 /// What a painting's fit learns, and its maps.
 fn fitted(painting: &Painting, start: &Start<'_>, joint: bool) -> (LearnedLobe, Maps) {
     let extraction = Extraction::Residual;
-    let options = PooledOptions { extraction, peak: false, joint, index: 1.45, pixels: PIXELS };
+    let options = PooledOptions {
+        extraction,
+        peak: false,
+        joint,
+        coated: false,
+        index: 1.45,
+        pixels: PIXELS,
+    };
     let mut maps = Maps::new(PIXELS);
     let (stack, rig) = (painting.stack(), &painting.rig);
     let learned = serially(|run| {
