@@ -90,7 +90,6 @@ def facets() -> impasto.LobeSbrdf:
         tinted=gamma > 0.5,
         converged=np.ones(SIZE, dtype=np.bool_),
         index=1.5,
-        coated=True,
     )
 
 
@@ -187,7 +186,7 @@ def test_some_bands_are_a_surface_again(make: Any, tmp_path: Path) -> None:
     if isinstance(surface, impasto.LobeSbrdf):
         np.testing.assert_array_equal(some.specular, surface.specular[:, [2, 0]])
         np.testing.assert_array_equal(some.ambient, surface.ambient[[2, 0]])
-        assert some.coated
+        assert not some.coated
     assert some.normal is surface.normal
     some.save(tmp_path / "some.npz")
     read = impasto.load_sbrdf(tmp_path / "some.npz")
