@@ -211,8 +211,8 @@ def test_coloured_lobes_have_spectra(kind: str, request: Any) -> None:
         ).linear
         for name in ("D65", "A")
     )
-    # Spectra at steps of 5 nm from 400 to 700 nm; the bands see 380 to 780 nm: 2 % of a colour.
-    np.testing.assert_allclose(day, plain, atol=0.02 * float(np.nanmax(plain)))
+    # The bands of this camera are those of the display: 0.02 % are numerical integrals.
+    np.testing.assert_allclose(day, plain, atol=1e-3 * float(np.nanmax(plain)))
     assert np.nanmax(np.abs(lamp - day)) > 0.1 * np.nanmax(plain)
 
 

@@ -78,7 +78,9 @@ impl Lobe<'_> {
 }
 
 /// `strength * value`, but a lobe that is not there shows nothing, whatever its parameters.
+///
+/// Strengths of bands are never negative; coefficients of their spectra may be.
 #[inline(always)]
 pub(crate) fn scaled<R: Real>(strength: R, value: R) -> R {
-    R::select(strength.le(R::zero()), R::zero(), strength * value)
+    R::select(strength.abs().le(R::zero()), R::zero(), strength * value)
 }
