@@ -26,6 +26,7 @@ fn impasto(bencher: Bencher<'_, '_>, level: Level) {
     let surface = Surface {
         normal: &normal,
         diffuse: &diffuse,
+        coated: None,
         model: Model::TorranceSparrow { index: f64::from(INDEX) },
         lobes: vec![Lobe {
             strength: Strength::Neutral(Parameter::Everywhere(BETA)),

@@ -35,6 +35,7 @@ fn photographs(rig: &Rig) -> Vec<u16> {
     let surface = Surface {
         normal: &normal,
         diffuse: &diffuse,
+        coated: None,
         model: Model::TorranceSparrow { index: 1.45 },
         lobes: vec![Lobe {
             strength: Strength::Neutral(Parameter::Everywhere(12.0)),

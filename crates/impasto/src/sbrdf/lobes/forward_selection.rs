@@ -13,7 +13,7 @@ use super::options::{LobeOptions, Precision};
 use super::photographs::Photographs;
 use super::prior::Prior;
 use super::score::Score;
-use super::search::Search;
+use super::search::{Freedom, Search};
 use super::seeds::{Seed, Seeds};
 use super::support::is_supported;
 use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE};
@@ -270,8 +270,7 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
             x: &tile.x,
             y: &tile.y,
             ambient: self.options.ambient,
-            free: self.options.normal,
-            bounded: self.options.normal && self.options.bounded,
+            freedom: Freedom::of_options(self.options),
             typical: None,
             starts,
             found: &mut tile.estimates,

@@ -13,6 +13,7 @@ use crate::math::{Element, Level, Real, Scalar, Vec3};
 use crate::sbrdf::pooled::tangents;
 
 use super::model::{LobeEstimation, MAX_SHAPES, Visit};
+use super::options::LobeOptions;
 use super::photographs::Photographs;
 use super::prior::ShapePrior;
 use super::tile::{Estimate, TileSamples};
@@ -20,6 +21,27 @@ use crate::lm::nnls::Sums;
 
 /// Largest tilt of one search: 1.4 rad, beyond which a camera sees no surface.
 const STEEPEST: f64 = 6.0;
+
+/// What a search may change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Freedom {
+    /// Normals, and lobes no wider than [`LobeEstimation::widest_with_normal`].
+    Bounded,
+    /// Lobes, about fixed normals.
+    Shapes,
+    /// Normals, and lobes of any width.
+    All,
+}
+
+impl Freedom {
+    pub(super) fn of_options(options: &LobeOptions) -> Self {
+        match (options.normal, options.bounded) {
+            (true, true) => Self::Bounded,
+            (true, false) => Self::All,
+            (false, _) => Self::Shapes,
+        }
+    }
+}
 
 /// One search for many pixels with the same number of lobes.
 ///
@@ -31,9 +53,7 @@ pub(super) struct Search<'a, M: LobeEstimation> {
     pub(super) x: &'a [f32],
     pub(super) y: &'a [f32],
     pub(super) ambient: bool,
-    pub(super) free: bool,
-    /// Whether lobes are no wider than [`LobeEstimation::widest_with_normal`].
-    pub(super) bounded: bool,
+    pub(super) freedom: Freedom,
     /// The prior of each pixel's shapes; `None` during forward selection.
     pub(super) typical: Option<&'a [ShapePrior]>,
     /// The start of each pixel.
@@ -54,10 +74,10 @@ impl<M: LobeEstimation> Search<'_, M> {
     }
 
     fn seek<S: Element, const J: usize, const K: usize, const N: usize>(self) {
-        let tilt = S::from_f64(if self.free { STEEPEST } else { 0.0 });
+        let tilt = S::from_f64(if self.freedom == Freedom::Shapes { 0.0 } else { STEEPEST });
         let mut bounds = Bounds { lower: [-tilt; N], upper: [tilt; N] };
         let [mut lower, upper] = self.photographs.model.bounds();
-        if self.bounded {
+        if self.freedom == Freedom::Bounded {
             lower = self.photographs.model.widest_with_normal();
         }
         for (unknown, shape) in (2..N).zip((0..M::SHAPES).cycle()) {

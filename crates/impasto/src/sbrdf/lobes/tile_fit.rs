@@ -19,24 +19,13 @@ use super::options::{LobeOptions, Precision};
 use super::photographs::Photographs;
 use super::prior::{Prior, ShapePrior, ShapePriors};
 use super::reweight::{COLUMNS, Reweight, Solution};
-use super::search::Search;
+use super::search::{Freedom, Search};
 use super::seeds::{HALO, Seed, SeedGrid, Seeds};
 use super::support::drop_unsupported;
 use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE};
 
 /// A logarithm of a sharpness so near its bound counts as at the bound: a per cent of the width.
 const AT_BOUND: f32 = 0.02;
-
-/// What a search may change.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Freedom {
-    /// Normals, and lobes no wider than [`LobeEstimation::widest_with_normal`].
-    Bounded,
-    /// Lobes, about fixed normals.
-    Shapes,
-    /// Normals, and lobes of any width.
-    All,
-}
 
 /// Memory of a worker.
 pub(super) struct LobeScratch {
@@ -152,11 +141,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
                 return (fitted, by_count);
             }
             self.reweight(tile, solution, true);
-            let freedom = match (self.options.normal, self.options.bounded) {
-                (true, true) => Freedom::Bounded,
-                (true, false) => Freedom::All,
-                (false, _) => Freedom::Shapes,
-            };
+            let freedom = Freedom::of_options(self.options);
             let last = round == self.options.rounds;
             self.refine(tile, &fitted, &solution.variance, freedom, last);
             drop_unsupported(self.photographs, tile, &fitted, self.run.level);
@@ -268,8 +253,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
                 x: &tile.x,
                 y: &tile.y,
                 ambient: self.options.ambient,
-                free: freedom != Freedom::Shapes,
-                bounded: freedom == Freedom::Bounded,
+                freedom,
                 typical,
                 starts,
                 found: &mut tile.estimates,
