@@ -6,8 +6,9 @@ The six folds and the score of relighting.py, at every third pixel of every thir
 light file says nothing of strengths; ``impasto.fit_strengths`` estimates them from the photographs
 that are fitted. "fitted" uses them in the fit only and shows the held-out photographs under lamps
 of strength 1; "fitted and shown" gives these lamps the strengths that lamps in their directions
-had. Interpolation by radial basis functions sees both in the photographs themselves. ``--record``
-writes benches/results/lamps.json.
+had. "refined" is the shortest call, which refines the rig by itself and is asked for directions;
+without that, ``refine=False``. Interpolation by radial basis functions sees strengths in the
+photographs themselves. ``--record`` writes benches/results/lamps.json.
 """
 
 from __future__ import annotations
@@ -60,7 +61,11 @@ def rows(
     yield PEER, "seen", (weights @ photographs).reshape(size), photographs.reshape(own.shape)
     lamps = impasto.fit_strengths(seen)
     known = {"as given": (seen, [rig]), "fitted": (lamps.stack, [rig, lamps.at(rig)])}
-    methods: dict[str, dict[str, Any]] = {"impasto, one lobe per painting": {}}
+    default = "impasto, the default"
+    methods: dict[str, dict[str, Any]] = {
+        default: {"refine": False},
+        "impasto, one lobe per painting": {"pooling": "painting"},
+    }
     for count, name in enumerate(("one lobe", "up to two lobes", "up to three lobes"), start=1):
         methods[f"impasto, {name} per pixel"] = {"pooling": "pixel", "lobes": count}
     for method, options in methods.items():
@@ -69,6 +74,9 @@ def rows(
             inside = coded(stack, surface.predict())
             for name, lit in zip((source, f"{source} and shown"), rigs, strict=False):
                 yield method, name, coded(stack, surface.predict(lit)), inside
+    surface = impasto.fit_sbrdf(seen)
+    inside = coded(stack, surface.predict())
+    yield default, "refined", coded(stack, surface.predict(lights[held])), inside
 
 
 def study(stack: impasto.Stack) -> list[dict[str, Any]]:
