@@ -356,9 +356,12 @@ def test_the_engine_by_itself(seed: int, power: int, place: int, threads: int) -
     for name, plane in plain.items():
         assert plane[..., order].tobytes() == shuffled[name].tobytes(), name
         assert plane.tobytes() == absent[name].tobytes(), name
-    assert plain["gamma"].tobytes() == scaled["gamma"].tobytes()
-    assert plain["status"].tobytes() == scaled["status"].tobytes()
-    np.testing.assert_array_equal(np.ldexp(plain["beta"], power), scaled["beta"])
+    # A lobe between two photographs may have a strength whose variance is near the largest number.
+    spread = np.ldexp(np.abs(plain["covariance"]).astype(np.float64), 2 * power).max(axis=0)
+    held = ~(spread > np.finfo(np.float32).max)
+    for name in ("gamma", "status"):
+        assert plain[name][held].tobytes() == scaled[name][held].tobytes()
+    np.testing.assert_array_equal(np.ldexp(plain["beta"], power)[held], scaled["beta"][held])
     # Photographs in another order are other roundings: a thousandth of an error at most.
     turned = np.random.default_rng(seed).permutation(16)
     mixed = impasto.fit_highlight(phi[turned], samples[turned])
