@@ -18,6 +18,7 @@ from impasto.errors import GeometryError
 from impasto.fit.cross_validation import FEWEST, folds_of
 from impasto.fit.subsample import subsampled_to
 from impasto.io.results import SavedMaps
+from impasto.rig import Rig
 from impasto.stack import Stack
 
 PIXELS = 2048
@@ -26,6 +27,8 @@ pooling on seven stacks: 9 to 72 photographs of the icon, 9 to 48 of a matte sim
 MARGIN = 0.1
 """dB by which a candidate must predict better than a simpler one; smaller differences change from
 sample to sample."""
+LENGTHS = (0.1, 0.2, 0.35)
+"""Length scales of residuals that are compared."""
 ROUNDING = 1.0 / 12.0
 """Least mean squared error of a photograph, in squared 8-bit codes: that of rounding."""
 
@@ -219,13 +222,12 @@ def choose(
     with reporting(progress is True, "choice") as callback:
         while waiting:
             candidate = waiting.pop(0)
-            errors: dict[str, list[NDArray[np.float64]]] = {"model": [], "photographs": []}
+            errors: dict[float, list[NDArray[np.float64]]] = {}
             for fold in folds:
-                result = fit(fold.known, candidate)
-                for fidelity, found in errors.items():
-                    shown = result.predict(fold.rig, fidelity=fidelity)
-                    found.append(decibels(shown / top, fold.compared / top))
-            # Residuals are kept where they help.
+                for length, shown in _shown(fit(fold.known, candidate), fold.rig).items():
+                    found = decibels(shown / top, fold.compared / top)
+                    errors.setdefault(length, []).append(found)
+            # Residuals are kept where they help, with the length that helps most.
             decibel = max(float(np.concatenate(found).mean()) for found in errors.values())
             tried.append(replace(candidate, decibels=decibel))
             if not waiting and open_varnish and len(tried) == len(candidates):
@@ -239,6 +241,16 @@ def under_varnish(tried: Sequence[Candidate]) -> list[Candidate]:
     """The best candidate with lobes per pixel, now with a coated diffuse part."""
     pixel = [one for one in tried if one.pooling == "pixel"]
     return [replace(_simplest(pixel), coated=True, decibels=float("nan"))] if pixel else []
+
+
+def _shown(result: Any, rig: Rig) -> dict[float, NDArray[np.float32]]:
+    """What a fit predicts: the model alone (0), and with residuals by their length scale."""
+    found = {0.0: result.predict(rig, fidelity="model")}
+    if result.residuals is not None:
+        for length in LENGTHS:
+            residuals = replace(result.residuals, length=length)
+            found[length] = replace(result, residuals=residuals).predict(rig)
+    return found
 
 
 def decibels(shown: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
