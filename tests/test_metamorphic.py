@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import impasto
@@ -336,6 +336,7 @@ def lobe_maps(fit: impasto.HighlightFit) -> dict[str, Any]:
 
 
 @settings(max_examples=40, deadline=None)
+@example(seed=229, power=2, place=0, threads=1)  # a lobe 8e18 times as strong as its one sample
 @given(
     seed=SEED,
     power=st.integers(-20, 20),
@@ -356,12 +357,9 @@ def test_the_engine_by_itself(seed: int, power: int, place: int, threads: int) -
     for name, plane in plain.items():
         assert plane[..., order].tobytes() == shuffled[name].tobytes(), name
         assert plane.tobytes() == absent[name].tobytes(), name
-    # A lobe between two photographs may have a strength whose variance is near the largest number.
-    spread = np.ldexp(np.abs(plain["covariance"]).astype(np.float64), 2 * power).max(axis=0)
-    held = ~(spread > np.finfo(np.float32).max)
-    for name in ("gamma", "status"):
-        assert plain[name][held].tobytes() == scaled[name][held].tobytes()
-    np.testing.assert_array_equal(np.ldexp(plain["beta"], power)[held], scaled["beta"][held])
+    assert plain["gamma"].tobytes() == scaled["gamma"].tobytes()
+    assert plain["status"].tobytes() == scaled["status"].tobytes()
+    np.testing.assert_array_equal(np.ldexp(plain["beta"], power), scaled["beta"])
     # Photographs in another order are other roundings: a thousandth of an error at most.
     turned = np.random.default_rng(seed).permutation(16)
     mixed = impasto.fit_highlight(phi[turned], samples[turned])

@@ -16,6 +16,11 @@ const FAR: f32 = 1e10;
 /// Beyond one, the width may be anything: its standard deviation relative to itself.
 const OPEN: f32 = 1.0;
 
+/// Largest strength in units of the brightest sample. Beyond it every sample lies where the lobe has
+/// fallen below the rounding of its strength: one dim sample determines neither strength nor width,
+/// which a search then makes as narrow and as strong as numbers allow.
+const FARTHEST: f32 = 1.0 / f32::EPSILON;
+
 /// Makes the pixels from `staged` on ready.
 pub(super) struct Prepare<'t, 'a>(pub(super) &'t mut HighlightTile<'a>);
 
@@ -134,7 +139,8 @@ impl Kernel for Finish<'_, '_> {
             let beta = betas[i] * scale;
             let sure = |[b, both, g]: [f32; 3]| exact | (b + both.abs() + g).is_finite();
             let code = if sure(whole) & beta.is_normal() { code } else { too_large };
-            let code = if sure(own) & betas[i].is_finite() { code } else { too_far };
+            // Written so that NaN is too far.
+            let code = if sure(own) & (betas[i] <= FARTHEST) { code } else { too_far };
             let given = known & (code < Status::Dark.code());
             let or_nan = |value: f32| if given { value } else { f32::NAN };
             gammas[i] = or_nan(gamma);
