@@ -47,7 +47,8 @@ class Candidate:
         Whether diffuse light crosses a varnish; False without gloss.
     decibels
         Peak signal-to-noise ratio of held-out photographs, coded as sRGB: the mean over the
-        photographs; NaN if it was not tried.
+        photographs, with what the fit leaves interpolated where that helps; NaN if it was not
+        tried.
     """
 
     pooling: Literal["none", "painting", "pixel"]
@@ -187,7 +188,11 @@ def choose(
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Choice:
-    """The simplest candidate whose error is within :data:`MARGIN` of the least.
+    """The simplest candidate about as good as the best, by the one-standard-error rule.
+
+    About as good: its mean over the photographs is worse by less than :data:`MARGIN`, or by less
+    than one standard error of that difference [@breiman1984cart]. Few photographs under lamps of
+    different strengths tell fits apart by a decibel that others would not show.
 
     Parameters
     ----------
@@ -218,6 +223,7 @@ def choose(
         return Choice(UNTRIED, (), 0, "no held-out photograph shows a pixel that can be estimated")
     top = full_scale([fold.compared for fold in folds])
     tried: list[Candidate] = []
+    each: list[NDArray[np.float64]] = []
     waiting = list(candidates)
     with reporting(progress is True, "choice") as callback:
         while waiting:
@@ -228,19 +234,28 @@ def choose(
                     found = decibels(shown / top, fold.compared / top)
                     errors.setdefault(length, []).append(found)
             # Residuals are kept where they help, with the length that helps most.
-            decibel = max(float(np.concatenate(found).mean()) for found in errors.values())
-            tried.append(replace(candidate, decibels=decibel))
+            photographs = [np.concatenate(found) for found in errors.values()]
+            each.append(max(photographs, key=np.mean))
+            tried.append(replace(candidate, decibels=float(each[-1].mean())))
             if not waiting and open_varnish and len(tried) == len(candidates):
-                waiting += under_varnish(tried)
+                waiting += under_varnish(tried, each)
             if callback is not None:
                 callback(len(tried), len(tried) + len(waiting))
-    return Choice(_simplest(tried), tuple(tried), sum(len(fold.rig) for fold in folds))
+    return Choice(_simplest(tried, each), tuple(tried), sum(len(fold.rig) for fold in folds))
 
 
-def under_varnish(tried: Sequence[Candidate]) -> list[Candidate]:
-    """The best candidate with lobes per pixel, now with a coated diffuse part."""
-    pixel = [one for one in tried if one.pooling == "pixel"]
-    return [replace(_simplest(pixel), coated=True, decibels=float("nan"))] if pixel else []
+def under_varnish(
+    tried: Sequence[Candidate], each: Sequence[NDArray[np.float64]]
+) -> list[Candidate]:
+    """The best candidate with lobes per pixel, now with a coated diffuse part.
+
+    ``each``: PSNR ``(obs,)`` of each candidate's photographs.
+    """
+    pixel = [index for index, one in enumerate(tried) if one.pooling == "pixel"]
+    if not pixel:
+        return []
+    best = _simplest([tried[index] for index in pixel], [each[index] for index in pixel])
+    return [replace(best, coated=True, decibels=float("nan"))]
 
 
 def _shown(result: Any, rig: Rig) -> dict[float, NDArray[np.float32]]:
@@ -292,6 +307,9 @@ def full_scale(truth: Sequence[NDArray[Any]]) -> float:
     return float(2.0 ** np.ceil(np.log2(bright))) if bright > 0.0 else 1.0
 
 
-def _simplest(tried: Sequence[Candidate]) -> Candidate:
-    most = max(one.decibels for one in tried)
-    return next(one for one in tried if one.decibels >= most - MARGIN)
+def _simplest(tried: Sequence[Candidate], each: Sequence[NDArray[np.float64]]) -> Candidate:
+    best = max(each, key=np.mean)
+    lost = best - np.array(each)
+    count = lost.shape[1]
+    error = lost.std(axis=1, ddof=1) / np.sqrt(count) if count > 1 else np.zeros(len(lost))
+    return tried[int(np.argmax(lost.mean(axis=1) <= np.maximum(MARGIN, error)))]

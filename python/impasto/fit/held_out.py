@@ -23,6 +23,8 @@ KEPT = 0.9
 """Share of the samples, those with the smallest errors, that the trimmed mean counts."""
 CODES = 255.0
 """Errors are in codes of 8 bits, whatever the files have."""
+_COATED = 0.02
+"""Share by which a varnish, or none, must lower the trimmed mean to be taken."""
 _SMALLEST = 0.05
 """Errors below this many codes are rounding: no ratio of them means anything."""
 _BRIGHT = 99.5
@@ -99,9 +101,13 @@ class HeldOut:
     A photograph that is held out has, unless ``given``, a strength of its own: one number, the
     median of sample / predicted sample, is taken from it. What is compared is then the surface,
     with strengths of lamps that no rule predicts as well as with those of a dome.
+
+    ``coated``: whether the diffuse part of the surfaces that are fitted lies under a varnish. Wrong
+    strengths stand for what the varnish keeps back, and a wrong distance hides it.
     """
 
     def __init__(self, stack: Stack, pixels: int, *, index: float, threads: int | None) -> None:
+        self.coated = False
         pitch = 1.0 if stack.rig.pitch_mm is None else stack.rig.pitch_mm
         # A point view says where the middle of the subsample lies, and forbids to pack it.
         eye = PointView((0.0, 0.0, 1.0))
@@ -124,6 +130,18 @@ class HeldOut:
         """The sample under a rig of the whole painting."""
         local = Rig(rig.seen_from(*self._middle), pitch_mm=self._few.rig.pitch_mm)
         return self._few._replace(rig=local)
+
+    def otherwise(self) -> HeldOut:
+        """The same photographs with surfaces under a varnish instead of without, or back."""
+        other = copy(self)
+        other.coated = not self.coated
+        return other
+
+    def suited(self, rig: Rig, folds: int) -> HeldOut:
+        """The better of this and :meth:`otherwise`, by what its surfaces predict under a rig."""
+        other = self.otherwise()
+        fall = other.errors(rig, folds).than(self.errors(rig, folds)).fall
+        return other if fall > _COATED else self
 
     def rotated(self) -> HeldOut:
         """The photographs after half a turn under lamps and cameras that did not turn.
@@ -148,6 +166,7 @@ class HeldOut:
             fit_normals(stack, threads=self._threads),
             lobes=lobes,
             ambient=True,
+            coated=self.coated,
             index=self._index,
             threads=self._threads,
             progress=False,

@@ -277,6 +277,20 @@ class _Search:
         states = [self.lit(self.even(place)) for place in self._nodes(*_COARSE)]
         return min([lit, *states], key=lambda state: self.errors(state).trim)
 
+    def searched(self, given: _State) -> _State:
+        """The best state, and tests with surfaces that suit it: under a varnish or not."""
+        self._take(self._test.suited(self.at(given), self._folds))
+        state = self.best(self.grid(), self._free.copy())
+        suited = self._test.suited(self.at(state), self._folds)
+        if suited is self._test:
+            return state
+        self._take(suited)
+        return self.best(self.grid(), self._free.copy())
+
+    def _take(self, test: HeldOut) -> None:
+        if test is not self._test:
+            self._test, self._known = test, {}
+
     def _nodes(self, *axes: Point) -> list[Point]:
         u, w = (axis if free else axis[:1] for axis, free in zip(axes, self._free, strict=True))
         return [np.array([a, b]) for a in u for b in w]
@@ -392,7 +406,7 @@ class _Search:
         nothing = self.even(np.zeros(2))
         if not np.isfinite(self.errors(nothing).trim):
             raise ArgumentError("stack: no pixel can be fitted; impasto.doctor.examine says why")
-        state = self.best(self.grid(), allowed)
+        state = self.searched(nothing)
         found = state.place.copy()
         reasons = list(self._why)
         for axis in (0, 1):
@@ -455,6 +469,7 @@ class _Search:
                 threads=self._threads,
                 start=state.log,
                 determined=state.determined,
+                coated=self._test.coated,
             )
         except ArgumentError:  # too few lamps that any pixel determines
             return rig, None
