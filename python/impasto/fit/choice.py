@@ -27,6 +27,10 @@ pooling on seven stacks: 9 to 72 photographs of the icon, 9 to 48 of a matte sim
 MARGIN = 0.1
 """dB by which a candidate must predict better than a simpler one; smaller differences change from
 sample to sample."""
+ERRORS = 0.5
+"""The same in standard errors of the difference. Few photographs under lamps of different strengths
+tell fits apart by chance. Not a whole one: fits with more unknowns lose most by the photographs
+that are held out."""
 LENGTHS = (0.1, 0.2, 0.35)
 """Length scales of residuals that are compared."""
 ROUNDING = 1.0 / 12.0
@@ -188,11 +192,11 @@ def choose(
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Choice:
-    """The simplest candidate about as good as the best, by the one-standard-error rule.
+    """The simplest candidate about as good as the best.
 
     About as good: its mean over the photographs is worse by less than :data:`MARGIN`, or by less
-    than one standard error of that difference [@breiman1984cart]. Few photographs under lamps of
-    different strengths tell fits apart by a decibel that others would not show.
+    than :data:`ERRORS` standard errors of that difference (the one-standard-error rule of
+    @breiman1984cart takes one).
 
     Parameters
     ----------
@@ -311,5 +315,5 @@ def _simplest(tried: Sequence[Candidate], each: Sequence[NDArray[np.float64]]) -
     best = max(each, key=np.mean)
     lost = best - np.array(each)
     count = lost.shape[1]
-    error = lost.std(axis=1, ddof=1) / np.sqrt(count) if count > 1 else np.zeros(len(lost))
+    error = ERRORS * lost.std(axis=1, ddof=1) / np.sqrt(count) if count > 1 else np.zeros(len(lost))
     return tried[int(np.argmax(lost.mean(axis=1) <= np.maximum(MARGIN, error)))]

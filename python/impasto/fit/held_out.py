@@ -25,8 +25,11 @@ CODES = 255.0
 """Errors are in codes of 8 bits, whatever the files have."""
 _COATED = 0.02
 """Share by which a varnish, or none, must lower the trimmed mean to be taken."""
+ROUNDING = 0.3
+"""Trimmed means up to this many codes are rounding, which alone gives 0.22: nothing lowers them for
+a reason."""
 _SMALLEST = 0.05
-"""Errors below this many codes are rounding: no ratio of them means anything."""
+"""Least root mean square error in a ratio, in codes."""
 _BRIGHT = 99.5
 """Percentile of linear samples that counts as white where the files have no tone curve."""
 
@@ -50,8 +53,8 @@ class Comparison:
 
     @property
     def fall(self) -> float:
-        """Share by which the trimmed mean fell."""
-        return 1.0 - self.trim / max(self.trim_before, _SMALLEST)
+        """Share by which the trimmed mean fell; 0 where that was rounding before."""
+        return 1.0 - self.trim / self.trim_before if self.trim_before > ROUNDING else 0.0
 
     def better(self, fall: float, errors: float = 1.0) -> bool:
         """Whether the trim fell by this share and the gain exceeds so many standard errors."""
