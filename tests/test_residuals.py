@@ -49,11 +49,12 @@ def fitted(stack: impasto.Stack) -> impasto.Sbrdf:
 def test_weights_are_those_of_the_conditional_mean() -> None:
     """The conditional mean of a joint normal distribution, by its precision matrix instead."""
     rng = np.random.default_rng(1)
-    known, wanted = rng.uniform(-0.5, 0.5, (9, 2)), rng.uniform(-0.5, 0.5, (4, 2))
+    known = rng.uniform(-0.5, 0.5, (9, 2))
+    wanted = rng.dirichlet(np.ones(9), 4) @ known  # inside the hull
     process = LearnedResiduals(np.eye(9), 0.3, 0.1, 1.0, 0.0)
     places = np.concatenate([known, wanted])
-    squares = ((places[:, None] - places) ** 2).sum(axis=-1)
-    joint = np.exp(-squares / (2.0 * 0.3**2)) + 0.1 * np.eye(13)
+    steps = np.sqrt(3.0 * ((places[:, None] - places) ** 2).sum(axis=-1)) / 0.3
+    joint = (1.0 + steps) * np.exp(-steps) + 0.1 * np.eye(13)
     precision = np.linalg.inv(joint)
     expected = -np.linalg.solve(precision[9:, 9:], precision[9:, :9])
     # Two inversions of a matrix of condition 100 in double precision.
@@ -114,10 +115,40 @@ def test_another_view_and_the_model_alone_leave_residuals_out(fitted: impasto.Sb
 def test_far_from_every_light_the_model_remains(fitted: impasto.Sbrdf) -> None:
     assert fitted.residuals is not None
     grazing = Rig([DistantLight((0.0, 0.999, 0.04))])
-    reach = fitted.residuals.length
-    # The lowest light of the dome lies 0.37 away in stereographic coordinates.
-    bound = np.exp(-0.5 * (0.37 / reach) ** 2) * len(fitted.rig) / fitted.residuals.noise
-    assert np.abs(fitted.residuals.weights(fitted.rig, grazing)).max() <= bound
+    far = np.abs(fitted.residuals.weights(fitted.rig, grazing)).max()
+    near = np.abs(fitted.residuals.weights(fitted.rig, fitted.rig)).max()
+    # The lowest light of the dome lies 0.37 away in stereographic coordinates: 5 % is left. Between
+    # two lights, where the hull is nearest, weights are at most those at both together.
+    assert far <= 2.0 * near * np.exp(-0.5 * (0.37 / 0.15) ** 2)
+
+
+def test_beyond_the_lights_there_is_the_nearest_value_faded_out() -> None:
+    square = np.array([(0.0, 0.0), (0.4, 0.0), (0.4, 0.4), (0.0, 0.4), (0.2, 0.1)])
+    process = LearnedResiduals(np.eye(5), 0.3, 0.01, 1.0, 0.0)
+    edge, beyond, inside = kriging_weights(
+        square, np.array([(0.4, 0.1), (0.7, 0.1), (0.39, 0.1)]), process
+    )
+    # Two widths of 0.15 beyond.
+    np.testing.assert_allclose(beyond, edge * np.exp(-2.0), atol=1e-7)
+    assert np.abs(inside - edge).max() < 0.1
+    line = np.array([(0.1 * i, 0.0) for i in range(5)])
+    on, off = kriging_weights(line, np.array([(0.2, 0.0), (0.2, 0.3)]), process)
+    np.testing.assert_allclose(off, on * np.exp(-2.0), atol=1e-7)
+
+
+def test_what_no_model_explains_is_shown_as_photographed(stack: impasto.Stack) -> None:
+    """A corner in deep shadow under all but a few lamps has no model, but photographs."""
+    samples = np.array([stack.linear(i) for i in range(len(stack.rig))])
+    samples[6:, :, :4, :4] = 0.0
+    dark = impasto.Stack(samples, lights=stack.rig.directions, pitch_mm=0.2)
+    masked = np.ones(samples.shape[2:], np.bool_)
+    masked[-4:, -4:] = False
+    found = fit_sbrdf(dark._replace(mask=masked), refine=False)
+    assert (found.status[:4, :4] >= impasto.Status.DARK).all()
+    shown = found.predict(NEW)
+    assert np.isfinite(shown[..., :4, :4]).all()
+    assert np.isnan(shown[..., -4:, -4:]).all()
+    assert np.isnan(found.predict(NEW, fidelity="model")[..., :4, :4]).all()
 
 
 def test_crops_turns_and_bands_keep_them(fitted: impasto.Sbrdf) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +23,8 @@ def into_hull(points: Points, wanted: Points) -> tuple[Points, NDArray[np.float6
     places, distance
         ``(m, 2)`` the nearest place in the hull, ``(m,)`` how far it is: 0 inside.
     """
+    import cv2
+
     corners = points[cv2.convexHull(points.astype(np.float32), returnPoints=False)[:, 0]]
     edges = np.roll(corners, -1, axis=0) - corners
     from_corner = wanted[:, None] - corners
