@@ -30,7 +30,7 @@ const GAIN: f32 = 1.0;
 const ALIKE: f64 = 0.05;
 
 /// ... or they leave less than this share of the cost, noise or not: without noise, that of searches
-/// that end early. Errors of the diffuse part leave half of it at the least.
+/// that end early. Errors of the diffuse part leave 0.4 of it at the least.
 const LITTLE: f32 = 0.05;
 
 /// Fewest pixels, and their least fraction of all, that say so.
@@ -109,7 +109,11 @@ fn has_broad_lobes(estimates: &[Estimate]) -> bool {
     median(&mut left) < LITTLE || median(&mut gain) > GAIN && mean < ALIKE
 }
 
+/// NaN of none.
 fn median(values: &mut [f32]) -> f32 {
+    if values.is_empty() {
+        return f32::NAN;
+    }
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }

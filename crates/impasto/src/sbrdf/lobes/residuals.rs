@@ -102,7 +102,7 @@ mod tests {
     fn what_is_the_same_in_all_pixels_is_alike() {
         let [a, b] = [vec![1.0, -2.0, 0.5, 0.0], vec![2.0, 1.0, 0.0, 0.0]];
         assert!(likeness(&[]).is_nan());
-        assert!(likeness(&[a.clone()]).is_nan());
+        assert!(likeness(core::slice::from_ref(&a)).is_nan());
         assert_eq!(likeness(&[a.clone(), b.clone()]), 0.0);
         assert_eq!(likeness(&[b.clone(), b.clone(), a.clone(), b]), (2.0 / 3.0) as f32);
         let far = a.iter().map(|one| -3.0 * one).collect();
