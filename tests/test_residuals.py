@@ -80,17 +80,21 @@ def test_without_noise_known_lights_show_the_photographs(stack: impasto.Stack) -
 
 
 def test_new_lights_look_more_like_photographs(stack: impasto.Stack) -> None:
-    held = np.arange(0, 48, 6)
-    known = fit_sbrdf(stack.take(np.setdiff1d(np.arange(48), held)), refine=False)
-    assert known.residuals is not None
-    truth = np.array([stack.linear(i) for i in held])
-    rig = stack.take(held).rig
-    model = decibels(known.predict(rig, fidelity="model"), truth).mean()
-    both = decibels(known.predict(rig), truth).mean()
-    assert both > model + 1.0
-    # What was promised is what came, within what 8 photographs scatter: each by 4.7 dB, their mean
-    # by 1.7; one and a half of that.
-    assert both - model == pytest.approx(known.residuals.gain, abs=2.5)
+    promised, came = [], []
+    for first in (0, 3):
+        held = np.arange(first, 48, 6)
+        known = fit_sbrdf(stack.take(np.setdiff1d(np.arange(48), held)), refine=False)
+        assert known.residuals is not None
+        truth = np.array([stack.linear(i) for i in held])
+        rig = stack.take(held).rig
+        model = decibels(known.predict(rig, fidelity="model"), truth).mean()
+        both = decibels(known.predict(rig), truth).mean()
+        assert both > model + 1.0
+        promised.append(known.residuals.gain)
+        came.append(both - model)
+    # What was promised is what came, within what 16 photographs scatter: each by 4.7 dB, their mean
+    # by 1.2; one and a half of that.
+    assert np.mean(came) == pytest.approx(np.mean(promised), abs=1.8)
 
 
 def test_a_model_that_says_all_keeps_nothing() -> None:

@@ -47,17 +47,7 @@ def specular_component(stack: Stack, sbrdf: Any) -> NDArray[np.float32]:
     photograph is left.
     """
     matte = replace(sbrdf.surface(), lobes=(), ambient=None, origin=stack.rig.origin)
-    _, bands, height, width = stack.shape
-    specular = np.full((bands, height, width), np.nan, np.float32)
-    brightest = np.full((height, width), -np.inf, np.float32)
-    for index in range(len(stack.rig)):
-        linear = stack.linear(index)
-        light = linear.mean(axis=0)
-        better = np.isfinite(light) & (light > brightest)
-        brightest = np.where(better, light, brightest)
-        rest = linear - matte.predict(stack.rig.take([index]))[0]
-        specular = np.where(better, rest, specular)
-    return specular
+    return just_not_overexposed(stack, less=lambda index: matte.predict(stack.rig.take([index]))[0])
 
 
 def figures(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,10 +55,13 @@ def reconstruct_highlights(stack: Stack) -> Stack:
     return stack._replace(samples=samples, saturation=ENDLESS, scale=1.0, black=0.0)
 
 
-def just_not_overexposed(stack: Stack) -> NDArray[np.float32]:
+def just_not_overexposed(
+    stack: Stack, less: Callable[[int], NDArray[np.float32]] | None = None
+) -> NDArray[np.float32]:
     """``(band, y, x)``: the brightest photograph of each pixel in which no band is clipped.
 
-    Brightness is the mean of the bands. NaN where there is none.
+    Brightness is the mean of the bands. NaN where there is none. ``less(photograph)`` is subtracted
+    from what is taken of a photograph.
     """
     _, bands, height, width = stack.shape
     colour = np.full((bands, height, width), np.nan, np.float32)
@@ -67,7 +72,7 @@ def just_not_overexposed(stack: Stack) -> NDArray[np.float32]:
         # False for NaN and for infinity, which clipped samples have.
         better = np.isfinite(light) & (light > brightest)
         brightest = np.where(better, light, brightest)
-        colour = np.where(better, linear, colour)
+        colour = np.where(better, linear if less is None else linear - less(index), colour)
     return colour
 
 

@@ -253,6 +253,13 @@ class Stack:
             value[stored >= self.saturation[:, None, None]] = np.inf
         return np.asarray(value, dtype=np.float32)
 
+    @property
+    def ceiling(self) -> NDArray[np.float32]:
+        """``(band,)``: linear light from which samples are clipped; +inf without saturation."""
+        if self.saturation is None:
+            return np.full(self.shape[1], np.inf, np.float32)
+        return np.asarray((self.saturation - self.black) * self.scale, dtype=np.float32)
+
     def encode(self, linear: ArrayLike) -> NDArray[np.float32]:
         """Linear values back to the files' coded values: 0 .. full scale, clipped, not rounded.
 

@@ -27,8 +27,14 @@ pooling on seven stacks: 9 to 72 photographs of the icon, 9 to 48 of a matte sim
 MARGIN = 0.1
 """dB by which a candidate must predict better than a simpler one; smaller differences change from
 sample to sample."""
-LENGTHS = (0.1, 0.2, 0.35)
-"""Length scales of residuals that are compared."""
+ERRORS = 0.5
+"""The same in standard errors of the difference. Few photographs under lamps of different strengths
+tell fits apart by chance. Not a whole one: fits with more unknowns lose most by the photographs
+that are held out."""
+Predicted = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""PSNR ``(obs,)`` of a candidate's photographs: of the model alone, and with residuals."""
+PROCESSES = ((0.3, 0.01), (0.15, 0.1), (1.2, 0.001))
+"""Lengths and noises of the residuals that are compared."""
 ROUNDING = 1.0 / 12.0
 """Least mean squared error of a photograph, in squared 8-bit codes: that of rounding."""
 
@@ -47,7 +53,8 @@ class Candidate:
         Whether diffuse light crosses a varnish; False without gloss.
     decibels
         Peak signal-to-noise ratio of held-out photographs, coded as sRGB: the mean over the
-        photographs; NaN if it was not tried.
+        photographs, with what the fit leaves interpolated where that helps; NaN if it was not
+        tried.
     """
 
     pooling: Literal["none", "painting", "pixel"]
@@ -187,7 +194,12 @@ def choose(
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Choice:
-    """The simplest candidate whose error is within :data:`MARGIN` of the least.
+    """The simplest candidate about as good as the best.
+
+    About as good: its mean over the photographs is worse by less than :data:`MARGIN`, or by less
+    than :data:`ERRORS` standard errors of that difference (the one-standard-error rule of
+    @breiman1984cart takes one). First with residuals, which are kept where they help; then, among
+    those that are about as good, of the model alone: what is interpolated hides wrong normals.
 
     Parameters
     ----------
@@ -218,38 +230,43 @@ def choose(
         return Choice(UNTRIED, (), 0, "no held-out photograph shows a pixel that can be estimated")
     top = full_scale([fold.compared for fold in folds])
     tried: list[Candidate] = []
+    each: list[Predicted] = []
     waiting = list(candidates)
     with reporting(progress is True, "choice") as callback:
         while waiting:
             candidate = waiting.pop(0)
-            errors: dict[float, list[NDArray[np.float64]]] = {}
+            errors: dict[tuple[float, float], list[NDArray[np.float64]]] = {}
             for fold in folds:
-                for length, shown in _shown(fit(fold.known, candidate), fold.rig).items():
+                for process, shown in _shown(fit(fold.known, candidate), fold.rig).items():
                     found = decibels(shown / top, fold.compared / top)
-                    errors.setdefault(length, []).append(found)
-            # Residuals are kept where they help, with the length that helps most.
-            decibel = max(float(np.concatenate(found).mean()) for found in errors.values())
-            tried.append(replace(candidate, decibels=decibel))
+                    errors.setdefault(process, []).append(found)
+            # The model alone, and with the residuals that help most, if any do.
+            ways = [np.concatenate(found) for found in errors.values()]
+            each.append((ways[0], max(ways, key=np.mean)))
+            tried.append(replace(candidate, decibels=float(each[-1][1].mean())))
             if not waiting and open_varnish and len(tried) == len(candidates):
-                waiting += under_varnish(tried)
+                waiting += under_varnish(tried, each)
             if callback is not None:
                 callback(len(tried), len(tried) + len(waiting))
-    return Choice(_simplest(tried), tuple(tried), sum(len(fold.rig) for fold in folds))
+    return Choice(_simplest(tried, each), tuple(tried), sum(len(fold.rig) for fold in folds))
 
 
-def under_varnish(tried: Sequence[Candidate]) -> list[Candidate]:
+def under_varnish(tried: Sequence[Candidate], each: Sequence[Predicted]) -> list[Candidate]:
     """The best candidate with lobes per pixel, now with a coated diffuse part."""
-    pixel = [one for one in tried if one.pooling == "pixel"]
-    return [replace(_simplest(pixel), coated=True, decibels=float("nan"))] if pixel else []
+    pixel = [index for index, one in enumerate(tried) if one.pooling == "pixel"]
+    if not pixel:
+        return []
+    best = _simplest([tried[index] for index in pixel], [each[index] for index in pixel])
+    return [replace(best, coated=True, decibels=float("nan"))]
 
 
-def _shown(result: Any, rig: Rig) -> dict[float, NDArray[np.float32]]:
-    """What a fit predicts: the model alone (0), and with residuals by their length scale."""
-    found = {0.0: result.predict(rig, fidelity="model")}
+def _shown(result: Any, rig: Rig) -> dict[tuple[float, float], NDArray[np.float32]]:
+    """What a fit predicts: the model alone (zeros), and with residuals by their process."""
+    found = {(0.0, 0.0): result.predict(rig, fidelity="model")}
     if result.residuals is not None:
-        for length in LENGTHS:
-            residuals = replace(result.residuals, length=length)
-            found[length] = replace(result, residuals=residuals).predict(rig)
+        for length, noise in PROCESSES:
+            residuals = replace(result.residuals, length=length, noise=noise)
+            found[length, noise] = replace(result, residuals=residuals).predict(rig)
     return found
 
 
@@ -292,6 +309,19 @@ def full_scale(truth: Sequence[NDArray[Any]]) -> float:
     return float(2.0 ** np.ceil(np.log2(bright))) if bright > 0.0 else 1.0
 
 
-def _simplest(tried: Sequence[Candidate]) -> Candidate:
-    most = max(one.decibels for one in tried)
-    return next(one for one in tried if one.decibels >= most - MARGIN)
+def _simplest(tried: Sequence[Candidate], each: Sequence[Predicted]) -> Candidate:
+    good = np.ones(len(tried), np.bool_)
+    for way in (1, 0):
+        photographs = np.array([one[way] for one in each])
+        best = max(photographs[good], key=np.mean)
+        good &= _about_as_good(photographs, best)
+    return tried[int(np.argmax(good))]
+
+
+def _about_as_good(
+    photographs: NDArray[np.float64], best: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    lost = best - photographs
+    count = lost.shape[1]
+    error = lost.std(axis=1, ddof=1) / np.sqrt(count) if count > 1 else np.zeros(len(lost))
+    return np.asarray(lost.mean(axis=1) <= np.maximum(MARGIN, ERRORS * error))

@@ -23,8 +23,13 @@ KEPT = 0.9
 """Share of the samples, those with the smallest errors, that the trimmed mean counts."""
 CODES = 255.0
 """Errors are in codes of 8 bits, whatever the files have."""
+_COATED = 0.02
+"""Share by which a varnish, or none, must lower the trimmed mean to be taken."""
+ROUNDING = 0.3
+"""Trimmed means up to this many codes are rounding, which alone gives 0.22: nothing lowers them for
+a reason."""
 _SMALLEST = 0.05
-"""Errors below this many codes are rounding: no ratio of them means anything."""
+"""Least root mean square error in a ratio, in codes."""
 _BRIGHT = 99.5
 """Percentile of linear samples that counts as white where the files have no tone curve."""
 
@@ -48,8 +53,8 @@ class Comparison:
 
     @property
     def fall(self) -> float:
-        """Share by which the trimmed mean fell."""
-        return 1.0 - self.trim / max(self.trim_before, _SMALLEST)
+        """Share by which the trimmed mean fell; 0 where that was rounding before."""
+        return 1.0 - self.trim / self.trim_before if self.trim_before > ROUNDING else 0.0
 
     def better(self, fall: float, errors: float = 1.0) -> bool:
         """Whether the trim fell by this share and the gain exceeds so many standard errors."""
@@ -99,9 +104,13 @@ class HeldOut:
     A photograph that is held out has, unless ``given``, a strength of its own: one number, the
     median of sample / predicted sample, is taken from it. What is compared is then the surface,
     with strengths of lamps that no rule predicts as well as with those of a dome.
+
+    ``coated``: whether the diffuse part of the surfaces that are fitted lies under a varnish. Wrong
+    strengths stand for what the varnish keeps back, and a wrong distance hides it.
     """
 
     def __init__(self, stack: Stack, pixels: int, *, index: float, threads: int | None) -> None:
+        self.coated = False
         pitch = 1.0 if stack.rig.pitch_mm is None else stack.rig.pitch_mm
         # A point view says where the middle of the subsample lies, and forbids to pack it.
         eye = PointView((0.0, 0.0, 1.0))
@@ -124,6 +133,18 @@ class HeldOut:
         """The sample under a rig of the whole painting."""
         local = Rig(rig.seen_from(*self._middle), pitch_mm=self._few.rig.pitch_mm)
         return self._few._replace(rig=local)
+
+    def otherwise(self) -> HeldOut:
+        """The same photographs with surfaces under a varnish instead of without, or back."""
+        other = copy(self)
+        other.coated = not self.coated
+        return other
+
+    def suited(self, rig: Rig, folds: int) -> HeldOut:
+        """The better of this and :meth:`otherwise`, by what its surfaces predict under a rig."""
+        other = self.otherwise()
+        fall = other.errors(rig, folds).than(self.errors(rig, folds)).fall
+        return other if fall > _COATED else self
 
     def rotated(self) -> HeldOut:
         """The photographs after half a turn under lamps and cameras that did not turn.
@@ -148,6 +169,7 @@ class HeldOut:
             fit_normals(stack, threads=self._threads),
             lobes=lobes,
             ambient=True,
+            coated=self.coated,
             index=self._index,
             threads=self._threads,
             progress=False,

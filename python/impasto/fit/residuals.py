@@ -18,32 +18,38 @@ from numpy.typing import NDArray
 
 from impasto import _core
 from impasto._internal.border import RigArguments
+from impasto._internal.hull import into_hull
 from impasto._internal.thin_plate import stereographic
 from impasto._internal.waiting import wait_for
 from impasto.encoding import Encoding
 from impasto.errors import GeometryError
-from impasto.fit.choice import MARGIN, PIXELS, full_scale, psnr
+from impasto.fit.choice import MARGIN, PIXELS, PROCESSES, full_scale, psnr
 from impasto.fit.cross_validation import FEWEST, folds_of
 from impasto.fit.saved import over
 from impasto.fit.subsample import subsampled_to
 from impasto.io.results import SavedMaps
 from impasto.rig import Rig
 from impasto.stack import Stack
+from impasto.status import Status
 
-LENGTHS = (0.1, 0.15, 0.2, 0.3, 0.5)
-"""Length scales of the process that are tried, in stereographic coordinates: 0.1 is a step of 11
+LENGTHS = (0.15, 0.3, 0.6, 1.2)
+"""Length scales of the process that are tried, in stereographic coordinates: 0.15 is a step of 17
 degrees about the vertical."""
-NOISES = (0.05, 0.1, 0.2, 0.5)
+NOISES = (0.001, 0.01, 0.1, 0.3)
 """Variances of what is not smooth that are tried, relative to that of the process."""
-COMPONENTS = (4, 8, 16, 24)
-"""Numbers of principal components that are tried."""
+COMPONENTS = (4, 8, 16, 24, 32, 48)
+"""Numbers of principal components that are tried: two bytes of each per pixel and band."""
+CLOSE = 0.05
+"""dB by which numbers of components may differ and count as equal."""
+LEFT = 0.5
+"""Root mean square of what other components hold, in codes, from which on they are left out."""
+BEYOND = 0.15
+"""Distance from the lights seen over which residuals fade out, in stereographic coordinates."""
 ONE_VIEW = 0.05
 """Views within this angle, radians, are one view, as in the numerics."""
 ROWS = 32
 """Rows of a picture that are computed together."""
 
-_USUAL = (0.35, 0.1)
-"""Length and noise where none were learned."""
 _CURVE = Encoding("srgb", white=255.0)
 _STEPS = 16384
 _CODES = _CURVE.encode(np.linspace(0.0, 1.0, _STEPS + 1) ** 2)
@@ -66,7 +72,7 @@ class LearnedResiduals:
         Of the process: length scale in stereographic coordinates, and variance of what is not
         smooth relative to that of the process.
     top
-        Linear light of full scale.
+        Linear light of full scale, under a light of strength 1.
     gain
         dB by which held-out photographs are predicted better than by the model alone. The numbers
         above were chosen by the same photographs: new ones may gain a little less.
@@ -113,8 +119,8 @@ class Residuals(LearnedResiduals):
         -------
         ndarray
             ``(new, component)``; 0 for another view than that of the fitted photographs (a near
-            camera is another view than a distant one). They fade out within some :attr:`length` of
-            the nearest known light; near lamps count by their direction from the middle.
+            camera is another view than a distant one). They fade out beyond the hull of the known
+            lights; near lamps count by their direction from the middle.
         """
         operator = kriging_weights(
             stereographic(known.directions), stereographic(wanted.directions), self
@@ -134,12 +140,13 @@ class Residuals(LearnedResiduals):
         unit = light * self.top
         for start in range(0, photograph.shape[1], ROWS):
             rows = np.s_[:, start : start + ROWS]
+            # Where there is no model, the photographs alone are interpolated.
+            photograph[rows] = np.nan_to_num(photograph[rows], nan=0.0, posinf=np.inf)
             model = _CURVE.encode(photograph[rows] / np.float32(unit))
             codes = model.copy()
             for weight, plane in zip(weights, self.maps, strict=True):
                 codes += weight * plane[rows].astype(np.float32)
             change = _CURVE.decode(np.clip(codes, 0.0, 255.0)) - _CURVE.decode(model)
-            # A pixel without a model stays without a number.
             photograph[rows] += np.float32(unit) * change
 
 
@@ -148,13 +155,15 @@ def kriging_weights(
 ) -> NDArray[np.float64]:
     """The operator ``(wanted, known)`` from values at known places to those at wanted places.
 
-    Simple kriging: a process of mean 0 with a squared-exponential covariance and independent noise.
+    Simple kriging: a process of mean 0 with Matérn's covariance of smoothness 3/2 and independent
+    noise. Beyond the convex hull of the known places there is the nearest value in it, faded out
+    over :data:`BEYOND`: what was extrapolated made photographs of gilding worse by 6 dB.
     """
     covariance = _covariance(known, known, process.length)
     covariance[np.diag_indices_from(covariance)] += process.noise
-    return np.asarray(
-        np.linalg.solve(covariance, _covariance(known, wanted, process.length)).T, np.float64
-    )
+    places, distance = into_hull(known, wanted)
+    weights = np.linalg.solve(covariance, _covariance(known, places, process.length)).T
+    return np.asarray(weights * np.exp(-0.5 * (distance / BEYOND) ** 2)[:, None], np.float64)
 
 
 def learn_residuals(stack: Stack, fit: Fit, *, threads: int | None) -> LearnedResiduals | None:
@@ -183,40 +192,70 @@ def learn_residuals(stack: Stack, fit: Fit, *, threads: int | None) -> LearnedRe
         return None
     if all(np.isnan(fold.compared).all() for fold in folds):
         return None
-    top = full_scale([fold.compared for fold in folds])
+    top, ceiling = _top(part), part.ceiling[:, None, None]
     gains: dict[tuple[float, float, int], list[NDArray[np.float64]]] = {}
     for fold in folds:
         result = fit(fold.known)
-        model = _coded(result.predict(fold.rig), top)
-        compared = fold.compared
-        truth = np.where(np.isnan(compared), np.nan, _coded(compared, top))
-        alone = psnr(model, truth)
+        lit = _lit(fold.rig)
+        units = top * fold.rig.intensities[lit]
+        limit = _coded_by(np.broadcast_to(ceiling, fold.compared[lit].shape), units)
+        model = _coded_by(result.predict(fold.rig)[lit], units)
+        truth = np.minimum(_coded_by(fold.compared[lit], units), limit)
+        truth[np.isnan(fold.compared[lit])] = np.nan
+        alone = psnr(np.minimum(model, limit), truth)
         residual = _residual_codes(fold.known, result, top)
         basis = principal_components(residual)
         scores = np.tensordot(basis, residual, axes=1)
-        places = stereographic(fold.known.rig.directions), stereographic(fold.rig.directions)
+        towards = fold.known.rig.directions, fold.rig.directions[lit]
+        places = stereographic(towards[0]), stereographic(towards[1])
         for length, noise in itertools.product(LENGTHS, NOISES):
             process = LearnedResiduals(basis, length, noise, top, 0.0)
             weights = kriging_weights(*places, process) @ basis.T
             for count in COMPONENTS:
                 change = np.tensordot(weights[:, :count], scores[:count], axes=1)
-                better = psnr(np.clip(model + change, 0.0, 255.0), truth) - alone
+                better = psnr(np.clip(model + change, 0.0, limit), truth) - alone
                 gains.setdefault((length, noise, count), []).append(better)
     every = {setting: np.concatenate(each) for setting, each in gains.items()}
-    setting = max(every, key=lambda one: float(every[one].mean()))
+    residual = _residual_codes(part, fit(part), top)
+    basis = principal_components(residual)
+    setting = _best(every, _enough(residual, basis))
     gain, scatter = float(every[setting].mean()), float(every[setting].std())
     if gain <= max(MARGIN, scatter / np.sqrt(len(every[setting]))):
         return None
     length, noise, count = setting
-    basis = principal_components(_residual_codes(part, fit(part), top))[:count]
-    return LearnedResiduals(basis, length, noise, top, gain)
+    return LearnedResiduals(basis[:count], length, noise, top, gain)
+
+
+def _best(
+    gains: dict[tuple[float, float, int], NDArray[np.float64]], enough: int
+) -> tuple[float, float, int]:
+    """The best length and noise, and the most components that do about as well as the best number.
+
+    Fits to some of the photographs are worse than the fit to all, and hide what the last components
+    are worth.
+    """
+    mean = {setting: float(each.mean()) for setting, each in gains.items()}
+    good = [setting for setting in mean if mean[setting] >= max(mean.values()) - CLOSE]
+    count = min(enough, max(count for *_, count in good))
+    return max((one for one in mean if one[2] == count), key=mean.__getitem__)
+
+
+def _enough(residual: NDArray[np.float32], basis: NDArray[np.float64]) -> int:
+    """The fewest components that leave no more than :data:`LEFT`."""
+    rows = residual.reshape(len(residual), -1)
+    scores = (basis @ rows).astype(np.float64)
+    total = np.vdot(rows.astype(np.float64), rows)
+    left = total - np.cumsum((scores**2).sum(axis=1))
+    small = np.flatnonzero(left <= LEFT**2 * rows.size)
+    fewest = int(small[0]) + 1 if small.size else COMPONENTS[-1]
+    return next((count for count in COMPONENTS if count >= fewest), COMPONENTS[-1])
 
 
 def usual_residuals(stack: Stack, result: Any) -> Residuals:
     """Residuals with usual numbers, for comparing fits that will have their own."""
-    top = full_scale([np.array([stack.linear(i) for i in range(len(stack.rig))])])
+    top = _top(stack)
     basis = principal_components(_residual_codes(stack, result, top))
-    return apply_residuals(LearnedResiduals(basis, *_USUAL, top, 0.0), stack, result)
+    return apply_residuals(LearnedResiduals(basis, *PROCESSES[0], top, 0.0), stack, result)
 
 
 def apply_residuals(learned: LearnedResiduals, stack: Stack, result: Any) -> Residuals:
@@ -233,8 +272,10 @@ def apply_residuals(learned: LearnedResiduals, stack: Stack, result: Any) -> Res
     maps = np.zeros((len(learned.basis), bands, height, width), np.float32)
     surface = result.surface()
     for index in range(len(stack.rig)):
-        shown = surface.predict(stack.rig.take([index]))[0]
+        shown = np.nan_to_num(surface.predict(stack.rig.take([index]))[0], nan=0.0)
         wait_for(_accumulate, maps, learned, stack, index, shown)
+    # A pixel that was not to be seen stays without a number.
+    maps[..., result.status >= Status.INVALID_INPUT] = np.nan
     return Residuals(
         learned.basis,
         learned.length,
@@ -274,7 +315,7 @@ def _accumulate(
     light = float(stack.rig.intensities[index])
     if not light > 0.0:
         return
-    linear = stack.linear(index)
+    linear = _seen(stack, index, shown)
     weights = learned.basis[:, index].astype(np.float32)
     for start in range(0, linear.shape[1], ROWS):
         rows = np.s_[:, start : start + ROWS]
@@ -284,16 +325,31 @@ def _accumulate(
 
 
 def _residual_codes(stack: Stack, result: Any, top: float) -> NDArray[np.float32]:
-    """``(obs, band, y, x)``; 0 where a sample or its prediction is missing."""
-    shown = result.predict(stack.rig)
-    return np.array(
-        [
-            _difference(stack.linear(index), model, light * top)
-            if light > 0.0
-            else np.zeros_like(model)
-            for index, (model, light) in enumerate(zip(shown, stack.rig.intensities, strict=True))
-        ]
-    )
+    """``(obs, band, y, x)``; 0 where a sample is missing."""
+    codes = np.zeros(stack.shape, np.float32)
+    shown = np.nan_to_num(result.predict(stack.rig), nan=0.0)
+    for index in _lit(stack.rig):
+        unit = float(stack.rig.intensities[index]) * top
+        codes[index] = _difference(_seen(stack, index, shown[index]), shown[index], unit)
+    codes[..., result.status >= Status.INVALID_INPUT] = 0.0
+    return codes
+
+
+def _seen(stack: Stack, index: int, shown: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A photograph; where it is clipped, the model if above the ceiling, or else the ceiling."""
+    linear = stack.linear(index)
+    clipped = np.where(np.isfinite(stack.ceiling)[:, None, None], stack.ceiling[:, None, None], 0.0)
+    return np.where(linear == np.inf, np.maximum(shown, clipped), linear)
+
+
+def _lit(rig: Rig) -> NDArray[np.intp]:
+    return np.flatnonzero(rig.intensities > 0.0)
+
+
+def _top(stack: Stack) -> float:
+    """Linear light of full scale, relative to the strength of the light."""
+    lit = _lit(stack.rig)
+    return full_scale([stack.linear(i) / np.float32(stack.rig.intensities[i]) for i in lit])
 
 
 def _difference(
@@ -301,8 +357,12 @@ def _difference(
 ) -> NDArray[np.float32]:
     """Codes of a photograph less those of its prediction."""
     codes = _coded(linear, unit) - _coded(shown, unit)
-    codes[np.isnan(linear) | np.isnan(shown)] = 0.0
+    codes[np.isnan(linear)] = 0.0
     return codes
+
+
+def _coded_by(photographs: NDArray[np.float32], units: NDArray[np.float64]) -> NDArray[np.float32]:
+    return np.array([_coded(*each) for each in zip(photographs, units.tolist(), strict=True)])
 
 
 def _coded(linear: NDArray[np.float32], unit: float) -> NDArray[np.float32]:
@@ -315,8 +375,8 @@ def _coded(linear: NDArray[np.float32], unit: float) -> NDArray[np.float32]:
 def _covariance(
     first: NDArray[np.float64], second: NDArray[np.float64], length: float
 ) -> NDArray[np.float64]:
-    squares = ((first[:, None] - second[None]) ** 2).sum(axis=-1)
-    return np.asarray(np.exp(-0.5 * squares / length**2))
+    steps = np.sqrt(3.0) * np.linalg.norm(first[:, None] - second, axis=-1) / length
+    return np.asarray((1.0 + steps) * np.exp(-steps))
 
 
 def _seen_alike(known: Rig, wanted: Rig) -> NDArray[np.bool_]:

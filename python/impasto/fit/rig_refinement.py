@@ -18,7 +18,7 @@ from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.checks import refractive_index, truth
 from impasto.errors import ArgumentError
 from impasto.fit.coordinate_search import coordinate_search
-from impasto.fit.held_out import Comparison, Errors, HeldOut
+from impasto.fit.held_out import ROUNDING, Comparison, Errors, HeldOut
 from impasto.fit.strength_search import FEWEST, Alternation, gauge
 from impasto.fit.strengths import Strengths, strengths_of
 from impasto.refinement import Estimate, RigRefinement
@@ -277,6 +277,19 @@ class _Search:
         states = [self.lit(self.even(place)) for place in self._nodes(*_COARSE)]
         return min([lit, *states], key=lambda state: self.errors(state).trim)
 
+    def searched(self) -> _State:
+        """The best state, tested with surfaces that suit it: under a varnish or not."""
+        state = self.best(self.grid(), self._free.copy())
+        suited = self._test.suited(self.at(state), self._folds)
+        if suited is self._test:
+            return state
+        self._take(suited)
+        return self.best(self.grid(), self._free.copy())
+
+    def _take(self, test: HeldOut) -> None:
+        if test is not self._test:
+            self._test, self._known = test, {}
+
     def _nodes(self, *axes: Point) -> list[Point]:
         u, w = (axis if free else axis[:1] for axis, free in zip(axes, self._free, strict=True))
         return [np.array([a, b]) for a in u for b in w]
@@ -392,7 +405,11 @@ class _Search:
         nothing = self.even(np.zeros(2))
         if not np.isfinite(self.errors(nothing).trim):
             raise ArgumentError("stack: no pixel can be fitted; impasto.doctor.examine says why")
-        state = self.best(self.grid(), allowed)
+        self._take(self._test.suited(self.at(nothing), self._folds))
+        trim = self.errors(nothing).trim
+        if trim <= ROUNDING:
+            return self._untouched(f"errors of {trim:.2f} codes are those of rounding")
+        state = self.searched()
         found = state.place.copy()
         reasons = list(self._why)
         for axis in (0, 1):
@@ -438,6 +455,16 @@ class _Search:
             self.report(self._done, self._done)
         return Rig(rig, refinement=report)
 
+    def _untouched(self, why: str) -> Rig:
+        """The rig as given, and why."""
+        camera, lamps = (
+            Estimate(math.inf, False, why if free else reason)
+            for free, reason in zip(self._free, self._why, strict=True)
+        )
+        strengths = Estimate(1.0, False, why if self._strengths else "not estimated")
+        report = RigRefinement(camera, lamps, strengths, self._half, 0.0, 0.0, _open(None))
+        return Rig(self._stack.rig, refinement=report)
+
     def _distant_or_near(self, state: _State) -> Rig:
         """The rig with the distances of a state and strengths as given."""
         return self.at(self.even(state.place)) if state.place.any() else self._stack.rig
@@ -455,6 +482,7 @@ class _Search:
                 threads=self._threads,
                 start=state.log,
                 determined=state.determined,
+                coated=self._test.coated,
             )
         except ArgumentError:  # too few lamps that any pixel determines
             return rig, None

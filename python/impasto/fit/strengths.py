@@ -282,13 +282,20 @@ def strengths_of(
     progress: bool | ProgressCallback = False,
     start: NDArray[np.float64] | None = None,
     determined: bool = False,
+    coated: bool | None = None,
 ) -> Strengths:
     """:func:`fit_strengths` of checked arguments.
 
     ``start`` holds logarithms of factors, ``(obs,)``, to start from; their tilt and fall-off are
-    those that are held. ``determined``: gloss has determined these before.
+    those that are held. ``determined``: gloss has determined these before. ``coated``: whether the
+    surfaces are under a varnish; None: what predicts photographs held out better.
     """
     count = len(stack.rig)
+    folds = fold_count(count, FEWEST, _FOLDS) if gauge == "auto" else 0
+    test = HeldOut(stack, _TESTED, index=index, threads=threads)
+    if coated is None and folds:
+        test = test.suited(stack.rig, folds)
+    test.coated = test.coated if coated is None else coated
     few = subsampled_to(stack, _PIXELS)
     samples = np.array([few.linear(photograph) for photograph in range(count)]).mean(axis=1)
 
@@ -303,6 +310,7 @@ def strengths_of(
             fit_normals(lit, threads=threads),
             lobes=lobes,
             ambient=True,
+            coated=test.coated,
             index=index,
             threads=threads,
             progress=False,
@@ -311,7 +319,6 @@ def strengths_of(
 
     alternation = Alternation(few, samples, glossy, matte)
     start = alternation.outliers() if start is None else start
-    folds = fold_count(count, FEWEST, _FOLDS) if gauge == "auto" else 0
     total = rounds * (folds + 1)
     with reporting(progress, "strengths") as report:
         passed = 0
@@ -327,7 +334,6 @@ def strengths_of(
         else:
             found, held_out, how = alternation.held(start, rounds, tick), None, "held"
         if gauge == "auto":
-            test = HeldOut(stack, _TESTED, index=index, threads=threads)
             trial = _Trial(test, stack.rig, glossy, lobes, folds, rounds, tick)
             gains = trial.gains(start)
             held_out = next((one for one in gains if one.better(_FALL, _ERRORS)), None)

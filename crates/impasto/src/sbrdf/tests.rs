@@ -1,7 +1,7 @@
 //! How soon fits stop, by looks at the caller's flag instead of a clock.
 
 use super::lafortune::{LafortuneMapsMut, LafortuneOptions, fit_lafortune};
-use super::lobes::tests::Buffers;
+use super::lobes::tests::{Buffers, options as lobe_options};
 use super::pooled::{Extraction, PooledOptions, learn};
 use super::{LobeOptions, Origin, Precision, Start, fit_lobes};
 use crate::error::{Error, Result};
@@ -16,6 +16,18 @@ const OBSERVATIONS: usize = 12;
 pub(super) const SHAPE: Shape =
     Shape { observations: OBSERVATIONS, bands: 2, height: 16, width: 40 };
 pub(super) const PIXELS: usize = 640;
+
+/// One lobe for [`Painting`], fitted to all of its pixels.
+pub(super) fn pooled_options(joint: bool) -> PooledOptions {
+    PooledOptions {
+        extraction: Extraction::Residual,
+        peak: false,
+        joint,
+        coated: false,
+        index: 1.45,
+        pixels: PIXELS,
+    }
+}
 
 /// A slightly curved, glossy painting of one tile.
 #[derive(Clone)]
@@ -75,32 +87,11 @@ impl Painting {
     }
 
     fn pooled(&self, joint: bool, run: &Run<'_>) -> Result<()> {
-        let extraction = Extraction::Residual;
-        let options = PooledOptions {
-            extraction,
-            peak: false,
-            joint,
-            coated: false,
-            index: 1.45,
-            pixels: PIXELS,
-        };
-        learn(&self.stack(), &self.rig, &self.start(), &options, run).map(drop)
+        learn(&self.stack(), &self.rig, &self.start(), &pooled_options(joint), run).map(drop)
     }
 
     fn lobes(&self, start: Origin, precision: Precision, run: &Run<'_>) -> Result<()> {
-        let options = LobeOptions {
-            lobes: 1,
-            ambient: true,
-            coated: None,
-            normal: true,
-            bounded: true,
-            rounds: 1,
-            typical: true,
-            sparing: true,
-            iterations: 4,
-            start,
-            precision,
-        };
+        let options = LobeOptions { lobes: 1, precision, ..lobe_options(start) };
         let model = TorranceSparrow { index: 1.45 };
         let mut found = Buffers::new(PIXELS, 2, 1);
         let (stack, start, out) = (self.stack(), self.start(), found.maps());

@@ -139,8 +139,9 @@ impl Kernel for Finish<'_, '_> {
             let beta = betas[i] * scale;
             let sure = |[b, both, g]: [f32; 3]| exact | (b + both.abs() + g).is_finite();
             let code = if sure(whole) & beta.is_normal() { code } else { too_large };
-            // Written so that NaN is too far.
-            let code = if sure(own) & (betas[i] <= FARTHEST) { code } else { too_far };
+            // NaN is too far as well.
+            let near = betas[i] <= FARTHEST;
+            let code = if sure(own) & near { code } else { too_far };
             let given = known & (code < Status::Dark.code());
             let or_nan = |value: f32| if given { value } else { f32::NAN };
             gammas[i] = or_nan(gamma);

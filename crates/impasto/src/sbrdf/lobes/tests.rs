@@ -159,7 +159,7 @@ fn lights() -> Vec<Light> {
         .collect()
 }
 
-fn options(start: Origin) -> LobeOptions {
+pub(in crate::sbrdf) fn options(start: Origin) -> LobeOptions {
     LobeOptions {
         lobes: LOBES,
         ambient: true,

@@ -8,14 +8,14 @@ use super::pixel::CommonLobe;
 use super::samples::{Begin, State};
 use super::scale::Gaussian;
 use super::verdict::Strengths;
-use super::{Extraction, LearnedLobe, PooledMapsMut, PooledOptions, apply, fit, learn};
+use super::{Extraction, LearnedLobe, PooledMapsMut, apply, fit, learn};
 use crate::error::Result;
 use crate::geometry::{Light, Rig};
 use crate::maps::Status;
 use crate::math::{Isa, Kernel, Level, Real};
 use crate::pixels::{Run, looks, serially};
 use crate::sbrdf::Start;
-use crate::sbrdf::tests::{PIXELS, Painting, SHAPE};
+use crate::sbrdf::tests::{PIXELS, Painting, SHAPE, pooled_options};
 use crate::stack::{Samples, Shape, Stack};
 use crate::surface::{Pairs, TorranceSparrow};
 
@@ -126,15 +126,7 @@ fn a_pass_looks_before_every_register_of_pixels() {
 
 /// What a painting's fit learns, and its maps.
 fn fitted(painting: &Painting, start: &Start<'_>, joint: bool) -> (LearnedLobe, Maps) {
-    let extraction = Extraction::Residual;
-    let options = PooledOptions {
-        extraction,
-        peak: false,
-        joint,
-        coated: false,
-        index: 1.45,
-        pixels: PIXELS,
-    };
+    let options = pooled_options(joint);
     let mut maps = Maps::new(PIXELS);
     let (stack, rig) = (painting.stack(), &painting.rig);
     let learned = serially(|run| {
