@@ -34,9 +34,7 @@ def test_gilding_under_near_lamps_and_camera() -> None:
     for lamp in lamps:
         light, squared = oracle.to_light(SHAPE, PITCH, lamp.position)
         none = np.zeros((1, *SHAPE))
-        bands = [
-            oracle.radiance(normal, none, beta, 0.2, light, view) for beta in (9.0, 6.0, 2.0)
-        ]
+        bands = [oracle.radiance(normal, none, beta, 0.2, light, view) for beta in (9.0, 6.0, 2.0)]
         images.append(reach**2 / squared * np.concatenate(bands))
     samples = np.array(images) + rng.normal(0.0, 0.002, (49, 3, *SHAPE))
     rig = Rig(lamps, views=PointView(eye), pitch_mm=PITCH)
