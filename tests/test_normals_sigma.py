@@ -87,7 +87,7 @@ def spiral(count: int) -> impasto.Rig:
     ("varnish", "lights", "pooling", "share"),
     [
         ("satin", 16, "painting", 0.90),
-        ("patches", 24, "pixel", 0.53),
+        ("patches", 24, "pixel", 0.74),
         ("patches", 24, "painting", 0.56),
         ("patches", 16, "painting", 0.21),
     ],

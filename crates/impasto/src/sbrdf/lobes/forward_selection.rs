@@ -7,6 +7,7 @@ use crate::geometry::Grid;
 use crate::lm::Options;
 use crate::pixels::Run;
 
+use super::brightest::brightest;
 use super::maps::MOST_LOBES;
 use super::model::LobeEstimation;
 use super::options::{LobeOptions, Precision};
@@ -16,7 +17,7 @@ use super::score::Score;
 use super::search::{Freedom, Search};
 use super::seeds::{Seed, Seeds};
 use super::support::is_supported;
-use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE};
+use super::tile::{ByLobeCount, Estimate, LobeFitTile};
 
 /// Where the search for one more lobe starts.
 pub(super) enum Starts<'a> {
@@ -235,16 +236,9 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
         others + lobes * (1 + M::SHAPES)
     }
 
-    /// The normal that mirrors the brightest photograph into the view.
+    /// The normal that mirrors the brightest light into the view.
     fn brightest(&self, tile: &LobeFitTile, pixel: usize) -> [f32; 3] {
-        let samples = tile.grey.samples[pixel..].iter().step_by(TILE);
-        let mut best = (f32::NEG_INFINITY, 0);
-        for (photograph, &sample) in samples.enumerate() {
-            if sample > best.0 {
-                best = (sample, photograph);
-            }
-        }
-        self.photographs.facing(best.1).array().map(|v| v as f32)
+        brightest(self.photographs, tile, pixel, self.run.level)
     }
 
     fn score(&self, tile: &mut LobeFitTile, starts: &[Estimate], pixels: &[usize], lobes: usize) {

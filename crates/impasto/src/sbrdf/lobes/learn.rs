@@ -11,17 +11,27 @@ use super::options::{LobeOptions, Origin};
 use super::photographs::Photographs;
 use super::prior::{FEWEST, Prior, PriorNumbers};
 use super::seeds::{SeedGrid, Seeds};
-use super::tile::{Estimate, TILE};
+use super::tile::{Estimate, TILE, Unbounded};
 use super::tile_fit::{LobeFit, LobeScratch};
 
 /// Most tiles from which the prior is made.
 const SAMPLED: usize = 40;
 
 /// Lobes are not bounded where, at the median pixel that reaches the bound, lobes and normal free of
-/// it leave less than this share of the cost. Broad lobes that are there leave noise: 0.2 to 0.5 of
-/// the cost in simulations, more where noise is above 0.4 % of white. Lobes that stand for errors of
-/// the diffuse part leave 0.7 to 1 of it (varnish, path-traced and simulated).
-const EXPLAINED: f32 = 0.6;
+/// it lower the sum of squares by more than this many variances. Where no lobe is broader the bound
+/// costs a pixel less than that, on average: it takes one unknown away, of which a part comes back
+/// with the width about the kept normal.
+const GAIN: f32 = 1.0;
+
+/// ... and the residuals that are left correlate less than this between pixels, on average. Broad
+/// lobes that are there leave noise. What lobes that stand for errors of the diffuse part cannot
+/// explain is the same in all pixels: 0.1 to 0.9 under varnish, path-traced or simulated, with
+/// noise of up to 1 % of white.
+const ALIKE: f64 = 0.05;
+
+/// ... or they leave less than this share of the cost, noise or not: without noise, that of searches
+/// that end early. Errors of the diffuse part leave 0.4 of it at the least.
+const LITTLE: f32 = 0.05;
 
 /// Fewest pixels, and their least fraction of all, that say so.
 const FEWEST_BROAD: usize = 5;
@@ -85,20 +95,34 @@ pub fn learn_lobes<M: LobeEstimation>(
 
 /// Whether pixels say that their lobes are broader than the bound.
 fn has_broad_lobes(estimates: &[Estimate]) -> bool {
-    let mut said: Vec<f32> =
-        estimates.iter().map(|one| one.unbounded).filter(|ratio| ratio.is_finite()).collect();
     let fewest = FEWEST_BROAD.max((BROAD_FRACTION * estimates.len() as f64) as usize);
-    if said.len() < fewest {
+    let said = |number: fn(&Unbounded) -> f32| -> Vec<f32> {
+        let all = estimates.iter().map(|one| number(&one.unbounded));
+        all.filter(|value| !value.is_nan()).collect()
+    };
+    let [mut left, mut gain] = [said(|one| one.left), said(|one| one.gain)];
+    if left.len() < fewest {
         return false;
     }
-    said.sort_by(f32::total_cmp);
-    said[said.len() / 2] < EXPLAINED
+    let alike = said(|one| one.alike);
+    let mean = alike.iter().copied().map(f64::from).sum::<f64>() / alike.len() as f64;
+    median(&mut left) < LITTLE || median(&mut gain) > GAIN && mean < ALIKE
+}
+
+/// NaN of none.
+fn median(values: &mut [f32]) -> f32 {
+    if values.is_empty() {
+        return f32::NAN;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 impl<M: LobeEstimation> LobeFit<'_, M> {
     /// What is learned from this fit's stack, and the seeds that were fitted for it.
     pub(super) fn learn(&self) -> Result<(LearnedLobes, Option<Seeds>)> {
-        let (learned, seeds, estimates) = LobeFit { learning: true, ..*self }.learn_bounded()?;
+        let learning = self.options.normal && self.options.bounded;
+        let (learned, seeds, estimates) = LobeFit { learning, ..*self }.learn_bounded()?;
         if !has_broad_lobes(&estimates) {
             return Ok((learned, seeds));
         }
@@ -118,7 +142,7 @@ impl<M: LobeEstimation> LobeFit<'_, M> {
         let enough = |estimates: &[Estimate]| !self.options.typical || estimates.len() >= FEWEST;
         let (seeds, estimates) = match seeds {
             Some((seeds, estimates)) if enough(&estimates) => (Some(seeds), estimates),
-            _ if self.options.typical => (None, self.sampled()?),
+            _ if self.options.typical || self.learning => (None, self.sampled()?),
             _ => (None, Vec::new()),
         };
         let start = if seeds.is_some() { Origin::Neighbours } else { Origin::Multistart };

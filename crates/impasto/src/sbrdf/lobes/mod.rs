@@ -17,6 +17,7 @@
 //! only one: Lafortune lobes have three unknowns, and [a fit of their own](crate::sbrdf::lafortune).
 
 mod apply;
+mod brightest;
 mod forward_selection;
 mod learn;
 mod maps;
@@ -25,6 +26,7 @@ mod neutral;
 mod options;
 mod photographs;
 mod prior;
+mod residuals;
 mod reweight;
 mod score;
 mod search;

@@ -28,12 +28,8 @@ impl<M: LobeEstimation> Photographs<M> {
         self.pairs.len()
     }
 
-    /// The normal that would mirror a photograph's light into its view.
-    pub(super) fn facing(&self, photograph: usize) -> Vec3<f64> {
-        self.facing[photograph]
-    }
-
-    /// The same for light and view as the point `(x, y, 0)` has them.
+    /// The normal that would mirror a photograph's light into its view, as the point `(x, y, 0)` has
+    /// them.
     pub(super) fn facing_at(&self, photograph: usize, x: f64, y: f64) -> Vec3<f64> {
         if self.pairs.is_distant(photograph) {
             self.facing[photograph]

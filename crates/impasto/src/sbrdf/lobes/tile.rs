@@ -42,11 +42,27 @@ pub(super) struct Estimate {
     pub(super) shape_deviation: [f32; MOST_LOBES],
     /// The deviation of a shape's first number by the photographs alone, without the prior.
     pub(super) own_deviation: [f32; MOST_LOBES],
-    /// Cost with lobes and normal free of the bound over that with the normal kept; NaN for a pixel
-    /// that does not reach the bound, or where this was not asked for.
-    pub(super) unbounded: f32,
+    /// What its fit would be without the bound.
+    pub(super) unbounded: Unbounded,
     /// Whether the last search ended by its own tests.
     pub(super) converged: bool,
+}
+
+/// A fit with lobes and normal free of the bound.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Unbounded {
+    /// Its cost over that with the normal kept; NaN for a pixel that does not reach the bound, or
+    /// where this was not asked for.
+    pub(super) left: f32,
+    /// By how much the cost falls, in units of the variance of its samples; NaN like `left`.
+    pub(super) gain: f32,
+    /// Mean correlation of its residuals with those of the tile's pixels before it that reach the
+    /// bound; NaN for the first.
+    pub(super) alike: f32,
+}
+
+impl Unbounded {
+    const UNKNOWN: Self = Self { left: f32::NAN, gain: f32::NAN, alike: f32::NAN };
 }
 
 impl Estimate {
@@ -59,7 +75,7 @@ impl Estimate {
             normal_deviation: f32::NAN,
             shape_deviation: [f32::NAN; MOST_LOBES],
             own_deviation: [f32::NAN; MOST_LOBES],
-            unbounded: f32::NAN,
+            unbounded: Unbounded::UNKNOWN,
             converged: false,
         }
     }
@@ -109,6 +125,22 @@ impl TileSamples {
             if sample == f32::INFINITY { ceiling } else { sample }
         };
         self.samples.as_chunks().0.iter().zip(&self.ceilings).map(light)
+    }
+
+    /// The mean of the bands of a pixel's photograph, and its weight; both 0 where a band does not
+    /// count.
+    pub(super) fn mean(&self, photograph: usize, pixel: usize) -> [f64; 2] {
+        let planes = photograph * self.bands..(photograph + 1) * self.bands;
+        let (mut light, mut variance) = (0.0, 0.0);
+        for plane in planes {
+            let (sample, weight) =
+                (self.samples[plane * TILE + pixel], self.weights[plane * TILE + pixel]);
+            let sample = if sample == f32::INFINITY { self.ceilings[plane] } else { sample };
+            light += f64::from(sample);
+            variance += f64::from(weight).recip();
+        }
+        let bands = self.bands as f64;
+        if variance.is_finite() { [light / bands, bands * bands / variance] } else { [0.0; 2] }
     }
 
     /// Some pixels' samples of one plane, clipped ones at their ceiling.

@@ -18,11 +18,12 @@ use super::model::LobeEstimation;
 use super::options::{LobeOptions, Precision};
 use super::photographs::Photographs;
 use super::prior::{Prior, ShapePrior, ShapePriors};
+use super::residuals::{Residuals, likeness};
 use super::reweight::{COLUMNS, Reweight, Solution};
 use super::search::{Freedom, Search};
 use super::seeds::{HALO, Seed, SeedGrid, Seeds};
 use super::support::drop_unsupported;
-use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE};
+use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE, Unbounded};
 
 /// A logarithm of a sharpness so near its bound counts as at the bound: a per cent of the width.
 const AT_BOUND: f32 = 0.02;
@@ -220,8 +221,23 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
         if self.learning {
             let about = tile.estimates.clone();
             self.refine(tile, &pixels, variances, Freedom::All, true);
+            let mut residuals = Vec::with_capacity(pixels.len());
             for &pixel in &pixels {
-                let unbounded = tile.estimates[pixel].cost / about[pixel].cost;
+                let free = tile.estimates[pixel];
+                let (photographs, level) = (self.photographs, self.run.level);
+                let ambient = self.options.ambient;
+                let own = Residuals { photographs, tile, ambient, pixel, level };
+                residuals.push(own.weighted());
+                let unknowns = tile.colour.bands * (1 + free.lobes + usize::from(ambient))
+                    + free.lobes * M::SHAPES
+                    + 2;
+                let samples = tile.colour.bands * tile.usable[pixel];
+                let variance = free.cost / samples.saturating_sub(unknowns) as f32;
+                let unbounded = Unbounded {
+                    left: free.cost / about[pixel].cost,
+                    gain: (about[pixel].cost - free.cost) / variance,
+                    alike: likeness(&residuals),
+                };
                 tile.estimates[pixel] = Estimate { unbounded, ..about[pixel] };
             }
         }
