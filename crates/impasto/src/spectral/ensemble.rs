@@ -1,0 +1,46 @@
+//! The mean of the root-polynomial and the radial-basis estimate: the basic ensemble method
+//! [@perrone1993disagree].
+//!
+//! The two regressions err differently: the roots of products extrapolate to surfaces that no training
+//! spectrum resembles, the Gaussians follow the training spectra where there are many. The squared
+//! error of a mean is the mean of the squared errors less the variance between the estimates.
+
+use nalgebra::DMatrix;
+
+use super::features::Features;
+use super::fitted_map::FittedMap;
+use super::problem::SpectralProblem;
+use super::{radial_basis, root_polynomial};
+use crate::error::{Error, Result};
+
+/// Fits both regressions; the sums of the root-polynomial come too, for pixels with missing bands.
+///
+/// # Errors
+/// If the training set is too small for either.
+pub fn fit(
+    problem: &SpectralProblem,
+    seed: u64,
+) -> Result<(FittedMap, root_polynomial::Regression)> {
+    let (polynomial, regression) = root_polynomial::fit(problem, seed)?;
+    let radial = radial_basis::fit(problem, seed)?;
+    let Features::RadialBasis(centres) = radial.features else {
+        return Err(Error::argument("estimator", "a radial basis without centres"));
+    };
+    let features = Features::Ensemble(centres);
+    let (rows, first) = (polynomial.map.nrows(), polynomial.map.ncols());
+    let mut map = DMatrix::zeros(rows, features.count());
+    map.columns_mut(0, first).copy_from(&(polynomial.map * 0.5));
+    map.columns_mut(first, radial.map.ncols()).copy_from(&(radial.map * 0.5));
+    // Beside their lengths and Gaussians these samples hold the noisy responses.
+    let responses = radial.samples.columns(1, problem.bands()).into_owned();
+    let samples = features.of_rows(&responses);
+    let fit = FittedMap {
+        features,
+        map,
+        samples,
+        targets: radial.targets,
+        lossless: false,
+        ridge: radial.ridge,
+    };
+    Ok((fit, regression))
+}
