@@ -23,7 +23,7 @@ from impasto.training import PIGMENTS
 from study import pigments
 
 GRID = np.arange(400.0, 781.0, 10.0)
-COUNT = 512
+COUNT = 768
 ONE = 65535
 """A perfect white in the file."""
 

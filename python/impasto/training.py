@@ -16,7 +16,7 @@ from impasto.colour._science import science
 from impasto.colour.wavelengths import Floats, checked_spectra, checked_wavelengths
 from impasto.errors import ArgumentError
 
-PIGMENTS = Path(__file__).with_name("data") / "pigments512.npz"
+PIGMENTS = Path(__file__).with_name("data") / "pigments768.npz"
 """Beside it, ``ATTRIBUTION.md`` says whose work it is."""
 
 
@@ -101,15 +101,15 @@ def ampas190() -> Training:
 
 
 @lru_cache(maxsize=1)
-def pigments512() -> Training:
-    """512 cluster centres of 1586 measured spectra of pigments, 400-780 nm in steps of 10 nm.
+def pigments768() -> Training:
+    """768 cluster centres of 1586 measured spectra of pigments, 400-780 nm in steps of 10 nm.
 
     Made from the Hyperspectral Pigment Dataset by Hilda Deborah (WHISPERS 2022,
     doi 10.5281/zenodo.5592485), licensed under CC BY 4.0: name the source where you show results.
     """
     with np.load(PIGMENTS) as file:
         spectra = file["reflectance"].astype(np.float64) / file["one"]
-        return Training(file["wavelengths"].astype(np.float64), spectra, "HypPigments 512")
+        return Training(file["wavelengths"].astype(np.float64), spectra, "HypPigments 768")
 
 
 @lru_cache(maxsize=1)
@@ -123,8 +123,8 @@ def general_training() -> Training:
 
 @lru_cache(maxsize=1)
 def default_training() -> Training:
-    """The default: :func:`general_training` and :func:`pigments512`, 801 spectra."""
-    return general_training() + pigments512()
+    """The default: :func:`general_training` and :func:`pigments768`, 1057 spectra."""
+    return general_training() + pigments768()
 
 
 def checked_training(training: TrainingSpectra | None, wavelengths: Floats) -> Training:

@@ -106,7 +106,8 @@ def read_spectra(
             f"holds {grid[0]:g} to {grid[-1]:g} nm in {len(grid)} steps: spectra of paints for "
             "colours need several wavelengths between 400 and 700 nm",
         )
-    return Training(checked_wavelengths(grid), values.T, source.name, table.names)
+    spectra = np.ascontiguousarray(values.T)
+    return Training(checked_wavelengths(grid), spectra, source.name, table.names)
 
 
 def _nanometres(table: SpectraTable, source: Path, unit: Unit | None) -> Floats:

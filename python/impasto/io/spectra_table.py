@@ -215,8 +215,8 @@ def _by_column(rows: list[Row], source: Path, *, bare: bool) -> SpectraTable:
         values.append(_filled(numbers, width, row, source))
     table = np.array(values)
     before = " ".join(cell for row in rows[:first] for cell in row.cells)
-    heads = [row.cells for row in rows[:first] if len(row.cells) in {width, width - 1}]
-    names = heads[-1] if heads and not (bare and len(heads[-1]) < width) else []
+    head = rows[first - 1].cells if first else []
+    names = head if len(head) == width or (len(head) == width - 1 and not bare) else []
     axis = names[0] if len(names) == width else before
     names = [""] * (width - len(names)) + names if names else names
     keep = np.ones(width, bool)
@@ -227,10 +227,12 @@ def _by_column(rows: list[Row], source: Path, *, bare: bool) -> SpectraTable:
             line = rows[first + int(np.flatnonzero(np.isnan(grid))[0])].line
             raise CorruptInputError(source, f"line {line}: the wavelength is missing")
         keep = ~np.array([np.array_equal(grid, column) for column in table.T])
-    if names:
-        keep &= np.array([_DEVIATION.search(name) is None for name in names])
+    deviation = np.array([_DEVIATION.search(name) is not None for name in names])
+    if deviation.any():
+        keep &= ~deviation
     elif keep.sum() == 2 and "standard deviation" in before.casefold():
-        keep[-1] = False
+        # Text above the table says what its columns are.
+        keep[-1], names = False, []
     if not keep.any():
         raise CorruptInputError(source, "has wavelengths, but no spectrum beside them")
     chosen = tuple(name for name, kept in zip(names, keep, strict=False) if kept)

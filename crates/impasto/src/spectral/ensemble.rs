@@ -44,3 +44,39 @@ pub fn fit(
     };
     Ok((fit, regression))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_is_the_mean_of_both_also_where_a_response_is_negative_or_dark() {
+        let (bands, wavelengths, spectra) = (3, 7, 40);
+        let wave =
+            |step: usize, phase: f64| (step as f64).mul_add(0.7, phase).sin().mul_add(0.3, 0.5);
+        let response: Vec<f64> = (0..bands * wavelengths)
+            .map(|at| wave(at % wavelengths, 2.0 * (at / wavelengths) as f64) / 3.5)
+            .collect();
+        let training: Vec<f64> = (0..spectra * wavelengths)
+            .map(|at| {
+                wave(
+                    at % wavelengths * (1 + at / wavelengths % 3),
+                    0.37 * (at / wavelengths) as f64,
+                )
+            })
+            .collect();
+        let problem = SpectralProblem::new(&response, &training, wavelengths, 1e-3).unwrap();
+        let (both, _) = fit(&problem, 1).unwrap();
+        let (polynomial, _) = root_polynomial::fit(&problem, 1).unwrap();
+        let radial = radial_basis::fit(&problem, 1).unwrap();
+        let rho = DMatrix::from_row_slice(
+            4,
+            bands,
+            &[0.4, 0.5, 0.3, -0.01, 0.2, 0.1, 1e-4, 2e-4, 1e-4, 0.0, 0.0, 0.0],
+        );
+        let of = |fit: &FittedMap| fit.features.of_rows(&rho) * fit.map.transpose();
+        let mean = (of(&polynomial) + of(&radial)) * 0.5;
+        // Sums of 150 products of some units, in double precision.
+        assert!((of(&both) - &mean).amax() <= 1e-11 * mean.amax());
+    }
+}
