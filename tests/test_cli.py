@@ -380,6 +380,9 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         ("fit {stack} --out {out} --threads 0", 1, "threads"),
         ("fit {stack} --out {out} --index 0.5", 1, "index"),
         ("fit {stack} --out {out} --camera {tmp}/none.csv", 1, "none.csv"),
+        ("fit {stack} --out {out} --training {csv}", 2, "--training is for spectra"),
+        ("fit {stack} --out {out} --camera srgb --training {tmp}/no.csv", 1, "no.csv"),
+        ("fit {stack} --out {out} --camera srgb --training {csv}", 3, "camera.csv"),
         ("fit {images} --out {out} --encoding foo", 1, "encoding"),
         ("fit {images} --out {out} --dark nowhere", 1, "--dark"),
         ("fit {images} --out {out} --region 0 0 9999 9999", 1, "region"),
@@ -434,6 +437,25 @@ def test_a_mistake_is_one_line_with_its_name(
     assert told in complaint([word.format(**mistakes) for word in words.split()], code, capsys)
     assert not Path(mistakes["out"]).exists()
     assert [p.name for p in Path(mistakes["tmp"]).iterdir() if p.name.startswith(".")] == []
+
+
+@pytest.mark.parametrize("system", ["impasto", "tominaga-six-band-adaptation"])
+def test_paints_of_a_table_are_learnt_from_besides(demo: Path, tmp_path: Path, system: str) -> None:
+    table = tmp_path / "palette.csv"
+    table.write_text("nm;ochre;smalt\n400;5,5;30\n550;20;21,5\n700;60;40\n", encoding="utf-8")
+    photographs, out = demo / "photographs", tmp_path / "out"
+    words = f"fit {photographs} --out {out} --quiet --system {system} --region 0 0 24 24"
+    camera = f"--camera {photographs / 'camera.csv'} --training {table}"
+    assert main(f"{words} {camera}".split()) == 0
+    info = impasto.Reflectance.load(out / "reflectance.npz").info
+    own = impasto.training.default_training()
+    if system != "impasto":
+        own = impasto.training.general_training()
+    assert info["training"] == f"{own.name} + palette.csv"
+    assert info["training_count"] == len(own) + 2
+    report = json.loads((out / "report.json").read_text("utf-8"))
+    assert report["options"]["training"] == str(table)
+    assert str(table) in json.dumps(report["inputs"])
 
 
 def test_colours_without_spectra_cannot_change_their_light(

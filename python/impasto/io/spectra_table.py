@@ -152,7 +152,9 @@ def _along(values: Sequence[float], limits: tuple[float, float]) -> bool:
 def _column_of_wavelengths(rows: Sequence[Row]) -> bool:
     numbers = [values for row in rows if (values := row.numbers()) is not None]
     column = [values[0] for values in numbers if len(values) > 1]
-    return len(column) >= LEAST and _along(column, MICROMETRES)
+    return len(column) >= LEAST and any(
+        _along(column, limits) for limits in (NANOMETRES, MICROMETRES)
+    )
 
 
 def _split(lines: Sequence[tuple[int, str]]) -> list[Row]:
