@@ -439,25 +439,6 @@ def test_a_mistake_is_one_line_with_its_name(
     assert [p.name for p in Path(mistakes["tmp"]).iterdir() if p.name.startswith(".")] == []
 
 
-@pytest.mark.parametrize("system", ["impasto", "tominaga-six-band-adaptation"])
-def test_paints_of_a_table_are_learnt_from_besides(demo: Path, tmp_path: Path, system: str) -> None:
-    table = tmp_path / "palette.csv"
-    table.write_text("nm;ochre;smalt\n400;5,5;30\n550;20;21,5\n700;60;40\n", encoding="utf-8")
-    photographs, out = demo / "photographs", tmp_path / "out"
-    words = f"fit {photographs} --out {out} --quiet --system {system} --region 0 0 24 24"
-    camera = f"--camera {photographs / 'camera.csv'} --training {table}"
-    assert main(f"{words} {camera}".split()) == 0
-    info = impasto.Reflectance.load(out / "reflectance.npz").info
-    own = impasto.training.default_training()
-    if system != "impasto":
-        own = impasto.training.general_training()
-    assert info["training"] == f"{own.name} + palette.csv"
-    assert info["training_count"] == len(own) + 2
-    report = json.loads((out / "report.json").read_text("utf-8"))
-    assert report["options"]["training"] == str(table)
-    assert str(table) in json.dumps(report["inputs"])
-
-
 def test_colours_without_spectra_cannot_change_their_light(
     fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -10,7 +11,9 @@ import numpy as np
 import pytest
 
 import impasto
+from command_line import photographs
 from impasto import ArgumentError, Training, simulate, systems, training
+from impasto.cli import main
 from study import pigments
 from study.fits import reflectance
 
@@ -203,3 +206,18 @@ def test_the_gloss_of_lobes_per_pixel_is_no_noise() -> None:
     # A root mean square of 72 numbers scatters by 8 %, its median over 1024 pixels by 0.4 %.
     assert found[0] == pytest.approx(expected, rel=0.02)
     assert found[1] > 10 * expected
+
+
+@pytest.mark.parametrize("system", ["impasto", "tominaga-rgb-camera"])
+def test_a_table_on_the_command_line_is_learnt_from_besides(tmp_path: Path, system: str) -> None:
+    table, out = tmp_path / "palette.csv", tmp_path / "out"
+    table.write_text("nm;ochre;smalt\n400;5,5;30\n550;20;21,5\n700;60;40\n", encoding="utf-8")
+    words = f"fit {photographs(tmp_path)} --out {out} --quiet --system {system} --camera srgb"
+    assert main([*words.split(), "--training", str(table)]) == 0
+    info = impasto.Reflectance.load(out / "reflectance.npz").info
+    own = training.default_training() if system == "impasto" else training.general_training()
+    assert info["training"] == f"{own.name} + palette.csv"
+    assert info["training_count"] == len(own) + 2
+    report = json.loads((out / "report.json").read_text("utf-8"))
+    assert report["options"]["training"] == str(table)
+    assert str(table) in json.dumps(report["inputs"])
