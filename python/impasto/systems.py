@@ -75,7 +75,8 @@ class System:
         Of :func:`impasto.fit_reflectance`; ``estimator`` None: no spectra, the colours remain those
         of the bands.
     training
-        ``"general"`` or ``"default"``: the set of :mod:`impasto.training` to learn from.
+        ``"general"`` or ``"default"``: the set to learn from, see
+        :func:`impasto.training.general_training`.
     pictures
         Options of :class:`impasto.Scene`, by the picture's name: the number of the figure in the
         paper. ``flat``: rendered without the normals.
