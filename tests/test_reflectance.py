@@ -22,7 +22,7 @@ from impasto import (
     fit_reflectance,
     white_corrected,
 )
-from impasto.training import ampas190, ces99, default_training
+from impasto.training import ampas190, ces99, default_training, general_training, pigments768
 
 
 def _oracle():
@@ -35,7 +35,7 @@ def _oracle():
 
 oracle = _oracle()
 GRID = np.arange(400.0, 701.0, 10.0)
-NAMES = ["wiener", "linear-model", "root-polynomial", "radial-basis"]
+NAMES = ["wiener", "linear-model", "root-polynomial", "radial-basis", "ensemble"]
 
 
 def gaussians(centres, width):
@@ -76,7 +76,8 @@ def matrix(built, bands):
 
 
 def test_the_wheel_holds_the_default_training_set():
-    assert (len(ces99()), len(ampas190()), len(default_training())) == (99, 190, 289)
+    assert (len(ces99()), len(ampas190()), len(general_training())) == (99, 190, 289)
+    assert (len(pigments768()), len(default_training())) == (768, 289 + 768)
     assert default_training().wavelengths[[0, -1]].tolist() == [380.0, 780.0]
 
 
@@ -154,7 +155,7 @@ def test_single_precision_follows_double(name, spectra):
     reference = built.evaluate(np.ascontiguousarray(single[:, 0].T.astype(np.float64)))
     assert (status == Status.FITTED).all()
     # Each of the products is rounded to 6e-8 of itself; weights of the Gaussians reach hundreds.
-    limit = 1e-4 if name == "radial-basis" else 1e-5
+    limit = 1e-4 if name in {"radial-basis", "ensemble"} else 1e-5
     assert np.abs(coefficients[:, 0].T - reference).max() <= limit
 
 
@@ -350,7 +351,7 @@ def test_a_cube_is_made_only_when_asked():
     [
         ({"diffuse": np.ones((2, 1, 1))}, r"diffuse: expected \(3, y, x\).*red, green, blue"),
         ({"diffuse": np.ones((3, 4))}, "diffuse: expected"),
-        ({"estimator": "magic"}, "estimator: expected 'root-polynomial' or 'wiener'"),
+        ({"estimator": "magic"}, "estimator: expected 'ensemble' or 'root-polynomial'"),
         ({"estimator": "weiner"}, "estimator: .*did you mean 'wiener'"),
         ({"training": np.ones((5, 7))}, r"training: expected shape \(spectrum, 61\)"),
         ({"training": np.full((5, 61), np.nan)}, "training: .*nan in spectrum 0 at 400 nm"),
@@ -378,7 +379,7 @@ def test_training_comes_as_a_set_a_pair_or_an_array():
     ]
     for fit in fits[1:]:
         np.testing.assert_allclose(fit.spectrum(0, 0), fits[0].spectrum(0, 0), atol=1e-6)
-    assert [fit.info["training"] for fit in fits] == ["user"] * 3 + ["CES 99 + AMPAS 190"]
+    assert [fit.info["training"] for fit in fits] == ["user"] * 3 + [default_training().name]
 
 
 def test_the_bands_of_stack_and_camera_in_different_orders():

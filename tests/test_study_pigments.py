@@ -12,7 +12,7 @@ import pytest
 
 import study
 from impasto.colour import xyz_from_spectrum
-from impasto.training import default_training
+from impasto.training import general_training
 from study import data_sets, pigments, repeatability, settings, wiener_numpy
 from study.sentences import paragraphs
 from study.tables import tables
@@ -55,7 +55,7 @@ def test_errors_of_wiener_are_those_of_its_equation(
     light = grid**-5 / np.expm1(1.438776877e-2 / (grid * 3000.0))
     seen = plate.stack.camera.sensitivities * light
     seen /= seen.sum(axis=1, keepdims=True)
-    training = default_training().at(pigments.GRID)
+    training = general_training().at(pigments.GRID)
     inner = seen @ training.T @ training @ seen.T / len(training)
     inner += pigments.NOISE**2 * np.eye(len(seen))
     matrix = training.T @ training / len(training) @ seen.T @ np.linalg.inv(inner)

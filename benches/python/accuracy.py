@@ -30,6 +30,7 @@ from record import RESULTS, ROOT, data_folder, run_info, show, write
 import impasto
 from impasto import colour, simulate
 from impasto.simulate import Capture, Painting
+from impasto.training import general_training
 
 SYSTEMS = {
     "tominaga-six-band-adaptation": "16 lights, six bands",
@@ -48,6 +49,7 @@ class Case:
     capture: dict[str, Any] = field(default_factory=dict)
     near: bool = False
     afterwards: Callable[[Capture], impasto.Stack] = lambda capture: capture.stack
+    training: impasto.Training | None = None
 
 
 def equations() -> Any:
@@ -207,7 +209,8 @@ def measured(case: Case, system: str, seed: int, size: int) -> dict[str, Any]:
         "stereo deg": float(np.nanmean(stereo)),
         "bands RMSE": float(np.sqrt(np.square(error.astype(np.float64)).mean())),
     }
-    row |= colours(impasto.fit_reflectance(stack, sbrdf, truth.camera), truth.painting)
+    spectra = impasto.fit_reflectance(stack, sbrdf, truth.camera, training=case.training)
+    row |= colours(spectra, truth.painting)
     # Several coats or kinds of varnish have no one (beta, gamma) to compare with.
     pairs = [(float(p.min()), float(p.max())) for p in (truth.beta, truth.gamma)]
     single = pairs[0][0] > 0 and all(low == high for low, high in pairs)
@@ -315,7 +318,14 @@ def with_pigments(data: Path) -> list[Case]:
     file = np.load(path)
     spectra, grid = file["reflectance"].astype(float), file["wavelength"].astype(float)
     # The tuple is hashable and equal to itself: all that the cache of paintings asks.
-    return [Case("painted in Kremer pigments", painting={"pigments": _Pair((spectra, grid))})]
+    # Its pigments must not be learnt from.
+    return [
+        Case(
+            "painted in Kremer pigments",
+            painting={"pigments": _Pair((spectra, grid))},
+            training=general_training(),
+        )
+    ]
 
 
 class _Pair(tuple[np.ndarray, np.ndarray]):

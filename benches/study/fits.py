@@ -15,7 +15,7 @@ from impasto.fit.normals import Method, Normals
 from impasto.fit.reflectance import Estimator, Reflectance
 from impasto.rig import Rig
 from impasto.stack import Stack
-from impasto.training import Training
+from impasto.training import Training, general_training
 from study.held_out_error import Fitted
 from study.pigments import GRID, NOISE, PigmentPhotograph
 
@@ -94,13 +94,17 @@ def reflectance(
     estimator: Estimator,
     training: Training | None = None,
 ) -> Reflectance:
-    """Spectra of photographed pigments, on the grid that they are compared on."""
+    """Spectra of photographed pigments, on the grid that they are compared on.
+
+    The default training spectra contain centres of these pigments: without ``training`` the
+    estimators learn from those that contain none.
+    """
     return impasto.fit_reflectance(
         None,
         photograph.responses,
         photograph.camera,
         estimator=estimator,
-        training=training,
+        training=general_training() if training is None else training,
         noise=NOISE,
         wavelengths=GRID,
         integration="sum",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.colour.wavelengths import Floats
-from impasto.training import default_training
+from impasto.training import general_training
 from study.pigments import GRID, NOISE, PigmentPhotograph
 
 NAME = "wiener, numpy"
@@ -30,7 +30,7 @@ def fit(photograph: PigmentPhotograph, threads: int | None) -> Product:
     of that size, as ours does. numpy has its own threads.
     """
     del threads
-    training = default_training().at(GRID)
+    training = general_training().at(GRID)
     correlation = training.T @ training / len(training)
     seen = photograph.camera.operator(GRID, integration="sum")
     noise = NOISE**2 * np.eye(len(seen))

@@ -34,7 +34,7 @@ from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.fit.strengths import Strengths, fit_strengths
 from impasto.height import cast_shadows, integrate_normals
 from impasto.highlights import reconstruct_highlights
-from impasto.io import read_stack
+from impasto.io import read_spectra, read_stack
 from impasto.level import Level, find_level
 from impasto.refinement import RigRefinement
 from impasto.render import Image, display_from_bands, render
@@ -98,6 +98,7 @@ __all__ = [
     "learn_sbrdf",
     "load_learned",
     "load_sbrdf",
+    "read_spectra",
     "read_stack",
     "reconstruct_highlights",
     "refine_rig",

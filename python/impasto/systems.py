@@ -33,6 +33,7 @@ from impasto.render import Image, render
 from impasto.rig import DistantLight
 from impasto.scene import Scene
 from impasto.stack import Stack, checked_stack
+from impasto.training import TrainingSpectra, general_training
 
 __all__ = ["SYSTEMS", "System", "get"]
 
@@ -73,6 +74,9 @@ class System:
     estimator, rank
         Of :func:`impasto.fit_reflectance`; ``estimator`` None: no spectra, the colours remain those
         of the bands.
+    training
+        ``"general"`` or ``"default"``: the set to learn from, see
+        :func:`impasto.training.general_training`.
     pictures
         Options of :class:`impasto.Scene`, by the picture's name: the number of the figure in the
         paper. ``flat``: rendered without the normals.
@@ -96,8 +100,9 @@ class System:
     joint: bool = True
     index: float = 1.45
     effort: EffortLike = "standard"
-    estimator: Estimator | None = "root-polynomial"
+    estimator: Estimator | None = "ensemble"
     rank: int | None = None
+    training: Literal["default", "general"] = "default"
     pictures: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
@@ -230,10 +235,13 @@ class System:
         sbrdf: PooledSbrdf | LafortuneSbrdf,
         camera: Camera,
         *,
+        training: TrainingSpectra | None = None,
         threads: int | None = None,
         progress: Progress = False,
     ) -> Reflectance:
         """:func:`impasto.fit_reflectance` with the options of this system.
+
+        ``training``: other spectra than the system's.
 
         Raises
         ------
@@ -242,11 +250,14 @@ class System:
         """
         if self.estimator is None:
             raise ArgumentError(f"estimator: {self.name} estimates no spectra")
+        if training is None and self.training == "general":
+            training = general_training()
         return fit_reflectance(
             stack,
             sbrdf,
             camera,
             estimator=self.estimator,
+            training=training,
             rank=self.rank,
             threads=threads,
             progress=progress,
@@ -296,6 +307,7 @@ SYSTEMS: Mapping[Name, System] = {
             joint=False,
             estimator="linear-model",
             rank=3,
+            training="general",
             pictures={"figure-12": {"illuminant": "D65"}},
         ),
         # The paper only says "We devised a procedure to detect the diffuse reflection component".
@@ -310,6 +322,7 @@ SYSTEMS: Mapping[Name, System] = {
             extraction="printed",
             joint=False,
             estimator="wiener",
+            training="general",
             pictures={
                 "figure-8-front": _LAMP,
                 "figure-8-slanted": {**_LAMP, **_SLANTED},

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from impasto.fit.result import Sbrdf
     from impasto.level import Level
     from impasto.stack import Stack
+    from impasto.systems import System
+    from impasto.training import Training
 
 
 def fit(
@@ -53,6 +55,7 @@ def fit(
     camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
     illuminant: str | None = None,
     estimator: Estimator | None = None,
+    training: Path | None = None,
     threads: SomeWhole = None,
     force: Flag = False,
     quiet: Flag = False,
@@ -103,7 +106,10 @@ def fit(
     illuminant
         Light of the photographs (A, D65, 3000K), if the camera's file does not contain it.
     estimator
-        How spectra are estimated from bands; impasto: root-polynomial.
+        How spectra are estimated from bands; impasto: ensemble.
+    training
+        Table of measured spectra of the painting's paints, wavelengths in the first column or row;
+        they are learnt from besides the spectra of the system.
     threads
         Default: every core.
     force
@@ -123,6 +129,10 @@ def fit(
     if illuminant is not None and camera is None:
         raise CycloptsError(
             msg="--illuminant is the light for the sensitivities of a camera: it needs --camera"
+        )
+    if training is not None and camera is None:
+        raise CycloptsError(
+            msg="--training is for spectra of the bands of a camera: it needs --camera"
         )
     if system not in {"impasto", LAFORTUNE} and camera is None:
         raise CycloptsError(msg=f"--system {system} estimates spectra: it needs --camera")
@@ -149,10 +159,12 @@ def fit(
     if "index" in own:
         refractive_index(own["index"])
     labels = [] if gloss.segments is None else [gloss.segments]
-    inputs = [*reading.paths(stack), *labels]
+    tables = [] if training is None else [training]
+    inputs = [*reading.paths(stack), *labels, *tables]
     stages = Stages(quiet=quiet)
     with result_folder(out, inputs=inputs, force=force) as folder:
         lens = None if camera is None else camera_of(camera, illuminant)
+        spectra = None if training is None else training_of(training, procedure)
         with stages.stage("photographs") as stage:
             photographs = reading.read(stack)
             stage.note = stack_words(photographs)
@@ -167,7 +179,9 @@ def fit(
         if refine:
             photographs = refined_rig(stages, photographs, index, threads)
         arguments = with_labels(own, photographs, reading.region)
-        sbrdf, reflectance = measured(stages, procedure, photographs, lens, threads, arguments)
+        sbrdf, reflectance = measured(
+            stages, procedure, photographs, lens, threads, arguments, spectra
+        )
         if sbrdf.chosen is not None:
             stages.say(f"  {'':14}[dim]{sbrdf.chosen}[/]")
         panel = panel_of(sbrdf)
@@ -188,7 +202,7 @@ def fit(
             stage.note = str(out)
         content = report(
             "fit",
-            inputs=[*photographs.sources, *labels],
+            inputs=[*photographs.sources, *labels, *tables],
             options={
                 "stack": stack,
                 **asdict(reading),
@@ -201,6 +215,7 @@ def fit(
                 **own,
                 "camera": camera,
                 "illuminant": illuminant,
+                **({} if training is None else {"training": training}),
                 "threads": threads,
             },
             results=numbers(photographs, sbrdf, reflectance)
@@ -244,6 +259,15 @@ def level_numbers(level: Level) -> dict[str, Any]:
             "sagitta": level.sagitta,
         }
     }
+
+
+def training_of(path: Path, procedure: System) -> Training:
+    """The spectra of ``--training`` with those of the system."""
+    from impasto.io import read_spectra
+    from impasto.training import default_training, general_training
+
+    own = general_training() if procedure.training == "general" else default_training()
+    return own + read_spectra(path)
 
 
 def camera_of(text: str, illuminant: str | None) -> Any:

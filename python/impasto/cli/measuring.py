@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from impasto.fit.reflectance import Reflectance
     from impasto.stack import Stack
     from impasto.systems import System
+    from impasto.training import Training
 
 
 def measured(
@@ -25,10 +26,12 @@ def measured(
     camera: Camera | None,
     threads: int | None,
     gloss: dict[str, Any] | None = None,
+    training: Training | None = None,
 ) -> tuple[Any, Reflectance | None]:
     """Normals, gloss and, if the camera is known, spectra.
 
-    ``gloss`` holds arguments of :func:`impasto.fit_sbrdf` that replace those of the system.
+    ``gloss`` holds arguments of :func:`impasto.fit_sbrdf` that replace those of the system;
+    ``training`` replaces its training spectra.
     """
     import impasto
     from impasto.fit.reflectance import matching_camera
@@ -58,9 +61,12 @@ def measured(
         return sbrdf, None
     with stages.stage("reflectance") as stage:
         reflectance = system.fit_reflectance(
-            stack, sbrdf, camera, threads=threads, progress=stage.advance
+            stack, sbrdf, camera, training=training, threads=threads, progress=stage.advance
         )
-        stage.note = f"{system.estimator}, {len(reflectance.basis)} basis spectra"
+        learnt = reflectance.info["training_count"]
+        stage.note = (
+            f"{system.estimator} from {learnt} spectra, {len(reflectance.basis)} basis spectra"
+        )
     return sbrdf, reflectance
 
 

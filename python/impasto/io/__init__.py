@@ -19,6 +19,7 @@ from impasto.io.notes import Note
 from impasto.io.session.archive import write_stack
 from impasto.io.session.reader import read_stack
 from impasto.io.session.tone import ToneEstimate, estimate_tone
+from impasto.io.spectra import read_spectra
 
 __all__ = [
     "ImageHeader",
@@ -33,6 +34,7 @@ __all__ = [
     "read_image",
     "read_labels",
     "read_lights",
+    "read_spectra",
     "read_stack",
     "write_camera",
     "write_exr",

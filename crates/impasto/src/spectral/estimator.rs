@@ -9,7 +9,7 @@ use super::fitted_map::FittedMap;
 use super::linear::{self, Root};
 use super::operator::Operator;
 use super::problem::SpectralProblem;
-use super::{radial_basis, root_polynomial};
+use super::{ensemble, radial_basis, root_polynomial};
 use crate::error::{Error, Result};
 
 /// Which estimator.
@@ -23,15 +23,18 @@ pub enum Kind {
     RootPolynomial,
     /// A linear estimate of the direction plus Gaussians around training responses.
     RadialBasis,
+    /// The mean of the last two.
+    Ensemble,
 }
 
 impl Kind {
     /// Every kind and its public name.
-    pub const NAMES: [(&'static str, Self); 4] = [
+    pub const NAMES: [(&'static str, Self); 5] = [
         ("wiener", Self::Wiener),
         ("linear-model", Self::LinearModel),
         ("root-polynomial", Self::RootPolynomial),
         ("radial-basis", Self::RadialBasis),
+        ("ensemble", Self::Ensemble),
     ];
 }
 
@@ -91,6 +94,11 @@ impl Estimator {
                 fit
             }
             Kind::RadialBasis => radial_basis::fit(problem, seed)?,
+            Kind::Ensemble => {
+                let (fit, sums) = ensemble::fit(problem, seed)?;
+                regression = Some(sums);
+                fit
+            }
         };
         let factor = Factorisation::of(&fit, rank);
         diagnostics.noise_gain = fit.noise_gain(problem, seed);
@@ -98,11 +106,11 @@ impl Estimator {
         diagnostics.truncation = factor.truncation;
         diagnostics.ridge = fit.ridge;
         let incomplete = match (kind, regression) {
-            (Kind::RootPolynomial, Some(regression)) => Incomplete::RootPolynomial(regression),
-            (Kind::LinearModel, _) => linear(Some(rank.unwrap_or(problem.bands()))),
+            (_, Some(regression)) => Incomplete::RootPolynomial(regression),
+            (Kind::LinearModel, None) => linear(Some(rank.unwrap_or(problem.bands()))),
             _ => linear(None),
         };
-        if let Features::RadialBasis(centres) = &fit.features {
+        if let Features::RadialBasis(centres) | Features::Ensemble(centres) = &fit.features {
             diagnostics.gamma = centres.gamma();
         }
         let complete = Operator::new(fit.features, &factor.coefficients);
@@ -136,7 +144,8 @@ impl Estimator {
     /// From the responses of some bands to coefficients of the same basis.
     ///
     /// Wiener and the root-polynomial are built anew for these bands; the linear model uses no
-    /// more components than there are bands; the radial basis falls back to Wiener.
+    /// more components than there are bands; the radial basis falls back to Wiener, the ensemble to
+    /// the root-polynomial.
     ///
     /// # Panics
     /// If no band is present.

@@ -21,6 +21,8 @@ pub enum Features {
     },
     /// `|rho|`, `rho_i` and `|rho| exp(-gamma |z - c_j|^2)`, `z` the standardised direction.
     RadialBasis(Centres),
+    /// The features of [`Self::RootPolynomial`], then those of [`Self::RadialBasis`].
+    Ensemble(Centres),
 }
 
 /// Gaussians over the directions of responses.
@@ -42,6 +44,17 @@ impl Centres {
     pub fn gamma(&self) -> f64 {
         self.gamma
     }
+
+    /// Length, responses, Gaussians.
+    fn features(&self) -> usize {
+        let bands = self.offset.len();
+        1 + bands + self.places.len() / bands
+    }
+}
+
+/// Responses, and pairs of them.
+fn products(bands: usize) -> usize {
+    bands * (bands + 1) / 2
 }
 
 impl Features {
@@ -50,7 +63,7 @@ impl Features {
     pub fn bands(&self) -> usize {
         match self {
             Self::Linear { bands } | Self::RootPolynomial { bands } => *bands,
-            Self::RadialBasis(centres) => centres.offset.len(),
+            Self::RadialBasis(centres) | Self::Ensemble(centres) => centres.offset.len(),
         }
     }
 
@@ -59,11 +72,9 @@ impl Features {
     pub fn count(&self) -> usize {
         match self {
             Self::Linear { bands } => *bands,
-            Self::RootPolynomial { bands } => bands * (bands + 1) / 2,
-            Self::RadialBasis(centres) => {
-                let bands = centres.offset.len();
-                1 + bands + centres.places.len() / bands
-            }
+            Self::RootPolynomial { bands } => products(*bands),
+            Self::RadialBasis(centres) => centres.features(),
+            Self::Ensemble(centres) => products(centres.offset.len()) + centres.features(),
         }
     }
 
@@ -78,6 +89,11 @@ impl Features {
             Self::Linear { .. } => out.copy_from_slice(rho),
             Self::RootPolynomial { .. } => root_polynomial(rho, out),
             Self::RadialBasis(centres) => radial_basis(centres, rho, out),
+            Self::Ensemble(centres) => {
+                let (polynomial, radial) = out.split_at_mut(products(rho.len()));
+                root_polynomial(rho, polynomial);
+                radial_basis(centres, rho, radial);
+            }
         }
     }
 

@@ -8,6 +8,7 @@
 //! | linear model | the responses | eq. 4-7 of [@tominaga-rgb-camera] ([`linear`]) |
 //! | root-polynomial | responses, roots of products of two | ridge regression ([`root_polynomial`]) |
 //! | radial basis | responses, Gaussians of their direction | ridge regression ([`radial_basis`]) |
+//! | ensemble | those of the last two | the mean of the last two ([`ensemble`]) |
 //!
 //! All are homogeneous of degree one: twice the light, twice the reflectance. A response carries
 //! the unknown scale of shading, and an estimator that is not homogeneous changes the hue with it.
@@ -19,6 +20,7 @@
 
 pub mod apply;
 mod diagnostics;
+pub mod ensemble;
 mod estimator;
 pub mod factor;
 pub mod features;

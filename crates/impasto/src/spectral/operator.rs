@@ -130,7 +130,7 @@ impl<R: Real> Panel<R> {
         let bands = operator.bands();
         let features = match operator.features {
             Features::Linear { .. } => 0,
-            Features::RootPolynomial { .. } | Features::RadialBasis(_) => operator.features.count(),
+            _ => operator.features.count(),
         };
         Self {
             rho: lanes(bands * PANEL),
