@@ -91,7 +91,8 @@ def test_a_broad_lobe_does_not_turn_the_normal(noise: float) -> None:
         bounded=False,
     )
     found = impasto.fit_sbrdf(stack, pooling="pixel")
-    assert error(found.normal, normal) < 0.7 * error(free.normal, normal)
+    # 0.15 to 0.39 degrees, with noise.
+    assert error(found.normal, normal) < min(0.7 * error(free.normal, normal), 0.7)
 
 
 def test_three_varnishes_of_which_one_has_a_broad_lobe() -> None:

@@ -252,12 +252,19 @@ def choose(
 
 
 def under_varnish(tried: Sequence[Candidate], each: Sequence[Predicted]) -> list[Candidate]:
-    """The best candidate with lobes per pixel, now with a coated diffuse part."""
+    """Lobes per pixel, as many as are best without, now with a coated diffuse part.
+
+    Both with and without ambient light, if both were tried: a varnish changes what is best.
+    """
     pixel = [index for index, one in enumerate(tried) if one.pooling == "pixel"]
     if not pixel:
         return []
     best = _simplest([tried[index] for index in pixel], [each[index] for index in pixel])
-    return [replace(best, coated=True, decibels=float("nan"))]
+    return [
+        replace(tried[index], coated=True, decibels=float("nan"))
+        for index in pixel
+        if tried[index].lobes == best.lobes
+    ]
 
 
 def _shown(result: Any, rig: Rig) -> dict[tuple[float, float], NDArray[np.float32]]:
