@@ -1,4 +1,4 @@
-"""Predicted errors of normals: they hold for noise, and do not contain errors of the model."""
+"""Predicted errors of normals: they hold for noise, and for what residuals show of the model."""
 
 from __future__ import annotations
 
@@ -81,6 +81,34 @@ def spiral(count: int) -> impasto.Rig:
     z = np.linspace(0.95, 0.3, count)
     ground = np.sqrt(1 - z**2)
     return impasto.Rig(np.stack([np.cos(azimuth) * ground, np.sin(azimuth) * ground, z], 1))
+
+
+def smooth_errors(lights: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """``(light, pixel)`` functions of the light's direction, of unit variance, alike within 0.5."""
+    apart = ((lights[:, None] - lights) ** 2).sum(axis=2)
+    root = np.linalg.cholesky(np.exp(-apart / (2 * 0.5**2)) + 1e-6 * np.eye(len(lights)))
+    return root @ rng.normal(size=(len(lights), count))
+
+
+@pytest.mark.parametrize("pooling", ["pixel", "painting"])
+@pytest.mark.parametrize("smooth", [0.0, 0.03])
+def test_errors_that_are_smooth_over_the_lights_are_predicted(pooling: str, smooth: float) -> None:
+    rng = np.random.default_rng(5)
+    lights = spiral(49).directions
+    normal = np.stack([*rng.normal(0, 0.03, (2, *SHAPE)), np.ones(SHAPE)])
+    normal /= np.linalg.norm(normal, axis=0)
+    matte = np.einsum("oc,cyx->oyx", lights, normal)
+    # Every pixel has a function of its own: there is nothing to learn from its neighbours.
+    error = smooth_errors(lights, matte[0].size, rng).reshape(matte.shape)
+    light = 0.5 * matte * (1 + smooth * error)
+    samples = light[:, None] * np.array([1.0, 0.8, 0.6])[:, None, None]
+    samples += rng.normal(0, 0.002, samples.shape)
+    stack = impasto.Stack(samples, lights=lights)
+    fit = impasto.fit_sbrdf(stack, pooling=pooling, residuals=False)
+    angle = np.arcsin(np.linalg.norm(np.cross(fit.normal, normal, axis=0), axis=0))
+    # 68 % of angles with normal errors along both axes are below 1.51 sigma.
+    ratio = np.nanquantile(angle / fit.sigma, 0.68) / np.sqrt(-2 * np.log(0.32))
+    assert 0.8 < ratio < 1.25, ratio
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@
 
 mod apply;
 mod forward_selection;
+mod jackknife;
 mod learn;
 mod maps;
 mod model;
