@@ -79,21 +79,6 @@ impl<M: LobeEstimation> Visit for Jackknife<'_, M> {
     }
 }
 
-/// The equations of one band, `K` colours and `N` other unknowns.
-#[derive(Clone, Copy)]
-struct BandEquations<R, const K: usize, const N: usize> {
-    gram: [[R; K]; K],
-    mixed: [[R; K]; N],
-    pull: [R; K],
-}
-
-/// Those of the unknowns that all bands share.
-#[derive(Clone, Copy)]
-struct SharedEquations<R, const N: usize> {
-    matrix: [[R; N]; N],
-    pull: [R; N],
-}
-
 struct JackknifePass<'a, M: LobeEstimation, const J: usize, const K: usize, const N: usize>(
     Jackknife<'a, M>,
 );
@@ -104,133 +89,57 @@ impl<M: LobeEstimation, const J: usize, const K: usize, const N: usize> Kernel
     type Output = ();
 
     #[inline(always)]
-    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
     fn run<I: Isa>(self) {
         let Jackknife { photographs, x, y, estimates, samples, solution, .. } = self.0;
         let zero = I::F32::zero();
-        let bands = samples.bands;
         let lights = &photographs.neighbours;
-        // Behind the sectors stands the sum of all.
-        let all = SECTORS;
-        let no_band =
-            BandEquations { gram: [[zero; K]; K], mixed: [[zero; K]; N], pull: [zero; K] };
-        let nothing = SharedEquations { matrix: [[zero; N]; N], pull: [zero; N] };
-        let mut by_band = vec![no_band; (all + 1) * bands];
-        let mut shared = vec![nothing; all + 1];
-        let mut coherence = Coherence::new(photographs.len(), bands);
+        let mut equations = Equations::<I::F32, K, N>::new(samples.bands);
+        let mut coherence = Coherence::new(photographs.len(), samples.bands);
+        let mut colours = vec![[zero; K]; samples.bands];
         let mut at = 0;
         while at < estimates.len() {
-            by_band.fill(no_band);
-            shared.fill(nothing);
+            equations.clear();
             coherence.clear();
-            let normal = Vec3::new(
-                gather::<I::F32>(estimates, at, |p| p.normal[0]),
-                gather(estimates, at, |p| p.normal[1]),
-                gather(estimates, at, |p| p.normal[2]),
-            );
-            let tilts = tangents(normal);
-            let count: I::F32 = gather(estimates, at, |p| p.lobes as f32);
-            let mut lobes = [photographs.model.lobe_from_unknowns([zero; MAX_SHAPES]); J];
-            for (j, lobe) in lobes.iter_mut().enumerate() {
-                let mut shape = [zero; MAX_SHAPES];
-                for (s, shape) in shape.iter_mut().enumerate() {
-                    *shape = gather(estimates, at, |p| p.shapes[j][s]);
+            for (band, colours) in colours.iter_mut().enumerate() {
+                for (column, colour) in colours.iter_mut().enumerate() {
+                    let column = if column == K - 1 { COLUMNS - 1 } else { column };
+                    let place = (band * COLUMNS + column) * TILE + at;
+                    *colour = I::F32::load(&solution.colours[place..]).max(zero);
                 }
-                *lobe = photographs.model.lobe_from_unknowns(shape);
             }
-            let (px, py) = (I::F32::load(&x[at..]), I::F32::load(&y[at..]));
+            let pixels = Pixels::<I::F32, M, J>::gathered(photographs, estimates, at);
+            let place = (I::F32::load(&x[at..]), I::F32::load(&y[at..]));
             for photograph in 0..photographs.len() {
-                let (towards, irradiance, pair) = photographs.at(photograph, px, py);
-                let lit = I::F32::keep(normal.dot(towards).gt(zero), irradiance);
-                let diffuse = photographs.diffuse(normal, towards, &pair);
-                // Of unit strength, and by what the bands share.
-                let mut units = [I::F32::one(); K];
-                let mut slopes = [[zero; N]; K];
-                units[0] = diffuse.value * lit;
-                slopes[0][0] = tilts[0].dot(diffuse.normal) * lit;
-                slopes[0][1] = tilts[1].dot(diffuse.normal) * lit;
-                for (j, lobe) in lobes.iter().enumerate() {
-                    let present = count.gt(I::F32::of(j as f64));
-                    let irradiance = I::F32::keep(present, irradiance);
-                    let slope = photographs.model.slope(lobe, &pair, normal);
-                    units[1 + j] = slope.value * irradiance;
-                    slopes[1 + j][0] = tilts[0].dot(slope.normal) * irradiance;
-                    slopes[1 + j][1] = tilts[1].dot(slope.normal) * irradiance;
-                    for s in 0..M::SHAPES {
-                        slopes[1 + j][2 + j * M::SHAPES + s] = slope.shape[s] * irradiance;
-                    }
-                }
-                let group = lights.sector[photograph];
-                let own = &mut shared[group];
-                for band in 0..bands {
-                    let plane = photograph * bands + band;
+                let (units, slopes) = pixels.look::<K, N>(photographs, photograph, place);
+                for (band, colours) in colours.iter().enumerate() {
+                    let plane = photograph * samples.bands + band;
                     let (sample, weight, _) = look::<I::F32>(samples, plane, at);
                     let counts = weight.gt(zero);
                     let mut columns = units;
-                    let mut colours = [zero; K];
                     let mut slope = [zero; N];
-                    for column in 0..K {
-                        let source = if column == K - 1 { COLUMNS - 1 } else { column };
-                        let place = (band * COLUMNS + source) * TILE + at;
-                        let colour = I::F32::load(&solution.colours[place..]);
+                    for ((unit, &colour), slopes) in columns.iter_mut().zip(colours).zip(&slopes) {
                         // A colour at its bound of 0 does not follow.
-                        let free = colour.gt(zero);
-                        colours[column] = I::F32::keep(free, colour);
-                        columns[column] = I::F32::keep(free, columns[column]);
-                        for i in 0..N {
-                            slope[i] = colours[column].mul_add(slopes[column][i], slope[i]);
+                        *unit = I::F32::keep(colour.gt(zero), *unit);
+                        for (slope, &by_unit) in slope.iter_mut().zip(slopes) {
+                            *slope = colour.mul_add(by_unit, *slope);
                         }
                     }
-                    let residual = I::F32::keep(counts, sample - light_of(&columns, &colours));
+                    let residual = I::F32::keep(counts, sample - light_of(&columns, colours));
                     coherence.add(photograph, weight.sqrt() * residual, counts);
-                    let pull = weight * residual;
-                    let equations = &mut by_band[group * bands + band];
-                    for i in 0..K {
-                        let heavy = weight * columns[i];
-                        equations.pull[i] = pull.mul_add(columns[i], equations.pull[i]);
-                        for j in 0..=i {
-                            equations.gram[i][j] = heavy.mul_add(columns[j], equations.gram[i][j]);
-                        }
-                    }
-                    for i in 0..N {
-                        let heavy = weight * slope[i];
-                        own.pull[i] = pull.mul_add(slope[i], own.pull[i]);
-                        for j in 0..=i {
-                            own.matrix[i][j] = heavy.mul_add(slope[j], own.matrix[i][j]);
-                        }
-                        for column in 0..K {
-                            equations.mixed[i][column] =
-                                heavy.mul_add(columns[column], equations.mixed[i][column]);
-                        }
-                    }
+                    let sector = lights.sector[photograph];
+                    equations.add([sector, band], &columns, &slope, weight, residual);
                 }
                 coherence.end_photograph();
             }
+            equations.sum();
             let variance = I::F32::load(&solution.variance[at..]);
             let typical = variance * I::F32::of(1.0 / (SHAPE_DEVIATION * SHAPE_DEVIATION));
-            for group in 0..all {
-                let (some, total) = shared.split_at_mut(all);
-                total[0] = total[0].plus(&some[group]);
-                let (some, total) = by_band.split_at_mut(all * bands);
-                for (band, total) in total.iter_mut().enumerate() {
-                    *total = total.plus(&some[group * bands + band]);
-                }
-            }
-            let whole = Without::group(&shared, &by_band, None, typical);
+            let [xx, xy, yy] = equations.covariance(typical);
             let half = I::F32::of(0.5);
-            let [mut xx, mut xy, mut yy] = [zero; 3];
-            for group in 0..all {
-                let others = Without::group(&shared, &by_band, Some(group), typical);
-                let own = &by_band[group * bands..][..bands];
-                let [p, q] = others.tilt(&shared[group].pull, own);
-                let [u, v] = whole.tilt(&shared[group].pull, own);
-                xx = p.mul_add(u, xx);
-                xy = half.mul_add(p.mul_add(v, q * u), xy);
-                yy = q.mul_add(v, yy);
-            }
             let (middle, apart) = ((xx + yy) * half, (xx - yy) * half);
             let worst = middle + apart.mul_add(apart, xy * xy).sqrt();
             let spread = worst.max(zero).sqrt() * I::F32::of(REWEIGHTED);
+            let normal = pixels.normal;
             let tilt = normal.x.mul_add(normal.x, normal.y * normal.y).sqrt();
             let smooth = tilt * I::F32::of(SMOOTH) * coherence.share(&lights.nearest);
             let [mut jackknife, mut factor] = [[0.0; MAX_LANES]; 2];
@@ -247,38 +156,203 @@ impl<M: LobeEstimation, const J: usize, const K: usize, const N: usize> Kernel
     }
 }
 
-/// What all groups but one know, the colours eliminated.
-struct Without<R: Real, const K: usize, const N: usize> {
-    bands: Vec<(lm::Factor<R, K>, [[R; K]; N])>,
-    factor: lm::Factor<R, N>,
+/// Normals and lobes of a register of pixels.
+struct Pixels<R: Real, M: LobeEstimation, const J: usize> {
+    normal: Vec3<R>,
+    tilts: [Vec3<R>; 2],
+    /// How many lobes each has.
+    count: R,
+    lobes: [M::Lobe<R>; J],
 }
 
-impl<R: Real, const K: usize, const N: usize> Without<R, K, N> {
-    /// Of the sums of all groups, the last of `shared` and of `by_band`, less those of `group`.
+impl<R: Real<Scalar = f32>, M: LobeEstimation, const J: usize> Pixels<R, M, J> {
+    #[inline(always)]
+    fn gathered(photographs: &Photographs<M>, estimates: &[Estimate], at: usize) -> Self {
+        let normal = Vec3::new(
+            gather::<R>(estimates, at, |p| p.normal[0]),
+            gather(estimates, at, |p| p.normal[1]),
+            gather(estimates, at, |p| p.normal[2]),
+        );
+        let mut lobes = [photographs.model.lobe_from_unknowns([R::zero(); MAX_SHAPES]); J];
+        for (j, lobe) in lobes.iter_mut().enumerate() {
+            let mut shape = [R::zero(); MAX_SHAPES];
+            for (s, shape) in shape.iter_mut().enumerate() {
+                *shape = gather(estimates, at, |p| p.shapes[j][s]);
+            }
+            *lobe = photographs.model.lobe_from_unknowns(shape);
+        }
+        let count = gather(estimates, at, |p| p.lobes as f32);
+        Self { normal, tilts: tangents(normal), count, lobes }
+    }
+
+    /// The columns of a photograph, and their slopes by tilts and shapes.
+    #[inline(always)]
+    fn look<const K: usize, const N: usize>(
+        &self,
+        photographs: &Photographs<M>,
+        photograph: usize,
+        (x, y): (R, R),
+    ) -> ([R; K], [[R; N]; K]) {
+        let zero = R::zero();
+        let (towards, irradiance, pair) = photographs.at(photograph, x, y);
+        let lit = R::keep(self.normal.dot(towards).gt(zero), irradiance);
+        let diffuse = photographs.diffuse(self.normal, towards, &pair);
+        let mut units = [R::one(); K];
+        let mut slopes = [[zero; N]; K];
+        units[0] = diffuse.value * lit;
+        slopes[0][0] = self.tilts[0].dot(diffuse.normal) * lit;
+        slopes[0][1] = self.tilts[1].dot(diffuse.normal) * lit;
+        for (j, lobe) in self.lobes.iter().enumerate() {
+            let irradiance = R::keep(self.count.gt(R::of(j as f64)), irradiance);
+            let slope = photographs.model.slope(lobe, &pair, self.normal);
+            units[1 + j] = slope.value * irradiance;
+            slopes[1 + j][0] = self.tilts[0].dot(slope.normal) * irradiance;
+            slopes[1 + j][1] = self.tilts[1].dot(slope.normal) * irradiance;
+            for s in 0..M::SHAPES {
+                slopes[1 + j][2 + j * M::SHAPES + s] = slope.shape[s] * irradiance;
+            }
+        }
+        (units, slopes)
+    }
+}
+
+/// The equations of one band, `K` colours and `N` other unknowns.
+#[derive(Clone, Copy)]
+struct BandEquations<R, const K: usize, const N: usize> {
+    gram: [[R; K]; K],
+    mixed: [[R; K]; N],
+    pull: [R; K],
+}
+
+/// Those of the unknowns that all bands share.
+#[derive(Clone, Copy)]
+struct SharedEquations<R, const N: usize> {
+    matrix: [[R; N]; N],
+    pull: [R; N],
+}
+
+/// The equations of every sector of lights, and behind them their sum.
+struct Equations<R: Real, const K: usize, const N: usize> {
+    bands: usize,
+    by_band: Vec<BandEquations<R, K, N>>,
+    shared: Vec<SharedEquations<R, N>>,
+    /// Of the last [`Self::eliminate`], by band: the factor of the colours, and what couples them.
+    eliminated: Vec<(lm::Factor<R, K>, [[R; K]; N])>,
+}
+
+impl<R: Real, const K: usize, const N: usize> Equations<R, K, N> {
+    fn new(bands: usize) -> Self {
+        let zero = R::zero();
+        let band = BandEquations { gram: [[zero; K]; K], mixed: [[zero; K]; N], pull: [zero; K] };
+        let shared = SharedEquations { matrix: [[zero; N]; N], pull: [zero; N] };
+        Self {
+            bands,
+            by_band: vec![band; (SECTORS + 1) * bands],
+            shared: vec![shared; SECTORS + 1],
+            eliminated: Vec::with_capacity(bands),
+        }
+    }
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        let zero = R::zero();
+        self.by_band.fill(BandEquations {
+            gram: [[zero; K]; K],
+            mixed: [[zero; K]; N],
+            pull: [zero; K],
+        });
+        self.shared.fill(SharedEquations { matrix: [[zero; N]; N], pull: [zero; N] });
+    }
+
+    /// Adds a sample of a sector and band.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
-    fn group(
-        shared: &[SharedEquations<R, N>],
-        by_band: &[BandEquations<R, K, N>],
-        group: Option<usize>,
-        typical: R,
-    ) -> Self {
-        let zero = R::zero();
-        let ridge = R::of(RIDGE);
-        let groups = shared.len() - 1;
-        let count = by_band.len() / shared.len();
-        let all = &shared[groups];
-        let mut matrix = match group {
-            Some(group) => all.less(&shared[group]),
-            None => all.matrix,
-        };
-        let mut bands = Vec::with_capacity(count);
-        for band in 0..count {
-            let all = &by_band[groups * count + band];
-            let BandEquations { mut gram, mixed, .. } = match group {
-                Some(group) => all.less(&by_band[group * count + band]),
-                None => *all,
-            };
+    fn add(
+        &mut self,
+        [sector, band]: [usize; 2],
+        columns: &[R; K],
+        slope: &[R; N],
+        weight: R,
+        residual: R,
+    ) {
+        let pull = weight * residual;
+        let own = &mut self.by_band[sector * self.bands + band];
+        let shared = &mut self.shared[sector];
+        for i in 0..K {
+            let heavy = weight * columns[i];
+            own.pull[i] = pull.mul_add(columns[i], own.pull[i]);
+            for j in 0..=i {
+                own.gram[i][j] = heavy.mul_add(columns[j], own.gram[i][j]);
+            }
+        }
+        for i in 0..N {
+            let heavy = weight * slope[i];
+            shared.pull[i] = pull.mul_add(slope[i], shared.pull[i]);
+            for j in 0..=i {
+                shared.matrix[i][j] = heavy.mul_add(slope[j], shared.matrix[i][j]);
+            }
+            for column in 0..K {
+                own.mixed[i][column] = heavy.mul_add(columns[column], own.mixed[i][column]);
+            }
+        }
+    }
+
+    /// Must follow the last sample.
+    #[inline(always)]
+    fn sum(&mut self) {
+        let (some, all) = self.shared.split_at_mut(SECTORS);
+        for own in some {
+            all[0] = all[0].with(own, |all, own| all + own);
+        }
+        let (some, all) = self.by_band.split_at_mut(SECTORS * self.bands);
+        for own in some.chunks(self.bands) {
+            for (all, own) in all.iter_mut().zip(own) {
+                *all = all.with(own, |all, own| all + own);
+            }
+        }
+    }
+
+    /// The covariance of two tilts (xx, xy, yy). `typical` is what is known of shapes without any
+    /// photograph.
+    #[inline(always)]
+    fn covariance(&mut self, typical: R) -> [R; 3] {
+        let (zero, half) = (R::zero(), R::of(0.5));
+        let mut plain = [[zero; 2]; SECTORS];
+        let all = self.eliminate(None, typical);
+        for (sector, plain) in plain.iter_mut().enumerate() {
+            *plain = self.tilt(sector, &all);
+        }
+        let [mut xx, mut xy, mut yy] = [zero; 3];
+        for (sector, [u, v]) in plain.into_iter().enumerate() {
+            let others = self.eliminate(Some(sector), typical);
+            let [p, q] = self.tilt(sector, &others);
+            xx = p.mul_add(u, xx);
+            xy = half.mul_add(p.mul_add(v, q * u), xy);
+            yy = q.mul_add(v, yy);
+        }
+        [xx, xy, yy]
+    }
+
+    /// Eliminates the colours from the equations of all sectors, or of all but one.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
+    fn eliminate(&mut self, without: Option<usize>, typical: R) -> lm::Factor<R, N> {
+        let (zero, ridge) = (R::zero(), R::of(RIDGE));
+        let all = &self.shared[SECTORS];
+        let mut left = *all;
+        if let Some(sector) = without {
+            left = all.with(&self.shared[sector], |all, own| all - own);
+        }
+        let matrix = &mut left.matrix;
+        self.eliminated.clear();
+        for band in 0..self.bands {
+            let all = &self.by_band[SECTORS * self.bands + band];
+            let mut left = *all;
+            if let Some(sector) = without {
+                let own = &self.by_band[sector * self.bands + band];
+                left = all.with(own, |all, own| all - own);
+            }
+            let BandEquations { mut gram, mixed, .. } = left;
             for i in 0..K {
                 gram[i][i] = all.gram[i][i].mul_add(ridge, gram[i][i]);
             }
@@ -291,7 +365,7 @@ impl<R: Real, const K: usize, const N: usize> Without<R, K, N> {
                     }
                 }
             }
-            bands.push((factor, mixed));
+            self.eliminated.push((factor, mixed));
         }
         for i in 0..N {
             matrix[i][i] = all.matrix[i][i].mul_add(ridge, matrix[i][i]);
@@ -299,22 +373,24 @@ impl<R: Real, const K: usize, const N: usize> Without<R, K, N> {
                 matrix[i][i] = matrix[i][i] + typical;
             }
         }
-        Self { bands, factor: lm::factor(&matrix, zero, &[R::Mask::splat(false); N]) }
+        lm::factor(matrix, zero, &[R::Mask::splat(false); N])
     }
 
-    /// How far the normal tilts without the pulls of a group.
+    /// How far the normal tilts without the pulls of a sector, by the equations of the last
+    /// [`Self::eliminate`] and their factor.
     #[inline(always)]
-    fn tilt(&self, pull: &[R; N], by_band: &[BandEquations<R, K, N>]) -> [R; 2] {
-        let mut pull = pull.map(|pull| -pull);
-        for ((factor, mixed), own) in self.bands.iter().zip(by_band) {
-            let along = factor.solve(&own.pull);
+    fn tilt(&self, sector: usize, factor: &lm::Factor<R, N>) -> [R; 2] {
+        let mut pull = self.shared[sector].pull.map(|pull| -pull);
+        let by_band = &self.by_band[sector * self.bands..];
+        for ((colours, mixed), own) in self.eliminated.iter().zip(by_band) {
+            let along = colours.solve(&own.pull);
             for (pull, mixed) in pull.iter_mut().zip(mixed) {
                 for (&mixed, &along) in mixed.iter().zip(&along) {
                     *pull = mixed.mul_add(along, *pull);
                 }
             }
         }
-        let step = self.factor.solve(&pull);
+        let step = factor.solve(&pull);
         let length = step[0].mul_add(step[0], step[1] * step[1]).sqrt();
         let longest = R::of(LONGEST);
         let short = R::select(length.gt(longest), longest / length, R::one());
@@ -323,58 +399,34 @@ impl<R: Real, const K: usize, const N: usize> Without<R, K, N> {
 }
 
 impl<R: Real, const K: usize, const N: usize> BandEquations<R, K, N> {
+    /// Number by number; of the triangle, what is below the diagonal.
     #[inline(always)]
-    fn plus(&self, other: &Self) -> Self {
-        let mut sum = *self;
+    fn with(&self, other: &Self, both: impl Fn(R, R) -> R) -> Self {
+        let mut found = *self;
         for i in 0..K {
-            sum.pull[i] = self.pull[i] + other.pull[i];
+            found.pull[i] = both(self.pull[i], other.pull[i]);
             for j in 0..=i {
-                sum.gram[i][j] = self.gram[i][j] + other.gram[i][j];
+                found.gram[i][j] = both(self.gram[i][j], other.gram[i][j]);
             }
             for j in 0..N {
-                sum.mixed[j][i] = self.mixed[j][i] + other.mixed[j][i];
+                found.mixed[j][i] = both(self.mixed[j][i], other.mixed[j][i]);
             }
         }
-        sum
-    }
-
-    #[inline(always)]
-    fn less(&self, other: &Self) -> Self {
-        let mut left = *self;
-        for i in 0..K {
-            for j in 0..=i {
-                left.gram[i][j] = self.gram[i][j] - other.gram[i][j];
-            }
-            for j in 0..N {
-                left.mixed[j][i] = self.mixed[j][i] - other.mixed[j][i];
-            }
-        }
-        left
+        found
     }
 }
 
 impl<R: Real, const N: usize> SharedEquations<R, N> {
     #[inline(always)]
-    fn plus(&self, other: &Self) -> Self {
-        let mut sum = *self;
+    fn with(&self, other: &Self, both: impl Fn(R, R) -> R) -> Self {
+        let mut found = *self;
         for i in 0..N {
-            sum.pull[i] = self.pull[i] + other.pull[i];
+            found.pull[i] = both(self.pull[i], other.pull[i]);
             for j in 0..=i {
-                sum.matrix[i][j] = self.matrix[i][j] + other.matrix[i][j];
+                found.matrix[i][j] = both(self.matrix[i][j], other.matrix[i][j]);
             }
         }
-        sum
-    }
-
-    #[inline(always)]
-    fn less(&self, other: &Self) -> [[R; N]; N] {
-        let mut left = self.matrix;
-        for i in 0..N {
-            for j in 0..=i {
-                left[i][j] = self.matrix[i][j] - other.matrix[i][j];
-            }
-        }
-        left
+        found
     }
 }
 
@@ -436,10 +488,7 @@ mod tests {
     fn a_linear_problem_without_a_group_has_the_solution_of_the_other_groups() {
         let rows = rows();
         let whole = solved(rows.iter());
-        let no_band = BandEquations { gram: [[0.0; K]; K], mixed: [[0.0; K]; N], pull: [0.0; K] };
-        let nothing = SharedEquations { matrix: [[0.0; N]; N], pull: [0.0; N] };
-        let mut by_band = [no_band; 5 * BANDS];
-        let mut shared = [nothing; 5];
+        let mut equations = Equations::<f64, K, N>::new(BANDS);
         for row in &rows {
             let model: f64 = row.slope.iter().zip(&whole).map(|(s, x)| s * x).sum::<f64>()
                 + row
@@ -448,30 +497,14 @@ mod tests {
                     .zip(&whole[N + row.band * K..])
                     .map(|(c, x)| c * x)
                     .sum::<f64>();
-            let residual = row.sample - model;
-            for group in [row.group, 4] {
-                let (own, band) = (&mut shared[group], &mut by_band[group * BANDS + row.band]);
-                for i in 0..N {
-                    own.pull[i] += row.weight * row.slope[i] * residual;
-                    for j in 0..=i {
-                        own.matrix[i][j] += row.weight * row.slope[i] * row.slope[j];
-                    }
-                    for k in 0..K {
-                        band.mixed[i][k] += row.weight * row.slope[i] * row.columns[k];
-                    }
-                }
-                for i in 0..K {
-                    band.pull[i] += row.weight * row.columns[i] * residual;
-                    for j in 0..=i {
-                        band.gram[i][j] += row.weight * row.columns[i] * row.columns[j];
-                    }
-                }
-            }
+            let place = [row.group, row.band];
+            equations.add(place, &row.columns, &row.slope, row.weight, row.sample - model);
         }
+        equations.sum();
         for group in 0..4 {
             let expected = solved(rows.iter().filter(|row| row.group != group));
-            let others = Without::group(&shared, &by_band, Some(group), 0.0);
-            let found = others.tilt(&shared[group].pull, &by_band[group * BANDS..][..BANDS]);
+            let others = equations.eliminate(Some(group), 0.0);
+            let found = equations.tilt(group, &others);
             for k in 0..2 {
                 // The ridge is a millionth of what the others know.
                 let moved = expected[k] - whole[k];
