@@ -53,9 +53,10 @@ class Sbrdf(PixelMaps, Relightable):
     residual
         ``(y, x)`` float32 root mean square of the residuals, linear light.
     sigma
-        ``(y, x)`` float32 standard deviation of the normal along its worst axis, radians, with the
-        noise from the residuals of the pixel. It does not include errors of the model: where
-        several varnishes share one lobe, errors are several times larger.
+        ``(y, x)`` float32 standard deviation of the normal along its worst axis, radians, from the
+        residuals of the pixel. It contains what they show of errors of the model (see
+        :doc:`numerics`), not what all photographs share: wrong lights, or several varnishes under
+        one lobe that leave no residual.
     status
         ``(y, x)`` uint8, :class:`~impasto.Status`.
     normals

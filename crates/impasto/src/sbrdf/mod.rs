@@ -4,9 +4,11 @@
 //! pixel, [`lafortune`] fits Lafortune lobes in three passes. [`fit_highlight`] fits one lobe per pixel
 //! through samples of known angle. What they estimate is a [`Surface`](crate::surface::Surface).
 
+mod coherence;
 mod highlight;
 pub mod lafortune;
 mod lobes;
+mod neighbouring_lights;
 pub mod pooled;
 mod start;
 #[cfg(test)]

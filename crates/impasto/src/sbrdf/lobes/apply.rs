@@ -95,6 +95,7 @@ impl<M: LobeEstimation> LobeFit<'_, M> {
                     .collect();
                 out.reset(pixels.iter().map(|&pixel| self.start.status[pixel]));
                 let (fitted, _) = self.fit_pixels(scratch, &pixels);
+                self.predict_errors(scratch);
                 self.write(scratch, &fitted, &mut out);
             },
         )

@@ -19,6 +19,7 @@
 mod apply;
 mod brightest;
 mod forward_selection;
+mod jackknife;
 mod learn;
 mod maps;
 mod model;

@@ -3,6 +3,7 @@
 use crate::brdf::coated_diffuse::{CoatedDiffuse, Slope};
 use crate::geometry::Rig;
 use crate::math::{Real, Vec3};
+use crate::sbrdf::neighbouring_lights::NeighbouringLights;
 use crate::surface::Pairs;
 
 use super::model::LobeEstimation;
@@ -13,6 +14,7 @@ pub(in crate::sbrdf) struct Photographs<M: LobeEstimation> {
     pairs: Pairs<M>,
     /// Normals that would mirror the pairs.
     facing: Vec<Vec3<f64>>,
+    pub(super) neighbours: NeighbouringLights,
     /// What diffuse light crosses.
     coated: Option<CoatedDiffuse>,
 }
@@ -21,7 +23,7 @@ impl<M: LobeEstimation> Photographs<M> {
     pub(in crate::sbrdf) fn new(model: M, rig: &Rig, coated: Option<CoatedDiffuse>) -> Self {
         let pairs = Pairs::of_rig(model, rig);
         let facing = (0..pairs.len()).map(|index| model.facing(pairs.middle(index))).collect();
-        Self { model, pairs, facing, coated }
+        Self { model, pairs, facing, neighbours: NeighbouringLights::new(rig), coated }
     }
 
     pub(super) fn len(&self) -> usize {

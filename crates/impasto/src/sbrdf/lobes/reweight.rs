@@ -207,7 +207,7 @@ fn sample_weight<R: Real>(sample: R, [shown, diffuse]: [R; 2], variance: R, bend
 
 /// The predicted sample: the columns times their colours.
 #[inline(always)]
-fn light_of<R: Real, const K: usize>(columns: &[R; K], colours: &[R; K]) -> R {
+pub(super) fn light_of<R: Real, const K: usize>(columns: &[R; K], colours: &[R; K]) -> R {
     let mut light = R::zero();
     for (&column, &colour) in columns.iter().zip(colours) {
         light = colour.mul_add(column, light);
@@ -241,7 +241,11 @@ impl<R: Real<Scalar = f32>, const K: usize> ResidualSum<R, K> for Cost<'_, R, K>
 
 /// Sample, weight, and whether the sample is clipped (then it is a lower bound).
 #[inline(always)]
-fn look<R: Real<Scalar = f32>>(samples: &TileSamples, plane: usize, at: usize) -> (R, R, R::Mask) {
+pub(super) fn look<R: Real<Scalar = f32>>(
+    samples: &TileSamples,
+    plane: usize,
+    at: usize,
+) -> (R, R, R::Mask) {
     let sample = R::load(&samples.samples[plane * TILE + at..]);
     let clipped = sample.gt(R::of(f64::from(f32::MAX)));
     let sample = R::select(clipped, R::splat(samples.ceilings[plane]), sample);

@@ -13,6 +13,7 @@ use crate::stack::Stack;
 use crate::surface::MAX_PARAMETERS;
 
 use super::forward_selection::{ForwardSelection, Starts};
+use super::jackknife::Jackknife;
 use super::maps::{MOST_LOBES, TileMaps};
 use super::model::LobeEstimation;
 use super::options::{LobeOptions, Precision};
@@ -306,6 +307,25 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             ambient: self.options.ambient,
             renew,
             samples: &mut tile.colour,
+            solution,
+            lobes: self.options.lobes,
+            level: self.run.level,
+        }
+        .run();
+    }
+
+    /// Adds what the model does not describe to the errors of fitted normals.
+    pub(super) fn predict_errors(&self, scratch: &mut LobeScratch) {
+        if !self.options.normal {
+            return;
+        }
+        let LobeScratch { tile, solution } = scratch;
+        Jackknife {
+            photographs: self.photographs,
+            x: &tile.x,
+            y: &tile.y,
+            estimates: &mut tile.estimates,
+            samples: &tile.colour,
             solution,
             lobes: self.options.lobes,
             level: self.run.level,

@@ -6,6 +6,7 @@ use crate::geometry::Rig;
 use crate::maps::Status;
 use crate::pixels::{Run, TILE, tiles};
 use crate::sbrdf::Start;
+use crate::sbrdf::neighbouring_lights::NeighbouringLights;
 use crate::stack::{Decode, Stack};
 use crate::surface::{Pairs, TorranceSparrow};
 
@@ -138,6 +139,7 @@ pub(super) struct PooledScratch {
     /// Normals and colours without a lobe.
     matte: State,
     measured: Measured,
+    neighbours: NeighbouringLights,
 }
 
 impl PooledScratch {
@@ -148,6 +150,7 @@ impl PooledScratch {
             plain: vec![0.0; TILE],
             matte: State::sized(TILE, photographs.bands),
             measured: Measured::default(),
+            neighbours: NeighbouringLights::new(photographs.rig),
         }
     }
 }
@@ -191,7 +194,7 @@ impl Application<'_> {
         mut misfit: impl FnMut(usize, Strength) -> f32,
     ) -> [LobeEquations; 2] {
         let Passes { photographs, run, .. } = self.passes;
-        let PooledScratch { reader, state, plain, matte, measured } = scratch;
+        let PooledScratch { reader, state, plain, matte, measured, neighbours } = scratch;
         reader.read(photographs, self.begin, [start, count], run.level);
         out.begin(self.begin, &photographs.status[start..start + count], start);
         state.copy_from(&reader.begin);
@@ -219,7 +222,16 @@ impl Application<'_> {
         measured.resize(samples.picks.len());
         let tile = &state.tile(0, samples.picks.len());
         let (lobe, gaussian) = (self.lobe, self.gaussian);
-        run.level.run(Measure { photographs, run, tile, out: measured, samples, lobe, gaussian });
+        run.level.run(Measure {
+            photographs,
+            run,
+            tile,
+            out: measured,
+            samples,
+            lobe,
+            gaussian,
+            neighbours,
+        });
         for (place, &pixel) in samples.picks.iter().enumerate() {
             let residual = measured.residual[place];
             // Too few of the samples have finite squares: the pixel has no residual.

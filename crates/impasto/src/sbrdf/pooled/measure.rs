@@ -4,8 +4,10 @@
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
 use crate::pixels::Run;
+use crate::sbrdf::neighbouring_lights::NeighbouringLights;
 
 use super::irls::eliminate_tilts;
+use super::normal_covariance::NormalErrors;
 use super::pixel::{CommonLobe, Pixels};
 use super::samples::{Photographs, PooledTile, Samples};
 use super::scale::Gaussian;
@@ -41,6 +43,7 @@ pub(super) struct Measure<'a, 'b> {
     pub(super) samples: &'a Samples,
     pub(super) lobe: CommonLobe,
     pub(super) gaussian: Gaussian,
+    pub(super) neighbours: &'a NeighbouringLights,
 }
 
 impl Kernel for Measure<'_, '_> {
@@ -48,12 +51,13 @@ impl Kernel for Measure<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { photographs, run, tile, out, samples, lobe, gaussian } = self;
+        let Self { photographs, run, tile, out, samples, lobe, gaussian, neighbours } = self;
         let zero = I::F32::zero();
         let endless = I::F32::of(f64::from(f32::MAX));
         let mut pixels = Pixels::<I::F32>::new(photographs, lobe);
         let mut colours = vec![zero; photographs.bands];
         let mut pulls = vec![zero; photographs.bands];
+        let mut errors = NormalErrors::<I::F32>::new(photographs.pairs.len(), photographs.bands);
         // Unknowns of a pixel, in photographs: two tilts are shared by all bands.
         let unknowns = I::F32::of(1.0 + 2.0 / photographs.bands as f64);
         let mut at = 0;
@@ -84,8 +88,13 @@ impl Kernel for Measure<'_, '_> {
             let determinant = xx.mul_add(yy, -(xy * xy));
             let worst =
                 I::F32::select(determinant.gt(zero), (middle + reach) / determinant, endless);
+            let [scatter, coherence, smooth] =
+                errors.of(&pixels, normal, &colours, scale, &neighbours.nearest);
+            let variance = spread * worst;
+            let more = (scatter * pixels.used / freedom - variance).max(zero);
+            let sigma = coherence.mul_add(more, variance).sqrt() * smooth;
             // Half a sphere is as unknown as a normal can be.
-            let sigma = (spread * worst).sqrt().min(I::F32::of(core::f64::consts::FRAC_PI_2));
+            let sigma = sigma.min(I::F32::of(core::f64::consts::FRAC_PI_2));
             let sigma = I::F32::select(judged, sigma, nan);
 
             let residual = (sums.square / sums.weight).sqrt();

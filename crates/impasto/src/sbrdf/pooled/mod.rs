@@ -28,6 +28,7 @@ mod learn;
 mod learned;
 mod maps;
 mod measure;
+mod normal_covariance;
 mod outliers;
 mod passes;
 mod pixel;

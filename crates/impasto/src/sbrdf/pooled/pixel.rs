@@ -51,21 +51,21 @@ const DARK_NOISE: f64 = 0.1;
 
 /// Samples of the pixels in one register, and what the last place predicted of them.
 pub(super) struct Pixels<'a, R: Real> {
-    photographs: &'a Photographs<'a>,
-    beta: R,
-    sharpness: R,
+    pub(super) photographs: &'a Photographs<'a>,
+    pub(super) beta: R,
+    pub(super) sharpness: R,
     /// Light, irradiance and facet per photograph.
-    geometry: Vec<(Vec3<R>, R, Facet<R>)>,
+    pub(super) geometry: Vec<(Vec3<R>, R, Facet<R>)>,
     /// `(obs, band)`; 0 where not usable.
     samples: Vec<R>,
-    usable: Vec<R::Mask>,
+    pub(super) usable: Vec<R::Mask>,
     /// One over the expected variance of a photograph's samples.
-    precision: Vec<R>,
+    pub(super) precision: Vec<R>,
     /// `(obs, band)` at the last place.
-    residuals: Vec<R>,
+    pub(super) residuals: Vec<R>,
     /// Mean over the bands of the squared residuals, times the precision, per photograph.
-    squares: Vec<R>,
-    seen: Vec<(R, Glint<R>, R)>,
+    pub(super) squares: Vec<R>,
+    pub(super) seen: Vec<(R, Glint<R>, R)>,
     /// Usable photographs.
     pub(super) used: R,
     /// Squared scale at which residuals are rounding.
