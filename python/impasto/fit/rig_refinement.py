@@ -39,6 +39,8 @@ _STEP, _FINE = 0.05, 0.02
 _NEAREST = 0.6
 _FAR = 0.02
 """An inverse distance below this counts as 0: directions differ by a degree."""
+_DISTANT = 1e-6
+"""An inverse distance below this, which a parabola may find, is none in single precision."""
 _STILL = 0.002
 """Inverse distances and strengths take turns until the distances move by less than this."""
 _ROUNDS = 10
@@ -238,7 +240,7 @@ class _Search:
 
     def at(self, state: _State) -> Rig:
         """The rig of a state, for the whole painting."""
-        u, w = state.place.tolist()
+        u, w = np.where(state.place < _DISTANT, 0.0, state.place).tolist()
         lights: list[Light] = []
         for light, factor in zip(self._given.lights, np.exp(state.log).tolist(), strict=True):
             strength = light.intensity * factor
