@@ -10,7 +10,7 @@ import pytest
 
 import impasto
 from impasto import ArgumentError, simulate
-from impasto.fit.choice import CANDIDATES, MARGIN, decibels
+from impasto.fit.choice import CANDIDATES, MARGIN, Candidate, decibels, simplest
 from impasto.fit.cross_validation import split
 from impasto.fit.options import fit_kinds
 
@@ -49,9 +49,11 @@ def test_several_varnishes_ask_for_lobes_per_pixel(patches: impasto.Stack) -> No
     assert isinstance(fitted, impasto.LobeSbrdf)
     choice = fitted.chosen
     assert choice is not None
-    # The best of lobes per pixel also under a varnish.
-    assert [one.coated for one in choice.tried[:-1]] == [one.coated for one in CANDIDATES]
-    assert (choice.tried[-1].pooling, choice.tried[-1].coated) == ("pixel", True)
+    # The better number of lobes per pixel also under a varnish, without and with ambient light.
+    assert [one.coated for one in choice.tried[:-2]] == [one.coated for one in CANDIDATES]
+    assert [(one.pooling, one.coated) for one in choice.tried[-2:]] == 2 * [("pixel", True)]
+    assert [one.ambient for one in choice.tried[-2:]] == [False, True]
+    assert choice.tried[-2].lobes == choice.tried[-1].lobes
     assert choice.gain > 1.0
     # The simplest that is nearly the best.
     most = max(one.decibels for one in choice.tried)
@@ -65,6 +67,31 @@ def test_several_varnishes_ask_for_lobes_per_pixel(patches: impasto.Stack) -> No
     assert explicit.normal.tobytes() == fitted.normal.tobytes()
 
 
+def test_the_simplest_of_what_is_about_as_good() -> None:
+    """By photographs with residuals first, then by the model alone."""
+    simple, middle, most = CANDIDATES[:3]
+    rng = np.random.default_rng(3)
+    scatter = rng.normal(size=24)
+    scatter = (scatter - scatter.mean()) / scatter.std(ddof=1) * np.sqrt(24)  # standard error 1
+
+    def chosen(*each: tuple[float, float, float]) -> Candidate:
+        """Of models, models with residuals, and scatter against the last."""
+        return simplest(
+            [simple, middle, most],
+            [(model + error * scatter, full + error * scatter) for model, full, error in each],
+        )
+
+    flat = 0.0
+    assert chosen((30.0, 30.0, flat), (30.0, 30.0, flat), (30.2, 30.2, flat)) == most
+    assert chosen((30.0, 30.0, flat), (30.0, 30.15, flat), (30.2, 30.2, flat)) == most
+    assert chosen((30.0, 30.0, flat), (30.15, 30.15, flat), (30.2, 30.2, flat)) == middle
+    # Residuals hide that the first model is wrong by 10 dB; the second is only too plain.
+    assert chosen((20.0, 40.0, flat), (30.0, 40.0, flat), (29.0, 40.0, flat)) == middle
+    # The last is better than the first by 0.4 standard errors, and by 0.6.
+    assert chosen((30.0, 30.0, 1.0), (20.0, 20.0, flat), (30.4, 30.4, flat)) == simple
+    assert chosen((30.0, 30.0, 1.0), (20.0, 20.0, flat), (30.6, 30.6, flat)) == most
+
+
 def test_the_choice_is_saved_and_reported(patches: impasto.Stack, tmp_path: Path) -> None:
     fitted = impasto.fit_sbrdf(patches)
     fitted.save(tmp_path / "fit.npz")
@@ -73,7 +100,7 @@ def test_the_choice_is_saved_and_reported(patches: impasto.Stack, tmp_path: Path
     assert fitted.chosen is not None
     report = fitted.chosen.report()
     assert report["chosen"] == fitted.chosen.best.options
-    assert len(report["tried"]) == len(CANDIDATES) + 1
+    assert len(report["tried"]) == len(CANDIDATES) + 2
     for words in ("per pixel", "held-out photographs", "one lobe for the painting"):
         assert words in str(fitted.chosen)
     assert "held-out photographs" in fitted._repr_html_()

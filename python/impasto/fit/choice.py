@@ -248,7 +248,7 @@ def choose(
                 waiting += under_varnish(tried, each)
             if callback is not None:
                 callback(len(tried), len(tried) + len(waiting))
-    return Choice(_simplest(tried, each), tuple(tried), sum(len(fold.rig) for fold in folds))
+    return Choice(simplest(tried, each), tuple(tried), sum(len(fold.rig) for fold in folds))
 
 
 def under_varnish(tried: Sequence[Candidate], each: Sequence[Predicted]) -> list[Candidate]:
@@ -259,7 +259,7 @@ def under_varnish(tried: Sequence[Candidate], each: Sequence[Predicted]) -> list
     pixel = [index for index, one in enumerate(tried) if one.pooling == "pixel"]
     if not pixel:
         return []
-    best = _simplest([tried[index] for index in pixel], [each[index] for index in pixel])
+    best = simplest([tried[index] for index in pixel], [each[index] for index in pixel])
     return [
         replace(tried[index], coated=True, decibels=float("nan"))
         for index in pixel
@@ -316,7 +316,8 @@ def full_scale(truth: Sequence[NDArray[Any]]) -> float:
     return float(2.0 ** np.ceil(np.log2(bright))) if bright > 0.0 else 1.0
 
 
-def _simplest(tried: Sequence[Candidate], each: Sequence[Predicted]) -> Candidate:
+def simplest(tried: Sequence[Candidate], each: Sequence[Predicted]) -> Candidate:
+    """The simplest candidate about as good as the best, as :func:`choose` says."""
     good = np.ones(len(tried), np.bool_)
     for way in (1, 0):
         photographs = np.array([one[way] for one in each])

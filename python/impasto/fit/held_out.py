@@ -29,7 +29,7 @@ ROUNDING = 0.3
 """Trimmed means up to this many codes are rounding, which alone gives 0.22: nothing lowers them for
 a reason."""
 _SMALLEST = 0.05
-"""Least root mean square error in a ratio, in codes."""
+"""Least error in a ratio, in codes."""
 _BRIGHT = 99.5
 """Percentile of linear samples that counts as white where the files have no tone curve."""
 
@@ -53,8 +53,8 @@ class Comparison:
 
     @property
     def fall(self) -> float:
-        """Share by which the trimmed mean fell; 0 where that was rounding before."""
-        return 1.0 - self.trim / self.trim_before if self.trim_before > ROUNDING else 0.0
+        """Share by which the trimmed mean fell."""
+        return 1.0 - self.trim / max(self.trim_before, _SMALLEST)
 
     def better(self, fall: float, errors: float = 1.0) -> bool:
         """Whether the trim fell by this share and the gain exceeds so many standard errors."""
