@@ -13,6 +13,7 @@ import impasto
 from impasto import DistantLight, PointView, Rig, Scene
 from impasto.cli import main
 from impasto.io import write_stack
+from test_broad_lobes import photographs as varnished
 from test_rig_refinement import SHAPE, error, photographs
 
 pytestmark = pytest.mark.slow
@@ -121,3 +122,30 @@ def test_the_command_refines_and_says_so(
     assert main([*words, str(tmp_path / "left"), "--no-refine"]) == 0
     assert impasto.load_sbrdf(tmp_path / "left").rig.refinement is None
     assert "half-sides away" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("coated", [True, False])
+def test_strengths_do_not_stand_for_what_a_varnish_keeps_back(coated: bool) -> None:
+    _, even = varnished(0.12, 0.001, coated=coated)
+    strength = np.random.default_rng(5).uniform(0.6, 1.4, len(even.rig))
+    samples = even.samples * strength[:, None, None, None].astype(np.float32)
+    uneven = impasto.Stack(samples, lights=even.rig.directions)
+    rig = impasto.refine_rig(uneven, camera=False, lamps=False)
+    found = np.log(rig.intensities / strength)
+    # Noise of 0.1 % of white in 576 pixels of three bands leaves less than 0.1 %; with surfaces of
+    # the wrong kind 7 %.
+    assert np.abs(found - np.median(found)).mean() < 0.003
+
+
+def test_a_rig_is_left_as_it_is_where_errors_are_those_of_rounding() -> None:
+    _, even = varnished(0.12, 0.0)
+    rig = impasto.refine_rig(even)
+    assert rig.refinement is not None
+    assert not rig.refinement.accepted
+    assert "rounding" in rig.refinement.camera.reason
+    assert "rounding" in rig.refinement.strengths.reason
+    assert rig.intensities.tobytes() == even.rig.intensities.tobytes()
+    kept = impasto.refine_rig(even, camera=False, strengths=False).refinement
+    assert kept is not None
+    assert kept.camera.reason == "not requested"
+    assert kept.strengths.reason == "not estimated"
