@@ -146,7 +146,14 @@ def test_what_no_model_explains_is_shown_as_photographed(stack: impasto.Stack) -
     found = fit_sbrdf(dark._replace(mask=masked), refine=False)
     assert (found.status[:4, :4] >= impasto.Status.DARK).all()
     shown = found.predict(NEW)
-    assert np.isfinite(shown[..., :4, :4]).all()
+    known = found.predict(dark.rig.take([1]))[0, :, :4, :4]
+    # One of the few photographs that show the corner: its details, dimmed by black neighbours that
+    # a process with independent noise mixes in.
+    true = dark.linear(1)[:, :4, :4]
+    assert np.corrcoef(known.ravel(), true.ravel())[0, 1] > 0.98
+    assert 0.6 * true.sum() < known.sum() < 1.05 * true.sum()
+    grazing = found.predict([(0.0, 0.999, 0.04)])
+    assert np.isnan(grazing[..., :4, :4]).all()
     assert np.isnan(shown[..., -4:, -4:]).all()
     assert np.isnan(found.predict(NEW, fidelity="model")[..., :4, :4]).all()
 

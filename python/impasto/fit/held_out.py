@@ -25,9 +25,9 @@ CODES = 255.0
 """Errors are in codes of 8 bits, whatever the files have."""
 _COATED = 0.02
 """Share by which a varnish, or none, must lower the trimmed mean to be taken."""
-ROUNDING = 0.3
-"""Trimmed means up to this many codes are rounding, which alone gives 0.22: nothing lowers them for
-a reason."""
+ROUNDED = 0.3
+"""Trimmed means up to this many steps of the files are rounding, which alone gives 0.22: nothing
+lowers them for a reason."""
 _SMALLEST = 0.05
 """Least error in a ratio, in codes."""
 _BRIGHT = 99.5
@@ -109,8 +109,20 @@ class HeldOut:
     strengths stand for what the varnish keeps back, and a wrong distance hides it.
     """
 
-    def __init__(self, stack: Stack, pixels: int, *, index: float, threads: int | None) -> None:
-        self.coated = False
+    def __init__(
+        self,
+        stack: Stack,
+        pixels: int,
+        *,
+        index: float,
+        threads: int | None,
+        coated: bool = False,
+    ) -> None:
+        self.coated = coated
+        kind = stack.samples.dtype
+        fine = kind.itemsize > 1 and kind.kind in "iu"
+        self.rounded = ROUNDED * (CODES / np.iinfo(kind).max if fine else 1.0)
+        """Trimmed mean up to which errors are those of rounding: of floats, to 8 bits."""
         pitch = 1.0 if stack.rig.pitch_mm is None else stack.rig.pitch_mm
         # A point view says where the middle of the subsample lies, and forbids to pack it.
         eye = PointView((0.0, 0.0, 1.0))

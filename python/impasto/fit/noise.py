@@ -90,8 +90,10 @@ def _of_lobes(
 ) -> float:
     """Noise of a sample from the residuals of lobes per pixel; infinite where they say nothing."""
     bands, lobes = len(fitted.diffuse), float(np.median(fitted.lobes[rows, columns]))
-    # Of the normal two, of a lobe its shape, of the diffuse part and a lobe a strength per band.
-    freedom = count * bands - (2 + lobes + bands * (1 + lobes))
+    # Of the normal two, of a lobe its shape; of the diffuse part, a lobe and ambient light a
+    # strength per band.
+    ambient = 0 if getattr(fitted, "ambient", None) is None else 1
+    freedom = count * bands - (2 + lobes + bands * (1 + lobes + ambient))
     residual = fitted.residual[rows, columns]
     residual = residual[np.isfinite(residual)]
     if freedom <= 0 or residual.size < 16:

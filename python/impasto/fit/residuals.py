@@ -45,6 +45,8 @@ LEFT = 0.5
 """Root mean square of what other components hold, in codes, from which on they are left out."""
 BEYOND = 0.15
 """Distance from the lights seen over which residuals fade out, in stereographic coordinates."""
+SEEN = 0.03
+"""The same up to which pixels without a model are shown: 2 % darker, and black farther away."""
 ONE_VIEW = 0.05
 """Views within this angle, radians, are one view, as in the numerics."""
 ROWS = 32
@@ -130,18 +132,26 @@ class Residuals(LearnedResiduals):
     def add_to(self, shown: NDArray[np.float32], known: Rig, wanted: Rig) -> None:
         """Add to what the model shows ``(obs, band, y, x)``, in place."""
         weights = self.weights(known, wanted)
-        for photograph, row, light in zip(shown, weights, wanted.intensities, strict=True):
-            if row.any() and light > 0.0:
-                wait_for(self._add_to, photograph, row.astype(np.float32), float(light))
+        _, beyond = into_hull(stereographic(known.directions), stereographic(wanted.directions))
+        near = beyond <= SEEN
+        each = zip(shown, weights, wanted.intensities.tolist(), near.tolist(), strict=True)
+        for photograph, row, light, whole in each:
+            if row.any():
+                wait_for(self._add_to, photograph, row.astype(np.float32), light, whole)
 
     def _add_to(
-        self, photograph: NDArray[np.float32], weights: NDArray[np.float32], light: float
+        self,
+        photograph: NDArray[np.float32],
+        weights: NDArray[np.float32],
+        light: float,
+        whole: bool,
     ) -> None:
         unit = light * self.top
         for start in range(0, photograph.shape[1], ROWS):
             rows = np.s_[:, start : start + ROWS]
-            # Where there is no model, the photographs alone are interpolated.
-            photograph[rows] = np.nan_to_num(photograph[rows], nan=0.0, posinf=np.inf)
+            if whole:
+                # Where there is no model, the photographs alone are interpolated.
+                photograph[rows] = np.nan_to_num(photograph[rows], nan=0.0, posinf=np.inf)
             model = _CURVE.encode(photograph[rows] / np.float32(unit))
             codes = model.copy()
             for weight, plane in zip(weights, self.maps, strict=True):
@@ -196,18 +206,16 @@ def learn_residuals(stack: Stack, fit: Fit, *, threads: int | None) -> LearnedRe
     gains: dict[tuple[float, float, int], list[NDArray[np.float64]]] = {}
     for fold in folds:
         result = fit(fold.known)
-        lit = _lit(fold.rig)
-        units = top * fold.rig.intensities[lit]
-        limit = _coded_by(np.broadcast_to(ceiling, fold.compared[lit].shape), units)
-        model = _coded_by(result.predict(fold.rig)[lit], units)
-        truth = np.minimum(_coded_by(fold.compared[lit], units), limit)
-        truth[np.isnan(fold.compared[lit])] = np.nan
+        units, compared = top * fold.rig.intensities, fold.compared
+        limit = _coded_by(np.broadcast_to(ceiling, compared.shape), units)
+        model = _coded_by(result.predict(fold.rig), units)
+        truth = np.minimum(_coded_by(compared, units), limit)
+        truth[np.isnan(compared)] = np.nan
         alone = psnr(np.minimum(model, limit), truth)
         residual = _residual_codes(fold.known, result, top)
         basis = principal_components(residual)
         scores = np.tensordot(basis, residual, axes=1)
-        towards = fold.known.rig.directions, fold.rig.directions[lit]
-        places = stereographic(towards[0]), stereographic(towards[1])
+        places = stereographic(fold.known.rig.directions), stereographic(fold.rig.directions)
         for length, noise in itertools.product(LENGTHS, NOISES):
             process = LearnedResiduals(basis, length, noise, top, 0.0)
             weights = kriging_weights(*places, process) @ basis.T
@@ -313,8 +321,6 @@ def _accumulate(
     shown: NDArray[np.float32],
 ) -> None:
     light = float(stack.rig.intensities[index])
-    if not light > 0.0:
-        return
     linear = _seen(stack, index, shown)
     weights = learned.basis[:, index].astype(np.float32)
     for start in range(0, linear.shape[1], ROWS):
@@ -328,8 +334,8 @@ def _residual_codes(stack: Stack, result: Any, top: float) -> NDArray[np.float32
     """``(obs, band, y, x)``; 0 where a sample is missing."""
     codes = np.zeros(stack.shape, np.float32)
     shown = np.nan_to_num(result.predict(stack.rig), nan=0.0)
-    for index in _lit(stack.rig):
-        unit = float(stack.rig.intensities[index]) * top
+    for index, light in enumerate(stack.rig.intensities.tolist()):
+        unit = light * top
         codes[index] = _difference(_seen(stack, index, shown[index]), shown[index], unit)
     codes[..., result.status >= Status.INVALID_INPUT] = 0.0
     return codes
@@ -342,14 +348,10 @@ def _seen(stack: Stack, index: int, shown: NDArray[np.float32]) -> NDArray[np.fl
     return np.where(linear == np.inf, np.maximum(shown, clipped), linear)
 
 
-def _lit(rig: Rig) -> NDArray[np.intp]:
-    return np.flatnonzero(rig.intensities > 0.0)
-
-
 def _top(stack: Stack) -> float:
     """Linear light of full scale, relative to the strength of the light."""
-    lit = _lit(stack.rig)
-    return full_scale([stack.linear(i) / np.float32(stack.rig.intensities[i]) for i in lit])
+    lights = stack.rig.intensities.astype(np.float32)
+    return full_scale([stack.linear(index) / light for index, light in enumerate(lights)])
 
 
 def _difference(

@@ -18,7 +18,7 @@ from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.checks import refractive_index, truth
 from impasto.errors import ArgumentError
 from impasto.fit.coordinate_search import coordinate_search
-from impasto.fit.held_out import ROUNDING, Comparison, Errors, HeldOut
+from impasto.fit.held_out import Comparison, Errors, HeldOut
 from impasto.fit.strength_search import FEWEST, Alternation, gauge
 from impasto.fit.strengths import Strengths, strengths_of
 from impasto.refinement import Estimate, RigRefinement
@@ -45,12 +45,13 @@ _STILL = 0.002
 """Inverse distances and strengths take turns until the distances move by less than this."""
 _ROUNDS = 10
 _PASSES = 3
-_FALL, _ERRORS = 0.02, 1.0
-"""The trimmed error must fall by this share, and the gain exceed so many standard errors."""
-_CERTAIN = 3.0
-"""The same number for a distance. On metal, whose lobes fit worst, a wrong camera gained 2.6."""
-_DETERMINED = 0.1
-"""The same share where gloss is to determine tilt and fall-off; see ``fit.strengths``."""
+_FALL, _CERTAIN = 0.02, 3.0
+"""For a distance the trimmed error must fall by this share, and the gain exceed so many standard
+errors. On metal, whose lobes fit worst, a wrong camera gained 2.6 of them."""
+_MUCH, _LIKELY = 0.2, 1.0
+"""Or these: with a camera wrong by its own distance, a few photographs scatter the gain."""
+_DETERMINED, _ERRORS = 0.1, 1.0
+"""The same where gloss is to determine tilt and fall-off; see ``fit.strengths``."""
 _LITTLE = 0.01
 """A search of tilt and fall-off that lowers the error by less is the last."""
 _SPREAD = 8.0
@@ -100,8 +101,8 @@ def refine_rig(
     by parabolas. Strengths (:func:`fit_strengths`) and distances alternate, because each hides the
     other.
 
-    A distance is accepted only if the trimmed error falls by 2 % or more, the gain exceeds three
-    standard errors, all folds improve and agree about it, and the opposite sign (the same distances
+    A distance is accepted only if the trimmed error falls by 2 % or more and the gain exceeds three
+    standard errors, or 20 % and one; if all folds improve and agree about it, and the opposite sign (the same distances
     behind the painting) does not do as well. A camera's distance also needs errors above 1.2 codes
     of 8 bits without it: matte paint shows none, and its errors fall for wrong reasons. What is not
     accepted stays as given. Surfaces are under a varnish where that predicts better.
@@ -421,7 +422,7 @@ class _Search:
             raise ArgumentError("stack: no pixel can be fitted; impasto.doctor.examine says why")
         self._take(self._test.suited(self.at(nothing), self._folds))
         trim = self.errors(nothing).trim
-        if trim <= ROUNDING:
+        if trim <= self._test.rounded:
             return self._untouched(f"errors of {trim:.2f} codes are those of rounding")
         state = self.searched()
         found = state.place.copy()
@@ -441,7 +442,7 @@ class _Search:
             found = np.where(place > 0.0, near.place, found)
             # Strengths alone may do as well: they hide distances, and distances hide them.
             gain = self.errors(near).than(self.errors(best))
-            if gain.fall < _FALL:
+            if not _convincing(gain):
                 reasons = [
                     f"strengths alone do as well: {gain}" if place[axis] > 0.0 else reasons[axis]
                     for axis in (0, 1)
@@ -513,7 +514,7 @@ class _Search:
             far = min(far, self.best(state, others), key=lambda one: self.errors(one).trim)
         with_it, without = self.errors(state), self.errors(far)
         gain = with_it.than(without)
-        if not gain.better(_FALL, _CERTAIN):
+        if not _convincing(gain):
             return False, f"no better: {gain}"
         folds = [
             with_it.fold(one, self._folds) < (1.0 - 0.5 * _FALL) * without.fold(one, self._folds)
@@ -538,6 +539,10 @@ class _Search:
         """Of one rig against another, other folds, lobes as they are fitted."""
         folds = self._folds + 1
         return self._test.errors(rig, folds, 2).than(self._test.errors(before, folds, 2))
+
+
+def _convincing(gain: Comparison) -> bool:
+    return gain.better(_FALL, _CERTAIN) or gain.better(_MUCH, _LIKELY)
 
 
 def _inverse(place: float) -> float:

@@ -288,14 +288,13 @@ def strengths_of(
 
     ``start`` holds logarithms of factors, ``(obs,)``, to start from; their tilt and fall-off are
     those that are held. ``determined``: gloss has determined these before. ``coated``: whether the
-    surfaces are under a varnish; None: what predicts photographs held out better.
+    surfaces are under a varnish; None: what predicts photographs held out better, if any are.
     """
     count = len(stack.rig)
     folds = fold_count(count, FEWEST, _FOLDS) if gauge == "auto" else 0
-    test = HeldOut(stack, _TESTED, index=index, threads=threads)
+    test = HeldOut(stack, _TESTED, index=index, threads=threads, coated=bool(coated))
     if coated is None and folds:
         test = test.suited(stack.rig, folds)
-    test.coated = test.coated if coated is None else coated
     few = subsampled_to(stack, _PIXELS)
     samples = np.array([few.linear(photograph) for photograph in range(count)]).mean(axis=1)
 

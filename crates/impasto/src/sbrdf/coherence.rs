@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn no_residual_is_no_error() {
-        assert_eq!(found(1, 0.0) * 0.0, 0.0);
+        assert_eq!(found(1, 0.0), 0.0);
         assert_eq!(Coherence::<f32>::new(4, 3).share(&[]), 0.0);
     }
 }

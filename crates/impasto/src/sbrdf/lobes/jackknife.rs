@@ -17,8 +17,8 @@
 //!
 //! What is smoother than a sector is wide stays: an error that all lights share moves every `d_g`
 //! alike. It is the larger, the more of the residuals is an error of the model
-//! ([`coherence`](crate::sbrdf::coherence)), and the further the normal points away from the view:
-//! residuals of lobes and of reflected light are mostly symmetric about it, and so are lights. The
+//! ([`coherence`](crate::sbrdf::coherence)), and the further the normal leans away from that of the
+//! painting, which the view is near: residuals of lobes and of reflected light are mostly symmetric about it, and so are lights. The
 //! deviation is multiplied by `1 + kappa sin(t) coherence`.
 
 use crate::lm;
@@ -148,7 +148,12 @@ impl<M: LobeEstimation, const J: usize, const K: usize, const N: usize> Kernel
             for (lane, estimate) in estimates[at..].iter_mut().take(I::F32::WIDTH).enumerate() {
                 // A deviation that is no number, or endless, says that nothing is known.
                 let own = estimate.normal_deviation;
-                let known = if own.is_finite() { own.max(jackknife[lane]) } else { own };
+                let both = if jackknife[lane].is_finite() {
+                    own.max(jackknife[lane])
+                } else {
+                    f32::INFINITY
+                };
+                let known = if own.is_finite() { both } else { own };
                 estimate.normal_deviation = known * factor[lane];
             }
             at += I::F32::WIDTH;
