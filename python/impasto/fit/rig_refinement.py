@@ -102,10 +102,11 @@ def refine_rig(
     other.
 
     A distance is accepted only if the trimmed error falls by 2 % or more and the gain exceeds three
-    standard errors, or 20 % and one; if all folds improve and agree about it, and the opposite sign (the same distances
-    behind the painting) does not do as well. A camera's distance also needs errors above 1.2 codes
-    of 8 bits without it: matte paint shows none, and its errors fall for wrong reasons. What is not
-    accepted stays as given. Surfaces are under a varnish where that predicts better.
+    standard errors, or 20 % and one; if all folds improve and agree about it, and the opposite sign
+    (the same distances behind the painting) does not do as well. A camera's distance also needs
+    errors above 1.2 codes of 8 bits without it: matte paint shows none, and its errors fall for
+    wrong reasons. What is not accepted stays as given. Surfaces are under a varnish where that
+    predicts better.
 
     Parameters
     ----------
