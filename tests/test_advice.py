@@ -150,7 +150,7 @@ def test_several_varnishes_get_lobes_per_pixel_and_a_line_that_says_so(
     assert main(["fit", str(tmp_path / "stack.npz"), "--out", str(tmp_path / "fit")]) == 0
     told = said(capsys)
     assert "per pixel" in told
-    assert "dB on 16 held-out photographs; " in told
+    assert "dB on 16 held-out photographs; one lobe for the painting" in told
     report = json.loads((tmp_path / "fit" / "report.json").read_text(encoding="utf-8"))
     assert report["results"]["choice"]["chosen"]["pooling"] == "pixel"
 
