@@ -139,7 +139,8 @@ class HeldOut:
             known = linear[np.isfinite(linear)]
             white = float(np.percentile(known, _BRIGHT)) if known.size else 1.0
             self._curve, self._white = Encoding("srgb"), white if white > 0.0 else 1.0
-        self._truth = self._coded(linear)
+        self.truth = self.coded(linear)
+        """``(obs, band, y, x)`` codes of 8 bits; not finite where clipped or unknown."""
 
     def lit(self, rig: Rig) -> Stack:
         """The sample under a rig of the whole painting."""
@@ -171,7 +172,7 @@ class HeldOut:
             samples=np.ascontiguousarray(few.samples[rotated]),
             mask=None if mask is None else mask[rotated],
         )
-        other.samples, other._truth = self.samples[rotated], self._truth[rotated]
+        other.samples, other.truth = self.samples[rotated], self.truth[rotated]
         return other
 
     def surface(self, stack: Stack, lobes: int = 1) -> LobeSbrdf:
@@ -194,7 +195,7 @@ class HeldOut:
     def errors_of(self, stacks: list[Stack], lobes: int = 1) -> tuple[Errors, Errors]:
         """The same with a rig for each fold, as :meth:`lit` places it; own strengths, and given."""
         count, folds = len(self.samples), len(stacks)
-        coded = np.full((2, count, self._truth[0].size), np.nan)
+        coded = np.full((2, count, self.truth[0].size), np.nan)
         for fold, stack in enumerate(stacks):
             held = np.arange(fold, count, folds)
             seen = np.setdiff1d(np.arange(count), held)
@@ -205,10 +206,11 @@ class HeldOut:
             own = log_ratios(self.samples[held], shown.mean(axis=1), rig.intensities)
             alike = shown * np.exp(np.where(np.isfinite(own), own, 0.0))[:, None, None, None]
             for errors, light in zip(coded, (alike, shown), strict=True):
-                errors[held] = (self._coded(light) - self._truth[held]).reshape(len(held), -1)
+                errors[held] = (self.coded(light) - self.truth[held]).reshape(len(held), -1)
         return Errors(coded[0]), Errors(coded[1])
 
-    def _coded(self, linear: NDArray[Any]) -> NDArray[np.float64]:
+    def coded(self, linear: NDArray[Any]) -> NDArray[np.float64]:
+        """Linear light in codes of 8 bits."""
         codes = self._curve.encode(linear / self._white)
         return np.asarray(codes, dtype=np.float64) * (CODES / self._curve.white)
 

@@ -125,7 +125,7 @@ class Alternation:
         Damped rounds without acceleration, which would run along what photographs do not determine.
         """
         lights = self._stack.rig.directions
-        elevation = np.log(np.maximum(lights[:, 2], _GRAZING))
+        elevation = log_elevation(lights)
         log, known = start - np.median(start), np.ones(len(start), dtype=np.bool_)
         origin, usual = log, np.abs(log) <= OUTLIER
         step, normal, first = np.zeros(len(start)), np.zeros(3), None
@@ -137,7 +137,7 @@ class Alternation:
             first = normal if first is None else first
             new = log + _RELAXATION * np.where(known, left, 0.0)
             new += log_cosine(lights, normal) - log_cosine(lights, first)
-            new -= _fall_off(new - origin, elevation, known & usual)
+            new -= fall_off(new - origin, elevation, known & usual)
             new = np.where(known, new, 0.0)
             new -= np.where(known, np.median(new[known]), 0.0)
             step, log = new - log, new
@@ -171,6 +171,11 @@ def log_cosine(lights: NDArray[np.float64], normal: NDArray[np.float64]) -> NDAr
     return np.log(np.maximum(lights @ normal, _GRAZING))
 
 
+def log_elevation(lights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``(obs,)`` logarithm of the sine of the elevation above the picture."""
+    return log_cosine(lights, np.array([0.0, 0.0, 1.0]))
+
+
 def gauge(
     lights: NDArray[np.float64], normal: NDArray[np.float64], freedoms: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -187,8 +192,8 @@ def gauge(
     """
     tilted = normal + np.array([freedoms[0], freedoms[1], 0.0])
     tilted = tilted / np.linalg.norm(tilted)
-    elevation = np.log(np.maximum(lights[:, 2], _GRAZING))
-    log = log_cosine(lights, tilted) - log_cosine(lights, normal) + freedoms[2] * elevation
+    log = log_cosine(lights, tilted) - log_cosine(lights, normal)
+    log += freedoms[2] * log_elevation(lights)
     return np.asarray(log - np.median(log))
 
 
@@ -201,7 +206,7 @@ def scaled(rig: Rig, factor: NDArray[np.float64]) -> Rig:
     return rig.with_lights(lights)
 
 
-def _fall_off(
+def fall_off(
     log: NDArray[np.float64], elevation: NDArray[np.float64], usual: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
     """The part of ``log`` that is linear in the logarithm of the lamps' elevation."""
