@@ -21,6 +21,7 @@ from impasto.fit.choice import MARGIN, decibels, full_scale, shown_by_process
 from impasto.fit.cross_validation import FEWEST, Fold, folds_of
 from impasto.fit.relief import Relief, blocks
 from impasto.fit.residuals import usual_residuals
+from impasto.fit.subsample import stride_index
 from impasto.rig import Rig
 from impasto.stack import Stack
 
@@ -28,6 +29,9 @@ JUDGED = 64
 """Most cells a side of the reduced photographs by which it is decided."""
 KEPT = 128
 """The same of the relief that is kept."""
+READ = 4
+"""Pixels a side that are read of a large block: the mean of sixteen has little noise, and reading
+all of many photographs of a megapixel would take seconds."""
 SMALLEST = 8
 """Fewest cells a side that are a relief."""
 LEAST = 0.5
@@ -121,21 +125,27 @@ def _matters(result: Any) -> bool:
 def reduced(stack: Stack, cells: int) -> tuple[Stack, int]:
     """Photographs of at most so many pixels a side, means over blocks; and the side of a block.
 
-    A block with a clipped sample is clipped; most of whose pixels lie outside the mask is outside.
+    Of large blocks a regular sample of pixels is read. A block with a clipped sample is clipped;
+    one most of whose pixels lie outside the mask is outside.
     """
-    step = -(-max(stack.shape[2:]) // cells)
+    size = stack.shape[2:]
+    step = -(-max(size) // cells)
     if step == 1:
         return stack, 1
-    outside = None if stack.mask is None else ~stack.mask
+    stride = max(step // READ, 1)
+    side = -(-step // stride)
+    step = side * stride
+    some = stride_index(size, stride)
+    inside = None if stack.mask is None else stack.mask[some]
 
     def shrunk(index: int) -> NDArray[np.float32]:
-        linear = stack.linear(index)
-        if outside is not None:
-            linear[:, outside] = np.nan
-        return blocks(linear, step)
+        linear = stack._linear(stack.samples[index][some])
+        if inside is not None:
+            linear[:, ~inside] = np.nan
+        return blocks(linear, side)
 
     samples = np.stack([wait_for(shrunk, index) for index in range(len(stack.rig))])
-    mask = None if stack.mask is None else blocks(stack.mask.astype(np.float32), step) >= 0.5
+    mask = None if inside is None else blocks(inside.astype(np.float32), side) >= 0.5
     pitch = None if stack.rig.pitch_mm is None else stack.rig.pitch_mm * step
     right, up = stack.rig.origin
     rig = Rig(stack.rig, pitch_mm=pitch, origin=(right / step, up / step))
