@@ -38,8 +38,8 @@ GATHERED = 48
 deep relief 0.35 degrees of error, 48 and 96 cells 0.32, none 0.97."""
 AZIMUTHS = 32
 """Directions in which each cell looks for others."""
-TOGETHER = 64
-"""Lights that are computed at a time."""
+REMEMBERED = 128
+"""Lights whose shadows are kept in memory, 30 MB for the largest relief."""
 LOWEST = 0.01
 """Cosine to the painting's normal of the lowest light that may cast shadows: one along the
 painting is in nobody's photographs."""
@@ -187,13 +187,28 @@ class Relief:
 
     def _each(self, rig: Rig) -> Iterator[tuple[int, float, Map, Map | None]]:
         """Number, intensity, visibility and irradiance from around of each light."""
-        for start in range(0, len(rig), TOGETHER):
-            some = rig.take(range(start, min(start + TOGETHER, len(rig))))
-            visibility = self.visibility(some)
-            around = self.irradiance(some, visibility) if self.interreflection else None
-            for index, light in enumerate(some.intensities.tolist()):
-                from_around = None if around is None else around[index]
-                yield start + index, light, visibility[index], from_around
+        for index, light in enumerate(rig.intensities.tolist()):
+            yield index, light, *self._under(rig.take([index]))
+
+    def _under(self, light: Rig) -> tuple[Map, Map | None]:
+        """Visibility and irradiance under one light; fits that are compared ask for them again.
+
+        Of one alone: a product of matrices of another shape has other bits.
+        """
+        numbers = (light.vectors, light.near, light.falloff, light.intensities)
+        key = (light.pitch_mm, *(array.tobytes() for array in numbers))
+        found = self._known.get(key)
+        if found is None:
+            visible = self.visibility(light)
+            around = self.irradiance(light, visible)[0] if self.interreflection else None
+            found = visible[0], around
+            if len(self._known) < REMEMBERED:
+                self._known[key] = found
+        return found
+
+    @cached_property
+    def _known(self) -> dict[Any, tuple[Map, Map | None]]:
+        return {}
 
     def _at(self, cells: Map, size: tuple[int, ...], rig: Rig) -> Map:
         """Maps of cells at the pixels of a picture."""
