@@ -184,6 +184,8 @@ def fit(
         )
         if sbrdf.chosen is not None:
             stages.say(f"  {'':14}[dim]{sbrdf.chosen}[/]")
+        if sbrdf.relief is not None:
+            stages.say(f"  {'':14}[dim]{sbrdf.relief}[/]")
         panel = panel_of(sbrdf)
         if panel is not None:
             stages.say(f"  {'':14}[dim]{panel}[/]")
@@ -333,4 +335,5 @@ def numbers(stack: Stack, sbrdf: Sbrdf, reflectance: Any) -> dict[str, Any]:
         "residual_median": median(sbrdf.residual),
         "reflectance": None if reflectance is None else reflectance.info,
         "choice": None if sbrdf.chosen is None else sbrdf.chosen.report(),
+        "relief": None if sbrdf.relief is None else sbrdf.relief.report(),
     }

@@ -191,6 +191,7 @@ def choose(
     fit: Callable[[Stack, Candidate], Any],
     *,
     open_varnish: bool = True,
+    part: Stack | None = None,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Choice:
@@ -212,6 +213,8 @@ def choose(
         its residuals if they may be kept.
     open_varnish
         Whether the best of lobes per pixel is tried under a varnish, too.
+    part
+        The pixels to judge by; default: a sample of some 2000 of the stack's.
     threads
         As in :func:`impasto.fit_sbrdf`.
     progress
@@ -221,7 +224,7 @@ def choose(
     if count < FEWEST:
         return Choice(UNTRIED, (), 0, f"{count} photographs are too few to hold any out")
     try:
-        folds = folds_of(subsampled_to(stack, PIXELS), threads)
+        folds = folds_of(subsampled_to(stack, PIXELS) if part is None else part, threads)
     except GeometryError:
         return Choice(UNTRIED, (), 0, "without some of the photographs no normal is determined")
     if all(fold.unknown is not None for fold in folds):
@@ -237,7 +240,8 @@ def choose(
             candidate = waiting.pop(0)
             errors: dict[tuple[float, float], list[NDArray[np.float64]]] = {}
             for fold in folds:
-                for process, shown in _shown(fit(fold.known, candidate), fold.rig).items():
+                fitted = fit(fold.known, candidate)
+                for process, shown in shown_by_process(fitted, fold.rig).items():
                     found = decibels(shown / top, fold.compared / top)
                     errors.setdefault(process, []).append(found)
             # The model alone, and with the residuals that help most, if any do.
@@ -267,7 +271,7 @@ def under_varnish(tried: Sequence[Candidate], each: Sequence[Predicted]) -> list
     ]
 
 
-def _shown(result: Any, rig: Rig) -> dict[tuple[float, float], NDArray[np.float32]]:
+def shown_by_process(result: Any, rig: Rig) -> dict[tuple[float, float], NDArray[np.float32]]:
     """What a fit predicts: the model alone (zeros), and with residuals by their process."""
     found = {(0.0, 0.0): result.predict(rig, fidelity="model")}
     if result.residuals is not None:

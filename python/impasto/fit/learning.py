@@ -22,13 +22,16 @@ from impasto.fit.lobes import HALO, LearnedLobes, LobeOptions, apply_lobes, lear
 from impasto.fit.normals import LearnedNormals, Method, learn_normals
 from impasto.fit.options import FitKind, Model, Pooling, fit_kind, fit_kinds
 from impasto.fit.pooled import Extraction, apply_pooled, learn_pooled, pooled_sbrdf, without_gloss
+from impasto.fit.relief import Relief
 from impasto.fit.residuals import LearnedResiduals, apply_residuals
 from impasto.fit.result import Sbrdf
 from impasto.fit.saved import arrays_of
 from impasto.fit.sbrdf import (
     checked_options,
     chosen_kind,
+    learned_relief,
     learned_residuals,
+    relief_wanted,
     start_normals,
     with_refined_rig,
 )
@@ -66,6 +69,9 @@ class LearnedModel:
         What ``pooling="auto"`` chose, and against what; None where the caller chose.
     residuals
         How residuals are kept and interpolated; None: they are not kept.
+    relief
+        The painting's cast shadows and interreflections, which are taken off every stack; None:
+        they do not count.
     rig
         The refined rig, which replaces that of every stack; None: it was not refined.
     stereo
@@ -83,6 +89,7 @@ class LearnedModel:
     fit: LearnedLobe | LearnedLobes | None
     chosen: Choice | None = None
     residuals: LearnedResiduals | None = None
+    relief: Relief | None = None
     rig: Rig | None = None
     stereo: LearnedNormals | None = None
 
@@ -149,7 +156,10 @@ class LearnedModel:
         size = stack.shape[2:]
         tile = window((rows, columns), size)
         wide = _widened(tile, size, self.halo)
-        near = stack[wide]
+        photographs = stack[wide]
+        near = photographs
+        if self.relief is not None:
+            near = self.relief.removed(photographs, threads=threads)
         stereo = start_normals(near, self.method, self.effort, threads, progress, self.stereo)
         inner = _within(tile, wide)
         if isinstance(self.fit, LearnedLobes):
@@ -158,21 +168,22 @@ class LearnedModel:
             )
             options = self.fit.options
             lobes = maps.result(near[inner], stereo[inner], options.index, coated=options.coated)
-            return self._completed(lobes, near[inner])
+            return self._completed(lobes, photographs[inner])
         if isinstance(self.fit, LearnedLobe):
             pooled = apply_pooled(self.fit, near, stereo, threads=threads, progress=progress)
-            return self._completed(pooled_sbrdf(self.fit, pooled, near, stereo), near)
+            return self._completed(pooled_sbrdf(self.fit, pooled, near, stereo), photographs)
         if self.pooling == "none":
-            return self._completed(without_gloss(near, stereo), near)
+            return self._completed(without_gloss(near, stereo), photographs)
         fitted = fit_lafortune(
             near, stereo, lobes=self.lobes, effort=self.effort, threads=threads, progress=progress
         )
-        return self._completed(fitted, near)
+        return self._completed(fitted, photographs)
 
     def _completed(self, result: Sbrdf, stack: Stack) -> Sbrdf:
-        """A tile's result with what was chosen and, if wanted, with its residuals."""
+        """A tile's result with what was chosen, the relief and, if wanted, its residuals."""
+        result = replace(result, chosen=self.chosen, relief=self.relief)
         kept = None if self.residuals is None else apply_residuals(self.residuals, stack, result)
-        return replace(result, chosen=self.chosen, residuals=kept)
+        return replace(result, residuals=kept)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz``, for :func:`load_learned`; it appears whole or not at all.
@@ -194,6 +205,7 @@ class LearnedModel:
         arrays |= {f"fit.{name}": array for name, array in _fit_arrays(self.fit).items()}
         arrays |= {} if self.chosen is None else self.chosen.arrays()
         arrays |= {} if self.residuals is None else arrays_of(self.residuals, "residuals.")
+        arrays |= {} if self.relief is None else arrays_of(self.relief, "relief.")
         rig = {} if self.rig is None else arrays_of_rig(self.rig)
         arrays |= {f"rig.{name}": array for name, array in rig.items()}
         if self.stereo is not None:
@@ -216,6 +228,7 @@ def learn_sbrdf(
     normals: Method | None = None,
     refine: bool | None = None,
     residuals: bool | None = None,
+    relief: bool | None = None,
     extent: tuple[int, int] | None = None,
     effort: EffortLike = "standard",
     threads: int | None = None,
@@ -233,8 +246,9 @@ def learn_sbrdf(
         The whole painting, or a sample of it: a part, or the whole with a mask.
     model, pooling, lobes, ambient, coated, extraction, peak, joint, index
         What is fitted, as in :func:`impasto.fit_sbrdf`.
-    refine, residuals, effort, threads, progress
-        As in :func:`impasto.fit_sbrdf`. ``pooling="segment"`` has no learned model.
+    refine, residuals, relief, effort, threads, progress
+        As in :func:`impasto.fit_sbrdf`. ``pooling="segment"`` has no learned model. A relief is
+        learned from the whole painting only: from a part, with a larger ``extent``, there is none.
     normals
         The name of a method of :func:`impasto.fit_normals`; default: its own default.
     extent
@@ -264,10 +278,18 @@ def learn_sbrdf(
     kinds = fit_kinds(model, pooling, given)
     before = stack.rig
     stack = with_refined_rig(stack, kinds, given, refine, maps=False, threads=threads)
-    choice, kind, given = chosen_kind(stack, kinds, given, normals, residuals, threads, progress)
+    chosen = chosen_kind(stack, kinds, given, normals, residuals, threads, progress)
+    checked_options(*chosen[1:])
+    shape = None
+    if _extent(extent, stack) == stack.shape[2:] and relief_wanted(relief, chosen[0]):
+        shape, chosen = learned_relief(stack, kinds, given, chosen, normals, residuals, threads)
+    choice, kind, given = chosen
     options = checked_options(kind, given)
     wanted = choice is not None if residuals is None else truth(residuals, "residuals")
     size = _extent(extent, stack)
+    photographs = stack
+    if shape is not None:
+        stack = shape.removed(stack, threads=threads)
     fit: LearnedLobe | LearnedLobes | None = None
     known = None
     if normals in {None, "robust"}:
@@ -285,7 +307,8 @@ def learn_sbrdf(
         options.get("lobes", 1),
         fit,
         choice,
-        learned_residuals(stack, kind, given, normals, threads) if wanted else None,
+        learned_residuals(photographs, kind, given, normals, threads, shape) if wanted else None,
+        shape,
         None if stack.rig is before else stack.rig,
         known,
     )
@@ -317,6 +340,7 @@ def load_learned(path: str | os.PathLike[str]) -> LearnedModel:
             _fit_of(kind, _part(one, "fit.")),
             Choice.of_maps(maps),
             _residuals_of(_part(one, "residuals.")),
+            _relief_of(_part(one, "relief.")),
             rig_of_arrays(rig) if (rig := _part(one, "rig.")) else None,
             _stereo_of(_part(one, "stereo.")),
         )
@@ -396,6 +420,15 @@ def _residuals_of(arrays: Mapping[str, NDArray[Any]]) -> LearnedResiduals | None
         return None
     numbers = {name: float(arrays[name]) for name in ("length", "noise", "top", "gain")}
     return LearnedResiduals(basis=arrays["basis"].astype(np.float64), **numbers)
+
+
+def _relief_of(arrays: Mapping[str, NDArray[Any]]) -> Relief | None:
+    if not arrays:
+        return None
+    fields: dict[str, Any] = {
+        name: array.item() if array.ndim == 0 else array for name, array in arrays.items()
+    }
+    return Relief(**fields)
 
 
 def _stereo_of(arrays: Mapping[str, NDArray[Any]]) -> LearnedNormals | None:

@@ -176,7 +176,9 @@ def kriging_weights(
     return np.asarray(weights * np.exp(-0.5 * (distance / BEYOND) ** 2)[:, None], np.float64)
 
 
-def learn_residuals(stack: Stack, fit: Fit, *, threads: int | None) -> LearnedResiduals | None:
+def learn_residuals(
+    stack: Stack, fit: Fit, *, part: Stack | None = None, threads: int | None
+) -> LearnedResiduals | None:
     """The process that predicts held-out photographs best; None if the model alone does.
 
     Parameters
@@ -185,6 +187,8 @@ def learn_residuals(stack: Stack, fit: Fit, *, threads: int | None) -> LearnedRe
         The photographs.
     fit
         The fit whose residuals are meant.
+    part
+        The pixels to learn from; default: a sample of some 2000 of the stack's.
     threads
         None means every allowed core.
 
@@ -195,7 +199,7 @@ def learn_residuals(stack: Stack, fit: Fit, *, threads: int | None) -> LearnedRe
     """
     if len(stack.rig) < FEWEST or _core.views_differ(RigArguments.of(stack.rig)):
         return None
-    part = subsampled_to(stack, PIXELS)
+    part = subsampled_to(stack, PIXELS) if part is None else part
     try:
         folds = [fold for fold in folds_of(part, threads) if fold.unknown is None]
     except GeometryError:
@@ -278,9 +282,8 @@ def apply_residuals(learned: LearnedResiduals, stack: Stack, result: Any) -> Res
     """
     _, bands, height, width = stack.shape
     maps = np.zeros((len(learned.basis), bands, height, width), np.float32)
-    surface = result.surface()
     for index in range(len(stack.rig)):
-        shown = np.nan_to_num(surface.predict(stack.rig.take([index]))[0], nan=0.0)
+        shown = np.nan_to_num(result.modelled(stack.rig.take([index]))[0], nan=0.0)
         wait_for(_accumulate, maps, learned, stack, index, shown)
     # A pixel that was not to be seen stays without a number.
     maps[..., result.status >= Status.INVALID_INPUT] = np.nan

@@ -22,11 +22,12 @@ from impasto.fit.gloss import Gloss, gloss_of_pixels
 from impasto.fit.normals import Normals
 from impasto.fit.pixel import Pixel, lobes_of
 from impasto.fit.pixel_maps import PixelMaps
+from impasto.fit.relief import Relief, relief_of
 from impasto.fit.residuals import Residuals, residuals_of
 from impasto.fit.saved import Reader, arrays_of, over
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
 from impasto.render import Fidelity, Image, render
-from impasto.rig import FRONTAL, DistantLight, PointLight, PointView, Rig, Views
+from impasto.rig import FRONTAL, DistantLight, PointLight, PointView, Rig, Views, quarter_turns_of
 from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status
@@ -70,6 +71,9 @@ class Sbrdf(PixelMaps, Relightable):
     residuals
         What the model leaves of the photographs, interpolated to new lights by :meth:`predict` and
         :func:`impasto.render`; None where that predicts no better, or was not wanted.
+    relief
+        The painting's cast shadows and interreflections, of which normals and colours are free and
+        which :meth:`predict` shows; None where that predicts no better, or was not wanted.
     """
 
     normal: NDArray[np.float32] = field(metadata=over("axis", "y", "x"))
@@ -82,6 +86,7 @@ class Sbrdf(PixelMaps, Relightable):
     bands: tuple[str, ...] = field(metadata=over("band", dtype=np.str_))
     chosen: Choice | None = field(default=None, kw_only=True)
     residuals: Residuals | None = field(default=None, kw_only=True)
+    relief: Relief | None = field(default=None, kw_only=True)
 
     @property
     @abstractmethod
@@ -117,7 +122,8 @@ class Sbrdf(PixelMaps, Relightable):
             default: those of the rig, frontal for lights without one.
         fidelity
             ``"photographs"``: the model and, where there are any, its interpolated ``residuals``,
-            seen as the photographs were; ``"model"``: the model alone.
+            seen as the photographs were; ``"model"``: the model alone. Both have the shadows and
+            interreflections of ``relief``, if there is one.
         threads, progress
             None means every allowed core; a bool or a callable ``(done, total)``.
 
@@ -131,11 +137,30 @@ class Sbrdf(PixelMaps, Relightable):
         rig = self.rig if lights is None else lights
         if self.rig.refinement is not None and _directions_only(rig):
             rig = self.rig.at(rig)
-        shown = self.surface().predict(rig, views, threads=threads, progress=progress)
+        shown = self.modelled(rig, views, threads=threads, progress=progress)
         if self.residuals is not None and fidelity == "photographs":
-            pitch = getattr(rig, "pitch_mm", None) or self.pitch_mm
-            self.residuals.add_to(shown, self.rig, Rig(rig, views=views, pitch_mm=pitch))
+            self.residuals.add_to(shown, self.rig, self._placed(rig, views))
         return shown
+
+    def modelled(
+        self,
+        rig: Any,
+        views: Views | None = None,
+        *,
+        threads: int | None = None,
+        progress: bool | ProgressCallback = False,
+    ) -> NDArray[np.float32]:
+        """What :meth:`predict` shows without residuals, of lights that are what they say."""
+        surface = self.surface()
+        shown = surface.predict(rig, views, threads=threads, progress=progress)
+        if self.relief is not None:
+            placed = Rig(self._placed(rig, views), origin=self.rig.origin)
+            self.relief.add_to(shown, surface.diffuse, surface.ambient, placed)
+        return shown
+
+    def _placed(self, rig: Any, views: Views | None) -> Rig:
+        pitch = getattr(rig, "pitch_mm", None) or self.pitch_mm
+        return Rig(rig, views=views, pitch_mm=pitch)
 
     def eye(self) -> tuple[float, float, float] | PointView:
         """The near camera of all photographs; in front if there is none."""
@@ -146,17 +171,20 @@ class Sbrdf(PixelMaps, Relightable):
         return PointView((x, y, z))
 
     def unmodelled(self, rig: Rig) -> NDArray[np.float32] | None:
-        """What the photographs show besides the model under all lights of a rig: ``residuals``."""
-        if self.residuals is None:
+        """What photographs show besides the surface under all lights of a rig.
+
+        That is what ``residuals`` and ``relief`` say.
+        """
+        if self.residuals is None and self.relief is None:
             return None
         surface = self.surface()
         total = np.zeros_like(surface.diffuse)
         for light in range(len(rig)):
             one = rig.take([light])
-            model = surface.predict(one)
-            shown = model.copy()
-            self.residuals.add_to(shown, self.rig, one)
-            total += (shown - model)[0]
+            shown = self.modelled(one)
+            if self.residuals is not None:
+                self.residuals.add_to(shown, self.rig, one)
+            total += (shown - surface.predict(one))[0]
         return total
 
     def render(self, scene: Scene, **options: Any) -> Image:
@@ -258,7 +286,15 @@ class Sbrdf(PixelMaps, Relightable):
         residuals = self.residuals
         if residuals is not None:
             residuals = replace(residuals, maps=np.take(residuals.maps, chosen, axis=1))
-        return replace(self, bands=bands, normals=normals, residuals=residuals, **planes)
+        relief = None if self.relief is None else self.relief.with_bands(chosen)
+        planes |= {"residuals": residuals, "relief": relief}
+        return replace(self, bands=bands, normals=normals, **planes)
+
+    def rotated(self, quarter_turns: int = 1) -> Self:  # noqa: D102
+        found = super().rotated(quarter_turns)
+        if self.relief is None:
+            return found
+        return replace(found, relief=self.relief.rotated(quarter_turns_of(quarter_turns)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` for :func:`impasto.load_sbrdf`; it appears complete or not at all.
@@ -318,6 +354,8 @@ class Sbrdf(PixelMaps, Relightable):
             rows["chosen"] = str(self.chosen)
         if self.residuals is not None:
             rows["residuals"] = f"predict new lights {self.residuals.gain:.1f} dB better"
+        if self.relief is not None:
+            rows["relief"] = str(self.relief)
         pictures = {"diffuse": thumbnail(self.diffuse), "normals": normal_thumbnail(self.normal)}
         return table(type(self).__name__, rows, pictures)
 
@@ -336,7 +374,10 @@ class Sbrdf(PixelMaps, Relightable):
         residuals = None
         if "residuals.maps" in maps.arrays:
             residuals = residuals_of(maps, reader.fields(Residuals, "residuals."))
-        return replace(found, chosen=Choice.of_maps(maps), residuals=residuals)
+        relief = None
+        if "relief.height" in maps.arrays:
+            relief = relief_of(maps, reader.fields(Relief, "relief."))
+        return replace(found, chosen=Choice.of_maps(maps), residuals=residuals, relief=relief)
 
     @classmethod
     def _read(cls, reader: Reader, shared: dict[str, Any]) -> dict[str, Any]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
-from typing import Any, Literal, TypedDict, Unpack, get_args, overload
+from typing import Any, Literal, TypeAlias, TypedDict, Unpack, get_args, overload
 
 from numpy.typing import ArrayLike
 
@@ -19,10 +20,19 @@ from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
 from impasto.fit.choice import CANDIDATES, Candidate, Choice, choose
 from impasto.fit.lafortune import LafortuneSbrdf, fit_lafortune
+from impasto.fit.learned_relief import (
+    JUDGED,
+    Fit,
+    learn_relief,
+    reduced,
+    relief_sample,
+    with_relief,
+)
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count
 from impasto.fit.normals import LearnedNormals, Method, Normals, fit_normals
 from impasto.fit.options import FitKind, Model, Pooling, fit_kind, fit_kinds
 from impasto.fit.pooled import Extraction, PooledSbrdf, fit_pooled, without_gloss
+from impasto.fit.relief import Relief
 from impasto.fit.residuals import (
     LearnedResiduals,
     apply_residuals,
@@ -39,6 +49,8 @@ RESULTS: dict[str, type[Sbrdf]] = {
     kind.kind(): kind for kind in (PooledSbrdf, SegmentSbrdf, LobeSbrdf, LafortuneSbrdf)
 }
 """Every kind of result, by the name in its files."""
+Chosen: TypeAlias = tuple[Choice | None, FitKind, dict[str, Any]]
+"""How a fit was chosen, the fit and its options."""
 
 
 def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf:
@@ -67,6 +79,7 @@ class Common(TypedDict, total=False):
     normals: Normals | Method | None
     refine: bool | None
     residuals: bool | None
+    relief: bool | None
     check: bool
     effort: EffortLike
     threads: int | None
@@ -153,6 +166,7 @@ def fit_sbrdf(
     normals: Normals | Method | None = None,
     refine: bool | None = None,
     residuals: bool | None = None,
+    relief: bool | None = None,
     check: bool = False,
     effort: EffortLike = "standard",
     threads: int | None = None,
@@ -231,6 +245,13 @@ def fit_sbrdf(
         Whether to keep what the model leaves of the photographs, for new lights seen from the same
         view: by kriging, if held-out photographs are then predicted better. Default: where
         ``pooling="auto"`` has chosen. Not with ``segments``, and never from several views.
+    relief
+        Whether to heed the painting's own cast shadows and interreflections, where held-out
+        photographs are then predicted better: heights are integrated from the normals, light that
+        came from other places is taken off the samples, and the fit is repeated
+        (:doc:`models`). ``relief`` of the result is what :meth:`predict` needs of it. Default:
+        where ``pooling="auto"`` has chosen. Not with ``segments`` or normals that are maps, and
+        never from several views.
     check
         Whether to refuse a stack whose lights are mirrored, rotated or exchanged, or that has a
         photograph twice (:func:`impasto.doctor.before_fit`); default: False. The command line
@@ -289,7 +310,16 @@ def fit_sbrdf(
         checked_normals(normals, stack)
     kinds = fit_kinds(model, pooling, given)
     stack = with_refined_rig(stack, kinds, given, refine, maps=maps, threads=threads)
-    choice, kind, given = chosen_kind(stack, kinds, given, normals, residuals, threads, progress)
+    chosen = chosen_kind(stack, kinds, given, normals, residuals, threads, progress)
+    choice, kind, _ = chosen
+    checked_options(*chosen[1:])
+    shape = None
+    if relief and (maps or "segments" in kind.defaults):
+        beside = "normals that are maps" if maps else "segments"
+        raise ArgumentError(f"relief: a fit with {beside} has none; leave one of them out")
+    if not maps and "segments" not in kind.defaults and relief_wanted(relief, choice):
+        shape, chosen = learned_relief(stack, kinds, given, chosen, normals, residuals, threads)
+    choice, kind, given = chosen
     options = checked_options(kind, given)
     labels = None
     if "segments" in options:
@@ -297,6 +327,9 @@ def fit_sbrdf(
     wanted = choice is not None if residuals is None else truth(residuals, "residuals")
     if wanted and labels is not None:
         raise ArgumentError("residuals: a fit with segments keeps none; leave one of them out")
+    photographs = stack
+    if shape is not None:
+        stack = shape.removed(stack, threads=threads)
     stereo = start_normals(stack, normals, effort, threads, progress)
     options |= {"effort": effort, "threads": threads, "progress": progress}
 
@@ -312,11 +345,49 @@ def fit_sbrdf(
         result = fit_lobes(stack, stereo, **options)
     else:
         result = pooled(stereo) if labels is None else fit_segments(labels, stereo, pooled)
-    kept = None
+    result = replace(result, chosen=choice, relief=shape)
     if wanted:
-        learned = learned_residuals(stack, kind, given, normals, threads)
-        kept = None if learned is None else apply_residuals(learned, stack, result)
-    return replace(result, chosen=choice, residuals=kept)
+        learned = learned_residuals(photographs, kind, given, normals, threads, shape)
+        kept = None if learned is None else apply_residuals(learned, photographs, result)
+        result = replace(result, residuals=kept)
+    return result
+
+
+def relief_wanted(relief: bool | None, choice: Choice | None) -> bool:
+    """Whether a relief is looked for; by default where something was chosen."""
+    return choice is not None if relief is None else truth(relief, "relief")
+
+
+def learned_relief(
+    stack: Stack,
+    kinds: Sequence[FitKind],
+    given: Mapping[str, Any],
+    chosen: Chosen,
+    normals: Normals | Method | None,
+    residuals: bool | None,
+    threads: int | None,
+) -> tuple[Relief | None, Chosen]:
+    """The relief of a fit, from held-out photographs, and the fit with it; None: it does not help.
+
+    Light from around is a varnish or ambient light to fits that do not know it: where the choice
+    is open, it is made again without that light.
+    """
+    alone = _plain_fit(*chosen[1:], normals, threads)
+    few = relief_sample(stack, alone)
+    if few is None:
+        return None, chosen
+    again, fits = chosen, [alone]
+    if len(kinds) > 1:
+        again = chosen_kind(
+            stack, kinds, given, normals, residuals, threads, False, part=few, before=alone
+        )
+        if again[1:] != chosen[1:]:
+            fits.append(_plain_fit(*again[1:], normals, threads))
+    found = learn_relief(stack, few, fits, threads=threads)
+    if found is None:
+        return None, chosen
+    relief, fit = found
+    return relief, chosen if fit is alone else again
 
 
 def learned_residuals(
@@ -325,17 +396,41 @@ def learned_residuals(
     given: Mapping[str, Any],
     normals: Normals | Method | None,
     threads: int | None,
+    relief: Relief | None,
 ) -> LearnedResiduals | None:
-    """The process of a fit's residuals, from held-out photographs; None if it does not help."""
+    """The process of a fit's residuals, from held-out photographs; None if it does not help.
+
+    With a relief they are those of reduced photographs, each fit with a relief of its own.
+    """
+    fit = _plain_fit(kind, given, normals, threads)
+    if relief is None:
+        return learn_residuals(stack, fit, threads=threads)
+
+    def with_its_own(known: Stack) -> Sbrdf:
+        result: Sbrdf = with_relief(known, fit, 1, interreflection=relief.interreflection)
+        return result
+
+    part, _ = reduced(stack, JUDGED)
+    return learn_residuals(stack, with_its_own, part=part, threads=threads)
+
+
+def _plain_fit(
+    kind: FitKind,
+    given: Mapping[str, Any],
+    normals: Normals | Method | None,
+    threads: int | None,
+) -> Fit:
+    """A fit to some photographs, without what is learned from those that are held out."""
     method = normals if isinstance(normals, str) else None
     options: dict[str, Any] = {name: given.get(name) for name in kind.defaults}
     options |= {"model": kind.model, "pooling": kind.pooling, "normals": method}
+    options |= {"refine": False, "residuals": False, "relief": False, "threads": threads}
 
     def fit(known: Stack) -> Sbrdf:
-        result: Sbrdf = fit_sbrdf(known, **options, refine=False, residuals=False, threads=threads)
+        result: Sbrdf = fit_sbrdf(known, **options)
         return result
 
-    return learn_residuals(stack, fit, threads=threads)
+    return fit
 
 
 def with_refined_rig(
@@ -368,20 +463,31 @@ def chosen_kind(
     residuals: bool | None,
     threads: int | None,
     progress: bool | ProgressCallback,
-) -> tuple[Choice | None, FitKind, dict[str, Any]]:
+    *,
+    part: Stack | None = None,
+    before: Fit | None = None,
+) -> Chosen:
     """The fit among ``kinds``, its options, and how it was chosen; None where nothing was open.
 
-    Fits whose residuals will be kept are compared with those.
+    Fits whose residuals will be kept are compared with those. With the fit ``before``, all have the
+    relief that it finds in some of the photographs of ``part``.
     """
     if len(kinds) == 1:
         return None, kinds[0], dict(given)
     # Normals of all photographs know those that are held out.
     method = normals if isinstance(normals, str) else None
 
+    @cache
+    def around(known: Stack) -> Relief | None:
+        return None if before is None else Relief.of(before(known), 1, interreflection=True)
+
     def fit(known: Stack, candidate: Candidate) -> Sbrdf:
         options: dict[str, Any] = {**given, **candidate.options}
-        options |= {"normals": method, "refine": False, "residuals": False}
-        result: Sbrdf = fit_sbrdf(known, **options, threads=threads)
+        options |= {"normals": method, "refine": False, "residuals": False, "relief": False}
+        relief = around(known)
+        seen = known if relief is None else relief.removed(known, threads=threads)
+        result: Sbrdf = fit_sbrdf(seen, **options, threads=threads)
+        result = replace(result, relief=relief)
         return replace(result, residuals=usual_residuals(known, result)) if kept else result
 
     kept = residuals is not False and not _core.views_differ(RigArguments.of(stack.rig))
@@ -391,7 +497,13 @@ def chosen_kind(
     if coated is not None:
         candidates = [replace(one, coated=coated) for one in candidates if not one.coated]
     choice = choose(
-        stack, candidates, fit, open_varnish=coated is None, threads=threads, progress=progress
+        stack,
+        candidates,
+        fit,
+        open_varnish=coated is None,
+        part=part,
+        threads=threads,
+        progress=progress,
     )
     chosen = dict(choice.best.options)
     kind = fit_kind(kinds[0].model, chosen.pop("pooling"))
