@@ -92,7 +92,7 @@ def expected_sigma(
     moves = inverse @ lights.T @ columns
     apart = columns - lights @ moves
     own = np.diag(columns.T @ columns)
-    # The ridge keeps columns that are nearly alike, or nearly nothing, from having large coefficients.
+    # The ridge keeps columns that are nearly alike, or nearly nothing, from large coefficients.
     ridge = np.diag(1e-3 * own + 1e-6 * own[0])
     found = np.linalg.solve(apart.T @ apart + ridge, apart.T @ residual)
     squares, explained = residual @ residual, found @ apart.T @ residual
@@ -106,7 +106,7 @@ def expected_sigma(
     tangent = np.eye(3) - np.outer(normal, normal)
     worst = np.linalg.eigvalsh(tangent @ inverse @ tangent)[-1]
     shift = 0.63**2 * share * ((tangent @ moves @ found) ** 2).sum()
-    behind = lights @ normal < -0.05
+    behind = (lights @ normal < -0.05) & (samples / length < 0.1)
     light = samples[behind].mean() / length - 0.5 * np.sqrt(variance) if behind.any() else 0.0
     lean = np.linalg.norm(np.cross(normal, view))
     correlated = (2.5 * correlation * lean) ** 2 * variance

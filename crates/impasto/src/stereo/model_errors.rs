@@ -10,7 +10,8 @@
 //!   `G = A^-1 sum w l c'`. Noise alone explains as much of the squares as the mean of F's distribution
 //!   [@fisher1925methods] says; the share beyond that counts, as in Stein's rule
 //!   [@efron1973stein].
-//! - *Light from other surfaces.* It is all that a sample in shadow shows, and is about as large where the lamp shines.
+//! - *Light from other surfaces.* It is all that a sample shows whose light is behind the surface, and is about as large
+//!   where the lamp shines.
 //! - *What is still alike under neighbouring lights* ([`Learned::correlation`](super::Learned)). It is mostly symmetric about the
 //!   view, and so are the lights: it tilts a normal the more the further it leans.
 
@@ -48,11 +49,11 @@ const LEAST_LEFT: f64 = 1e-6;
 const UNKNOWNS: f64 = 3.0;
 const COLUMNS: f64 = 5.0;
 
-/// Cosine of a normal with a light from which on it is turned to it or away.
+/// Cosine of a normal with a light from which on it is turned away.
 const TURNED: f64 = 0.05;
 
-/// Samples below this share of what the cosine says are in a shadow that is cast.
-const CAST: f64 = 0.5;
+/// Light in shadow, relative to the brightness, from which on it is no other surface's: a highlight, or an insect.
+const BRIGHT: f64 = 0.1;
 
 /// Scales of the noise below which light in shadow is none: samples of nothing are clipped at 0, and the mean
 /// of what is left of normal noise is 0.4 of its scale.
@@ -95,11 +96,10 @@ pub(super) fn near_views(rig: &Rig) -> bool {
     !rig.views().iter().all(View::is_distant)
 }
 
-/// The weights of the robust lanes, and their samples.
-pub(super) struct RobustSamples<'a, R: Real> {
+/// The weights of the robust lanes.
+pub(super) struct RobustWeights<'a, R: Real> {
     pub(super) robust: R::Mask,
     pub(super) weights: &'a [R],
-    pub(super) used: &'a [R::Mask],
 }
 
 /// The weighted equations of the normals, and their solution.
@@ -119,7 +119,7 @@ pub(super) struct ModelErrors<'a, R: Real, L> {
     /// Which samples are valid, and all of them.
     pub(super) samples: (&'a [R::Mask], PlaneRows<'a>),
     /// Nothing: every pixel keeps least squares.
-    pub(super) robust: Option<RobustSamples<'a, R>>,
+    pub(super) robust: Option<RobustWeights<'a, R>>,
     pub(super) equations: Equations<R>,
     pub(super) correlation: f64,
 }
@@ -213,10 +213,9 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> ModelErrors<'_, R, L> {
             let (direction, towards) = (light.scale(per_irradiance), views.at(k));
             let sample: R = signal.at(k);
             let residual = R::keep(kept, residual(sample, light, b) * per_length);
-            let (mut weight, mut used) = (R::keep(kept, one), kept);
+            let mut weight = R::keep(kept, one);
             if let Some(own) = robust {
                 weight = R::keep(kept, R::select(own.robust, own.weights[k], one));
-                used = own.used[k];
             }
             let cosine = normal.dot(direction);
 
@@ -249,8 +248,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> ModelErrors<'_, R, L> {
             view = towards.mul_add(weight, view);
 
             let seen = sample * per_irradiance * per_length;
-            let dark = seen.lt(cosine * R::of(CAST)) & cosine.gt(R::of(TURNED)) & !used;
-            let shadow = kept & (dark | cosine.lt(R::of(-TURNED)));
+            let shadow = kept & cosine.lt(R::of(-TURNED)) & seen.lt(R::of(BRIGHT));
             indirect = indirect + R::keep(shadow, seen);
             shadowed = shadowed + R::keep(shadow, one);
         }

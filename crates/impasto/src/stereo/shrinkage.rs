@@ -6,7 +6,7 @@ use super::lanes::{NormalLanes, NormalSolution};
 use super::learning::{Neighbours, PixelStatistics};
 use super::lights::Lights;
 use super::mm_estimation::{LeastSquares, MmEstimate, MmSamples};
-use super::model_errors::{Equations, ModelErrors, RobustSamples};
+use super::model_errors::{Equations, ModelErrors, RobustWeights};
 use super::rejection::RejectionOutcome;
 use super::rows::PlaneRows;
 use super::solve::{Solution, Symmetric, SymmetricInverse};
@@ -56,7 +56,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
     fn with_model_errors(
         &self,
         noise: R,
-        robust: Option<RobustSamples<'_, R>>,
+        robust: Option<RobustWeights<'_, R>>,
         signal: PlaneRows<'_>,
         &Solution { matrix, inverse, .. }: &Solution<R>,
         b: Vec3<R>,
@@ -107,7 +107,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
         };
         let worst = weighted.matrix.worst_tangent_variance(&weighted.inverse, normal);
         let rough = (squares * worst * self.share.per_freedom).sqrt() * per_length;
-        let samples = RobustSamples { robust, weights: &mm.weights, used };
+        let samples = RobustWeights { robust, weights: &mm.weights };
         let sigma = R::select(robust, rough, least.sigma);
         let count = estimate.used;
         let sigma = self.with_model_errors(sigma, Some(samples), signal, &weighted, b, count);
