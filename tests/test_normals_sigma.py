@@ -78,6 +78,93 @@ def test_trimming_under_a_ring_of_one_elevation_is_worse_than_predicted(
     assert inside == pytest.approx(share, abs=0.02)
 
 
+def expected_sigma(
+    samples: np.ndarray, lights: np.ndarray, view: np.ndarray, correlation: float
+) -> float:
+    """The formula of docs/numerics.md for one pixel that keeps least squares, by dense algebra."""
+    b = np.linalg.lstsq(lights, samples, rcond=None)[0]
+    length = np.linalg.norm(b)
+    normal, residual = b / length, (samples - lights @ b) / length
+    half = lights + view
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    columns = np.stack([np.ones(len(lights)), np.maximum(half @ normal, 0.0) ** 16], axis=1)
+    inverse = np.linalg.inv(lights.T @ lights)
+    moves = inverse @ lights.T @ columns
+    apart = columns - lights @ moves
+    own = np.diag(columns.T @ columns)
+    # The ridge keeps columns that are nearly alike, or nearly nothing, from large coefficients.
+    ridge = np.diag(1e-3 * own + 1e-6 * own[0])
+    found = np.linalg.solve(apart.T @ apart + ridge, apart.T @ residual)
+    squares, explained = residual @ residual, found @ apart.T @ residual
+    count = len(lights)
+    left = (squares - explained) / (count - 5)
+    mean_of_f = (count - 5) / (count - 7)
+    share = max(0.0, 1.0 - mean_of_f / (explained / 2 / left))
+    freedom = count - 3 - 2 * share
+    variance = (squares - share * explained) / freedom
+    student = 1.0 + 0.521 / (freedom - 0.377)
+    tangent = np.eye(3) - np.outer(normal, normal)
+    worst = np.linalg.eigvalsh(tangent @ inverse @ tangent)[-1]
+    shift = 0.63**2 * share * ((tangent @ moves @ found) ** 2).sum()
+    behind = (lights @ normal < -0.05) & (samples / length < 0.1)
+    light = samples[behind].mean() / length - 0.5 * np.sqrt(variance) if behind.any() else 0.0
+    lean = np.linalg.norm(np.cross(normal, view))
+    correlated = (2.5 * correlation * lean) ** 2 * variance
+    indirect = (3.0 * max(light, 0.0)) ** 2
+    return float(np.sqrt(variance * worst * student**2 + shift + indirect + correlated))
+
+
+@pytest.mark.parametrize("view", [(0.0, 0.0, 1.0), (0.3, -0.2, 0.9)])
+@pytest.mark.parametrize("correlation", [0.0, 0.4])
+def test_sigma_of_least_squares_pixels_is_that_of_the_formula(
+    view: tuple[float, float, float], correlation: float
+) -> None:
+    rng = np.random.default_rng(3)
+    lights = spiral(24).directions
+    normal = np.stack([*rng.normal(0, 0.4, (2, 200)), np.ones(200)])
+    normal /= np.linalg.norm(normal, axis=0)
+    cosine = lights @ normal
+    # A varnish and a lobe, faint enough to keep least squares, and light from elsewhere.
+    samples = 0.4 * cosine - 0.01 + 0.02 * cosine**4 + rng.normal(0, 0.004, cosine.shape)
+    eye = np.array(view) / np.linalg.norm(view)
+    stack = impasto.Stack(samples[:, None, None], lights=impasto.Rig(lights, views=eye))
+    learned = impasto.LearnedNormals(0.1, correlation)
+    fit = impasto.fit_normals(stack, learned=learned)
+    plain = impasto.fit_normals(stack, method="least-squares")
+    same = np.abs(fit.normal - plain.normal).max(axis=0)[0] < 1e-6
+    assert same.mean() > 0.5
+    stored = np.asarray(stack.samples[:, 0, 0], np.float64)
+    expected = [expected_sigma(stored[:, i], lights, eye, correlation) for i in range(200)]
+    # Single precision leaves 1e-7 of a sample, 1e-5 of a residual and, of columns that are alike up
+    # to the ridge of 1e-3, some 1e-3 of their coefficients.
+    np.testing.assert_allclose(fit.sigma[0][same], np.array(expected)[same], rtol=5e-3)
+
+
+def test_sigma_contains_what_varnish_and_gloss_do_to_a_leaning_normal() -> None:
+    rng = np.random.default_rng(11)
+    lights = spiral(49).directions
+    normal = np.stack([*rng.normal(0, 0.4, (2, *SHAPE)), np.ones(SHAPE)])
+    normal /= np.linalg.norm(normal, axis=0)
+    cosine = np.maximum(np.einsum("oc,cyx->oyx", lights, normal), 0.0)
+    half = lights + np.array([0.0, 0.0, 1.0])
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    gloss = 0.4 * np.maximum(np.einsum("oc,cyx->oyx", half, normal), 0.0) ** 60
+    # Schlick's approximation: what an interface reflects does not reach the paint.
+    samples = 0.5 * cosine * (1.0 - 0.04 - 0.96 * (1.0 - cosine) ** 5) + gloss
+    samples += rng.normal(0, 0.002, samples.shape)
+    stack = impasto.Stack(samples, lights=lights)
+    fit = impasto.fit_normals(stack)
+    angle = np.arcsin(np.linalg.norm(np.cross(fit.normal, normal, axis=0), axis=0))
+    noise = fit.residual / np.linalg.norm(fit.albedo, axis=0) * np.sqrt(3.0 / fit.used)
+    ratio, alone = (
+        np.nanquantile(angle / each, 0.68) / np.sqrt(-2 * np.log(0.32))
+        for each in (fit.sigma, noise)
+    )
+    # Two thirds, as for noise; were residuals independent, under lights on all sides.
+    assert 0.8 < ratio < 1.25
+    assert alone > 2.0
+
+
 def spiral(count: int) -> impasto.Rig:
     azimuth = np.arange(count) * np.pi * (3 - np.sqrt(5))
     z = np.linspace(0.95, 0.3, count)

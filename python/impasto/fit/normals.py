@@ -79,7 +79,8 @@ class Normals(PixelMaps):
     sigma
         ``(y, x)`` float32, predicted standard deviation of the normal along its worst axis, rad:
         68 % of errors along that axis are smaller where the noise is normal. With ``"robust"`` it
-        contains errors of the model, from residuals that are alike under neighbouring lights.
+        contains errors of the model: what gloss, varnish and light from other surfaces do to it, as
+        far as residuals and shadows show it.
     status
         ``(y, x)`` uint8, see :class:`~impasto.Status`.
     method

@@ -43,10 +43,11 @@ impl NormalFit<'_, '_, '_> {
             let end = BLOCK.min(tile.count - start);
             let mut at = 0;
             while at < end {
+                let (x, y) = (R::load(&scratch.x[at..]), R::load(&scratch.y[at..]));
                 if !L::DISTANT {
-                    let (x, y) = (R::load(&scratch.x[at..]), R::load(&scratch.y[at..]));
                     pixels.lights.aim(problem.rig, x, y);
                 }
+                pixels.views.aim(problem.rig, x, y);
                 let samples = RegisterSamples::of(scratch, problem, at);
                 let mut sum = R::zero();
                 for k in 0..problem.rig.observations() {

@@ -7,6 +7,7 @@ use super::learning::{LightNeighbours, PixelStatistics};
 use super::lights::Lights;
 use super::m_estimators::{Absolute, Cauchy, ErrorScale, Huber, LossFunction, Tukey};
 use super::mm_estimation::MmEstimation;
+use super::model_errors::Views;
 use super::problem::{Learned, Method, StereoProblem};
 use super::rejection::{Ranks, RejectionOutcome, RejectionRule, threshold};
 use super::rows::{MAX_LANES, PlaneRows, any};
@@ -43,6 +44,7 @@ pub(super) struct NormalLanes<R: Real, L> {
     pub(super) neighbours: Option<LightNeighbours>,
     pub(super) statistics: PixelStatistics<R>,
     pub(super) lights: L,
+    pub(super) views: Views<R>,
     /// Of all lights, where that is the same for every pixel; without `b` and `total`.
     uniform: Option<Solution<R>>,
     /// Rows of the pseudoinverse of all lights.
@@ -78,6 +80,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
             neighbours: problem.learns.then(|| LightNeighbours::new(problem.rig)),
             statistics: PixelStatistics::none(),
             lights: L::new(problem.rig),
+            views: Views::new(problem),
             uniform: None,
             pseudoinverse: Vec::new(),
             kept: vec![Mask::splat(false); count],

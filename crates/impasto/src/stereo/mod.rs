@@ -21,6 +21,7 @@ mod lights;
 mod m_estimators;
 mod m_scale;
 mod mm_estimation;
+mod model_errors;
 mod problem;
 mod rejection;
 mod results;
@@ -38,6 +39,7 @@ use crate::pixels::Run;
 use crate::stack::Stack;
 
 use distant_system::DistantSystem;
+use model_errors::near_views;
 use problem::StereoProblem;
 pub use problem::{Learned, Method, StereoOptions};
 use rejection::RejectionRule;
@@ -112,6 +114,7 @@ fn estimate(
         loss: options.method.loss(),
         options: *options,
         learns: statistics.is_some(),
+        near_views: options.method == Method::Robust && near_views(rig),
         run,
         uniform: (rule == RejectionRule::All && one_path && rig.is_distant())
             .then(|| DistantSystem::new(rig)),

@@ -136,6 +136,8 @@ pub(super) struct StereoProblem<'a> {
     pub(super) options: StereoOptions,
     /// Whether the pixels are a sample to learn from.
     pub(super) learns: bool,
+    /// Whether a camera is near and the method asks where it is.
+    pub(super) near_views: bool,
     pub(super) run: &'a Run<'a>,
     /// Only where every valid sample counts and all lights are distant.
     pub(super) uniform: Option<DistantSystem>,

@@ -65,7 +65,7 @@ impl StereoScratch {
                 (sum * share).store(&mut mean[at..]);
             }
         }
-        if !problem.rig.is_distant() {
+        if !problem.rig.is_distant() || problem.near_views {
             problem.rig.grid().coordinates(start, &mut self.x, &mut self.y);
         }
     }

@@ -1,14 +1,4 @@
-//! From least squares to the robust estimate as far as the evidence goes, and a predicted error that
-//! contains what the model cannot describe.
-//!
-//! Residuals of noise alone are independent from light to light. Where a lobe, interreflection or a wrong curve is
-//! left in them they are alike under neighbouring lights, no number of photographs averages them out, and
-//! the covariance of least squares is far too small. The correlation of the painting's residuals
-//! ([`Learned::correlation`](super::Learned)) tells the two apart. Such residuals are mostly symmetric about the
-//! view, and so are the lights: they tilt a normal the more the further it points away from it. With
-//! the used samples' standard deviation `s` and the angle `t` between normal and view,
-//! `sigma^2 = S^2 + (kappa rho sin(t) s / |b|)^2`, where `S` is the deviation of the covariance
-//! `f s^2 A^-1 + (1 - f) s_LS^2 (L'L)^-1`.
+//! From least squares to the robust estimate as far as the evidence goes.
 
 use crate::math::{Mask, Real, Vec3};
 
@@ -16,13 +6,11 @@ use super::lanes::{NormalLanes, NormalSolution};
 use super::learning::{Neighbours, PixelStatistics};
 use super::lights::Lights;
 use super::mm_estimation::{LeastSquares, MmEstimate, MmSamples};
+use super::model_errors::{Equations, ModelErrors, RobustWeights};
 use super::rejection::RejectionOutcome;
 use super::rows::PlaneRows;
 use super::solve::{Solution, Symmetric, SymmetricInverse};
 use super::sums::{Accumulate, Squares};
-
-/// `kappa`, calibrated on path-traced objects of known normals (docs/numerics.md).
-const CORRELATED: f64 = 7.0;
 
 impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
     /// The estimate that starts from `least` squares over all valid samples.
@@ -53,25 +41,37 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
                 self.statistics = PixelStatistics { known, scale: some.scale, sums };
             }
         }
-        let spread = (least.squares * self.share.per_freedom).sqrt() / least.length;
-        least.sigma = self.with_correlated(least.sigma, spread, least.normal);
         let Some(estimate) = estimate else {
+            let (start, count) = (&least.start, self.valid);
+            least.sigma = self.with_model_errors(least.sigma, None, signal, start, start.b, count);
             self.follow::<ALL>(bands, least.normal, least.length, None);
             return least;
         };
         self.towards::<ALL>(least, &estimate, signal, bands)
     }
 
-    /// Adds what correlated residuals do to the error.
+    /// The predicted error of `b`, from the equations whose weights it has. `noise` is that of
+    /// independent residuals: where squares leave the range of single precision it stays.
     #[inline(always)]
-    fn with_correlated(&self, sigma: R, spread: R, normal: Vec3<R>) -> R {
-        let correlation = self.learned.correlation;
-        if correlation <= 0.0 {
-            return sigma;
+    fn with_model_errors(
+        &self,
+        noise: R,
+        robust: Option<RobustWeights<'_, R>>,
+        signal: PlaneRows<'_>,
+        &Solution { matrix, inverse, .. }: &Solution<R>,
+        b: Vec3<R>,
+        count: R,
+    ) -> R {
+        if self.neighbours.is_some() {
+            return noise;
         }
-        let tilt = normal.x.mul_add(normal.x, normal.y * normal.y).sqrt();
-        let systematic = spread * tilt * R::of(CORRELATED * correlation);
-        sigma.mul_add(sigma, systematic * systematic).sqrt()
+        let (lights, views, kept) = (&self.lights, &self.views, &self.kept[..]);
+        let correlation = self.learned.correlation;
+        let equations = Equations { matrix, inverse, b, count };
+        let samples = (kept, signal);
+        let found =
+            R::apart(ModelErrors { lights, views, samples, robust, equations, correlation });
+        R::select(noise.is_finite() & found.is_finite(), found, noise)
     }
 
     /// The shrunk estimate; lanes without evidence keep least squares bit by bit.
@@ -84,34 +84,37 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
         bands: PlaneRows<'_>,
     ) -> NormalSolution<R> {
         let robust = estimate.share.gt(R::zero());
+        self.count(estimate.used);
         let Some(mm) = &self.mm else { return least };
         let (lights, used, b) = (&self.lights, &mm.used[..], estimate.b);
         let (matrix, _, _) = R::apart(Accumulate { lights, kept: used, signal });
         let squares = R::apart(Squares::<_, _, _, false> { lights, kept: used, signal, b });
         let inverse = matrix.inverse();
         let squared = matrix.squared_condition(&inverse);
-        // Of least squares, before the number of samples changes.
-        let all = (least.squares * self.share.per_freedom).sqrt() * self.share.quantile;
-        self.count(estimate.used);
 
         let length = b.length();
         let per_length = length.recip();
         let normal = b.scale(per_length);
-        let (by_all, by_weights) = (&least.start.inverse, &estimate.information.inverse());
-        // Relative to the brightness, whose square is within the range of numbers, but not its fourth power.
-        let all = all * per_length;
-        let spread = (squares * self.share.per_freedom).sqrt() * per_length;
-        let share = estimate.share;
-        let covariance = Symmetric::zero()
-            .plus(share * spread * spread * by_weights.per_determinant, &by_weights.adjugate)
-            .plus((R::one() - share) * all * all * by_all.per_determinant, &by_all.adjugate);
-        let worst = covariance.largest_tangent_eigenvalue(normal);
-        let sigma = self.with_correlated(worst.sqrt(), spread, normal);
+        let start = least.start;
+        let weighted = Solution {
+            matrix: Symmetric::select(robust, &estimate.information, &start.matrix),
+            inverse: SymmetricInverse::select(
+                robust,
+                &estimate.information.inverse(),
+                &start.inverse,
+            ),
+            ..start
+        };
+        let worst = weighted.matrix.worst_tangent_variance(&weighted.inverse, normal);
+        let rough = (squares * worst * self.share.per_freedom).sqrt() * per_length;
+        let samples = RobustWeights { robust, weights: &mm.weights };
+        let sigma = R::select(robust, rough, least.sigma);
+        let count = estimate.used;
+        let sigma = self.with_model_errors(sigma, Some(samples), signal, &weighted, b, count);
 
         let normal = Vec3::select(robust, normal, least.normal);
         let length = R::select(robust, length, least.length);
         self.follow::<ALL>(bands, normal, length, Some(estimate.share));
-        let start = least.start;
         NormalSolution {
             rejection: RejectionOutcome {
                 kept: estimate.used,
@@ -130,7 +133,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
             length,
             squares: R::select(robust, squares, least.squares),
             worst: R::select(robust, worst, least.worst),
-            sigma: R::select(robust, sigma, least.sigma),
+            sigma,
         }
     }
 }

@@ -139,27 +139,6 @@ impl<R: Real> Symmetric<R> {
         half_trace + half_trace.mul_add(half_trace, -determinant).max(R::zero()).sqrt()
     }
 
-    /// The same for a covariance: its larger eigenvalue in the plane at right angles to `n`.
-    #[inline(always)]
-    pub(super) fn largest_tangent_eigenvalue(&self, n: Vec3<R>) -> R {
-        let half_trace = (self.trace() - n.dot(self.times(n))) * R::of(0.5);
-        let determinant = n.dot(self.adjugate().times(n));
-        half_trace + half_trace.mul_add(half_trace, -determinant).max(R::zero()).sqrt()
-    }
-
-    /// `self + factor * other`.
-    #[inline(always)]
-    pub(super) fn plus(&self, factor: R, other: &Self) -> Self {
-        Self {
-            xx: other.xx.mul_add(factor, self.xx),
-            xy: other.xy.mul_add(factor, self.xy),
-            xz: other.xz.mul_add(factor, self.xz),
-            yy: other.yy.mul_add(factor, self.yy),
-            yz: other.yz.mul_add(factor, self.yz),
-            zz: other.zz.mul_add(factor, self.zz),
-        }
-    }
-
     #[inline(always)]
     fn first_row(&self) -> Vec3<R> {
         Vec3::new(self.xx, self.xy, self.xz)
