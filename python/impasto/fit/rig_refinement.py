@@ -19,7 +19,6 @@ from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.checks import refractive_index, truth
 from impasto.errors import ArgumentError
 from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
-from impasto.fit.coordinate_search import coordinate_search
 from impasto.fit.held_out import Comparison, Errors, HeldOut
 from impasto.fit.strength_search import FEWEST
 from impasto.refinement import Estimate, RigRefinement
@@ -55,8 +54,6 @@ shows most lamps as black, wrong ones of 10 and more predict better by chance.""
 _COARSE = 2.0
 """Trimmed errors below this many times those of rounding show no camera unless they fall by much:
 they fall while normals become worse."""
-_FINE, _STILL, _PASSES = 0.02, 0.002, 3
-"""Step of the last search for distances, the move that ends it, and its rounds."""
 _MIRRORED = 0.5
 """Share of the fall that a rig of the opposite sign may reach."""
 
@@ -217,6 +214,7 @@ class _Search:
         self._folds = _FOLDS if len(rig) >= _MANY else _FOLDS_OF_FEW
         self._test = HeldOut(stack, _PIXELS, index=index, threads=threads)
         self._known: dict[bytes, Errors] = {}
+        self._last: tuple[RigNumbers, Rig] | None = None
         self.report: Callable[[int, int], object] | None = None
         self._done = 0
 
@@ -224,6 +222,11 @@ class _Search:
 
     def at(self, state: RigNumbers) -> Rig:
         """The rig of some numbers, for the whole painting."""
+        if self._last is None or self._last[0] is not state:
+            self._last = state, self._rig(state)
+        return self._last[1]
+
+    def _rig(self, state: RigNumbers) -> Rig:
         u, w = np.where(state.place < _DISTANT, 0.0, state.place).tolist()
         lights: list[Light] = []
         for light, factor in zip(self._given.lights, np.exp(state.log).tolist(), strict=True):
@@ -294,7 +297,7 @@ class _Search:
         even = self.placed() if start is None else self.adjusted([start], self._free, "given")
         if not self._strengths:
             return even, "given"
-        starts = [even, self.even()]
+        starts = [even, self.even()] if start is None else [start]
         uneven = self.adjusted(starts, self._free, "free")
         if not _convincing(self.gain(uneven, even)):
             return even, "given"
@@ -421,11 +424,7 @@ class _Search:
         return Estimate(spread, True, str(gain)), state, kind
 
     def _final(self, state: RigNumbers, free: NDArray[np.bool_], kind: Kind) -> RigNumbers:
-        """The accepted numbers: distances that predict best, strengths from more pixels.
-
-        The photographs that are fitted place camera and lamps 2 or 3 % too far: surfaces absorb a
-        part. Those held out do not.
-        """
+        """The accepted numbers, from more pixels, by the error of photographs held out."""
         if kind == "given" and not free.any():
             return state
         many = HeldOut(
@@ -436,24 +435,7 @@ class _Search:
             coated=self._test.coated,
         )
         adjustment = BundleAdjustment(many, self.at, self._given.directions, self._threads)
-        fixed = np.zeros(2, dtype=np.bool_)
-        for _ in range(_PASSES if free.any() else 1):
-            last, state = state, adjustment.solve(state, fixed, kind, nearest=_NEAREST)
-            state = self._polished(state, free)
-            if np.abs(state.place - last.place).max() < _STILL:
-                break
-        return state
-
-    def _polished(self, state: RigNumbers, free: NDArray[np.bool_]) -> RigNumbers:
-        """The distances that predict photographs held out best, near those of a state."""
-        place, _ = coordinate_search(
-            lambda place: self.errors(replace(state, place=place)).trim,
-            state.place,
-            np.where(free, _FINE, 0.0),
-            low=np.zeros(2),
-            high=np.full(2, _NEAREST),
-        )
-        return replace(state, place=place)
+        return adjustment.solve(state, free, kind, nearest=_NEAREST, folds=self._folds)
 
     def _total(self, state: RigNumbers) -> Comparison:
         """Gain over the rig as given: other folds, lobes as they are fitted."""
