@@ -103,7 +103,7 @@ class _Linear:
         """``(n, q)`` sums of squares of the derivatives of each pixel by numbers of the rig."""
         places = (self.place**2).sum(axis=(1, 2))
         if self.lamp is None:
-            return places
+            return np.asarray(places)
         lamps = np.zeros((len(places), len(photographs)))
         lamps[:, photographs] = (self.lamp**2).sum(axis=1)
         return np.concatenate([places, lamps], axis=1)
@@ -244,14 +244,15 @@ class BundleAdjustment:
         """What to add to the free inverse distances, then to the logarithms of strengths."""
         places, lamps = len(axes), strengths != "given"
         numbers = places + len(state.log) * lamps
-        matrix, right, squares, used = np.zeros((numbers, numbers)), np.zeros(numbers), 0.0, 0
+        matrix, right = np.zeros((numbers, numbers)), np.zeros(numbers)
+        squares, used = 0.0, 0
         for fold, found in enumerate(surfaces):
             linear = self._linear(state, found, axes, lamps=lamps)
             held = _photographs(len(state.log), fold, len(surfaces))
             product, by_error = _eliminated(linear, held)
             matrix, right = matrix + product, right + by_error
             squares += float((linear.error[..., held] ** 2).sum())
-            used += np.count_nonzero(linear.error[..., held])
+            used += int(np.count_nonzero(linear.error[..., held]))
         matrix[np.diag_indices_from(matrix)] *= 1.0 + _DAMPING
         if not lamps:
             return _solved(matrix, right)
@@ -321,22 +322,20 @@ class BundleAdjustment:
         )
 
 
-def _by_tilt(
-    surface: Surface, fine: NDArray[np.bool_], shown: Callable[[Surface], Array]
-) -> Array:
+def _by_tilt(surface: Surface, fine: NDArray[np.bool_], shown: Callable[[Surface], Array]) -> Array:
     """Derivatives by tilts of the normals along two axes of each."""
     normal = surface.normal.astype(np.float64)
     each = normal[:, fine].T
     # The axis that is farthest from the normal.
-    aside = np.eye(3)[np.argmin(np.abs(each), axis=1)]
-    first = np.cross(each, aside)
+    across = np.eye(3)[np.argmin(np.abs(each), axis=1)]
+    first = np.cross(each, across)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     frame = (first, np.cross(each, first))
 
     def tilted(by: Array) -> Array:
-        turned = each + by
+        leaning = each + by
         moved = normal.copy()
-        moved[:, fine] = (turned / np.linalg.norm(turned, axis=1, keepdims=True)).T
+        moved[:, fine] = (leaning / np.linalg.norm(leaning, axis=1, keepdims=True)).T
         return shown(replace(surface, normal=moved.astype(np.float32)))
 
     found = [(tilted(_TILT * way) - tilted(-_TILT * way)) / (2.0 * _TILT) for way in frame]
@@ -351,7 +350,8 @@ def _by_width(surface: Surface, shown: Callable[[Surface], Array]) -> Array:
         (gamma,) = lobe.shape
         return shown(replace(surface, lobes=(Lobe(lobe.strength, (gamma * by,)),)))
 
-    return (wider(1.0 + _WIDTH) - wider(1.0 / (1.0 + _WIDTH))) / (2.0 * np.log1p(_WIDTH))
+    by = wider(1.0 + _WIDTH) - wider(1.0 / (1.0 + _WIDTH))
+    return np.asarray(by / (2.0 * np.log1p(_WIDTH)))
 
 
 def _by_strength(
@@ -387,7 +387,7 @@ def _extrapolated(step: Array, before: Array) -> Array:
 
 def _photographs(count: int, fold: int, folds: int) -> NDArray[np.bool_]:
     """``(obs,)`` which photographs count: those of a fold."""
-    return np.arange(count) % folds == fold
+    return np.asarray(np.arange(count) % folds == fold)
 
 
 def _eliminated(linear: _Linear, held: NDArray[np.bool_]) -> tuple[Array, Array]:

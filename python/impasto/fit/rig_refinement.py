@@ -1,8 +1,8 @@
 """Refinement of a rig from the photographs themselves: self-calibration by cross-validation.
 
 A camera or a lamp at a finite distance changes the direction of view or light from pixel to pixel;
-lamps have strengths of their own. Bundle adjustment finds these numbers, and photographs held out of the
-fit say which of them to keep (backward elimination).
+lamps have strengths of their own. Bundle adjustment finds these numbers, and photographs held out
+of the fit say which of them to keep (backward elimination).
 """
 
 from __future__ import annotations
@@ -363,9 +363,7 @@ class _Search:
         untouched = not free.any() and kind == "given"
         return Rig(self._stack.rig if untouched else self.at(state), refinement=report)
 
-    def _judge(
-        self, axis: int, state: RigNumbers, without: RigNumbers
-    ) -> tuple[bool, str]:
+    def _judge(self, axis: int, state: RigNumbers, without: RigNumbers) -> tuple[bool, str]:
         """Whether a distance is accepted against the best rig without it, and why."""
         if state.place[axis] < _FAR:
             return False, "the photographs show none"

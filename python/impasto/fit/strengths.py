@@ -280,20 +280,15 @@ def strengths_of(
     rounds: int = ROUNDS,
     threads: int | None,
     progress: bool | ProgressCallback = False,
-    start: NDArray[np.float64] | None = None,
-    determined: bool = False,
-    coated: bool | None = None,
 ) -> Strengths:
     """:func:`fit_strengths` of checked arguments.
 
-    ``start`` holds logarithms of factors, ``(obs,)``, to start from; their tilt and fall-off are
-    those that are held. ``determined``: gloss has determined these before. ``coated``: whether the
-    surfaces are under a varnish; None: what predicts photographs held out better, if any are.
+    The surfaces are under a varnish where that predicts photographs held out better.
     """
     count = len(stack.rig)
     folds = fold_count(count, FEWEST, _FOLDS) if gauge == "auto" else 0
-    test = HeldOut(stack, _TESTED, index=index, threads=threads, coated=bool(coated))
-    if coated is None and folds:
+    test = HeldOut(stack, _TESTED, index=index, threads=threads)
+    if folds:
         test = test.suited(stack.rig, folds)
     few = subsampled_to(stack, _PIXELS)
     samples = np.array([few.linear(photograph) for photograph in range(count)]).mean(axis=1)
@@ -317,7 +312,7 @@ def strengths_of(
         return found.status, found.normal, found.predict(threads=threads)
 
     alternation = Alternation(few, samples, glossy, matte)
-    start = alternation.outliers() if start is None else start
+    start = alternation.outliers()
     total = rounds * (folds + 1)
     with reporting(progress, "strengths") as report:
         passed = 0
@@ -342,11 +337,11 @@ def strengths_of(
             if how == "held":
                 moved = found
                 for pass_ in range(_PASSES):
-                    log = trial.gauge(moved, first=pass_ == 0 and not determined)
+                    log = trial.gauge(moved, first=pass_ == 0)
                     if log is None:
                         break
                     moved = alternation.held(log, rounds)
-                if determined or trial.better(moved, found):
+                if trial.better(moved, found):
                     how, found = "determined", moved
         if report is not None:
             report(total, total)

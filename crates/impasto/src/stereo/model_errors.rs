@@ -50,7 +50,7 @@ const UNKNOWNS: f64 = 3.0;
 const COLUMNS: f64 = 5.0;
 
 /// Cosine of a normal with a light from which on it is turned away.
-const TURNED: f64 = 0.05;
+const BEHIND: f64 = 0.05;
 
 /// Light in shadow, relative to the brightness, from which on it is no other surface's: a highlight, or an insect.
 const BRIGHT: f64 = 0.1;
@@ -248,7 +248,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> ModelErrors<'_, R, L> {
             view = towards.mul_add(weight, view);
 
             let seen = sample * per_irradiance * per_length;
-            let shadow = kept & cosine.lt(R::of(-TURNED)) & seen.lt(R::of(BRIGHT));
+            let shadow = kept & cosine.lt(R::of(-BEHIND)) & seen.lt(R::of(BRIGHT));
             indirect = indirect + R::keep(shadow, seen);
             shadowed = shadowed + R::keep(shadow, one);
         }
