@@ -43,9 +43,9 @@ _FALL, _CERTAIN = 0.02, 3.0
 standard errors. On metal, whose lobes fit worst, a wrong camera gained 2.6 of them."""
 _MUCH, _LIKELY = 0.2, 1.0
 """Or these: with a camera wrong by its own distance, a few photographs scatter the gain."""
-_DETERMINED = 0.1
-"""The same share where photographs are to determine tilt and fall-off, which errors of the model
-mimic."""
+_DETERMINED, _PROBABLE = 0.1, 1.0
+"""Or these, for strengths, which scatter more from photograph to photograph; and for their tilt and
+fall-off, which errors of the model mimic."""
 _SUITS = 0.02
 """Share by which the other kind of surface, under a varnish or not, must lower the error."""
 _SPREAD = 8.0
@@ -299,12 +299,13 @@ class _Search:
             return even, "given"
         starts = [even, self.even()] if start is None else [start]
         uneven = self.adjusted(starts, self._free, "free")
-        if not _convincing(self.gain(uneven, even)):
+        if not _differ(self.gain(uneven, even)):
             return even, "given"
         held = self.adjusted(starts, self._free, "held")
-        if self.gain(uneven, held).better(_DETERMINED, _CERTAIN):
+        usual = min(held, even, key=lambda state: self.errors(state).trim)
+        if self.gain(uneven, usual).better(_DETERMINED, _PROBABLE):
             return uneven, "free"
-        return (held, "held") if _convincing(self.gain(held, even)) else (even, "given")
+        return (held, "held") if _differ(self.gain(held, even)) else (even, "given")
 
     def searched(self) -> tuple[RigNumbers, Kind]:
         """The best numbers, with surfaces that suit them: under a varnish or not.
@@ -414,7 +415,7 @@ class _Search:
             trial = self.adjusted([even], free, "held")
             return Estimate(_spread(trial), False, str(self.gain(trial, even))), even, kind
         gain, spread = self.gain(state, even), _spread(state)
-        if not _convincing(gain):
+        if not _differ(gain):
             return Estimate(spread, False, str(gain)), even, "given"
         if spread > _SPREAD:
             why = f"they would differ by a factor of {spread:.0f}, more than lamps do"
@@ -454,6 +455,11 @@ class _Search:
 
 def _convincing(gain: Comparison) -> bool:
     return gain.better(_FALL, _CERTAIN) or gain.better(_MUCH, _LIKELY)
+
+
+def _differ(gain: Comparison) -> bool:
+    """Whether strengths do."""
+    return _convincing(gain) or gain.better(_DETERMINED, _PROBABLE)
 
 
 def _spread(state: RigNumbers) -> float:
