@@ -119,9 +119,10 @@ def refine_rig(
 
     Notes
     -----
-    The mean normal and the fall-off with the elevation of lamps are held as given, unless gloss
-    determines them. The principal point and the tilt of the camera are not estimated. The sample is
-    576 pixels; the rig of several paintings is best refined on the glossiest.
+    The mean normal and the fall-off with the elevation of lamps are held as given, unless the
+    photographs determine them. The principal point and the tilt of the camera are not estimated.
+    The sample is 576 pixels, for the last steps 2304; the rig of several paintings is best refined
+    on the glossiest.
     """
     checked_stack(stack)
     switches = {"camera": camera, "lamps": lamps, "strengths": strengths}
