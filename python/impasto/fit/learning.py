@@ -249,6 +249,8 @@ def learn_sbrdf(
     refine, residuals, relief, effort, threads, progress
         As in :func:`impasto.fit_sbrdf`. ``pooling="segment"`` has no learned model. A relief is
         learned from the whole painting only: from a part, with a larger ``extent``, there is none.
+        Outside the mask of the stack it has no surface. If the mask only marks a sample, say
+        ``relief=False``: shadows of the other pixels are not known.
     normals
         The name of a method of :func:`impasto.fit_normals`; default: its own default.
     extent
@@ -257,7 +259,8 @@ def learn_sbrdf(
     Raises
     ------
     ArgumentError
-        What :func:`impasto.fit_sbrdf` refuses; segments; an extent smaller than the stack.
+        What :func:`impasto.fit_sbrdf` refuses; segments; an extent smaller than the stack;
+        ``relief=True`` with a larger one.
     """
     checked_stack(stack)
     relief = None if relief is None else truth(relief, "relief")

@@ -253,7 +253,8 @@ def fit_sbrdf(
         came from other places is taken off the samples, and the fit is repeated
         (:doc:`models`). ``relief`` of the result is what :meth:`predict` needs of it. Default:
         where ``pooling="auto"`` has chosen. Not with ``segments`` or normals that are maps, and
-        never from several views.
+        never from several views. Where interreflections are kept, the fit holds a copy of all
+        samples in float32.
     check
         Whether to refuse a stack whose lights are mirrored, rotated or exchanged, or that has a
         photograph twice (:func:`impasto.doctor.before_fit`); default: False. The command line
@@ -277,9 +278,9 @@ def fit_sbrdf(
     ------
     ArgumentError
         An unknown name, an option that the fit does not have, an index outside 1 to 100, lobes
-        outside 1 to 3, joint, peak, ambient or coated neither True nor False, normals of another
-        size, segments that are no whole numbers ``(y, x)``, or with ``check`` a stack to be
-        repaired first.
+        outside 1 to 3, joint, peak, ambient, coated or relief neither True nor False,
+        ``relief=True`` with segments or normals that are maps, normals of another size, segments
+        that are no whole numbers ``(y, x)``, or with ``check`` a stack to be repaired first.
     GeometryError
         Lights that cannot determine normals.
 
