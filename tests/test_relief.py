@@ -152,21 +152,22 @@ def test_inside_a_sphere_all_see_all_alike() -> None:
     normal = np.where(inside, np.stack([-x, y, -z]) / radius, np.array([0, 0, 1.0])[:, None, None])
     shares = form_factors(z.astype(np.float32), normal.astype(np.float32))
     received = shares[:, inside.ravel()].sum(axis=1).reshape(inside.shape)
-    # The cap's share of the sphere. The rim is a staircase: the mean of the last pixels inside lies
-    # half a pixel within it, 2.8 % of the radius, which is 6 % of the cap's area; 5 % more where
-    # the cells along an azimuth are whole pixels. Not at the rim, where half of a cell is beyond.
+    # The cap's share of the sphere. The rim is a staircase, and light counts up to the middle of the
+    # last cell, half a pixel within the rim or somewhat more: a cap of radius 17.5 has 7 % less,
+    # one of 17.35 9 % less. Not at the rim, where half of a cell is beyond.
     well = x**2 + y**2 < (rim - 3.0) ** 2
     cap = 0.5 * (1.0 - np.sqrt(1.0 - (rim / radius) ** 2))
-    assert received[well].mean() == pytest.approx(cap, rel=0.11)
-    assert received[well].std() < 0.05 * cap
+    assert received[well].mean() == pytest.approx(cap, rel=0.09)
+    assert received[well].std() < 0.02 * cap
 
 
 def test_light_between_pixels_is_the_sum_over_all_pairs(bowls: Bowls) -> None:
     shares = form_factors(bowls.z.astype(np.float32), bowls.normal.astype(np.float32))
     sent = np.maximum(np.tensordot((0.6, 0.0, 0.8), bowls.normal, 1), 0.0).ravel()
     ours, expected = shares @ sent, bowls.share @ sent
-    # Neighbours at a pixel's distance are not points, as the sum over pairs has them: 10 %.
-    assert np.sqrt(np.mean((ours - expected) ** 2)) < 0.1 * np.sqrt(np.mean(expected**2))
+    # Neighbours at a pixel's distance are not points, as the sum over pairs has them, and azimuths
+    # are sampled: 2.5 % remain.
+    assert np.sqrt(np.mean((ours - expected) ** 2)) < 0.03 * np.sqrt(np.mean(expected**2))
 
 
 def test_a_wall_shades_as_far_as_it_is_high() -> None:
@@ -197,7 +198,7 @@ def test_normals_and_new_lights_of_a_hollow(
     alone = impasto.fit_sbrdf(stack, refine=False, relief=False, threads=1)
     assert alone.relief is None
     before, after = (normal_error(one.normal, bowls.normal).mean() for one in (alone, fitted))
-    # With the true heights, cells of a pixel are 4 % off in what they receive (above), and so 4 %
+    # With the true heights, cells of a pixel are 3 % off in what they receive (above), and so 3 %
     # of the error would remain; fitted heights lack what is steep. A quarter is asked for.
     assert before > 1.0
     assert after < 0.25 * before
@@ -263,10 +264,14 @@ def test_a_picture_is_what_photographs_show(fitted: impasto.Sbrdf) -> None:
     bare = impasto.render(
         replace(fitted, relief=None, residuals=None), Scene([light], exposure=1.0)
     )
-    wanted = fitted.predict([light])[0] - fitted.surface().predict([light])[0]
-    changed = (image.xyz - bare.xyz)[1]
-    # Y is a sum over the bands with positive weights here: shadows darken it, hollows are lighter.
-    assert np.corrcoef(changed.ravel(), wanted.sum(axis=0).ravel())[0, 1] > 0.99
+    model = fitted.surface().predict([light])[0]
+    wanted = fitted.predict([light])[0] - model
+    # Linear light to XYZ, from the picture of the model alone.
+    matrix, *_ = np.linalg.lstsq(model.reshape(3, -1).T, bare.xyz.reshape(3, -1).T, rcond=None)
+    changed = image.xyz - bare.xyz
+    # Sums of three float32 numbers below 1, twice: some units of 6e-8.
+    np.testing.assert_allclose(changed, np.tensordot(matrix.T, wanted, axes=1), atol=1e-6)
+    assert np.abs(changed).max() > 0.1
 
 
 def test_blocks_and_back() -> None:
