@@ -152,9 +152,9 @@ def test_inside_a_sphere_all_see_all_alike() -> None:
     normal = np.where(inside, np.stack([-x, y, -z]) / radius, np.array([0, 0, 1.0])[:, None, None])
     shares = form_factors(z.astype(np.float32), normal.astype(np.float32))
     received = shares[:, inside.ravel()].sum(axis=1).reshape(inside.shape)
-    # The cap's share of the sphere. The rim is a staircase, and light counts up to the middle of the
-    # last cell, half a pixel within the rim or somewhat more: a cap of radius 17.5 has 7 % less,
-    # one of 17.35 9 % less. Not at the rim, where half of a cell is beyond.
+    # The cap's share of the sphere. The rim is a staircase, and light counts up to the middle of
+    # the last cell, half a pixel within the rim or somewhat more: a cap of radius 17.5 has 7 %
+    # less, one of 17.35 9 % less. Not at the rim, where half of a cell is beyond.
     well = x**2 + y**2 < (rim - 3.0) ** 2
     cap = 0.5 * (1.0 - np.sqrt(1.0 - (rim / radius) ** 2))
     assert received[well].mean() == pytest.approx(cap, rel=0.09)
