@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +23,22 @@ from test_choice import dome, photographs
 
 SIZE = 36
 COLOUR = np.array([0.8, 0.6, 0.4])
+SIX_BANDS = """
+import hashlib
+import numpy as np
+from impasto import DistantLight, Rig
+from impasto.fit.relief import Relief
+rng = np.random.default_rng(7)
+height = rng.normal(0.0, 2.0, (40, 40)).cumsum(axis=0).astype(np.float32)
+normal = np.stack(
+    [-np.gradient(height, axis=1), np.gradient(height, axis=0), np.ones_like(height)]
+).astype(np.float32)
+normal /= np.linalg.norm(normal, axis=0)
+diffuse = rng.random((6, 40, 40), dtype=np.float32)
+relief = Relief(height, normal, diffuse, 1, np.zeros(2), True)
+rig = Rig([DistantLight((0.5, 0.2, 0.8)), DistantLight((-0.3, 0.4, 0.7))])
+print(hashlib.sha256(relief.irradiance(rig, relief.visibility(rig)).tobytes()).hexdigest())
+"""
 NEW = np.array([(0.5, 0.3, 0.5), (-0.6, 0.5, 0.35), (0.1, -0.8, 0.3), (-0.2, -0.3, 0.9)])
 Array = NDArray[np.float64]
 
@@ -133,21 +152,22 @@ def test_inside_a_sphere_all_see_all_alike() -> None:
     normal = np.where(inside, np.stack([-x, y, -z]) / radius, np.array([0, 0, 1.0])[:, None, None])
     shares = form_factors(z.astype(np.float32), normal.astype(np.float32))
     received = shares[:, inside.ravel()].sum(axis=1).reshape(inside.shape)
-    # The cap's share of the sphere. The rim is a staircase: the mean of the last pixels inside lies
-    # half a pixel within it, 2.8 % of the radius, which is 6 % of the cap's area; 5 % more where
-    # the cells along an azimuth are whole pixels. Not at the rim, where half of a cell is beyond.
+    # The cap's share of the sphere. The rim is a staircase, and light counts up to the middle of
+    # the last cell, half a pixel within the rim or somewhat more: a cap of radius 17.5 has 7 %
+    # less, one of 17.35 9 % less. Not at the rim, where half of a cell is beyond.
     well = x**2 + y**2 < (rim - 3.0) ** 2
     cap = 0.5 * (1.0 - np.sqrt(1.0 - (rim / radius) ** 2))
-    assert received[well].mean() == pytest.approx(cap, rel=0.11)
-    assert received[well].std() < 0.05 * cap
+    assert received[well].mean() == pytest.approx(cap, rel=0.09)
+    assert received[well].std() < 0.02 * cap
 
 
 def test_light_between_pixels_is_the_sum_over_all_pairs(bowls: Bowls) -> None:
     shares = form_factors(bowls.z.astype(np.float32), bowls.normal.astype(np.float32))
     sent = np.maximum(np.tensordot((0.6, 0.0, 0.8), bowls.normal, 1), 0.0).ravel()
     ours, expected = shares @ sent, bowls.share @ sent
-    # Neighbours at a pixel's distance are not points, as the sum over pairs has them: 10 %.
-    assert np.sqrt(np.mean((ours - expected) ** 2)) < 0.1 * np.sqrt(np.mean(expected**2))
+    # Neighbours at a pixel's distance are not points, as the sum over pairs has them, and azimuths
+    # are sampled: 2.5 % remain.
+    assert np.sqrt(np.mean((ours - expected) ** 2)) < 0.03 * np.sqrt(np.mean(expected**2))
 
 
 def test_a_wall_shades_as_far_as_it_is_high() -> None:
@@ -178,7 +198,7 @@ def test_normals_and_new_lights_of_a_hollow(
     alone = impasto.fit_sbrdf(stack, refine=False, relief=False, threads=1)
     assert alone.relief is None
     before, after = (normal_error(one.normal, bowls.normal).mean() for one in (alone, fitted))
-    # With the true heights, cells of a pixel are 4 % off in what they receive (above), and so 4 %
+    # With the true heights, cells of a pixel are 3 % off in what they receive (above), and so 3 %
     # of the error would remain; fitted heights lack what is steep. A quarter is asked for.
     assert before > 1.0
     assert after < 0.25 * before
@@ -220,10 +240,10 @@ def test_tiles_are_those_of_the_whole(
     tile = learned.apply(stack, slice(4, 22), slice(10, 31))
     assert tile.normal.tobytes() == fitted.normal[:, 4:22, 10:31].tobytes()
     assert tile.predict(NEW).tobytes() == fitted.predict(NEW)[..., 4:22, 10:31].tobytes()
-    part = impasto.learn_sbrdf(
-        stack, pooling="none", relief=True, extent=(2 * SIZE, SIZE), threads=1
-    )
-    assert part.relief is None
+    with pytest.raises(impasto.ArgumentError, match="relief"):
+        impasto.learn_sbrdf(stack, pooling="none", relief=True, extent=(2 * SIZE, SIZE))
+    with pytest.raises(impasto.ArgumentError, match="relief"):
+        impasto.fit_sbrdf(stack, relief="yes")  # type: ignore[call-overload]
 
 
 def test_files_keep_it(
@@ -244,10 +264,14 @@ def test_a_picture_is_what_photographs_show(fitted: impasto.Sbrdf) -> None:
     bare = impasto.render(
         replace(fitted, relief=None, residuals=None), Scene([light], exposure=1.0)
     )
-    wanted = fitted.predict([light])[0] - fitted.surface().predict([light])[0]
-    changed = (image.xyz - bare.xyz)[1]
-    # Y is a sum over the bands with positive weights here: shadows darken it, hollows are lighter.
-    assert np.corrcoef(changed.ravel(), wanted.sum(axis=0).ravel())[0, 1] > 0.99
+    model = fitted.surface().predict([light])[0]
+    wanted = fitted.predict([light])[0] - model
+    # Linear light to XYZ, from the picture of the model alone.
+    matrix, *_ = np.linalg.lstsq(model.reshape(3, -1).T, bare.xyz.reshape(3, -1).T, rcond=None)
+    changed = image.xyz - bare.xyz
+    # Sums of three float32 numbers below 1, twice: some units of 6e-8.
+    np.testing.assert_allclose(changed, np.tensordot(matrix.T, wanted, axes=1), atol=1e-6)
+    assert np.abs(changed).max() > 0.1
 
 
 def test_blocks_and_back() -> None:
@@ -269,10 +293,14 @@ def test_reduced_photographs_keep_what_is_clipped_and_masked() -> None:
     mask = np.ones((20, 20), bool)
     mask[:, :2] = False
     stack = impasto.Stack(samples, lights=dome(8), saturation=1.0, mask=mask, pitch_mm=0.1)
-    few, step = reduced(stack, 10)
+    few, truth, step = reduced(stack, 10)
     assert step == 2
     assert few.rig.pitch_mm == pytest.approx(0.2)
     assert few.samples[0, 0, 1, 1] == np.inf
+    # One clipped sample of four does not make a block white.
+    assert np.isnan(truth.samples[0, 0, 1, 1])
+    np.testing.assert_array_equal(truth.samples[1:], few.samples[1:])
+    assert few.ceiling == truth.ceiling == 1.0
     assert few.samples[1, 0, 4, 4] == 0.25
     assert few.mask is not None
     assert not few.mask[:, 0].any()
@@ -287,6 +315,63 @@ def test_what_it_cannot_be_beside(stack: impasto.Stack, beside: dict[str, Any]) 
         beside = {"segments": np.zeros((SIZE, SIZE), int), "pooling": "segment"}
     with pytest.raises(impasto.ArgumentError, match="relief"):
         impasto.fit_sbrdf(stack, relief=True, **beside)
+
+
+@pytest.mark.parametrize("power", [-2, 1, 3])
+def test_exposure_changes_no_bit(stack: impasto.Stack, fitted: impasto.Sbrdf, power: int) -> None:
+    factor = np.float32(2.0**power)
+    scaled = impasto.Stack(stack.samples * factor, lights=stack.rig, saturation=4.0 * float(factor))
+    found = impasto.fit_sbrdf(scaled, refine=False, threads=1)
+    assert found.relief is not None
+    assert fitted.relief is not None
+    assert found.relief.white == fitted.relief.white * factor
+    assert found.normal.tobytes() == fitted.normal.tobytes()
+    assert str(found.chosen) == str(fitted.chosen)
+    assert (found.predict(NEW) / factor).tobytes() == fitted.predict(NEW).tobytes()
+
+
+def test_a_relief_has_the_white_of_its_stack(fitted: impasto.Sbrdf) -> None:
+    # Whites are compared in steps of the square root of two around the true one.
+    assert fitted.relief is not None
+    assert 1.0 / 1.42 < fitted.relief.white < 1.42
+
+
+def test_threads_of_blas_change_no_bit() -> None:
+    found = [
+        subprocess.run(
+            [sys.executable, "-c", SIX_BANDS],
+            env=os.environ | {"OPENBLAS_NUM_THREADS": threads},
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        for threads in ("1", "2")
+    ]
+    assert len(found[0]) > 32
+    assert found[0] == found[1]
+
+
+def test_a_sinking_lamp_does_not_jump() -> None:
+    height = np.zeros((16, 32), np.float32)
+    height[:, 20] = 4.0
+    relief = Relief(
+        height, _upright(16, 32), np.zeros((1, 16, 32), np.float32), 1, np.zeros(2), False
+    )
+    lights = [DistantLight((np.cos(a), 0.0, np.sin(a))) for a in (0.011, 0.0099, 0.001)]
+    first, *lower = relief.visibility(Rig(lights))
+    assert (first[:, :20] < 1.0).all()
+    for one in lower:
+        assert (one <= first).all()
+
+
+def test_black_noise_stays(stack: impasto.Stack, fitted: impasto.Sbrdf) -> None:
+    assert fitted.relief is not None
+    samples = stack.samples.copy()
+    samples[3, :, 5, 6] = -0.01
+    noisy = stack._replace(samples=samples)
+    np.testing.assert_array_equal(
+        fitted.relief.removed(noisy, threads=1).samples[3, :, 5, 6], np.float32(-0.01)
+    )
 
 
 def _upright(rows: int, columns: int) -> NDArray[np.float32]:

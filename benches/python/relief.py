@@ -40,7 +40,7 @@ def row(name: str, cache: Path) -> dict[str, Any]:
         found[f"{way} dB"] = shown.predicted(fit)
         found[f"{way} model dB"] = shown.predicted(fit, fidelity="model")
     kept = fit.relief
-    light = "" if kept is None else "shadows" + " and light from around" * kept.interreflection
+    light = "" if kept is None else "shadows" + " and interreflection" * kept.interreflection
     return found | {"kept": light or "nothing"}
 
 

@@ -207,9 +207,10 @@ def render(
     index
         Index of refraction of the interface; default: that of the surface.
     fidelity
-        ``"photographs"``: the model and, where a result has them, its interpolated ``residuals``,
-        as long as the view is that of the photographs, no shadows are cast, the panel is not
-        rotated and the colours are those of the bands; ``"model"``: the model alone.
+        ``"photographs"``: the model and, where a result has them, its ``relief`` and interpolated
+        ``residuals``, as long as the view is that of the photographs, no shadows are cast, the
+        panel is not rotated and the colours are those of the bands; ``"model"``: the model alone.
+        The ``"model"`` of :meth:`Sbrdf.predict` has the relief, that of a picture has not.
     level
         True: the panel is rotated to face the viewer, so that the lights shine on its own plane; or
         the plane itself, as :func:`impasto.find_level` finds it in a larger part of the painting.

@@ -192,6 +192,7 @@ def choose(
     *,
     open_varnish: bool = True,
     part: Stack | None = None,
+    truth: Stack | None = None,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Choice:
@@ -215,6 +216,8 @@ def choose(
         Whether the best of lobes per pixel is tried under a varnish, too.
     part
         The pixels to judge by; default: a sample of some 2000 of the stack's.
+    truth
+        What is compared with predictions of ``part``; default: ``part``.
     threads
         As in :func:`impasto.fit_sbrdf`.
     progress
@@ -224,7 +227,8 @@ def choose(
     if count < FEWEST:
         return Choice(UNTRIED, (), 0, f"{count} photographs are too few to hold any out")
     try:
-        folds = folds_of(subsampled_to(stack, PIXELS) if part is None else part, threads)
+        part = subsampled_to(stack, PIXELS) if part is None else part
+        folds = folds_of(part, threads, truth=truth)
     except GeometryError:
         return Choice(UNTRIED, (), 0, "without some of the photographs no normal is determined")
     if all(fold.unknown is not None for fold in folds):

@@ -43,8 +43,10 @@ class Fold:
         return np.where(self.estimable, self.truth, np.float32(np.nan))
 
 
-def folds_of(part: Stack, threads: int | None) -> list[Fold]:
+def folds_of(part: Stack, threads: int | None, *, truth: Stack | None = None) -> list[Fold]:
     """Folds that hold out :data:`HELD_OUT` photographs, without those that no lights determine.
+
+    ``truth``: the same photographs with what is compared, where that is not what is fitted.
 
     Raises
     ------
@@ -52,10 +54,11 @@ def folds_of(part: Stack, threads: int | None) -> list[Fold]:
         No fold is left.
     """
     count = len(part.rig)
+    compared = part if truth is None else truth
     refusal: GeometryError | None = None
     folds = []
     for held in split(part.rig)[: math.ceil(FOLDS * HELD_OUT / count)]:
-        known, shown = part.take(np.setdiff1d(np.arange(count), held)), part.take(held)
+        known, shown = part.take(np.setdiff1d(np.arange(count), held)), compared.take(held)
         try:
             # Photometric stereo takes a millisecond and refuses what any fit would refuse.
             status = fit_normals(known, method="least-squares", threads=threads).status
@@ -63,11 +66,11 @@ def folds_of(part: Stack, threads: int | None) -> list[Fold]:
             words = f"{error} (of {count} photographs {len(held)} were held out of the trial)"
             refusal = refusal or GeometryError(words)
             continue
-        truth = np.array([shown.linear(i) for i in range(len(held))])
+        samples = np.array([shown.linear(i) for i in range(len(held))])
         if part.mask is not None:
-            truth[..., ~part.mask] = np.nan
+            samples[..., ~part.mask] = np.nan
         reasons = None if (status < Status.DARK).any() else ", ".join(status_counts(status))
-        folds.append(Fold(known, shown.rig, truth, reasons, status < Status.DARK))
+        folds.append(Fold(known, shown.rig, samples, reasons, status < Status.DARK))
     if refusal is not None and not folds:
         # If the whole stack is refused too, its own message is the better one.
         fit_normals(part, method="least-squares", threads=threads)

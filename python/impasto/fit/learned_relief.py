@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,11 +41,27 @@ PASSES = 2
 """How often interreflections are taken off and the fit is repeated. Errors of a deep relief's
 normals were 0.97 degrees before, then 0.31, 0.26, 0.26."""
 
+DOUBLED = 2
+"""How often a larger white is tried: with still larger ones all reflectances are below 1/8, and
+what cells send to each other is lost in the noise."""
+BETWEEN = (0.5**0.5, 2.0**0.5)
+"""Multiples of the best white that are compared next."""
+
 Fit = Callable[[Stack], Any]
 """Fits photographs without a relief."""
 
 
-def relief_sample(stack: Stack, fit: Fit) -> Stack | None:
+class Reduced(NamedTuple):
+    """Photographs of fewer pixels."""
+
+    stack: Stack
+    truth: Stack
+    """The same, but of a block that is clipped in part nothing is known: it is not white."""
+    step: int
+    """Side of a block in pixels."""
+
+
+def relief_sample(stack: Stack, fit: Fit, *, threads: int | None) -> Reduced | None:
     """Reduced photographs by which to judge a relief; None where there is none to speak of.
 
     That is with fewer than 8 photographs, several views, a picture of less than 8 pixels, or where
@@ -53,19 +69,50 @@ def relief_sample(stack: Stack, fit: Fit) -> Stack | None:
     """
     if len(stack.rig) < FEWEST or _core.views_differ(RigArguments.of(stack.rig)):
         return None
-    few, _ = reduced(stack, JUDGED)
-    if min(few.shape[2:]) < SMALLEST:
+    few = reduced(stack, JUDGED)
+    if min(few.stack.shape[2:]) < SMALLEST:
         return None
     try:
-        first = fit(few)
+        first = fit(few.stack)
     except GeometryError:
         return None
-    found = replace(first, relief=Relief.of(first, 1, interreflection=True))
-    return few if _matters(found) else None
+    # The least white sends the most light.
+    found = replace(first, relief=Relief.of(first, 1, full_scale([first.diffuse])))
+    return few if _matters(found, threads) else None
+
+
+def learn_white(few: Reduced, fit: Fit, *, threads: int | None) -> float | None:
+    """The white (:attr:`Relief.white`) whose interreflections predict held-out photographs best.
+
+    A stack's own scale need not say it: photographs are exposed as one likes. The first that is
+    tried is the least power of two that nearly all diffuse colours are below, because a smaller one
+    would reflect more than it gets; then its multiples, each with one sixth of the photographs held
+    out. With their residuals: these keep what other errors of the fit are, and without them a deep
+    relief seemed to have a white of 1.4 instead of 1. None where nothing can be predicted.
+    """
+    folds = _folds(few, threads)[:1]
+    if not folds:
+        return None
+    unit = full_scale([fit(folds[0].known).diffuse])
+    tried: dict[float, float] = {}
+
+    def judged(factor: float) -> float:
+        found = _judged(_with_its_own(fit, factor * unit, threads), folds)
+        tried[factor] = float(found.mean())
+        return tried[factor]
+
+    judged(1.0)
+    for power in range(1, DOUBLED + 1):
+        if judged(2.0**power) <= tried[2.0 ** (power - 1)]:
+            break
+    coarse = max(tried, key=lambda factor: tried[factor])
+    for factor in BETWEEN:
+        judged(coarse * factor)
+    return max(tried, key=lambda factor: tried[factor]) * unit
 
 
 def learn_relief(
-    stack: Stack, few: Stack, fits: Sequence[Fit], *, threads: int | None
+    stack: Stack, few: Reduced, fits: Sequence[Fit], white: float, *, threads: int | None
 ) -> tuple[Relief, Fit] | None:
     """The relief of a painting, and the fit with it, if held-out photographs are better predicted.
 
@@ -81,85 +128,114 @@ def learn_relief(
         What :func:`relief_sample` made of them.
     fits
         Fits without a relief, first the one that is best without.
+    white
+        What :func:`learn_white` found.
     threads
         None means every allowed core.
     """
-    try:
-        folds = [fold for fold in folds_of(few, threads) if fold.unknown is None]
-    except GeometryError:
+    folds = _folds(few, threads)
+    if not folds:
         return None
-    if all(np.isnan(fold.compared).all() for fold in folds):
-        return None
-    alone = _judged(fits[0], None, folds)
-    ways = [(fits[0], False), *((fit, True) for fit in fits)]
-    gains = [_judged(*way, folds) - alone for way in ways]
+    alone = _judged(fits[0], folds)
+    ways: list[tuple[Fit, float | None]] = [(fits[0], None), *((fit, white) for fit in fits)]
+    gains = [_judged(_with_its_own(*way, threads), folds) - alone for way in ways]
     gained = max(gains, key=np.mean)
-    gain, error = float(gained.mean()), float(gained.std() / np.sqrt(len(gained)))
+    count = len(gained)
+    error = float(gained.std(ddof=1) / np.sqrt(count)) if count > 1 else 0.0
+    gain = float(gained.mean())
     if gain <= max(MARGIN, error):
         return None
-    fit, interreflection = next(way for way, one in zip(ways, gains, strict=True) if one is gained)
-    whole, step = reduced(stack, KEPT)
-    found: Relief = with_relief(whole, fit, step, interreflection=interreflection).relief
-    return replace(found, gain=gain), fit
+    way = next(way for way, one in zip(ways, gains, strict=True) if one is gained)
+    whole = reduced(stack, KEPT)
+    found: Relief = with_relief(whole.stack, *way, step=whole.step, threads=threads).relief
+    return replace(found, gain=gain), way[0]
 
 
-def with_relief(stack: Stack, fit: Fit, step: int, *, interreflection: bool) -> Any:
-    """A fit with its own relief; a pixel of the stack is a cell."""
+def with_relief(
+    stack: Stack,
+    fit: Fit,
+    white: float | None,
+    *,
+    step: int = 1,
+    threads: int | None,
+) -> Any:
+    """A fit with its own relief, without ``white`` of shadows alone; a pixel is a cell."""
     result = fit(stack)
-    for _ in range(PASSES if interreflection else 0):
-        relief = Relief.of(result, 1, interreflection=True)
-        result = fit(relief.removed(stack))
-    return replace(result, relief=Relief.of(result, step, interreflection=interreflection))
+    for _ in range(0 if white is None else PASSES):
+        result = fit(Relief.of(result, 1, white).removed(stack, threads=threads))
+    return replace(result, relief=Relief.of(result, step, white))
 
 
-def _matters(result: Any) -> bool:
+def _with_its_own(fit: Fit, white: float | None, threads: int | None) -> Fit:
+    return lambda known: with_relief(known, fit, white, threads=threads)
+
+
+def _folds(few: Reduced, threads: int | None) -> list[Fold]:
+    """Those that can be predicted."""
+    try:
+        folds = folds_of(few.stack, threads, truth=few.truth)
+    except GeometryError:
+        return []
+    known = [fold for fold in folds if fold.unknown is None]
+    return known if any(not np.isnan(fold.compared).all() for fold in known) else []
+
+
+def _matters(result: Any, threads: int | None) -> bool:
     """Whether the relief of a fit changes what its photographs show."""
     curve = Encoding("srgb", white=255.0)
-    model, shown = result.surface().predict(result.rig), result.modelled(result.rig)
+    model = result.surface().predict(result.rig, threads=threads)
+    shown = result.modelled(result.rig, threads=threads)
     top = full_scale([model])
     changed = curve.encode(np.nan_to_num(shown / top)) - curve.encode(np.nan_to_num(model / top))
     inside = np.isfinite(model)
     return bool(inside.any() and np.sqrt(np.mean(changed[inside] ** 2.0)) >= LEAST)
 
 
-def reduced(stack: Stack, cells: int) -> tuple[Stack, int]:
-    """Photographs of at most so many pixels a side, means over blocks; and the side of a block.
+def reduced(stack: Stack, cells: int) -> Reduced:
+    """Photographs of at most so many pixels a side, means over blocks.
 
-    Of large blocks a regular sample of pixels is read. A block with a clipped sample is clipped;
+    Of large blocks a regular sample of pixels is read. A block with a clipped sample is clipped to
+    fits, and unknown where predictions are compared unless all of its samples are clipped;
     one most of whose pixels lie outside the mask is outside.
     """
     size = stack.shape[2:]
     step = -(-max(size) // cells)
     if step == 1:
-        return stack, 1
+        return Reduced(stack, stack, 1)
     stride = max(step // READ, 1)
     side = -(-step // stride)
     step = side * stride
     some = stride_index(size, stride)
     inside = None if stack.mask is None else stack.mask[some]
 
-    def shrunk(index: int) -> NDArray[np.float32]:
+    def shrunk(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         linear = stack._linear(stack.samples[index][some])
         if inside is not None:
             linear[:, ~inside] = np.nan
-        return blocks(linear, side)
+        mean = blocks(linear, side)
+        clipped = blocks(np.where(np.isnan(linear), np.nan, np.isinf(linear)), side)
+        return mean, np.where((clipped > 0.0) & (clipped < 1.0), np.float32(np.nan), mean)
 
-    samples = np.stack([wait_for(shrunk, index) for index in range(len(stack.rig))])
+    both = [wait_for(shrunk, index) for index in range(len(stack.rig))]
+    samples, known = (np.stack(one) for one in zip(*both, strict=True))
     mask = None if inside is None else blocks(inside.astype(np.float32), side) >= 0.5
     pitch = None if stack.rig.pitch_mm is None else stack.rig.pitch_mm * step
     right, up = stack.rig.origin
     rig = Rig(stack.rig, pitch_mm=pitch, origin=(right / step, up / step))
-    changes = {"samples": samples, "mask": mask, "rig": rig}
-    return stack._replace(**changes, scale=1.0, black=0.0, saturation=None), step
+    ceiling = None if stack.saturation is None else stack.ceiling
+    changes = {"mask": mask, "rig": rig, "scale": 1.0, "black": 0.0, "saturation": ceiling}
+    return Reduced(
+        stack._replace(samples=samples, **changes), stack._replace(samples=known, **changes), step
+    )
 
 
-def _judged(fit: Fit, way: bool | None, folds: Sequence[Fold]) -> NDArray[np.float64]:
-    """PSNR of each held-out photograph; ``way``: None without relief, else its interreflection."""
+def _judged(fit: Fit, folds: Sequence[Fold]) -> NDArray[np.float64]:
+    """PSNR of each held-out photograph, with residuals where they help."""
     top = full_scale([fold.compared for fold in folds])
     errors: dict[tuple[float, float], list[NDArray[np.float64]]] = {}
     for fold in folds:
         known = fold.known
-        result = fit(known) if way is None else with_relief(known, fit, 1, interreflection=way)
+        result = fit(known)
         result = replace(result, residuals=usual_residuals(known, result))
         for process, shown in shown_by_process(result, fold.rig).items():
             found = decibels(shown / top, fold.compared / top)

@@ -249,6 +249,8 @@ def learn_sbrdf(
     refine, residuals, relief, effort, threads, progress
         As in :func:`impasto.fit_sbrdf`. ``pooling="segment"`` has no learned model. A relief is
         learned from the whole painting only: from a part, with a larger ``extent``, there is none.
+        Outside the mask of the stack it has no surface. If the mask only marks a sample, say
+        ``relief=False``: shadows of the other pixels are not known.
     normals
         The name of a method of :func:`impasto.fit_normals`; default: its own default.
     extent
@@ -257,9 +259,18 @@ def learn_sbrdf(
     Raises
     ------
     ArgumentError
-        What :func:`impasto.fit_sbrdf` refuses; segments; an extent smaller than the stack.
+        What :func:`impasto.fit_sbrdf` refuses; segments; an extent smaller than the stack;
+        ``relief=True`` with a larger one.
     """
     checked_stack(stack)
+    relief = None if relief is None else truth(relief, "relief")
+    size = _extent(extent, stack)
+    whole = size == stack.shape[2:]
+    if relief and not whole:
+        raise ArgumentError(
+            f"relief: a part of {stack.shape[2]} x {stack.shape[3]} pixels does not show what "
+            f"shades it in the {size[0]} x {size[1]} of extent; learn from the whole painting"
+        )
     if pooling == "segment":
         raise ArgumentError(
             'pooling: "segment" cannot be learned from a sample; fit every part by '
@@ -280,16 +291,15 @@ def learn_sbrdf(
     stack = with_refined_rig(stack, kinds, given, refine, maps=False, threads=threads)
     chosen = chosen_kind(stack, kinds, given, normals, residuals, threads, progress)
     checked_options(*chosen[1:])
-    shape = None
-    if _extent(extent, stack) == stack.shape[2:] and relief_wanted(relief, chosen[0]):
-        shape, chosen = learned_relief(stack, kinds, given, chosen, normals, residuals, threads)
+    found = None
+    if whole and relief_wanted(relief, chosen[0]):
+        found, chosen = learned_relief(stack, kinds, given, chosen, normals, residuals, threads)
     choice, kind, given = chosen
     options = checked_options(kind, given)
     wanted = choice is not None if residuals is None else truth(residuals, "residuals")
-    size = _extent(extent, stack)
     photographs = stack
-    if shape is not None:
-        stack = shape.removed(stack, threads=threads)
+    if found is not None:
+        stack = found.removed(stack, threads=threads)
     fit: LearnedLobe | LearnedLobes | None = None
     known = None
     if normals in {None, "robust"}:
@@ -307,8 +317,8 @@ def learn_sbrdf(
         options.get("lobes", 1),
         fit,
         choice,
-        learned_residuals(photographs, kind, given, normals, threads, shape) if wanted else None,
-        shape,
+        learned_residuals(photographs, kind, given, normals, threads, found) if wanted else None,
+        found,
         None if stack.rig is before else stack.rig,
         known,
     )

@@ -39,10 +39,11 @@ deep relief 0.35 degrees of error, 48 and 96 cells 0.32, none 0.97."""
 AZIMUTHS = 32
 """Directions in which each cell looks for others."""
 REMEMBERED = 128
-"""Lights whose shadows are kept in memory, 30 MB for the largest relief."""
+"""Lights whose shadows are kept in memory: 34 MB for the largest relief in three bands, 8 MB more
+for each other band."""
 LOWEST = 0.01
-"""Cosine to the painting's normal of the lowest light that may cast shadows: one along the
-painting is in nobody's photographs."""
+"""Lowest elevation of a light that casts shadows, in radians. Lower ones have its shadows: along
+the painting everything is in shadow, and a lamp that sinks must not make the picture jump."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,9 @@ class Relief:
         ``(2,)``: how far right and up of the painting's middle that of the cells lies, in pixels.
     interreflection
         Whether light from other cells counts, besides shadows.
+    white
+        What a white matte surface has as its ``diffuse``. The reflectance of a cell, of which its
+        interreflections are made, is ``diffuse / white``; not every stack has a white board at 1.
     gain
         dB by which held-out photographs are predicted better than without.
     """
@@ -74,11 +78,12 @@ class Relief:
     step: int = field(metadata=over(dtype=np.int64))
     origin: NDArray[np.float64] = field(metadata=over("place", dtype=np.float64))
     interreflection: bool = field(metadata=over(dtype=np.bool_))
+    white: float = field(default=1.0, metadata=over(dtype=np.float64))
     gain: float = field(default=0.0, metadata=over(dtype=np.float64))
 
     @classmethod
-    def of(cls, result: Any, step: int, *, interreflection: bool) -> Relief:
-        """The relief of a fit whose pixels are the cells."""
+    def of(cls, result: Any, step: int, white: float | None) -> Relief:
+        """The relief of a fit whose pixels are the cells; without ``white``, of shadows alone."""
         known = np.isfinite(result.normal).all(axis=0)
         upright = np.array([0.0, 0.0, 1.0], np.float32)[:, None, None]
         height = integrate_normals(result.normal) * np.float32(step)
@@ -90,7 +95,8 @@ class Relief:
             np.where(known, np.nan_to_num(result.diffuse), np.float32(0.0)),
             step,
             origin,
-            interreflection,
+            white is not None,
+            1.0 if white is None else white,
         )
 
     def __str__(self) -> str:
@@ -103,7 +109,11 @@ class Relief:
 
     def report(self) -> dict[str, Any]:
         """Plain numbers for a report file."""
-        return {"interreflection": self.interreflection, "gain_decibels": self.gain}
+        return {
+            "interreflection": self.interreflection,
+            "white": self.white,
+            "gain_decibels": self.gain,
+        }
 
     def with_bands(self, chosen: list[int]) -> Relief:
         """The relief in some of its bands, by number."""
@@ -127,28 +137,30 @@ class Relief:
         middle = np.append(self.origin, 0.0) * pitch
         for visible, lamp, near in zip(found, rig.vectors, rig.near.tolist(), strict=True):
             place = lamp - middle if near else lamp
-            if place[2] > LOWEST * np.linalg.norm(place):
-                # One thread: so few cells take less time than starting others.
-                seen = [
-                    _core.cast_shadows(height, pitch * self.step, light, near, 1)
-                    for light in (_raised(place, np.radians(angle)) for angle in SOFT)
-                ]
-                visible[:] = np.mean(seen, axis=0)
+            # One thread: so few cells take less time than starting others.
+            seen = [
+                _core.cast_shadows(height, pitch * self.step, light, near, 1)
+                for light in (_raised(place, np.radians(angle)) for angle in SOFT)
+            ]
+            visible[:] = np.mean(seen, axis=0)
         return found
 
     def irradiance(self, rig: Rig, visibility: Map) -> Map:
-        """``(obs, band, cell_y, cell_x)``: light from other cells, in that of a white board."""
+        """``(obs, band, cell_y, cell_x)``: light from other cells, in that of the lamp in front."""
         pitch = (rig.pitch_mm or 1.0) * self.step
         right, up = (self.origin / self.step).tolist()
         lit = Surface(self.normal, self.diffuse, pitch_mm=pitch, origin=(right, up))
         radiosity = lit.predict(Rig(rig, pitch_mm=pitch), threads=1)
         side, shares = self._exchange
         sent = blocks(radiosity * visibility[:, None], side)
-        received = sent.reshape(-1, len(shares)) @ shares.T
-        return finer(received.reshape(sent.shape), side, self.height.shape, (0.0, 0.0))
+        each = sent.reshape(-1, len(shares)).astype(np.float64)
+        # Not a product of matrices: the order of its sums depends on the number of BLAS threads.
+        received = np.einsum("kj,ij->ki", each, shares, optimize=False) / self.white
+        maps = received.astype(np.float32).reshape(sent.shape)
+        return finer(maps, side, self.height.shape, (0.0, 0.0))
 
     def add_to(self, shown: Map, diffuse: Map, ambient: Map | None, rig: Rig) -> None:
-        """Shadow what a model shows and add what comes from around, in place.
+        """Shadow what a model shows and add its interreflections, in place.
 
         Parameters
         ----------
@@ -172,7 +184,8 @@ class Relief:
         """The photographs without the light that pixels get from others.
 
         The reflectance of a pixel is that of photometric stereo by ranks, which highlights and
-        shadows bias little and which depends on the pixel alone.
+        shadows bias little and which depends on the pixel alone. The samples are a copy in float32;
+        without interreflections they are the stack's own.
         """
         if not self.interreflection:
             return stack
@@ -182,19 +195,18 @@ class Relief:
         for index, _, _, around in self._each(stack.rig):
             assert around is not None
             extra = albedo * self._at(around, albedo.shape[1:], stack.rig)
-            samples[index] = np.maximum(stack.linear(index) - extra, 0.0)
+            linear = stack.linear(index)
+            # Noise around black stays.
+            samples[index] = np.maximum(linear - extra, np.minimum(linear, 0.0))
         return stack._replace(samples=samples, scale=1.0, black=0.0, saturation=None)
 
     def _each(self, rig: Rig) -> Iterator[tuple[int, float, Map, Map | None]]:
-        """Number, intensity, visibility and irradiance from around of each light."""
+        """Number, intensity, visibility and irradiance by other cells of each light."""
         for index, light in enumerate(rig.intensities.tolist()):
             yield index, light, *self._under(rig.take([index]))
 
     def _under(self, light: Rig) -> tuple[Map, Map | None]:
-        """Visibility and irradiance under one light; fits that are compared ask for them again.
-
-        Of one alone: a product of matrices of another shape has other bits.
-        """
+        """Visibility and irradiance under one light; fits that are compared ask for them again."""
         numbers = (light.vectors, light.near, light.falloff, light.intensities)
         key = (light.pitch_mm, *(array.tobytes() for array in numbers))
         found = self._known.get(key)
@@ -216,7 +228,7 @@ class Relief:
         return finer(cells, self.step, size, (right, up))
 
     @cached_property
-    def _exchange(self) -> tuple[int, Map]:
+    def _exchange(self) -> tuple[int, NDArray[np.float64]]:
         """Side of the blocks of cells that exchange light, and the matrix of form factors."""
         cells = -(-max(self.height.shape) // GATHERED)
         return cells, wait_for(
@@ -226,7 +238,7 @@ class Relief:
         )
 
 
-def form_factors(height: Map, normal: Map) -> Map:
+def form_factors(height: Map, normal: Map) -> NDArray[np.float64]:
     """``(n, n)``: the share of its radiosity by which each cell (column) lights another (row).
 
     Along each azimuth a cell sees those that rise above all before them, as horizon mapping
@@ -245,7 +257,7 @@ def form_factors(height: Map, normal: Map) -> Map:
     row, column = np.divmod(number, columns)
     start = height.ravel().astype(np.float64)
     x, y, z = (normal / np.linalg.norm(normal, axis=0)).reshape(3, -1).astype(np.float64)
-    shares = np.zeros((len(number), len(number)), np.float32)
+    shares = np.zeros((len(number), len(number)))
     for azimuth in (np.arange(AZIMUTHS) + 0.5) * (2.0 * np.pi / AZIMUTHS):
         right, down = np.cos(azimuth), -np.sin(azimuth)
         along = x * right - y * down
@@ -258,14 +270,17 @@ def form_factors(height: Map, normal: Map) -> Map:
             if not inside.any():
                 break
             one, other = number[inside], to_row[inside] * columns + to_column[inside]
-            elevation = np.arctan((start[other] - start[one]) / distance)
+            # That of the cell, which is not exactly on the azimuth.
+            apart = np.hypot(to_row - row, to_column - column)[inside]
+            elevation = np.arctan((start[other] - start[one]) / apart)
             # What is not a number is not above the horizon.
             seen = elevation > highest[one]
             one, other, elevation = one[seen], other[seen], elevation[seen]
             upper = _below(elevation, along[one], z[one])
             shares[one, other] += upper - _below(highest[one], along[one], z[one])
             highest[one] = elevation
-    return shares * np.float32(2.0 / AZIMUTHS)
+    shares *= 2.0 / AZIMUTHS
+    return shares
 
 
 def _below(
@@ -317,6 +332,8 @@ def relief_of(maps: SavedMaps, fields: dict[str, Any]) -> Relief:
     """The relief of a file, from its fields; errors name the array."""
     found = Relief(**fields)
     maps.demand("relief.step", found.step > 0, f"is {found.step}, not positive")
+    white = np.isfinite(found.white) and found.white > 0.0
+    maps.demand("relief.white", bool(white), f"is {found.white}, not positive and finite")
     return found
 
 
@@ -325,5 +342,5 @@ def _raised(light: NDArray[np.float64], angle: float) -> tuple[float, float, flo
     across, length = float(np.hypot(light[0], light[1])), float(np.linalg.norm(light))
     elevation = float(np.arctan2(light[2], across)) + angle
     elevation = float(np.clip(elevation, LOWEST, 0.5 * np.pi))
-    scale = length * np.cos(elevation) / max(across, np.finfo(np.float64).tiny)
+    scale = length * np.cos(elevation) / across if across > 0.0 else 0.0
     return float(light[0] * scale), float(light[1] * scale), float(length * np.sin(elevation))

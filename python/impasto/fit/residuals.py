@@ -177,7 +177,12 @@ def kriging_weights(
 
 
 def learn_residuals(
-    stack: Stack, fit: Fit, *, part: Stack | None = None, threads: int | None
+    stack: Stack,
+    fit: Fit,
+    *,
+    part: Stack | None = None,
+    truth: Stack | None = None,
+    threads: int | None,
 ) -> LearnedResiduals | None:
     """The process that predicts held-out photographs best; None if the model alone does.
 
@@ -189,6 +194,8 @@ def learn_residuals(
         The fit whose residuals are meant.
     part
         The pixels to learn from; default: a sample of some 2000 of the stack's.
+    truth
+        What is compared with predictions of ``part``; default: ``part``.
     threads
         None means every allowed core.
 
@@ -201,7 +208,7 @@ def learn_residuals(
         return None
     part = subsampled_to(stack, PIXELS) if part is None else part
     try:
-        folds = [fold for fold in folds_of(part, threads) if fold.unknown is None]
+        folds = [fold for fold in folds_of(part, threads, truth=truth) if fold.unknown is None]
     except GeometryError:
         return None
     if all(np.isnan(fold.compared).all() for fold in folds):
@@ -213,9 +220,9 @@ def learn_residuals(
         units, compared = top * fold.rig.intensities, fold.compared
         limit = _coded_by(np.broadcast_to(ceiling, compared.shape), units)
         model = _coded_by(result.predict(fold.rig), units)
-        truth = np.minimum(_coded_by(compared, units), limit)
-        truth[np.isnan(compared)] = np.nan
-        alone = psnr(np.minimum(model, limit), truth)
+        real = np.minimum(_coded_by(compared, units), limit)
+        real[np.isnan(compared)] = np.nan
+        alone = psnr(np.minimum(model, limit), real)
         residual = _residual_codes(fold.known, result, top)
         basis = principal_components(residual)
         scores = np.tensordot(basis, residual, axes=1)
@@ -225,7 +232,7 @@ def learn_residuals(
             weights = kriging_weights(*places, process) @ basis.T
             for count in COMPONENTS:
                 change = np.tensordot(weights[:, :count], scores[:count], axes=1)
-                better = psnr(np.clip(model + change, 0.0, limit), truth) - alone
+                better = psnr(np.clip(model + change, 0.0, limit), real) - alone
                 gains.setdefault((length, noise, count), []).append(better)
     every = {setting: np.concatenate(each) for setting, each in gains.items()}
     residual = _residual_codes(part, fit(part), top)

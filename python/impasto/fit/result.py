@@ -123,7 +123,8 @@ class Sbrdf(PixelMaps, Relightable):
         fidelity
             ``"photographs"``: the model and, where there are any, its interpolated ``residuals``,
             seen as the photographs were; ``"model"``: the model alone. Both have the shadows and
-            interreflections of ``relief``, if there is one.
+            interreflections of ``relief``, if there is one; :func:`impasto.render` shows them with
+            ``"photographs"`` only.
         threads, progress
             None means every allowed core; a bool or a callable ``(done, total)``.
 

@@ -23,7 +23,9 @@ from impasto.fit.lafortune import LafortuneSbrdf, fit_lafortune
 from impasto.fit.learned_relief import (
     JUDGED,
     Fit,
+    Reduced,
     learn_relief,
+    learn_white,
     reduced,
     relief_sample,
     with_relief,
@@ -251,7 +253,8 @@ def fit_sbrdf(
         came from other places is taken off the samples, and the fit is repeated
         (:doc:`models`). ``relief`` of the result is what :meth:`predict` needs of it. Default:
         where ``pooling="auto"`` has chosen. Not with ``segments`` or normals that are maps, and
-        never from several views.
+        never from several views. Where interreflections are kept, the fit holds a copy of all
+        samples in float32.
     check
         Whether to refuse a stack whose lights are mirrored, rotated or exchanged, or that has a
         photograph twice (:func:`impasto.doctor.before_fit`); default: False. The command line
@@ -275,9 +278,9 @@ def fit_sbrdf(
     ------
     ArgumentError
         An unknown name, an option that the fit does not have, an index outside 1 to 100, lobes
-        outside 1 to 3, joint, peak, ambient or coated neither True nor False, normals of another
-        size, segments that are no whole numbers ``(y, x)``, or with ``check`` a stack to be
-        repaired first.
+        outside 1 to 3, joint, peak, ambient, coated or relief neither True nor False,
+        ``relief=True`` with segments or normals that are maps, normals of another size, segments
+        that are no whole numbers ``(y, x)``, or with ``check`` a stack to be repaired first.
     GeometryError
         Lights that cannot determine normals.
 
@@ -290,6 +293,7 @@ def fit_sbrdf(
     Non-linear approximation of reflectance functions, SIGGRAPH 1997.
     """
     checked_stack(stack)
+    relief = None if relief is None else truth(relief, "relief")
     if truth(check, "check"):
         from impasto.doctor.before_fit import refuse_faults
 
@@ -313,12 +317,12 @@ def fit_sbrdf(
     chosen = chosen_kind(stack, kinds, given, normals, residuals, threads, progress)
     choice, kind, _ = chosen
     checked_options(*chosen[1:])
-    shape = None
+    found = None
     if relief and (maps or "segments" in kind.defaults):
         beside = "normals that are maps" if maps else "segments"
         raise ArgumentError(f"relief: a fit with {beside} has none; leave one of them out")
     if not maps and "segments" not in kind.defaults and relief_wanted(relief, choice):
-        shape, chosen = learned_relief(stack, kinds, given, chosen, normals, residuals, threads)
+        found, chosen = learned_relief(stack, kinds, given, chosen, normals, residuals, threads)
     choice, kind, given = chosen
     options = checked_options(kind, given)
     labels = None
@@ -328,8 +332,8 @@ def fit_sbrdf(
     if wanted and labels is not None:
         raise ArgumentError("residuals: a fit with segments keeps none; leave one of them out")
     photographs = stack
-    if shape is not None:
-        stack = shape.removed(stack, threads=threads)
+    if found is not None:
+        stack = found.removed(stack, threads=threads)
     stereo = start_normals(stack, normals, effort, threads, progress)
     options |= {"effort": effort, "threads": threads, "progress": progress}
 
@@ -345,9 +349,9 @@ def fit_sbrdf(
         result = fit_lobes(stack, stereo, **options)
     else:
         result = pooled(stereo) if labels is None else fit_segments(labels, stereo, pooled)
-    result = replace(result, chosen=choice, relief=shape)
+    result = replace(result, chosen=choice, relief=found)
     if wanted:
-        learned = learned_residuals(photographs, kind, given, normals, threads, shape)
+        learned = learned_residuals(photographs, kind, given, normals, threads, found)
         kept = None if learned is None else apply_residuals(learned, photographs, result)
         result = replace(result, residuals=kept)
     return result
@@ -355,7 +359,7 @@ def fit_sbrdf(
 
 def relief_wanted(relief: bool | None, choice: Choice | None) -> bool:
     """Whether a relief is looked for; by default where something was chosen."""
-    return choice is not None if relief is None else truth(relief, "relief")
+    return choice is not None if relief is None else relief
 
 
 def learned_relief(
@@ -369,21 +373,27 @@ def learned_relief(
 ) -> tuple[Relief | None, Chosen]:
     """The relief of a fit, from held-out photographs, and the fit with it; None: it does not help.
 
-    Light from around is a varnish or ambient light to fits that do not know it: where the choice
-    is open, it is made again without that light.
+    Interreflections are a varnish or ambient light to fits that do not know them: where the choice
+    is open, it is made again without them.
     """
     alone = _plain_fit(*chosen[1:], normals, threads)
-    few = relief_sample(stack, alone)
+    few = relief_sample(stack, alone, threads=threads)
     if few is None:
+        return None, chosen
+    # A fit without gloss takes least time, and takes no light of the surroundings for its own.
+    bare = next((kind for kind in kinds if kind.pooling == "none"), chosen[1])
+    matte = _plain_fit(bare, chosen[2], normals, threads)
+    white = learn_white(few, matte, threads=threads)
+    if white is None:
         return None, chosen
     again, fits = chosen, [alone]
     if len(kinds) > 1:
         again = chosen_kind(
-            stack, kinds, given, normals, residuals, threads, False, part=few, before=alone
+            stack, kinds, given, normals, residuals, threads, False, before=(few, alone, white)
         )
         if again[1:] != chosen[1:]:
             fits.append(_plain_fit(*again[1:], normals, threads))
-    found = learn_relief(stack, few, fits, threads=threads)
+    found = learn_relief(stack, few, fits, white, threads=threads)
     if found is None:
         return None, chosen
     relief, fit = found
@@ -407,11 +417,12 @@ def learned_residuals(
         return learn_residuals(stack, fit, threads=threads)
 
     def with_its_own(known: Stack) -> Sbrdf:
-        result: Sbrdf = with_relief(known, fit, 1, interreflection=relief.interreflection)
+        white = relief.white if relief.interreflection else None
+        result: Sbrdf = with_relief(known, fit, white, threads=threads)
         return result
 
-    part, _ = reduced(stack, JUDGED)
-    return learn_residuals(stack, with_its_own, part=part, threads=threads)
+    few = reduced(stack, JUDGED)
+    return learn_residuals(stack, with_its_own, part=few.stack, truth=few.truth, threads=threads)
 
 
 def _plain_fit(
@@ -464,13 +475,12 @@ def chosen_kind(
     threads: int | None,
     progress: bool | ProgressCallback,
     *,
-    part: Stack | None = None,
-    before: Fit | None = None,
+    before: tuple[Reduced, Fit, float] | None = None,
 ) -> Chosen:
     """The fit among ``kinds``, its options, and how it was chosen; None where nothing was open.
 
-    Fits whose residuals will be kept are compared with those. With the fit ``before``, all have the
-    relief that it finds in some of the photographs of ``part``.
+    Fits whose residuals will be kept are compared with those. After ``before``, all have the
+    relief that its fit with its white finds in some of its reduced photographs.
     """
     if len(kinds) == 1:
         return None, kinds[0], dict(given)
@@ -479,7 +489,7 @@ def chosen_kind(
 
     @cache
     def around(known: Stack) -> Relief | None:
-        return None if before is None else Relief.of(before(known), 1, interreflection=True)
+        return None if before is None else Relief.of(before[1](known), 1, before[2])
 
     def fit(known: Stack, candidate: Candidate) -> Sbrdf:
         options: dict[str, Any] = {**given, **candidate.options}
@@ -501,7 +511,8 @@ def chosen_kind(
         candidates,
         fit,
         open_varnish=coated is None,
-        part=part,
+        part=None if before is None else before[0].stack,
+        truth=None if before is None else before[0].truth,
         threads=threads,
         progress=progress,
     )
