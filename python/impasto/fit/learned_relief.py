@@ -44,8 +44,8 @@ normals were 0.97 degrees before, then 0.31, 0.26, 0.26."""
 DOUBLED = 2
 """How often a larger white is tried: with still larger ones all reflectances are below 1/8, and
 what cells send to each other is lost in the noise."""
-BETWEEN = (0.5**0.5, 2.0**0.5)
-"""Multiples of the best white that are compared next."""
+STEP, LOWERED = 2.0**0.5, 3
+"""Multiple of the best white that is compared next, on both sides, and how often downwards."""
 
 Fit = Callable[[Stack], Any]
 """Fits photographs without a relief."""
@@ -85,8 +85,8 @@ def learn_white(few: Reduced, fit: Fit, *, threads: int | None) -> float | None:
     """The white (:attr:`Relief.white`) whose interreflections predict held-out photographs best.
 
     A stack's own scale need not say it: photographs are exposed as one likes. The first that is
-    tried is the least power of two that nearly all diffuse colours are below, because a smaller one
-    would reflect more than it gets; then its multiples, each with one sixth of the photographs held
+    tried is the least power of two that nearly all diffuse colours are below; then its multiples,
+    and a parabola over the logarithm, each with one sixth of the photographs held
     out. With their residuals: these keep what other errors of the fit are, and without them a deep
     relief seemed to have a white of 1.4 instead of 1. None where nothing can be predicted.
     """
@@ -106,9 +106,27 @@ def learn_white(few: Reduced, fit: Fit, *, threads: int | None) -> float | None:
         if judged(2.0**power) <= tried[2.0 ** (power - 1)]:
             break
     coarse = max(tried, key=lambda factor: tried[factor])
-    for factor in BETWEEN:
-        judged(coarse * factor)
+    judged(coarse * STEP)
+    # Downwards while it helps: below, colours of unusual pixels reflect more than they get.
+    factor = coarse / STEP
+    for _ in range(LOWERED):
+        if judged(factor) <= max(value for one, value in tried.items() if one != factor):
+            break
+        factor /= STEP
+    best = max(tried, key=lambda factor: tried[factor])
+    near = {offset: _near(tried, best * STEP**offset) for offset in (-1.0, 0.0, 1.0)}
+    if all(value is not None for value in near.values()):
+        # The vertex of the parabola through three values over the logarithm.
+        below, middle, above = (float(value or 0.0) for value in near.values())
+        bend = 2.0 * middle - below - above
+        if bend > 0.0:
+            judged(best * STEP ** (0.5 * (above - below) / bend))
     return max(tried, key=lambda factor: tried[factor]) * unit
+
+
+def _near(tried: dict[float, float], factor: float) -> float | None:
+    """The value of a factor up to its rounding."""
+    return next((value for one, value in tried.items() if abs(one / factor - 1.0) < 1e-6), None)
 
 
 def learn_relief(
