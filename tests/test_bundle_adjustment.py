@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -75,6 +76,18 @@ def test_held_out_errors_change_as_the_surfaces_follow(
     np.testing.assert_allclose(right, left.T @ linear.error[:, :, held].ravel(), atol=1e-9)
 
 
+@pytest.mark.parametrize("lamps", [True, False])
+def test_no_pixel_at_all_tells_nothing(linear: _Linear, lamps: bool) -> None:
+    # Of a sample without one pixel that can be fitted.
+    none = linear.of(slice(0, 0), np.ones(LIGHTS, dtype=np.bool_))
+    if not lamps:
+        none = replace(none, lamp=None)
+    matrix, right = _eliminated(none, np.ones(LIGHTS, dtype=np.bool_))
+    numbers = PLACES + LIGHTS * lamps
+    np.testing.assert_array_equal(matrix, np.zeros((numbers, numbers)))
+    np.testing.assert_array_equal(right, np.zeros(numbers))
+
+
 def test_no_pixel_counts_more_than_a_usual_one() -> None:
     leverage = np.array([[1.0, 4.0], [2.0, 0.0], [3.0, 5.0], [200.0, 6.0], [0.0, 1.0]])
     weight = _bounded(leverage)
@@ -121,6 +134,8 @@ def test_a_black_photograph_has_the_strength_that_was_given(everything: Any) -> 
     samples = np.array(stack.samples)
     samples[5] = 0.0
     refined = impasto.refine_rig(stack._replace(samples=samples), camera=False, lamps=False)
+    assert refined.refinement is not None
+    assert refined.refinement.strengths.accepted
     factor = refined.intensities
     assert np.isfinite(factor).all()
     known = np.arange(len(factor)) != 5

@@ -56,6 +56,7 @@ _COARSE = 2.0
 they fall while normals become worse."""
 _MIRRORED = 0.5
 """Share of the fall that a rig of the opposite sign may reach."""
+_NONE = "the photographs show none"
 
 
 def refine_rig(
@@ -338,37 +339,49 @@ class _Search:
         if trim <= self._test.rounded:
             return self._untouched(f"errors of {trim:.2f} codes are those of rounding")
         state, kind = self.searched()
-        free, found, reasons = self._free.copy(), state.place, list(self._why)
-        for axis in np.flatnonzero(self._free).tolist():
-            others = free.copy()
-            others[axis] = False
-            without = self.adjusted([state, nothing], others, kind)
-            free[axis], reasons[axis] = self._judge(axis, state, without)
-            if not free[axis]:
-                state = without
-        free &= state.place >= _FAR
-        state = replace(state, place=np.where(free, state.place, 0.0))
-        strengths, state, kind = self._lamps(state, free, kind)
-        state = self._final(state, free, kind)
+        best = state
+        state, free, reasons = self._places(state, kind)
+        strengths, state, dropped = self._lamps(state, free, kind)
+        if dropped:  # what was accepted beside strengths may mean nothing without them
+            kind = "given"
+            best = self.adjusted([state, nothing], self._free, kind)
+            state, free, reasons = self._places(best, kind)
+        state, free = self._final(state, accepted := free, kind)
+        for axis in np.flatnonzero(accepted & ~free).tolist():
+            reasons[axis] = _NONE
         total = self._total(state)
+        if total.gain <= total.scatter and (free.any() or kind != "given"):
+            return self._untouched(f"no better for lobes as they are fitted: {total}")
+        camera, lamps = (
+            Estimate(_distance(state if taken else best, axis), bool(taken), reasons[axis])
+            for axis, taken in enumerate(free)
+        )
         report = RigRefinement(
-            camera=Estimate(_distance(state if free[0] else found, 0), bool(free[0]), reasons[0]),
-            lamps=Estimate(_distance(state if free[1] else found, 1), bool(free[1]), reasons[1]),
-            strengths=strengths,
-            half_mm=self._half,
-            gain=total.gain,
-            scatter=total.scatter,
-            open=_open(kind),
+            camera, lamps, strengths, self._half, total.gain, total.scatter, _open(kind)
         )
         if self.report is not None:
             self.report(self._done, self._done)
         untouched = not free.any() and kind == "given"
         return Rig(self._stack.rig if untouched else self.at(state), refinement=report)
 
+    def _places(
+        self, state: RigNumbers, kind: Kind
+    ) -> tuple[RigNumbers, NDArray[np.bool_], list[str]]:
+        """The numbers without the distances that are not accepted, which those are, and why."""
+        free, reasons = self._free.copy(), list(self._why)
+        for axis in np.flatnonzero(self._free).tolist():
+            others = free.copy()
+            others[axis] = False
+            without = self.adjusted([state, self.even()], others, kind)
+            free[axis], reasons[axis] = self._judge(axis, state, without)
+            if not free[axis]:
+                state = without
+        return *_near(state, free), reasons
+
     def _judge(self, axis: int, state: RigNumbers, without: RigNumbers) -> tuple[bool, str]:
         """Whether a distance is accepted against the best rig without it, and why."""
         if state.place[axis] < _FAR:
-            return False, "the photographs show none"
+            return False, _NONE
         gain = self.gain(state, without)
         if not _convincing(gain):
             return False, f"no better: {gain}"
@@ -406,27 +419,29 @@ class _Search:
 
     def _lamps(
         self, state: RigNumbers, free: NDArray[np.bool_], kind: Kind
-    ) -> tuple[Estimate, RigNumbers, Kind]:
-        """Whether strengths are accepted, and the state and kind that follow."""
+    ) -> tuple[Estimate, RigNumbers, bool]:
+        """Whether strengths are accepted, the state that follows, and whether they are dropped."""
         if not self._strengths:
             few = len(self._given) <= FEWEST
-            return Estimate(1.0, False, "too few lights" if few else "not estimated"), state, kind
+            return Estimate(1.0, False, "too few lights" if few else "not estimated"), state, False
         even = self.adjusted([state, self.even()], free, "given")
         if kind == "given":
             trial = self.adjusted([even], free, "held")
-            return Estimate(_spread(trial), False, str(self.gain(trial, even))), even, kind
+            return Estimate(_spread(trial), False, str(self.gain(trial, even))), even, False
         gain, spread = self.gain(state, even), _spread(state)
         if not _differ(gain):
-            return Estimate(spread, False, str(gain)), even, "given"
+            return Estimate(spread, False, str(gain)), even, True
         if spread > _SPREAD:
             why = f"they would differ by a factor of {spread:.0f}, more than lamps do"
-            return Estimate(spread, False, why), even, "given"
-        return Estimate(spread, True, str(gain)), state, kind
+            return Estimate(spread, False, why), even, True
+        return Estimate(spread, True, str(gain)), state, False
 
-    def _final(self, state: RigNumbers, free: NDArray[np.bool_], kind: Kind) -> RigNumbers:
+    def _final(
+        self, state: RigNumbers, free: NDArray[np.bool_], kind: Kind
+    ) -> tuple[RigNumbers, NDArray[np.bool_]]:
         """The accepted numbers, from more pixels, by the error of photographs held out."""
         if kind == "given" and not free.any():
-            return state
+            return state, free
         many = HeldOut(
             self._stack,
             _MANY_PIXELS,
@@ -435,7 +450,7 @@ class _Search:
             coated=self._test.coated,
         )
         adjustment = BundleAdjustment(many, self.at, self._given.directions, self._threads)
-        return adjustment.solve(state, free, kind, nearest=_NEAREST, folds=self._folds)
+        return _near(adjustment.solve(state, free, kind, nearest=_NEAREST, folds=self._folds), free)
 
     def _total(self, state: RigNumbers) -> Comparison:
         """Gain over the rig as given: other folds, lobes as they are fitted."""
@@ -454,6 +469,12 @@ class _Search:
         return Rig(self._stack.rig, refinement=report)
 
 
+def _near(state: RigNumbers, free: NDArray[np.bool_]) -> tuple[RigNumbers, NDArray[np.bool_]]:
+    """The numbers without distances that are none, and which of the free ones are left."""
+    near = free & (state.place >= _FAR)
+    return replace(state, place=np.where(near, state.place, 0.0)), near
+
+
 def _convincing(gain: Comparison) -> bool:
     return gain.better(_FALL, _CERTAIN) or gain.better(_MUCH, _LIKELY)
 
@@ -467,8 +488,8 @@ def _spread(state: RigNumbers) -> float:
     return float(np.exp(np.ptp(state.log)))
 
 
-def _distance(state: RigNumbers | NDArray[np.float64], axis: int) -> float:
-    place = state.place if isinstance(state, RigNumbers) else state
+def _distance(state: RigNumbers, axis: int) -> float:
+    place = state.place
     return 1.0 / float(place[axis]) if place[axis] >= _FAR else math.inf
 
 
