@@ -237,7 +237,7 @@ def fit_sbrdf(
         The result of :func:`impasto.fit_normals`, or the name of one of its methods; default: its
         default method. Pixels outside the mask of the stack are not fitted.
     refine
-        Whether the rig is refined first by :func:`impasto.refine_rig`, which takes 1 to 15 s
+        Whether the rig is refined first by :func:`impasto.refine_rig`, which takes 1 to 20 s
         whatever the size of the picture: distances of camera and lamps and strengths of lamps,
         accepted only where held-out photographs are predicted better. ``rig`` of the result is the
         refined one, and its ``refinement`` says what was accepted. Default: with
@@ -248,7 +248,7 @@ def fit_sbrdf(
         view: by kriging, if held-out photographs are then predicted better. Default: where
         ``pooling="auto"`` has chosen. Not with ``segments``, and never from several views.
     relief
-        Whether to heed the painting's own cast shadows and interreflections, where held-out
+        Whether to model the painting's own cast shadows and interreflections, where held-out
         photographs are then predicted better: heights are integrated from the normals, light that
         came from other places is taken off the samples, and the fit is repeated
         (:doc:`models`). ``relief`` of the result is what :meth:`Sbrdf.predict` needs of it.
