@@ -45,6 +45,11 @@ _WORSE, _NOISE = 2, 1.002
 single pixels scatter it by less."""
 _LIKE = 0.8
 """The largest ratio of two steps in a row that is believed."""
+_HELD = np.radians(0.1)
+"""Tilt of the mean normal up to which the gauge of strengths counts as held."""
+_TOLD = 1e-3
+"""A lamp has no equation, and keeps the strength that was given, if its squared derivatives are
+this small a share of the median lamp's: its photograph is black."""
 _PRIOR = 0.7
 """Standard deviation of the logarithms of strengths before any photograph: lamps that are alike
 differ by a factor of two. Without it a lamp that no pixel shows has no equation."""
@@ -115,7 +120,7 @@ class _Linear:
         dense = np.concatenate([self.place, self.error[..., None]], axis=-1)
         flat = dense.reshape(len(pixel), -1, dense.shape[-1])
         along = pixel.transpose(0, 2, 1)
-        by_rig, among = along @ flat, np.tensordot(flat, flat, ([0, 1], [0, 1]))
+        by_rig, among = along @ flat, _sum_of_products(flat, flat)
         if self.lamp is None:
             return along @ pixel, by_rig, among
         lamps = np.flatnonzero(photographs)
@@ -175,8 +180,8 @@ class BundleAdjustment:
             Whether strengths are, and whether their gauge is held as the given strengths say.
         folds
             1: the error of the photographs that are fitted. Surfaces absorb a part of a wrong
-            distance, so that the camera is found 3 or 4 % too far. More: the error of photographs
-            that are held out in turn, which takes so many times as long.
+            distance, so that cameras are found too far away. More: the error of photographs that
+            are held out in turn, which takes so many times as long.
         """
         axes = np.flatnonzero(free).tolist()
         if not axes and strengths == "given":
@@ -184,20 +189,21 @@ class BundleAdjustment:
         mean = None
         if strengths == "held":
             mean = _mean_normal(self._fitted(replace(start, log=0.0 * start.log), folds)[0][0])
-        state, best, least, worse = start, start, np.inf, 0
+        state, best, least, worse = start, None, np.inf, 0
         before: Array | None = None
         loose = 4.0 if folds == 1 else 1.0
         for _ in range(_ROUNDS):
             surfaces, error = self._fitted(state, folds)
-            if error < _NOISE * least:
-                best, least, worse = state, min(error, least), 0
-            else:
-                worse += 1
-            if worse == _WORSE and mean is None:
+            if mean is None or _holds(state is start, state.log, surfaces[0], mean):
+                if error < _NOISE * least:
+                    best, least, worse = state, min(error, least), 0
+                else:
+                    worse += 1
+            if worse == _WORSE:
                 break
-            step = self._step(state, surfaces, axes, strengths)
-            if before is None:
-                before = step
+            step, told = self._step(state, surfaces, axes, strengths, nearest)
+            if before is None or mean is not None:
+                before = step  # of what is held, most steps are alike and do not shrink
             else:
                 step, before = _extrapolated(step, before), None
             place, log = state.place.copy(), state.log
@@ -206,13 +212,12 @@ class BundleAdjustment:
             if strengths != "given":
                 moved = np.clip(step[len(axes) :], -_LONGEST_LOG, _LONGEST_LOG)
                 log = log + (moved if mean is None else self._held(moved, log, surfaces[0], mean))
-                log = log - np.median(log)
+                log = np.where(told, log - np.median(log[told]), 0.0)
             still = np.abs(place - state.place).max() < loose * _STILL
             if still and np.abs(log - state.log).max() < loose * _STILL_LOG:
                 break
             state = RigNumbers(place, log)
-        # What is held returns at the end, and with it a part of the error.
-        return best if mean is None else state
+        return state if best is None else best
 
     # --- the surface under a rig
 
@@ -234,31 +239,47 @@ class BundleAdjustment:
     # --- one step
 
     def _step(
-        self, state: RigNumbers, surfaces: list[LobeSbrdf], axes: list[int], strengths: Kind
-    ) -> Array:
-        """What to add to the free inverse distances, then to the logarithms of strengths."""
+        self,
+        state: RigNumbers,
+        surfaces: list[LobeSbrdf],
+        axes: list[int],
+        strengths: Kind,
+        nearest: float,
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """What to add to the free inverse distances, then to the logarithms of strengths.
+
+        And ``(obs,)`` of which lamps the photographs tell the strength.
+        """
         places, lamps = len(axes), strengths != "given"
         numbers = places + len(state.log) * lamps
         matrix, right = np.zeros((numbers, numbers)), np.zeros(numbers)
         squares, used = 0.0, 0
         for fold, found in enumerate(surfaces):
-            linear = self._linear(state, found, axes, lamps=lamps)
             held = _photographs(len(state.log), fold, len(surfaces))
+            linear = self._linear(state, found, axes, held, lamps=lamps)
             product, by_error = _eliminated(linear, held)
             matrix, right = matrix + product, right + by_error
             squares += float((linear.error[..., held] ** 2).sum())
             used += int(np.count_nonzero(linear.error[..., held]))
+        squared = np.diag(matrix)[places:]
+        told = squared > _TOLD * np.median(squared) if lamps else np.ones(len(state.log), np.bool_)
         matrix[np.diag_indices_from(matrix)] *= 1.0 + _DAMPING
-        if not lamps:
-            return _solved(matrix, right)
-        # Errors count twice: neighbouring photographs err alike.
-        prior = 2.0 * squares / max(used, 1) / _PRIOR**2
-        each = np.arange(places, numbers)
-        matrix[each, each] += prior
-        right[each] -= prior * state.log
+        use = np.r_[np.ones(places, np.bool_), told] if lamps else np.ones(places, np.bool_)
         row = np.zeros(numbers)
-        row[each] = 1.0
-        return _solved(matrix, right, row)
+        if lamps:
+            # Errors count twice: neighbouring photographs err alike.
+            prior = 2.0 * squares / max(used, 1) / _PRIOR**2
+            each = np.arange(places, numbers)
+            matrix[each, each] += prior
+            right[each] -= prior * state.log
+            row[each] = 1.0
+        step = _solved(matrix, right, row, use)
+        now, by = state.place[axes], step[:places]
+        blocked = ((now <= 0.0) & (by < 0.0)) | ((now >= nearest) & (by > 0.0))
+        if blocked.any():
+            use[:places] = ~blocked
+            step = _solved(matrix, right, row, use)
+        return step, told
 
     def _held(self, step: Array, log: Array, found: LobeSbrdf, mean: Array) -> Array:
         """The step without the gauge: tilt and fall-off stay, or return, where they are held.
@@ -276,9 +297,15 @@ class BundleAdjustment:
         return step - fall_off(log + step, log_elevation(lights), usual)
 
     def _linear(
-        self, state: RigNumbers, found: LobeSbrdf, axes: list[int], *, lamps: bool
+        self,
+        state: RigNumbers,
+        found: LobeSbrdf,
+        axes: list[int],
+        held: NDArray[np.bool_],
+        *,
+        lamps: bool,
     ) -> _Linear:
-        """Errors in codes, weighted, and their derivatives."""
+        """Errors in codes, weighted, and their derivatives; those ``held`` are to be small."""
         fine = found.status < Status.DARK
         rig, surface = self._test.lit(self._at(state)).rig, found.surface()
 
@@ -293,7 +320,8 @@ class BundleAdjustment:
         size = np.abs(error)
         known = np.isfinite(size)
         # Least trimmed squares: samples that the model does not describe do not count.
-        used = known & (size <= np.quantile(size[known], KEPT)) if known.any() else known
+        judged = size[..., held][known[..., held]]
+        used = known & (size <= np.quantile(judged, KEPT)) if judged.size else known & False
         by = _SLOPE * light + _DARK
         weight = np.where(used, (self._test.coded(light + by) - coded) / by, 0.0)[..., None]
 
@@ -449,9 +477,9 @@ class _Followed:
     @property
     def equations(self) -> Array:
         """Normal equations, the errors last."""
-        flat = self.follow.reshape(-1, self.follow.shape[-1])
-        cross = flat.T @ self.by_rig.reshape(flat.shape)
-        return self.rig - cross - cross.T + flat.T @ (self.pixel @ self.follow).reshape(flat.shape)
+        cross = _sum_of_products(self.follow, self.by_rig)
+        both = _sum_of_products(self.follow, self.pixel @ self.follow)
+        return self.rig - cross - cross.T + both
 
     @property
     def leverage(self) -> Array:
@@ -465,16 +493,40 @@ class _Followed:
         return np.column_stack([places, lamps.sum(axis=1)])
 
 
-def _solved(matrix: Array, right: Array, row: Array | None = None) -> Array:
-    """The least squares step, with ``row @ step = 0`` (Lagrange multiplier)."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))
-    system, right = matrix / np.outer(scale, scale), right / scale
-    if row is not None:
-        row = row / scale
+def _holds(first: bool, log: Array, found: LobeSbrdf, mean: Array) -> bool:
+    """Whether a state has the gauge that is held: even strengths, or after a step its tilt."""
+    if first:
+        return not log.any()
+    return bool(np.linalg.norm(_mean_normal(found) - mean) <= _HELD)
+
+
+def _solved(matrix: Array, right: Array, row: Array, use: NDArray[np.bool_]) -> Array:
+    """The least squares step of the numbers in ``use``, 0 of the others.
+
+    ``row @ step = 0`` where the row is not 0 (Lagrange multiplier).
+    """
+    scale = np.sqrt(np.maximum(np.diag(matrix)[use], np.finfo(np.float64).tiny))
+    system, right = matrix[np.ix_(use, use)] / np.outer(scale, scale), right[use] / scale
+    row = row[use] / scale
+    if row.any():
         row = row[None] / np.linalg.norm(row)
         system = np.block([[system, row.T], [row, np.zeros((1, 1))]])
         right = np.append(right, 0.0)
-    return np.asarray(np.linalg.lstsq(system, right, rcond=None)[0][: len(scale)] / scale)
+    step = np.zeros(len(use))
+    step[use] = np.linalg.lstsq(system, right, rcond=None)[0][: len(scale)] / scale
+    return step
+
+
+def _sum_of_products(one: Array, other: Array) -> Array:
+    """The sum over pixels of ``one.T @ other``, ``(n, k, q)`` and ``(n, k, r)`` to ``(q, r)``.
+
+    Pixel by pixel: BLAS divides a large product among its threads, and the bits of the sum would
+    depend on their number.
+    """
+    total = np.zeros((one.shape[2], other.shape[2]))
+    for left, right in zip(one, other, strict=True):
+        total += left.T @ right
+    return total
 
 
 def _mean_normal(found: LobeSbrdf) -> Array:

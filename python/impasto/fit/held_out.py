@@ -54,7 +54,7 @@ class Comparison:
     @property
     def fall(self) -> float:
         """Share by which the trimmed mean fell."""
-        return 1.0 - self.trim / max(self.trim_before, _SMALLEST)
+        return 1.0 - max(self.trim, _SMALLEST) / max(self.trim_before, _SMALLEST)
 
     def better(self, fall: float, errors: float = 1.0) -> bool:
         """Whether the trim fell by this share and the gain exceeds so many standard errors."""
@@ -82,6 +82,11 @@ class Errors:
     def rms(self) -> float:
         """Root mean square over all photographs."""
         return float(np.sqrt(np.nanmean(self.coded**2)))
+
+    def pixels(self, bands: int) -> int:
+        """How many pixels have an error in some photograph and band."""
+        known = np.isfinite(self.coded).any(axis=0).reshape(bands, -1)
+        return int(np.count_nonzero(known.any(axis=0)))
 
     def fold(self, fold: int, folds: int) -> float:
         """Trimmed mean of one fold."""
@@ -130,6 +135,7 @@ class HeldOut:
         self._few = subsampled_to(stack._replace(rig=probe), pixels)
         x, y, _ = self._few.rig.view_positions[0].tolist()
         self._middle = (-x, -y)
+        self._origin = (pitch * stack.rig.origin[0], pitch * stack.rig.origin[1])
         self._index, self._threads = index, threads
         linear = np.array([self._few.linear(photograph) for photograph in range(len(probe))])
         self.samples = linear.mean(axis=1)
@@ -162,8 +168,9 @@ class HeldOut:
     def rotated(self) -> HeldOut:
         """The photographs after half a turn under lamps and cameras that did not turn.
 
-        What depends on the place of a pixel then has the opposite sign: a camera in front of the
-        painting counts as one behind it.
+        The turn is about the middle of the painting, also for a part of it. What depends on the
+        place of a pixel then has the opposite sign: a camera in front of the painting counts as one
+        behind it, and lamps as well.
         """
         other = copy(self)
         rotated = (..., slice(None, None, -1), slice(None, None, -1))
@@ -173,6 +180,8 @@ class HeldOut:
             mask=None if mask is None else mask[rotated],
         )
         other.samples, other.truth = self.samples[rotated], self.truth[rotated]
+        x, y = self._middle
+        other._middle = (-x - 2.0 * self._origin[0], -y - 2.0 * self._origin[1])
         return other
 
     def surface(self, stack: Stack, lobes: int = 1) -> LobeSbrdf:

@@ -20,7 +20,6 @@ from impasto._internal.checks import refractive_index, truth
 from impasto.errors import ArgumentError
 from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
 from impasto.fit.held_out import Comparison, Errors, HeldOut
-from impasto.fit.strength_search import FEWEST
 from impasto.refinement import Estimate, RigRefinement
 from impasto.rig import DistantLight, Light, PointLight, PointView, Rig, Views
 from impasto.stack import Stack, checked_stack
@@ -33,7 +32,8 @@ _FOLDS, _MANY, _FOLDS_OF_FEW = 2, 24, 4
 """Half of the photographs are held out at a time; of fewer than 24, a quarter."""
 _NODES = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
 """Inverse distances of camera and lamps at which the search starts, per half of the longer side."""
-_NEAREST = 0.6
+_NEAREST = 1.0
+"""The largest inverse distance: what reaches it is not accepted."""
 _FAR = 0.02
 """An inverse distance below this counts as 0: directions differ by a degree."""
 _DISTANT = 1e-6
@@ -57,6 +57,11 @@ they fall while normals become worse."""
 _MIRRORED = 0.5
 """Share of the fall that a rig of the opposite sign may reach."""
 _NONE = "the photographs show none"
+_FEWEST_PIXELS = 32
+"""A few pixels, each with unknowns of its own, take a wrong rig as well as the right one."""
+_RING = 0.1
+"""Lamps whose sines of elevation differ by less, but for a tenth at either end, are one ring:
+photographs held out are then lit like those fitted, and cannot tell a wrong rig."""
 
 
 def refine_rig(
@@ -139,7 +144,9 @@ def refine_rig(
     search = _Search(stack, camera, lamps, strengths, falloff, index, threads)
     with reporting(progress, "rig") as report:
         search.report = report
-        return search.rig()
+        rig = search.rig()
+        search.finish()
+    return rig
 
 
 _FEWEST_LIGHTS = 10
@@ -206,7 +213,7 @@ class _Search:
         self._given = Rig(rig, pitch_mm=pitch)
         self._stack, self._index, self._threads = stack, index, threads
         self._half = 0.5 * pitch * max(height, width)
-        self._falloff, self._strengths = falloff, strengths and len(rig) > FEWEST
+        self._falloff, self._strengths = falloff, strengths
         one_view = bool((rig.views == rig.views[0]).all()) and not rig.near_views.any()
         self._free = np.array([camera and one_view, lamps and not rig.near.any()])
         self._why = [
@@ -260,6 +267,11 @@ class _Search:
     def even(self, u: float = 0.0, w: float = 0.0) -> RigNumbers:
         """Inverse distances of camera and lamps, with the strengths as given."""
         return RigNumbers(np.array([u, w]), np.zeros(len(self._given)))
+
+    def finish(self) -> None:
+        """Report that all is done."""
+        if self.report is not None:
+            self.report(self._done, self._done)
 
     def _tick(self) -> None:
         self._done += 1
@@ -334,6 +346,12 @@ class _Search:
         nothing = self.even()
         if not np.isfinite(self.errors(nothing).trim):
             raise ArgumentError("stack: no pixel can be fitted; impasto.doctor.examine says why")
+        fitted = self.errors(nothing).pixels(self._test.truth.shape[1])
+        if fitted < _FEWEST_PIXELS:
+            return self._untouched(f"{fitted} pixels that can be fitted are too few")
+        low, high = np.quantile(self._given.directions[:, 2], (0.1, 0.9))
+        if high - low < _RING:
+            return self._untouched("lamps of one elevation do not show it")
         self._take(self._test.suited(self.at(nothing), self._folds))
         trim = self.errors(nothing).trim
         if trim <= self._test.rounded:
@@ -356,11 +374,11 @@ class _Search:
             Estimate(_distance(state if taken else best, axis), bool(taken), reasons[axis])
             for axis, taken in enumerate(free)
         )
+        if strengths.accepted:
+            strengths = replace(strengths, found=_spread(state))
         report = RigRefinement(
             camera, lamps, strengths, self._half, total.gain, total.scatter, _open(kind)
         )
-        if self.report is not None:
-            self.report(self._done, self._done)
         untouched = not free.any() and kind == "given"
         return Rig(self._stack.rig if untouched else self.at(state), refinement=report)
 
@@ -382,6 +400,8 @@ class _Search:
         """Whether a distance is accepted against the best rig without it, and why."""
         if state.place[axis] < _FAR:
             return False, _NONE
+        if state.place[axis] >= _NEAREST:
+            return False, f"it would be nearer than {1.0 / _NEAREST:g} half-sides"
         gain = self.gain(state, without)
         if not _convincing(gain):
             return False, f"no better: {gain}"
@@ -422,8 +442,7 @@ class _Search:
     ) -> tuple[Estimate, RigNumbers, bool]:
         """Whether strengths are accepted, the state that follows, and whether they are dropped."""
         if not self._strengths:
-            few = len(self._given) <= FEWEST
-            return Estimate(1.0, False, "too few lights" if few else "not estimated"), state, False
+            return Estimate(1.0, False, "not estimated"), state, False
         even = self.adjusted([state, self.even()], free, "given")
         if kind == "given":
             trial = self.adjusted([even], free, "held")
@@ -450,7 +469,9 @@ class _Search:
             coated=self._test.coated,
         )
         adjustment = BundleAdjustment(many, self.at, self._given.directions, self._threads)
-        return _near(adjustment.solve(state, free, kind, nearest=_NEAREST, folds=self._folds), free)
+        found = adjustment.solve(state, free, kind, nearest=_NEAREST, folds=self._folds)
+        after, before = (many.errors(self.at(one), self._folds).trim for one in (found, state))
+        return _near(found if after <= before else state, free)
 
     def _total(self, state: RigNumbers) -> Comparison:
         """Gain over the rig as given: other folds, lobes as they are fitted."""
