@@ -23,7 +23,7 @@ from impasto.fit.interface import spectra_of_lobes
 from impasto.fit.reflectance import Reflectance, fit_reflectance
 from impasto.height import integrate_normals
 from impasto.level import Level, as_level, find_level
-from impasto.rig import PointLight, Rig
+from impasto.rig import PointLight, PointView, Rig
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
 
@@ -285,7 +285,7 @@ def render(
     workers = thread_count(threads)
     with reporting(progress, "rendering") as callback:
         xyz, coverage = _core.render(lit, relief, arguments, workers, callback)
-    if fidelity == "photographs" and reflectance is None and as_photographed:
+    if fidelity == "photographs" and reflectance is None and as_photographed and _in_front(eye):
         extra = surface.unmodelled(whole)
         if extra is not None:
             # Colours without spectra have one matrix for all lights.
@@ -347,6 +347,11 @@ def display_from_bands(
         planes, matrix, table, bits, thread_count(threads)
     )[0]
     return codes
+
+
+def _in_front(eye: Any) -> bool:
+    """Whether a picture has the painting's own pixels: from the side, it is foreshortened."""
+    return isinstance(eye, PointView) or not np.any(np.asarray(eye, dtype=np.float64)[:2])
 
 
 def _table(display: Display) -> NDArray[np.float32]:

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.fit.held_out import KEPT, HeldOut
+from impasto.fit.held_out import KEPT, HeldOut, log_ratios
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.strength_search import (
     FEWEST,
@@ -45,11 +45,11 @@ _WORSE, _NOISE = 2, 1.002
 single pixels scatter it by less."""
 _LIKE = 0.8
 """The largest ratio of two steps in a row that is believed."""
-_HELD = np.radians(0.1)
+_HELD = np.radians(0.3)
 """Tilt of the mean normal up to which the gauge of strengths counts as held."""
 _TOLD = 1e-3
-"""A lamp has no equation, and keeps the strength that was given, if its squared derivatives are
-this small a share of the median lamp's: its photograph is black."""
+"""A lamp has no equation if its squared derivatives are this small a share of the median lamp's:
+its strength is so wrong that all its samples are outliers, or its photograph is black."""
 _PRIOR = 0.7
 """Standard deviation of the logarithms of strengths before any photograph: lamps that are alike
 differ by a factor of two. Without it a lamp that no pixel shows has no equation."""
@@ -212,7 +212,9 @@ class BundleAdjustment:
             if strengths != "given":
                 moved = np.clip(step[len(axes) :], -_LONGEST_LOG, _LONGEST_LOG)
                 log = log + (moved if mean is None else self._held(moved, log, surfaces[0], mean))
-                log = np.where(told, log - np.median(log[told]), 0.0)
+                log = log - np.median(log[told])
+                if not told.all():
+                    log = np.where(told, log, self._medians(state, surfaces[0]))
             still = np.abs(place - state.place).max() < loose * _STILL
             if still and np.abs(log - state.log).max() < loose * _STILL_LOG:
                 break
@@ -235,6 +237,14 @@ class BundleAdjustment:
         size = np.sort(np.concatenate(errors))
         size = size[np.isfinite(size)]
         return surfaces, float(size[: int(KEPT * size.size)].mean()) if size.size else np.inf
+
+    def _medians(self, state: RigNumbers, found: LobeSbrdf) -> Array:
+        """Logarithms of strengths by median ratios; 0, as given, where a photograph is black."""
+        rig = self._test.lit(self._at(state)).rig
+        shown = found.predict(rig, threads=self._threads).astype(np.float64)
+        shown[..., found.status >= Status.DARK] = np.nan
+        ratios = log_ratios(self._test.samples, shown.mean(axis=1), rig.intensities)
+        return np.where(np.isfinite(ratios), state.log + ratios, 0.0)
 
     # --- one step
 

@@ -5,7 +5,7 @@ Model selection by cross-validation [@stone1974].
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -235,7 +235,7 @@ def choose(
         return Choice(UNTRIED, (), 0, "no sampled pixel can be estimated")
     if all(np.isnan(fold.compared).all() for fold in folds):
         return Choice(UNTRIED, (), 0, "no held-out photograph shows a pixel that can be estimated")
-    top = full_scale([fold.compared for fold in folds])
+    top = full_scale(one for fold in folds for one in fold.compared)
     tried: list[Candidate] = []
     each: list[Predicted] = []
     waiting = list(candidates)
@@ -314,14 +314,16 @@ def psnr(shown: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
     return np.asarray(10.0 * np.log10(255.0**2 / np.maximum(mean, ROUNDING)))
 
 
-def full_scale(truth: Sequence[NDArray[Any]]) -> float:
-    """What is shown as white: the least power of two that nearly all samples are below.
+def full_scale(photographs: Iterable[NDArray[Any]]) -> float:
+    """What is shown as white: half as much again as nearly all samples of most photographs.
 
-    The white board of most stacks; twice the exposure changes no bit of what is chosen.
+    A few wrong photographs do not change it. It follows the exposure, so that what is chosen does
+    not: by a power of two exactly.
     """
-    known = np.concatenate([shown[np.isfinite(shown)] for shown in truth])
-    bright = float(np.quantile(known, 0.999)) if known.size else 0.0
-    return float(2.0 ** np.ceil(np.log2(bright))) if bright > 0.0 else 1.0
+    samples = (shown[np.isfinite(shown)] for shown in photographs)
+    bright = [float(np.quantile(known, 0.999)) for known in samples if known.size]
+    most = float(np.quantile(bright, 0.75)) if bright else 0.0
+    return 1.5 * most if most > 0.0 else 1.0
 
 
 def simplest(tried: Sequence[Candidate], each: Sequence[Predicted]) -> Candidate:

@@ -85,9 +85,8 @@ def learn_white(few: Reduced, fit: Fit, *, threads: int | None) -> float | None:
     """The white (:attr:`Relief.white`) whose interreflections predict held-out photographs best.
 
     A stack's own scale need not say it: photographs are exposed as one likes. The first that is
-    tried is the least power of two that nearly all diffuse colours are below; then its multiples,
-    and a parabola over the logarithm, each with one sixth of the photographs held
-    out. With their residuals: these keep what other errors of the fit are, and without them a deep
+    tried is half as much again as nearly all diffuse colours; then its multiples, and a parabola
+    over the logarithm, each with one sixth of the photographs held out. With their residuals: these keep what other errors of the fit are, and without them a deep
     relief seemed to have a white of 1.4 instead of 1. None where nothing can be predicted.
     """
     folds = _folds(few, threads)[:1]
@@ -203,7 +202,7 @@ def _matters(result: Any, threads: int | None) -> bool:
     curve = Encoding("srgb", white=255.0)
     model = result.surface().predict(result.rig, threads=threads)
     shown = result.modelled(result.rig, threads=threads)
-    top = full_scale([model])
+    top = full_scale(model)
     changed = curve.encode(np.nan_to_num(shown / top)) - curve.encode(np.nan_to_num(model / top))
     inside = np.isfinite(model)
     return bool(inside.any() and np.sqrt(np.mean(changed[inside] ** 2.0)) >= LEAST)
@@ -249,7 +248,7 @@ def reduced(stack: Stack, cells: int) -> Reduced:
 
 def _judged(fit: Fit, folds: Sequence[Fold]) -> NDArray[np.float64]:
     """PSNR of each held-out photograph, with residuals where they help."""
-    top = full_scale([fold.compared for fold in folds])
+    top = full_scale(one for fold in folds for one in fold.compared)
     errors: dict[tuple[float, float], list[NDArray[np.float64]]] = {}
     for fold in folds:
         known = fold.known

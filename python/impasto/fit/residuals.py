@@ -361,7 +361,7 @@ def _seen(stack: Stack, index: int, shown: NDArray[np.float32]) -> NDArray[np.fl
 def _top(stack: Stack) -> float:
     """Linear light of full scale, relative to the strength of the light."""
     lights = stack.rig.intensities.astype(np.float32)
-    return full_scale([stack.linear(index) / light for index, light in enumerate(lights)])
+    return full_scale(stack.linear(index) / light for index, light in enumerate(lights))
 
 
 def _difference(

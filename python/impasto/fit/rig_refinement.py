@@ -51,6 +51,8 @@ _SUITS = 0.02
 _SPREAD = 8.0
 """Strengths that differ by more are not accepted: domes have factors of 2 to 5. On metal, which
 shows most lamps as black, wrong ones of 10 and more predict better by chance."""
+_VAST = 0.8
+"""Unless the trimmed error falls by this share, which false strengths do not reach."""
 _COARSE = 2.0
 """Trimmed errors below this many times those of rounding show no camera unless they fall by much:
 they fall while normals become worse."""
@@ -450,7 +452,7 @@ class _Search:
         gain, spread = self.gain(state, even), _spread(state)
         if not _differ(gain):
             return Estimate(spread, False, str(gain)), even, True
-        if spread > _SPREAD:
+        if spread > _SPREAD and gain.fall < _VAST:
             why = f"they would differ by a factor of {spread:.0f}, more than lamps do"
             return Estimate(spread, False, why), even, True
         return Estimate(spread, True, str(gain)), state, False
