@@ -11,7 +11,7 @@ import pytest
 import impasto
 from impasto import ArgumentError, simulate
 from impasto.fit.choice import CANDIDATES, MARGIN, Candidate, decibels, simplest
-from impasto.fit.cross_validation import split
+from impasto.fit.cross_validation import full_scale, split
 from impasto.fit.options import fit_kinds
 
 
@@ -142,6 +142,17 @@ def test_exposure_does_not_change_the_choice(patches: impasto.Stack) -> None:
         for scale in (np.float32(1.0), np.float32(2.0**-9))
     )
     assert one == other
+
+
+def test_full_scale_follows_the_exposure() -> None:
+    photographs = np.random.default_rng(4).uniform(size=(8, 3, 50))
+    for factor in (0.6, 3.0):
+        assert full_scale(factor * photographs) == pytest.approx(factor * full_scale(photographs))
+    assert full_scale(8.0 * photographs) == 8.0 * full_scale(photographs)
+    assert full_scale(np.full((3, 1, 4), np.nan)) == 1.0
+    wrong = photographs.copy()
+    wrong[5] = 1e4
+    assert full_scale(wrong) == pytest.approx(full_scale(photographs), rel=0.01)
 
 
 def test_seven_photographs_are_too_few_to_hold_any_out() -> None:

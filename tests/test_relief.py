@@ -330,6 +330,21 @@ def test_exposure_changes_no_bit(stack: impasto.Stack, fitted: impasto.Sbrdf, po
     assert (found.predict(NEW) / factor).tobytes() == fitted.predict(NEW).tobytes()
 
 
+def test_another_exposure_shows_the_same(stack: impasto.Stack, fitted: impasto.Sbrdf) -> None:
+    factor = np.float32(0.6)
+    scaled = impasto.Stack(stack.samples * factor, lights=stack.rig, saturation=4.0 * float(factor))
+    found = impasto.fit_sbrdf(scaled, refine=False, threads=1)
+    assert found.relief is not None
+    assert fitted.relief is not None
+    assert fitted.chosen is not None
+    assert found.chosen is not None
+    assert found.chosen.best == replace(fitted.chosen.best, decibels=found.chosen.best.decibels)
+    # Rounding of samples, 6e-8, may end single searches elsewhere.
+    assert found.relief.white == pytest.approx(fitted.relief.white * factor, rel=1e-3)
+    between = np.linalg.norm(found.normal - fitted.normal, axis=0)
+    assert np.nanmean(between) < 1e-3
+
+
 def test_a_relief_has_the_white_of_its_stack(fitted: impasto.Sbrdf) -> None:
     # Whites are compared in steps of the square root of two around the true one.
     assert fitted.relief is not None

@@ -186,6 +186,15 @@ def test_a_picture_shows_what_is_predicted(fitted: impasto.Sbrdf) -> None:
     assert np.abs(model.linear - image.linear).max() > 0.01
 
 
+def test_a_slanted_picture_has_none(fitted: impasto.Sbrdf) -> None:
+    # It is foreshortened, and the residuals are those of the view of the photographs.
+    scene = impasto.Scene([(0.2, 0.3, 0.9)], view=(0.6, 0.0, 0.8))
+    image = impasto.render(fitted, scene)
+    assert image.xyz.shape[2] < fitted.shape[1]
+    model = impasto.render(fitted, scene, fidelity="model")
+    np.testing.assert_array_equal(image.xyz, model.xyz)
+
+
 def test_a_picture_of_a_part_is_a_part_of_the_picture(fitted: impasto.Sbrdf) -> None:
     """Under a near lamp, whose direction from the middle of a part is another."""
     scene = Scene([impasto.PointLight((3.0, 5.0, 12.0), intensity=0.8)], exposure=1.0)

@@ -15,6 +15,7 @@ import pytest
 
 import impasto
 from impasto import ArgumentError, DistantLight, PointLight, PointView, Rig
+from impasto.fit import rig_refinement
 from impasto.fit.coordinate_search import coordinate_search
 from impasto.fit.held_out import HeldOut
 from impasto.fit.subsample import subsampled_to
@@ -78,7 +79,7 @@ def test_a_near_camera_and_near_lamps_are_found(near: Any) -> None:
     report = refined.refinement
     assert report.camera.accepted
     assert report.lamps.accepted
-    # 0.05 in 1 / distance is the first step, a parabola follows; 5 % are 0.017 and 0.012.
+    # What tests/test_bundle_adjustment.py asks with uneven strengths is 2 and 1 %.
     assert report.camera.found == pytest.approx(3.0, rel=0.05)
     assert report.lamps.found == pytest.approx(4.0, rel=0.05)
     assert report.half_mm == HALF
@@ -174,6 +175,40 @@ def test_views_that_differ_have_no_new_lamps() -> None:
     rig = Rig([DistantLight((0, 0.6, 0.8))] * 2, views=[(0, 0, 1), (0, 0.6, 0.8)])
     with pytest.raises(ArgumentError, match="different views"):
         rig.at([(0.0, 0.0, 1.0)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("camera", "lamps"), [(1.2, math.inf), (math.inf, 1.3)])
+def test_what_is_very_near_is_found(camera: float, lamps: float) -> None:
+    _, stack, _ = photographs(camera, lamps)
+    report = impasto.refine_rig(stack).refinement
+    assert report is not None
+    for one, true in ((report.camera, camera), (report.lamps, lamps)):
+        assert one.accepted == math.isfinite(true)
+        assert not one.accepted or one.found == pytest.approx(true, rel=0.02)
+
+
+def test_what_reaches_the_bound_is_not_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rig_refinement, "_NEAREST", 0.25)  # the camera is at 1 / 3
+    _, stack, _ = photographs(3.0, math.inf)
+    report = impasto.refine_rig(stack, lamps=False, strengths=False).refinement
+    assert report is not None
+    assert not report.camera.accepted
+    assert report.camera.reason == "it would be nearer than 4 half-sides"
+
+
+def test_one_ring_and_a_few_pixels_tell_nothing(near: Any) -> None:
+    stack = near[1]
+    around = np.arange(12) * np.pi / 6.0
+    ring = np.stack([0.8 * np.cos(around), 0.8 * np.sin(around), np.full(12, 0.6)], axis=1)
+    low = impasto.refine_rig(stack.take(range(12))._replace(rig=Rig(ring, pitch_mm=PITCH)))
+    mask = np.zeros(SHAPE, dtype=np.bool_)
+    mask[10:12, 10:12] = True
+    few = impasto.refine_rig(stack._replace(mask=mask))
+    for rig, reason in ((low, "lamps of one elevation"), (few, "4 pixels that can be fitted")):
+        assert rig.refinement is not None
+        assert not rig.refinement.accepted
+        assert rig.refinement.camera.reason.startswith(reason)
 
 
 def test_a_rig_that_cannot_be_refined_is_refused(near: Any) -> None:

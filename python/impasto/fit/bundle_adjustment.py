@@ -45,8 +45,9 @@ _WORSE, _NOISE = 2, 1.002
 single pixels scatter it by less."""
 _LIKE = 0.8
 """The largest ratio of two steps in a row that is believed."""
-_HELD = np.radians(0.3)
-"""Tilt of the mean normal up to which the gauge of strengths counts as held."""
+_RETURN = 3
+"""Steps in which a gauge that is held returns, and with it a part of the error: what came before
+does not count."""
 _TOLD = 1e-3
 """A lamp has no equation if its squared derivatives are this small a share of the median lamp's:
 its strength is so wrong that all its samples are outliers, or its photograph is black."""
@@ -192,9 +193,9 @@ class BundleAdjustment:
         state, best, least, worse = start, None, np.inf, 0
         before: Array | None = None
         loose = 4.0 if folds == 1 else 1.0
-        for _ in range(_ROUNDS):
+        for number in range(_ROUNDS):
             surfaces, error = self._fitted(state, folds)
-            if mean is None or _holds(state is start, state.log, surfaces[0], mean):
+            if mean is None or number >= _RETURN:
                 if error < _NOISE * least:
                     best, least, worse = state, min(error, least), 0
                 else:
@@ -501,13 +502,6 @@ class _Followed:
         squares = (self.follow * apart).sum(axis=1)[:, :-1] + self.alone
         places, lamps = np.split(squares, [self.places], axis=1)
         return np.column_stack([places, lamps.sum(axis=1)])
-
-
-def _holds(first: bool, log: Array, found: LobeSbrdf, mean: Array) -> bool:
-    """Whether a state has the gauge that is held: even strengths, or after a step its tilt."""
-    if first:
-        return not log.any()
-    return bool(np.linalg.norm(_mean_normal(found) - mean) <= _HELD)
 
 
 def _solved(matrix: Array, right: Array, row: Array, use: NDArray[np.bool_]) -> Array:

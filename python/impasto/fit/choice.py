@@ -5,7 +5,7 @@ Model selection by cross-validation [@stone1974].
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from impasto._internal.calls import ProgressCallback, reporting
 from impasto.encoding import Encoding
 from impasto.errors import GeometryError
-from impasto.fit.cross_validation import FEWEST, folds_of
+from impasto.fit.cross_validation import FEWEST, folds_of, full_scale
 from impasto.fit.subsample import subsampled_to
 from impasto.io.results import SavedMaps
 from impasto.rig import Rig
@@ -312,18 +312,6 @@ def psnr(shown: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
     samples = np.isfinite(difference).sum(axis=1)
     mean = np.nansum(difference**2, axis=1)[samples > 0] / samples[samples > 0]
     return np.asarray(10.0 * np.log10(255.0**2 / np.maximum(mean, ROUNDING)))
-
-
-def full_scale(photographs: Iterable[NDArray[Any]]) -> float:
-    """What is shown as white: half as much again as nearly all samples of most photographs.
-
-    A few wrong photographs do not change it. It follows the exposure, so that what is chosen does
-    not: by a power of two exactly.
-    """
-    samples = (shown[np.isfinite(shown)] for shown in photographs)
-    bright = [float(np.quantile(known, 0.999)) for known in samples if known.size]
-    most = float(np.quantile(bright, 0.75)) if bright else 0.0
-    return 1.5 * most if most > 0.0 else 1.0
 
 
 def simplest(tried: Sequence[Candidate], each: Sequence[Predicted]) -> Candidate:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,3 +98,15 @@ def split(rig: Rig) -> list[NDArray[np.intp]]:
             # This subset is full.
             nearest[subset] = -1.0
     return [np.array(subset) for subset in subsets]
+
+
+def full_scale(photographs: Iterable[NDArray[Any]]) -> float:
+    """What is shown as white: half as much again as nearly all samples of most photographs.
+
+    A few wrong photographs do not change it. It follows the exposure, so that what is chosen does
+    not: by a power of two exactly.
+    """
+    samples = (shown[np.isfinite(shown)] for shown in photographs)
+    bright = [float(np.quantile(known, 0.999)) for known in samples if known.size]
+    most = float(np.quantile(bright, 0.75)) if bright else 0.0
+    return 1.5 * most if most > 0.0 else 1.0

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.encoding import Encoding
+from impasto.fit.cross_validation import full_scale
 from impasto.fit.lobes import LobeSbrdf, fit_lobes
 from impasto.fit.normals import fit_normals
 from impasto.fit.subsample import subsampled_to
@@ -30,8 +31,6 @@ ROUNDED = 0.3
 lowers them for a reason."""
 _SMALLEST = 0.05
 """Least error in a ratio, in codes."""
-_BRIGHT = 99.5
-"""Percentile of linear samples that counts as white where the files have no tone curve."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,9 +141,7 @@ class HeldOut:
         """``(obs, y, x)`` linear light, mean of the bands; +inf where clipped."""
         self._curve, self._white = stack.encoding, 1.0
         if stack.encoding.curve == "linear":
-            known = linear[np.isfinite(linear)]
-            white = float(np.percentile(known, _BRIGHT)) if known.size else 1.0
-            self._curve, self._white = Encoding("srgb"), white if white > 0.0 else 1.0
+            self._curve, self._white = Encoding("srgb"), full_scale(linear)
         self.truth = self.coded(linear)
         """``(obs, band, y, x)`` codes of 8 bits; not finite where clipped or unknown."""
 

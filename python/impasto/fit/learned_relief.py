@@ -17,8 +17,8 @@ from impasto._internal.border import RigArguments
 from impasto._internal.waiting import wait_for
 from impasto.encoding import Encoding
 from impasto.errors import GeometryError
-from impasto.fit.choice import MARGIN, decibels, full_scale, shown_by_process
-from impasto.fit.cross_validation import FEWEST, Fold, folds_of
+from impasto.fit.choice import MARGIN, decibels, shown_by_process
+from impasto.fit.cross_validation import FEWEST, Fold, folds_of, full_scale
 from impasto.fit.relief import Relief, blocks
 from impasto.fit.residuals import usual_residuals
 from impasto.fit.subsample import stride_index
@@ -86,8 +86,9 @@ def learn_white(few: Reduced, fit: Fit, *, threads: int | None) -> float | None:
 
     A stack's own scale need not say it: photographs are exposed as one likes. The first that is
     tried is half as much again as nearly all diffuse colours; then its multiples, and a parabola
-    over the logarithm, each with one sixth of the photographs held out. With their residuals: these keep what other errors of the fit are, and without them a deep
-    relief seemed to have a white of 1.4 instead of 1. None where nothing can be predicted.
+    over the logarithm, each with one sixth of the photographs held out. With their residuals: these
+    keep what other errors of the fit are, and without them a deep relief seemed to have a white of
+    1.4 instead of 1. None where nothing can be predicted.
     """
     folds = _folds(few, threads)[:1]
     if not folds:

@@ -23,8 +23,8 @@ from impasto._internal.thin_plate import stereographic
 from impasto._internal.waiting import wait_for
 from impasto.encoding import Encoding
 from impasto.errors import GeometryError
-from impasto.fit.choice import MARGIN, PIXELS, PROCESSES, full_scale, psnr
-from impasto.fit.cross_validation import FEWEST, folds_of
+from impasto.fit.choice import MARGIN, PIXELS, PROCESSES, psnr
+from impasto.fit.cross_validation import FEWEST, folds_of, full_scale
 from impasto.fit.saved import over
 from impasto.fit.subsample import subsampled_to
 from impasto.io.results import SavedMaps
