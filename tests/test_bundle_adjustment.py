@@ -14,25 +14,20 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto.fit import bundle_adjustment
-from impasto.fit.bundle_adjustment import (
-    BundleAdjustment,
-    RigNumbers,
-    _bounded,
-    _eliminated,
-    _Linear,
-)
+from impasto.fit import normal_equations
+from impasto.fit.bundle_adjustment import BundleAdjustment, RigNumbers
 from impasto.fit.held_out import Comparison, HeldOut
+from impasto.fit.normal_equations import Linear, bounded, eliminated
 from test_rig_refinement import error, photographs
 
 PIXELS, BANDS, LIGHTS, OWN, PLACES = 7, 2, 9, 4, 2
 
 
 @pytest.fixture
-def linear() -> _Linear:
+def linear() -> Linear:
     rng = np.random.default_rng(2)
     shape = (PIXELS, BANDS, LIGHTS)
-    return _Linear(
+    return Linear(
         error=rng.normal(size=shape),
         pixel=rng.normal(size=(*shape, OWN)),
         place=rng.normal(size=(*shape, PLACES)),
@@ -40,7 +35,7 @@ def linear() -> _Linear:
     )
 
 
-def dense(linear: _Linear) -> tuple[np.ndarray, np.ndarray]:
+def dense(linear: Linear) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives of all samples ``(n, band, obs)`` by the rig, and by all pixels' unknowns."""
     assert linear.lamp is not None
     rig = np.zeros((*linear.error.shape, PLACES + LIGHTS))
@@ -55,11 +50,11 @@ def dense(linear: _Linear) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("block", [3, 128])
 def test_a_step_is_that_of_least_squares_in_all_unknowns(
-    linear: _Linear, block: int, monkeypatch: pytest.MonkeyPatch
+    linear: Linear, block: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bundle_adjustment, "_BLOCK", block)
-    monkeypatch.setattr(bundle_adjustment, "_RIDGE", 0.0)
-    matrix, right = _eliminated(linear, np.ones(LIGHTS, dtype=np.bool_))
+    monkeypatch.setattr(normal_equations, "_BLOCK", block)
+    monkeypatch.setattr(normal_equations, "_RIDGE", 0.0)
+    matrix, right = eliminated(linear, np.ones(LIGHTS, dtype=np.bool_))
     rig, own = dense(linear)
     both = np.concatenate([rig, own], axis=-1).reshape(linear.error.size, -1)
     together = np.linalg.lstsq(both, linear.error.ravel(), rcond=None)[0]
@@ -70,12 +65,12 @@ def test_a_step_is_that_of_least_squares_in_all_unknowns(
 
 
 def test_held_out_errors_change_as_the_surfaces_follow(
-    linear: _Linear, monkeypatch: pytest.MonkeyPatch
+    linear: Linear, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bundle_adjustment, "_RIDGE", 0.0)
-    monkeypatch.setattr(bundle_adjustment, "_bounded", lambda leverage: np.ones(len(leverage)))
+    monkeypatch.setattr(normal_equations, "_RIDGE", 0.0)
+    monkeypatch.setattr(normal_equations, "bounded", lambda leverage: np.ones(len(leverage)))
     held = np.arange(LIGHTS) % 2 == 0
-    matrix, right = _eliminated(linear, held)
+    matrix, right = eliminated(linear, held)
     rig, own = dense(linear)
 
     def rows(one: np.ndarray, photographs: np.ndarray) -> np.ndarray:
@@ -89,12 +84,12 @@ def test_held_out_errors_change_as_the_surfaces_follow(
 
 
 @pytest.mark.parametrize("lamps", [True, False])
-def test_no_pixel_at_all_tells_nothing(linear: _Linear, lamps: bool) -> None:
+def test_no_pixel_at_all_tells_nothing(linear: Linear, lamps: bool) -> None:
     # Of a sample without one pixel that can be fitted.
     none = linear.of(slice(0, 0), np.ones(LIGHTS, dtype=np.bool_))
     if not lamps:
         none = replace(none, lamp=None)
-    matrix, right = _eliminated(none, np.ones(LIGHTS, dtype=np.bool_))
+    matrix, right = eliminated(none, np.ones(LIGHTS, dtype=np.bool_))
     numbers = PLACES + LIGHTS * lamps
     np.testing.assert_array_equal(matrix, np.zeros((numbers, numbers)))
     np.testing.assert_array_equal(right, np.zeros(numbers))
@@ -102,11 +97,11 @@ def test_no_pixel_at_all_tells_nothing(linear: _Linear, lamps: bool) -> None:
 
 def test_no_pixel_counts_more_than_a_usual_one() -> None:
     leverage = np.array([[1.0, 4.0], [2.0, 0.0], [3.0, 5.0], [200.0, 6.0], [0.0, 1.0]])
-    weight = _bounded(leverage)
+    weight = bounded(leverage)
     assert (weight[:, None] * leverage <= np.median(leverage, axis=0) * (1.0 + 1e-12)).all()
     assert weight[1] == 1.0
     # Nothing is known of what no pixel shows, and nothing bounded by it.
-    assert _bounded(np.zeros((4, 1))).tolist() == [1.0] * 4
+    assert bounded(np.zeros((4, 1))).tolist() == [1.0] * 4
 
 
 @pytest.fixture(scope="module")

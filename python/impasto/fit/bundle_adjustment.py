@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from impasto.fit.held_out import KEPT, HeldOut, log_ratios
 from impasto.fit.lobes import LobeSbrdf
+from impasto.fit.normal_equations import Linear, eliminated, solved
 from impasto.fit.strength_search import (
     FEWEST,
     OUTLIER,
@@ -54,15 +55,13 @@ its strength is so wrong that all its samples are outliers, or its photograph is
 _PRIOR = 0.7
 """Standard deviation of the logarithms of strengths before any photograph: lamps that are alike
 differ by a factor of two. Without it a lamp that no pixel shows has no equation."""
-_RIDGE, _DAMPING = 1e-4, 1e-3
-"""Relative additions to the diagonals of the equations of a pixel and of the rig, which what is not
-determined makes singular."""
+_DAMPING = 1e-3
+"""Relative addition to the diagonal of the equations of the rig, which what is not determined makes
+singular."""
 _TILT, _WIDTH, _PLACE, _SLOPE = 0.01, 0.02, 0.01, 0.01
 """Steps of derivatives: of normals, of log gamma, of inverse distances, of samples (relative)."""
 _DARK = 1e-6
 """Least step of a sample."""
-_BLOCK = 128
-"""Pixels whose derivatives are in memory at a time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,74 +70,6 @@ class RigNumbers:
 
     place: Array
     log: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Linear:
-    """Weighted errors of samples ``(n, band, obs)``, and their derivatives.
-
-    ``pixel`` ``(n, band, obs, p)`` by the unknowns of the pixel, ``place`` ``(n, band, obs, q)`` by
-    free inverse distances, ``lamp`` ``(n, band, obs)`` by the logarithm of the photograph's own
-    strength, None where strengths are given.
-    """
-
-    error: Array
-    pixel: Array
-    place: Array
-    lamp: Array | None
-
-    def of(self, pixels: slice, photographs: NDArray[np.bool_]) -> _Linear:
-        """Some pixels in some photographs."""
-        part = [
-            None if one is None else one[pixels][:, :, photographs]
-            for one in (self.error, self.pixel, self.place, self.lamp)
-        ]
-        return _Linear(*part)  # type: ignore[arg-type]
-
-    def weighted(self, weight: Array) -> _Linear:
-        """With a weight ``(n,)`` for each pixel."""
-        root = np.sqrt(weight)[:, None, None]
-        lamp = None if self.lamp is None else self.lamp * root
-        wide = root[..., None]
-        return _Linear(self.error * root, self.pixel * wide, self.place * wide, lamp)
-
-    def squares(self, photographs: NDArray[np.bool_]) -> Array:
-        """``(n, q)`` sums of squares of the derivatives of each pixel by numbers of the rig."""
-        places = (self.place**2).sum(axis=(1, 2))
-        if self.lamp is None:
-            return np.asarray(places)
-        lamps = np.zeros((len(places), len(photographs)))
-        lamps[:, photographs] = (self.lamp**2).sum(axis=1)
-        return np.concatenate([places, lamps], axis=1)
-
-    def products(self, photographs: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
-        """Sums of products: pixel by pixel, pixel by rig, rig by rig with the errors last.
-
-        Numbers of the rig are the inverse distances, the strengths of all lamps, those of the
-        ``photographs`` here among them, and the error as one more column.
-        """
-        pixel = self.pixel.reshape(len(self.pixel), -1, self.pixel.shape[-1])
-        dense = np.concatenate([self.place, self.error[..., None]], axis=-1)
-        flat = dense.reshape(len(pixel), -1, dense.shape[-1])
-        along = pixel.transpose(0, 2, 1)
-        by_rig, among = along @ flat, _sum_of_products(flat, flat)
-        if self.lamp is None:
-            return along @ pixel, by_rig, among
-        lamps = np.flatnonzero(photographs)
-        places = self.place.shape[-1]
-        at = places + lamps
-        size = places + len(photographs) + 1
-        ends = np.r_[0:places, size - 1]
-        both = np.zeros((len(pixel), pixel.shape[-1], size))
-        both[..., ends] = by_rig
-        # A strength changes its own photograph alone.
-        both[..., at] = (self.pixel * self.lamp[..., None]).sum(axis=1).transpose(0, 2, 1)
-        total = np.zeros((size, size))
-        total[np.ix_(ends, ends)] = among
-        total[at, at] = (self.lamp**2).sum(axis=(0, 1))
-        cross = (dense * self.lamp[..., None]).sum(axis=(0, 1))
-        total[np.ix_(at, ends)], total[np.ix_(ends, at)] = cross, cross.T
-        return along @ pixel, both, total
 
 
 class BundleAdjustment:
@@ -268,7 +199,7 @@ class BundleAdjustment:
         for fold, found in enumerate(surfaces):
             held = _photographs(len(state.log), fold, len(surfaces))
             linear = self._linear(state, found, axes, held, lamps=lamps)
-            product, by_error = _eliminated(linear, held)
+            product, by_error = eliminated(linear, held)
             matrix, right = matrix + product, right + by_error
             squares += float((linear.error[..., held] ** 2).sum())
             used += int(np.count_nonzero(linear.error[..., held]))
@@ -284,12 +215,12 @@ class BundleAdjustment:
             matrix[each, each] += prior
             right[each] -= prior * state.log
             row[each] = 1.0
-        step = _solved(matrix, right, row, use)
+        step = solved(matrix, right, row, use)
         now, by = state.place[axes], step[:places]
         blocked = ((now <= 0.0) & (by < 0.0)) | ((now >= nearest) & (by > 0.0))
         if blocked.any():
             use[:places] = ~blocked
-            step = _solved(matrix, right, row, use)
+            step = solved(matrix, right, row, use)
         return step, told
 
     def _held(self, step: Array, log: Array, found: LobeSbrdf, mean: Array) -> Array:
@@ -315,7 +246,7 @@ class BundleAdjustment:
         held: NDArray[np.bool_],
         *,
         lamps: bool,
-    ) -> _Linear:
+    ) -> Linear:
         """Errors in codes, weighted, and their derivatives; those ``held`` are to be small."""
         fine = found.status < Status.DARK
         rig, surface = self._test.lit(self._at(state)).rig, found.surface()
@@ -348,7 +279,7 @@ class BundleAdjustment:
             near[axis] += _PLACE
             there = self._test.lit(self._at(replace(state, place=near))).rig
             place[..., column] = (shown(surface, there) - light) / _PLACE
-        return _Linear(
+        return Linear(
             np.where(used, error, 0.0),
             pixel * weight,
             place * weight,
@@ -422,115 +353,6 @@ def _extrapolated(step: Array, before: Array) -> Array:
 def _photographs(count: int, fold: int, folds: int) -> NDArray[np.bool_]:
     """``(obs,)`` which photographs count: those of a fold."""
     return np.asarray(np.arange(count) % folds == fold)
-
-
-def _eliminated(linear: _Linear, held: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Normal equations of the rig without the unknowns of the pixels.
-
-    The pixels follow the rig as the photographs say that are fitted, all or those not ``held``;
-    the errors are those of the photographs held. With all, this is the Schur complement.
-    """
-    blocks = [slice(at, at + _BLOCK) for at in range(0, len(linear.error), _BLOCK)]
-    if not held.all():
-        linear = linear.weighted(
-            _bounded(np.concatenate([_Followed.of(linear, one, held).leverage for one in blocks]))
-        )
-    size = 1 + linear.place.shape[-1] + (0 if linear.lamp is None else len(held))
-    total = sum(
-        (_Followed.of(linear, one, held).equations for one in blocks), np.zeros((size, size))
-    )
-    return total[:-1, :-1].copy(), total[:-1, -1].copy()
-
-
-def _bounded(leverage: Array) -> Array:
-    """Weights ``(n,)`` of pixels: bounded influence [@krasker1982bounded], as Mallows weighs.
-
-    A few pixels whose lobe the fitted photographs hardly determine would follow the rig without
-    bound, and the rig hardly move.
-    """
-    usual = np.median(leverage, axis=0)
-    usual = np.where(usual > 0.0, usual, np.inf)
-    return np.asarray(1.0 / np.maximum((leverage / usual).max(axis=1), 1.0))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Followed:
-    """Products of some pixels, and how their unknowns ``follow`` the rig, ``(n, p, q)``.
-
-    ``alone`` ``(n, q)``: squares of the derivatives by the rig if nothing followed. The first
-    ``places`` numbers of the rig are inverse distances.
-    """
-
-    pixel: Array
-    by_rig: Array
-    rig: Array
-    follow: Array
-    alone: Array
-    places: int
-
-    @classmethod
-    def of(cls, linear: _Linear, pixels: slice, held: NDArray[np.bool_]) -> _Followed:
-        """Of the pixels' photographs."""
-        part = linear.of(pixels, held)
-        shown = part.products(held)
-        to_fit = shown if held.all() else linear.of(pixels, ~held).products(~held)
-        # What shows in the photographs held alone, as a highlight may, does not follow.
-        both = shown[0] if held.all() else shown[0] + to_fit[0]
-        scale = np.sqrt(np.einsum("nkk->nk", both))
-        scale[scale == 0.0] = 1.0
-        among = to_fit[0] / (scale[:, :, None] * scale[:, None])
-        along = to_fit[1] / scale[..., None]
-        if not held.all():
-            along[..., -1] = 0.0  # they are at their least squares
-        follow = np.linalg.solve(among + _RIDGE * np.eye(scale.shape[1]), along)
-        return cls(*shown, follow / scale[..., None], part.squares(held), linear.place.shape[-1])
-
-    @property
-    def equations(self) -> Array:
-        """Normal equations, the errors last."""
-        cross = _sum_of_products(self.follow, self.by_rig)
-        both = _sum_of_products(self.follow, self.pixel @ self.follow)
-        return self.rig - cross - cross.T + both
-
-    @property
-    def leverage(self) -> Array:
-        """``(n, k)`` sums of squares of the derivatives of each pixel's errors.
-
-        By every free inverse distance, and by all strengths together.
-        """
-        apart = self.pixel @ self.follow - 2.0 * self.by_rig
-        squares = (self.follow * apart).sum(axis=1)[:, :-1] + self.alone
-        places, lamps = np.split(squares, [self.places], axis=1)
-        return np.column_stack([places, lamps.sum(axis=1)])
-
-
-def _solved(matrix: Array, right: Array, row: Array, use: NDArray[np.bool_]) -> Array:
-    """The least squares step of the numbers in ``use``, 0 of the others.
-
-    ``row @ step = 0`` where the row is not 0 (Lagrange multiplier).
-    """
-    scale = np.sqrt(np.maximum(np.diag(matrix)[use], np.finfo(np.float64).tiny))
-    system, right = matrix[np.ix_(use, use)] / np.outer(scale, scale), right[use] / scale
-    row = row[use] / scale
-    if row.any():
-        row = row[None] / np.linalg.norm(row)
-        system = np.block([[system, row.T], [row, np.zeros((1, 1))]])
-        right = np.append(right, 0.0)
-    step = np.zeros(len(use))
-    step[use] = np.linalg.lstsq(system, right, rcond=None)[0][: len(scale)] / scale
-    return step
-
-
-def _sum_of_products(one: Array, other: Array) -> Array:
-    """The sum over pixels of ``one.T @ other``, ``(n, k, q)`` and ``(n, k, r)`` to ``(q, r)``.
-
-    Pixel by pixel: BLAS divides a large product among its threads, and the bits of the sum would
-    depend on their number.
-    """
-    total = np.zeros((one.shape[2], other.shape[2]))
-    for left, right in zip(one, other, strict=True):
-        total += left.T @ right
-    return total
 
 
 def _mean_normal(found: LobeSbrdf) -> Array:
