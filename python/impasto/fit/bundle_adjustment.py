@@ -49,7 +49,7 @@ _LIKE = 0.8
 _RETURN = 3
 """Steps in which a gauge that is held returns, and with it a part of the error: what came before
 does not count."""
-_TOLD = 1e-3
+_LEAST = 1e-3
 """A lamp has no equation if its squared derivatives are this small a share of the median lamp's:
 its strength is so wrong that all its samples are outliers, or its photograph is black."""
 _PRIOR = 0.7
@@ -133,7 +133,7 @@ class BundleAdjustment:
                     worse += 1
             if worse == _WORSE:
                 break
-            step, told = self._step(state, surfaces, axes, strengths, nearest)
+            step, determined = self._step(state, surfaces, axes, strengths, nearest)
             if before is None or mean is not None:
                 before = step  # of what is held, most steps are alike and do not shrink
             else:
@@ -144,9 +144,9 @@ class BundleAdjustment:
             if strengths != "given":
                 moved = np.clip(step[len(axes) :], -_LONGEST_LOG, _LONGEST_LOG)
                 log = log + (moved if mean is None else self._held(moved, log, surfaces[0], mean))
-                log = log - np.median(log[told])
-                if not told.all():
-                    log = np.where(told, log, self._medians(state, surfaces[0]))
+                log = log - np.median(log[determined])
+                if not determined.all():
+                    log = np.where(determined, log, self._medians(state, surfaces[0]))
             still = np.abs(place - state.place).max() < loose * _STILL
             if still and np.abs(log - state.log).max() < loose * _STILL_LOG:
                 break
@@ -204,9 +204,11 @@ class BundleAdjustment:
             squares += float((linear.error[..., held] ** 2).sum())
             used += int(np.count_nonzero(linear.error[..., held]))
         squared = np.diag(matrix)[places:]
-        told = squared > _TOLD * np.median(squared) if lamps else np.ones(len(state.log), np.bool_)
+        determined = (
+            squared > _LEAST * np.median(squared) if lamps else np.ones(len(state.log), np.bool_)
+        )
         matrix[np.diag_indices_from(matrix)] *= 1.0 + _DAMPING
-        use = np.r_[np.ones(places, np.bool_), told] if lamps else np.ones(places, np.bool_)
+        use = np.r_[np.ones(places, np.bool_), determined] if lamps else np.ones(places, np.bool_)
         row = np.zeros(numbers)
         if lamps:
             # Errors count twice: neighbouring photographs err alike.
@@ -221,7 +223,7 @@ class BundleAdjustment:
         if blocked.any():
             use[:places] = ~blocked
             step = solved(matrix, right, row, use)
-        return step, told
+        return step, determined
 
     def _held(self, step: Array, log: Array, found: LobeSbrdf, mean: Array) -> Array:
         """The step without the gauge: tilt and fall-off stay, or return, where they are held.
