@@ -11,6 +11,7 @@ mod errors;
 mod highlight;
 mod lafortune;
 mod lobes;
+mod plan;
 mod pooled;
 mod relight;
 mod run;
@@ -47,6 +48,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(relight::display_from_bands, module)?)?;
     module.add_function(wrap_pyfunction!(relight::integrate_normals, module)?)?;
     module.add_function(wrap_pyfunction!(relight::linear_from_bands, module)?)?;
+    module.add_function(wrap_pyfunction!(relight::paint, module)?)?;
     module.add_function(wrap_pyfunction!(relight::render, module)?)?;
     module.add_function(wrap_pyfunction!(lobes::fit_lobes, module)?)?;
     module.add_function(wrap_pyfunction!(lobes::learn_lobes, module)?)?;
@@ -59,6 +61,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(stereo::fit_normals, module)?)?;
     module.add_function(wrap_pyfunction!(stereo::learn_normals, module)?)?;
     module.add_function(wrap_pyfunction!(spectral::spectral_estimator, module)?)?;
+    module.add_class::<plan::Plan>()?;
+    module.add_class::<plan::SurfaceStatistics>()?;
     module.add_class::<spectral::SpectralEstimator>()?;
     module.add("STATUS", arrays::status_names())?;
     module.add("CONDITION_LIMIT", impasto::stereo::CONDITION_LIMIT)?;
