@@ -21,7 +21,7 @@ use crate::errors::to_python;
 use crate::run;
 use crate::surface::SurfaceArguments;
 
-/// What `impasto.render.SceneArguments` holds.
+/// What `impasto.lighting.SceneArguments` holds.
 #[derive(FromPyObject)]
 pub(crate) struct SceneArguments<'py> {
     rig: RigArguments<'py>,
