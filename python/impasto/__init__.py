@@ -34,10 +34,11 @@ from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.fit.strengths import Strengths, fit_strengths
 from impasto.height import cast_shadows, integrate_normals
 from impasto.highlights import reconstruct_highlights
+from impasto.image import Image
 from impasto.io import read_spectra, read_stack
 from impasto.level import Level, find_level
 from impasto.refinement import RigRefinement
-from impasto.render import Image, display_from_bands, render
+from impasto.render import display_from_bands, render
 from impasto.rig import DistantLight, PointLight, PointView, Rig
 from impasto.scene import Scene
 from impasto.stack import Stack

@@ -16,7 +16,7 @@ from impasto.fit.lobes import LearnedLobes, LobeMaps, LobeOptions
 from impasto.fit.normals import Normals
 from impasto.fit.reflectance import Reflectance
 from impasto.fit.start import StartArguments
-from impasto.render import SceneArguments
+from impasto.lighting import SceneArguments
 from impasto.surface import Surface
 
 @type_check_only

@@ -22,7 +22,7 @@ use crate::plan::Plan;
 use crate::run;
 use crate::surface::SurfaceArguments;
 
-/// What `impasto.render.SceneArguments` holds.
+/// What `impasto.lighting.SceneArguments` holds.
 #[derive(FromPyObject)]
 pub(crate) struct SceneArguments<'py> {
     rig: RigArguments<'py>,
