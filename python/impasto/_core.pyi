@@ -244,10 +244,63 @@ def integrate_normals(
 def linear_from_bands(
     planes: NDArray[np.float32], matrix: NDArray[np.float64], threads: int
 ) -> NDArray[np.float32]: ...
+def paint(
+    surface: Surface,
+    height: NDArray[np.float32] | None,
+    scene: SceneArguments,
+    plan: Plan,
+    matrix: NDArray[np.float64],
+    curve: NDArray[np.float32],
+    threads: int,
+    progress: ProgressCallback | None,
+) -> tuple[NDArray[np.uint8], NDArray[np.float32], list[int], list[int]]: ...
 def render(
     surface: Surface,
     height: NDArray[np.float32] | None,
     scene: SceneArguments,
+    plan: Plan,
     threads: int,
     progress: ProgressCallback | None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+
+# What a scene calls for (crates/impasto-py/src/plan.rs)
+
+class PlanRow(TypedDict):
+    effect: str
+    decision: Literal["absent", "no-op", "bounded", "on"]
+    tiles: int
+    error: float
+    reason: str
+
+@final
+class SurfaceStatistics:
+    def __new__(
+        cls, surface: Surface, height: NDArray[np.float32] | None = None, threads: int = 1
+    ) -> Self: ...
+    @property
+    def tiles(self) -> tuple[int, bool]: ...
+
+@final
+class Plan:
+    def __new__(
+        cls,
+        surface: Surface,
+        statistics: SurfaceStatistics,
+        scene: SceneArguments,
+        *,
+        tolerance: ToleranceArguments | None,
+        shadows: bool,
+        more_light: bool,
+        threads: int,
+    ) -> Self: ...
+    @staticmethod
+    def forced(surface: Surface, scene: SceneArguments, shadows: bool) -> Plan: ...
+    def without(self, effect: str) -> Plan: ...
+    @property
+    def rows(self) -> list[PlanRow]: ...
+    @property
+    def error(self) -> float: ...
+    @property
+    def tiles(self) -> int: ...
+    @property
+    def projected(self) -> bool: ...

@@ -17,7 +17,7 @@ from impasto.errors import ArgumentError
 from impasto.fit.reflectance import Reflectance
 from impasto.image import Image, tone_table
 from impasto.level import Level
-from impasto.lighting import prepare
+from impasto.lighting import Prepared, prepare
 from impasto.scene import Scene
 from impasto.surface import Relightable
 
@@ -100,17 +100,32 @@ def render(
         level=level,
         threads=threads,
     )
+    plan = _core.Plan.forced(prepared.surface, prepared.arguments, prepared.relief is not None)
+    extra = None
+    if fidelity == "photographs" and prepared.as_photographed:
+        extra = surface.unmodelled(prepared.rig)
+    return picture(prepared, plan, scene, extra, threads=threads, progress=progress)
+
+
+def picture(
+    prepared: Prepared,
+    plan: _core.Plan,
+    scene: Scene,
+    extra: NDArray[np.float32] | None,
+    *,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> Image:
+    """A prepared scene as planned; ``extra`` is light ``(band, y, x)`` besides the model's."""
     arguments, exposure = prepared.arguments, prepared.exposure
     workers = thread_count(threads)
     with reporting(progress, "rendering") as callback:
         xyz, coverage = _core.render(
-            prepared.surface, prepared.relief, arguments, workers, callback
+            prepared.surface, prepared.relief, arguments, plan, workers, callback
         )
-    if fidelity == "photographs" and prepared.as_photographed:
-        extra = surface.unmodelled(prepared.rig)
-        if extra is not None:
-            # Colours without spectra have one matrix for all lights.
-            xyz += wait_for(_xyz_of, arguments.diffuse[0], extra)
+    if extra is not None:
+        # Colours without spectra have one matrix for all lights.
+        xyz += wait_for(_xyz_of, arguments.diffuse[0], extra)
     if prepared.from_picture:
         exposure = _exposure_of_maximum(xyz, coverage)
         to_display = exposure * scene.display.linear_from_xyz
