@@ -37,6 +37,7 @@ from impasto.highlights import reconstruct_highlights
 from impasto.image import Image
 from impasto.io import read_spectra, read_stack
 from impasto.level import Level, find_level
+from impasto.plan import Plan, PlannedEffect, Verification, plan
 from impasto.refinement import RigRefinement
 from impasto.render import display_from_bands, render
 from impasto.rig import DistantLight, PointLight, PointView, Rig
@@ -69,6 +70,8 @@ __all__ = [
     "MissingExtraError",
     "Normals",
     "Pixel",
+    "Plan",
+    "PlannedEffect",
     "PointLight",
     "PointView",
     "PooledSbrdf",
@@ -85,6 +88,7 @@ __all__ = [
     "Suggestion",
     "Surface",
     "Training",
+    "Verification",
     "cast_shadows",
     "colour",
     "display_from_bands",
@@ -99,6 +103,7 @@ __all__ = [
     "learn_sbrdf",
     "load_learned",
     "load_sbrdf",
+    "plan",
     "read_spectra",
     "read_stack",
     "reconstruct_highlights",

@@ -78,6 +78,20 @@ struct Row {
     reason: String,
 }
 
+fn name(effect: Effect) -> String {
+    let name = match effect {
+        Effect::Diffuse => "diffuse",
+        Effect::CoatedDiffuse => "coated diffuse",
+        Effect::Ambient => "ambient",
+        Effect::Lobe(lobe) => return format!("lobe {}", lobe + 1),
+        Effect::CastShadows => "cast shadows",
+        Effect::NearLight => "near light",
+        Effect::NearView => "near view",
+        Effect::SlantedView => "slanted view",
+    };
+    name.to_owned()
+}
+
 #[pymethods]
 impl Plan {
     /// Everything that is there is simulated.
@@ -125,16 +139,7 @@ impl Plan {
     #[getter]
     fn rows(&self) -> Vec<Row> {
         let row = |row: &plan::Row| Row {
-            effect: match row.effect {
-                Effect::Diffuse => "diffuse".to_owned(),
-                Effect::CoatedDiffuse => "coated diffuse".to_owned(),
-                Effect::Ambient => "ambient".to_owned(),
-                Effect::Lobe(lobe) => format!("lobe {}", lobe + 1),
-                Effect::CastShadows => "cast shadows".to_owned(),
-                Effect::NearLight => "near light".to_owned(),
-                Effect::NearView => "near view".to_owned(),
-                Effect::SlantedView => "slanted view".to_owned(),
-            },
+            effect: name(row.effect),
             decision: match row.decision {
                 Decision::Absent => "absent",
                 Decision::NoOp => "no-op",
@@ -146,6 +151,13 @@ impl Plan {
             reason: row.reason.clone(),
         };
         self.0.rows().iter().map(row).collect()
+    }
+
+    /// The plan without the effect of a row, to see what the effect takes.
+    fn without(&self, effect: &str) -> Self {
+        let rows = self.0.rows().iter().find(|row| name(row.effect) == effect);
+        let plan = self.0.clone();
+        Self(rows.map_or(plan.clone(), |row| plan.without(row.effect)))
     }
 
     /// The largest sum of bounds of what a tile does without.

@@ -200,7 +200,38 @@ impl Whole<'_> {
                 range.holes |= !value.is_finite();
             }
         }
-        ReliefRange { height: range, rise: level.run(Rise { window }) }
+        let mut rise = level.run(Rise { window });
+        let [[across_low, across_high], [up_low, up_high]] = self.border(window);
+        for (index, rise) in rise.iter_mut().enumerate() {
+            let [x, y] = azimuth(index).map(|value| value as f32);
+            let across = Real::max(x * across_low, x * across_high);
+            let up = Real::max(y * up_low, y * up_high);
+            *rise = Real::max(across, Real::max(up, *rise));
+        }
+        ReliefRange { height: range, rise }
+    }
+
+    /// Smallest and largest rise to the right and up along the border of the painting, beyond which
+    /// the relief goes on at the same height; NaN away from the border.
+    fn border(&self, window: Window<'_>) -> [[f32; 2]; 2] {
+        let Window { plane, width, corner: [left, top], size: [columns, rows] } = window;
+        let mut edges = [[f32::NAN; 2]; 2];
+        let mut add = |axis: usize, rise: f32| {
+            let [low, high] = edges[axis];
+            edges[axis] = [f32::min(rise, low), f32::max(rise, high)];
+        };
+        let at = |column: usize, row: usize| plane[row * width + column];
+        for row in [0, self.rows - 1].into_iter().filter(|row| (top..top + rows).contains(row)) {
+            for column in left + 1..left + columns {
+                add(0, at(column, row) - at(column - 1, row));
+            }
+        }
+        for column in [0, width - 1].into_iter().filter(|c| (left..left + columns).contains(c)) {
+            for row in top + 1..top + rows {
+                add(1, at(column, row - 1) - at(column, row));
+            }
+        }
+        edges
     }
 }
 
