@@ -2,24 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto import _core
+from impasto._internal.calls import thread_count
 from impasto._internal.html import png
 from impasto.colour import Display
 from impasto.errors import ArgumentError
 
+Output = Literal["display", "light"]
+"""What a rendering computes at once."""
+
 CELLS = 2048
 """Cells in the table of the tone curve; the Rust core requires this number."""
+CHANNELS = ("red", "green", "blue")
+
+
+class Shown(NamedTuple):
+    """Display codes, and how many pixels of each channel the display cannot show."""
+
+    codes: NDArray[np.uint8]
+    below: list[int]
+    above: list[int]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Image:
     """A picture of a painting.
+
+    Only what is asked for is computed: :func:`impasto.render` makes ``display`` or ``xyz`` (its
+    ``output=``), and the others when they are first used. ``display`` and ``linear`` follow from
+    ``xyz``. For ``xyz`` of a picture that was made as display codes the painting is lit again: its
+    arrays must then be as they were.
 
     Attributes
     ----------
@@ -43,14 +64,13 @@ class Image:
         The display that the codes are made for.
     """
 
-    xyz: NDArray[np.float32]
-    linear: NDArray[np.float32]
-    display: NDArray[np.uint8]
     coverage: NDArray[np.float32]
     exposure: float
-    clipped: dict[str, float]
-    outside: dict[str, float]
     screen: Display
+    light: NDArray[np.float32] | Callable[[], NDArray[np.float32]]
+    """XYZ, or what computes it."""
+    made: Shown | None = None
+    threads: int | None = None
 
     def __repr__(self) -> str:
         height, width = self.coverage.shape
@@ -59,6 +79,46 @@ class Image:
             f"<Image {width} x {height} pixels, exposure {self.exposure:.3g}, "
             f"{clipped:.1f} % clipped>"
         )
+
+    @cached_property
+    def xyz(self) -> NDArray[np.float32]:
+        """``(3, y, x)`` tristimulus values."""
+        return self.light() if callable(self.light) else self.light
+
+    @cached_property
+    def linear(self) -> NDArray[np.float32]:
+        """``(3, y, x)`` linear display light."""
+        return _core.linear_from_bands(self.xyz, self._matrix, thread_count(self.threads))
+
+    @cached_property
+    def _shown(self) -> Shown:
+        if self.made is not None:
+            return self.made
+        table, workers = tone_table(self.screen), thread_count(self.threads)
+        return Shown(*_core.display_from_bands(self.xyz, self._matrix, table, 8, workers))
+
+    @property
+    def _matrix(self) -> NDArray[np.float64]:
+        return columns_to_display(self.screen, self.exposure)
+
+    @property
+    def display(self) -> NDArray[np.uint8]:
+        """``(y, x, 3)`` codes."""
+        return self._shown.codes
+
+    @property
+    def clipped(self) -> dict[str, float]:
+        """For each channel, the share of pixels that are too bright."""
+        return self._shares(self._shown.above)
+
+    @property
+    def outside(self) -> dict[str, float]:
+        """For each channel, the share of pixels that are outside the gamut."""
+        return self._shares(self._shown.below)
+
+    def _shares(self, counts: list[int]) -> dict[str, float]:
+        pixels = self.coverage.size
+        return {name: count / pixels for name, count in zip(CHANNELS, counts, strict=True)}
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -91,30 +151,23 @@ class Image:
     def save(self, path: str | Path) -> None:
         """Write the picture; the suffix selects the format.
 
-        ``.png``, ``.jpg`` and ``.tif``: 8-, 8- and 16-bit display codes; PNG and TIFF contain an
-        ICC profile unless the display is sRGB. ``.exr``: linear light R, G, B and coverage A.
+        ``.png``, ``.jpg`` and ``.tif``: 8-, 8- and 16-bit display codes with the ICC profile of
+        their display, sRGB included. ``.exr``: linear light R, G, B and coverage A.
 
         Raises
         ------
         ArgumentError
-            Another suffix; or a JPEG, which is written without a profile, for a display other than
-            sRGB.
+            Another suffix.
         """
         from impasto.colour import icc_profile
         from impasto.io import write_exr, write_jpeg, write_png8, write_tiff16
 
         suffix = checked_suffix(path)
-        standard = self.screen.name == "srgb"
-        icc = None if standard else icc_profile(self.screen)
+        icc = icc_profile(self.screen)
         if suffix == ".png":
             write_png8(path, self.display, icc=icc)
         elif suffix in {".jpg", ".jpeg"}:
-            if not standard:
-                raise ArgumentError(
-                    f"path: {path} would have no profile of the display {self.screen.name!r}; "
-                    "save .png or .tif"
-                )
-            write_jpeg(path, self.display)
+            write_jpeg(path, self.display, icc=icc)
         elif suffix in {".tif", ".tiff"}:
             write_tiff16(path, self.screen.encode(self.linear), icc=icc)
         else:
@@ -143,3 +196,8 @@ def tone_table(display: Display) -> NDArray[np.float32]:
     return np.ascontiguousarray(
         display.encode(np.broadcast_to(light, (3, light.size))), dtype=np.float32
     )
+
+
+def columns_to_display(display: Display, exposure: float) -> NDArray[np.float64]:
+    """``(3, 3)`` columns of the matrix from XYZ to linear display light."""
+    return np.ascontiguousarray((exposure * display.linear_from_xyz).T)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -15,7 +16,7 @@ from impasto.bands import Camera
 from impasto.colour import Fold
 from impasto.errors import ArgumentError
 from impasto.fit.reflectance import Reflectance
-from impasto.image import Image, tone_table
+from impasto.image import Image, Output, Shown, columns_to_display, tone_table
 from impasto.level import Level
 from impasto.lighting import Prepared, prepare
 from impasto.scene import Scene
@@ -35,6 +36,7 @@ def render(
     index: float | None = None,
     fidelity: Fidelity = "photographs",
     level: bool | Level | None = None,
+    output: Output = "display",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Image:
@@ -71,6 +73,10 @@ def render(
         the plane itself, as :func:`impasto.find_level` finds it in a larger part of the painting.
         Default: True with shadows, for a surface without a height of its own whose panel leans by
         more than a degree; False without. A leaning panel is in its own shadow under raking light.
+    output
+        What is computed now; the rest is computed when it is first used. ``"display"``: display
+        codes, where nothing stands in between without planes of light; :attr:`Image.xyz` then
+        lights the painting again. ``"light"``: XYZ, of which display codes are made.
     threads
         Number of threads; None means every allowed core.
     progress
@@ -79,7 +85,7 @@ def render(
     Returns
     -------
     Image
-        XYZ, linear display light and display codes.
+        Display codes, linear display light and XYZ.
 
     Raises
     ------
@@ -89,22 +95,35 @@ def render(
         A point light without the width of a pixel.
     """
     one_of(fidelity, get_args(Fidelity), "fidelity")
-    prepared = prepare(
-        surface,
-        scene,
-        reflectance=reflectance,
-        camera=camera,
-        height=height,
-        pitch_mm=pitch_mm,
-        index=index,
-        level=level,
-        threads=threads,
-    )
+    one_of(output, get_args(Output), "output")
+    options: dict[str, Any] = {
+        "reflectance": reflectance,
+        "camera": camera,
+        "height": height,
+        "pitch_mm": pitch_mm,
+        "index": index,
+        "level": level,
+        "threads": threads,
+    }
+    prepared = prepare(surface, scene, **options)
     plan = _core.Plan.forced(prepared.surface, prepared.arguments, prepared.relief is not None)
     extra = None
     if fidelity == "photographs" and prepared.as_photographed:
         extra = surface.unmodelled(prepared.rig)
-    return picture(prepared, plan, scene, extra, threads=threads, progress=progress)
+
+    def again() -> NDArray[np.float32]:
+        # From what the caller has: no prepared maps are kept.
+        return render(surface, scene, fidelity=fidelity, output="light", **options).xyz
+
+    return picture(
+        prepared,
+        plan,
+        scene,
+        extra,
+        again=again if output == "display" else None,
+        threads=threads,
+        progress=progress,
+    )
 
 
 def picture(
@@ -113,16 +132,28 @@ def picture(
     scene: Scene,
     extra: NDArray[np.float32] | None,
     *,
+    again: Callable[[], NDArray[np.float32]] | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Image:
-    """A prepared scene as planned; ``extra`` is light ``(band, y, x)`` besides the model's."""
+    """A prepared scene as planned.
+
+    ``extra`` is light ``(band, y, x)`` besides the model's. With ``again``, which returns the XYZ
+    of the same picture, display codes are made without planes of light where that is possible.
+    """
     arguments, exposure = prepared.arguments, prepared.exposure
     workers = thread_count(threads)
+    surface, relief = prepared.surface, prepared.relief
+    if again and extra is None and not prepared.from_picture and not plan.projected:
+        matrix, table = columns_to_display(scene.display, exposure), tone_table(scene.display)
+        with reporting(progress, "rendering") as callback:
+            codes, coverage, below, above = _core.paint(
+                surface, relief, arguments, plan, matrix, table, workers, callback
+            )
+        shown = Shown(codes, below, above)
+        return Image(coverage, exposure, scene.display, again, shown, threads)
     with reporting(progress, "rendering") as callback:
-        xyz, coverage = _core.render(
-            prepared.surface, prepared.relief, arguments, plan, workers, callback
-        )
+        xyz, coverage = _core.render(surface, relief, arguments, plan, workers, callback)
     if extra is not None:
         # Colours without spectra have one matrix for all lights.
         xyz += wait_for(_xyz_of, arguments.diffuse[0], extra)
@@ -131,23 +162,7 @@ def picture(
         to_display = exposure * scene.display.linear_from_xyz
         light = np.linalg.solve(to_display, np.asarray(scene.background)).astype(np.float32)
         xyz += light[:, None, None] * (1.0 - coverage)
-    matrix = np.ascontiguousarray((exposure * scene.display.linear_from_xyz).T)
-    linear = _core.linear_from_bands(xyz, matrix, workers)
-    display, below, above = _core.display_from_bands(
-        xyz, matrix, tone_table(scene.display), 8, workers
-    )
-    pixels = coverage.size
-    names = ("red", "green", "blue")
-    return Image(
-        xyz=xyz,
-        linear=linear,
-        display=display,
-        coverage=coverage,
-        exposure=float(exposure),
-        clipped={name: count / pixels for name, count in zip(names, above, strict=True)},
-        outside={name: count / pixels for name, count in zip(names, below, strict=True)},
-        screen=scene.display,
-    )
+    return Image(coverage, exposure, scene.display, xyz, threads=threads)
 
 
 def display_from_bands(

@@ -145,6 +145,8 @@ def render(
             reflectance=reflectance,
             pitch_mm=sbrdf.rig.pitch_mm if pitch is None else pitch,
             level=plane,
+            # The message about the exposure needs linear light whatever the format.
+            output="light",
             threads=threads,
             progress=stage.advance,
         )
