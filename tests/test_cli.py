@@ -212,6 +212,27 @@ def test_a_lamp_is_yellower_than_daylight(demo: Path, tmp_path: Path) -> None:
     assert ratio["A"] < ratio["D65"]
 
 
+def test_lamps_have_illuminants_of_their_own(demo: Path, tmp_path: Path) -> None:
+    def picture(words: str) -> np.ndarray:
+        out = tmp_path / "lamps.exr"
+        command = f"render {demo} {words} --exposure 1 --out {out} --quiet"
+        assert main(command.split()) == 0
+        with OpenEXR.File(str(out), separate_channels=True) as file:
+            return np.stack([file.channels()[name].pixels for name in "RGB"])
+
+    both = picture("--light 180,30,warm --light 0,30,cool --light 90,60 --illuminant A")
+    # Light adds up: 2700 K and 4000 K are what warm and cool are documented to be.
+    sum_ = picture("--light 180,30 --illuminant 2700K")
+    sum_ = sum_ + picture("--light 0,30,4000") + picture("--light 90,60,A")
+    # Three sums of rounded single-precision numbers against one.
+    np.testing.assert_allclose(both, sum_, rtol=1e-5, atol=1e-6)
+
+
+def test_the_eye_adapts_to_the_sum_of_lamps(demo: Path, tmp_path: Path) -> None:
+    words = f"render {demo} --light 180,30,warm --light 0,30,D65 --adaptation 1 --quiet"
+    assert main([*words.split(), "--out", str(tmp_path / "adapted.png")]) == 0
+
+
 def test_a_display_is_named_or_measured(demo: Path, tmp_path: Path) -> None:
     out = tmp_path / "p3.png"
     assert main(["render", str(demo), "--display", "Display P3", "--out", str(out)]) == 0
@@ -372,6 +393,8 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         ("fit {stack} --out {out} --threads zero", 2, "--threads"),
         ("render {demo} --light 45 --out {out}.png", 2, "azimuth,elevation"),
         ("render {demo} --light 45,-5 --out {out}.png", 2, "elevation above 0"),
+        ("render {demo} --light 45,30,tepid --out {out}.png", 2, "or warm, cool"),
+        ("render {demo} --light 45,30,-5 --out {out}.png", 2, "positive temperature"),
         ("render {demo} --point 1,2 --out {out}.png", 2, "x,y,z"),
         ("fit {stack} --out {out} --illuminant A", 2, "needs --camera"),
         ("fit {images} --out {out} --pitch 0", 1, "--pitch: expected a positive"),
@@ -444,6 +467,8 @@ def test_colours_without_spectra_cannot_change_their_light(
 ) -> None:
     out = tmp_path / "lamp.png"
     assert main(f"render {fitted} --illuminant A --out {out}".split()) == 1
+    assert "--camera" in said(capsys)
+    assert main(f"render {fitted} --light 45,30,warm --out {out}".split()) == 1
     assert "--camera" in said(capsys)
 
 

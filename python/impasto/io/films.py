@@ -123,14 +123,15 @@ def _gif(path: Path, first: Codes, others: Iterator[Codes], fps: float) -> None:
     def picture(codes: Codes) -> Image.Image:
         return Image.fromarray(codes).quantize(256)
 
-    picture(first).save(
-        path,
-        format="GIF",
-        save_all=True,
-        append_images=(picture(codes) for codes in others),
-        duration=1000.0 / fps,
-        loop=0,
-    )
+    with path.open("wb") as file:
+        picture(first).save(
+            file,
+            format="GIF",
+            save_all=True,
+            append_images=(picture(codes) for codes in others),
+            duration=1000.0 / fps,
+            loop=0,
+        )
 
 
 def _animated_png(
