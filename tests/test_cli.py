@@ -394,7 +394,7 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         ("render {demo} --light 45 --out {out}.png", 2, "azimuth,elevation"),
         ("render {demo} --light 45,-5 --out {out}.png", 2, "elevation above 0"),
         ("render {demo} --light 45,30,tepid --out {out}.png", 2, "or warm, cool"),
-        ("render {demo} --light 45,30,-5 --out {out}.png", 2, "positive temperature"),
+        ("render {demo} --light 45,30,Z9 --out {out}.png", 2, "unknown name"),
         ("render {demo} --point 1,2 --out {out}.png", 2, "x,y,z"),
         ("fit {stack} --out {out} --illuminant A", 2, "needs --camera"),
         ("fit {images} --out {out} --pitch 0", 1, "--pitch: expected a positive"),
