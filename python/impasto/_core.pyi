@@ -3,7 +3,7 @@
 Arrays are C-contiguous; shapes and units stand in the public functions that call these.
 """
 
-from typing import Any, Literal, Self, TypeAlias, TypedDict, final, type_check_only
+from typing import Any, Literal, Self, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
@@ -265,10 +265,6 @@ def render(
 
 # What a scene calls for (crates/impasto-py/src/plan.rs)
 
-ToleranceArguments: TypeAlias = (
-    tuple[float, list[list[float]], list[float]] | tuple[float, list[float]]
-)
-
 @type_check_only
 class PlanRow(TypedDict):
     effect: str
@@ -293,7 +289,7 @@ class Plan:
         statistics: SurfaceStatistics,
         scene: SceneArguments,
         *,
-        tolerance: ToleranceArguments | None,
+        tolerance: tuple[float, list[float]] | tuple[float, list[list[float]], list[float]] | None,
         shadows: bool,
         more_light: bool,
         threads: int,

@@ -18,10 +18,10 @@ from impasto.bands import Camera
 from impasto.colour import delta_e, lab_from_xyz
 from impasto.errors import ArgumentError
 from impasto.fit.reflectance import Reflectance
-from impasto.image import Image, tone_table
+from impasto.image import Image, Output, tone_table
 from impasto.level import Level
 from impasto.lighting import Prepared, prepare
-from impasto.render import Fidelity, picture
+from impasto.picture import Fidelity, picture
 from impasto.scene import Scene
 from impasto.surface import Relightable
 
@@ -119,14 +119,23 @@ class Plan:
     _statistics: _core.SurfaceStatistics
 
     def render(
-        self, *, threads: int | None = None, progress: bool | ProgressCallback = False
+        self,
+        *,
+        output: Output = "display",
+        threads: int | None = None,
+        progress: bool | ProgressCallback = False,
     ) -> Image:
         """The picture as planned; parameters as in :func:`impasto.render`."""
+
+        def again() -> NDArray[np.float32]:
+            return self.render(output="light", threads=threads).xyz
+
         return picture(
             self._prepared,
             self._native,
             self._scene,
             self._extra,
+            again=again if output == "display" else None,
             threads=threads,
             progress=progress,
         )
@@ -145,8 +154,9 @@ class Plan:
 
     def verify(self, *, threads: int | None = None) -> Verification:
         """Render both as planned and forced, and compare all pixels."""
-        planned, seconds = _timed(lambda: self.render(threads=threads), 1)
-        forced, all_seconds = _timed(lambda: self.forced().render(threads=threads), 1)
+        planned, seconds = _timed(lambda: self.render(output="light", threads=threads), 1)
+        everything = self.forced()
+        forced, all_seconds = _timed(lambda: everything.render(output="light", threads=threads), 1)
         white = np.linalg.solve(planned.exposure * self._scene.display.linear_from_xyz, np.ones(3))
         shown = planned.coverage > 0.0
         equal = planned.xyz.tobytes() == forced.xyz.tobytes()

@@ -16,6 +16,7 @@ mod pooled;
 mod relight;
 mod run;
 mod sbrdf;
+mod scene;
 mod spectral;
 mod stereo;
 mod surface;
