@@ -24,7 +24,7 @@ use crate::surface::SurfaceArguments;
 /// What `impasto.render.SceneArguments` holds.
 #[derive(FromPyObject)]
 pub(crate) struct SceneArguments<'py> {
-    rig: RigArguments<'py>,
+    pub(crate) rig: RigArguments<'py>,
     /// (light,).
     intensity: PyReadonlyArray1<'py, f64>,
     /// (light,): which illuminant.
@@ -34,11 +34,11 @@ pub(crate) struct SceneArguments<'py> {
     /// (illuminant, 3).
     interface: PyReadonlyArray2<'py, f64>,
     /// (3,).
-    background: [f32; 3],
+    pub(crate) background: [f32; 3],
 }
 
 impl SceneArguments<'_> {
-    fn scene(&self, grid: Grid) -> impasto::Result<Scene> {
+    pub(crate) fn scene(&self, grid: Grid) -> impasto::Result<Scene> {
         let rig = self.rig.rig(grid.height, grid.width)?;
         let (intensity, colour) = (self.intensity.as_array(), self.colour.as_array());
         let lamps = rig.lights().iter().enumerate().map(|(index, &light)| Lamp {
@@ -55,14 +55,16 @@ impl SceneArguments<'_> {
     }
 }
 
-fn slice<'a, T: numpy::Element, D: numpy::ndarray::Dimension>(
+/// The values of a C-contiguous array.
+pub(crate) fn slice<'a, T: numpy::Element, D: numpy::ndarray::Dimension>(
     name: &'static str,
     array: &'a numpy::PyReadonlyArray<'_, T, D>,
 ) -> impasto::Result<&'a [T]> {
     array.as_slice().map_err(|error| Error::argument(name, error.to_string()))
 }
 
-type Seen<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
+/// Light `(3, y, x)` and coverage `(y, x)`.
+pub(crate) type Seen<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
 
 /// Light of a scene: (3, y, x) and coverage (y, x).
 #[pyfunction]
