@@ -62,7 +62,7 @@ def varnished(**options: Any) -> Surface:
 
 def gilded() -> Surface:
     exponent = RNG.uniform(3.0, 40.0, (2, *SIZE))
-    psi = RNG.uniform(-0.4, 0.4, (2, *SIZE))
+    psi = 2.0 * np.arctan(RNG.uniform(-1.0, 1.0, (2, *SIZE)) / exponent)
     specular = RNG.uniform(0.0, 0.5, (2, 3, *SIZE))
     return Surface.lafortune(
         normals(),
@@ -119,8 +119,9 @@ def test_lafortune_lobes_are_the_formula_of_the_papers() -> None:
         scene.lights[0].direction,
         (0.0, 0.0, 1.0),
     )
-    # d^n in single precision: 40 times the rounding of d, twice.
-    np.testing.assert_allclose(found, expected, atol=SINGLE + 2 * 40 * 6e-8)
+    # d^n in single precision: 40 times the roundings of d, of which there are two.
+    np.testing.assert_allclose(found, expected, atol=SINGLE, rtol=2 * 40 * 6e-8)
+    assert expected.max() > 0.5
 
 
 def test_a_near_lamp_is_the_inverse_square() -> None:
@@ -189,7 +190,7 @@ def test_what_a_renderer_cannot_do_is_said() -> None:
         renderer.frame((0, 0, 1))  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="adapter"):
         gpu.Renderer(surface, adapter=3)  # type: ignore[arg-type]
-    with pytest.raises(GpuUnavailableError, match="name contains \"teapot\""):
+    with pytest.raises(GpuUnavailableError, match='name contains "teapot"'):
         gpu.Renderer(surface, adapter="teapot")
     many = replace(surface, lobes=surface.lobes * 9)
     with pytest.raises(GpuUnavailableError, match="9 lobes, of at most 8"):
@@ -201,7 +202,9 @@ def test_software_is_no_graphics_card() -> None:
     if any(found.kind != "cpu" for found in gpu.adapters()):
         assert gpu.Renderer(varnished()).adapter.kind != "cpu"
         return
-    with pytest.raises(GpuUnavailableError, match=r"no adapter is a graphics card.*backend=\"cpu\""):
+    with pytest.raises(
+        GpuUnavailableError, match=r"no adapter is a graphics card.*backend=\"cpu\""
+    ):
         gpu.Renderer(varnished())
 
 
@@ -225,12 +228,14 @@ def test_an_extension_without_it_says_so(monkeypatch: pytest.MonkeyPatch) -> Non
 @pytest.mark.skipif(sys.platform != "linux", reason="reads what Linux says of a process")
 def test_no_driver_is_loaded_before_the_first_call() -> None:
     program = """
+import numpy as np
 import impasto, impasto.gpu
 def loaded():
     with open("/proc/self/maps") as maps:
         return "libvulkan" in maps.read()
 assert not loaded()
-impasto.gpu.adapters()
+surface = impasto.Surface(np.ones((3, 1, 1)), np.ones((1, 1, 1)))
+renderer = impasto.gpu.Renderer(surface, adapter="any")
 assert loaded()
 print("done")
 """

@@ -2,9 +2,9 @@
 
     python benches/python/gpu.py [--record] [--adapter NAME]
 
-1024 x 1024 pixels. The surface is on the card, and the lamp moves from frame to frame: what a viewer
-does. Both renderers return display codes in the CPU's memory. The CPU has two threads; so has, on a
-computer of two cores, software Vulkan. The least time of several rounds, in turn.
+1024 x 1024 pixels. The surface is on the card, and the lamp moves from frame to frame, as in a
+viewer. Both renderers return display codes in the CPU's memory. The CPU has two threads; so has, on
+a computer of two cores, software Vulkan. The least time of several rounds, in turn.
 
 `--record` writes benches/results/gpu.json.
 """

@@ -270,6 +270,7 @@ def gpu_render(
     progress: ProgressCallback | None,
     adapter: str,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+
 @final
 class GpuRenderer:
     def __new__(

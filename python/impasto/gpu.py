@@ -216,12 +216,12 @@ class Renderer:
         self._lit = lit
         self._reflectance = reflectance
         self._eye = surface.eye()
-        self._asked = adapter
+        self._wanted = adapter
         self._uploaded = self._upload(lit)
 
     def _upload(self, lit: Surface) -> _core.GpuRenderer:
         pitch = 1.0 if self._pitch is None else self._pitch
-        return _core.GpuRenderer(lit, self._relief, pitch, self._asked)
+        return _core.GpuRenderer(lit, self._relief, pitch, self._wanted)
 
     def __repr__(self) -> str:
         height, width = self._lit.shape

@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn software_is_taken_only_where_it_is_asked_for() {
+    fn software_is_taken_only_where_it_is_wanted() {
         let software = adapter("llvmpipe (LLVM 15)", Kind::Cpu);
         assert!(!Choice::Hardware.takes(&software));
         assert!(Choice::Any.takes(&software));

@@ -45,9 +45,9 @@ impl Gpu {
             .map_err(|error| Error::Driver { adapter: name.clone(), problem: error.to_string() })?;
         let failure = Arc::new(Mutex::new(None));
         let (unasked, lost) = (Arc::clone(&failure), Arc::clone(&failure));
-        let told = name.clone();
+        let card = name.clone();
         device.on_uncaptured_error(Arc::new(move |error| {
-            note(&unasked, Error::of(&told, &error));
+            note(&unasked, Error::of(&card, &error));
         }));
         device.set_device_lost_callback(move |reason, message| {
             let problem = if message.is_empty() { format!("{reason:?}") } else { message };

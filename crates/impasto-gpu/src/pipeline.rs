@@ -50,6 +50,7 @@ pub(crate) struct Variant {
     pub(crate) tinted: u32,
     pub(crate) shape_maps: u32,
     pub(crate) coefficients: u32,
+    pub(crate) one_lamp: bool,
     pub(crate) near_lights: bool,
     pub(crate) near_view: bool,
     pub(crate) coated: bool,
@@ -59,7 +60,7 @@ pub(crate) struct Variant {
 }
 
 impl Variant {
-    fn constants(&self) -> [(&'static str, f64); 12] {
+    fn constants(&self) -> [(&'static str, f64); 13] {
         let flag = |on: bool| f64::from(u8::from(on));
         [
             ("MODEL", self.model.into()),
@@ -68,6 +69,7 @@ impl Variant {
             ("TINTED", self.tinted.into()),
             ("SHAPE_MAPS", self.shape_maps.into()),
             ("COEFFICIENTS", self.coefficients.into()),
+            ("ONE_LAMP", flag(self.one_lamp)),
             ("NEAR_LIGHTS", flag(self.near_lights)),
             ("NEAR_VIEW", flag(self.near_view)),
             ("COATED", flag(self.coated)),
@@ -210,7 +212,7 @@ mod tests {
     /// for every other and for all.
     fn variants() -> Vec<Variant> {
         let mut all = Vec::new();
-        for switches in 0..64_u32 {
+        for switches in 0..128_u32 {
             let on = |bit: u32| switches >> bit & 1 != 0;
             for model in 0..2 {
                 for lobes in [0, 1, 3, 8] {
@@ -224,6 +226,7 @@ mod tests {
                             tinted,
                             shape_maps,
                             coefficients: [1, 3, 6][(switches % 3) as usize],
+                            one_lamp: on(6),
                             near_lights: on(0),
                             near_view: on(1),
                             coated: on(2),

@@ -172,6 +172,7 @@ impl Shown {
             Some(relief) => (relief.visibility(gpu, &lit.lights, run)?, relief.words() as u32),
         };
         let variant = Variant {
+            one_lamp: lit.lamps.len() == 1,
             near_lights: lit.near_lights,
             near_view: lit.near_view,
             shadows,

@@ -180,7 +180,7 @@ fn called<A: Send>(
 fn opened(adapter: &str) -> impasto_gpu::Result<Gpu> {
     struct Kept {
         process: u32,
-        asked: String,
+        wanted: String,
         gpu: Gpu,
     }
     static LAST: Mutex<Option<Kept>> = Mutex::new(None);
@@ -194,7 +194,7 @@ fn opened(adapter: &str) -> impasto_gpu::Result<Gpu> {
     if let Some(last) = last()
         && let Some(kept) = last.as_ref()
         && kept.process == process
-        && kept.asked == adapter
+        && kept.wanted == adapter
         && kept.gpu.is_usable()
     {
         return Ok(kept.gpu.clone());
@@ -205,7 +205,7 @@ fn opened(adapter: &str) -> impasto_gpu::Result<Gpu> {
         name => Choice::Named(name),
     };
     let gpu = Gpu::open(choice)?;
-    let kept = Kept { process, asked: adapter.to_owned(), gpu: gpu.clone() };
+    let kept = Kept { process, wanted: adapter.to_owned(), gpu: gpu.clone() };
     let previous = last().and_then(|mut last| last.replace(kept));
     if let Some(previous) = previous
         && previous.process != process

@@ -1,5 +1,22 @@
 // One pixel through all stages (relight/mod.rs).
 
+// What a lamp adds; the last of a colour gives the sums their colour.
+fn light_by(index: u32) {
+    let lamp = lamps[index];
+    reach(lamp);
+    if (SHADOWS) {
+        visible(index);
+    }
+    diffuse();
+    specular(lamp);
+    if (AMBIENT) {
+        ambient(lamp);
+    }
+    if (ONE_LAMP || lamp.last != 0u) {
+        colour(lamp.colour);
+    }
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn render(
     @builtin(workgroup_id) group: vec3u,
@@ -22,19 +39,11 @@ fn render(
     pixel.diffuse = 0.0;
     pixel.specular = 0.0;
     pixel.sum = vec3f(0.0);
-    for (var index = 0u; index < frame.lamps; index++) {
-        let lamp = lamps[index];
-        reach(lamp);
-        if (SHADOWS) {
-            visible(index);
-        }
-        diffuse();
-        specular(lamp);
-        if (AMBIENT) {
-            ambient(lamp);
-        }
-        if (lamp.last != 0u) {
-            colour(lamp.colour);
+    if (ONE_LAMP) {
+        light_by(0u);
+    } else {
+        for (var index = 0u; index < frame.lamps; index++) {
+            light_by(index);
         }
     }
     let finite = is_finite(pixel.sum.x) && is_finite(pixel.sum.y) && is_finite(pixel.sum.z);
