@@ -222,7 +222,7 @@ def test_an_extension_without_it_says_so(monkeypatch: pytest.MonkeyPatch) -> Non
     with pytest.raises(GpuUnavailableError, match="built without"):
         gpu.Renderer(varnished())
     with pytest.raises(GpuUnavailableError, match="built without"):
-        gpu.lit_by_card(varnished(), None, None, 1, None, "any")  # type: ignore[arg-type]
+        gpu.lit_by_card(varnished(), None, None, None, 1, None, "any")  # type: ignore[arg-type]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads what Linux says of a process")

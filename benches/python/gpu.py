@@ -98,20 +98,10 @@ def measured(adapter: str) -> list[dict[str, Any]]:
 
 
 def drawn_by_cpu(surface: Surface) -> Callable[[Scene], Any]:
-    """What a frame of the CPU takes: light, then codes."""
-    from impasto._internal.border import RigArguments
-    from impasto.render import SceneArguments, _colours, _table
+    """What a frame of the CPU takes: codes of its own renderer, with all there is simulated."""
 
     def frame(scene: Scene) -> Any:
-        diffuse, interface, which, _ = _colours(scene, None, len(surface.diffuse))
-        rig = impasto.Rig(scene.lights, views=(0, 0, 1), pitch_mm=1.0)
-        arguments = SceneArguments(
-            RigArguments.of(rig), rig.intensities, which, diffuse, interface, (0.0, 0.0, 0.0)
-        )
-        height = surface.height if scene.shadows else None
-        xyz, _ = impasto._core.render(surface, height, arguments, THREADS, None)
-        matrix = np.ascontiguousarray((scene.exposure * scene.display.linear_from_xyz).T)
-        return impasto._core.display_from_bands(xyz, matrix, _table(scene.display), 8, THREADS)[0]
+        return impasto.render(surface, scene, fidelity="model", threads=THREADS).display
 
     return frame
 

@@ -35,10 +35,12 @@ from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.fit.strengths import Strengths, fit_strengths
 from impasto.height import cast_shadows, integrate_normals
 from impasto.highlights import reconstruct_highlights
+from impasto.image import Image
 from impasto.io import read_spectra, read_stack
 from impasto.level import Level, find_level
+from impasto.plan import Plan, PlannedEffect, Verification, plan
 from impasto.refinement import RigRefinement
-from impasto.render import Image, display_from_bands, render
+from impasto.render import display_from_bands, render
 from impasto.rig import DistantLight, PointLight, PointView, Rig
 from impasto.scene import Scene
 from impasto.stack import Stack
@@ -70,6 +72,8 @@ __all__ = [
     "MissingExtraError",
     "Normals",
     "Pixel",
+    "Plan",
+    "PlannedEffect",
     "PointLight",
     "PointView",
     "PooledSbrdf",
@@ -86,6 +90,7 @@ __all__ = [
     "Suggestion",
     "Surface",
     "Training",
+    "Verification",
     "cast_shadows",
     "colour",
     "display_from_bands",
@@ -100,6 +105,7 @@ __all__ = [
     "learn_sbrdf",
     "load_learned",
     "load_sbrdf",
+    "plan",
     "read_spectra",
     "read_stack",
     "reconstruct_highlights",

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,22 +16,15 @@ from impasto._internal.border import RigArguments
 from impasto._internal.calls import ProgressCallback, thread_count
 from impasto._internal.checks import instance, length_mm, truth
 from impasto._internal.html import png
-from impasto.bands import Camera, checked_camera
+from impasto.bands import Camera
 from impasto.colour import Display
 from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError, GpuUnavailableError
-from impasto.fit.reflectance import Reflectance, fit_reflectance
+from impasto.fit.reflectance import Reflectance
+from impasto.image import columns_to_display, tone_table
 from impasto.level import Level
-from impasto.render import (
-    SceneArguments,
-    _coloured,
-    _colours,
-    _exposure_of_maximum,
-    _levelled,
-    _relief,
-    _table,
-    _with_ambient_of,
-)
+from impasto.lighting import SceneArguments, _colours, _with_ambient_of, prepare
+from impasto.render import _exposure_of_maximum
 from impasto.rig import PointLight, Rig
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
@@ -90,6 +83,7 @@ def lit_by_card(
     surface: Surface,
     height: NDArray[np.float32] | None,
     scene: SceneArguments,
+    plan: _core.Plan,
     threads: int,
     progress: ProgressCallback | None,
     adapter: str,
@@ -103,7 +97,7 @@ def lit_by_card(
     """
     if not is_built():
         raise GpuUnavailableError(_NOT_BUILT)
-    return _core.gpu_render(surface, height, scene, threads, progress, adapter)
+    return _core.gpu_render(surface, height, scene, plan, threads, progress, adapter)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -195,29 +189,28 @@ class Renderer:
     ) -> None:
         if not is_built():
             raise GpuUnavailableError(_NOT_BUILT)
-        made_by = "what impasto.fit_sbrdf or impasto.load_sbrdf returns, or an impasto.Surface"
-        instance(surface, Relightable, "surface", made_by)
         instance(adapter, str, "adapter", '"auto", "any" or a part of a name')
-        if camera is not None:
-            checked_camera(camera)
-        lit = surface.surface()
-        self._pitch = lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
-        if reflectance is None:
-            reflectance = surface.spectra()
-        if reflectance is None and camera is not None:
-            source: Any = surface
-            reflectance = fit_reflectance(None, source, camera)
-        lit = _coloured(lit, type(surface).__name__, reflectance, index)
         self._shadows = truth(shadows, "shadows")
-        lit = _levelled(lit, level, has_height=height is not None, shadows=self._shadows)
+        # Any scene with the same surface.
+        frontal = Scene([(0.0, 0.0, 1.0)], shadows=self._shadows)
+        prepared = prepare(
+            surface,
+            frontal,
+            reflectance=reflectance,
+            camera=camera,
+            height=height,
+            pitch_mm=pitch_mm,
+            index=index,
+            level=level,
+            threads=threads,
+        )
+        self._reflectance = prepared.reflectance
+        self._lit, self._relief = prepared.surface, prepared.relief
+        self._pitch = self._lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
         self._threads = thread_count(threads)
-        pitch = 1.0 if self._pitch is None else self._pitch
-        self._relief = _relief(lit, height, pitch, threads) if self._shadows else None
-        self._lit = lit
-        self._reflectance = reflectance
         self._eye = surface.eye()
         self._wanted = adapter
-        self._uploaded = self._upload(lit)
+        self._uploaded = self._upload(self._lit)
 
     def _upload(self, lit: Surface) -> _core.GpuRenderer:
         pitch = 1.0 if self._pitch is None else self._pitch
@@ -262,8 +255,8 @@ class Renderer:
         to_display = exposure * scene.display.linear_from_xyz
         behind = np.linalg.solve(to_display, np.asarray(scene.background))
         arguments = replace(arguments, background=_three(behind))
-        columns = cast(list[list[float]], to_display.T.tolist())
-        table = _table(scene.display)
+        columns = columns_to_display(scene.display, exposure)
+        table = tone_table(scene.display)
         codes = uploaded.codes(arguments, columns, table, scene.shadows, self._threads)
         return Frame(codes=codes, exposure=float(exposure), screen=scene.display)
 

@@ -2,171 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto._internal.border import RigArguments
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
-from impasto._internal.checks import holding, instance, length_mm, one_of
-from impasto._internal.html import png
+from impasto._internal.checks import one_of
 from impasto._internal.waiting import floats, wait_for
-from impasto.bands import Camera, checked_camera
-from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_from_spectrum
-from impasto.colour import white_scale as white_scale_of
-from impasto.errors import ArgumentError, GeometryError
-from impasto.fit.interface import spectra_of_lobes
-from impasto.fit.reflectance import Reflectance, fit_reflectance
-from impasto.height import integrate_normals
-from impasto.level import Level, as_level, find_level
-from impasto.rig import PointLight, PointView, Rig
+from impasto.bands import Camera
+from impasto.colour import Fold
+from impasto.errors import ArgumentError
+from impasto.fit.reflectance import Reflectance
+from impasto.image import Image, Output, Shown, columns_to_display, tone_table
+from impasto.level import Level
+from impasto.lighting import Prepared, prepare
 from impasto.scene import Scene
-from impasto.surface import Relightable, Surface
+from impasto.surface import Relightable
 
 Fidelity = Literal["photographs", "model"]
-
-CELLS = 2048
-"""Cells in the table of the tone curve; the Rust core requires this number."""
-_ENOUGH = 100
-"""A panel has more normals than that."""
-MIXING_GRID = np.arange(360.0, 831.0)
-"""Wavelengths in nm at which several illuminants are added."""
-
-
-@dataclass(frozen=True)
-class SceneArguments:
-    """A scene as arrays: for each distinct illuminant one matrix and one vector to XYZ."""
-
-    rig: RigArguments
-    intensity: NDArray[np.float64]
-    colour: NDArray[np.uint32]
-    diffuse: NDArray[np.float64]
-    interface: NDArray[np.float64]
-    background: tuple[float, float, float]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Image:
-    """A picture of a painting.
-
-    Attributes
-    ----------
-    xyz
-        ``(3, y, x)`` float32 tristimulus values for the adapted observer; a white board in light of
-        intensity 1 has Y = 1. Not clipped.
-    linear
-        ``(3, y, x)`` float32 linear display light, scaled by ``exposure``. Not clipped.
-    display
-        ``(y, x, 3)`` uint8 codes.
-    coverage
-        ``(y, x)`` float32: the share of the pixel that shows the painting. It is 0 outside the
-        painting and where its maps are NaN; the picture shows the scene's background there.
-    exposure
-        The factor from ``xyz`` to display light.
-    clipped
-        For each channel, the share of pixels that are too bright for the display.
-    outside
-        For each channel, the share of pixels whose colour is outside the display's gamut.
-    screen
-        The display that the codes are made for.
-    """
-
-    xyz: NDArray[np.float32]
-    linear: NDArray[np.float32]
-    display: NDArray[np.uint8]
-    coverage: NDArray[np.float32]
-    exposure: float
-    clipped: dict[str, float]
-    outside: dict[str, float]
-    screen: Display
-
-    def __repr__(self) -> str:
-        height, width = self.coverage.shape
-        clipped = 100 * max(self.clipped.values())
-        return (
-            f"<Image {width} x {height} pixels, exposure {self.exposure:.3g}, "
-            f"{clipped:.1f} % clipped>"
-        )
-
-    @property
-    def valid(self) -> NDArray[np.bool_]:
-        """``(y, x)``: whether at least half of the pixel shows the painting."""
-        return np.asarray(self.coverage >= 0.5)
-
-    @property
-    def white_scale(self) -> float:
-        """Another name of ``exposure``."""
-        return self.exposure
-
-    def report(self) -> dict[str, Any]:
-        """Numbers for a report file."""
-        return {
-            "exposure": self.exposure,
-            "clipped": dict(self.clipped),
-            "outside_gamut": dict(self.outside),
-            "covered": float(self.coverage.mean(dtype=np.float64)),
-            "display": self.screen.name,
-        }
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        """``np.asarray(image)``: the display codes ``(y, x, 3)``."""
-        return np.array(self.display, dtype=dtype, copy=copy)
-
-    def _repr_png_(self) -> bytes:
-        """PNG for notebooks."""
-        return png(self.display)
-
-    def save(self, path: str | Path) -> None:
-        """Write the picture; the suffix selects the format.
-
-        ``.png``, ``.jpg`` and ``.tif``: 8-, 8- and 16-bit display codes; PNG and TIFF contain an
-        ICC profile unless the display is sRGB. ``.exr``: linear light R, G, B and coverage A.
-
-        Raises
-        ------
-        ArgumentError
-            Another suffix; or a JPEG, which is written without a profile, for a display other than
-            sRGB.
-        """
-        from impasto.colour import icc_profile
-        from impasto.io import write_exr, write_jpeg, write_png8, write_tiff16
-
-        suffix = checked_suffix(path)
-        standard = self.screen.name == "srgb"
-        icc = None if standard else icc_profile(self.screen)
-        if suffix == ".png":
-            write_png8(path, self.display, icc=icc)
-        elif suffix in {".jpg", ".jpeg"}:
-            if not standard:
-                raise ArgumentError(
-                    f"path: {path} would have no profile of the display {self.screen.name!r}; "
-                    "save .png or .tif"
-                )
-            write_jpeg(path, self.display)
-        elif suffix in {".tif", ".tiff"}:
-            write_tiff16(path, self.screen.encode(self.linear), icc=icc)
-        else:
-            write_exr(path, dict(zip("RGBA", (*self.linear, self.coverage), strict=True)))
-
-
-def checked_suffix(path: str | Path, name: str = "path") -> str:
-    """The suffix of a picture file, in lower case.
-
-    Raises
-    ------
-    ArgumentError
-        A suffix that :meth:`Image.save` does not support.
-    """
-    suffix = Path(path).suffix.lower()
-    if suffix not in {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr"}:
-        raise ArgumentError(
-            f"{name}: expected a name ending in .png, .jpg, .tif or .exr, found {path}"
-        )
-    return suffix
 
 
 def render(
@@ -180,6 +36,7 @@ def render(
     index: float | None = None,
     fidelity: Fidelity = "photographs",
     level: bool | Level | None = None,
+    output: Output = "display",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Image:
@@ -216,6 +73,10 @@ def render(
         the plane itself, as :func:`impasto.find_level` finds it in a larger part of the painting.
         Default: True with shadows, for a surface without a height of its own whose panel leans by
         more than a degree; False without. A leaning panel is in its own shadow under raking light.
+    output
+        What is computed now; the rest is computed when it is first used. ``"display"``: display
+        codes, where nothing stands in between without planes of light; :attr:`Image.xyz` then
+        lights the painting again. ``"light"``: XYZ, of which display codes are made.
     threads
         Number of threads; None means every allowed core.
     progress
@@ -224,7 +85,7 @@ def render(
     Returns
     -------
     Image
-        XYZ, linear display light and display codes.
+        Display codes, linear display light and XYZ.
 
     Raises
     ------
@@ -233,83 +94,75 @@ def render(
     GeometryError
         A point light without the width of a pixel.
     """
-    instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
-    made_by = "what impasto.fit_sbrdf or impasto.load_sbrdf returns, or an impasto.Surface"
-    instance(surface, Relightable, "surface", made_by)
     one_of(fidelity, get_args(Fidelity), "fidelity")
-    if reflectance is not None:
-        spectral = ("coefficients", "basis", "wavelengths")
-        holding(spectral, reflectance, "reflectance", "what impasto.fit_reflectance returns")
-    if camera is not None:
-        checked_camera(camera)
-    lit = surface.surface()
-    pitch = lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
-    if pitch is None and any(isinstance(light, PointLight) for light in scene.lights):
-        raise GeometryError(
-            "pitch_mm: point lights need the width of a pixel on the painting in mm, which the "
-            "surface does not contain; give pitch_mm="
-        )
-    pitch = 1.0 if pitch is None else pitch
-    if reflectance is None:
-        reflectance = surface.spectra()
-    if reflectance is None and camera is not None:
-        source: Any = surface
-        reflectance = fit_reflectance(None, source, camera)
-    lit = _coloured(lit, type(surface).__name__, reflectance, index)
-    stood = lit.normal
-    lit = _levelled(lit, level, has_height=height is not None, shadows=scene.shadows)
-    as_photographed = lit.normal is stood and not scene.shadows
-    relief = _relief(lit, height, pitch, threads) if scene.shadows else None
+    one_of(output, get_args(Output), "output")
+    options: dict[str, Any] = {
+        "reflectance": reflectance,
+        "camera": camera,
+        "height": height,
+        "pitch_mm": pitch_mm,
+        "index": index,
+        "level": level,
+        "threads": threads,
+    }
+    prepared = prepare(surface, scene, **options)
+    plan = _core.Plan.forced(prepared.surface, prepared.arguments, prepared.relief is not None)
+    extra = None
+    if fidelity == "photographs" and prepared.as_photographed:
+        extra = surface.unmodelled(prepared.rig)
 
-    diffuse, interface, which, white = _colours(scene, reflectance, len(lit.diffuse))
-    # The largest Y is known when the picture is.
-    unknown = isinstance(scene.exposure, str)
-    exposure = 1.0 if isinstance(scene.exposure, str) else scene.exposure
-    if exposure is None:
-        exposure = white_scale_of(white, scene.display).scale
-    to_display = exposure * scene.display.linear_from_xyz
-    eye = surface.eye() if scene.view is None else scene.view
-    whole = Rig(scene.lights, views=eye, pitch_mm=pitch, origin=lit.origin)
-    rig = whole.here
-    lit = _with_ambient_of(lit, scene, rig)
-    behind = np.zeros(3) if unknown else np.asarray(scene.background)
-    background = np.linalg.solve(to_display, behind)
-    arguments = SceneArguments(
-        rig=RigArguments.of(rig),
-        intensity=rig.intensities,
-        colour=which,
-        diffuse=diffuse,
-        interface=interface,
-        background=(float(background[0]), float(background[1]), float(background[2])),
+    def again() -> NDArray[np.float32]:
+        # From what the caller has: no prepared maps are kept.
+        return render(surface, scene, fidelity=fidelity, output="light", **options).xyz
+
+    return picture(
+        prepared,
+        plan,
+        scene,
+        extra,
+        again=again if output == "display" else None,
+        threads=threads,
+        progress=progress,
     )
+
+
+def picture(
+    prepared: Prepared,
+    plan: _core.Plan,
+    scene: Scene,
+    extra: NDArray[np.float32] | None,
+    *,
+    again: Callable[[], NDArray[np.float32]] | None = None,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> Image:
+    """A prepared scene as planned.
+
+    ``extra`` is light ``(band, y, x)`` besides the model's. With ``again``, which returns the XYZ
+    of the same picture, display codes are made without planes of light where that is possible.
+    """
+    arguments, exposure = prepared.arguments, prepared.exposure
     workers = thread_count(threads)
+    surface, relief = prepared.surface, prepared.relief
+    if again and extra is None and not prepared.from_picture and not plan.projected:
+        matrix, table = columns_to_display(scene.display, exposure), tone_table(scene.display)
+        with reporting(progress, "rendering") as callback:
+            codes, coverage, below, above = _core.paint(
+                surface, relief, arguments, plan, matrix, table, workers, callback
+            )
+        shown = Shown(codes, below, above)
+        return Image(coverage, exposure, scene.display, again, shown, threads)
     with reporting(progress, "rendering") as callback:
-        xyz, coverage = _core.render(lit, relief, arguments, workers, callback)
-    if fidelity == "photographs" and reflectance is None and as_photographed and _in_front(eye):
-        extra = surface.unmodelled(whole)
-        if extra is not None:
-            # Colours without spectra have one matrix for all lights.
-            xyz += wait_for(_xyz_of, diffuse[0], extra)
-    if unknown:
+        xyz, coverage = _core.render(surface, relief, arguments, plan, workers, callback)
+    if extra is not None:
+        # Colours without spectra have one matrix for all lights.
+        xyz += wait_for(_xyz_of, arguments.diffuse[0], extra)
+    if prepared.from_picture:
         exposure = _exposure_of_maximum(xyz, coverage)
         to_display = exposure * scene.display.linear_from_xyz
         light = np.linalg.solve(to_display, np.asarray(scene.background)).astype(np.float32)
         xyz += light[:, None, None] * (1.0 - coverage)
-    matrix = np.ascontiguousarray(to_display.T)
-    linear = _core.linear_from_bands(xyz, matrix, workers)
-    display, below, above = _core.display_from_bands(xyz, matrix, _table(scene.display), 8, workers)
-    pixels = coverage.size
-    names = ("red", "green", "blue")
-    return Image(
-        xyz=xyz,
-        linear=linear,
-        display=display,
-        coverage=coverage,
-        exposure=float(exposure),
-        clipped={name: count / pixels for name, count in zip(names, above, strict=True)},
-        outside={name: count / pixels for name, count in zip(names, below, strict=True)},
-        screen=scene.display,
-    )
+    return Image(coverage, exposure, scene.display, xyz, threads=threads)
 
 
 def display_from_bands(
@@ -342,59 +195,11 @@ def display_from_bands(
     if bits not in {8, 16, 32}:
         raise ArgumentError(f"bits: expected 8, 16 or 32, found {bits!r}")
     matrix = np.ascontiguousarray(fold.diffuse.T)
-    table = _table(fold.display)
+    table = tone_table(fold.display)
     codes: NDArray[Any] = _core.display_from_bands(
         planes, matrix, table, bits, thread_count(threads)
     )[0]
     return codes
-
-
-def _in_front(eye: Any) -> bool:
-    """Whether a picture has the painting's own pixels: from the side, it is foreshortened."""
-    return isinstance(eye, PointView) or not np.any(np.asarray(eye, dtype=np.float64)[:2])
-
-
-def _table(display: Display) -> NDArray[np.float32]:
-    """The tone curve at equal steps of the square root of light, ``(3, 2049)``."""
-    light = np.linspace(0.0, 1.0, CELLS + 1) ** 2
-    return np.ascontiguousarray(
-        display.encode(np.broadcast_to(light, (3, light.size))), dtype=np.float32
-    )
-
-
-def _coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) -> Surface:
-    """The surface to render, with the coefficients of a reflectance as its colours."""
-    if reflectance is None:
-        return lit if index is None else replace(lit, index=index)
-    planes = _planes(reflectance.coefficients, lit.shape)
-    if not lit.tinted:
-        return lit.with_diffuse(planes, index=index)
-    operator = getattr(reflectance, "interface", None)
-    bands = len(lit.diffuse)
-    if operator is None or operator.shape != (len(planes), bands):
-        raise ArgumentError(
-            f"reflectance: the lobes of a {kind} have strengths in {bands} bands, whose spectra "
-            "only the result of impasto.fit_reflectance for these bands has; fit it again, or "
-            "leave reflectance= out"
-        )
-
-    def spectra(strength: NDArray[np.float32]) -> NDArray[np.float32]:
-        return spectra_of_lobes(strength, operator, reflectance.basis)
-
-    return lit.with_diffuse(planes, index=index, spectra=spectra)
-
-
-def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:
-    """Scale the ambient light of a part of a painting to that of the whole.
-
-    Ambient light is relative to the light that arrives at the centre. ``rig`` has the intensities
-    that near lights have at the centre of the part. Lobes with ambient light have one illuminant.
-    """
-    there = float(sum(light.intensity for light in scene.lights))
-    here = float(rig.intensities.sum())
-    if lit.ambient is None or here == there:
-        return lit
-    return replace(lit, ambient=lit.ambient * np.float32(there / here))
 
 
 def _xyz_of(matrix: NDArray[Any], extra: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -407,126 +212,3 @@ def _exposure_of_maximum(xyz: NDArray[np.float32], coverage: NDArray[np.float32]
     luminance = xyz[1][coverage > 0.0]
     highest = float(luminance.max(initial=0.0))
     return 1.0 / highest if highest > 0.0 else 1.0
-
-
-def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:
-    planes = floats(values)
-    if planes.ndim != 3 or planes.shape[1:] != size:
-        raise ArgumentError(
-            f"reflectance: expected coefficients (k, {size[0]}, {size[1]}), found {planes.shape}"
-        )
-    return planes
-
-
-def _levelled(
-    lit: Surface, level: bool | Level | None, *, has_height: bool, shadows: bool
-) -> Surface:
-    """The surface relative to the plane of its panel, if that is wanted."""
-    if level is None:
-        if not shadows or has_height or lit.height is not None or not _faces(lit.normal):
-            return lit
-        found = find_level(lit.normal)
-        plane = found if found.leans else None
-    else:
-        plane = as_level(level, lit.normal)
-    return lit if plane is None else replace(lit, normal=plane.rotated(lit.normal))
-
-
-def _faces(normal: NDArray[np.float32]) -> bool:
-    """Whether there are enough normals to find a plane."""
-    return int((normal[2] > 0).sum()) >= _ENOUGH
-
-
-def _relief(
-    lit: Surface, height: ArrayLike | None, pitch: float, threads: int | None
-) -> NDArray[np.float32]:
-    relief = lit.height if height is None else floats(height)
-    if relief is None:
-        return integrate_normals(lit.normal, pitch, threads=threads)
-    if relief.shape != lit.shape:
-        raise ArgumentError(f"height: expected {lit.shape}, found shape {relief.shape}")
-    return relief
-
-
-def _colours(
-    scene: Scene, reflectance: Any, bands: int
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.uint32], NDArray[Any]]:
-    """Matrices ``(g, k, 3)``, vectors ``(g, 3)``, the row of each light, and XYZ of white."""
-    if reflectance is None:
-        matrix = _captured(scene, bands)
-        white = Display.named("srgb").xyz_from_linear.sum(axis=1)
-        total = sum(light.intensity for light in scene.lights)
-        return (
-            matrix[None],
-            white[None],
-            np.zeros(len(scene.lights), np.uint32),
-            np.asarray(total * white),
-        )
-    distinct: list[Any] = []
-    which = []
-    for illuminant in scene.illuminants:
-        same = [index for index, other in enumerate(distinct) if _same(illuminant, other)]
-        which.append(same[0] if same else len(distinct))
-        if not same:
-            distinct.append(illuminant)
-    test = distinct[0] if len(distinct) == 1 else _mixture(scene)
-    folds = [
-        xyz_from_coefficients(
-            reflectance.basis,
-            reflectance.wavelengths,
-            illuminant,
-            test=test,
-            reference=scene.reference,
-            d=scene.adaptation,
-            mode=scene.adaptation_mode,
-        )
-        for illuminant in distinct
-    ]
-    if folds[0].diffuse.shape[1] != bands:
-        raise ArgumentError(
-            f"reflectance: {bands} coefficients but a basis of {folds[0].diffuse.shape[1]}"
-        )
-    interface = np.stack([fold.interface for fold in folds])
-    strength = np.array([light.intensity for light in scene.lights])
-    return (
-        np.ascontiguousarray(np.stack([fold.diffuse.T for fold in folds])),
-        interface,
-        np.array(which, dtype=np.uint32),
-        strength @ interface[which],
-    )
-
-
-def _captured(scene: Scene, bands: int) -> NDArray[np.float64]:
-    """Matrix ``(band, 3)`` from bands without spectra to XYZ."""
-    if bands not in {1, 3}:
-        raise ArgumentError(
-            f"camera: {bands} bands have no colours without spectra; give camera=, or "
-            "reflectance= from impasto.fit_reflectance"
-        )
-    as_it_was = all(_same(illuminant, "D65") for illuminant in scene.illuminants)
-    if scene.adaptation is not None or not as_it_was:
-        raise ArgumentError(
-            "camera: without camera= or reflectance= only the colours under the light of the "
-            "capture are known; give one of them for another illuminant or an adaptation"
-        )
-    primaries = Display.named("srgb").xyz_from_linear
-    columns = primaries if bands == 3 else primaries.sum(axis=1, keepdims=True)
-    return np.ascontiguousarray(columns.T)
-
-
-def _same(one: Any, other: Any) -> bool:
-    if one is other:
-        return True
-    if isinstance(one, str) or isinstance(other, str):
-        return bool(isinstance(one, str) and isinstance(other, str) and one == other)
-    return np.ndim(one) == 0 and np.ndim(other) == 0 and bool(one == other)
-
-
-def _mixture(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The sum of all lights, to which the observer adapts; each has Y = its intensity."""
-    luminosity = xyz_from_spectrum(MIXING_GRID, np.ones(MIXING_GRID.size))[1]
-    total = np.zeros(MIXING_GRID.size)
-    for light, illuminant in zip(scene.lights, scene.illuminants, strict=True):
-        power = spectrum(illuminant, MIXING_GRID)
-        total += light.intensity * power / (luminosity @ power)
-    return MIXING_GRID, total

@@ -28,4 +28,3 @@ pub use adapter::{Adapter, Choice, Kind, adapters};
 pub use device::Gpu;
 pub use error::{Error, Result};
 pub use renderer::{Renderer, Screen, render};
-pub use scene::Display;

@@ -6,9 +6,9 @@ use wgpu::{Buffer, BufferUsages};
 
 use impasto::geometry::{Grid, View};
 use impasto::pixels::Run;
-use impasto::relight::effects::Effects;
+use impasto::relight::plan::{Plan, SHADED, lobe_bit};
 use impasto::relight::scene::Scene;
-use impasto::relight::show::{Codes, codes_from_planes};
+use impasto::relight::show::{Codes, Display, codes_from_planes};
 use impasto::relight::view::Projection;
 use impasto::relight::{self, Picture};
 use impasto::surface::{Model, Surface};
@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::layout::{Frame, workgroups};
 use crate::pipeline::{Kernel, Variant};
 use crate::planes::{Planes, Table};
-use crate::scene::{Display, Lit};
+use crate::scene::{Lit, tables};
 use crate::shadow::Relief;
 
 /// Arrays are no larger, whatever the card allows: places in them are 32-bit numbers.
@@ -184,7 +184,7 @@ impl Shown {
             colours: gpu.filled(&lit.colours, BufferUsages::STORAGE),
             curve: match display {
                 None => gpu.buffer(8, BufferUsages::STORAGE),
-                Some(display) => gpu.filled(&display.tables(), BufferUsages::STORAGE),
+                Some(display) => gpu.filled(&tables(display.curve), BufferUsages::STORAGE),
             },
             visibility,
             words,
@@ -312,7 +312,7 @@ impl Renderer {
             let first = band.row * shown.grid.width;
             shown.draw(gpu, &arrays, band, target, |bytes| planar.take(first, bytes))?;
         }
-        seen(shown.grid, planar, scene, background, run)
+        seen(shown.grid, planar, scene, is_slanted(scene, shown.grid), background, run)
     }
 
     /// The surface under the lights of a scene, as codes of a display.
@@ -350,6 +350,9 @@ impl Renderer {
 /// Lights a painting once, as [`relight::render`] does: band by band, so that no more than one band
 /// of its maps is on the card.
 ///
+/// What the plan does without everywhere is neither uploaded nor computed; the rest is simulated in
+/// all tiles.
+///
 /// # Errors
 /// As of [`Renderer::new`] and [`Renderer::light`].
 pub fn render(
@@ -357,13 +360,18 @@ pub fn render(
     surface: &Surface<'_>,
     relief: relight::Relief<'_>,
     scene: &Scene,
+    plan: &Plan,
     background: [f32; 3],
     run: &Run<'_>,
 ) -> Result<Picture> {
     let grid = relief.grid;
+    surface.bands(grid.width * grid.height)?;
+    let on = |part| (0..scene.lamps().len()).any(|lamp| plan.needs(lamp, part));
+    let lobes = surface.lobes.iter().enumerate().filter(|(number, _)| on(lobe_bit(*number)));
+    let surface = &Surface { lobes: lobes.map(|(_, lobe)| lobe.clone()).collect(), ..*surface };
     let Planes { maps, table } = Planes::of(surface, grid.width * grid.height)?;
     let shown = Shown::new(surface, grid, &table);
-    let mut relief = match relief.height {
+    let mut relief = match relief.height.filter(|_| on(SHADED)) {
         Some(height) => Some(Relief::new(Cow::Borrowed(height), grid)?),
         None => None,
     };
@@ -376,28 +384,33 @@ pub fn render(
         let first = band.row * grid.width;
         shown.draw(gpu, &arrays, &band, &mut target, |bytes| planar.take(first, bytes))?;
     }
-    seen(grid, planar, scene, background, run)
+    seen(grid, planar, scene, plan.projected(), background, run)
 }
 
 fn cancelled(run: &Run<'_>) -> Result<()> {
     if run.cancelled() { Err(impasto::Error::Cancelled.into()) } else { Ok(()) }
 }
 
+/// Whether the view moves any pixel.
 fn is_slanted(scene: &Scene, grid: Grid) -> bool {
-    Effects::of(scene, grid, false, false).slanted_view
+    match scene.view() {
+        View::Distant(view) => Projection::new(view, grid).displacement() > 0.0,
+        View::Point(_) => false,
+    }
 }
 
-/// The picture as the scene's eye sees it: foreshortened on the CPU where that is noticeable.
+/// The picture as the scene's eye sees it, foreshortened on the CPU.
 fn seen(
     grid: Grid,
     planar: Planar,
     scene: &Scene,
+    projected: bool,
     background: [f32; 3],
     run: &Run<'_>,
 ) -> Result<Picture> {
     let Planar { light, coverage } = planar;
     match scene.view() {
-        View::Distant(view) if is_slanted(scene, grid) => {
+        View::Distant(view) if projected => {
             let projection = Projection::new(view, grid);
             let (light, coverage) = projection.resample(&light, &coverage, background, run)?;
             Ok(Picture { light, coverage, grid: projection.picture })
@@ -409,9 +422,8 @@ fn seen(
 /// A picture's codes, made on the CPU.
 fn encoded(picture: &Picture, display: &Display<'_>, run: &Run<'_>) -> Result<Screen> {
     let Grid { width, height, .. } = picture.grid;
-    let columns = [0, 1, 2].map(|k| display.matrix.map(|row| row[k]));
     let mut rgb = vec![0; 3 * width * height];
-    codes_from_planes(&picture.light, &columns, display.curve, Codes::Eight(&mut rgb), run)?;
+    codes_from_planes(&picture.light, display.matrix, display.curve, Codes::Eight(&mut rgb), run)?;
     let pixels = rgb.chunks_exact(3).zip(&picture.coverage);
     let codes = pixels
         .flat_map(|(rgb, covered)| {

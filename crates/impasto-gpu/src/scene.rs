@@ -1,32 +1,24 @@
 //! A scene as the kernels read it: lamps in the order of their colours, colours as columns.
 
 use impasto::geometry::{Light, View};
-use impasto::relight::curve::{CELLS, Curve};
+use impasto::relight::curve::Curve;
 use impasto::relight::scene::Scene;
+use impasto::relight::show::Display;
 use impasto::surface::{Lafortune, Model, Pairs, TorranceSparrow};
 
 use crate::layout::Lamp;
 
-/// A display: from the scene's three output numbers to codes.
-#[derive(Clone, Copy, Debug)]
-pub struct Display<'a> {
-    /// Rows of the matrix from the output unit of the scene's colours to linear display light.
-    pub matrix: [[f64; 3]; 3],
-    /// Its tone curve.
-    pub curve: &'a Curve,
+/// Linear display light of light.
+fn shown_by(display: &Display<'_>, light: [f64; 3]) -> [f64; 3] {
+    let columns = display.matrix.iter().zip(light);
+    columns.fold([0.0; 3], |sum, (column, part)| {
+        [0, 1, 2].map(|channel| column[channel].mul_add(part, sum[channel]))
+    })
 }
 
-impl Display<'_> {
-    fn of(&self, light: [f64; 3]) -> [f64; 3] {
-        self.matrix.map(|row| row[0] * light[0] + row[1] * light[1] + row[2] * light[2])
-    }
-
-    /// The tables of the curve, one after another.
-    pub(crate) fn tables(&self) -> Vec<[f32; 2]> {
-        let tables: Vec<_> = (0..3).flat_map(|channel| *self.curve.channel(channel)).collect();
-        debug_assert_eq!(tables.len(), 3 * CELLS);
-        tables
-    }
+/// The tables of a display's tone curve, one after another.
+pub(crate) fn tables(curve: &Curve) -> Vec<[f32; 2]> {
+    (0..3).flat_map(|channel| *curve.channel(channel)).collect()
 }
 
 /// What is uploaded for a picture.
@@ -50,7 +42,7 @@ impl Lit {
         background: [f32; 3],
         display: Option<&Display<'_>>,
     ) -> Self {
-        let shown = |light: [f64; 3]| display.map_or(light, |display| display.of(light));
+        let shown = |light: [f64; 3]| display.map_or(light, |display| shown_by(display, light));
         let (mut lamps, mut lights) = (Vec::new(), Vec::new());
         for index in 0..scene.colours().len() {
             for lamp in scene.lamps().iter().filter(|lamp| lamp.colour == index) {
@@ -123,6 +115,7 @@ fn paired(lamp: &impasto::relight::scene::Lamp, view: View, model: Model) -> Lam
 mod tests {
     use super::*;
     use impasto::math::Vec3;
+    use impasto::relight::curve::CELLS;
     use impasto::relight::scene;
 
     #[test]
@@ -140,11 +133,12 @@ mod tests {
         assert!((lit.lamps[0].light_view - 0.8).abs() < 1e-6);
         let ramp: Vec<f32> = (0..=CELLS).map(|i| i as f32 / CELLS as f32).collect();
         let curve = Curve::new(&ramp).unwrap();
-        let matrix = [[0.0, 0.0, 4.0], [0.0; 3], [1.0, 1.0, 0.0]];
-        let display = Display { matrix, curve: &curve };
+        // Columns.
+        let matrix = [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [4.0, 0.0, 0.0]];
+        let display = Display { matrix: &matrix, curve: &curve };
         let lit = Lit::of(&scene, Model::Lafortune, [0.25; 3], Some(&display));
         assert_eq!(lit.colours[0], [4.0, 0.0, 2.0, 0.0]);
         assert_eq!(lit.background, [1.0, 0.0, 0.5]);
-        assert_eq!(display.tables().len(), 3 * CELLS);
+        assert_eq!(tables(&curve).len(), 3 * CELLS);
     }
 }

@@ -10,12 +10,14 @@ use pyo3::prelude::*;
 use impasto::geometry::Grid;
 use impasto::pixels::Run;
 use impasto::relight::curve::Curve;
+use impasto::relight::show::Display;
 use impasto::relight::{Picture, Relief};
-use impasto_gpu::{Adapter, Choice, Display, Error, Gpu, Renderer};
+use impasto_gpu::{Adapter, Choice, Error, Gpu, Renderer};
 
 use crate::arrays::Size;
 use crate::errors::{named, to_python};
-use crate::relight::{SceneArguments, Seen, slice};
+use crate::plan::Plan;
+use crate::relight::{SceneArguments, Seen, columns, slice};
 use crate::run;
 use crate::surface::SurfaceArguments;
 
@@ -49,22 +51,25 @@ pub(crate) fn gpu_adapters(py: Python<'_>) -> Vec<GpuAdapter> {
 ///
 /// `adapter` is "auto" (no driver that computes on the CPU), "any", or a part of a name.
 #[pyfunction]
+#[allow(clippy::too_many_arguments, reason = "what render takes, and a card")]
 pub(crate) fn gpu_render<'py>(
     py: Python<'py>,
     surface: SurfaceArguments<'py>,
     height: Option<PyReadonlyArray2<'py, f32>>,
     scene: SceneArguments<'py>,
+    plan: PyRef<'py, Plan>,
     threads: usize,
     progress: Option<Py<PyAny>>,
     adapter: &str,
 ) -> PyResult<Seen<'py>> {
     let refuse = |error: impasto::Error| to_python(py, &error);
-    let grid = surface.grid(scene.rig.pitch_mm);
+    let grid = scene.grid(&surface);
     let height = height.as_ref().map(|map| slice("height", map)).transpose().map_err(refuse)?;
     let (maps, relief) = (surface.surface().map_err(refuse)?, Relief { grid, height });
     let (lit, background) = (scene.scene(grid).map_err(refuse)?, scene.background);
+    let plan = &plan.0;
     let picture = called(py, threads, progress.as_ref(), |run| {
-        impasto_gpu::render(&opened(adapter)?, &maps, relief, &lit, background, run)
+        impasto_gpu::render(&opened(adapter)?, &maps, relief, &lit, plan, background, run)
     })?;
     arrays(py, picture)
 }
@@ -119,13 +124,13 @@ impl GpuRenderer {
         arrays(py, picture)
     }
 
-    /// Codes (y, x, 4) of a display: red, green, blue and coverage. `matrix` has a column of the
-    /// display's linear light per row.
+    /// Codes (y, x, 4) of a display: red, green, blue and coverage. `matrix` holds columns from light
+    /// to linear display light.
     fn codes<'py>(
         &self,
         py: Python<'py>,
         scene: SceneArguments<'py>,
-        matrix: [[f64; 3]; 3],
+        matrix: PyReadonlyArray2<'py, f64>,
         curve: PyReadonlyArray2<'py, f32>,
         shadows: bool,
         threads: usize,
@@ -133,8 +138,8 @@ impl GpuRenderer {
         let refuse = |error: impasto::Error| to_python(py, &error);
         let lit = scene.scene(self.grid).map_err(refuse)?;
         let curve = slice("curve", &curve).and_then(Curve::new).map_err(refuse)?;
-        let display =
-            Display { matrix: [0, 1, 2].map(|k| matrix.map(|row| row[k])), curve: &curve };
+        let matrix = columns(&matrix);
+        let display = Display { matrix: &matrix, curve: &curve };
         let background = scene.background;
         let screen = called(py, threads, None, |run| {
             self.with(|renderer| {

@@ -13,6 +13,7 @@ mod gpu;
 mod highlight;
 mod lafortune;
 mod lobes;
+mod plan;
 mod pooled;
 mod relight;
 mod run;
@@ -49,6 +50,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(relight::display_from_bands, module)?)?;
     module.add_function(wrap_pyfunction!(relight::integrate_normals, module)?)?;
     module.add_function(wrap_pyfunction!(relight::linear_from_bands, module)?)?;
+    module.add_function(wrap_pyfunction!(relight::paint, module)?)?;
     module.add_function(wrap_pyfunction!(relight::render, module)?)?;
     module.add_function(wrap_pyfunction!(lobes::fit_lobes, module)?)?;
     module.add_function(wrap_pyfunction!(lobes::learn_lobes, module)?)?;
@@ -61,6 +63,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(stereo::fit_normals, module)?)?;
     module.add_function(wrap_pyfunction!(stereo::learn_normals, module)?)?;
     module.add_function(wrap_pyfunction!(spectral::spectral_estimator, module)?)?;
+    module.add_class::<plan::Plan>()?;
+    module.add_class::<plan::SurfaceStatistics>()?;
     module.add_class::<spectral::SpectralEstimator>()?;
     #[cfg(feature = "gpu")]
     {

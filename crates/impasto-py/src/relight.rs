@@ -13,15 +13,16 @@ use impasto::geometry::{Grid, Light};
 use impasto::math::Vec3;
 use impasto::relight::curve::Curve;
 use impasto::relight::scene::{Colour, Lamp, Scene};
-use impasto::relight::show::{Codes, codes_from_planes, linear_from_planes};
+use impasto::relight::show::{Codes, Display, codes_from_planes, linear_from_planes};
 use impasto::relight::{self, Relief};
 
 use crate::arrays::{RigArguments, Size};
 use crate::errors::to_python;
+use crate::plan::Plan;
 use crate::run;
 use crate::surface::SurfaceArguments;
 
-/// What `impasto.render.SceneArguments` holds.
+/// What `impasto.lighting.SceneArguments` holds.
 #[derive(FromPyObject)]
 pub(crate) struct SceneArguments<'py> {
     pub(crate) rig: RigArguments<'py>,
@@ -38,6 +39,11 @@ pub(crate) struct SceneArguments<'py> {
 }
 
 impl SceneArguments<'_> {
+    /// Where the pixels of a surface lie.
+    pub(crate) fn grid(&self, surface: &SurfaceArguments<'_>) -> Grid {
+        surface.grid(self.rig.pitch_mm)
+    }
+
     pub(crate) fn scene(&self, grid: Grid) -> impasto::Result<Scene> {
         let rig = self.rig.rig(grid.height, grid.width)?;
         let (intensity, colour) = (self.intensity.as_array(), self.colour.as_array());
@@ -66,26 +72,62 @@ pub(crate) fn slice<'a, T: numpy::Element, D: numpy::ndarray::Dimension>(
 /// Light `(3, y, x)` and coverage `(y, x)`.
 pub(crate) type Seen<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
 
-/// Light of a scene: (3, y, x) and coverage (y, x).
+/// Light of a scene as planned: (3, y, x) and coverage (y, x).
 #[pyfunction]
 pub(crate) fn render<'py>(
     py: Python<'py>,
     surface: SurfaceArguments<'py>,
     height: Option<PyReadonlyArray2<'py, f32>>,
     scene: SceneArguments<'py>,
+    plan: PyRef<'py, Plan>,
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Seen<'py>> {
     let refuse = |error: Error| to_python(py, &error);
-    let grid = surface.grid(scene.rig.pitch_mm);
+    let grid = scene.grid(&surface);
     let height = height.as_ref().map(|map| slice("height", map)).transpose().map_err(refuse)?;
     let (maps, relief) = (surface.surface().map_err(refuse)?, Relief { grid, height });
     let (lit, background) = (scene.scene(grid).map_err(refuse)?, scene.background);
+    let plan = &plan.0;
     let picture = run::call(py, threads, progress.as_ref(), |run| {
-        relight::render(&maps, relief, &lit, background, run)
+        relight::render(&maps, relief, &lit, plan, background, run)
     })?;
     let size = Size { height: picture.grid.height, width: picture.grid.width };
     Ok((size.planes(py, picture.light, 3)?, size.map(py, picture.coverage)?))
+}
+
+type Painted<'py> = (Bound<'py, PyAny>, Bound<'py, PyArray2<f32>>, Vec<u64>, Vec<u64>);
+
+/// Display codes `(y, x, 3)` of a scene as planned, coverage `(y, x)`, and how many pixels lay
+/// below 0 and above 1 per channel; `matrix` holds columns from light to linear display light.
+#[pyfunction]
+#[allow(clippy::too_many_arguments, reason = "what render takes, and a display")]
+pub(crate) fn paint<'py>(
+    py: Python<'py>,
+    surface: SurfaceArguments<'py>,
+    height: Option<PyReadonlyArray2<'py, f32>>,
+    scene: SceneArguments<'py>,
+    plan: PyRef<'py, Plan>,
+    matrix: PyReadonlyArray2<'py, f64>,
+    curve: PyReadonlyArray2<'py, f32>,
+    threads: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Painted<'py>> {
+    let refuse = |error: Error| to_python(py, &error);
+    let grid = scene.grid(&surface);
+    let height = height.as_ref().map(|map| slice("height", map)).transpose().map_err(refuse)?;
+    let (maps, relief) = (surface.surface().map_err(refuse)?, Relief { grid, height });
+    let (lit, background) = (scene.scene(grid).map_err(refuse)?, scene.background);
+    let (plan, matrix) = (&plan.0, columns(&matrix));
+    let curve = slice("curve", &curve).and_then(Curve::new).map_err(refuse)?;
+    let (codes, coverage, clipped) = run::call(py, threads, progress.as_ref(), |run| {
+        let display = Display { matrix: &matrix, curve: &curve };
+        relight::paint(&maps, relief, &lit, plan, background, &display, run)
+    })?;
+    let codes: Bound<'py, PyArray1<u8>> = codes.into_pyarray(py);
+    let codes = codes.reshape([grid.height, grid.width, 3])?.into_any();
+    let size = Size { height: grid.height, width: grid.width };
+    Ok((codes, size.map(py, coverage)?, clipped.below.to_vec(), clipped.above.to_vec()))
 }
 
 /// `(3, y, x)` linear light from `(k, y, x)` planes and `(k, 3)` matrix columns.
@@ -145,7 +187,8 @@ pub(crate) fn display_from_bands<'py>(
     Ok((codes, clipped.below.to_vec(), clipped.above.to_vec()))
 }
 
-fn columns(matrix: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 3]> {
+/// Rows of an array as columns of a matrix.
+pub(crate) fn columns(matrix: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 3]> {
     matrix.as_array().rows().into_iter().map(|c| [c[0], c[1], c[2]]).collect()
 }
 

@@ -24,7 +24,7 @@ from impasto.errors import ArgumentError
 from impasto.systems import Name
 
 if TYPE_CHECKING:
-    from impasto.render import Image
+    from impasto.image import Image
 
 CLIPPED, DARK = 0.0005, 0.2
 """A message is printed above this share of clipped pixels, or below this brightness."""
@@ -96,8 +96,8 @@ def render(
     """
     import impasto
     from impasto.cli.maps import load_result
+    from impasto.image import checked_suffix
     from impasto.overview import visible
-    from impasto.render import checked_suffix
 
     stages = Stages(quiet=quiet)
     check_threads(threads)
@@ -145,6 +145,8 @@ def render(
             reflectance=reflectance,
             pitch_mm=sbrdf.rig.pitch_mm if pitch is None else pitch,
             level=plane,
+            # The message about the exposure needs linear light whatever the format.
+            output="light",
             threads=threads,
             progress=stage.advance,
         )

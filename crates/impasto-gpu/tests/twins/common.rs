@@ -3,6 +3,7 @@
 use impasto::geometry::{Grid, Light, View};
 use impasto::math::Vec3;
 use impasto::pixels::serially;
+use impasto::relight::plan::Plan;
 use impasto::relight::scene::{Colour, Lamp, Scene};
 use impasto::relight::{self, Picture, Relief};
 use impasto::surface::Surface;
@@ -103,7 +104,8 @@ pub(crate) fn on_cpu(
     scene: &Scene,
     grid: Grid,
 ) -> Picture {
-    serially(|run| relight::render(surface, Relief { grid, height }, scene, BACKGROUND, run))
+    let plan = Plan::forced(surface, grid, scene, height.is_some());
+    serially(|run| relight::render(surface, Relief { grid, height }, scene, &plan, BACKGROUND, run))
         .unwrap()
 }
 
@@ -114,10 +116,10 @@ pub(crate) fn on_gpu(
     scene: &Scene,
     grid: Grid,
 ) -> Picture {
-    serially(|run| {
-        impasto_gpu::render(gpu, surface, Relief { grid, height }, scene, BACKGROUND, run)
-    })
-    .unwrap()
+    let plan = Plan::forced(surface, grid, scene, height.is_some());
+    let relief = Relief { grid, height };
+    serially(|run| impasto_gpu::render(gpu, surface, relief, scene, &plan, BACKGROUND, run))
+        .unwrap()
 }
 
 /// Largest difference in light after a display's curve, a square root (steeper than sRGB's above

@@ -5,9 +5,10 @@ use impasto::geometry::Light;
 use impasto::pixels::{Progress, Run, serially};
 use impasto::relight::Relief;
 use impasto::relight::curve::{CELLS, Curve};
-use impasto::relight::show::{Codes, codes_from_planes};
+use impasto::relight::plan::{Effect, Plan};
+use impasto::relight::show::{Codes, Display, codes_from_planes};
 use impasto::surface::{Lobe, Model, Parameter, Strength, Surface};
-use impasto_gpu::{Choice, Display, Error, Gpu, Renderer, adapters};
+use impasto_gpu::{Choice, Error, Gpu, Renderer, adapters};
 
 fn varnished(maps: &Maps) -> Surface<'_> {
     let strength = Strength::Neutral(Parameter::Map(&maps.beta));
@@ -52,6 +53,27 @@ fn a_painting_in_bands_is_the_painting() {
 }
 
 #[test]
+fn what_a_plan_does_without_is_not_drawn() {
+    let Some(gpu) = gpu() else { return };
+    let maps = Maps::new();
+    let surface = varnished(&maps);
+    let scene = scene(&[distant(0.8, 0.2, 0.4)], FRONTAL);
+    let relief = Relief { grid: GRID, height: Some(&maps.height) };
+    let forced = Plan::forced(&surface, GRID, &scene, true);
+    let drawn = |plan: &Plan| {
+        serially(|run| impasto_gpu::render(&gpu, &surface, relief, &scene, plan, BACKGROUND, run))
+            .unwrap()
+            .light
+    };
+    let matte = Surface { lobes: Vec::new(), ..surface.clone() };
+    let without = drawn(&forced.clone().without(Effect::Lobe(0)));
+    assert_eq!(without, on_gpu(&gpu, &matte, relief.height, &scene, GRID).light);
+    let lit = drawn(&forced.clone().without(Effect::CastShadows));
+    assert_eq!(lit, on_gpu(&gpu, &surface, None, &scene, GRID).light);
+    assert!(drawn(&forced) != without && drawn(&forced) != lit);
+}
+
+#[test]
 fn frames_follow_the_scene_and_codes_are_the_cpus() {
     let Some(gpu) = gpu() else { return };
     let maps = Maps::new();
@@ -64,9 +86,8 @@ fn frames_follow_the_scene_and_codes_are_the_cpus() {
     // Channels of their own, so that none can stand for another.
     let three = [table.clone(), table.iter().map(|v| 0.9 * v).collect(), table].concat();
     let curve = Curve::new(&three).unwrap();
-    let matrix = [[1.2, -0.3, 0.1], [-0.2, 1.1, 0.0], [0.05, -0.1, 1.3]];
-    let display = Display { matrix, curve: &curve };
-    let columns = [0, 1, 2].map(|k| matrix.map(|row: [f64; 3]| row[k]));
+    let columns = [[1.2, -0.3, 0.1], [-0.2, 1.1, 0.0], [0.05, -0.1, 1.3]];
+    let display = Display { matrix: &columns, curve: &curve };
     let relief = Relief { grid: GRID, height: Some(&maps.height) };
     let mut renderer = Renderer::new(&gpu, &surface, relief).unwrap();
     let mut codes_seen = std::collections::HashSet::new();
