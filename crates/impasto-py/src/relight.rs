@@ -22,7 +22,8 @@ use crate::run;
 use crate::scene::{SceneArguments, slice};
 use crate::surface::SurfaceArguments;
 
-type Seen<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
+/// Light `(3, y, x)` and coverage `(y, x)`.
+pub(crate) type Seen<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
 
 /// Light of a scene as planned: (3, y, x) and coverage (y, x).
 #[pyfunction]
@@ -139,7 +140,8 @@ pub(crate) fn display_from_bands<'py>(
     Ok((codes, clipped.below.to_vec(), clipped.above.to_vec()))
 }
 
-fn columns(matrix: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 3]> {
+/// Rows of an array as columns of a matrix.
+pub(crate) fn columns(matrix: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 3]> {
     matrix.as_array().rows().into_iter().map(|c| [c[0], c[1], c[2]]).collect()
 }
 

@@ -13,7 +13,7 @@ use crate::surface::SurfaceArguments;
 /// What `impasto.lighting.SceneArguments` holds.
 #[derive(FromPyObject)]
 pub(crate) struct SceneArguments<'py> {
-    rig: RigArguments<'py>,
+    pub(crate) rig: RigArguments<'py>,
     /// (light,).
     intensity: PyReadonlyArray1<'py, f64>,
     /// (light,): which illuminant.
@@ -49,6 +49,7 @@ impl SceneArguments<'_> {
     }
 }
 
+/// The values of a C-contiguous array.
 pub(crate) fn slice<'a, T: numpy::Element, D: numpy::ndarray::Dimension>(
     name: &'static str,
     array: &'a numpy::PyReadonlyArray<'_, T, D>,

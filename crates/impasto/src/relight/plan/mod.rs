@@ -85,12 +85,13 @@ pub struct Plan {
 /// The lamp shines on some pixel.
 pub(super) const LIT: u32 = 1;
 /// Some pixel may be in a cast shadow.
-pub(super) const SHADED: u32 = 2;
+pub const SHADED: u32 = 2;
 /// Direction and irradiance are those of each pixel.
 pub(super) const NEAR: u32 = 4;
 
 /// The bit of a lobe; lobes beyond the last bit share it.
-pub(super) const fn lobe_bit(lobe: usize) -> u32 {
+#[must_use]
+pub const fn lobe_bit(lobe: usize) -> u32 {
     1 << (3 + if lobe < 28 { lobe } else { 28 })
 }
 
@@ -231,7 +232,8 @@ impl Plan {
     }
 
     /// Whether a part is needed anywhere.
-    pub(super) fn needs(&self, lamp: usize, bit: u32) -> bool {
+    #[must_use]
+    pub fn needs(&self, lamp: usize, bit: u32) -> bool {
         self.parts.iter().skip(lamp).step_by(self.lamps).any(|parts| parts & bit != 0)
     }
 }
