@@ -48,6 +48,7 @@ from impasto.status import Status
 from impasto.study.suggestion import Suggestion, suggest_effort
 from impasto.surface import Surface
 from impasto.training import Training
+from impasto.varnish import Varnish
 
 __all__ = [
     "ArgumentError",
@@ -90,6 +91,7 @@ __all__ = [
     "Suggestion",
     "Surface",
     "Training",
+    "Varnish",
     "Verification",
     "cast_shadows",
     "colour",

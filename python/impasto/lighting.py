@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from impasto._internal.waiting import floats
 from impasto.bands import Camera, checked_camera
 from impasto.colour import Display, spectrum, xyz_from_coefficients, xyz_from_spectrum
 from impasto.colour import white_scale as white_scale_of
+from impasto.colour.wavelengths import interpolation_matrix
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.interface import spectra_of_lobes
 from impasto.fit.reflectance import Reflectance, fit_reflectance
@@ -21,7 +23,8 @@ from impasto.height import integrate_normals
 from impasto.level import Level, as_level, find_level
 from impasto.rig import PointLight, PointView, Rig
 from impasto.scene import Scene
-from impasto.surface import Relightable, Surface
+from impasto.surface import Lobe, Relightable, Surface
+from impasto.varnish import Varnish
 
 _ENOUGH = 100
 """A panel has more normals than that."""
@@ -123,17 +126,19 @@ def prepare(
         source: Any = surface
         reflectance = fit_reflectance(None, source, camera)
     lit = _coloured(lit, type(surface).__name__, reflectance, index)
+    if scene.varnish is not None:
+        lit = varnished(lit, scene.varnish)
     stood = lit.normal
     lit = _levelled(lit, level, has_height=height is not None, shadows=scene.shadows)
     unmoved = lit.normal is stood and not scene.shadows
     relief = _relief(lit, height, pitch, threads) if scene.shadows else None
-    diffuse, interface, which, white = _colours(scene, reflectance, len(lit.diffuse))
+    eye = surface.eye() if scene.view is None else scene.view
+    diffuse, interface, which, white = _colours(scene, reflectance, len(lit.diffuse), eye)
     # The largest Y is known when the picture is.
     from_picture = isinstance(scene.exposure, str)
     exposure = 1.0 if isinstance(scene.exposure, str) else scene.exposure
     if exposure is None:
         exposure = white_scale_of(white, scene.display).scale
-    eye = surface.eye() if scene.view is None else scene.view
     whole = Rig(scene.lights, views=eye, pitch_mm=pitch, origin=lit.origin)
     rig = whole.here
     behind = np.zeros(3) if from_picture else np.asarray(scene.background)
@@ -178,6 +183,28 @@ def _coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) ->
         return spectra_of_lobes(strength, operator, reflectance.basis)
 
     return lit.with_diffuse(planes, index=index, spectra=spectra)
+
+
+def varnished(lit: Surface, varnish: Varnish) -> Surface:
+    """The surface with the gloss of a coat, and its own as what the coat leaves of it."""
+    if varnish.removed:
+        return lit
+    own, coat, between = (
+        ((one - 1.0) / (one + 1.0)) ** 2
+        for one in (lit.index, varnish.index, varnish.index / lit.index)
+    )
+    mirror = lit.model == "lafortune"
+    # Torrance-Sparrow lobes are multiplied by Fresnel's reflectance of the surface's index.
+    bare = own if mirror else coat
+    share = between / bare if bare > 0.0 else 1.0
+    lobes = [Lobe(share * lobe.strength, lobe.shape) for lobe in lit.lobes if share > 0.0]
+    gamma, beta = varnish.gamma, varnish.strength
+    if beta > 0.0:
+        # cos^n of the angle from the mirror direction, twice that of the facet, is one half where
+        # exp(-ln 2 (phi / gamma)^2) is.
+        phong = Lobe(beta * coat, (-1.0, 1.0, math.log(2.0) / (2.0 * gamma**2)))
+        lobes.append(phong if mirror else Lobe(beta, (gamma,)))
+    return replace(lit, lobes=tuple(lobes), index=varnish.index)
 
 
 def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:
@@ -233,7 +260,7 @@ def _relief(
 
 
 def _colours(
-    scene: Scene, reflectance: Any, bands: int
+    scene: Scene, reflectance: Any, bands: int, eye: Any
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.uint32], NDArray[Any]]:
     """Matrices ``(g, k, 3)``, vectors ``(g, 3)``, the row of each light, and XYZ of white."""
     if reflectance is None:
@@ -246,25 +273,34 @@ def _colours(
             np.zeros(len(scene.lights), np.uint32),
             np.asarray(total * white),
         )
-    distinct: list[Any] = []
+    # Lamps of one illuminant have one matrix; under a varnish, those at one angle.
+    distinct: list[tuple[Any, float | None]] = []
     which = []
-    for illuminant in scene.illuminants:
-        same = [index for index, other in enumerate(distinct) if _same(illuminant, other)]
+    for light, illuminant in zip(scene.lights, scene.illuminants, strict=True):
+        angle = None if scene.varnish is None or scene.varnish.removed else light.direction[2]
+        same = [
+            index
+            for index, (other, at) in enumerate(distinct)
+            if at == angle and _same(illuminant, other)
+        ]
         which.append(same[0] if same else len(distinct))
         if not same:
-            distinct.append(illuminant)
-    test = distinct[0] if len(distinct) == 1 else _mixture(scene)
+            distinct.append((illuminant, angle))
+    first = distinct[0][0]
+    one = all(_same(illuminant, first) for illuminant, _ in distinct)
+    test = first if one else _mixture(scene)
+    towards = np.asarray(eye.position if isinstance(eye, PointView) else eye, dtype=np.float64)
+    towards = towards / np.linalg.norm(towards)
     folds = [
         xyz_from_coefficients(
-            reflectance.basis,
-            reflectance.wavelengths,
-            illuminant,
-            test=test,
-            reference=scene.reference,
+            *_under_varnish(reflectance, scene.varnish, angle, towards[2]),
+            _with_grid(illuminant, reflectance.wavelengths),
+            test=_with_grid(test, reflectance.wavelengths),
+            reference=_with_grid(scene.reference, reflectance.wavelengths),
             d=scene.adaptation,
             mode=scene.adaptation_mode,
         )
-        for illuminant in distinct
+        for illuminant, angle in distinct
     ]
     if folds[0].diffuse.shape[1] != bands:
         raise ArgumentError(
@@ -280,6 +316,28 @@ def _colours(
     )
 
 
+def _under_varnish(
+    reflectance: Any, varnish: Varnish | None, light: float | None, view: float
+) -> tuple[Any, Any]:
+    """The basis ``(k, n)`` with what a film transmits of it, and its wavelengths.
+
+    Light and eye are cosines. The film's curve may be steep: the product is formed on 1 nm, on
+    which light becomes colour.
+    """
+    if varnish is None:
+        return reflectance.basis, reflectance.wavelengths
+    finely = interpolation_matrix(reflectance.wavelengths, MIXING_GRID)
+    basis = np.asarray(reflectance.basis, dtype=np.float64) @ finely.T
+    factor = varnish.factor(MIXING_GRID, 1.0 if light is None else light, view)
+    return basis * factor, MIXING_GRID
+
+
+def _with_grid(illuminant: Any, wavelengths: Any) -> Any:
+    """A bare array of values stands on the wavelengths of the spectra."""
+    bare = isinstance(illuminant, np.ndarray | list) and np.ndim(illuminant) == 1
+    return (wavelengths, illuminant) if bare else illuminant
+
+
 def _captured(scene: Scene, bands: int) -> NDArray[np.float64]:
     """Matrix ``(band, 3)`` from bands without spectra to XYZ."""
     if bands not in {1, 3}:
@@ -288,6 +346,11 @@ def _captured(scene: Scene, bands: int) -> NDArray[np.float64]:
             "reflectance= from impasto.fit_reflectance"
         )
     as_it_was = all(_same(illuminant, "D65") for illuminant in scene.illuminants)
+    if scene.varnish is not None:
+        raise ArgumentError(
+            "varnish: a film is a factor on spectra; give camera=, or reflectance= from "
+            "impasto.fit_reflectance"
+        )
     if scene.adaptation is not None or not as_it_was:
         raise ArgumentError(
             "camera: without camera= or reflectance= only the colours under the light of the "

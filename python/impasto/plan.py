@@ -126,6 +126,7 @@ class Plan:
         progress: bool | ProgressCallback = False,
     ) -> Image:
         """The picture as planned; parameters as in :func:`impasto.render`."""
+        one_of(output, get_args(Output), "output")
 
         def again() -> NDArray[np.float32]:
             return self.render(output="light", threads=threads).xyz

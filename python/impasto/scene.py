@@ -8,12 +8,13 @@ from typing import Any, Literal, get_args
 
 from numpy.typing import ArrayLike
 
-from impasto._internal.checks import number, numbers, positive
+from impasto._internal.checks import instance, number, numbers, positive
 from impasto.colour import Display
 from impasto.colour.adaptation import Mode
 from impasto.colour.illuminants import checked_illuminant
 from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import FRONTAL, Light, PointView, Rig
+from impasto.varnish import Varnish
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -51,6 +52,8 @@ class Scene:
         picture reports the factor.
     shadows
         Include cast shadows of the relief.
+    varnish
+        A coat of :class:`~impasto.Varnish` over the painting; default: the painting as it is.
     background
         Linear display light (three numbers from 0 to 1) where nothing of the painting is known or
         seen.
@@ -80,6 +83,7 @@ class Scene:
     display: Display
     exposure: float | Literal["maximum"] | None
     shadows: bool
+    varnish: Varnish | None
     background: tuple[float, float, float]
 
     def __init__(
@@ -94,6 +98,7 @@ class Scene:
         display: Display | str = "srgb",
         exposure: float | Literal["maximum"] | None = None,
         shadows: bool = False,
+        varnish: Varnish | None = None,
         background: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
         rig = Rig(lights, views=FRONTAL if view is None else view, pitch_mm=1.0)
@@ -123,6 +128,8 @@ class Scene:
             )
         if exposure is not None and not (isinstance(exposure, str) and exposure == "maximum"):
             positive(exposure, "exposure", 'a positive factor or "maximum" or None')
+        if varnish is not None:
+            instance(varnish, Varnish, "varnish", "an impasto.Varnish, or None")
         fill = numbers(background, "background", "three numbers, 0 to 1")
         if fill.shape != (3,) or not ((fill >= 0) & (fill <= 1)).all():
             raise ArgumentError(f"background: expected three numbers, 0 to 1, found {background}")
@@ -137,6 +144,7 @@ class Scene:
         set_(self, "display", display if isinstance(display, Display) else Display.named(display))
         set_(self, "exposure", exposure)
         set_(self, "shadows", bool(shadows))
+        set_(self, "varnish", varnish)
         set_(self, "background", tuple(fill.tolist()))
 
     def __repr__(self) -> str:
@@ -152,7 +160,10 @@ class Scene:
         place = f", seen from ({x:.3g}, {y:.3g}, {z:.3g}){millimetres}"
         side = "" if (x, y) == (0.0, 0.0) and not near else place
         shadows = ", with shadows" if self.shadows else ""
+        coat = "" if self.varnish is None else ", varnished"
+        if self.varnish is not None and self.varnish.removed:
+            coat = ", without its varnish"
         return (
-            f"<Scene {lamps} ({', '.join(sorted(spectra))}){eye}{side}{shadows}, "
+            f"<Scene {lamps} ({', '.join(sorted(spectra))}){eye}{side}{shadows}{coat}, "
             f"on {self.display.name}>"
         )
