@@ -13,6 +13,7 @@ from impasto.errors import (
     ArgumentError,
     CorruptInputError,
     GeometryError,
+    GpuUnavailableError,
     ImpastoError,
     ImpastoWarning,
     InternalError,
@@ -58,6 +59,7 @@ __all__ = [
     "Encoding",
     "GeometryError",
     "Gloss",
+    "GpuUnavailableError",
     "HighlightFit",
     "Image",
     "ImpastoError",
@@ -120,7 +122,7 @@ if not _typing.TYPE_CHECKING:  # type checkers still report unknown names
 
     def __getattr__(name: str) -> _types.ModuleType:
         """``impasto.doctor`` and other modules that are imported on first use."""
-        if name in {"doctor", "overview", "pictures", "report", "simulate", "study"}:
+        if name in {"doctor", "gpu", "overview", "pictures", "report", "simulate", "study"}:
             return _importlib.import_module(f"{__name__}.{name}")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

@@ -3,7 +3,7 @@
 Arrays are C-contiguous; shapes and units stand in the public functions that call these.
 """
 
-from typing import Any, Literal, Self, TypeAlias, TypedDict, final, type_check_only
+from typing import Any, Literal, Self, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
@@ -265,10 +265,6 @@ def render(
 
 # What a scene calls for (crates/impasto-py/src/plan.rs)
 
-ToleranceArguments: TypeAlias = (
-    tuple[float, list[list[float]], list[float]] | tuple[float, list[float]]
-)
-
 @type_check_only
 class PlanRow(TypedDict):
     effect: str
@@ -293,7 +289,7 @@ class Plan:
         statistics: SurfaceStatistics,
         scene: SceneArguments,
         *,
-        tolerance: ToleranceArguments | None,
+        tolerance: tuple[float, list[float]] | tuple[float, list[list[float]], list[float]] | None,
         shadows: bool,
         more_light: bool,
         threads: int,
@@ -309,3 +305,46 @@ class Plan:
     def tiles(self) -> int: ...
     @property
     def projected(self) -> bool: ...
+
+# Pictures by a graphics card (crates/impasto-py/src/gpu.rs); absent without the feature `gpu`
+
+@type_check_only
+class GpuAdapter(TypedDict):
+    name: str
+    kind: Literal["discrete", "integrated", "virtual", "other", "cpu"]
+    backend: str
+    driver: str
+
+def gpu_adapters() -> list[GpuAdapter]: ...
+def gpu_render(
+    surface: Surface,
+    height: NDArray[np.float32] | None,
+    scene: SceneArguments,
+    plan: Plan,
+    threads: int,
+    progress: ProgressCallback | None,
+    adapter: str,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+
+@final
+class GpuRenderer:
+    def __new__(
+        cls,
+        surface: Surface,
+        height: NDArray[np.float32] | None,
+        pitch_mm: float,
+        adapter: str,
+    ) -> GpuRenderer: ...
+    @property
+    def adapter(self) -> GpuAdapter: ...
+    def light(
+        self, scene: SceneArguments, shadows: bool, threads: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+    def codes(
+        self,
+        scene: SceneArguments,
+        matrix: NDArray[np.float64],
+        curve: NDArray[np.float32],
+        shadows: bool,
+        threads: int,
+    ) -> NDArray[np.uint8]: ...

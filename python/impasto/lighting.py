@@ -64,6 +64,8 @@ class Prepared:
         Whether the exposure follows from the picture: ``exposure="maximum"``.
     in_bands
         Whether colours are those of the bands, without spectra: one matrix for all lights.
+    reflectance
+        What has the spectra of the colours; None for those of the bands.
     as_photographed
         Whether the picture can show what photographs show besides the model: the panel is not
         rotated, no shadows are cast, the painting is seen on its own pixels, its colours are those
@@ -77,6 +79,7 @@ class Prepared:
     exposure: float
     from_picture: bool
     in_bands: bool
+    reflectance: Any
     as_photographed: bool
 
 
@@ -155,6 +158,7 @@ def prepare(
         exposure=float(exposure),
         from_picture=from_picture,
         in_bands=reflectance is None,
+        reflectance=reflectance,
         as_photographed=reflectance is None and unmoved and _in_front(eye),
     )
 

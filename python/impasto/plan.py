@@ -21,7 +21,7 @@ from impasto.fit.reflectance import Reflectance
 from impasto.image import Image, Output, tone_table
 from impasto.level import Level
 from impasto.lighting import Prepared, prepare
-from impasto.render import Fidelity, picture
+from impasto.picture import Fidelity, picture
 from impasto.scene import Scene
 from impasto.surface import Relightable
 

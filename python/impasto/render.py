@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.calls import ProgressCallback, thread_count
 from impasto._internal.checks import one_of
-from impasto._internal.waiting import floats, wait_for
+from impasto._internal.waiting import floats
 from impasto.bands import Camera
 from impasto.colour import Fold
 from impasto.errors import ArgumentError
 from impasto.fit.reflectance import Reflectance
-from impasto.image import Image, Output, Shown, columns_to_display, tone_table
+from impasto.image import Image, Output, tone_table
 from impasto.level import Level
-from impasto.lighting import Prepared, prepare
+from impasto.lighting import prepare
+from impasto.picture import Fidelity, picture
+from impasto.plan import plan
 from impasto.scene import Scene
 from impasto.surface import Relightable
-
-Fidelity = Literal["photographs", "model"]
 
 
 def render(
@@ -36,6 +35,7 @@ def render(
     index: float | None = None,
     fidelity: Fidelity = "photographs",
     level: bool | Level | None = None,
+    tolerance: str | float | None = None,
     output: Output = "display",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
@@ -73,6 +73,10 @@ def render(
         the plane itself, as :func:`impasto.find_level` finds it in a larger part of the painting.
         Default: True with shadows, for a surface without a height of its own whose panel leans by
         more than a degree; False without. A leaning panel is in its own shadow under raking light.
+    tolerance
+        What may be left out of the picture where it cannot be seen: 0, ``"code:1"`` or
+        ``"dE:0.5"``, as in :func:`impasto.plan`. Default: nothing is left out, and no statistics of
+        the surface are made, which pay from the second picture on.
     output
         What is computed now; the rest is computed when it is first used. ``"display"``: display
         codes, where nothing stands in between without planes of light; :attr:`Image.xyz` then
@@ -105,8 +109,14 @@ def render(
         "level": level,
         "threads": threads,
     }
+    if tolerance is not None:
+        planned = plan(surface, scene, tolerance=tolerance, fidelity=fidelity, **options)
+        return planned.render(output=output, threads=threads, progress=progress)
+    # One picture does not pay for the statistics that a plan needs.
     prepared = prepare(surface, scene, **options)
-    plan = _core.Plan.forced(prepared.surface, prepared.arguments, prepared.relief is not None)
+    everything = _core.Plan.forced(
+        prepared.surface, prepared.arguments, prepared.relief is not None
+    )
     extra = None
     if fidelity == "photographs" and prepared.as_photographed:
         extra = surface.unmodelled(prepared.rig)
@@ -117,52 +127,13 @@ def render(
 
     return picture(
         prepared,
-        plan,
+        everything,
         scene,
         extra,
         again=again if output == "display" else None,
         threads=threads,
         progress=progress,
     )
-
-
-def picture(
-    prepared: Prepared,
-    plan: _core.Plan,
-    scene: Scene,
-    extra: NDArray[np.float32] | None,
-    *,
-    again: Callable[[], NDArray[np.float32]] | None = None,
-    threads: int | None = None,
-    progress: bool | ProgressCallback = False,
-) -> Image:
-    """A prepared scene as planned.
-
-    ``extra`` is light ``(band, y, x)`` besides the model's. With ``again``, which returns the XYZ
-    of the same picture, display codes are made without planes of light where that is possible.
-    """
-    arguments, exposure = prepared.arguments, prepared.exposure
-    workers = thread_count(threads)
-    surface, relief = prepared.surface, prepared.relief
-    if again and extra is None and not prepared.from_picture and not plan.projected:
-        matrix, table = columns_to_display(scene.display, exposure), tone_table(scene.display)
-        with reporting(progress, "rendering") as callback:
-            codes, coverage, below, above = _core.paint(
-                surface, relief, arguments, plan, matrix, table, workers, callback
-            )
-        shown = Shown(codes, below, above)
-        return Image(coverage, exposure, scene.display, again, shown, threads)
-    with reporting(progress, "rendering") as callback:
-        xyz, coverage = _core.render(surface, relief, arguments, plan, workers, callback)
-    if extra is not None:
-        # Colours without spectra have one matrix for all lights.
-        xyz += wait_for(_xyz_of, arguments.diffuse[0], extra)
-    if prepared.from_picture:
-        exposure = _exposure_of_maximum(xyz, coverage)
-        to_display = exposure * scene.display.linear_from_xyz
-        light = np.linalg.solve(to_display, np.asarray(scene.background)).astype(np.float32)
-        xyz += light[:, None, None] * (1.0 - coverage)
-    return Image(coverage, exposure, scene.display, xyz, threads=threads)
 
 
 def display_from_bands(
@@ -200,15 +171,3 @@ def display_from_bands(
         planes, matrix, table, bits, thread_count(threads)
     )[0]
     return codes
-
-
-def _xyz_of(matrix: NDArray[Any], extra: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Light of bands in XYZ; the background stays as it is."""
-    return np.tensordot(matrix.T.astype(np.float32), np.nan_to_num(extra, nan=0.0), axes=1)
-
-
-def _exposure_of_maximum(xyz: NDArray[np.float32], coverage: NDArray[np.float32]) -> float:
-    """The factor at which the largest Y of the picture is that of the display's white."""
-    luminance = xyz[1][coverage > 0.0]
-    highest = float(luminance.max(initial=0.0))
-    return 1.0 / highest if highest > 0.0 else 1.0

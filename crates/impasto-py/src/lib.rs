@@ -8,6 +8,8 @@ use pyo3::prelude::*;
 
 mod arrays;
 mod errors;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod highlight;
 mod lafortune;
 mod lobes;
@@ -16,6 +18,7 @@ mod pooled;
 mod relight;
 mod run;
 mod sbrdf;
+mod scene;
 mod spectral;
 mod stereo;
 mod surface;
@@ -64,6 +67,12 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<plan::Plan>()?;
     module.add_class::<plan::SurfaceStatistics>()?;
     module.add_class::<spectral::SpectralEstimator>()?;
+    #[cfg(feature = "gpu")]
+    {
+        module.add_function(wrap_pyfunction!(gpu::gpu_adapters, module)?)?;
+        module.add_function(wrap_pyfunction!(gpu::gpu_render, module)?)?;
+        module.add_class::<gpu::GpuRenderer>()?;
+    }
     module.add("STATUS", arrays::status_names())?;
     module.add("CONDITION_LIMIT", impasto::stereo::CONDITION_LIMIT)?;
     module.add("HALO", impasto::sbrdf::HALO)?;

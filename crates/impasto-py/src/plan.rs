@@ -11,8 +11,8 @@ use impasto::relight::statistics::Statistics;
 use impasto::relight::tolerance::Tolerance;
 
 use crate::errors::to_python;
-use crate::relight::{SceneArguments, slice};
 use crate::run;
+use crate::scene::{SceneArguments, slice};
 use crate::surface::SurfaceArguments;
 
 /// What is known of every 256 x 256 pixels of a surface.

@@ -3,8 +3,8 @@
 #![allow(clippy::needless_pass_by_value, reason = "pyo3 hands arguments over by value")]
 
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArray3, PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
@@ -12,63 +12,18 @@ use impasto::Error;
 use impasto::geometry::{Grid, Light};
 use impasto::math::Vec3;
 use impasto::relight::curve::Curve;
-use impasto::relight::scene::{Colour, Lamp, Scene};
 use impasto::relight::show::{Codes, Display, codes_from_planes, linear_from_planes};
 use impasto::relight::{self, Relief};
 
-use crate::arrays::{RigArguments, Size};
+use crate::arrays::Size;
 use crate::errors::to_python;
 use crate::plan::Plan;
 use crate::run;
+use crate::scene::{SceneArguments, slice};
 use crate::surface::SurfaceArguments;
 
-/// What `impasto.lighting.SceneArguments` holds.
-#[derive(FromPyObject)]
-pub(crate) struct SceneArguments<'py> {
-    rig: RigArguments<'py>,
-    /// (light,).
-    intensity: PyReadonlyArray1<'py, f64>,
-    /// (light,): which illuminant.
-    colour: PyReadonlyArray1<'py, u32>,
-    /// (illuminant, k, 3): columns of the matrices.
-    diffuse: PyReadonlyArray3<'py, f64>,
-    /// (illuminant, 3).
-    interface: PyReadonlyArray2<'py, f64>,
-    /// (3,).
-    background: [f32; 3],
-}
-
-impl SceneArguments<'_> {
-    /// Where the pixels of a surface lie.
-    pub(crate) fn grid(&self, surface: &SurfaceArguments<'_>) -> Grid {
-        surface.grid(self.rig.pitch_mm)
-    }
-
-    pub(crate) fn scene(&self, grid: Grid) -> impasto::Result<Scene> {
-        let rig = self.rig.rig(grid.height, grid.width)?;
-        let (intensity, colour) = (self.intensity.as_array(), self.colour.as_array());
-        let lamps = rig.lights().iter().enumerate().map(|(index, &light)| Lamp {
-            light,
-            intensity: intensity[index],
-            colour: colour[index] as usize,
-        });
-        let (diffuse, interface) = (self.diffuse.as_array(), self.interface.as_array());
-        let colours = diffuse.outer_iter().zip(interface.rows()).map(|(matrix, vector)| Colour {
-            diffuse: matrix.rows().into_iter().map(|c| [c[0], c[1], c[2]]).collect(),
-            interface: [vector[0], vector[1], vector[2]],
-        });
-        Scene::new(lamps.collect(), colours.collect(), rig.views()[0])
-    }
-}
-
-pub(crate) fn slice<'a, T: numpy::Element, D: numpy::ndarray::Dimension>(
-    name: &'static str,
-    array: &'a numpy::PyReadonlyArray<'_, T, D>,
-) -> impasto::Result<&'a [T]> {
-    array.as_slice().map_err(|error| Error::argument(name, error.to_string()))
-}
-
-type Seen<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
+/// Light `(3, y, x)` and coverage `(y, x)`.
+pub(crate) type Seen<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
 
 /// Light of a scene as planned: (3, y, x) and coverage (y, x).
 #[pyfunction]
@@ -185,7 +140,8 @@ pub(crate) fn display_from_bands<'py>(
     Ok((codes, clipped.below.to_vec(), clipped.above.to_vec()))
 }
 
-fn columns(matrix: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 3]> {
+/// Rows of an array as columns of a matrix.
+pub(crate) fn columns(matrix: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 3]> {
     matrix.as_array().rows().into_iter().map(|c| [c[0], c[1], c[2]]).collect()
 }
 

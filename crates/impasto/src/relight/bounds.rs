@@ -5,24 +5,14 @@
 //! these decide what a [`plan`](super::plan) leaves out. Angles enter as intervals: the normals of a
 //! tile lie in a cone, and near lamps and eyes are seen from it in a cone, too.
 
-use crate::brdf::torrance_sparrow::{fresnel, sharpness};
 use crate::geometry::{Grid, Light, View};
 use crate::math::Vec3;
-use crate::surface::Model;
+use crate::surface::{Cone, MAX_PARAMETERS, Model, Sight, angle};
 
 use super::statistics::{AZIMUTHS, LobeRange, ReliefRange, SIDE, TileStatistics};
 
 /// What single precision may add to a value that is computed in some twenty operations.
 const ROUNDING: f64 = 1.0 + 1e-5;
-
-/// A cone of directions.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Cone {
-    /// Unit vector.
-    pub(super) axis: Vec3<f64>,
-    /// The largest angle to it, in radians.
-    pub(super) angle: f64,
-}
 
 /// A lamp as a tile sees it.
 #[derive(Clone, Copy, Debug)]
@@ -32,12 +22,6 @@ pub(super) struct Seen {
     pub(super) irradiance: f64,
     /// How far `irradiance * direction` can be from that of the middle of the painting.
     pub(super) deviation: f64,
-}
-
-/// Angle between unit vectors, exact for small ones.
-pub(super) fn angle(a: Vec3<f64>, b: Vec3<f64>) -> f64 {
-    let [sum, difference] = [(a + b).length_squared().sqrt(), (a - b).length_squared().sqrt()];
-    2.0 * difference.atan2(sum)
 }
 
 /// The corners of a tile and its middle, in mm.
@@ -62,7 +46,7 @@ fn towards(position: Vec3<f64>, places: &[[f64; 2]; 5]) -> Cone {
 /// How a view is seen from a tile.
 pub(super) fn view(view: View, grid: Grid, tile: [usize; 2]) -> Cone {
     match view {
-        View::Distant(axis) => Cone { axis, angle: 0.0 },
+        View::Distant(axis) => Cone::of(axis),
         View::Point(position) => towards(position, &places(grid, tile)),
     }
 }
@@ -71,7 +55,7 @@ pub(super) fn view(view: View, grid: Grid, tile: [usize; 2]) -> Cone {
 pub(super) fn light(light: Light, grid: Grid, tile: [usize; 2]) -> Seen {
     match light {
         Light::Distant(axis) => {
-            let towards = Cone { axis, angle: 0.0 };
+            let towards = Cone::of(axis);
             Seen { towards, irradiance: 1.0, deviation: 0.0 }
         }
         Light::Point { position, falloff } => {
@@ -101,12 +85,13 @@ pub(super) fn light(light: Light, grid: Grid, tile: [usize; 2]) -> Seen {
     }
 }
 
+fn normals(tile: &TileStatistics) -> Cone {
+    Cone { axis: tile.axis, angle: tile.cone }
+}
+
 /// Smallest and largest `N.L` of a tile, not below 0.
 pub(super) fn cosines(tile: &TileStatistics, light: &Seen) -> [f64; 2] {
-    let middle = angle(tile.axis, light.towards.axis);
-    let spread = tile.cone + light.towards.angle;
-    let cosine = |angle: f64| angle.clamp(0.0, core::f64::consts::PI).cos().max(0.0);
-    if spread.is_finite() { [cosine(middle + spread), cosine(middle - spread)] } else { [0.0, 1.0] }
+    if tile.cone.is_finite() { normals(tile).cosines(&light.towards) } else { [0.0, 1.0] }
 }
 
 /// Most that a lobe of unit strength shows under unit irradiance; infinite where nothing is known.
@@ -123,80 +108,12 @@ pub(super) fn lobe(
     if cosines(tile, light)[1] == 0.0 {
         return 0.0;
     }
-    let bound = match model {
-        Model::TorranceSparrow { index } => torrance_sparrow(index, tile, lobe, light, view),
-        Model::Lafortune => lafortune(tile, lobe, light, view),
-    };
-    bound * ROUNDING
-}
-
-/// `exp(-k phi^2) F min(2 / (V.H), 1 / (N.V))`, from `G / (N.V) <= 2 (N.H) / (V.H)` and `G <= 1`.
-fn torrance_sparrow(
-    index: f64,
-    tile: &TileStatistics,
-    lobe: &LobeRange,
-    light: &Seen,
-    view: &Cone,
-) -> f64 {
-    let (l, v) = (light.towards.axis, view.axis);
-    let between = angle(l, v);
-    let near = light.towards.angle + view.angle;
-    // Half the angle between light and view, at most.
-    let half = 0.5 * (between + near);
-    if half >= core::f64::consts::FRAC_PI_2 {
-        return f64::INFINITY;
+    let mut shape = [[0.0; 2]; MAX_PARAMETERS];
+    for (ends, range) in shape.iter_mut().zip(&lobe.shape) {
+        *ends = [range.low, range.high].map(f64::from);
     }
-    let v_h = half.cos();
-    // Where light or view move by an angle, the half vector between them moves by at most half of
-    // it over the cosine of half the angle between them.
-    let spread = tile.cone + 0.5 * near / v_h;
-    let phi = (angle(tile.axis, (l + v).normalised()) - spread).max(0.0);
-    let widest = sharpness(f64::from(lobe.shape[0].high));
-    // Single precision knows the chord between normal and half vector to some 1e-7.
-    let phi = (phi - 1e-6).max(0.0);
-    let open = cosine_at_least(tile, view);
-    let escaping = (2.0 / v_h).min(1.0 / open);
-    let power = widest * phi * phi;
-    // The kernel's exponential is exactly 0 from here on.
-    if power > 90.0 { 0.0 } else { (-power).exp() * fresnel(v_h, index) * escaping }
-}
-
-/// Smallest `N.V` of a tile.
-fn cosine_at_least(tile: &TileStatistics, view: &Cone) -> f64 {
-    let farthest = angle(tile.axis, view.axis) + tile.cone + view.angle;
-    farthest.min(core::f64::consts::FRAC_PI_2).cos().max(1e-30)
-}
-
-/// `s^n (N.L)`: with the view's mirror image `r = 2 (N.V) N - V`, which moves by twice the angle by
-/// which the normal does, `s = Cz (V.L + r.L) / 2 + Cxy (V.L - r.L) / 2` is largest in a corner of
-/// what its terms can be.
-fn lafortune(tile: &TileStatistics, lobe: &LobeRange, light: &Seen, view: &Cone) -> f64 {
-    let (l, v) = (light.towards.axis, view.axis);
-    let near = light.towards.angle + view.angle;
-    let cosine = |angle: f64| angle.clamp(0.0, core::f64::consts::PI).cos();
-    let between = angle(v, l);
-    let direct = [cosine(between + near), cosine(between - near)];
-    let mirrored = tile.axis.scale(2.0 * tile.axis.dot(v)) - v;
-    let (middle, spread) = (angle(mirrored, l), 2.0 * tile.cone + near);
-    let reflected = [cosine(middle + spread), cosine(middle - spread)];
-    let [cxy, cz, exponent] = [0, 1, 2].map(|one: usize| lobe.shape[one]);
-    let mut base = 0.0_f64;
-    for direct in direct {
-        for reflected in reflected {
-            for cz in [cz.low, cz.high] {
-                for cxy in [cxy.low, cxy.high] {
-                    let (cz, cxy) = (f64::from(cz), f64::from(cxy));
-                    let s = 0.5 * cz.mul_add(direct + reflected, cxy * (direct - reflected));
-                    base = base.max(s);
-                }
-            }
-        }
-    }
-    // The base is known to some 1e-6 of its largest value.
-    let base = base + 2e-6;
-    let exponent = if base > 1.0 { exponent.high } else { exponent.low };
-    // The kernel takes 1e-26 for darkness.
-    (f64::from(exponent) * base.ln()).exp().max(1e-25) * cosines(tile, light)[1]
+    let sight = Sight { normals: normals(tile), light: light.towards, view: *view };
+    model.most(&shape, &sight) * ROUNDING
 }
 
 /// The steepest rise towards a light of any direction `[x, y]` (not of unit length, nor zero), in mm
@@ -249,7 +166,7 @@ mod tests {
     /// Columns and rows of a patch.
     const PATCH: usize = 12;
 
-    /// A generator of numbers in 0 .. 1 (a multiplicative congruential one [@lecuyer1999tables]).
+    /// A generator of numbers in 0 .. 1 (linear congruential).
     struct Numbers(u64);
 
     impl Numbers {
@@ -265,13 +182,13 @@ mod tests {
             let rim = self.next() < 0.33;
             let polar = if rim { within } else { within * self.next().sqrt() };
             let turn = self.between(0.0, core::f64::consts::TAU);
-            let aside = if axis.z.abs() < 0.9 {
+            let sideways = if axis.z.abs() < 0.9 {
                 axis.cross(Vec3::new(0.0, 0.0, 1.0)).normalised()
             } else {
                 axis.cross(Vec3::new(1.0, 0.0, 0.0)).normalised()
             };
-            let other = axis.cross(aside);
-            let across = aside.scale(turn.cos()) + other.scale(turn.sin());
+            let other = axis.cross(sideways);
+            let across = sideways.scale(turn.cos()) + other.scale(turn.sin());
             (axis.scale(polar.cos()) + across.scale(polar.sin())).normalised()
         }
     }
@@ -335,9 +252,9 @@ mod tests {
             };
             let statistics = serially(|run| Statistics::new(&surface, PATCH, None, run)).unwrap();
             let tile = &statistics.tiles[0];
-            let towards = Cone { axis: light, angle: 0.0 };
+            let towards = Cone::of(light);
             let seen = Seen { towards, irradiance: 1.0, deviation: 0.0 };
-            let view_cone = Cone { axis: view, angle: 0.0 };
+            let view_cone = Cone::of(view);
             let bound = super::lobe(model, tile, &tile.lobes[0], &seen, &view_cone);
             let pair = lobe_model.pair::<f32>(light.broadcast_to(), view.broadcast_to());
             let mut largest = 0.0_f64;

@@ -17,6 +17,7 @@ mod colour;
 pub mod curve;
 mod diffuse;
 pub mod plan;
+mod relief;
 pub mod scene;
 pub mod shadow;
 pub mod show;
@@ -27,19 +28,12 @@ pub mod tolerance;
 pub mod view;
 mod visible;
 
+pub use relief::Relief;
+
 use plan::Plan;
 use scene::Scene;
 use show::{Clipped, Display};
 use stages::{Shading, Target};
-
-/// Where a painting's pixels lie.
-#[derive(Clone, Copy, Debug)]
-pub struct Relief<'a> {
-    /// Columns, rows and the width of a pixel.
-    pub grid: Grid,
-    /// Height in mm, `(y, x)`: given, shadows are cast.
-    pub height: Option<&'a [f32]>,
-}
 
 /// Light that reaches the eye.
 #[derive(Clone, Debug)]

@@ -13,15 +13,17 @@ mod maps;
 mod model;
 mod pairs;
 mod predict;
+mod sight;
 mod torrance_sparrow;
 
 pub use crate::brdf::coated_diffuse::CoatedDiffuse;
 pub use lafortune::{Lafortune, LightView};
 pub(crate) use lobe::scaled;
 pub use lobe::{Lobe, Parameter, Strength};
-pub use lobe_model::{LobeModel, MAX_PARAMETERS};
+pub use lobe_model::{LobeModel, MAX_PARAMETERS, Shape};
 pub use maps::Surface;
 pub use model::{Model, ModelVisitor};
 pub use pairs::Pairs;
 pub use predict::predict;
+pub use sight::{Cone, Sight, angle};
 pub use torrance_sparrow::TorranceSparrow;

@@ -1,11 +1,11 @@
 //! What the pixels of a tile need.
 
 use super::{Decided, LIT, NEAR, SHADED, Work, lobe_bit};
-use crate::relight::bounds::{self, Cone, Seen};
+use crate::relight::bounds::{self, Seen};
 use crate::relight::scene::Colour;
 use crate::relight::statistics::{Range, TileStatistics};
 use crate::relight::tolerance::{Between, Tolerance};
-use crate::surface::Strength;
+use crate::surface::{Cone, Strength};
 
 /// What a lobe, a near lamp's directions cost, relative to each other: pixels per unit of saving.
 const COST_OF_LOBE: f64 = 4.0;

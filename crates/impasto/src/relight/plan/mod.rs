@@ -83,14 +83,15 @@ pub struct Plan {
 }
 
 /// The lamp shines on some pixel.
-pub(in crate::relight) const LIT: u32 = 1;
+pub(super) const LIT: u32 = 1;
 /// Some pixel may be in a cast shadow.
-pub(in crate::relight) const SHADED: u32 = 2;
+pub const SHADED: u32 = 2;
 /// Direction and irradiance are those of each pixel.
-pub(in crate::relight) const NEAR: u32 = 4;
+pub(super) const NEAR: u32 = 4;
 
 /// The bit of a lobe; lobes beyond the last bit share it.
-pub(in crate::relight) const fn lobe_bit(lobe: usize) -> u32 {
+#[must_use]
+pub const fn lobe_bit(lobe: usize) -> u32 {
     1 << (3 + if lobe < 28 { lobe } else { 28 })
 }
 
@@ -209,7 +210,7 @@ impl Plan {
     }
 
     /// Whether it was made for these pixels and as many lamps.
-    pub(in crate::relight) fn fits(&self, grid: Grid, scene: &Scene) -> Result<()> {
+    pub(super) fn fits(&self, grid: Grid, scene: &Scene) -> Result<()> {
         let columns = grid.width.div_ceil(SIDE);
         let tiles = columns * grid.height.div_ceil(SIDE);
         if (columns, tiles, scene.lamps().len()) == (self.columns, self.tiles(), self.lamps) {
@@ -225,13 +226,14 @@ impl Plan {
     }
 
     /// The parts that the pixels from a column and row on need, one entry per lamp.
-    pub(in crate::relight) fn parts(&self, column: usize, row: usize) -> &[u32] {
+    pub(super) fn parts(&self, column: usize, row: usize) -> &[u32] {
         let tile = row / SIDE * self.columns + column / SIDE;
         &self.parts[tile * self.lamps..][..self.lamps]
     }
 
     /// Whether a part is needed anywhere.
-    pub(in crate::relight) fn needs(&self, lamp: usize, bit: u32) -> bool {
+    #[must_use]
+    pub fn needs(&self, lamp: usize, bit: u32) -> bool {
         self.parts.iter().skip(lamp).step_by(self.lamps).any(|parts| parts & bit != 0)
     }
 }
