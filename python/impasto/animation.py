@@ -77,11 +77,11 @@ def turntable(scene: Scene, frames: int, *, angle: float = math.radians(30.0)) -
     eye = FRONTAL if scene.view is None else scene.view
     made = []
     for step in range(count):
-        turned = angle * math.sin(2.0 * math.pi * step / count)
+        rotated = angle * math.sin(2.0 * math.pi * step / count)
         made.append(
             scene.changed(
-                lights=[_turned_light(light, -turned) for light in scene.lights],
-                view=_turned(eye, -turned),
+                lights=[_rotated_light(light, -rotated) for light in scene.lights],
+                view=_rotated(eye, -rotated),
             )
         )
     return made
@@ -135,17 +135,17 @@ def _count(frames: int) -> int:
     return int(frames)
 
 
-def _turned(vector: tuple[float, float, float], angle: float) -> tuple[float, float, float]:
+def _rotated(vector: tuple[float, float, float], angle: float) -> tuple[float, float, float]:
     """Rotated about the painting's vertical axis: z towards x for positive angles."""
     x, y, z = vector
     cos, sin = math.cos(angle), math.sin(angle)
     return (cos * x + sin * z, y, cos * z - sin * x)
 
 
-def _turned_light(light: Light, angle: float) -> Light:
+def _rotated_light(light: Light, angle: float) -> Light:
     if isinstance(light, DistantLight):
-        return replace(light, direction=_turned(light.direction, angle))
-    return replace(light, position=_turned(light.position, angle))
+        return replace(light, direction=_rotated(light.direction, angle))
+    return replace(light, position=_rotated(light.position, angle))
 
 
 def relief(

@@ -135,8 +135,8 @@ def animate(
     if raking:
         scenes = animation.raking(scene, frames, elevation=risen)
     elif turntable:
-        turned = math.radians(30.0 if angle is None else angle)
-        scenes = animation.turntable(scene, frames, angle=turned)
+        largest = math.radians(30.0 if angle is None else angle)
+        scenes = animation.turntable(scene, frames, angle=largest)
     else:
         first, last = adaptation or (0.0, 1.0)
         scenes = animation.adapting(scene, frames, first=first, last=last)
