@@ -73,3 +73,9 @@ def test_a_few_large_errors_do_not_scatter_a_gain() -> None:
     # Errors are halved: 6.02 dB; errors of 0.05 codes, which are added to both, take 0.01 of it.
     np.testing.assert_allclose(gain.gain, 20.0 * np.log10(2.0), atol=0.02)
     assert gain.scatter < 0.01
+
+
+def test_tilt_and_fall_off_are_compared_under_the_same_surfaces() -> None:
+    """Where lamps differ, a varnish that makes up for a part of the fall-off does not hide it."""
+    tried = [found("given", 2.0), found("held", 0.75), found("free", 0.63)]
+    assert taken(*tried, found("held", 0.68, coated=True)) == ("free", False)

@@ -140,9 +140,9 @@ class HeldOut:
         linear = np.array([self._few.linear(photograph) for photograph in range(len(probe))])
         self.samples = linear.mean(axis=1)
         """``(obs, y, x)`` linear light, mean of the bands; +inf where clipped."""
-        self._curve, self._white = stack.encoding, 1.0
+        self._curve, self.white = stack.encoding, 1.0
         if stack.encoding.curve == "linear":
-            self._curve, self._white = Encoding("srgb"), full_scale(linear)
+            self._curve, self.white = Encoding("srgb"), full_scale(linear)
         self.truth = self.coded(linear)
         """``(obs, band, y, x)`` codes of 8 bits; not finite where clipped or unknown."""
 
@@ -218,7 +218,7 @@ class HeldOut:
 
     def coded(self, linear: NDArray[Any]) -> NDArray[np.float64]:
         """Linear light in codes of 8 bits."""
-        codes = self._curve.encode(linear / self._white)
+        codes = self._curve.encode(linear / self.white)
         return np.asarray(codes, dtype=np.float64) * (CODES / self._curve.white)
 
 

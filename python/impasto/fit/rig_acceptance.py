@@ -58,8 +58,13 @@ def chosen(found: Sequence[Found], rounded: float) -> Found:
     assert given is not None
     if held is None or not strengths_differ(held.errors.than(given.errors), rounded):
         return given
-    if free is not None and free.errors.than(held.errors).better(_DETERMINED, _PROBABLE):
-        return free
+    if free is not None:
+        # Against those with the same surfaces: that lamps differ is settled, and what is left
+        # between the two kinds of surface may be less than tilt and fall-off are worth.
+        alike = [one for one in found if one.kind == "held" and one.test.coated == free.test.coated]
+        usual = alike[0] if alike else held
+        if free.errors.than(usual.errors).better(_DETERMINED, _PROBABLE):
+            return free
     return held
 
 
