@@ -88,13 +88,14 @@ def refine_rig(
 
     What is estimated is accepted only if the trimmed error of photographs held out falls by 2 % or
     more against the best rig without it, and the gain exceeds three standard errors; or by 20 % and
-    one. Strengths need 10 % and one, and where they differ by more than a factor of 8 a fall by
-    80 %. A distance is accepted only if also all folds improve and agree about it, and the opposite
-    sign (all distances behind the painting) does not do as well; the least is half of the longer
-    side. A camera's distance also needs errors above twice those of rounding: below, errors fall
-    for wrong reasons. What is not accepted stays as given, and all does unless photographs of other
-    folds are predicted better by more than a standard error. Surfaces are under a varnish where
-    that predicts better. One ring of lamps, and less than 32 pixels, tell nothing.
+    one. Strengths need 10 % and one, and where they differ by more than a factor of 8 a fall by 80
+    %; against the best rig with even ones, its surfaces under a varnish or not. A distance is
+    accepted only if also all folds improve and agree about it, and the opposite sign (all distances
+    behind the painting) does not do as well; the least is half of the longer side. A camera's
+    distance also needs errors above twice those of rounding: below, errors fall for wrong reasons.
+    What is not accepted stays as given, and all does unless photographs of other folds are
+    predicted better by more than a standard error. Surfaces are under a varnish where that predicts
+    better. One ring of lamps, and less than 32 pixels, tell nothing.
 
     Parameters
     ----------
