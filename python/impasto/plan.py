@@ -21,7 +21,7 @@ from impasto.fit.reflectance import Reflectance
 from impasto.image import Image, Output, tone_table
 from impasto.level import Level
 from impasto.lighting import Prepared, prepare
-from impasto.picture import Fidelity, picture
+from impasto.picture import Backend, Fidelity, picture
 from impasto.scene import Scene
 from impasto.surface import Relightable
 
@@ -122,6 +122,7 @@ class Plan:
         self,
         *,
         output: Output = "display",
+        backend: Backend = "cpu",
         threads: int | None = None,
         progress: bool | ProgressCallback = False,
     ) -> Image:
@@ -137,6 +138,7 @@ class Plan:
             self._scene,
             self._extra,
             again=again if output == "display" else None,
+            backend=backend,
             threads=threads,
             progress=progress,
         )
