@@ -80,6 +80,10 @@ class Image:
             f"{clipped:.1f} % clipped>"
         )
 
+    def __getstate__(self) -> dict[str, Any]:
+        """To be pickled or copied: with its light, not with the painting."""
+        return {**vars(self), "light": self.xyz}
+
     @cached_property
     def xyz(self) -> NDArray[np.float32]:
         """``(3, y, x)`` tristimulus values."""
