@@ -16,14 +16,15 @@ from impasto._internal.checks import holding, instance, length_mm, one_of
 from impasto._internal.html import png
 from impasto._internal.waiting import floats, wait_for
 from impasto.bands import Camera, checked_camera
-from impasto.colour import Display, Fold, spectrum, xyz_from_coefficients, xyz_from_spectrum
+from impasto.colour import Display, Fold
 from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.interface import spectra_of_lobes
 from impasto.fit.reflectance import Reflectance, fit_reflectance
 from impasto.height import integrate_normals
 from impasto.level import Level, as_level, find_level
-from impasto.rig import PointLight, PointView, Rig
+from impasto.lighting import channel_colours, lamp_colours
+from impasto.rig import FRONTAL, DistantLight, PointLight, PointView, Rig
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
 
@@ -33,8 +34,6 @@ CELLS = 2048
 """Cells in the table of the tone curve; the Rust core requires this number."""
 _ENOUGH = 100
 """A panel has more normals than that."""
-MIXING_GRID = np.arange(360.0, 831.0)
-"""Wavelengths in nm at which several illuminants are added."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +46,8 @@ class SceneArguments:
     diffuse: NDArray[np.float64]
     interface: NDArray[np.float64]
     background: tuple[float, float, float]
+    environment: tuple[Any, tuple[int, int, int]] | None = None
+    """What :meth:`impasto.Environment.prefiltered` gives, and the illuminants of its channels."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -261,7 +262,12 @@ def render(
     as_photographed = lit.normal is stood and not scene.shadows
     relief = _relief(lit, height, pitch, threads) if scene.shadows else None
 
-    diffuse, interface, which, white = _colours(scene, reflectance, len(lit.diffuse))
+    diffuse, interface, which, white = lamp_colours(scene, reflectance, len(lit.diffuse))
+    if scene.environment is not None:
+        channels = channel_colours(scene, reflectance, len(lit.diffuse))
+        diffuse = np.concatenate([diffuse, channels.diffuse])
+        interface = np.concatenate([interface, channels.interface])
+        white = white + channels.white
     # The largest Y is known when the picture is.
     unknown = isinstance(scene.exposure, str)
     exposure = 1.0 if isinstance(scene.exposure, str) else scene.exposure
@@ -269,23 +275,27 @@ def render(
         exposure = white_scale_of(white, scene.display).scale
     to_display = exposure * scene.display.linear_from_xyz
     eye = surface.eye() if scene.view is None else scene.view
-    whole = Rig(scene.lights, views=eye, pitch_mm=pitch, origin=lit.origin)
+    # Without lamps the rig only says where the eye is.
+    lamps = scene.lights or (DistantLight(FRONTAL),)
+    whole = Rig(lamps, views=eye, pitch_mm=pitch, origin=lit.origin)
     rig = whole.here
     lit = _with_ambient_of(lit, scene, rig)
     behind = np.zeros(3) if unknown else np.asarray(scene.background)
     background = np.linalg.solve(to_display, behind)
     arguments = SceneArguments(
         rig=RigArguments.of(rig),
-        intensity=rig.intensities,
+        intensity=rig.intensities[: len(scene.lights)],
         colour=which,
         diffuse=diffuse,
         interface=interface,
         background=(float(background[0]), float(background[1]), float(background[2])),
+        environment=_surroundings(scene, lit, len(diffuse), threads),
     )
     workers = thread_count(threads)
     with reporting(progress, "rendering") as callback:
         xyz, coverage = _core.render(lit, relief, arguments, workers, callback)
-    if fidelity == "photographs" and reflectance is None and as_photographed and _in_front(eye):
+    lamplit = bool(scene.lights) and reflectance is None
+    if fidelity == "photographs" and lamplit and as_photographed and _in_front(eye):
         extra = surface.unmodelled(whole)
         if extra is not None:
             # Colours without spectra have one matrix for all lights.
@@ -391,10 +401,21 @@ def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:
     that near lights have at the centre of the part. Lobes with ambient light have one illuminant.
     """
     there = float(sum(light.intensity for light in scene.lights))
-    here = float(rig.intensities.sum())
+    here = float(rig.intensities[: len(scene.lights)].sum())
     if lit.ambient is None or here == there:
         return lit
     return replace(lit, ambient=lit.ambient * np.float32(there / here))
+
+
+def _surroundings(
+    scene: Scene, lit: Surface, colours: int, threads: int | None
+) -> tuple[Any, tuple[int, int, int]] | None:
+    """The environment for the numerics; the last three colours are its channels'."""
+    if scene.environment is None:
+        return None
+    lobes = lit.model == "lafortune" and len(lit.lobes) > 0
+    built = scene.environment.prefiltered(lobes=lobes, threads=threads)
+    return built, (colours - 3, colours - 2, colours - 1)
 
 
 def _xyz_of(matrix: NDArray[Any], extra: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -446,87 +467,3 @@ def _relief(
     if relief.shape != lit.shape:
         raise ArgumentError(f"height: expected {lit.shape}, found shape {relief.shape}")
     return relief
-
-
-def _colours(
-    scene: Scene, reflectance: Any, bands: int
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.uint32], NDArray[Any]]:
-    """Matrices ``(g, k, 3)``, vectors ``(g, 3)``, the row of each light, and XYZ of white."""
-    if reflectance is None:
-        matrix = _captured(scene, bands)
-        white = Display.named("srgb").xyz_from_linear.sum(axis=1)
-        total = sum(light.intensity for light in scene.lights)
-        return (
-            matrix[None],
-            white[None],
-            np.zeros(len(scene.lights), np.uint32),
-            np.asarray(total * white),
-        )
-    distinct: list[Any] = []
-    which = []
-    for illuminant in scene.illuminants:
-        same = [index for index, other in enumerate(distinct) if _same(illuminant, other)]
-        which.append(same[0] if same else len(distinct))
-        if not same:
-            distinct.append(illuminant)
-    test = distinct[0] if len(distinct) == 1 else _mixture(scene)
-    folds = [
-        xyz_from_coefficients(
-            reflectance.basis,
-            reflectance.wavelengths,
-            illuminant,
-            test=test,
-            reference=scene.reference,
-            d=scene.adaptation,
-            mode=scene.adaptation_mode,
-        )
-        for illuminant in distinct
-    ]
-    if folds[0].diffuse.shape[1] != bands:
-        raise ArgumentError(
-            f"reflectance: {bands} coefficients but a basis of {folds[0].diffuse.shape[1]}"
-        )
-    interface = np.stack([fold.interface for fold in folds])
-    strength = np.array([light.intensity for light in scene.lights])
-    return (
-        np.ascontiguousarray(np.stack([fold.diffuse.T for fold in folds])),
-        interface,
-        np.array(which, dtype=np.uint32),
-        strength @ interface[which],
-    )
-
-
-def _captured(scene: Scene, bands: int) -> NDArray[np.float64]:
-    """Matrix ``(band, 3)`` from bands without spectra to XYZ."""
-    if bands not in {1, 3}:
-        raise ArgumentError(
-            f"camera: {bands} bands have no colours without spectra; give camera=, or "
-            "reflectance= from impasto.fit_reflectance"
-        )
-    as_it_was = all(_same(illuminant, "D65") for illuminant in scene.illuminants)
-    if scene.adaptation is not None or not as_it_was:
-        raise ArgumentError(
-            "camera: without camera= or reflectance= only the colours under the light of the "
-            "capture are known; give one of them for another illuminant or an adaptation"
-        )
-    primaries = Display.named("srgb").xyz_from_linear
-    columns = primaries if bands == 3 else primaries.sum(axis=1, keepdims=True)
-    return np.ascontiguousarray(columns.T)
-
-
-def _same(one: Any, other: Any) -> bool:
-    if one is other:
-        return True
-    if isinstance(one, str) or isinstance(other, str):
-        return bool(isinstance(one, str) and isinstance(other, str) and one == other)
-    return np.ndim(one) == 0 and np.ndim(other) == 0 and bool(one == other)
-
-
-def _mixture(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The sum of all lights, to which the observer adapts; each has Y = its intensity."""
-    luminosity = xyz_from_spectrum(MIXING_GRID, np.ones(MIXING_GRID.size))[1]
-    total = np.zeros(MIXING_GRID.size)
-    for light, illuminant in zip(scene.lights, scene.illuminants, strict=True):
-        power = spectrum(illuminant, MIXING_GRID)
-        total += light.intensity * power / (luminosity @ power)
-    return MIXING_GRID, total

@@ -7,6 +7,7 @@
 use pyo3::prelude::*;
 
 mod arrays;
+mod environment;
 mod errors;
 mod highlight;
 mod lafortune;
@@ -59,6 +60,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(stereo::fit_normals, module)?)?;
     module.add_function(wrap_pyfunction!(stereo::learn_normals, module)?)?;
     module.add_function(wrap_pyfunction!(spectral::spectral_estimator, module)?)?;
+    module.add_class::<environment::Environment>()?;
     module.add_class::<spectral::SpectralEstimator>()?;
     module.add("STATUS", arrays::status_names())?;
     module.add("CONDITION_LIMIT", impasto::stereo::CONDITION_LIMIT)?;

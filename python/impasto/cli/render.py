@@ -38,6 +38,8 @@ def render(
     system: Name | None = None,
     light: SeveralDirections = None,
     point: SeveralPositions = None,
+    environment: str | None = None,
+    environment_rotation: float = 0.0,
     illuminant: str = "D65",
     adaptation: float | None = None,
     adaptation_mode: Mode = "planck",
@@ -64,9 +66,14 @@ def render(
         demo --system do. The options of one picture do not apply.
     light
         Azimuth,elevation of a distant light in degrees: 90,45 is above, 180,20 is raking light from
-        the left. Can be repeated. Default: 90,45.
+        the left. Can be repeated. Default: 90,45, or none in an environment.
     point
         x,y,z in mm of a near lamp, from the middle of the painting. Can be repeated.
+    environment
+        Light from all directions: gallery, or an .exr or .hdr map (twice as wide as high, or six
+        faces of a cube). No other light is then needed.
+    environment_rotation
+        Degrees by which the room is turned about the painting's vertical.
     illuminant
         Light of the lamps: A, D65, FL2 or kelvin, as in 2856K. Any but D65 needs spectra.
     adaptation
@@ -77,7 +84,7 @@ def render(
     display
         srgb, "Display P3", or a JSON file of measurements.
     view
-        Azimuth,elevation of the eye in degrees; default: in front, as far away as the camera was.
+        Azimuth,elevation of the eye in degrees; default: in front, as far away as the camera was (in an environment, far away).
     exposure
         Factor on all light; maximum: the brightest pixel of the picture becomes the display's
         white, as in the six-band paper. Default: the largest at which a white board in full light
@@ -102,7 +109,7 @@ def render(
     stages = Stages(quiet=quiet)
     check_threads(threads)
     if system is not None:
-        others = (light, point, adaptation, view, exposure, level, pitch)
+        others = (light, point, environment, adaptation, view, exposure, level, pitch)
         chosen = (illuminant, adaptation_mode, display, shadows)
         if any(value is not None for value in others) or chosen != ("D65", "planck", "srgb", False):
             raise CycloptsError(
@@ -113,11 +120,18 @@ def render(
     checked_suffix(out, "--out")
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
-    directions = light or (() if point else (Angles(90.0, 45.0),))
+    room = None
+    if environment is not None:
+        turned = np.radians(environment_rotation)
+        known = environment == "gallery"
+        read = impasto.Environment.named if known else impasto.Environment.read
+        room = read(environment, rotation=turned)
+    directions = light or (() if point or room else (Angles(90.0, 45.0),))
     lights: list[Any] = [impasto.DistantLight(angles.direction) for angles in directions]
     lights += [impasto.PointLight(position) for position in point or ()]
     scene = impasto.Scene(
         lights,
+        environment=room,
         illuminant=illuminant,
         view=None if view is None else view.direction,
         adaptation=adaptation,

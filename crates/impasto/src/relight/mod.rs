@@ -2,7 +2,8 @@
 //!
 //! Pixels go through a list of stages, block by block; what a scene does not call for is not in
 //! the list ([`effects`]). Per lamp: its irradiance, [`shadow`], the diffuse term, the interface
-//! term of every lobe; per illuminant: colour, as one matrix. The whole picture then goes through
+//! term of every lobe; per illuminant: colour, as one matrix. An [`environment`] adds its light
+//! in three colours. The whole picture then goes through
 //! the [`view`] if it is slanted, and to the display ([`show`]).
 
 use crate::error::{Error, Result};
@@ -16,6 +17,7 @@ mod colour;
 pub mod curve;
 mod diffuse;
 pub mod effects;
+pub mod environment;
 pub mod scene;
 pub mod shadow;
 pub mod show;
@@ -26,7 +28,7 @@ mod visible;
 use block::{BLOCK, Block, Plane, copied};
 use diffuse::Interface;
 use effects::Effects;
-use scene::{Colour, Lamp, Scene};
+use scene::{Colour, Lamp, Scene, Surroundings};
 use visible::Visible;
 
 /// Where a painting's pixels lie.
@@ -58,6 +60,8 @@ enum Stage<'a> {
     Specular(usize, &'a Lobe<'a>, &'a Colour),
     Ambient(&'a Lamp, &'a [f32], &'a Colour),
     Colour(&'a Colour),
+    /// All that an environment sheds.
+    Environment(environment::stage::Lit<'a>),
 }
 
 /// Lights a painting; where its maps hold no number the picture holds `background`.
@@ -172,6 +176,11 @@ fn stages<'a>(
         }
         stages.push(Stage::Colour(colour));
     }
+    if let Some(Surroundings { environment, colours }) = scene.environment() {
+        let light = (environment.as_ref(), *colours);
+        let lit = environment::stage::Lit::new(surface, scene, light, effects.specular, run)?;
+        stages.push(Stage::Environment(lit));
+    }
     Ok(stages)
 }
 
@@ -198,7 +207,10 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
             self;
         let pixels = grid.width * grid.height;
         let light = self.light;
-        let needs_place = (0..pairs.len()).any(|lamp| !pairs.is_distant(lamp));
+        let needs_place = (0..pairs.len()).any(|lamp| !pairs.is_distant(lamp))
+            || stages
+                .iter()
+                .any(|stage| matches!(stage, Stage::Environment(lit) if lit.needs_place()));
         let total = self.coverage.len();
         for first in (0..total).step_by(BLOCK) {
             let count = BLOCK.min(total - first);
@@ -230,6 +242,7 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
                         colour::ambient::<I>(block, lamp, ambient, colour, (at, count));
                     }
                     Stage::Colour(colour) => colour::colour::<I>(block, coefficients, colour),
+                    Stage::Environment(lit) => lit.shade::<I>(block, coefficients, (at, count)),
                 }
             }
             for pixel in 0..count {
