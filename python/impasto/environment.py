@@ -301,7 +301,7 @@ def _kept(key: str, build: Callable[[], NDArray[np.float32]]) -> NDArray[np.floa
     path = folder / f"{key}.npz"
     try:
         # A damaged file has another checksum.
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             return np.ascontiguousarray(file["lobes"], dtype=np.float32)
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         pass

@@ -32,8 +32,12 @@ pub(crate) const LEVELS: usize = 24;
 /// Logarithm to base 2 of the first exponent.
 const FIRST: f64 = -1.0;
 
-/// Neighbouring nodes in widths `1 / sqrt(n)` of the lobe.
-const SPACING: f64 = 0.5;
+/// Neighbouring nodes in widths `1 / sqrt(n)` of the lobe, up to [`BROAD`] and beyond: the cubic is
+/// wrong by 0.05 % and 0.2 % of the peak that a point of light makes.
+const SPACING: [f64; 2] = [0.33, 0.5];
+
+/// Largest exponent of dense maps; those of sharper lobes are large as it is.
+const BROAD: f64 = 300.0;
 
 /// Light at which a lobe has fallen to `exp(-21)`, 1e-9, is left out.
 const DARK: f64 = 21.0;
@@ -55,8 +59,11 @@ fn exponent(level: usize) -> f64 {
 }
 
 fn layouts() -> ([Layout; LEVELS], [usize; LEVELS], usize) {
-    let layouts =
-        core::array::from_fn(|level| Layout::new(SPHERE, SPACING / exponent(level).sqrt(), 1024));
+    let layouts = core::array::from_fn(|level| {
+        let n = exponent(level);
+        let spacing = if n < BROAD { SPACING[0] } else { SPACING[1] };
+        Layout::new(SPHERE, spacing / n.sqrt(), 1024)
+    });
     let mut starts = [0; LEVELS];
     let mut total = 0;
     for (start, layout) in starts.iter_mut().zip(&layouts) {

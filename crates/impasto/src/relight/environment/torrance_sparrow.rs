@@ -20,8 +20,11 @@ use crate::pixels::{Run, tiles};
 use crate::relight::block::{BLOCK, Plane};
 use crate::surface::{GAMMA_MAX, GAMMA_MIN, Lobe, LobeModel, Parameter, TorranceSparrow};
 
-/// Neighbouring nodes in units of gamma.
-const SPACING: f64 = 0.35;
+/// Neighbouring nodes in units of gamma, from [`BROAD`] on and below.
+const SPACING: [f64; 2] = [0.22, 0.35];
+
+/// Least gamma of dense tables.
+const BROAD: f64 = 0.045;
 
 /// Most nodes of a table's side.
 const MOST: usize = 1024;
@@ -64,13 +67,14 @@ impl<'a> Glossy<'a> {
         run: &Run<'_>,
     ) -> Result<Self> {
         // Texels of this spacing, seen in a mirror that turns half as far, run into each other.
-        let narrowest = (0.3 * map.spacing).max(4.0 * HEMISPHERE / (SPACING * (MOST - 4) as f64));
+        let narrowest =
+            (0.3 * map.spacing).max(4.0 * HEMISPHERE / (SPACING[1] * (MOST - 4) as f64));
         let narrowest = narrowest.min(WIDEST / 4.0);
         let mirrored = || mirrored(map, model, view);
         let widths = match lobe.shape[0] {
             Parameter::Everywhere(gamma) => {
                 let kept = f64::from(gamma).max(narrowest).min(WIDEST);
-                let layout = Layout::new(HEMISPHERE, SPACING * kept, MOST);
+                let layout = layout(kept);
                 let needed = Needed::new(&[layout], normals, None, run)?;
                 let table = table((kept, 1.0), layout, &needed.0[0], (model, &mirrored()), run)?;
                 let below = f64::from(gamma).max(GAMMA_MIN) / narrowest;
@@ -79,9 +83,7 @@ impl<'a> Glossy<'a> {
             Parameter::Map(gammas) => {
                 let levels = (4.0 * (WIDEST / narrowest).log2()).floor() as usize + 1;
                 let kept = |level: usize| WIDEST * (-0.25 * level as f64).exp2();
-                let layouts: Vec<Layout> = (0..levels)
-                    .map(|level| Layout::new(HEMISPHERE, SPACING * kept(level), MOST))
-                    .collect();
+                let layouts: Vec<Layout> = (0..levels).map(|level| layout(kept(level))).collect();
                 let needed = Needed::new(&layouts, normals, Some((gammas, narrowest)), run)?;
                 let mirrored = mirrored();
                 let tables = (layouts.iter().zip(&needed.0).enumerate())
@@ -133,6 +135,11 @@ impl<'a> Glossy<'a> {
             }
         }
     }
+}
+
+fn layout(gamma: f64) -> Layout {
+    let spacing = if gamma < BROAD { SPACING[1] } else { SPACING[0] };
+    Layout::new(HEMISPHERE, spacing * gamma, MOST)
 }
 
 /// Where a gamma lies among the levels.
