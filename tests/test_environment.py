@@ -367,9 +367,7 @@ def test_a_part_has_the_pixels_of_the_whole() -> None:
     gamma = rng.uniform(0.05, 0.4, (30, 40)).astype(np.float32)
     diffuse = rng.uniform(0.0, 1.0, (3, 30, 40))
     scene = Scene(environment=Environment.named("gallery"))
-    whole = impasto.render(
-        Surface.torrance_sparrow(facets, diffuse, 0.5, gamma), scene, threads=2
-    )
+    whole = impasto.render(Surface.torrance_sparrow(facets, diffuse, 0.5, gamma), scene, threads=2)
     part = impasto.render(
         Surface.torrance_sparrow(
             facets[:, 7:19, 3:17], diffuse[:, 7:19, 3:17], 0.5, gamma[7:19, 3:17]

@@ -34,10 +34,10 @@ SPOT_RADIUS = np.radians(1.15)
 
 @lru_cache(maxsize=1)
 def gallery() -> NDArray[np.float32]:
-    """Radiance ``(3, 256, 512)`` over longitude and latitude, as :class:`impasto.Environment` has it.
+    """Radiance ``(3, 256, 512)`` over longitude and latitude, for :class:`impasto.Environment`.
 
-    A luminous ceiling, a window with bars on the painting's left, a doorway and dark pictures on the
-    wall opposite, two warm track spots. Scaled so that a white board on the wall has Y = 1.
+    A luminous ceiling, a window with bars on the painting's left, a doorway and dark pictures on
+    the wall opposite, two warm track spots. Scaled so that a white board on the wall has Y = 1.
     """
     rows, columns = HEIGHT * SAMPLES, 2 * HEIGHT * SAMPLES
     longitude = (np.arange(columns) + 0.5) / columns * 2.0 * np.pi - np.pi
@@ -45,8 +45,8 @@ def gallery() -> NDArray[np.float32]:
     flat, up = np.cos(latitude)[:, None], np.sin(latitude)[:, None]
     x, y, z = -np.sin(longitude) * flat, up + 0.0 * flat * longitude, np.cos(longitude) * flat
     light = _radiance(x, y, z)
-    # No light comes through the wall.
-    light[:, z <= 0.0] = 0.0
+    # The wall on which the painting hangs: seen by no pixel unless the room is turned.
+    light = np.where(z <= 0.0, _of(WALL), light)
     area = np.broadcast_to(np.abs(flat), z.shape) * (np.pi / rows) * (2.0 * np.pi / columns)
     board = np.sum(light * (np.maximum(z, 0.0) * area), axis=(1, 2))
     light /= np.array([0.2126, 0.7152, 0.0722]) @ board

@@ -41,8 +41,8 @@ def channel_colours(scene: Scene, reflectance: Any, bands: int) -> ChannelColour
     """What the channels of a scene's environment make of a surface.
 
     With spectra a channel is the illuminant behind the filter of its primary
-    (:func:`impasto.colour.primaries.primary_spectra`), and white the illuminant itself. Without, the
-    three bands of the photographs are lit by their own channel each.
+    (:func:`impasto.colour.primaries.primary_spectra`), and white the illuminant itself. Without,
+    the three bands of the photographs are lit by their own channel each.
     """
     room = scene.environment
     if room is None:
@@ -78,7 +78,9 @@ def channel_colours(scene: Scene, reflectance: Any, bands: int) -> ChannelColour
     # Maps do not know the intensity: they are kept.
     board = room.irradiance()
     return ChannelColours(
-        np.ascontiguousarray(room.intensity * diffuse), room.intensity * interface, board @ interface
+        np.ascontiguousarray(room.intensity * diffuse),
+        room.intensity * interface,
+        board @ interface,
     )
 
 
@@ -121,8 +123,7 @@ def lamp_colours(
             f"reflectance: {bands} coefficients but a basis of {len(reflectance.basis)}"
         )
     if not folds:
-        none = np.zeros((0, bands, 3)), np.zeros((0, 3)), np.zeros(0, np.uint32), np.zeros(3)
-        return none
+        return np.zeros((0, bands, 3)), np.zeros((0, 3)), np.zeros(0, np.uint32), np.zeros(3)
     interface = np.stack([fold.interface for fold in folds])
     strength = np.array([light.intensity for light in scene.lights])
     return (

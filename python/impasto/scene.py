@@ -158,8 +158,10 @@ class Scene:
     def __repr__(self) -> str:
         lamps = f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"
         if self.environment is not None:
-            lamps = f"{lamps} in {self.environment.name!r}" if self.lights else "in " + repr(
-                self.environment.name
+            lamps = (
+                f"{lamps} in {self.environment.name!r}"
+                if self.lights
+                else "in " + repr(self.environment.name)
             )
         spectra = {
             one if isinstance(one, str) else "of its own spectrum" for one in self.illuminants

@@ -84,7 +84,7 @@ def render(
     display
         srgb, "Display P3", or a JSON file of measurements.
     view
-        Azimuth,elevation of the eye in degrees; default: in front, as far away as the camera was (in an environment, far away).
+        Azimuth,elevation of the eye in degrees; default: in front, as far away as the camera was.
     exposure
         Factor on all light; maximum: the brightest pixel of the picture becomes the display's
         white, as in the six-band paper. Default: the largest at which a white board in full light

@@ -61,7 +61,7 @@ enum Stage<'a> {
     Ambient(&'a Lamp, &'a [f32], &'a Colour),
     Colour(&'a Colour),
     /// All that an environment sheds.
-    Environment(environment::stage::Lit<'a>),
+    Environment(Box<environment::stage::Lit<'a>>),
 }
 
 /// Lights a painting; where its maps hold no number the picture holds `background`.
@@ -179,7 +179,7 @@ fn stages<'a>(
     if let Some(Surroundings { environment, colours }) = scene.environment() {
         let light = (environment.as_ref(), *colours);
         let lit = environment::stage::Lit::new(surface, scene, light, effects.specular, run)?;
-        stages.push(Stage::Environment(lit));
+        stages.push(Stage::Environment(Box::new(lit)));
     }
     Ok(stages)
 }

@@ -285,7 +285,7 @@ mod tests {
 
     #[test]
     fn cones_hold_what_is_in_them() {
-        let map = Map::equirectangular(&[1.0; 3 * 64 * 32], 64, &UPRIGHT).unwrap();
+        let map = Map::equirectangular(&vec![1.0; 3 * 64 * 32], 64, &UPRIGHT).unwrap();
         for (one, other) in map.bundles.iter().zip(map.bundles.iter().skip(3)) {
             let bound = one.cone.nearest_cosine(&other.cone);
             let pairs = one.texels.iter().flat_map(|a| other.texels.iter().map(move |b| (a, b)));

@@ -37,7 +37,7 @@ pub(crate) struct Lit<'a> {
 enum Lobes<'a> {
     None,
     Glossy(Vec<Glossy<'a>>),
-    Lafortune(Vec<&'a Lobe<'a>>, Cow<'a, Prefiltered>),
+    Lafortune(Vec<&'a Lobe<'a>>, Box<Cow<'a, Prefiltered>>),
 }
 
 impl<'a> Lit<'a> {
@@ -63,7 +63,7 @@ impl<'a> Lit<'a> {
                     Some(maps) => Cow::Borrowed(maps),
                     None => Cow::Owned(Prefiltered::new(&environment.map, run)?),
                 };
-                Lobes::Lafortune(surface.lobes.iter().collect(), maps)
+                Lobes::Lafortune(surface.lobes.iter().collect(), Box::new(maps))
             }
             (Model::TorranceSparrow { index }, View::Distant(view)) => {
                 let seen = (TorranceSparrow { index }, view);

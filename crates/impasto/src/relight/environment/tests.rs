@@ -153,7 +153,7 @@ fn an_even_sky_shows_a_white_board_as_white() {
 
 #[test]
 fn lobes_of_an_even_sky_have_their_closed_form() {
-    let map = Map::equirectangular(&[1.0; 3 * 128 * 64], 128, &UPRIGHT).unwrap();
+    let map = Map::equirectangular(&vec![1.0; 3 * 128 * 64], 128, &UPRIGHT).unwrap();
     // Lobes about z: the clipped half is dark for them anyway.
     for level in 0..lafortune::LEVELS {
         let n = (0.5 * level as f64 - 1.0).exp2();
@@ -272,8 +272,8 @@ fn awkward_numbers_stay_finite() {
     let normals =
         [[1.0, 0.0, 0.0], [0.0, -1.0, 1e-30], [0.0, 0.0, 2.0], [0.3, 0.3, 0.3], [0.6, 0.0, -0.8]];
     for (pixel, normal) in normals.into_iter().enumerate() {
-        for axis in 0..3 {
-            maps.normal[axis * pixels + pixel] = normal[axis];
+        for (axis, value) in normal.into_iter().enumerate() {
+            maps.normal[axis * pixels + pixel] = value;
         }
     }
     (maps.gamma[9], maps.gamma[10], maps.gamma[11]) = (0.0, 1e9, -1.0);
