@@ -21,8 +21,8 @@ from impasto.errors import ArgumentError, GeometryError, GpuUnavailableError
 from impasto.fit.reflectance import Reflectance
 from impasto.image import columns_to_display, exposure_of_maximum, tone_table
 from impasto.level import Level
-from impasto.lighting import SceneArguments, arranged, prepare, varnished
-from impasto.rig import PointLight, Rig
+from impasto.lighting import SceneArguments, arranged, prepare, rig_of, varnished
+from impasto.rig import PointLight
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
 
@@ -288,7 +288,7 @@ class Renderer:
         lit = self._lit if scene.varnish is None else varnished(self._lit, scene.varnish)
         eye = self._eye if scene.view is None else scene.view
         pitch = 1.0 if self._pitch is None else self._pitch
-        whole = Rig(scene.lights, views=eye, pitch_mm=pitch, origin=lit.origin)
+        whole = rig_of(scene, eye, pitch, lit)
         lit, arguments, known = arranged(lit, scene, whole, eye, self._reflectance)
         uploaded = self._uploaded if lit is self._lit else self._upload(lit)
         exposure = None if isinstance(scene.exposure, str) else known

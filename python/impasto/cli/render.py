@@ -18,7 +18,7 @@ from impasto.cli.options import (
     SomeWhole,
     check_threads,
 )
-from impasto.cli.scenes import check_spectra, lamps, panel
+from impasto.cli.scenes import check_spectra, lamps, panel, room_of
 from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError
 from impasto.systems import Name
@@ -38,6 +38,8 @@ def render(
     system: Name | None = None,
     light: SeveralLamps = None,
     point: SeveralPositions = None,
+    environment: str | None = None,
+    environment_rotation: float = 0.0,
     illuminant: str = "D65",
     adaptation: float | None = None,
     adaptation_mode: Mode = "planck",
@@ -65,9 +67,15 @@ def render(
     light
         Azimuth,elevation of a distant light in degrees: 90,45 is above, 180,20 is raking light from
         the left. A third field is the illuminant of this lamp alone: 120,15,warm, 45,30,A or
-        45,30,3200K; warm is 2700 K, cool 4000 K. Can be repeated. Default: 90,45.
+        45,30,3200K; warm is 2700 K, cool 4000 K. Can be repeated.
+        Default: 90,45, or none in an environment.
     point
         x,y,z in mm of a near lamp, from the middle of the painting. Can be repeated.
+    environment
+        Light from all directions: gallery, or an .exr or .hdr map (twice as wide as high, or six
+        faces of a cube). No other light is then needed.
+    environment_rotation
+        Degrees by which the room is turned about the painting's vertical.
     illuminant
         Light of all other lamps: A, D65, FL2 or kelvin, as in 2856K. Any but D65 needs spectra.
     adaptation
@@ -103,7 +111,7 @@ def render(
     stages = Stages(quiet=quiet)
     check_threads(threads)
     if system is not None:
-        others = (light, point, adaptation, view, exposure, level, pitch)
+        others = (light, point, environment, adaptation, view, exposure, level, pitch)
         chosen = (illuminant, adaptation_mode, display, shadows)
         if any(value is not None for value in others) or chosen != ("D65", "planck", "srgb", False):
             raise CycloptsError(
@@ -114,10 +122,12 @@ def render(
     checked_suffix(out, "--out")
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
-    lights, illuminants = lamps(light, point, illuminant)
+    room = room_of(environment, environment_rotation)
+    lights, illuminants = lamps(light, point, illuminant, dark=room is not None)
     scene = impasto.Scene(
         lights,
-        illuminant=illuminants,
+        environment=room,
+        illuminant=illuminants if room is None else [*illuminants, illuminant],
         view=None if view is None else view.direction,
         adaptation=adaptation,
         adaptation_mode=adaptation_mode,

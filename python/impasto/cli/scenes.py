@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,17 +16,34 @@ ABOVE = Lamp(Angles(90.0, 45.0))
 
 
 def lamps(
-    light: Sequence[Lamp] | None, point: Sequence[Position] | None, illuminant: str
+    light: Sequence[Lamp] | None,
+    point: Sequence[Position] | None,
+    illuminant: str,
+    *,
+    dark: bool = False,
 ) -> tuple[list[Any], list[Any]]:
-    """Lights and their illuminants, ``illuminant`` where a lamp has none of its own."""
+    """Lights and their illuminants, ``illuminant`` where a lamp has none of its own.
+
+    Without any the light comes from above, unless the painting may be ``dark``.
+    """
     import impasto
 
-    distant = light or (() if point else (ABOVE,))
+    distant = light or (() if point or dark else (ABOVE,))
     near = point or ()
     lights: list[Any] = [impasto.DistantLight(lamp.angles.direction) for lamp in distant]
     lights += [impasto.PointLight(position) for position in near]
     own = [illuminant if lamp.illuminant is None else lamp.illuminant for lamp in distant]
     return lights, own + [illuminant] * len(near)
+
+
+def room_of(environment: str | None, rotation: float) -> Any:
+    """The environment of a name or a file, turned by so many degrees; None for none."""
+    import impasto
+
+    if environment is None:
+        return None
+    read = impasto.Environment.named if environment == "gallery" else impasto.Environment.read
+    return read(environment, rotation=math.radians(rotation))
 
 
 def check_spectra(result: Path, reflectance: Any, scene: Any) -> None:
