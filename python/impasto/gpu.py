@@ -12,22 +12,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto._internal.border import RigArguments
 from impasto._internal.calls import ProgressCallback, thread_count
 from impasto._internal.checks import instance, length_mm, truth
 from impasto._internal.html import png
 from impasto.bands import Camera
 from impasto.colour import Display
-from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError, GpuUnavailableError
 from impasto.fit.reflectance import Reflectance
 from impasto.image import columns_to_display, tone_table
 from impasto.level import Level
-from impasto.lighting import SceneArguments, _colours, _with_ambient_of, prepare
-from impasto.render import _exposure_of_maximum
-from impasto.rig import PointLight, Rig
+from impasto.lighting import SceneArguments, Shone, prepare, shine_on, varnished
+from impasto.picture import exposure_of_maximum
+from impasto.rig import PointLight
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
+from impasto.varnish import Varnish
 
 __all__ = ["Adapter", "Frame", "Renderer", "adapters"]
 
@@ -211,6 +210,7 @@ class Renderer:
         self._eye = surface.eye()
         self._wanted = adapter
         self._uploaded = self._upload(self._lit)
+        self._varnish: Varnish | None = None
 
     def _upload(self, lit: Surface) -> _core.GpuRenderer:
         pitch = 1.0 if self._pitch is None else self._pitch
@@ -248,17 +248,17 @@ class Renderer:
         GpuUnavailableError
             The card was lost, or has too little memory.
         """
-        arguments, exposure, uploaded = self._prepared(scene)
-        if exposure is None:
-            xyz, coverage = uploaded.light(arguments, scene.shadows, self._threads)
-            exposure = _exposure_of_maximum(xyz, coverage)
-        to_display = exposure * scene.display.linear_from_xyz
-        behind = np.linalg.solve(to_display, np.asarray(scene.background))
-        arguments = replace(arguments, background=_three(behind))
+        shone, uploaded = self._shone(scene)
+        arguments, exposure = shone.arguments, shone.exposure
+        if shone.from_picture:
+            exposure = exposure_of_maximum(*uploaded.light(arguments, scene.shadows, self._threads))
+            to_display = exposure * scene.display.linear_from_xyz
+            behind = np.linalg.solve(to_display, np.asarray(scene.background)).tolist()
+            arguments = replace(arguments, background=tuple(behind))
         columns = columns_to_display(scene.display, exposure)
         table = tone_table(scene.display)
         codes = uploaded.codes(arguments, columns, table, scene.shadows, self._threads)
-        return Frame(codes=codes, exposure=float(exposure), screen=scene.display)
+        return Frame(codes=codes, exposure=exposure, screen=scene.display)
 
     def light(self, scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """The surface under the lights of a scene, as light.
@@ -266,18 +266,18 @@ class Renderer:
         Parameters
         ----------
         scene
-            As in :meth:`frame`; where nothing of the painting is known the light is 0.
+            As in :meth:`frame`.
 
         Returns
         -------
         tuple
             ``(3, y, x)`` XYZ and ``(y, x)`` coverage, as of :func:`impasto.render`.
         """
-        arguments, _, uploaded = self._prepared(scene)
-        return uploaded.light(arguments, scene.shadows, self._threads)
+        shone, uploaded = self._shone(scene)
+        return uploaded.light(shone.arguments, scene.shadows, self._threads)
 
-    def _prepared(self, scene: Scene) -> tuple[SceneArguments, float | None, _core.GpuRenderer]:
-        """A scene as arrays, its exposure if it is known before the picture, and the surface."""
+    def _shone(self, scene: Scene) -> tuple[Shone, _core.GpuRenderer]:
+        """A scene as arrays, and the surface that it shines on."""
         instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
         if scene.shadows and not self._shadows:
             raise ArgumentError(
@@ -288,26 +288,15 @@ class Renderer:
                 "pitch_mm: point lights need the width of a pixel on the painting in mm, which the "
                 "surface does not contain; give pitch_mm="
             )
-        lit = self._lit
-        diffuse, interface, which, white = _colours(scene, self._reflectance, len(lit.diffuse))
+        # A varnish has a lobe of its own.
+        varnish = scene.varnish
+        lit = self._lit if varnish is None else varnished(self._lit, varnish)
         eye = self._eye if scene.view is None else scene.view
         pitch = 1.0 if self._pitch is None else self._pitch
-        rig = Rig(scene.lights, views=eye, pitch_mm=pitch, origin=lit.origin).here
-        scaled = _with_ambient_of(lit, scene, rig)
-        uploaded = self._uploaded if scaled is lit else self._upload(scaled)
-        exposure = None if isinstance(scene.exposure, str) else scene.exposure
-        if scene.exposure is None:
-            exposure = white_scale_of(white, scene.display).scale
-        arguments = SceneArguments(
-            rig=RigArguments.of(rig),
-            intensity=rig.intensities,
-            colour=which,
-            diffuse=diffuse,
-            interface=interface,
-            background=(0.0, 0.0, 0.0),
-        )
-        return arguments, exposure, uploaded
-
-
-def _three(values: NDArray[np.float64]) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])
+        shone = shine_on(lit, scene, self._reflectance, eye, pitch)
+        if shone.surface is not lit:
+            # A part of a painting under near lamps: its ambient light is of this scene.
+            return shone, self._upload(shone.surface)
+        if varnish is not self._varnish:
+            self._uploaded, self._varnish = self._upload(lit), varnish
+        return shone, self._uploaded

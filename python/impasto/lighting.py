@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -133,6 +133,35 @@ def prepare(
     unmoved = lit.normal is stood and not scene.shadows
     relief = _relief(lit, height, pitch, threads) if scene.shadows else None
     eye = surface.eye() if scene.view is None else scene.view
+    shone = shine_on(lit, scene, reflectance, eye, pitch)
+    return Prepared(
+        surface=shone.surface,
+        relief=relief,
+        arguments=shone.arguments,
+        rig=shone.rig,
+        exposure=shone.exposure,
+        from_picture=shone.from_picture,
+        in_bands=reflectance is None,
+        reflectance=reflectance,
+        as_photographed=reflectance is None and unmoved and _in_front(eye),
+    )
+
+
+class Shone(NamedTuple):
+    """A scene on a surface that has the coefficients of spectra as its colours.
+
+    The fields are those of :class:`Prepared`.
+    """
+
+    surface: Surface
+    arguments: SceneArguments
+    rig: Rig
+    exposure: float
+    from_picture: bool
+
+
+def shine_on(lit: Surface, scene: Scene, reflectance: Any, eye: Any, pitch: float) -> Shone:
+    """A scene's colours, lamps, exposure and background, seen from an eye."""
     diffuse, interface, which, white = _colours(scene, reflectance, len(lit.diffuse), eye)
     # The largest Y is known when the picture is.
     from_picture = isinstance(scene.exposure, str)
@@ -143,9 +172,8 @@ def prepare(
     rig = whole.here
     behind = np.zeros(3) if from_picture else np.asarray(scene.background)
     background = np.linalg.solve(exposure * scene.display.linear_from_xyz, behind)
-    return Prepared(
+    return Shone(
         surface=_with_ambient_of(lit, scene, rig),
-        relief=relief,
         arguments=SceneArguments(
             rig=RigArguments.of(rig),
             intensity=rig.intensities,
@@ -157,9 +185,6 @@ def prepare(
         rig=whole,
         exposure=float(exposure),
         from_picture=from_picture,
-        in_bands=reflectance is None,
-        reflectance=reflectance,
-        as_photographed=reflectance is None and unmoved and _in_front(eye),
     )
 
 

@@ -50,7 +50,7 @@ def picture(
         # Colours without spectra have one matrix for all lights.
         xyz += wait_for(_xyz_of, arguments.diffuse[0], extra)
     if prepared.from_picture:
-        exposure = _exposure_of_maximum(xyz, coverage)
+        exposure = exposure_of_maximum(xyz, coverage)
         to_display = exposure * scene.display.linear_from_xyz
         light = np.linalg.solve(to_display, np.asarray(scene.background)).astype(np.float32)
         xyz += light[:, None, None] * (1.0 - coverage)
@@ -62,7 +62,7 @@ def _xyz_of(matrix: NDArray[Any], extra: NDArray[np.float32]) -> NDArray[np.floa
     return np.tensordot(matrix.T.astype(np.float32), np.nan_to_num(extra, nan=0.0), axes=1)
 
 
-def _exposure_of_maximum(xyz: NDArray[np.float32], coverage: NDArray[np.float32]) -> float:
+def exposure_of_maximum(xyz: NDArray[np.float32], coverage: NDArray[np.float32]) -> float:
     """The factor at which the largest Y of the picture is that of the display's white."""
     luminance = xyz[1][coverage > 0.0]
     highest = float(luminance.max(initial=0.0))
