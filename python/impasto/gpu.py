@@ -19,11 +19,10 @@ from impasto.bands import Camera
 from impasto.colour import Display
 from impasto.errors import ArgumentError, GeometryError, GpuUnavailableError
 from impasto.fit.reflectance import Reflectance
-from impasto.image import columns_to_display, tone_table
+from impasto.image import columns_to_display, exposure_of_maximum, tone_table
 from impasto.level import Level
-from impasto.lighting import SceneArguments, Shone, prepare, shine_on, varnished
-from impasto.picture import exposure_of_maximum
-from impasto.rig import PointLight
+from impasto.lighting import SceneArguments, arranged, prepare, varnished
+from impasto.rig import PointLight, Rig
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
 from impasto.varnish import Varnish
@@ -248,17 +247,17 @@ class Renderer:
         GpuUnavailableError
             The card was lost, or has too little memory.
         """
-        shone, uploaded = self._shone(scene)
-        arguments, exposure = shone.arguments, shone.exposure
-        if shone.from_picture:
-            exposure = exposure_of_maximum(*uploaded.light(arguments, scene.shadows, self._threads))
-            to_display = exposure * scene.display.linear_from_xyz
-            behind = np.linalg.solve(to_display, np.asarray(scene.background)).tolist()
-            arguments = replace(arguments, background=tuple(behind))
+        arguments, exposure, uploaded = self._prepared(scene)
+        if exposure is None:
+            xyz, coverage = uploaded.light(arguments, scene.shadows, self._threads)
+            exposure = exposure_of_maximum(xyz, coverage)
+        to_display = exposure * scene.display.linear_from_xyz
+        behind = np.linalg.solve(to_display, np.asarray(scene.background))
+        arguments = replace(arguments, background=_three(behind))
         columns = columns_to_display(scene.display, exposure)
         table = tone_table(scene.display)
         codes = uploaded.codes(arguments, columns, table, scene.shadows, self._threads)
-        return Frame(codes=codes, exposure=exposure, screen=scene.display)
+        return Frame(codes=codes, exposure=float(exposure), screen=scene.display)
 
     def light(self, scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """The surface under the lights of a scene, as light.
@@ -266,18 +265,18 @@ class Renderer:
         Parameters
         ----------
         scene
-            As in :meth:`frame`.
+            As in :meth:`frame`; where nothing of the painting is known the light is 0.
 
         Returns
         -------
         tuple
             ``(3, y, x)`` XYZ and ``(y, x)`` coverage, as of :func:`impasto.render`.
         """
-        shone, uploaded = self._shone(scene)
-        return uploaded.light(shone.arguments, scene.shadows, self._threads)
+        arguments, _, uploaded = self._prepared(scene)
+        return uploaded.light(arguments, scene.shadows, self._threads)
 
-    def _shone(self, scene: Scene) -> tuple[Shone, _core.GpuRenderer]:
-        """A scene as arrays, and the surface that it shines on."""
+    def _prepared(self, scene: Scene) -> tuple[SceneArguments, float | None, _core.GpuRenderer]:
+        """A scene as arrays, its exposure if it is known before the picture, and the surface."""
         instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
         if scene.shadows and not self._shadows:
             raise ArgumentError(
@@ -289,14 +288,24 @@ class Renderer:
                 "surface does not contain; give pitch_mm="
             )
         # A varnish has a lobe of its own.
-        varnish = scene.varnish
-        lit = self._lit if varnish is None else varnished(self._lit, varnish)
+        coated = self._lit if scene.varnish is None else varnished(self._lit, scene.varnish)
         eye = self._eye if scene.view is None else scene.view
         pitch = 1.0 if self._pitch is None else self._pitch
-        shone = shine_on(lit, scene, self._reflectance, eye, pitch)
-        if shone.surface is not lit:
+        whole = Rig(scene.lights, views=eye, pitch_mm=pitch, origin=coated.origin)
+        lit, arguments, known = arranged(coated, scene, whole, eye, self._reflectance)
+        if lit is not coated:
             # A part of a painting under near lamps: its ambient light is of this scene.
-            return shone, self._upload(shone.surface)
-        if varnish is not self._varnish:
-            self._uploaded, self._varnish = self._upload(lit), varnish
-        return shone, self._uploaded
+            uploaded = self._upload(lit)
+        elif scene.varnish is self._varnish:
+            uploaded = self._uploaded
+        else:
+            uploaded = self._uploaded = self._upload(lit)
+            self._varnish = scene.varnish
+        exposure = None if isinstance(scene.exposure, str) else known
+        # The background is added when the exposure of the picture is known.
+        arguments = replace(arguments, background=(0.0, 0.0, 0.0))
+        return arguments, exposure, uploaded
+
+
+def _three(values: NDArray[np.float64]) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -133,59 +133,46 @@ def prepare(
     unmoved = lit.normal is stood and not scene.shadows
     relief = _relief(lit, height, pitch, threads) if scene.shadows else None
     eye = surface.eye() if scene.view is None else scene.view
-    shone = shine_on(lit, scene, reflectance, eye, pitch)
+    whole = Rig(scene.lights, views=eye, pitch_mm=pitch, origin=lit.origin)
+    lit, arguments, exposure = arranged(lit, scene, whole, eye, reflectance)
     return Prepared(
-        surface=shone.surface,
+        surface=lit,
         relief=relief,
-        arguments=shone.arguments,
-        rig=shone.rig,
-        exposure=shone.exposure,
-        from_picture=shone.from_picture,
+        arguments=arguments,
+        rig=whole,
+        exposure=exposure,
+        from_picture=isinstance(scene.exposure, str),
         in_bands=reflectance is None,
         reflectance=reflectance,
         as_photographed=reflectance is None and unmoved and _in_front(eye),
     )
 
 
-class Shone(NamedTuple):
-    """A scene on a surface that has the coefficients of spectra as its colours.
+def arranged(
+    lit: Surface, scene: Scene, whole: Rig, eye: Any, reflectance: Any
+) -> tuple[Surface, SceneArguments, float]:
+    """The surface with the scene's share of ambient light, the scene as arrays, its exposure.
 
-    The fields are those of :class:`Prepared`.
+    ``whole`` has the scene's lights and ``eye``, relative to the whole painting. An exposure that
+    follows from the picture is 1 here, and the background is 0 with it.
     """
-
-    surface: Surface
-    arguments: SceneArguments
-    rig: Rig
-    exposure: float
-    from_picture: bool
-
-
-def shine_on(lit: Surface, scene: Scene, reflectance: Any, eye: Any, pitch: float) -> Shone:
-    """A scene's colours, lamps, exposure and background, seen from an eye."""
+    rig = whole.here
     diffuse, interface, which, white = _colours(scene, reflectance, len(lit.diffuse), eye)
-    # The largest Y is known when the picture is.
     from_picture = isinstance(scene.exposure, str)
     exposure = 1.0 if isinstance(scene.exposure, str) else scene.exposure
     if exposure is None:
         exposure = white_scale_of(white, scene.display).scale
-    whole = Rig(scene.lights, views=eye, pitch_mm=pitch, origin=lit.origin)
-    rig = whole.here
     behind = np.zeros(3) if from_picture else np.asarray(scene.background)
     background = np.linalg.solve(exposure * scene.display.linear_from_xyz, behind)
-    return Shone(
-        surface=_with_ambient_of(lit, scene, rig),
-        arguments=SceneArguments(
-            rig=RigArguments.of(rig),
-            intensity=rig.intensities,
-            colour=which,
-            diffuse=diffuse,
-            interface=interface,
-            background=(float(background[0]), float(background[1]), float(background[2])),
-        ),
-        rig=whole,
-        exposure=float(exposure),
-        from_picture=from_picture,
+    arguments = SceneArguments(
+        rig=RigArguments.of(rig),
+        intensity=rig.intensities,
+        colour=which,
+        diffuse=diffuse,
+        interface=interface,
+        background=(float(background[0]), float(background[1]), float(background[2])),
     )
+    return _with_ambient_of(lit, scene, rig), arguments, float(exposure)
 
 
 def _coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) -> Surface:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from inspect import signature
 from typing import Any, Literal, get_args
 
 from numpy.typing import ArrayLike
@@ -146,6 +147,21 @@ class Scene:
         set_(self, "shadows", bool(shadows))
         set_(self, "varnish", varnish)
         set_(self, "background", tuple(fill.tolist()))
+
+    def changed(self, **options: Any) -> Scene:
+        """The same scene with other options; the parameters are those of the class.
+
+        Raises
+        ------
+        GeometryError, ArgumentError
+            As the class does.
+        """
+        given = {
+            name: getattr(self, name)
+            for name in signature(Scene).parameters
+            if name != "illuminant"
+        }
+        return Scene(**{**given, "illuminant": list(self.illuminants), **options})
 
     def __repr__(self) -> str:
         lamps = f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"
