@@ -2,11 +2,11 @@
 
     python benches/python/environment.py [--record]
 
-Maps of 128 x 64 texels: the gallery, and a sun that gives half of the light. Normals have slopes of
-deviation 0.15. Errors in per cent of the light where it is above 1e-3 of the largest, median and 99th
-percentile. The scalar scheme is the third paper's, the cosine in the middle of the lobe. Times are processor seconds of one
-thread with the gallery's 512 x 256 texels. ``--record`` writes benches/results/environment.json and sets the tables
-of docs/environment.md.
+Maps of 128 x 64 texels: the gallery, and a sun that gives half of the light. Normals have slopes
+of deviation 0.15. Errors in per cent of the light where it is above 1e-3 of the largest, median and
+99th percentile. The scalar scheme is the third paper's, the cosine in the middle of the lobe. Times
+are processor seconds of one thread with the gallery's 512 x 256 texels. ``--record`` writes
+benches/results/environment.json and sets the tables of docs/environment.md.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from impasto.surface import Lobe
 
 sys.path.insert(1, str(ROOT / "tests"))
 
-from oracles import environment as oracle  # noqa: E402
+from oracles import environment as oracle
 
 PIXELS = 1500
 RGB_FROM_XYZ = impasto.colour.Display.named("srgb").linear_from_xyz
