@@ -28,8 +28,10 @@ demo: $(VENV)/built  ## measure and relight a simulated painting; pictures in de
 
 test: lint test-rust test-python docs  ## run every check: lint, Rust, Python, documentation
 
-test-rust:  ## run the Rust tests
+# The renderer for graphics cards is tested as it is built for Python: what it needs is compiled once.
+test-rust: $(VENV)/built  ## run the Rust tests
 	cargo test --quiet
+	cargo test --quiet --release --package impasto-gpu --package impasto-py
 
 test-python: $(VENV)/built $(VENV)/extras  ## run the Python tests, README and documentation examples
 	$(PYTEST)

@@ -17,6 +17,7 @@ import rust_modules
 ROOT = Path(__file__).resolve().parents[1]
 CORE = ROOT / "crates" / "impasto" / "src"
 BORDER = ROOT / "crates" / "impasto-py" / "src"
+CARD = ROOT / "crates" / "impasto-gpu" / "src"
 PACKAGE = ROOT / "python" / "impasto"
 CRATES = sorted(path.parent for path in (ROOT / "crates").glob("*/Cargo.toml"))
 
@@ -73,6 +74,17 @@ def test_the_numerics_know_neither_python_nor_the_gpu(packages: dict[str, set[st
 
 def test_only_the_border_knows_python(packages: dict[str, set[str]]) -> None:
     assert {name for name, needs in packages.items() if "pyo3" in needs} == {"impasto-py"}
+
+
+def test_only_the_card_s_renderer_knows_the_gpu(packages: dict[str, set[str]]) -> None:
+    assert {name for name, needs in packages.items() if "wgpu" in needs} == {"impasto-gpu"}
+    assert not packages["impasto-gpu"] & {"pyo3", "numpy", "impasto-py", "nalgebra", "rayon"}
+
+
+def test_the_card_s_renderer_sees_surfaces_and_scenes_alone() -> None:
+    allowed = {"surface", "relight", "geometry", "math", "pixels", "Error"}
+    found = {name for path in rust(CARD) for name in re.findall(r"\bimpasto::(\w+)", code(path))}
+    assert found == allowed - {"math"} or found == allowed
 
 
 @pytest.mark.parametrize(
@@ -145,7 +157,7 @@ def test_only_the_lanes_are_unsafe() -> None:
 
 def test_the_numerics_touch_no_file_environment_or_clock() -> None:
     banned = re.compile(r"std::(fs|env|time|net|process)\b|\bprintln!|\bsrgb\b|\bcie\b", re.I)
-    assert [p for p in rust(CORE) if banned.search(code(p))] == []
+    assert [p for p in rust(CORE) + rust(CARD) if banned.search(code(p))] == []
 
 
 def test_the_border_has_no_formula() -> None:

@@ -14,6 +14,7 @@ from impasto.errors import (
     ArgumentError,
     CorruptInputError,
     GeometryError,
+    GpuUnavailableError,
     ImpastoError,
     ImpastoWarning,
     InternalError,
@@ -35,10 +36,12 @@ from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.fit.strengths import Strengths, fit_strengths
 from impasto.height import cast_shadows, integrate_normals
 from impasto.highlights import reconstruct_highlights
+from impasto.image import Image
 from impasto.io import read_spectra, read_stack
 from impasto.level import Level, find_level
+from impasto.plan import Plan, PlannedEffect, Verification, plan
 from impasto.refinement import RigRefinement
-from impasto.render import Image, display_from_bands, render
+from impasto.render import display_from_bands, render
 from impasto.rig import DistantLight, PointLight, PointView, Rig
 from impasto.scene import Scene
 from impasto.stack import Stack
@@ -46,6 +49,7 @@ from impasto.status import Status
 from impasto.study.suggestion import Suggestion, suggest_effort
 from impasto.surface import Surface
 from impasto.training import Training
+from impasto.varnish import Varnish
 
 __all__ = [
     "ArgumentError",
@@ -57,6 +61,7 @@ __all__ = [
     "Environment",
     "GeometryError",
     "Gloss",
+    "GpuUnavailableError",
     "HighlightFit",
     "Image",
     "ImpastoError",
@@ -70,6 +75,8 @@ __all__ = [
     "MissingExtraError",
     "Normals",
     "Pixel",
+    "Plan",
+    "PlannedEffect",
     "PointLight",
     "PointView",
     "PooledSbrdf",
@@ -86,6 +93,8 @@ __all__ = [
     "Suggestion",
     "Surface",
     "Training",
+    "Varnish",
+    "Verification",
     "cast_shadows",
     "colour",
     "display_from_bands",
@@ -100,6 +109,7 @@ __all__ = [
     "learn_sbrdf",
     "load_learned",
     "load_sbrdf",
+    "plan",
     "read_spectra",
     "read_stack",
     "reconstruct_highlights",
@@ -114,7 +124,7 @@ if not _typing.TYPE_CHECKING:  # type checkers still report unknown names
 
     def __getattr__(name: str) -> _types.ModuleType:
         """``impasto.doctor`` and other modules that are imported on first use."""
-        if name in {"doctor", "overview", "pictures", "report", "simulate", "study"}:
+        if name in {"doctor", "gpu", "overview", "pictures", "report", "simulate", "study"}:
             return _importlib.import_module(f"{__name__}.{name}")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

@@ -3,7 +3,7 @@
 Arrays are C-contiguous; shapes and units stand in the public functions that call these.
 """
 
-from typing import Any, Literal, TypedDict, final, type_check_only
+from typing import Any, Literal, Self, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from impasto.fit.lobes import LearnedLobes, LobeMaps, LobeOptions
 from impasto.fit.normals import Normals
 from impasto.fit.reflectance import Reflectance
 from impasto.fit.start import StartArguments
-from impasto.render import SceneArguments
+from impasto.lighting import SceneArguments
 from impasto.surface import Surface
 
 @type_check_only
@@ -260,10 +260,107 @@ def integrate_normals(
 def linear_from_bands(
     planes: NDArray[np.float32], matrix: NDArray[np.float64], threads: int
 ) -> NDArray[np.float32]: ...
+def paint(
+    surface: Surface,
+    height: NDArray[np.float32] | None,
+    scene: SceneArguments,
+    plan: Plan,
+    matrix: NDArray[np.float64],
+    curve: NDArray[np.float32],
+    threads: int,
+    progress: ProgressCallback | None,
+) -> tuple[NDArray[np.uint8], NDArray[np.float32], list[int], list[int]]: ...
 def render(
     surface: Surface,
     height: NDArray[np.float32] | None,
     scene: SceneArguments,
+    plan: Plan,
     threads: int,
     progress: ProgressCallback | None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+
+# What a scene calls for (crates/impasto-py/src/plan.rs)
+
+@type_check_only
+class PlanRow(TypedDict):
+    effect: str
+    decision: Literal["absent", "no-op", "bounded", "on"]
+    tiles: int
+    error: float
+    reason: str
+
+@final
+class SurfaceStatistics:
+    def __new__(
+        cls, surface: Surface, height: NDArray[np.float32] | None = None, threads: int = 1
+    ) -> Self: ...
+    @property
+    def tiles(self) -> tuple[int, bool]: ...
+
+@final
+class Plan:
+    def __new__(
+        cls,
+        surface: Surface,
+        statistics: SurfaceStatistics,
+        scene: SceneArguments,
+        *,
+        tolerance: tuple[float, list[float]] | tuple[float, list[list[float]], list[float]] | None,
+        shadows: bool,
+        more_light: bool,
+        threads: int,
+    ) -> Self: ...
+    @staticmethod
+    def forced(surface: Surface, scene: SceneArguments, shadows: bool) -> Plan: ...
+    def without(self, effect: str) -> Plan: ...
+    @property
+    def rows(self) -> list[PlanRow]: ...
+    @property
+    def error(self) -> float: ...
+    @property
+    def tiles(self) -> int: ...
+    @property
+    def projected(self) -> bool: ...
+
+# Pictures by a graphics card (crates/impasto-py/src/gpu.rs); absent without the feature `gpu`
+
+@type_check_only
+class GpuAdapter(TypedDict):
+    name: str
+    kind: Literal["discrete", "integrated", "virtual", "other", "cpu"]
+    backend: str
+    driver: str
+
+def gpu_adapters() -> list[GpuAdapter]: ...
+def gpu_render(
+    surface: Surface,
+    height: NDArray[np.float32] | None,
+    scene: SceneArguments,
+    plan: Plan,
+    threads: int,
+    progress: ProgressCallback | None,
+    adapter: str,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+
+@final
+class GpuRenderer:
+    def __new__(
+        cls,
+        surface: Surface,
+        height: NDArray[np.float32] | None,
+        pitch_mm: float,
+        adapter: str,
+    ) -> GpuRenderer: ...
+    @property
+    def adapter(self) -> GpuAdapter: ...
+    def light(
+        self, scene: SceneArguments, shadows: bool, threads: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+    def codes(
+        self,
+        scene: SceneArguments,
+        matrix: NDArray[np.float64],
+        curve: NDArray[np.float32],
+        shadows: bool,
+        threads: int,
+    ) -> NDArray[np.uint8]: ...

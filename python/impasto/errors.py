@@ -44,5 +44,9 @@ class MissingExtraError(ImpastoError, ImportError):
     """A library that the call needs is not installed; the message names its extra."""
 
 
+class GpuUnavailableError(ImpastoError, RuntimeError):
+    """No graphics card can make this picture; the message says why and what to do."""
+
+
 class InternalError(ImpastoError, RuntimeError):
     """A defect in impasto itself (a panic of the numerics): please report it."""

@@ -1,183 +1,304 @@
-"""The colours of a scene's light: for each distinct illuminant one matrix and one vector to XYZ."""
+"""A scene on a surface as arrays for the Rust core: colours as matrices, lamps, view, relief."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from impasto.colour import Display, spectrum, xyz_from_coefficients, xyz_from_spectrum
-from impasto.colour.primaries import primary_spectra
-from impasto.environment import LUMINANCE
-from impasto.errors import ArgumentError
+from impasto._internal.border import RigArguments
+from impasto._internal.checks import holding, instance, length_mm
+from impasto._internal.waiting import floats
+from impasto.bands import Camera, checked_camera
+from impasto.colour import white_scale as white_scale_of
+from impasto.errors import ArgumentError, GeometryError
+from impasto.fit.interface import spectra_of_lobes
+from impasto.fit.reflectance import Reflectance, fit_reflectance
+from impasto.height import integrate_normals
+from impasto.illumination import channel_colours, lamp_colours
+from impasto.level import Level, as_level, find_level
+from impasto.rig import FRONTAL, DistantLight, PointLight, PointView, Rig
 from impasto.scene import Scene
+from impasto.surface import Lobe, Relightable, Surface
+from impasto.varnish import Varnish
 
-MIXING_GRID = np.arange(360.0, 831.0)
-"""Wavelengths in nm at which several illuminants are added."""
+_ENOUGH = 100
+"""A panel has more normals than that."""
 
 
 @dataclass(frozen=True)
-class ChannelColours:
-    """The three channels of an environment as colours.
+class SceneArguments:
+    """A scene as arrays: for each distinct illuminant one matrix and one vector to XYZ."""
+
+    rig: RigArguments
+    intensity: NDArray[np.float64]
+    colour: NDArray[np.uint32]
+    diffuse: NDArray[np.float64]
+    interface: NDArray[np.float64]
+    background: tuple[float, float, float]
+    environment: tuple[Any, tuple[int, int, int]] | None = None
+    """What :meth:`impasto.Environment.prefiltered` gives, and the illuminants of its channels."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Prepared:
+    """A surface and a scene, ready for the Rust core.
 
     Attributes
     ----------
-    diffuse
-        ``(3, k, 3)``: columns of the matrix of each channel.
-    interface
-        ``(3, 3)``: XYZ of each channel.
-    white
-        ``(3,)``: XYZ of a white board that faces the viewer.
+    surface
+        The maps with the coefficients of spectra as their colours, levelled.
+    relief
+        ``(y, x)`` height in mm where the scene has shadows, otherwise None.
+    arguments
+        The scene.
+    rig
+        The scene's lights and eye, relative to the whole painting.
+    exposure
+        The factor from XYZ to display light; 1 where it follows from the picture.
+    from_picture
+        Whether the exposure follows from the picture: ``exposure="maximum"``.
+    in_bands
+        Whether colours are those of the bands, without spectra: one matrix for all lights.
+    reflectance
+        What has the spectra of the colours; None for those of the bands.
+    as_photographed
+        Whether the picture can show what photographs show besides the model: the panel is not
+        rotated, no shadows are cast, the painting is seen on its own pixels, its colours are those
+        of the bands.
     """
 
-    diffuse: NDArray[np.float64]
-    interface: NDArray[np.float64]
-    white: NDArray[np.float64]
+    surface: Surface
+    relief: NDArray[np.float32] | None
+    arguments: SceneArguments
+    rig: Rig
+    exposure: float
+    from_picture: bool
+    in_bands: bool
+    reflectance: Any
+    as_photographed: bool
 
 
-def channel_colours(scene: Scene, reflectance: Any, bands: int) -> ChannelColours:
-    """What the channels of a scene's environment make of a surface.
+def prepare(
+    surface: Relightable,
+    scene: Scene,
+    *,
+    reflectance: Reflectance | None = None,
+    camera: Camera | None = None,
+    height: ArrayLike | None = None,
+    pitch_mm: float | None = None,
+    index: float | None = None,
+    level: bool | Level | None = None,
+    threads: int | None = None,
+) -> Prepared:
+    """A surface and a scene as arrays; the parameters are those of :func:`impasto.render`.
 
-    With spectra a channel is the illuminant behind the filter of its primary
-    (:func:`impasto.colour.primaries.primary_spectra`), and white the illuminant itself. Without,
-    the three bands of the photographs are lit by their own channel each.
+    Raises
+    ------
+    ArgumentError
+        Shapes that do not match; an illuminant or an adaptation for colours without spectra.
+    GeometryError
+        A point light without the width of a pixel.
     """
-    room = scene.environment
-    if room is None:
-        raise ArgumentError("environment: the scene has none")
+    instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
+    made_by = "what impasto.fit_sbrdf or impasto.load_sbrdf returns, or an impasto.Surface"
+    instance(surface, Relightable, "surface", made_by)
+    if reflectance is not None:
+        spectral = ("coefficients", "basis", "wavelengths")
+        holding(spectral, reflectance, "reflectance", "what impasto.fit_reflectance returns")
+    if camera is not None:
+        checked_camera(camera)
+    lit = surface.surface()
+    pitch = lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
+    if pitch is None and any(isinstance(light, PointLight) for light in scene.lights):
+        raise GeometryError(
+            "pitch_mm: point lights need the width of a pixel on the painting in mm, which the "
+            "surface does not contain; give pitch_mm="
+        )
+    pitch = 1.0 if pitch is None else pitch
     if reflectance is None:
-        primaries = Display.named("srgb").xyz_from_linear.T
-        captured = _captured(scene, bands)
-        if bands == 3:
-            own = np.eye(3)[:, :, None] * primaries[:, None, :]
-        else:
-            own = primaries[:, None, :] * np.ones_like(captured)
-        diffuse, interface = own, primaries
-    else:
-        illuminant = scene.illuminants[-1]
-        test = _test(scene)
-        spectra = primary_spectra(illuminant, MIXING_GRID)
-        shares = _luminosity() @ spectra.T
-        folds = [
-            xyz_from_coefficients(
-                reflectance.basis,
-                reflectance.wavelengths,
-                (MIXING_GRID, one),
-                test=test,
-                reference=scene.reference,
-                d=scene.adaptation,
-                mode=scene.adaptation_mode,
-            )
-            for one in spectra
-        ]
-        shares = shares / shares.sum()
-        diffuse = np.stack([share * f.diffuse.T for share, f in zip(shares, folds, strict=True)])
-        interface = np.stack([share * f.interface for share, f in zip(shares, folds, strict=True)])
-    # Maps do not know the intensity: they are kept.
-    board = room.irradiance()
-    return ChannelColours(
-        np.ascontiguousarray(room.intensity * diffuse),
-        room.intensity * interface,
-        board @ interface,
+        reflectance = surface.spectra()
+    if reflectance is None and camera is not None:
+        source: Any = surface
+        reflectance = fit_reflectance(None, source, camera)
+    lit = _coloured(lit, type(surface).__name__, reflectance, index)
+    if scene.varnish is not None:
+        lit = varnished(lit, scene.varnish)
+    stood = lit.normal
+    lit = _levelled(lit, level, has_height=height is not None, shadows=scene.shadows)
+    unmoved = lit.normal is stood and not scene.shadows
+    relief = _relief(lit, height, pitch, threads) if scene.shadows else None
+    eye = surface.eye() if scene.view is None else scene.view
+    whole = rig_of(scene, eye, pitch, lit)
+    lit, arguments, exposure = arranged(lit, scene, whole, eye, reflectance, threads)
+    return Prepared(
+        surface=lit,
+        relief=relief,
+        arguments=arguments,
+        rig=whole,
+        exposure=exposure,
+        from_picture=isinstance(scene.exposure, str),
+        in_bands=reflectance is None,
+        reflectance=reflectance,
+        as_photographed=(reflectance is None and bool(scene.lights) and unmoved and _in_front(eye)),
     )
 
 
-def lamp_colours(
-    scene: Scene, reflectance: Any, bands: int
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.uint32], NDArray[Any]]:
-    """Matrices ``(g, k, 3)``, vectors ``(g, 3)``, the row of each light, and XYZ of white."""
-    if reflectance is None:
-        matrix = _captured(scene, bands)
-        white = Display.named("srgb").xyz_from_linear.sum(axis=1)
-        total = sum(light.intensity for light in scene.lights)
-        return (
-            matrix[None],
-            white[None],
-            np.zeros(len(scene.lights), np.uint32),
-            np.asarray(total * white),
-        )
-    distinct: list[Any] = []
-    which = []
-    for illuminant in scene.illuminants[: len(scene.lights)]:
-        same = [index for index, other in enumerate(distinct) if _same(illuminant, other)]
-        which.append(same[0] if same else len(distinct))
-        if not same:
-            distinct.append(illuminant)
-    test = _test(scene)
-    folds = [
-        xyz_from_coefficients(
-            reflectance.basis,
-            reflectance.wavelengths,
-            illuminant,
-            test=test,
-            reference=scene.reference,
-            d=scene.adaptation,
-            mode=scene.adaptation_mode,
-        )
-        for illuminant in distinct
-    ]
-    if len(reflectance.basis) != bands:
-        raise ArgumentError(
-            f"reflectance: {bands} coefficients but a basis of {len(reflectance.basis)}"
-        )
-    if not folds:
-        return np.zeros((0, bands, 3)), np.zeros((0, 3)), np.zeros(0, np.uint32), np.zeros(3)
-    interface = np.stack([fold.interface for fold in folds])
-    strength = np.array([light.intensity for light in scene.lights])
-    return (
-        np.ascontiguousarray(np.stack([fold.diffuse.T for fold in folds])),
-        interface,
-        np.array(which, dtype=np.uint32),
-        strength @ interface[which],
-    )
+def rig_of(scene: Scene, eye: Any, pitch: float, lit: Surface) -> Rig:
+    """Lights and eye of a scene; without lamps the rig only says where the eye is."""
+    lamps = scene.lights or (DistantLight(FRONTAL),)
+    return Rig(lamps, views=eye, pitch_mm=pitch, origin=lit.origin)
 
 
-def _captured(scene: Scene, bands: int) -> NDArray[np.float64]:
-    """Matrix ``(band, 3)`` from bands without spectra to XYZ."""
-    if bands not in {1, 3}:
-        raise ArgumentError(
-            f"camera: {bands} bands have no colours without spectra; give camera=, or "
-            "reflectance= from impasto.fit_reflectance"
-        )
-    as_it_was = all(_same(illuminant, "D65") for illuminant in scene.illuminants)
-    if scene.adaptation is not None or not as_it_was:
-        raise ArgumentError(
-            "camera: without camera= or reflectance= only the colours under the light of the "
-            "capture are known; give one of them for another illuminant or an adaptation"
-        )
-    primaries = Display.named("srgb").xyz_from_linear
-    columns = primaries if bands == 3 else primaries.sum(axis=1, keepdims=True)
-    return np.ascontiguousarray(columns.T)
+def arranged(
+    lit: Surface,
+    scene: Scene,
+    whole: Rig,
+    eye: Any,
+    reflectance: Any,
+    threads: int | None = None,
+) -> tuple[Surface, SceneArguments, float]:
+    """The surface with the scene's share of ambient light, the scene as arrays, its exposure.
 
-
-def _same(one: Any, other: Any) -> bool:
-    if one is other:
-        return True
-    if isinstance(one, str) or isinstance(other, str):
-        return bool(isinstance(one, str) and isinstance(other, str) and one == other)
-    return np.ndim(one) == 0 and np.ndim(other) == 0 and bool(one == other)
-
-
-def _test(scene: Scene) -> Any:
-    """The light to which the observer adapts."""
-    first = scene.illuminants[0]
-    return first if all(_same(first, one) for one in scene.illuminants) else _mixture(scene)
-
-
-def _luminosity() -> NDArray[np.float64]:
-    return np.asarray(xyz_from_spectrum(MIXING_GRID, np.ones(MIXING_GRID.size))[1])
-
-
-def _mixture(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The sum of all lights; each has Y = its intensity, an environment that of a white board."""
-    luminosity = _luminosity()
-    strengths = [light.intensity for light in scene.lights]
+    ``whole`` has the scene's lights and ``eye``, relative to the whole painting. An exposure that
+    follows from the picture is 1 here, and the background is 0 with it.
+    """
+    rig = whole.here
+    bands = len(lit.diffuse)
+    diffuse, interface, which, white = lamp_colours(scene, reflectance, bands, eye)
     if scene.environment is not None:
-        strengths.append(float(LUMINANCE @ scene.environment.irradiance()))
-    total = np.zeros(MIXING_GRID.size)
-    for strength, illuminant in zip(strengths, scene.illuminants, strict=True):
-        power = spectrum(illuminant, MIXING_GRID)
-        total += strength * power / (luminosity @ power)
-    return MIXING_GRID, total
+        channels = channel_colours(scene, reflectance, bands, eye)
+        diffuse = np.concatenate([diffuse, channels.diffuse])
+        interface = np.concatenate([interface, channels.interface])
+        white = white + channels.white
+    from_picture = isinstance(scene.exposure, str)
+    exposure = 1.0 if isinstance(scene.exposure, str) else scene.exposure
+    if exposure is None:
+        exposure = white_scale_of(white, scene.display).scale
+    behind = np.zeros(3) if from_picture else np.asarray(scene.background)
+    background = np.linalg.solve(exposure * scene.display.linear_from_xyz, behind)
+    arguments = SceneArguments(
+        rig=RigArguments.of(rig),
+        intensity=rig.intensities[: len(scene.lights)],
+        colour=which,
+        diffuse=diffuse,
+        interface=interface,
+        background=(float(background[0]), float(background[1]), float(background[2])),
+        environment=_surroundings(scene, lit, len(diffuse), threads),
+    )
+    return _with_ambient_of(lit, scene, rig), arguments, float(exposure)
+
+
+def _coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) -> Surface:
+    """The surface to render, with the coefficients of a reflectance as its colours."""
+    if reflectance is None:
+        return lit if index is None else replace(lit, index=index)
+    planes = _planes(reflectance.coefficients, lit.shape)
+    if not lit.tinted:
+        return lit.with_diffuse(planes, index=index)
+    operator = getattr(reflectance, "interface", None)
+    bands = len(lit.diffuse)
+    if operator is None or operator.shape != (len(planes), bands):
+        raise ArgumentError(
+            f"reflectance: the lobes of a {kind} have strengths in {bands} bands, whose spectra "
+            "only the result of impasto.fit_reflectance for these bands has; fit it again, or "
+            "leave reflectance= out"
+        )
+
+    def spectra(strength: NDArray[np.float32]) -> NDArray[np.float32]:
+        return spectra_of_lobes(strength, operator, reflectance.basis)
+
+    return lit.with_diffuse(planes, index=index, spectra=spectra)
+
+
+def varnished(lit: Surface, varnish: Varnish) -> Surface:
+    """The surface with the gloss of a coat, and its own as what the coat leaves of it."""
+    if varnish.removed:
+        return lit
+    own, coat, between = (
+        ((one - 1.0) / (one + 1.0)) ** 2
+        for one in (lit.index, varnish.index, varnish.index / lit.index)
+    )
+    mirror = lit.model == "lafortune"
+    # Torrance-Sparrow lobes are multiplied by Fresnel's reflectance of the surface's index.
+    bare = own if mirror else coat
+    share = between / bare if bare > 0.0 else 1.0
+    lobes = [Lobe(share * lobe.strength, lobe.shape) for lobe in lit.lobes if share > 0.0]
+    gamma, beta = varnish.gamma, varnish.strength
+    if beta > 0.0:
+        # cos^n of the angle from the mirror direction, twice that of the facet, is one half where
+        # exp(-ln 2 (phi / gamma)^2) is.
+        phong = Lobe(beta * coat, (-1.0, 1.0, math.log(2.0) / (2.0 * gamma**2)))
+        lobes.append(phong if mirror else Lobe(beta, (gamma,)))
+    return replace(lit, lobes=tuple(lobes), index=varnish.index)
+
+
+def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:
+    """Scale the ambient light of a part of a painting to that of the whole.
+
+    Ambient light is relative to the light that arrives at the centre. ``rig`` has the intensities
+    that near lights have at the centre of the part. Lobes with ambient light have one illuminant.
+    """
+    there = float(sum(light.intensity for light in scene.lights))
+    here = float(rig.intensities[: len(scene.lights)].sum())
+    if lit.ambient is None or here == there:
+        return lit
+    return replace(lit, ambient=lit.ambient * np.float32(there / here))
+
+
+def _surroundings(
+    scene: Scene, lit: Surface, colours: int, threads: int | None
+) -> tuple[Any, tuple[int, int, int]] | None:
+    """The environment for the numerics; the last three colours are its channels'."""
+    if scene.environment is None:
+        return None
+    lobes = lit.model == "lafortune" and len(lit.lobes) > 0
+    built = scene.environment.prefiltered(lobes=lobes, threads=threads)
+    return built, (colours - 3, colours - 2, colours - 1)
+
+
+def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:
+    planes = floats(values)
+    if planes.ndim != 3 or planes.shape[1:] != size:
+        raise ArgumentError(
+            f"reflectance: expected coefficients (k, {size[0]}, {size[1]}), found {planes.shape}"
+        )
+    return planes
+
+
+def _levelled(
+    lit: Surface, level: bool | Level | None, *, has_height: bool, shadows: bool
+) -> Surface:
+    """The surface relative to the plane of its panel, if that is wanted."""
+    if level is None:
+        if not shadows or has_height or lit.height is not None or not _faces(lit.normal):
+            return lit
+        found = find_level(lit.normal)
+        plane = found if found.leans else None
+    else:
+        plane = as_level(level, lit.normal)
+    return lit if plane is None else replace(lit, normal=plane.rotated(lit.normal))
+
+
+def _faces(normal: NDArray[np.float32]) -> bool:
+    """Whether there are enough normals to find a plane."""
+    return int((normal[2] > 0).sum()) >= _ENOUGH
+
+
+def _relief(
+    lit: Surface, height: ArrayLike | None, pitch: float, threads: int | None
+) -> NDArray[np.float32]:
+    relief = lit.height if height is None else floats(height)
+    if relief is None:
+        return integrate_normals(lit.normal, pitch, threads=threads)
+    if relief.shape != lit.shape:
+        raise ArgumentError(f"height: expected {lit.shape}, found shape {relief.shape}")
+    return relief
+
+
+def _in_front(eye: Any) -> bool:
+    """Whether a picture has the painting's own pixels: from the side, it is foreshortened."""
+    return isinstance(eye, PointView) or not np.any(np.asarray(eye, dtype=np.float64)[:2])

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from inspect import signature
 from typing import Any, Literal, get_args
 
 from numpy.typing import ArrayLike
 
-from impasto._internal.checks import number, numbers, positive
+from impasto._internal.checks import instance, number, numbers, positive
 from impasto.colour import Display
 from impasto.colour.adaptation import Mode
 from impasto.colour.illuminants import checked_illuminant
 from impasto.environment import Environment
 from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import FRONTAL, DistantLight, Light, PointView, Rig
+from impasto.varnish import Varnish
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -54,6 +56,8 @@ class Scene:
         picture reports the factor.
     shadows
         Include cast shadows of the relief.
+    varnish
+        A coat of :class:`~impasto.Varnish` over the painting; default: the painting as it is.
     background
         Linear display light (three numbers from 0 to 1) where nothing of the painting is known or
         seen.
@@ -85,6 +89,7 @@ class Scene:
     display: Display
     exposure: float | Literal["maximum"] | None
     shadows: bool
+    varnish: Varnish | None
     background: tuple[float, float, float]
 
     def __init__(
@@ -100,6 +105,7 @@ class Scene:
         display: Display | str = "srgb",
         exposure: float | Literal["maximum"] | None = None,
         shadows: bool = False,
+        varnish: Varnish | None = None,
         background: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
         if not (environment is None or isinstance(environment, Environment)):
@@ -138,6 +144,8 @@ class Scene:
             )
         if exposure is not None and not (isinstance(exposure, str) and exposure == "maximum"):
             positive(exposure, "exposure", 'a positive factor or "maximum" or None')
+        if varnish is not None:
+            instance(varnish, Varnish, "varnish", "an impasto.Varnish, or None")
         fill = numbers(background, "background", "three numbers, 0 to 1")
         if fill.shape != (3,) or not ((fill >= 0) & (fill <= 1)).all():
             raise ArgumentError(f"background: expected three numbers, 0 to 1, found {background}")
@@ -153,7 +161,23 @@ class Scene:
         set_(self, "display", display if isinstance(display, Display) else Display.named(display))
         set_(self, "exposure", exposure)
         set_(self, "shadows", bool(shadows))
+        set_(self, "varnish", varnish)
         set_(self, "background", tuple(fill.tolist()))
+
+    def changed(self, **options: Any) -> Scene:
+        """The same scene with other options; the parameters are those of the class.
+
+        Raises
+        ------
+        GeometryError, ArgumentError
+            As the class does.
+        """
+        given = {
+            name: getattr(self, name)
+            for name in signature(Scene).parameters
+            if name != "illuminant"
+        }
+        return Scene(**{**given, "illuminant": list(self.illuminants), **options})
 
     def __repr__(self) -> str:
         lamps = f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"
@@ -174,7 +198,10 @@ class Scene:
         place = f", seen from ({x:.3g}, {y:.3g}, {z:.3g}){millimetres}"
         side = "" if (x, y) == (0.0, 0.0) and not near else place
         shadows = ", with shadows" if self.shadows else ""
+        coat = "" if self.varnish is None else ", varnished"
+        if self.varnish is not None and self.varnish.removed:
+            coat = ", without its varnish"
         return (
-            f"<Scene {lamps} ({', '.join(sorted(spectra))}){eye}{side}{shadows}, "
+            f"<Scene {lamps} ({', '.join(sorted(spectra))}){eye}{side}{shadows}{coat}, "
             f"on {self.display.name}>"
         )

@@ -29,7 +29,8 @@ from impasto.fit.pooled import Extraction, PooledSbrdf
 from impasto.fit.reflectance import Estimator, Reflectance, fit_reflectance, matching_camera
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.highlights import reconstruct_highlights
-from impasto.render import Image, render
+from impasto.image import Image
+from impasto.render import render
 from impasto.rig import DistantLight
 from impasto.scene import Scene
 from impasto.stack import Stack, checked_stack

@@ -26,7 +26,8 @@ pub(crate) fn internal(py: Python<'_>, panic: &(dyn std::any::Any + Send)) -> Py
     named(py, "InternalError", format!("a defect in impasto, please report it: {text}"))
 }
 
-fn named(py: Python<'_>, class: &str, message: String) -> PyErr {
+/// An exception of `impasto.errors`, by its name.
+pub(crate) fn named(py: Python<'_>, class: &str, message: String) -> PyErr {
     let class = py
         .import("impasto.errors")
         .and_then(|module| module.getattr(class))

@@ -9,13 +9,17 @@ use pyo3::prelude::*;
 mod arrays;
 mod environment;
 mod errors;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod highlight;
 mod lafortune;
 mod lobes;
+mod plan;
 mod pooled;
 mod relight;
 mod run;
 mod sbrdf;
+mod scene;
 mod spectral;
 mod stereo;
 mod surface;
@@ -48,6 +52,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(relight::display_from_bands, module)?)?;
     module.add_function(wrap_pyfunction!(relight::integrate_normals, module)?)?;
     module.add_function(wrap_pyfunction!(relight::linear_from_bands, module)?)?;
+    module.add_function(wrap_pyfunction!(relight::paint, module)?)?;
     module.add_function(wrap_pyfunction!(relight::render, module)?)?;
     module.add_function(wrap_pyfunction!(lobes::fit_lobes, module)?)?;
     module.add_function(wrap_pyfunction!(lobes::learn_lobes, module)?)?;
@@ -61,7 +66,15 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(stereo::learn_normals, module)?)?;
     module.add_function(wrap_pyfunction!(spectral::spectral_estimator, module)?)?;
     module.add_class::<environment::Environment>()?;
+    module.add_class::<plan::Plan>()?;
+    module.add_class::<plan::SurfaceStatistics>()?;
     module.add_class::<spectral::SpectralEstimator>()?;
+    #[cfg(feature = "gpu")]
+    {
+        module.add_function(wrap_pyfunction!(gpu::gpu_adapters, module)?)?;
+        module.add_function(wrap_pyfunction!(gpu::gpu_render, module)?)?;
+        module.add_class::<gpu::GpuRenderer>()?;
+    }
     module.add("STATUS", arrays::status_names())?;
     module.add("CONDITION_LIMIT", impasto::stereo::CONDITION_LIMIT)?;
     module.add("HALO", impasto::sbrdf::HALO)?;

@@ -2,11 +2,9 @@
 
 #![allow(clippy::needless_pass_by_value, reason = "pyo3 hands arguments over by value")]
 
-use std::sync::Arc;
-
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArray3, PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
@@ -14,87 +12,75 @@ use impasto::Error;
 use impasto::geometry::{Grid, Light};
 use impasto::math::Vec3;
 use impasto::relight::curve::Curve;
-use impasto::relight::scene::{Colour, Lamp, Scene, Surroundings};
-use impasto::relight::show::{Codes, codes_from_planes, linear_from_planes};
+use impasto::relight::show::{Codes, Display, codes_from_planes, linear_from_planes};
 use impasto::relight::{self, Relief};
 
-use crate::arrays::{RigArguments, Size};
-use crate::environment::Environment;
+use crate::arrays::Size;
 use crate::errors::to_python;
+use crate::plan::Plan;
 use crate::run;
+use crate::scene::{SceneArguments, slice};
 use crate::surface::SurfaceArguments;
 
-/// What `impasto.render.SceneArguments` holds.
-#[derive(FromPyObject)]
-pub(crate) struct SceneArguments<'py> {
-    rig: RigArguments<'py>,
-    /// (light,).
-    intensity: PyReadonlyArray1<'py, f64>,
-    /// (light,): which illuminant.
-    colour: PyReadonlyArray1<'py, u32>,
-    /// (illuminant, k, 3): columns of the matrices.
-    diffuse: PyReadonlyArray3<'py, f64>,
-    /// (illuminant, 3).
-    interface: PyReadonlyArray2<'py, f64>,
-    /// (3,).
-    background: [f32; 3],
-    /// With the illuminants of its channels: then the rig's light, if its intensity is none, only
-    /// says where the eye is.
-    environment: Option<(Py<Environment>, [usize; 3])>,
-}
+/// Light `(3, y, x)` and coverage `(y, x)`.
+pub(crate) type Seen<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
 
-impl SceneArguments<'_> {
-    fn scene(&self, grid: Grid) -> impasto::Result<Scene> {
-        let rig = self.rig.rig(grid.height, grid.width)?;
-        let (intensity, colour) = (self.intensity.as_array(), self.colour.as_array());
-        let lamps = rig.lights().iter().zip(intensity).zip(colour);
-        let lamps = lamps.map(|((&light, &intensity), &colour)| Lamp {
-            light,
-            intensity,
-            colour: colour as usize,
-        });
-        let (diffuse, interface) = (self.diffuse.as_array(), self.interface.as_array());
-        let colours = diffuse.outer_iter().zip(interface.rows()).map(|(matrix, vector)| Colour {
-            diffuse: matrix.rows().into_iter().map(|c| [c[0], c[1], c[2]]).collect(),
-            interface: [vector[0], vector[1], vector[2]],
-        });
-        let environment = self.environment.as_ref().map(|(around, colours)| Surroundings {
-            environment: Arc::clone(&around.get().inner),
-            colours: *colours,
-        });
-        Scene::surrounded(lamps.collect(), colours.collect(), rig.views()[0], environment)
-    }
-}
-
-fn slice<'a, T: numpy::Element, D: numpy::ndarray::Dimension>(
-    name: &'static str,
-    array: &'a numpy::PyReadonlyArray<'_, T, D>,
-) -> impasto::Result<&'a [T]> {
-    array.as_slice().map_err(|error| Error::argument(name, error.to_string()))
-}
-
-type Seen<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
-
-/// Light of a scene: (3, y, x) and coverage (y, x).
+/// Light of a scene as planned: (3, y, x) and coverage (y, x).
 #[pyfunction]
 pub(crate) fn render<'py>(
     py: Python<'py>,
     surface: SurfaceArguments<'py>,
     height: Option<PyReadonlyArray2<'py, f32>>,
     scene: SceneArguments<'py>,
+    plan: PyRef<'py, Plan>,
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Seen<'py>> {
     let refuse = |error: Error| to_python(py, &error);
-    let grid = surface.grid(scene.rig.pitch_mm);
+    let grid = scene.grid(&surface);
     let height = height.as_ref().map(|map| slice("height", map)).transpose().map_err(refuse)?;
     let (maps, relief) = (surface.surface().map_err(refuse)?, Relief { grid, height });
     let (lit, background) = (scene.scene(grid).map_err(refuse)?, scene.background);
+    let plan = &plan.0;
     let picture = run::call(py, threads, progress.as_ref(), |run| {
-        relight::render(&maps, relief, &lit, background, run)
+        relight::render(&maps, relief, &lit, plan, background, run)
     })?;
     let size = Size { height: picture.grid.height, width: picture.grid.width };
     Ok((size.planes(py, picture.light, 3)?, size.map(py, picture.coverage)?))
+}
+
+type Painted<'py> = (Bound<'py, PyAny>, Bound<'py, PyArray2<f32>>, Vec<u64>, Vec<u64>);
+
+/// Display codes `(y, x, 3)` of a scene as planned, coverage `(y, x)`, and how many pixels lay
+/// below 0 and above 1 per channel; `matrix` holds columns from light to linear display light.
+#[pyfunction]
+#[allow(clippy::too_many_arguments, reason = "what render takes, and a display")]
+pub(crate) fn paint<'py>(
+    py: Python<'py>,
+    surface: SurfaceArguments<'py>,
+    height: Option<PyReadonlyArray2<'py, f32>>,
+    scene: SceneArguments<'py>,
+    plan: PyRef<'py, Plan>,
+    matrix: PyReadonlyArray2<'py, f64>,
+    curve: PyReadonlyArray2<'py, f32>,
+    threads: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Painted<'py>> {
+    let refuse = |error: Error| to_python(py, &error);
+    let grid = scene.grid(&surface);
+    let height = height.as_ref().map(|map| slice("height", map)).transpose().map_err(refuse)?;
+    let (maps, relief) = (surface.surface().map_err(refuse)?, Relief { grid, height });
+    let (lit, background) = (scene.scene(grid).map_err(refuse)?, scene.background);
+    let (plan, matrix) = (&plan.0, columns(&matrix));
+    let curve = slice("curve", &curve).and_then(Curve::new).map_err(refuse)?;
+    let (codes, coverage, clipped) = run::call(py, threads, progress.as_ref(), |run| {
+        let display = Display { matrix: &matrix, curve: &curve };
+        relight::paint(&maps, relief, &lit, plan, background, &display, run)
+    })?;
+    let codes: Bound<'py, PyArray1<u8>> = codes.into_pyarray(py);
+    let codes = codes.reshape([grid.height, grid.width, 3])?.into_any();
+    let size = Size { height: grid.height, width: grid.width };
+    Ok((codes, size.map(py, coverage)?, clipped.below.to_vec(), clipped.above.to_vec()))
 }
 
 /// `(3, y, x)` linear light from `(k, y, x)` planes and `(k, 3)` matrix columns.
@@ -154,7 +140,8 @@ pub(crate) fn display_from_bands<'py>(
     Ok((codes, clipped.below.to_vec(), clipped.above.to_vec()))
 }
 
-fn columns(matrix: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 3]> {
+/// Rows of an array as columns of a matrix.
+pub(crate) fn columns(matrix: &PyReadonlyArray2<'_, f64>) -> Vec<[f64; 3]> {
     matrix.as_array().rows().into_iter().map(|c| [c[0], c[1], c[2]]).collect()
 }
 

@@ -17,8 +17,8 @@ from impasto.errors import ArgumentError
 from impasto.systems import Name
 
 if TYPE_CHECKING:
+    from impasto.image import Image
     from impasto.pictures import Panel
-    from impasto.render import Image
     from impasto.simulate import Capture, Score
     from impasto.systems import System
 

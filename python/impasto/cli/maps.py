@@ -57,13 +57,15 @@ def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
     write_png8(folder / "status.png", np.asarray(sbrdf.status, dtype=np.uint8))
     sbrdf.save(folder / RESULT)
     if reflectance is not None:
-        from impasto.colour import display_from_coefficients
+        from impasto.colour import display_from_coefficients, icc_profile
         from impasto.render import display_from_bands
 
         reflectance.save(folder / SPECTRA)
         fold = display_from_coefficients(reflectance.basis, reflectance.wavelengths, "D65")
         colour = display_from_bands(reflectance.coefficients, fold, bits=16)
-        write_png16(folder / "colour.png", np.moveaxis(colour, -1, 0))
+        write_png16(
+            folder / "colour.png", np.moveaxis(colour, -1, 0), icc=icc_profile(fold.display)
+        )
 
 
 def load_result(folder: Path) -> tuple[Any, Any]:

@@ -60,6 +60,44 @@ def parsed(text: str) -> Angles:
     return Angles(azimuth, elevation)
 
 
+WHITES = {"warm": 2700.0, "cool": 4000.0}
+"""Kelvin of lamps sold as warm white and cool white (nominal temperatures of ANSI C78.377)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lamp:
+    """Where a lamp stands, and its illuminant if it has one of its own."""
+
+    angles: Angles
+    illuminant: str | float | None = None
+
+
+def lamp(text: str) -> Lamp:
+    """A lamp from ``"azimuth,elevation"`` or ``"azimuth,elevation,illuminant"``.
+
+    The illuminant is a name, kelvin, ``warm`` or ``cool``.
+
+    Raises
+    ------
+    ValueError
+        If these are not two finite numbers and an illuminant, or the direction is behind the
+        painting.
+    """
+    words = text.split(",", 2)
+    own: str | float | None = None
+    if len(words) == 3:
+        from impasto.colour.illuminants import checked_illuminant
+
+        name = words.pop().strip()
+        own = WHITES.get(name.lower(), name)
+        try:
+            checked_illuminant(own)
+        except ArgumentError as error:
+            found = str(error).removeprefix("illuminant: ")
+            raise ValueError(f"{text!r}: {found}; or warm, cool") from None
+    return Lamp(parsed(",".join(words)), own)
+
+
 def position(text: str) -> Position:
     """Millimetres from ``"x,y,z"``.
 
@@ -81,8 +119,29 @@ def _one(_type: Any, tokens: Sequence[Token]) -> Angles:
     return parsed(tokens[-1].value)
 
 
-def _several(_type: Any, tokens: Sequence[Token]) -> tuple[Angles, ...]:
-    return tuple(parsed(token.value) for token in tokens)
+def span(text: str) -> tuple[float, float]:
+    """Two degrees of adaptation from ``"0..1"``.
+
+    Raises
+    ------
+    ValueError
+        If these are not two numbers from 0 to 1.
+    """
+    try:
+        first, last = (float(word) for word in text.split(".."))
+    except ValueError:
+        raise ValueError(f"expected two degrees such as 0..1, found {text!r}") from None
+    if not (0.0 <= first <= 1.0 and 0.0 <= last <= 1.0):
+        raise ValueError(f"expected two degrees from 0 to 1, found {text!r}")
+    return first, last
+
+
+def _span(_type: Any, tokens: Sequence[Token]) -> tuple[float, float]:
+    return span(tokens[-1].value)
+
+
+def _lamps(_type: Any, tokens: Sequence[Token]) -> tuple[Lamp, ...]:
+    return tuple(lamp(token.value) for token in tokens)
 
 
 def _whole(_type: Any, tokens: Sequence[Token]) -> int:
@@ -123,5 +182,6 @@ Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 Whole = Annotated[int, Parameter(converter=_whole)]
 SomeWhole = Annotated[int | None, Parameter(converter=_whole)]
 OneDirection = Annotated[Angles | None, _word(_one, "AZ,EL")]
-SeveralDirections = Annotated[tuple[Angles, ...] | None, _word(_several, "AZ,EL")]
+OneSpan = Annotated[tuple[float, float] | None, _word(_span, "FROM..TO")]
+SeveralLamps = Annotated[tuple[Lamp, ...] | None, _word(_lamps, "AZ,EL[,ILLUMINANT]")]
 SeveralPositions = Annotated[tuple[Position, ...] | None, _word(_positions, "X,Y,Z")]

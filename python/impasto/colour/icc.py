@@ -1,6 +1,7 @@
 """ICC profiles: embedded in picture files, so that other programs show the right colours.
 
-A picture for sRGB is understood without one; a picture for any other display is not.
+A picture for sRGB is mostly understood without one, but not by programs that take codes without a
+profile for those of the monitor; a picture for any other display is not.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def icc_profile(display: Display) -> bytes:
     Returns
     -------
     bytes
-        To embed in PNG or TIFF. The same display gives the same bytes.
+        To embed in PNG, TIFF or JPEG. The same display gives the same bytes.
     """
     white = display.xyz_from_linear.sum(axis=1)
     adapt = np.linalg.solve(BRADFORD, ((BRADFORD @ D50) / (BRADFORD @ white))[:, None] * BRADFORD)

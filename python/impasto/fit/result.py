@@ -25,8 +25,10 @@ from impasto.fit.pixel_maps import PixelMaps
 from impasto.fit.relief import Relief, relief_of
 from impasto.fit.residuals import Residuals, residuals_of
 from impasto.fit.saved import Reader, arrays_of, over
+from impasto.image import Image
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
-from impasto.render import Fidelity, Image, render
+from impasto.picture import Fidelity
+from impasto.render import render
 from impasto.rig import FRONTAL, DistantLight, PointLight, PointView, Rig, Views, quarter_turns_of
 from impasto.scene import Scene
 from impasto.stack import Stack

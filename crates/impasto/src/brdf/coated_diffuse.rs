@@ -56,6 +56,18 @@ impl CoatedDiffuse {
         Self { index, inverse: index.recip(), scale: (index + 1.0).powi(2) / (2.0 * index) }
     }
 
+    /// Index of refraction.
+    #[must_use]
+    pub fn index(&self) -> f64 {
+        self.index
+    }
+
+    /// `2 / (1 - F(1))`.
+    #[must_use]
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
     /// `t(c)` and its derivative.
     #[inline(always)]
     fn transmission<R: Real>(&self, cosine: R) -> [R; 2] {

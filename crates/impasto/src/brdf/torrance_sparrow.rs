@@ -195,6 +195,20 @@ impl<R: Real> Facet<R> {
     pub fn half(&self) -> Vec3<R> {
         self.half
     }
+
+    /// `2 / (V.H)`.
+    #[must_use]
+    #[inline(always)]
+    pub fn twice_over_v_h(&self) -> R {
+        self.twice_over_v_h
+    }
+
+    /// Fresnel reflectance; 0 where light and view oppose each other.
+    #[must_use]
+    #[inline(always)]
+    pub fn fresnel(&self) -> R {
+        self.fresnel
+    }
 }
 
 impl<S: Scalar> Facet<S> {

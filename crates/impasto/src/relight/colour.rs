@@ -9,7 +9,7 @@ use crate::surface::scaled;
 /// colour.
 #[inline(always)]
 pub(crate) fn colour<I: Isa>(block: &mut Block, coefficients: &[Plane], colour: &Colour) {
-    for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
+    for lane in (0..block.count).step_by(I::F32::WIDTH) {
         let diffuse = I::F32::load(&block.diffuse[lane..]);
         let specular = I::F32::load(&block.specular[lane..]);
         for channel in 0..3 {
@@ -42,7 +42,7 @@ pub(crate) fn shine<I: Isa>(
     let mut plane = [0.0; BLOCK];
     for (number, column) in colour.diffuse.iter().enumerate() {
         copied(coefficients, number * pixels + start, count, &mut plane);
-        for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
+        for lane in (0..block.count).step_by(I::F32::WIDTH) {
             let shown = scaled(I::F32::load(&plane[lane..]), I::F32::load(&value[lane..]));
             for (light, &weight) in block.light.iter_mut().zip(column) {
                 let sum = I::F32::load(&light[lane..]);

@@ -51,9 +51,11 @@ impl Curve {
         Ok(Self { tables })
     }
 
-    /// The table of a channel.
+    /// The table of a channel: the value at the left end of each cell, and what it rises by to the
+    /// right end.
+    #[must_use]
     #[inline(always)]
-    pub(crate) fn channel(&self, channel: usize) -> &[[f32; 2]; CELLS] {
+    pub fn channel(&self, channel: usize) -> &[[f32; 2]; CELLS] {
         &self.tables[channel.min(self.tables.len() - 1)]
     }
 }

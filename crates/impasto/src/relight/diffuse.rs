@@ -1,6 +1,6 @@
 //! The first term of eq. 1 and 9: `(N.L) S(lambda) E(lambda)`, without its colour.
 
-use super::block::{BLOCK, Block};
+use super::block::Block;
 use super::scene::Lamp;
 use crate::geometry::View;
 use crate::math::{Isa, Real, Vec3};
@@ -10,7 +10,7 @@ use crate::surface::CoatedDiffuse;
 #[inline(always)]
 pub(crate) fn reach<I: Isa>(block: &mut Block, lamp: &Lamp) {
     let intensity = I::F32::of(lamp.intensity);
-    for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
+    for lane in (0..block.count).step_by(I::F32::WIDTH) {
         let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
         let (_, irradiance) = lamp.light.at(x, y);
         (irradiance * intensity).store(&mut block.reach[lane..]);
@@ -23,7 +23,7 @@ pub(crate) type Interface = Option<(CoatedDiffuse, View)>;
 /// Adds the lamp's `(N.L) E`, 0 where the surface turns away, times what an interface transmits.
 #[inline(always)]
 pub(crate) fn diffuse<I: Isa>(block: &mut Block, lamp: &Lamp, interface: Interface) {
-    for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
+    for lane in (0..block.count).step_by(I::F32::WIDTH) {
         let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
         let normal = normal::<I>(block, lane);
         let (direction, _) = lamp.light.at(x, y);

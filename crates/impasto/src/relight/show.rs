@@ -15,6 +15,15 @@ const INTEGER_BITS: f32 = 8_388_608.0;
 /// A 3 x k matrix: one column per input plane.
 pub type Matrix = [[f64; 3]];
 
+/// How light becomes codes.
+#[derive(Clone, Copy, Debug)]
+pub struct Display<'a> {
+    /// Linear display light from light.
+    pub matrix: &'a Matrix,
+    /// The tone curve.
+    pub curve: &'a Curve,
+}
+
 /// Where the codes go, three per pixel, interleaved as files want them.
 #[derive(Debug)]
 pub enum Codes<'a> {

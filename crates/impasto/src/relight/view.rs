@@ -75,7 +75,8 @@ impl Projection {
     }
 
     /// How far the view moves any pixel, in pixels.
-    pub(super) fn displacement(&self) -> f64 {
+    #[must_use]
+    pub fn displacement(&self) -> f64 {
         let (across, up) = (0.5 * self.painting.width as f64, 0.5 * self.painting.height as f64);
         // The map is linear: a corner moves most.
         [up, -up].into_iter().fold(0.0, |most: f64, up| {

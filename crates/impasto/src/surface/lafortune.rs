@@ -3,7 +3,8 @@
 use crate::brdf::lafortune;
 use crate::math::{Real, Scalar, Vec3};
 
-use super::lobe_model::{LobeModel, MAX_PARAMETERS};
+use super::lobe_model::{LobeModel, MAX_PARAMETERS, Shape};
+use super::sight::{Sight, angle, cosine};
 
 /// Isotropic Lafortune lobes with an arbitrary normal; radiance carries `N.L`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,5 +53,34 @@ impl LobeModel for Lafortune {
     fn value<R: Real>(&self, lobe: &lafortune::Lobe<R>, pair: &LightView<R>, normal: Vec3<R>) -> R {
         let pair = lafortune::Pair::against(normal, pair.light, pair.view, pair.light_view);
         pair.cosine * R::keep(pair.cosine.gt(R::zero()), lobe.value(&pair))
+    }
+
+    /// `s^n (N.L)`: with the view's mirror image `R = 2 (N.V) N - V`, which moves by twice the angle
+    /// by which the normal does, `s = Cz (V.L + R.L) / 2 + Cxy (V.L - R.L) / 2` is largest in a
+    /// corner of what its terms can be.
+    fn most(&self, [cxy, cz, exponent]: &Shape, sight: &Sight) -> f64 {
+        let Sight { normals, light, view } = sight;
+        let near = light.angle + view.angle;
+        let between = angle(view.axis, light.axis);
+        let direct = [cosine(between + near), cosine(between - near)];
+        let n = normals.axis;
+        let mirrored = n.scale(2.0 * n.dot(view.axis)) - view.axis;
+        let (middle, spread) = (angle(mirrored, light.axis), 2.0 * normals.angle + near);
+        let reflected = [cosine(middle + spread), cosine(middle - spread)];
+        let mut base = 0.0_f64;
+        for direct in direct {
+            for reflected in reflected {
+                for cz in cz {
+                    for cxy in cxy {
+                        let s = 0.5 * cz.mul_add(direct + reflected, cxy * (direct - reflected));
+                        base = base.max(s);
+                    }
+                }
+            }
+        }
+        // The base is known to some 1e-6 of its largest value; the kernel takes 1e-26 for darkness.
+        let base = base + 2e-6;
+        let exponent = if base > 1.0 { exponent[1] } else { exponent[0] };
+        (exponent * base.ln()).exp().max(1e-25) * normals.cosines(light)[1]
     }
 }

@@ -2,10 +2,14 @@
 
 use core::fmt::Debug;
 
+use super::sight::Sight;
 use crate::math::{Real, Scalar, Vec3};
 
 /// Most parameters that a lobe may have.
 pub const MAX_PARAMETERS: usize = 3;
+
+/// Smallest and largest values of the parameters of lobes.
+pub type Shape = [[f64; 2]; MAX_PARAMETERS];
 
 /// A kind of lobe: what it reflects of a light towards a view.
 ///
@@ -29,4 +33,9 @@ pub trait LobeModel: Copy + Debug + Send + Sync {
     /// Radiance of a lobe of unit strength under unit irradiance, 0 where the surface turns away
     /// from light or view.
     fn value<R: Real>(&self, lobe: &Self::Lobe<R>, pair: &Self::Pair<R>, normal: Vec3<R>) -> R;
+
+    /// No pixel shows more than this of a lobe of unit strength under unit irradiance: an upper
+    /// bound over all normals, lights, views and parameters of the intervals, 0 where the lobe is
+    /// exactly 0 in single precision.
+    fn most(&self, shape: &Shape, sight: &Sight) -> f64;
 }

@@ -26,7 +26,10 @@ pub struct Surface<'a> {
 
 impl Surface<'_> {
     /// Number of bands, if all maps have the same and as many pixels.
-    pub(crate) fn bands(&self, pixels: usize) -> Result<usize> {
+    ///
+    /// # Errors
+    /// If a map's size does not fit.
+    pub fn bands(&self, pixels: usize) -> Result<usize> {
         let bands = self.diffuse.len() / pixels.max(1);
         let parameters = self.model.names().len();
         let strong = |lobe: &Lobe<'_>| match lobe.strength {

@@ -1,7 +1,8 @@
 //! The models of lobes as one type: what a caller names, and a GPU switches on.
 
 use super::lafortune::Lafortune;
-use super::lobe_model::LobeModel;
+use super::lobe_model::{LobeModel, Shape};
+use super::sight::Sight;
 use super::torrance_sparrow::TorranceSparrow;
 use crate::error::{Error, Result};
 
@@ -48,6 +49,19 @@ impl Model {
             Self::TorranceSparrow { index } => visitor.visit(TorranceSparrow { index }),
             Self::Lafortune => visitor.visit(Lafortune),
         }
+    }
+
+    /// [`LobeModel::most`] of the model.
+    #[must_use]
+    pub fn most(self, shape: &Shape, sight: &Sight) -> f64 {
+        struct Most<'a>(&'a Shape, &'a Sight);
+        impl ModelVisitor for Most<'_> {
+            type Output = f64;
+            fn visit<M: LobeModel>(self, model: M) -> f64 {
+                model.most(self.0, self.1)
+            }
+        }
+        self.visit(Most(shape, sight))
     }
 
     /// The names of a lobe's parameters.

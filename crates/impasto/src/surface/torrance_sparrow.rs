@@ -1,9 +1,10 @@
 //! Torrance-Sparrow lobes [@torrance1967theory] of one parameter, the half-width gamma.
 
-use crate::brdf::torrance_sparrow::{Facet, sharpness};
+use crate::brdf::torrance_sparrow::{Facet, fresnel, sharpness};
 use crate::math::{Real, Scalar, Vec3};
 
-use super::lobe_model::{LobeModel, MAX_PARAMETERS};
+use super::lobe_model::{LobeModel, MAX_PARAMETERS, Shape};
+use super::sight::{Sight, angle};
 
 /// Lobes of facets under an interface of one index of refraction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,5 +38,31 @@ impl LobeModel for TorranceSparrow {
     #[inline(always)]
     fn value<R: Real>(&self, sharpness: &R, pair: &Facet<R>, normal: Vec3<R>) -> R {
         pair.on(normal).value(R::one(), *sharpness)
+    }
+
+    /// `exp(-k phi^2) F min(2 / (V.H), 1 / (N.V))`, from `G / (N.V) <= 2 (N.H) / (V.H)` and
+    /// `G <= 1`.
+    fn most(&self, shape: &Shape, sight: &Sight) -> f64 {
+        let Sight { normals, light, view } = sight;
+        let near = light.angle + view.angle;
+        // Half the angle between light and view, at most.
+        let half = 0.5 * (angle(light.axis, view.axis) + near);
+        if half >= core::f64::consts::FRAC_PI_2 {
+            return f64::INFINITY;
+        }
+        let v_h = half.cos();
+        // Where light or view move by an angle, the half vector between them moves by at most half
+        // of it over the cosine of half the angle between them. Single precision knows the chord
+        // between normal and half vector to some 1e-7.
+        let spread = normals.angle + 0.5 * near / v_h + 1e-6;
+        let middle = (light.axis + view.axis).normalised();
+        let phi = (angle(normals.axis, middle) - spread).max(0.0);
+        let power = sharpness(shape[0][1]) * phi * phi;
+        let open = normals.cosines(view)[0].max(1e-30);
+        // The kernel's exponential is exactly 0 from here on.
+        if power > 90.0 {
+            return 0.0;
+        }
+        (-power).exp() * fresnel(v_h, self.index) * (2.0 / v_h).min(1.0 / open)
     }
 }

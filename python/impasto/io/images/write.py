@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from impasto.errors import ArgumentError
 from impasto.io.files import atomic_bytes, atomic_path
 
+_APP2_BYTES = 65519
+"""Most bytes of a profile in one segment of a JPEG."""
 _RESERVED = frozenset(
     {"channels", "compression", "dataWindow", "displayWindow", "lineOrder", "type"}
 )
@@ -106,7 +108,9 @@ def write_png16(path: str | Path, picture: ArrayLike, *, icc: bytes | None = Non
     _write_png(path, _integers(picture, np.uint16), icc)
 
 
-def write_jpeg(path: str | Path, picture: ArrayLike, *, quality: int = 92) -> None:
+def write_jpeg(
+    path: str | Path, picture: ArrayLike, *, quality: int = 92, icc: bytes | None = None
+) -> None:
     """Write an 8-bit JPEG with full colour resolution, for viewing.
 
     Parameters
@@ -117,6 +121,8 @@ def write_jpeg(path: str | Path, picture: ArrayLike, *, quality: int = 92) -> No
         As for :func:`write_png16`.
     quality
         1 to 100.
+    icc
+        As for :func:`write_png16`, in segments APP2 as ICC.1:2022, annex B.4, says.
     """
     import cv2
 
@@ -130,7 +136,7 @@ def write_jpeg(path: str | Path, picture: ArrayLike, *, quality: int = 92) -> No
     done, data = cv2.imencode(".jpg", np.ascontiguousarray(pixels), settings)
     if not done:
         raise ArgumentError(f"picture: shape {planes.shape} cannot be written as JPEG")
-    atomic_bytes(path, data.tobytes())
+    atomic_bytes(path, _jpeg_with_profile(data.tobytes(), icc))
 
 
 def write_tiff16(
@@ -156,6 +162,23 @@ def write_tiff32(
     if array.dtype.kind not in "fiub":
         raise ArgumentError(f"picture: expected real numbers, found dtype {array.dtype}")
     _write_tiff(path, _planar(array.astype(np.float32)), attributes)
+
+
+def _jpeg_with_profile(jpeg: bytes, icc: bytes | None) -> bytes:
+    """The profile's segments behind the JFIF header, which must stay the first."""
+    if icc is None:
+        return jpeg
+    start = 4 + int.from_bytes(jpeg[4:6], "big") if jpeg[2:4] == b"\xff\xe0" else 2
+    parts = [icc[at : at + _APP2_BYTES] for at in range(0, len(icc), _APP2_BYTES)]
+    segments = b"".join(
+        b"\xff\xe2"
+        + (16 + len(part)).to_bytes(2, "big")
+        + b"ICC_PROFILE\0"
+        + bytes([number, len(parts)])
+        + part
+        for number, part in enumerate(parts, 1)
+    )
+    return jpeg[:start] + segments + jpeg[start:]
 
 
 def write_json(path: str | Path, content: Any) -> None:

@@ -1,0 +1,124 @@
+"""Frames per second of the GPU renderer against the CPU's, encoding to 8 bits included.
+
+    python benches/python/gpu.py [--record] [--adapter NAME]
+
+1024 x 1024 pixels. The surface is on the card, and the lamp moves from frame to frame, as in a
+viewer. Both renderers return display codes in the CPU's memory. The CPU has two threads; so has, on
+a computer of two cores, software Vulkan. The least time of several rounds, in turn.
+
+`--record` writes benches/results/gpu.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+from record import run_info, show, write
+
+import impasto
+from impasto import DistantLight, Scene, Surface, gpu
+
+SIDE = 1024
+THREADS = 2
+ROUNDS = 7
+FRAMES = 4
+
+
+def paintings() -> dict[str, Surface]:
+    """The same relief and colours with more and more lobes."""
+    rng = np.random.default_rng(0)
+    size = (SIDE, SIDE)
+    normal = rng.normal(0.0, 0.1, (3, *size))
+    normal[2] = 1.0
+    normal = (normal / np.linalg.norm(normal, axis=0)).astype(np.float32)
+    diffuse = rng.uniform(0.0, 0.5, (3, *size)).astype(np.float32)
+    beta, gamma = rng.uniform(0.5, 4.0, size), rng.uniform(0.05, 0.3, size)
+    matte = Surface(normal, diffuse)
+    psi = rng.uniform(-0.3, 0.3, (3, *size))
+    specular = rng.uniform(0.0, 0.2, (3, 3, *size))
+    exponent = rng.uniform(3.0, 60.0, (3, *size))
+    cxy, cz = np.sin(psi) - np.cos(psi), np.sin(psi) + np.cos(psi)
+    relief = np.cumsum(rng.normal(0.0, 0.02, size), axis=0).astype(np.float32)
+    return {
+        "diffuse": matte,
+        "Torrance-Sparrow": Surface.torrance_sparrow(normal, diffuse, beta, gamma),
+        "Torrance-Sparrow, one for all": Surface.torrance_sparrow(normal, diffuse, 2.0, 0.1),
+        "3 Lafortune lobes": Surface.lafortune(normal, diffuse, specular, cxy, cz, exponent),
+        "diffuse, cast shadows": replace(matte, height=relief),
+    }
+
+
+def scenes(*, shadows: bool) -> list[Scene]:
+    """A lamp that turns."""
+    angles = np.linspace(0.1, 5.9, FRAMES)
+    lights = [(np.cos(a), np.sin(a), 0.8) for a in angles]
+    return [Scene([DistantLight(light)], shadows=shadows, exposure=0.8) for light in lights]
+
+
+def least(contenders: dict[str, Callable[[Scene], Any]], views: list[Scene]) -> dict[str, float]:
+    """Seconds of a frame, the contenders taking turns."""
+    found = dict.fromkeys(contenders, np.inf)
+    for _ in range(ROUNDS):
+        for name, contender in contenders.items():
+            start = time.perf_counter()
+            for scene in views:
+                contender(scene)
+            found[name] = min(found[name], (time.perf_counter() - start) / len(views))
+    return found
+
+
+def measured(adapter: str) -> list[dict[str, Any]]:
+    """A row for each surface."""
+    rows = []
+    for name, surface in paintings().items():
+        shadows = surface.height is not None
+        views = scenes(shadows=shadows)
+        renderer = gpu.Renderer(surface, shadows=shadows, adapter=adapter, threads=THREADS)
+        on_card = renderer.frame
+        on_cpu = drawn_by_cpu(surface)
+        difference = max(
+            int(np.abs(on_card(v).display.astype(int) - on_cpu(v)).max()) for v in views
+        )
+        seconds = least({"cpu": on_cpu, "gpu": on_card}, views)
+        rows.append(
+            {
+                "surface": name,
+                "cpu_fps": 1.0 / seconds["cpu"],
+                "gpu_fps": 1.0 / seconds["gpu"],
+                "ratio": seconds["cpu"] / seconds["gpu"],
+                "codes_apart": difference,
+            }
+        )
+    return rows
+
+
+def drawn_by_cpu(surface: Surface) -> Callable[[Scene], Any]:
+    """What a frame of the CPU takes: codes of its own renderer, with all there is simulated."""
+
+    def frame(scene: Scene) -> Any:
+        return impasto.render(surface, scene, fidelity="model", threads=THREADS).display
+
+    return frame
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--record", action="store_true")
+    parser.add_argument("--adapter", default="any")
+    options = parser.parse_args()
+    card = gpu.Renderer(Surface(np.ones((3, 1, 1)), np.ones((1, 1, 1))), adapter=options.adapter)
+    described = asdict(card.adapter)
+    rows = measured(options.adapter)
+    show(f"frames per second, {SIDE} x {SIDE}, {card.adapter.name}", rows)
+    if options.record:
+        info = run_info("python benches/python/gpu.py --record")
+        write("gpu.json", {"run": info, "adapter": described, "rows": rows})
+
+
+if __name__ == "__main__":
+    main()

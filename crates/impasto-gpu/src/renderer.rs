@@ -1,0 +1,438 @@
+//! A surface on the card: uploaded once, shown as often as wanted.
+
+use std::borrow::Cow;
+
+use wgpu::{Buffer, BufferUsages};
+
+use impasto::geometry::{Grid, View};
+use impasto::pixels::Run;
+use impasto::relight::plan::{Plan, SHADED, lobe_bit};
+use impasto::relight::scene::Scene;
+use impasto::relight::show::{Codes, Display, codes_from_planes};
+use impasto::relight::view::Projection;
+use impasto::relight::{self, Picture};
+use impasto::surface::{Model, Surface};
+
+use crate::device::Gpu;
+use crate::error::{Error, Result};
+use crate::layout::{Frame, workgroups};
+use crate::pipeline::{Kernel, Variant};
+use crate::planes::{Planes, Table};
+use crate::scene::{Lit, tables};
+use crate::shadow::Relief;
+
+/// Arrays are no larger, whatever the card allows: places in them are 32-bit numbers.
+const LARGEST_ARRAY: u64 = 1 << 31;
+
+/// Bytes of a pixel as light and coverage, and as four codes.
+const LIGHT: u64 = 16;
+const CODES: u64 = 4;
+
+/// A picture as display codes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Screen {
+    /// `(y, x, 4)`: red, green and blue; the last is the coverage, 0 to 255.
+    pub codes: Vec<u8>,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+/// A surface on a graphics card.
+#[derive(Debug)]
+pub struct Renderer {
+    gpu: Gpu,
+    shown: Shown,
+    bands: Vec<Band>,
+    relief: Option<Relief<'static>>,
+    shadows: bool,
+    target: Option<Target>,
+}
+
+/// What is shown, but for its maps.
+#[derive(Clone, Copy, Debug)]
+struct Shown {
+    grid: Grid,
+    model: Model,
+    /// Index of refraction of the lobes' interface, and of the one above the diffuse part.
+    index: f32,
+    coat: [f32; 3],
+    table: Table,
+}
+
+/// Some rows of the painting, with their maps.
+#[derive(Debug)]
+struct Band {
+    row: usize,
+    rows: usize,
+    maps: Buffer,
+}
+
+/// Where a band's picture is written, and where the CPU reads it.
+#[derive(Debug)]
+struct Target {
+    written: Buffer,
+    read: Buffer,
+}
+
+/// One picture's arrays, whatever the band.
+struct Arrays {
+    lit: Lit,
+    lamps: Buffer,
+    colours: Buffer,
+    visibility: Buffer,
+    curve: Buffer,
+    words: u32,
+    variant: Variant,
+}
+
+impl Shown {
+    fn new(surface: &Surface<'_>, grid: Grid, table: &Table) -> Self {
+        let index = match surface.model {
+            Model::TorranceSparrow { index } => index as f32,
+            Model::Lafortune => 1.0,
+        };
+        let coat = surface.coated.map_or([1.0; 3], |coat| {
+            [coat.index(), coat.index().recip(), coat.scale()].map(|value| value as f32)
+        });
+        Self { grid, model: surface.model, index, coat, table: *table }
+    }
+
+    /// The rows of each band: as many as fit into an array.
+    fn bands(&self, gpu: &Gpu, planes: usize) -> Result<Vec<(usize, usize)>> {
+        let Grid { width, height, .. } = self.grid;
+        let largest = gpu.largest_binding().min(LARGEST_ARRAY);
+        let row = (4 * planes as u64).max(LIGHT) * width as u64;
+        let rows = (largest / row) as usize;
+        if rows == 0 {
+            let problem = format!("a row of {width} pixels is larger than an array on the card");
+            return Err(Error::Unsupported(problem));
+        }
+        Ok((0..height).step_by(rows).map(|row| (row, rows.min(height - row))).collect())
+    }
+
+    /// Uploads some rows of the maps.
+    fn band(&self, gpu: &Gpu, maps: &[&[f32]], (row, rows): (usize, usize)) -> Result<Band> {
+        let (first, count) = (row * self.grid.width, rows * self.grid.width);
+        let maps = gpu.checked(|gpu| {
+            let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+            let buffer = gpu.buffer((4 * maps.len() * count) as u64, usage);
+            for (number, map) in maps.iter().enumerate() {
+                gpu.write(&buffer, number * count, &map[first..first + count]);
+            }
+            buffer
+        })?;
+        Ok(Band { row, rows, maps })
+    }
+
+    fn frame(&self, arrays: &Arrays, band: &Band) -> Frame {
+        let (grid, table) = (&self.grid, &self.table);
+        // In pixels: exact in single precision.
+        let corner = [grid.x(0.0) / grid.pitch, grid.y(band.row as f64) / grid.pitch];
+        Frame {
+            view: arrays.lit.view,
+            pitch: grid.pitch as f32,
+            background: arrays.lit.background,
+            index: self.index,
+            corner: corner.map(|place| (2.0 * place).round() as f32 * 0.5),
+            coat: [self.coat[0], self.coat[1]],
+            coat_scale: self.coat[2],
+            pixels: (band.rows * grid.width) as u32,
+            width: grid.width as u32,
+            first: (band.row * grid.width) as u32,
+            lamps: arrays.lit.lamps.len() as u32,
+            words: arrays.words,
+            ambient: table.ambient,
+            unused: 0,
+            numbers: table.numbers,
+            planes: table.planes,
+        }
+    }
+
+    /// What a scene calls for, on the card.
+    fn arrays(
+        &self,
+        gpu: &Gpu,
+        relief: Option<&mut Relief<'_>>,
+        scene: &Scene,
+        background: [f32; 3],
+        display: Option<&Display<'_>>,
+        run: &Run<'_>,
+    ) -> Result<Arrays> {
+        let coefficients = self.table.variant.coefficients as usize;
+        if coefficients != scene.coefficients() {
+            let problem = format!("expected {} planes, found {coefficients}", scene.coefficients());
+            return Err(impasto::Error::argument("coefficients", problem).into());
+        }
+        if scene.environment().is_some() {
+            let problem = "light of an environment is computed by the CPU alone".to_owned();
+            return Err(Error::Unsupported(problem));
+        }
+        let lit = Lit::of(scene, self.model, background, display);
+        let shadows = relief.is_some();
+        let (visibility, words) = match relief {
+            None => (gpu.checked(|gpu| gpu.buffer(4, BufferUsages::STORAGE))?, 0),
+            Some(relief) => (relief.visibility(gpu, &lit.lights, run)?, relief.words() as u32),
+        };
+        let variant = Variant {
+            one_lamp: lit.lamps.len() == 1,
+            near_lights: lit.near_lights,
+            near_view: lit.near_view,
+            shadows,
+            codes: display.is_some(),
+            ..self.table.variant
+        };
+        gpu.checked(|gpu| Arrays {
+            lamps: gpu.filled(&lit.lamps, BufferUsages::STORAGE),
+            colours: gpu.filled(&lit.colours, BufferUsages::STORAGE),
+            curve: match display {
+                None => gpu.buffer(8, BufferUsages::STORAGE),
+                Some(display) => gpu.filled(&tables(display.curve), BufferUsages::STORAGE),
+            },
+            visibility,
+            words,
+            variant,
+            lit,
+        })
+    }
+
+    /// Renders a band, and gives its bytes to `read`.
+    fn draw(
+        &self,
+        gpu: &Gpu,
+        arrays: &Arrays,
+        band: &Band,
+        target: &mut Option<Target>,
+        read: impl FnOnce(&[u8]),
+    ) -> Result<()> {
+        let frame = self.frame(arrays, band);
+        let pixel = if arrays.variant.codes { CODES } else { LIGHT };
+        let bytes = pixel * u64::from(frame.pixels);
+        let there = target.take();
+        let target = target.insert(Target::of(gpu, bytes, there)?);
+        let kernel = Kernel::Render(arrays.variant);
+        gpu.checked(|gpu| {
+            let uniform = gpu.filled(&[frame], BufferUsages::UNIFORM);
+            let Arrays { lamps, colours, visibility, curve, .. } = arrays;
+            let all = [&uniform, lamps, colours, &band.maps, visibility, curve, &target.written];
+            let (pipeline, group) = (gpu.kernel(kernel), gpu.bind_group(kernel, &all));
+            let mut encoder = gpu.encoder();
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                pass.set_pipeline(&pipeline);
+                pass.set_bind_group(0, &group, &[]);
+                let [x, y] = workgroups(frame.pixels);
+                pass.dispatch_workgroups(x, y, 1);
+            }
+            encoder.copy_buffer_to_buffer(&target.written, 0, &target.read, 0, bytes);
+            gpu.submit(encoder);
+        })?;
+        gpu.read(&target.read, bytes, read)
+    }
+}
+
+impl Target {
+    /// Room for so many bytes; the one there is, if it is large enough.
+    fn of(gpu: &Gpu, bytes: u64, there: Option<Self>) -> Result<Self> {
+        match there {
+            Some(target) if target.written.size() >= bytes => Ok(target),
+            _ => gpu.checked(|gpu| Self {
+                written: gpu.buffer(bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC),
+                read: gpu.buffer(bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST),
+            }),
+        }
+    }
+}
+
+/// The planes of a picture, filled band by band.
+struct Planar {
+    light: Vec<f32>,
+    coverage: Vec<f32>,
+}
+
+impl Planar {
+    fn new(pixels: usize) -> Self {
+        Self { light: vec![0.0; 3 * pixels], coverage: vec![0.0; pixels] }
+    }
+
+    fn take(&mut self, first: usize, bytes: &[u8]) {
+        let pixels = self.coverage.len();
+        let count = bytes.len() / LIGHT as usize;
+        let planes = self.light.chunks_mut(pixels).chain(std::iter::once(&mut self.coverage[..]));
+        for (plane, bytes) in planes.zip(bytes.chunks_exact(4 * count)) {
+            bytemuck::cast_slice_mut(&mut plane[first..first + count]).copy_from_slice(bytes);
+        }
+    }
+}
+
+impl Renderer {
+    /// Uploads a surface. `relief.height`, if it is given, is copied: shadows are cast.
+    ///
+    /// # Errors
+    /// If sizes disagree, the card has too little memory or is lost, or the surface has more than 8
+    /// lobes.
+    pub fn new(gpu: &Gpu, surface: &Surface<'_>, relief: relight::Relief<'_>) -> Result<Self> {
+        let grid = relief.grid;
+        let Planes { maps, table } = Planes::of(surface, grid.width * grid.height)?;
+        let shown = Shown::new(surface, grid, &table);
+        let bands = shown.bands(gpu, maps.len())?.into_iter();
+        let bands = bands.map(|rows| shown.band(gpu, &maps, rows)).collect::<Result<_>>()?;
+        let relief = match relief.height {
+            Some(height) => Some(Relief::new(Cow::Owned(height.to_vec()), grid)?),
+            None => None,
+        };
+        Ok(Self { gpu: gpu.clone(), shown, bands, relief, shadows: true, target: None })
+    }
+
+    /// Columns, rows and the width of a pixel.
+    #[must_use]
+    pub fn grid(&self) -> Grid {
+        self.shown.grid
+    }
+
+    /// The card.
+    #[must_use]
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Whether pictures have cast shadows, if the renderer was given heights; at first they have.
+    pub fn set_shadows(&mut self, cast: bool) {
+        self.shadows = cast;
+    }
+
+    /// The surface under the lights of a scene: what [`relight::render`] gives.
+    ///
+    /// # Errors
+    /// If the scene does not fit the surface, the caller cancels, or the card fails.
+    pub fn light(&mut self, scene: &Scene, background: [f32; 3], run: &Run<'_>) -> Result<Picture> {
+        let Self { gpu, shown, bands, relief, shadows, target } = self;
+        let relief = relief.as_mut().filter(|_| *shadows);
+        let arrays = shown.arrays(gpu, relief, scene, background, None, run)?;
+        let mut planar = Planar::new(shown.grid.width * shown.grid.height);
+        for band in &*bands {
+            cancelled(run)?;
+            let first = band.row * shown.grid.width;
+            shown.draw(gpu, &arrays, band, target, |bytes| planar.take(first, bytes))?;
+        }
+        seen(shown.grid, planar, scene, is_slanted(scene, shown.grid), background, run)
+    }
+
+    /// The surface under the lights of a scene, as codes of a display.
+    ///
+    /// A slanted view is resampled and encoded on the CPU.
+    ///
+    /// # Errors
+    /// As of [`Self::light`].
+    pub fn codes(
+        &mut self,
+        scene: &Scene,
+        background: [f32; 3],
+        display: &Display<'_>,
+        run: &Run<'_>,
+    ) -> Result<Screen> {
+        let grid = self.shown.grid;
+        if is_slanted(scene, grid) {
+            return encoded(&self.light(scene, background, run)?, display, run);
+        }
+        let Self { gpu, shown, bands, relief, shadows, target } = self;
+        let relief = relief.as_mut().filter(|_| *shadows);
+        let arrays = shown.arrays(gpu, relief, scene, background, Some(display), run)?;
+        let mut codes = vec![0; 4 * grid.width * grid.height];
+        for band in &*bands {
+            cancelled(run)?;
+            let first = 4 * band.row * grid.width;
+            shown.draw(gpu, &arrays, band, target, |bytes| {
+                codes[first..first + bytes.len()].copy_from_slice(bytes);
+            })?;
+        }
+        Ok(Screen { codes, width: grid.width, height: grid.height })
+    }
+}
+
+/// Lights a painting once, as [`relight::render`] does: band by band, so that no more than one band
+/// of its maps is on the card.
+///
+/// What the plan does without everywhere is neither uploaded nor computed; the rest is simulated in
+/// all tiles.
+///
+/// # Errors
+/// As of [`Renderer::new`] and [`Renderer::light`].
+pub fn render(
+    gpu: &Gpu,
+    surface: &Surface<'_>,
+    relief: relight::Relief<'_>,
+    scene: &Scene,
+    plan: &Plan,
+    background: [f32; 3],
+    run: &Run<'_>,
+) -> Result<Picture> {
+    let grid = relief.grid;
+    surface.bands(grid.width * grid.height)?;
+    let on = |part| (0..scene.lamps().len()).any(|lamp| plan.needs(lamp, part));
+    let lobes = surface.lobes.iter().enumerate().filter(|(number, _)| on(lobe_bit(*number)));
+    let surface = &Surface { lobes: lobes.map(|(_, lobe)| lobe.clone()).collect(), ..*surface };
+    let Planes { maps, table } = Planes::of(surface, grid.width * grid.height)?;
+    let shown = Shown::new(surface, grid, &table);
+    let mut relief = match relief.height.filter(|_| on(SHADED)) {
+        Some(height) => Some(Relief::new(Cow::Borrowed(height), grid)?),
+        None => None,
+    };
+    let arrays = shown.arrays(gpu, relief.as_mut(), scene, background, None, run)?;
+    let mut planar = Planar::new(grid.width * grid.height);
+    let mut target = None;
+    for rows in shown.bands(gpu, maps.len())? {
+        cancelled(run)?;
+        let band = shown.band(gpu, &maps, rows)?;
+        let first = band.row * grid.width;
+        shown.draw(gpu, &arrays, &band, &mut target, |bytes| planar.take(first, bytes))?;
+    }
+    seen(grid, planar, scene, plan.projected(), background, run)
+}
+
+fn cancelled(run: &Run<'_>) -> Result<()> {
+    if run.cancelled() { Err(impasto::Error::Cancelled.into()) } else { Ok(()) }
+}
+
+/// Whether the view moves any pixel.
+fn is_slanted(scene: &Scene, grid: Grid) -> bool {
+    match scene.view() {
+        View::Distant(view) => Projection::new(view, grid).displacement() > 0.0,
+        View::Point(_) => false,
+    }
+}
+
+/// The picture as the scene's eye sees it, foreshortened on the CPU.
+fn seen(
+    grid: Grid,
+    planar: Planar,
+    scene: &Scene,
+    projected: bool,
+    background: [f32; 3],
+    run: &Run<'_>,
+) -> Result<Picture> {
+    let Planar { light, coverage } = planar;
+    match scene.view() {
+        View::Distant(view) if projected => {
+            let projection = Projection::new(view, grid);
+            let (light, coverage) = projection.resample(&light, &coverage, background, run)?;
+            Ok(Picture { light, coverage, grid: projection.picture })
+        }
+        _ => Ok(Picture { light, coverage, grid }),
+    }
+}
+
+/// A picture's codes, made on the CPU.
+fn encoded(picture: &Picture, display: &Display<'_>, run: &Run<'_>) -> Result<Screen> {
+    let Grid { width, height, .. } = picture.grid;
+    let mut rgb = vec![0; 3 * width * height];
+    codes_from_planes(&picture.light, display.matrix, display.curve, Codes::Eight(&mut rgb), run)?;
+    let pixels = rgb.chunks_exact(3).zip(&picture.coverage);
+    let codes = pixels
+        .flat_map(|(rgb, covered)| {
+            [rgb[0], rgb[1], rgb[2], (covered.clamp(0.0, 1.0) * 255.0).round() as u8]
+        })
+        .collect();
+    Ok(Screen { codes, width, height })
+}

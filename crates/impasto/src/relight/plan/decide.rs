@@ -1,0 +1,173 @@
+//! What the pixels of a tile need.
+
+use super::{Decided, LIT, NEAR, SHADED, Work, lobe_bit};
+use crate::relight::bounds::{self, Seen};
+use crate::relight::scene::Colour;
+use crate::relight::statistics::{Range, TileStatistics};
+use crate::relight::tolerance::{Between, Tolerance};
+use crate::surface::{Cone, Strength};
+
+/// What a lobe, a near lamp's directions cost, relative to each other: pixels per unit of saving.
+const COST_OF_LOBE: f64 = 4.0;
+const COST_OF_NEAR: f64 = 2.0;
+
+/// What is left out of a tile, and what it costs.
+struct Candidate {
+    lamp: usize,
+    bit: u32,
+    error: f64,
+    cost: f64,
+}
+
+impl Work<'_> {
+    /// What the pixels of a tile need; `spent` is what is left out of every tile.
+    pub(super) fn tile(&self, tile: &TileStatistics, place: [usize; 2], spent: f64) -> Decided {
+        let Self { surface, grid, scene, options, .. } = self;
+        let lobes = surface.lobes.len();
+        let view = bounds::view(scene.view(), *grid, place);
+        let lamps: Vec<_> =
+            scene.lamps().iter().map(|lamp| bounds::light(lamp.light, *grid, place)).collect();
+        let between = self.between(tile, &lamps, &view);
+        let mut parts = Vec::with_capacity(lamps.len());
+        let mut candidates = Vec::new();
+        for (number, (lamp, seen)) in scene.lamps().iter().zip(&lamps).enumerate() {
+            if tile.pixels == 0 || bounds::cosines(tile, seen)[1] == 0.0 {
+                parts.push(0);
+                continue;
+            }
+            let colour = &scene.colours()[lamp.colour];
+            let irradiance = lamp.intensity * seen.irradiance[1];
+            let mut needs = LIT;
+            for lobe in 0..lobes {
+                let strongest = self.strongest(tile, lobe, colour, &between);
+                let bound = bounds::lobe(surface.model, tile, &tile.lobes[lobe], seen, &view);
+                if strongest.0 == 0.0 || bound == 0.0 {
+                    continue;
+                }
+                needs |= lobe_bit(lobe);
+                let error = strongest.1 * bound * irradiance;
+                let bit = lobe_bit(lobe);
+                candidates.push(Candidate { lamp: number, bit, error, cost: COST_OF_LOBE });
+            }
+            if !lamp.light.is_distant() {
+                needs |= NEAR;
+                if surface.coated.is_none() {
+                    let error = self.reflected(tile, colour, &between) * lamp.intensity;
+                    let error = error * seen.deviation;
+                    let bit = NEAR;
+                    candidates.push(Candidate { lamp: number, bit, error, cost: COST_OF_NEAR });
+                }
+            }
+            parts.push(needs);
+        }
+        candidates.sort_by(|a, b| (a.error * b.cost).total_cmp(&(b.error * a.cost)));
+        let mut decided = Decided {
+            parts,
+            lost: vec![0.0; lobes + 1],
+            dropped: vec![false; lobes + 1],
+            error: spent,
+        };
+        for Candidate { lamp, bit, error, .. } in candidates {
+            let left = options.tolerance.limit() - decided.error;
+            // Directions of a lamp that lobes see are those of each pixel.
+            let seen_by_lobes = bit == NEAR && decided.parts[lamp] & !(LIT | SHADED | NEAR) != 0;
+            if !(error <= left && left > 0.0) || seen_by_lobes {
+                continue;
+            }
+            decided.error += error;
+            decided.parts[lamp] &= !bit;
+            let which = if bit == NEAR { lobes } else { bit.trailing_zeros() as usize - 3 };
+            decided.lost[which] += error;
+            decided.dropped[which] = true;
+        }
+        decided
+    }
+
+    /// The strength of a lobe, and the error of one unit of its value.
+    fn strongest(
+        &self,
+        tile: &TileStatistics,
+        lobe: usize,
+        colour: &Colour,
+        between: &Between,
+    ) -> (f64, f64) {
+        let ranges = &tile.lobes[lobe].strength;
+        if ranges.iter().any(|range| range.holes) {
+            return (f64::INFINITY, f64::INFINITY);
+        }
+        let tolerance = &self.options.tolerance;
+        let strongest = ranges.iter().map(Range::largest).fold(0.0, f64::max);
+        let error = match self.surface.lobes[lobe].strength {
+            Strength::Neutral(_) => strongest * tolerance.error(colour.interface, between),
+            Strength::Tinted(_) => {
+                let bands = ranges.iter().zip(&colour.diffuse);
+                bands.map(|(range, w)| range.largest() * tolerance.error(*w, between)).sum()
+            }
+        };
+        (strongest, error)
+    }
+
+    /// The error of one unit of diffuse geometry.
+    fn reflected(&self, tile: &TileStatistics, colour: &Colour, between: &Between) -> f64 {
+        let bands = tile.diffuse.iter().zip(&colour.diffuse);
+        bands.map(|(range, w)| range.largest() * self.options.tolerance.error(*w, between)).sum()
+    }
+
+    /// What the light of a tile can be.
+    fn between(&self, tile: &TileStatistics, lamps: &[Seen], view: &Cone) -> Between {
+        let Self { surface, scene, options, .. } = self;
+        if !matches!(options.tolerance, Tolerance::DeltaE { .. }) {
+            return Between::ANYTHING;
+        }
+        let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
+        for (lamp, seen) in scene.lamps().iter().zip(lamps) {
+            let colour = &scene.colours()[lamp.colour];
+            let [least, most] = bounds::cosines(tile, seen);
+            let [darkest, brightest] = seen.irradiance.map(|one| one * lamp.intensity);
+            let least = if surface.coated.is_none() { least * darkest } else { 0.0 };
+            let most = most * brightest;
+            for channel in 0..3 {
+                let mut ends = [0.0; 2];
+                for (range, column) in tile.diffuse.iter().zip(&colour.diffuse) {
+                    let products =
+                        [range.low, range.high].map(|value| f64::from(value) * column[channel]);
+                    ends[0] += products[0].min(products[1]);
+                    ends[1] += products[0].max(products[1]);
+                }
+                low[channel] += (ends[0] * least).min(ends[0] * most);
+                high[channel] += (ends[1] * most).max(0.0);
+                for (range, column) in tile.ambient.iter().zip(&colour.diffuse) {
+                    let products =
+                        [range.low, range.high].map(|value| f64::from(value) * column[channel]);
+                    low[channel] += products[0].min(products[1]) * lamp.intensity;
+                    high[channel] += products[0].max(products[1]) * lamp.intensity;
+                }
+            }
+            for (number, lobe) in surface.lobes.iter().enumerate() {
+                let ranges = &tile.lobes[number];
+                let bound = bounds::lobe(surface.model, tile, ranges, seen, view);
+                for channel in 0..3 {
+                    let strength: f64 = match lobe.strength {
+                        Strength::Neutral(_) => {
+                            ranges.strength[0].largest() * colour.interface[channel].abs()
+                        }
+                        Strength::Tinted(_) => ranges
+                            .strength
+                            .iter()
+                            .zip(&colour.diffuse)
+                            .map(|(range, column)| range.largest() * column[channel].abs())
+                            .sum(),
+                    };
+                    let most = strength * bound * brightest;
+                    high[channel] += if strength == 0.0 { 0.0 } else { most };
+                }
+            }
+        }
+        let more_light = options.more_light || scene.environment().is_some();
+        let dark = options.shadows || more_light;
+        let low = low.map(|value| if dark || value.is_nan() { 0.0 } else { value.max(0.0) });
+        let unknown = |value: f64| more_light || value.is_nan();
+        let high = high.map(|value| if unknown(value) { f64::INFINITY } else { value });
+        Between { low, high }
+    }
+}

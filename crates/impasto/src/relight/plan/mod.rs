@@ -1,0 +1,311 @@
+//! What a scene calls for: each effect is absent, changes nothing, is proven to change less than the
+//! tolerance, or is simulated; decided tile by tile, with a reason.
+//!
+//! Light that is left out adds up: the bounds of all that a tile does without are summed, and stay
+//! below the tolerance. What saves most for its bound is left out first (the greedy rule of the
+//! knapsack problem [@dantzig1957discrete]).
+
+use crate::error::{Error, Result};
+use crate::geometry::{Grid, View};
+use crate::math::Vec3;
+use crate::pixels::Run;
+use crate::surface::Surface;
+
+use super::scene::Scene;
+use super::statistics::{SIDE, Statistics};
+use super::tolerance::{Between, Tolerance};
+use super::view::Projection;
+
+mod decide;
+mod report;
+mod shadows;
+
+/// Something that a picture may need.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// The first term of eq. 1 and 9.
+    Diffuse,
+    /// The interface that diffuse light crosses.
+    CoatedDiffuse,
+    /// What the surface shows whatever the direction of a lamp.
+    Ambient,
+    /// One lobe of the interface, by its number.
+    Lobe(usize),
+    /// Parts of the relief in the light of other parts.
+    CastShadows,
+    /// Direction and irradiance of a lamp that differ from pixel to pixel.
+    NearLight,
+    /// A view that differs from pixel to pixel.
+    NearView,
+    /// Projection along a view that is not the painting's normal.
+    SlantedView,
+    /// Light from all directions.
+    Environment,
+}
+
+/// What is done about an effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Decision {
+    /// There is nothing to simulate.
+    Absent,
+    /// Proven to change no bit of the picture.
+    NoOp,
+    /// Left out; proven to change less than the tolerance.
+    Bounded,
+    /// Simulated, in some tiles or in all.
+    On,
+}
+
+/// What is decided about one effect, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// The effect.
+    pub effect: Effect,
+    /// What is done.
+    pub decision: Decision,
+    /// Tiles in which it is simulated.
+    pub tiles: usize,
+    /// Most that leaving it out costs a pixel, in the unit of the tolerance.
+    pub error: f64,
+    /// Why.
+    pub reason: String,
+}
+
+/// What is simulated where.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    rows: Vec<Row>,
+    /// Per tile and lamp: bits of [`LIT`], [`SHADED`], [`NEAR`] and one per lobe.
+    parts: Vec<u32>,
+    lamps: usize,
+    columns: usize,
+    tiles: usize,
+    projected: bool,
+    /// The largest sum of bounds.
+    error: f64,
+}
+
+/// The lamp shines on some pixel.
+pub(super) const LIT: u32 = 1;
+/// Some pixel may be in a cast shadow.
+pub const SHADED: u32 = 2;
+/// Direction and irradiance are those of each pixel.
+pub(super) const NEAR: u32 = 4;
+
+/// The bit of a lobe; lobes beyond the last bit share it.
+#[must_use]
+pub const fn lobe_bit(lobe: usize) -> u32 {
+    1 << (3 + if lobe < 28 { lobe } else { 28 })
+}
+
+/// A tile's decisions.
+struct Decided {
+    parts: Vec<u32>,
+    /// Per lobe, then for near lamps: the largest bound of what is left out.
+    lost: Vec<f64>,
+    /// The same: whether something that is not nothing was left out.
+    dropped: Vec<bool>,
+    error: f64,
+}
+
+impl Plan {
+    /// Everything that is there is simulated everywhere.
+    #[must_use]
+    pub fn forced(surface: &Surface<'_>, grid: Grid, scene: &Scene, has_height: bool) -> Self {
+        let lamps = scene.lamps().len();
+        let columns = grid.width.div_ceil(SIDE);
+        let tiles = columns * grid.height.div_ceil(SIDE);
+        let lobes = (0..surface.lobes.len()).map(lobe_bit).fold(0, |all, bit| all | bit);
+        let shaded = if has_height { SHADED } else { 0 };
+        let projected = matches!(scene.view(), View::Distant(view) if slant(view, grid) > 0.0);
+        let mut rows = Vec::new();
+        let mut row = |effect, present: bool, tiles| {
+            let decision = if present { Decision::On } else { Decision::Absent };
+            let reason = if present { "forced" } else { "not there" }.to_owned();
+            rows.push(Row { effect, decision, tiles, error: 0.0, reason });
+        };
+        let near = scene.lamps().iter().any(|lamp| !lamp.light.is_distant());
+        row(Effect::Diffuse, true, tiles);
+        row(Effect::CoatedDiffuse, surface.coated.is_some(), tiles);
+        row(Effect::Ambient, surface.ambient.is_some(), tiles);
+        for lobe in 0..surface.lobes.len() {
+            row(Effect::Lobe(lobe), true, tiles);
+        }
+        row(Effect::CastShadows, has_height, tiles);
+        row(Effect::NearLight, near, tiles);
+        row(Effect::NearView, !scene.view().is_distant(), tiles);
+        row(Effect::SlantedView, projected, tiles);
+        row(Effect::Environment, scene.environment().is_some(), tiles);
+        let parts = vec![LIT | shaded | NEAR | lobes; tiles * lamps];
+        Self { rows, parts, lamps, columns, tiles, projected, error: 0.0 }
+    }
+
+    /// Decides from the statistics of a surface, which hold a relief where shadows are wanted.
+    ///
+    /// # Errors
+    /// If the caller cancels.
+    pub fn new(
+        surface: &Surface<'_>,
+        statistics: &Statistics,
+        grid: Grid,
+        scene: &Scene,
+        options: Options,
+        run: &Run<'_>,
+    ) -> Result<Self> {
+        let work = Work { surface, statistics, grid, scene, options };
+        let (columns, lamps) = (statistics.columns, scene.lamps().len());
+        let (projected, slanted) = work.slanted();
+        // A piece of work is a row of tiles.
+        let lines = statistics.tiles.chunks(columns).enumerate().collect();
+        let decided: Vec<Decided> = run
+            .map(
+                lines,
+                || (),
+                |(), (line, tiles)| {
+                    let place = |(column, tile)| work.tile(tile, [column, line], slanted.error);
+                    tiles.iter().enumerate().map(place).collect::<Vec<_>>()
+                },
+            )?
+            .into_iter()
+            .flatten()
+            .collect();
+        let mut parts: Vec<u32> = decided.iter().flat_map(|tile| tile.parts.clone()).collect();
+        let shadows = work.shadows(&mut parts);
+        let rows = work.rows(&parts, &decided, shadows, slanted);
+        let error = decided.iter().map(|tile| tile.error).fold(0.0, f64::max);
+        let tiles = decided.len();
+        Ok(Self { rows, parts, lamps, columns, tiles, projected, error })
+    }
+
+    /// The plan without one effect, whatever that costs: what the effect takes is the difference.
+    #[must_use]
+    pub fn without(mut self, effect: Effect) -> Self {
+        let bits = match effect {
+            Effect::Diffuse
+            | Effect::CoatedDiffuse
+            | Effect::Ambient
+            | Effect::NearView
+            | Effect::Environment => 0,
+            Effect::Lobe(lobe) => lobe_bit(lobe),
+            Effect::CastShadows => SHADED,
+            Effect::NearLight => NEAR,
+            Effect::SlantedView => {
+                self.projected = false;
+                0
+            }
+        };
+        for parts in &mut self.parts {
+            *parts &= !bits;
+        }
+        self
+    }
+
+    /// What was decided.
+    #[must_use]
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
+    /// The largest sum of bounds of what a tile does without, in the unit of the tolerance.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        self.error
+    }
+
+    /// How many tiles there are.
+    #[must_use]
+    pub fn tiles(&self) -> usize {
+        self.tiles
+    }
+
+    /// Whether it was made for these pixels and as many lamps.
+    pub(super) fn fits(&self, grid: Grid, scene: &Scene) -> Result<()> {
+        let columns = grid.width.div_ceil(SIDE);
+        let tiles = columns * grid.height.div_ceil(SIDE);
+        if (columns, tiles, scene.lamps().len()) == (self.columns, self.tiles(), self.lamps) {
+            return Ok(());
+        }
+        Err(Error::argument("plan", "it was made for another painting or another scene"))
+    }
+
+    /// Whether the picture is projected along its view.
+    #[must_use]
+    pub fn projected(&self) -> bool {
+        self.projected
+    }
+
+    /// The parts that the pixels from a column and row on need, one entry per lamp.
+    pub(super) fn parts(&self, column: usize, row: usize) -> &[u32] {
+        let tile = row / SIDE * self.columns + column / SIDE;
+        &self.parts[tile * self.lamps..][..self.lamps]
+    }
+
+    /// Whether a part is needed anywhere.
+    #[must_use]
+    pub fn needs(&self, lamp: usize, bit: u32) -> bool {
+        self.parts.iter().skip(lamp).step_by(self.lamps).any(|parts| parts & bit != 0)
+    }
+}
+
+/// How far a plan may go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// What may be left out.
+    pub tolerance: Tolerance,
+    /// Whether shadows are cast.
+    pub shadows: bool,
+    /// Whether light is added or taken afterwards, so that a tile may be darker than it seems.
+    pub more_light: bool,
+}
+
+/// How far the slant of a view moves a pixel, in pixels.
+fn slant(view: Vec3<f64>, grid: Grid) -> f64 {
+    Projection::new(view, grid).displacement()
+}
+
+/// What is decided about a slanted view.
+#[derive(Clone, Copy)]
+struct Slanted {
+    displacement: f64,
+    error: f64,
+}
+
+struct Work<'a> {
+    surface: &'a Surface<'a>,
+    statistics: &'a Statistics,
+    grid: Grid,
+    scene: &'a Scene,
+    options: Options,
+}
+
+impl Work<'_> {
+    fn slanted(&self) -> (bool, Slanted) {
+        let displacement = match self.scene.view() {
+            View::Distant(view) => slant(view, self.grid),
+            View::Point(_) => 0.0,
+        };
+        // A pixel changes by at most this share of the step from black to white.
+        let Options { tolerance, .. } = self.options;
+        let white = match tolerance {
+            Tolerance::Exact => [0.0; 3],
+            Tolerance::DeltaE { white, .. } => white,
+            Tolerance::Codes { display, .. } => inverse_of_white(display),
+        };
+        let error = if displacement == 0.0 {
+            0.0
+        } else {
+            displacement * tolerance.error(white, &Between::ANYTHING)
+        };
+        // Half of the tolerance is kept for what saves more.
+        let left_out = error <= 0.5 * tolerance.limit();
+        let error = if left_out { error } else { 0.0 };
+        (!left_out, Slanted { displacement, error })
+    }
+}
+
+/// The light that a display shows as white: the sum of the columns of the inverse matrix.
+fn inverse_of_white(rows: [[f64; 3]; 3]) -> [f64; 3] {
+    let matrix = nalgebra::Matrix3::from_fn(|row, column| rows[row][column]);
+    let white = matrix.try_inverse().map(|inverse| inverse * nalgebra::Vector3::repeat(1.0));
+    white.map_or([f64::INFINITY; 3], |white| [white[0], white[1], white[2]])
+}

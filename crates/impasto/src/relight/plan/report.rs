@@ -1,0 +1,99 @@
+//! What was decided, row by row, with reasons.
+
+use super::{Decided, Decision, Effect, LIT, NEAR, Row, SHADED, Slanted, Work, lobe_bit};
+
+impl Work<'_> {
+    pub(super) fn rows(
+        &self,
+        parts: &[u32],
+        decided: &[Decided],
+        (shadows, wanted): (String, bool),
+        slanted: Slanted,
+    ) -> Vec<Row> {
+        let Self { surface, scene, options, .. } = self;
+        let (lamps, all) = (scene.lamps().len(), decided.len());
+        let unit = options.tolerance.unit();
+        let tiles_with = |bit: u32| {
+            let needs = |parts: &&[u32]| parts.iter().any(|part| part & bit != 0);
+            // In an environment there may be no lamp.
+            parts.chunks(lamps.max(1)).filter(needs).count()
+        };
+        let lost = |which: usize| {
+            let errors = decided.iter().map(|tile| tile.lost[which]);
+            let dropped = decided.iter().any(|tile| tile.dropped[which]);
+            (errors.fold(0.0, f64::max), dropped)
+        };
+        let mut rows = Vec::new();
+        let mut row = |effect, decision, tiles, error, reason: String| {
+            rows.push(Row { effect, decision, tiles, error, reason });
+        };
+        let there = |present: bool, name: &str| {
+            if present {
+                (Decision::On, all, format!("the surface has {name}"))
+            } else {
+                (Decision::Absent, 0, format!("the surface has no {name}"))
+            }
+        };
+        let lit = tiles_with(LIT);
+        let decision = if lit > 0 { Decision::On } else { Decision::NoOp };
+        let reason = format!("some normal faces a lamp in {lit} of {all} tiles");
+        row(Effect::Diffuse, decision, lit, 0.0, reason);
+        let (decision, tiles, reason) = there(surface.coated.is_some(), "coat over its paint");
+        row(Effect::CoatedDiffuse, decision, tiles, 0.0, reason);
+        let (decision, tiles, reason) = there(surface.ambient.is_some(), "ambient light");
+        row(Effect::Ambient, decision, tiles, 0.0, reason);
+        for lobe in 0..surface.lobes.len() {
+            let around = scene.environment().is_some();
+            let tiles = if around { all } else { tiles_with(lobe_bit(lobe)) };
+            let (error, dropped) = lost(lobe.min(28));
+            let (decision, reason) = match (tiles, dropped) {
+                (0, false) => (Decision::NoOp, "0 in every tile".to_owned()),
+                (0, true) => {
+                    (Decision::Bounded, format!("at most {error:.3} {unit} in every tile"))
+                }
+                _ => (Decision::On, format!("can be seen in {tiles} of {all} tiles")),
+            };
+            row(Effect::Lobe(lobe), decision, tiles, error, reason);
+        }
+        let tiles = tiles_with(SHADED);
+        let decision = match (wanted, tiles) {
+            (false, _) => Decision::Absent,
+            (true, 0) => Decision::NoOp,
+            _ => Decision::On,
+        };
+        row(Effect::CastShadows, decision, tiles, 0.0, shadows);
+        let near = scene.lamps().iter().any(|lamp| !lamp.light.is_distant());
+        let tiles = tiles_with(NEAR);
+        let (error, _) = lost(surface.lobes.len());
+        let (decision, reason) = match (near, tiles) {
+            (false, _) => (Decision::Absent, "every lamp is distant".to_owned()),
+            (true, 0) => (Decision::Bounded, format!("at most {error:.3} {unit} in every tile")),
+            _ => (Decision::On, format!("directions differ in {tiles} of {all} tiles")),
+        };
+        row(Effect::NearLight, decision, tiles, error, reason);
+        let lobed = parts.iter().any(|part| part & !(LIT | SHADED | NEAR) != 0);
+        let (decision, tiles, reason) = match (scene.view().is_distant(), lobed) {
+            (true, _) => (Decision::Absent, 0, "the eye is distant"),
+            (false, false) if surface.coated.is_none() => {
+                (Decision::NoOp, 0, "no lobe and no coat sees where the eye is")
+            }
+            _ => (Decision::On, all, "lobes see the eye from each pixel"),
+        };
+        row(Effect::NearView, decision, tiles, 0.0, reason.to_owned());
+        let Slanted { displacement, error } = slanted;
+        let (decision, tiles) = match (displacement == 0.0, self.slanted().0) {
+            (true, _) => (Decision::NoOp, 0),
+            (false, true) => (Decision::On, all),
+            (false, false) => (Decision::Bounded, 0),
+        };
+        let reason = format!("the view moves a pixel by {displacement:.4} pixels at most");
+        row(Effect::SlantedView, decision, tiles, error, reason);
+        let (decision, tiles, reason) = if scene.environment().is_some() {
+            (Decision::On, all, "light from all directions")
+        } else {
+            (Decision::Absent, 0, "no environment")
+        };
+        row(Effect::Environment, decision, tiles, 0.0, reason.to_owned());
+        rows
+    }
+}

@@ -1,0 +1,391 @@
+"""What a scene calls for: effects are simulated where they can be seen, and nowhere else."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto import _core
+from impasto._internal.calls import ProgressCallback, thread_count
+from impasto._internal.checks import one_of
+from impasto.bands import Camera
+from impasto.colour import delta_e, lab_from_xyz
+from impasto.errors import ArgumentError
+from impasto.fit.reflectance import Reflectance
+from impasto.image import Image, Output, tone_table
+from impasto.level import Level
+from impasto.lighting import Prepared, prepare
+from impasto.picture import Backend, Fidelity, picture
+from impasto.scene import Scene
+from impasto.surface import Relightable
+
+Decision = Literal["absent", "no-op", "bounded", "folded", "on"]
+
+_REPEATS = 3
+"""A time is the shortest of so many."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedEffect:
+    """What a plan does about one effect.
+
+    Attributes
+    ----------
+    name
+        The effect.
+    decision
+        ``"absent"``: there is nothing to simulate; ``"no-op"``: proven to change no bit;
+        ``"bounded"``: left out, proven to change less than the tolerance; ``"folded"``: part of a
+        matrix, at no cost; ``"on"``: simulated.
+    tiles
+        How many tiles of 256 x 256 pixels it is simulated in.
+    reason
+        Why, with the numbers that decided.
+    error
+        Most that leaving it out costs a pixel, in the unit of the tolerance.
+    saves
+        Seconds that are saved because it is not simulated everywhere, as measured; None if that was
+        not measured.
+    """
+
+    name: str
+    decision: Decision
+    tiles: int
+    reason: str
+    error: float
+    saves: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """A planned picture against the one with every effect.
+
+    Attributes
+    ----------
+    equal
+        Whether all bits are equal.
+    delta_e
+        Largest CIEDE2000 difference of a pixel.
+    codes
+        Largest difference of an 8-bit display code.
+    planned, forced
+        Seconds that each picture took.
+    """
+
+    equal: bool
+    delta_e: float
+    codes: int
+    planned: float
+    forced: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan:
+    """What is simulated of a scene, made by :func:`plan`.
+
+    The maps of the surface must not be changed as long as the plan is used: it rests on their
+    statistics.
+
+    Attributes
+    ----------
+    effects
+        One :class:`PlannedEffect` per effect.
+    tolerance
+        As given.
+    error
+        The largest sum of what a tile does without, in ``unit``.
+    unit
+        ``"dE00"``, ``"codes"`` or ``""``.
+    tiles
+        Number of tiles.
+    """
+
+    effects: tuple[PlannedEffect, ...]
+    tolerance: str | float
+    error: float
+    unit: str
+    tiles: int
+    _scene: Scene
+    _prepared: Prepared
+    _native: _core.Plan
+    _extra: NDArray[np.float32] | None
+    _again: Callable[[Scene, _core.SurfaceStatistics | None], Plan]
+    _statistics: _core.SurfaceStatistics
+
+    def render(
+        self,
+        *,
+        output: Output = "display",
+        backend: Backend = "cpu",
+        threads: int | None = None,
+        progress: bool | ProgressCallback = False,
+    ) -> Image:
+        """The picture as planned; parameters as in :func:`impasto.render`."""
+        one_of(output, get_args(Output), "output")
+
+        def again() -> NDArray[np.float32]:
+            return self.render(output="light", threads=threads).xyz
+
+        return picture(
+            self._prepared,
+            self._native,
+            self._scene,
+            self._extra,
+            again=again if output == "display" else None,
+            backend=backend,
+            threads=threads,
+            progress=progress,
+        )
+
+    def forced(self) -> Plan:
+        """The plan that simulates every effect that is there, everywhere."""
+        core = _core.Plan.forced(
+            self._prepared.surface, self._prepared.arguments, self._prepared.relief is not None
+        )
+        effects = (*_effects(core), *_folded(self._scene, self._prepared))
+        return replace(self, effects=effects, tolerance=0, error=0.0, unit="", _native=core)
+
+    def with_scene(self, scene: Scene) -> Plan:
+        """A plan for another scene with the same surface, whose statistics are used again."""
+        return self._again(scene, self._statistics)
+
+    def verify(self, *, threads: int | None = None) -> Verification:
+        """Render both as planned and forced, and compare all pixels."""
+        planned, seconds = _timed(lambda: self.render(output="light", threads=threads), 1)
+        everything = self.forced()
+        forced, all_seconds = _timed(lambda: everything.render(output="light", threads=threads), 1)
+        white = np.linalg.solve(planned.exposure * self._scene.display.linear_from_xyz, np.ones(3))
+        shown = planned.coverage > 0.0
+        equal = planned.xyz.tobytes() == forced.xyz.tobytes()
+        differs = shown & (planned.xyz != forced.xyz).any(axis=0)
+        colours = [lab_from_xyz(image.xyz[:, differs], white) for image in (planned, forced)]
+        codes = np.abs(planned.display.astype(np.int16) - forced.display)
+        return Verification(
+            equal=equal,
+            delta_e=float(delta_e(*colours).max(initial=0.0)),
+            codes=int(codes.max(initial=0)),
+            planned=seconds,
+            forced=all_seconds,
+        )
+
+    def measured(self, *, threads: int | None = None) -> Plan:
+        """The plan with the seconds that every effect saves, from pictures without each effect."""
+        forced = self.forced()
+        _, everything = _timed(lambda: forced.render(threads=threads), _REPEATS)
+        effects = []
+        for effect in self.effects:
+            saves = None
+            if effect.decision in {"no-op", "bounded"} or 0 < effect.tiles < self.tiles:
+                core = forced._native.without(effect.name)
+                bare = replace(forced, _native=core)
+                _, rest = _timed(lambda bare=bare: bare.render(threads=threads), _REPEATS)  # type: ignore[misc]
+                share = 1.0 - effect.tiles / self.tiles
+                saves = max(everything - rest, 0.0) * share
+            effects.append(replace(effect, saves=saves))
+        return replace(self, effects=tuple(effects))
+
+    def explain(self) -> str:
+        """The decisions as a table; :meth:`measured` fills its last column."""
+        rows = [("effect", "decision", "why", "error", "saves")]
+        for effect in self.effects:
+            share = f" ({effect.tiles}/{self.tiles} tiles)" if effect.decision == "on" else ""
+            error = "0" if effect.error == 0.0 else f"<= {effect.error:.2g} {self.unit}"
+            saves = "-" if effect.saves is None else f"{1e3 * effect.saves:.1f} ms"
+            rows.append((effect.name, effect.decision + share, effect.reason, error, saves))
+        widths = [max(len(row[column]) for row in rows) for column in range(5)]
+        lines = [
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        ]
+        total = f"{self.error:.2g} {self.unit}".strip()
+        lines.append(f"tolerance {self.tolerance}; left out in any tile: at most {total}")
+        return "\n".join(lines)
+
+    def to_json(self) -> str:
+        """Decisions, numbers and tolerance as JSON, for an archive."""
+        effects = [
+            {
+                "effect": effect.name,
+                "decision": effect.decision,
+                "tiles": effect.tiles,
+                "reason": effect.reason,
+                "error": effect.error,
+                "saves_seconds": effect.saves,
+            }
+            for effect in self.effects
+        ]
+        numbers = {"tolerance": self.tolerance, "error": self.error, "unit": self.unit}
+        return json.dumps({**numbers, "tiles": self.tiles, "effects": effects}, indent=2)
+
+    def __repr__(self) -> str:
+        on = [effect.name for effect in self.effects if effect.decision == "on"]
+        off = [effect.name for effect in self.effects if effect.decision in {"no-op", "bounded"}]
+        without = f", without {', '.join(off)}" if off else ""
+        return f"<Plan {', '.join(on)}{without}, tolerance {self.tolerance}>"
+
+
+def plan(
+    surface: Relightable,
+    scene: Scene,
+    *,
+    tolerance: str | float = 0,
+    reflectance: Reflectance | None = None,
+    camera: Camera | None = None,
+    height: ArrayLike | None = None,
+    pitch_mm: float | None = None,
+    index: float | None = None,
+    fidelity: Fidelity = "photographs",
+    level: bool | Level | None = None,
+    threads: int | None = None,
+) -> Plan:
+    """Decide what a scene calls for, effect by effect and tile by tile.
+
+    Parameters
+    ----------
+    surface, scene, reflectance, camera, height, pitch_mm, index, fidelity, level, threads
+        As in :func:`impasto.render`.
+    tolerance
+        0: no bit may change. ``"code:1"``: so many 8-bit codes of the display, before rounding;
+        ``"dE:0.5"``: so much CIEDE2000, relative to the display's white. The bounds of all that a
+        pixel does without are summed and stay below it.
+
+    Returns
+    -------
+    Plan
+        With ``explain()``, ``render()``, ``forced()``, ``verify()`` and ``to_json()``.
+
+    Raises
+    ------
+    ArgumentError
+        A tolerance that is none of these; everything that :func:`impasto.render` refuses.
+    """
+    one_of(fidelity, get_args(Fidelity), "fidelity")
+
+    def again(other: Scene, statistics: _core.SurfaceStatistics | None) -> Plan:
+        prepared = prepare(
+            surface,
+            other,
+            reflectance=reflectance,
+            camera=camera,
+            height=height,
+            pitch_mm=pitch_mm,
+            index=index,
+            level=level,
+            threads=threads,
+        )
+        extra = None
+        if fidelity == "photographs" and prepared.as_photographed:
+            extra = surface.unmodelled(prepared.rig)
+        limit = _limit(tolerance, other, prepared)
+        workers = thread_count(threads)
+        usable = statistics is not None and (prepared.relief is None or statistics.tiles[1])
+        # A panel that is rotated for shadows has other normals.
+        if statistics is None or not usable or (level is None and other.shadows):
+            statistics = _core.SurfaceStatistics(prepared.surface, prepared.relief, workers)
+        core = _core.Plan(
+            prepared.surface,
+            statistics,
+            prepared.arguments,
+            tolerance=limit,
+            shadows=prepared.relief is not None,
+            more_light=extra is not None,
+            threads=workers,
+        )
+        unit = "" if limit is None else "codes" if len(limit) == 3 else "dE00"
+        return Plan(
+            effects=(*_effects(core), *_folded(other, prepared)),
+            tolerance=tolerance,
+            error=core.error,
+            unit=unit,
+            tiles=core.tiles,
+            _scene=other,
+            _prepared=prepared,
+            _native=core,
+            _extra=extra,
+            _again=again,
+            _statistics=statistics,
+        )
+
+    return again(scene, None)
+
+
+def _limit(tolerance: str | float, scene: Scene, prepared: Prepared) -> Any:
+    """A tolerance as the core takes it; None for none."""
+    expected = 'tolerance: expected 0, "code:1" or "dE:0.5"'
+    if isinstance(tolerance, str):
+        kind, _, number = tolerance.partition(":")
+        try:
+            limit = float(number)
+        except ValueError:
+            raise ArgumentError(f"{expected}, found {tolerance!r}") from None
+        if kind not in {"code", "dE"} or not (np.isfinite(limit) and limit >= 0.0):
+            raise ArgumentError(f"{expected}, found {tolerance!r}")
+    elif tolerance == 0:
+        return None
+    else:
+        raise ArgumentError(f"{expected}, found {tolerance!r}")
+    # An exposure that follows from the picture is not known before it.
+    if limit == 0.0 or prepared.from_picture:
+        return None
+    matrix = prepared.exposure * scene.display.linear_from_xyz
+    if kind == "dE":
+        return limit, np.linalg.solve(matrix, np.ones(3)).tolist()
+    codes = 255.0 * tone_table(scene.display).astype(np.float64)
+    light = np.linspace(0.0, 1.0, codes.shape[1]) ** 2
+    # Within its first cell the table is steep, and rises by its first entry.
+    slope = (np.diff(codes, axis=1) / np.diff(light))[:, 1:].max(axis=1)
+    first = float(codes[:, 1].max())
+    return max(limit - first, 0.0), matrix.tolist(), slope.tolist()
+
+
+def _effects(core: _core.Plan) -> tuple[PlannedEffect, ...]:
+    return tuple(
+        PlannedEffect(row["effect"], row["decision"], row["tiles"], row["reason"], row["error"])
+        for row in core.rows
+    )
+
+
+def _folded(scene: Scene, prepared: Prepared) -> tuple[PlannedEffect, ...]:
+    """What is part of the colour matrices, and costs nothing."""
+    count, coefficients, _ = prepared.arguments.diffuse.shape
+    matrices = f"{count} matri{'x' if count == 1 else 'ces'} 3 x {coefficients}"
+    spectra: Decision = "absent" if prepared.in_bands else "folded"
+    reason = "colours of the bands" if prepared.in_bands else matrices
+    if scene.adaptation is None:
+        adaptation: tuple[Decision, str] = "absent", "the light is shown as it is"
+    else:
+        adaptation = "folded", f"d = {scene.adaptation:g}, in {matrices}"
+    return (
+        PlannedEffect("spectra", spectra, 0, reason, 0.0),
+        PlannedEffect("chromatic adaptation", *adaptation[:1], 0, adaptation[1], 0.0),
+        _film(scene, matrices),
+    )
+
+
+def _film(scene: Scene, matrices: str) -> PlannedEffect:
+    """What a varnish absorbs; its gloss is a lobe."""
+    coat = scene.varnish
+    if coat is None:
+        return PlannedEffect("varnish", "absent", 0, "no coat", 0.0)
+    share = 100.0 * float(coat.transmittance([450.0])[0])
+    if share == 100.0:
+        return PlannedEffect("varnish", "no-op", 0, "a clear film", 0.0)
+    what = "divided by" if coat.removed else "times"
+    reason = f"{what} {share:.3g} % at 450 nm in front, in {matrices}"
+    return PlannedEffect("varnish", "folded", 0, reason, 0.0)
+
+
+def _timed(work: Callable[[], Image], repeats: int) -> tuple[Image, float]:
+    shortest, image = np.inf, None
+    for _ in range(repeats):
+        start = time.perf_counter()
+        image = work()
+        shortest = min(shortest, time.perf_counter() - start)
+    assert image is not None
+    return image, shortest

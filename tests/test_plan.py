@@ -1,0 +1,231 @@
+"""Plans: what is left out changes no bit, or less than the tolerance."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import impasto
+from impasto.errors import ArgumentError
+
+TILE = 256
+SIZES = ((1, 1), (1, 300), (37, 41), (TILE, TILE), (270, 300))
+
+
+def direction(azimuth: float, tangent: float) -> tuple[float, float, float]:
+    """A direction whose elevation has this tangent."""
+    length = math.hypot(1.0, tangent)
+    return (math.cos(azimuth) / length, math.sin(azimuth) / length, tangent / length)
+
+
+def relief_of(rng: np.random.Generator, size: tuple[int, int]) -> NDArray[np.float32]:
+    """Waves over half of the picture: other tiles stay level."""
+    rows, columns = np.mgrid[0 : size[0], 0 : size[1]]
+    waves = np.zeros(size)
+    for _ in range(3):
+        across, down, phase = rng.uniform(-0.4, 0.4, 3)
+        waves += rng.uniform(0.0, 0.3) * np.sin(across * columns + down * rows + 6 * phase)
+    return np.asarray(waves * (columns < 0.5 * size[1]), np.float32)
+
+
+def normals_of(height: NDArray[np.float32], pitch: float) -> NDArray[np.float32]:
+    padded = np.pad(height.astype(np.float64), 1, mode="edge")
+    across = (padded[1:-1, 2:] - padded[1:-1, :-2]) / (2 * pitch)
+    up = (padded[:-2, 1:-1] - padded[2:, 1:-1]) / (2 * pitch)
+    normal = np.stack([-across, -up, np.ones_like(across)])
+    return np.asarray(normal / np.linalg.norm(normal, axis=0), np.float32)
+
+
+def steepest(height: NDArray[np.float32], azimuth: float, pitch: float) -> float:
+    """The steepest rise of the bilinear surface in a direction, in float64."""
+    rows = np.pad(height.astype(np.float64), 1, mode="edge")
+    across = np.diff(rows, axis=1) / pitch
+    up = -np.diff(rows, axis=0) / pitch
+    x, y = math.cos(azimuth), math.sin(azimuth)
+    of_x = np.maximum(across[:-1] * x, across[1:] * x)
+    of_y = np.maximum(up[:, :-1] * y, up[:, 1:] * y)
+    return float((of_x + of_y).max())
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> tuple[impasto.Surface, impasto.Scene]:
+    """A surface and a scene in which every effect may be there, absent or at its bound."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    size = draw(st.sampled_from(SIZES))
+    pitch = 0.5
+    height = relief_of(rng, size)
+    normal = normals_of(height, pitch)
+    bands = draw(st.sampled_from((1, 3)))
+    diffuse = rng.uniform(0.0, 0.9, (bands, *size)).astype(np.float32)
+    if draw(st.booleans()):
+        normal[:, rng.random(size) < 0.1] = np.nan
+    if draw(st.booleans()):
+        normal[:, : size[0] // 2] *= -1.0
+    model = draw(st.sampled_from(("matte", "one", "maps", "tinted", "lafortune")))
+    patches = rng.random(size) < 0.5
+    patches[:, : size[1] // 2] = False
+    beta = np.where(patches, rng.uniform(0.0, 3.0, size), 0.0).astype(np.float32)
+    gamma = rng.uniform(0.01, 0.4, size).astype(np.float32)
+    options: dict[str, Any] = {"height": height, "pitch_mm": pitch}
+    options["coated"] = draw(st.booleans())
+    options["ambient"] = 0.1 * diffuse if draw(st.booleans()) else None
+    if model == "lafortune":
+        strength = np.broadcast_to(beta, (2, bands, *size)) * 0.1
+        exponent = rng.uniform(2.0, 500.0, (2, *size)).astype(np.float32)
+        cxy = np.full((2, *size), -1.0, np.float32)
+        surface = impasto.Surface.lafortune(
+            normal, diffuse, strength, cxy, -cxy, exponent, **options
+        )
+    elif model == "matte":
+        surface = impasto.Surface(normal, diffuse, **options)
+    else:
+        strengths: Any = {"one": 0.5, "maps": beta}.get(model, np.stack([[beta] * bands]))
+        widths: Any = {"one": 0.08}.get(model, gamma if model == "maps" else gamma[None])
+        surface = impasto.Surface.torrance_sparrow(normal, diffuse, strengths, widths, **options)
+    lights: list[Any] = []
+    for _ in range(draw(st.integers(1, 3))):
+        azimuth = draw(st.floats(0.0, 6.2))
+        if draw(st.booleans()):
+            # At the bound of shadows, a little below and above.
+            factor = draw(st.sampled_from((0.7, 0.99, 0.9999, 1.0001, 1.01, 3.0)))
+            tangent = factor * max(steepest(height, azimuth, pitch), 0.02)
+            lights.append(impasto.DistantLight(direction(azimuth, tangent)))
+        else:
+            x, y = (200.0 * value for value in direction(azimuth, 0.0)[:2])
+            far = draw(st.sampled_from((60.0, 900.0, 1e6)))
+            lights.append(impasto.PointLight((x, y, far), intensity=draw(st.floats(0.01, 2.0))))
+    view = draw(
+        st.sampled_from((None, (0.3, -0.2, 0.9), (1e-7, 0.0, 1.0), impasto.PointView((9, 5, 400))))
+    )
+    scene = impasto.Scene(
+        lights,
+        view=view,
+        shadows=draw(st.booleans()),
+        exposure=draw(st.sampled_from((None, 0.5, "maximum"))),
+        background=draw(st.sampled_from(((0.0, 0.0, 0.0), (0.2, 0.5, 1.0)))),
+    )
+    return surface, scene
+
+
+@settings(max_examples=500, deadline=None, derandomize=True)
+@given(scenes())
+def test_without_a_tolerance_a_planned_picture_has_the_bits_of_the_forced_one(
+    case: tuple[impasto.Surface, impasto.Scene],
+) -> None:
+    surface, scene = case
+    plan = impasto.plan(surface, scene, threads=1)
+    # Display codes are made in one pass, light in another.
+    planned, forced = plan.render(threads=1), plan.forced().render(threads=1)
+    assert planned.xyz.tobytes() == forced.xyz.tobytes()
+    assert planned.coverage.tobytes() == forced.coverage.tobytes()
+    assert planned.display.tobytes() == forced.display.tobytes()
+    assert plan.error == 0.0
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(scenes(), st.sampled_from(("dE:0.5", "dE:3", "code:1", "code:5")))
+def test_a_planned_picture_stays_within_its_tolerance(
+    case: tuple[impasto.Surface, impasto.Scene], tolerance: str
+) -> None:
+    surface, scene = case
+    plan = impasto.plan(surface, scene, tolerance=tolerance, threads=1)
+    found = plan.verify(threads=1)
+    limit = float(tolerance.split(":")[1])
+    assert plan.error <= limit
+    # Light in single precision: a difference of 1e-6 of white is 0.001 of a dE00 in the dark.
+    if tolerance.startswith("dE"):
+        assert found.delta_e <= plan.error + 0.002
+    else:
+        # Codes are rounded after the difference that the tolerance means.
+        assert found.codes <= math.ceil(limit)
+
+
+def frontal(columns: int, **options: Any) -> impasto.Surface:
+    """A level surface with a lobe of 0.05 rad in its right half."""
+    size = (TILE, columns)
+    normal = np.zeros((3, *size), np.float32)
+    normal[2] = 1.0
+    beta = np.zeros(size, np.float32)
+    beta[:, columns // 2 :] = 0.5
+    diffuse = np.full((3, *size), 0.4, np.float32)
+    return impasto.Surface.torrance_sparrow(
+        normal, diffuse, beta, 0.05, pitch_mm=0.5, height=np.zeros(size, np.float32), **options
+    )
+
+
+def decisions(plan: impasto.Plan) -> dict[str, tuple[str, int]]:
+    return {effect.name: (effect.decision, effect.tiles) for effect in plan.effects}
+
+
+def test_each_effect_is_decided_and_says_why() -> None:
+    scene = impasto.Scene([impasto.DistantLight((0.1, 0.0, 1.0))], shadows=True)
+    plan = impasto.plan(frontal(2 * TILE), scene)
+    found = decisions(plan)
+    assert found["diffuse"] == ("on", 2)
+    assert found["coated diffuse"] == ("absent", 0)
+    # The left tile has no lobe; the highlight of the right one is in view.
+    assert found["lobe 1"] == ("on", 1)
+    assert found["cast shadows"] == ("no-op", 0)
+    assert found["near light"] == ("absent", 0)
+    assert found["spectra"][0] == "absent"
+    text = plan.explain()
+    assert "steepest rise towards light 1: 0.000; the light: 10.000" in text
+    assert "on (1/2 tiles)" in text
+    assert json.loads(plan.to_json())["effects"][0]["effect"] == "diffuse"
+    assert repr(plan) == "<Plan diffuse, lobe 1, without cast shadows, slanted view, tolerance 0>"
+
+
+def test_a_lobe_that_is_out_of_sight_is_left_out_within_the_tolerance() -> None:
+    # 40 degrees from the mirror direction of a lobe of 0.05 rad: exp(-0.69 (0.35 / 0.05)^2).
+    side = impasto.Scene([impasto.DistantLight(direction(0.3, 1.2))], exposure=1.0)
+    surface = frontal(2 * TILE)
+    exact = impasto.plan(surface, side)
+    rough = impasto.plan(surface, side, tolerance="dE:0.5")
+    assert decisions(exact)["lobe 1"] == ("on", 1)
+    assert decisions(rough)["lobe 1"] == ("bounded", 0)
+    assert 0.0 < rough.error <= 0.5
+    assert decisions(rough.forced())["lobe 1"] == ("on", 2)
+
+
+def test_a_far_lamp_is_taken_for_a_distant_one_within_the_tolerance() -> None:
+    surface = frontal(2 * TILE)
+    far = impasto.Scene([impasto.PointLight((0.0, 8e6, 8e6))])
+    near = impasto.Scene([impasto.PointLight((0.0, 300.0, 300.0))])
+    assert decisions(impasto.plan(surface, far))["near light"][0] == "on"
+    assert decisions(impasto.plan(surface, far, tolerance="dE:0.5"))["near light"][0] == "bounded"
+    assert decisions(impasto.plan(surface, near, tolerance="dE:0.5"))["near light"][0] == "on"
+
+
+def test_a_plan_for_another_scene_uses_the_statistics_again() -> None:
+    surface = frontal(2 * TILE)
+    first = impasto.plan(surface, impasto.Scene([impasto.DistantLight((0.1, 0.0, 1.0))]))
+    scene = impasto.Scene([impasto.DistantLight((0.9, 0.0, 0.2))], shadows=True)
+    again, fresh = first.with_scene(scene), impasto.plan(surface, scene)
+    assert again.explain() == fresh.explain()
+    assert again.render().xyz.tobytes() == fresh.render().xyz.tobytes()
+    assert again.with_scene(scene).explain() == fresh.explain()
+
+
+def test_a_measured_plan_says_what_is_saved() -> None:
+    scene = impasto.Scene([impasto.DistantLight((0.1, 0.0, 1.0))], shadows=True)
+    plan = impasto.plan(frontal(2 * TILE), scene).measured(threads=1)
+    saves = {effect.name: effect.saves for effect in plan.effects}
+    assert saves["diffuse"] is None
+    assert saves["lobe 1"] is not None
+    assert saves["lobe 1"] >= 0.0
+    assert saves["cast shadows"] is not None
+    assert " ms" in plan.explain()
+
+
+@pytest.mark.parametrize("tolerance", ["dE", "dE:x", "dE:-1", "dE:nan", "lab:1", 0.5, "1"])
+def test_a_tolerance_that_is_none_is_refused(tolerance: Any) -> None:
+    scene = impasto.Scene([impasto.DistantLight((0.0, 0.0, 1.0))])
+    with pytest.raises(ArgumentError, match=r'tolerance: expected 0, "code:1"'):
+        impasto.plan(frontal(8), scene, tolerance=tolerance)
