@@ -16,6 +16,7 @@ mod bounds;
 mod colour;
 pub mod curve;
 mod diffuse;
+pub mod occlusion;
 pub mod plan;
 mod relief;
 pub mod scene;
