@@ -156,81 +156,6 @@ def test_the_same_command_gives_the_same_bytes(stack: Path, fitted: Path, tmp_pa
         assert (out / name).read_bytes() == (fitted / name).read_bytes(), name
 
 
-# --- render
-
-
-def test_a_dark_picture_is_told_and_brightened(
-    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = f"render {demo} --light 90,45 --out {tmp_path / 'above.png'} --exposure".split()
-    assert main([*words, "0.05"]) == 0
-    told = said(capsys)
-    assert "a dark picture" in told
-    assert main([*words, told.split("--exposure ")[1].split()[0]]) == 0
-    assert "a dark picture" not in said(capsys)
-    shown = cv2.imread(str(tmp_path / "above.png"))
-    assert shown is not None
-    # 99 % of the pixels reach up to 0.9 of the display's light, code 243 of sRGB; the exposure is
-    # told to two digits, 5 % of light or six codes at the most.
-    assert np.percentile(shown.max(axis=2), 99) == pytest.approx(243, abs=7)
-
-
-def test_a_bright_picture_is_told_and_darkened(
-    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = f"render {demo} --light 90,45 --out {tmp_path / 'above.png'} --exposure".split()
-    assert main([*words, "20"]) == 0
-    told = said(capsys)
-    assert "clips less than 1 %" in told
-    assert main([*words, told.split("--exposure ")[1].split()[0]]) == 0
-    told = said(capsys)
-    assert "--exposure" not in told
-    assert "a dark picture" not in told
-
-
-def test_a_result_is_rendered_under_any_light(demo: Path, tmp_path: Path) -> None:
-    day, lamp = tmp_path / "day.png", tmp_path / "lamp.png"
-    assert main(f"render {demo} --light 90,45 --out {day} --quiet".split()) == 0
-    words = f"render {demo} --light 90,45 --light=-90,60 --illuminant 2856K --adaptation 0.56"
-    assert main(f"{words} --shadows --view 0,60 --out {lamp} --quiet".split()) == 0
-    pictures = [cv2.imread(str(path)) for path in (day, lamp)]
-    assert pictures[0] is not None
-    assert pictures[1] is not None
-    assert pictures[0].shape == (SIZE, SIZE, 3)
-    # Seen from 60 degrees of elevation, the width shrinks to sin(60 degrees).
-    assert pictures[1].shape[1] == pytest.approx(SIZE * np.sin(np.radians(60)), abs=2)
-
-
-def test_a_lamp_is_yellower_than_daylight(demo: Path, tmp_path: Path) -> None:
-    ratio = {}
-    for name in ("D65", "A"):
-        path = tmp_path / f"{name}.exr"
-        assert main(f"render {demo} --illuminant {name} --out {path} --quiet".split()) == 0
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            planes = {key: channel.pixels for key, channel in file.channels().items()}
-        ratio[name] = float(planes["B"].mean() / planes["R"].mean())
-    assert ratio["A"] < ratio["D65"]
-
-
-def test_a_display_is_named_or_measured(demo: Path, tmp_path: Path) -> None:
-    out = tmp_path / "p3.png"
-    assert main(["render", str(demo), "--display", "Display P3", "--out", str(out)]) == 0
-    assert b"iCCP" in out.read_bytes()[:200]
-
-
-def test_a_near_lamp_lights_what_is_near(demo: Path, tmp_path: Path) -> None:
-    thirds = []
-    for x in (-30, 30):
-        out = tmp_path / f"{x}.exr"
-        assert main(f"render {demo} --point {x},0,30 --out {out} --quiet".split()) == 0
-        with OpenEXR.File(str(out), separate_channels=True) as file:
-            green = np.asarray(file.channels()["G"].pixels)
-        third = green.shape[1] // 3
-        thirds.append((green[:, :third].mean(), green[:, -third:].mean()))
-    assert thirds[0][0] > thirds[1][0]
-    assert thirds[0][1] < thirds[1][1]
-
-
 def test_photographs_that_an_earlier_result_holds_stay(
     demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -372,6 +297,8 @@ def mistakes(tmp_path: Path, stack: Path, demo: Path) -> dict[str, str]:
         ("fit {stack} --out {out} --threads zero", 2, "--threads"),
         ("render {demo} --light 45 --out {out}.png", 2, "azimuth,elevation"),
         ("render {demo} --light 45,-5 --out {out}.png", 2, "elevation above 0"),
+        ("render {demo} --light 45,30,tepid --out {out}.png", 2, "or warm, cool"),
+        ("render {demo} --light 45,30,Z9 --out {out}.png", 2, "unknown name"),
         ("render {demo} --point 1,2 --out {out}.png", 2, "x,y,z"),
         ("fit {stack} --out {out} --illuminant A", 2, "needs --camera"),
         ("fit {images} --out {out} --pitch 0", 1, "--pitch: expected a positive"),
@@ -444,6 +371,8 @@ def test_colours_without_spectra_cannot_change_their_light(
 ) -> None:
     out = tmp_path / "lamp.png"
     assert main(f"render {fitted} --illuminant A --out {out}".split()) == 1
+    assert "--camera" in said(capsys)
+    assert main(f"render {fitted} --light 45,30,warm --out {out}".split()) == 1
     assert "--camera" in said(capsys)
 
 

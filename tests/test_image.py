@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -98,6 +99,13 @@ def test_only_what_is_asked_for_is_computed(
     calls.clear()
     assert impasto.render(surface, Scene([LIGHT]), output="light").xyz.shape == (3, 37, 300)
     assert calls == ["render"]
+
+
+def test_a_picture_is_pickled_without_its_painting(surface: impasto.Surface) -> None:
+    image = impasto.render(surface, Scene([LIGHT]))
+    same = pickle.loads(pickle.dumps(image))
+    for name in ("display", "xyz", "linear", "coverage"):
+        np.testing.assert_array_equal(getattr(same, name), getattr(image, name))
 
 
 def test_an_unknown_output_is_refused(surface: impasto.Surface) -> None:

@@ -266,3 +266,12 @@ def test_a_coordinate_search_ends_at_the_minimum() -> None:
         bowl, np.zeros(2), np.array([0.1, 0.0]), low=np.zeros(2), high=np.full(2, 0.2)
     )
     assert edge.tolist() == [0.2, 0.0]
+
+
+def test_photographs_of_any_exposure_have_the_same_rig(near: Any) -> None:
+    stack, refined = near[1], near[3]
+    dark = np.asarray(stack.samples) * np.float32(2.0**-20)
+    again = impasto.refine_rig(stack._replace(samples=dark))
+    # A power of two changes no bit of a sample but its exponent.
+    assert again.vectors.tobytes() == refined.vectors.tobytes()
+    assert again.view_positions.tobytes() == refined.view_positions.tobytes()

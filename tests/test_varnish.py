@@ -259,3 +259,24 @@ def test_grazing_light_and_measured_curves_stay_finite() -> None:
         for coat in (measured, replace(measured, index=1.0)):
             scene = Scene([DistantLight(direction)], varnish=coat)
             assert np.isfinite(impasto.render(surface, scene, reflectance=spectra).xyz).all()
+
+
+def test_a_plan_says_what_a_film_does() -> None:
+    surface, spectra = painting()
+    scene = Scene([DistantLight((0.0, 0.0, 1.0))], varnish=OLD)
+    said = {}
+    for name, coat in (("none", None), ("clear", OLD.clear()), ("old", OLD)):
+        plan = impasto.plan(surface, scene.changed(varnish=coat), reflectance=spectra)
+        effects = {effect.name: effect for effect in plan.effects}
+        said[name] = effects["varnish"].decision
+        if name == "old":
+            # exp(-12 2 0.06)
+            assert "23.7 % at 450 nm" in effects["varnish"].reason
+    assert said == {"none": "absent", "clear": "no-op", "old": "folded"}
+
+
+def test_a_varnish_and_its_scene_name_themselves() -> None:
+    lamp = [DistantLight((0.0, 0.0, 1.0))]
+    assert "varnished" in repr(Scene(lamp, varnish=OLD))
+    assert "without its varnish" in repr(Scene(lamp, varnish=OLD.without()))
+    assert "Varnish(thickness_um=60.0, index=1.54, yellowness=12.0" in repr(OLD)

@@ -9,6 +9,7 @@ from impasto import _core, colour, systems
 from impasto.bands import Camera
 from impasto.effort import Effort
 from impasto.encoding import Encoding
+from impasto.environment import Environment
 from impasto.errors import (
     ArgumentError,
     CorruptInputError,
@@ -57,6 +58,7 @@ __all__ = [
     "DistantLight",
     "Effort",
     "Encoding",
+    "Environment",
     "GeometryError",
     "Gloss",
     "GpuUnavailableError",
@@ -113,6 +115,7 @@ __all__ = [
     "reconstruct_highlights",
     "refine_rig",
     "render",
+    "sky_visibility",
     "suggest_effort",
     "systems",
     "white_corrected",

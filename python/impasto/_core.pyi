@@ -219,6 +219,22 @@ def spectral_estimator(
     seed: int,
 ) -> SpectralEstimator: ...
 
+# Environment light (crates/impasto-py/src/environment.rs)
+
+@final
+class Environment:
+    VERSION: int
+    def __new__(
+        cls,
+        radiance: NDArray[np.float32],
+        rotation: NDArray[np.float64],
+        scalar: bool,
+        threads: int,
+    ) -> Environment: ...
+    def with_lobes(self, kept: NDArray[np.float32] | None, threads: int) -> Environment: ...
+    def lobes(self) -> NDArray[np.float32] | None: ...
+    def irradiance(self, normal: tuple[float, float, float]) -> list[float]: ...
+
 # From maps to light (crates/impasto-py/src/relight.rs)
 
 def cast_shadows(

@@ -12,20 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto._internal.border import RigArguments
 from impasto._internal.calls import ProgressCallback, thread_count
 from impasto._internal.checks import instance, length_mm, truth
 from impasto._internal.html import png
 from impasto.bands import Camera
 from impasto.colour import Display
-from impasto.colour import white_scale as white_scale_of
 from impasto.errors import ArgumentError, GeometryError, GpuUnavailableError
 from impasto.fit.reflectance import Reflectance
-from impasto.image import columns_to_display, tone_table
+from impasto.image import columns_to_display, exposure_of_maximum, tone_table
 from impasto.level import Level
-from impasto.lighting import SceneArguments, _colours, _with_ambient_of, prepare
-from impasto.render import _exposure_of_maximum
-from impasto.rig import PointLight, Rig
+from impasto.lighting import SceneArguments, arranged, prepare, rig_of, varnished
+from impasto.rig import PointLight
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
 
@@ -251,7 +248,7 @@ class Renderer:
         arguments, exposure, uploaded = self._prepared(scene)
         if exposure is None:
             xyz, coverage = uploaded.light(arguments, scene.shadows, self._threads)
-            exposure = _exposure_of_maximum(xyz, coverage)
+            exposure = exposure_of_maximum(xyz, coverage)
         to_display = exposure * scene.display.linear_from_xyz
         behind = np.linalg.solve(to_display, np.asarray(scene.background))
         arguments = replace(arguments, background=_three(behind))
@@ -288,24 +285,15 @@ class Renderer:
                 "pitch_mm: point lights need the width of a pixel on the painting in mm, which the "
                 "surface does not contain; give pitch_mm="
             )
-        lit = self._lit
-        diffuse, interface, which, white = _colours(scene, self._reflectance, len(lit.diffuse))
+        lit = self._lit if scene.varnish is None else varnished(self._lit, scene.varnish)
         eye = self._eye if scene.view is None else scene.view
         pitch = 1.0 if self._pitch is None else self._pitch
-        rig = Rig(scene.lights, views=eye, pitch_mm=pitch, origin=lit.origin).here
-        scaled = _with_ambient_of(lit, scene, rig)
-        uploaded = self._uploaded if scaled is lit else self._upload(scaled)
-        exposure = None if isinstance(scene.exposure, str) else scene.exposure
-        if scene.exposure is None:
-            exposure = white_scale_of(white, scene.display).scale
-        arguments = SceneArguments(
-            rig=RigArguments.of(rig),
-            intensity=rig.intensities,
-            colour=which,
-            diffuse=diffuse,
-            interface=interface,
-            background=(0.0, 0.0, 0.0),
-        )
+        whole = rig_of(scene, eye, pitch, lit)
+        lit, arguments, known = arranged(lit, scene, whole, eye, self._reflectance)
+        uploaded = self._uploaded if lit is self._lit else self._upload(lit)
+        exposure = None if isinstance(scene.exposure, str) else known
+        # The background is added when the exposure of the picture is known.
+        arguments = replace(arguments, background=(0.0, 0.0, 0.0))
         return arguments, exposure, uploaded
 
 

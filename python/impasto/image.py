@@ -80,6 +80,10 @@ class Image:
             f"{clipped:.1f} % clipped>"
         )
 
+    def __getstate__(self) -> dict[str, Any]:
+        """To be pickled or copied: with its light, not with the painting."""
+        return {**vars(self), "light": self.xyz}
+
     @cached_property
     def xyz(self) -> NDArray[np.float32]:
         """``(3, y, x)`` tristimulus values."""
@@ -201,3 +205,10 @@ def tone_table(display: Display) -> NDArray[np.float32]:
 def columns_to_display(display: Display, exposure: float) -> NDArray[np.float64]:
     """``(3, 3)`` columns of the matrix from XYZ to linear display light."""
     return np.ascontiguousarray((exposure * display.linear_from_xyz).T)
+
+
+def exposure_of_maximum(xyz: NDArray[np.float32], coverage: NDArray[np.float32]) -> float:
+    """The factor at which the largest Y of the picture is that of the display's white."""
+    luminance = xyz[1][coverage > 0.0]
+    highest = float(luminance.max(initial=0.0))
+    return 1.0 / highest if highest > 0.0 else 1.0

@@ -13,23 +13,20 @@ from impasto._internal.border import RigArguments
 from impasto._internal.checks import holding, instance, length_mm
 from impasto._internal.waiting import floats
 from impasto.bands import Camera, checked_camera
-from impasto.colour import Display, spectrum, xyz_from_coefficients, xyz_from_spectrum
 from impasto.colour import white_scale as white_scale_of
-from impasto.colour.wavelengths import interpolation_matrix
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.interface import spectra_of_lobes
 from impasto.fit.reflectance import Reflectance, fit_reflectance
 from impasto.height import integrate_normals
+from impasto.illumination import channel_colours, lamp_colours
 from impasto.level import Level, as_level, find_level
-from impasto.rig import PointLight, PointView, Rig
+from impasto.rig import FRONTAL, DistantLight, PointLight, PointView, Rig
 from impasto.scene import Scene
 from impasto.surface import Lobe, Relightable, Surface
 from impasto.varnish import Varnish
 
 _ENOUGH = 100
 """A panel has more normals than that."""
-MIXING_GRID = np.arange(360.0, 831.0)
-"""Wavelengths in nm at which several illuminants are added."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +39,8 @@ class SceneArguments:
     diffuse: NDArray[np.float64]
     interface: NDArray[np.float64]
     background: tuple[float, float, float]
+    environment: tuple[Any, tuple[int, int, int]] | None = None
+    """What :meth:`impasto.Environment.prefiltered` gives, and the illuminants of its channels."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,34 +132,64 @@ def prepare(
     unmoved = lit.normal is stood and not scene.shadows
     relief = _relief(lit, height, pitch, threads) if scene.shadows else None
     eye = surface.eye() if scene.view is None else scene.view
-    diffuse, interface, which, white = _colours(scene, reflectance, len(lit.diffuse), eye)
-    # The largest Y is known when the picture is.
+    whole = rig_of(scene, eye, pitch, lit)
+    lit, arguments, exposure = arranged(lit, scene, whole, eye, reflectance, threads)
+    return Prepared(
+        surface=lit,
+        relief=relief,
+        arguments=arguments,
+        rig=whole,
+        exposure=exposure,
+        from_picture=isinstance(scene.exposure, str),
+        in_bands=reflectance is None,
+        reflectance=reflectance,
+        as_photographed=(reflectance is None and bool(scene.lights) and unmoved and _in_front(eye)),
+    )
+
+
+def rig_of(scene: Scene, eye: Any, pitch: float, lit: Surface) -> Rig:
+    """Lights and eye of a scene; without lamps the rig only says where the eye is."""
+    lamps = scene.lights or (DistantLight(FRONTAL),)
+    return Rig(lamps, views=eye, pitch_mm=pitch, origin=lit.origin)
+
+
+def arranged(
+    lit: Surface,
+    scene: Scene,
+    whole: Rig,
+    eye: Any,
+    reflectance: Any,
+    threads: int | None = None,
+) -> tuple[Surface, SceneArguments, float]:
+    """The surface with the scene's share of ambient light, the scene as arrays, its exposure.
+
+    ``whole`` has the scene's lights and ``eye``, relative to the whole painting. An exposure that
+    follows from the picture is 1 here, and the background is 0 with it.
+    """
+    rig = whole.here
+    bands = len(lit.diffuse)
+    diffuse, interface, which, white = lamp_colours(scene, reflectance, bands, eye)
+    if scene.environment is not None:
+        channels = channel_colours(scene, reflectance, bands, eye)
+        diffuse = np.concatenate([diffuse, channels.diffuse])
+        interface = np.concatenate([interface, channels.interface])
+        white = white + channels.white
     from_picture = isinstance(scene.exposure, str)
     exposure = 1.0 if isinstance(scene.exposure, str) else scene.exposure
     if exposure is None:
         exposure = white_scale_of(white, scene.display).scale
-    whole = Rig(scene.lights, views=eye, pitch_mm=pitch, origin=lit.origin)
-    rig = whole.here
     behind = np.zeros(3) if from_picture else np.asarray(scene.background)
     background = np.linalg.solve(exposure * scene.display.linear_from_xyz, behind)
-    return Prepared(
-        surface=_with_ambient_of(lit, scene, rig),
-        relief=relief,
-        arguments=SceneArguments(
-            rig=RigArguments.of(rig),
-            intensity=rig.intensities,
-            colour=which,
-            diffuse=diffuse,
-            interface=interface,
-            background=(float(background[0]), float(background[1]), float(background[2])),
-        ),
-        rig=whole,
-        exposure=float(exposure),
-        from_picture=from_picture,
-        in_bands=reflectance is None,
-        reflectance=reflectance,
-        as_photographed=reflectance is None and unmoved and _in_front(eye),
+    arguments = SceneArguments(
+        rig=RigArguments.of(rig),
+        intensity=rig.intensities[: len(scene.lights)],
+        colour=which,
+        diffuse=diffuse,
+        interface=interface,
+        background=(float(background[0]), float(background[1]), float(background[2])),
+        environment=_surroundings(scene, lit, len(diffuse), threads),
     )
+    return _with_ambient_of(lit, scene, rig), arguments, float(exposure)
 
 
 def _coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) -> Surface:
@@ -214,10 +243,21 @@ def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:
     that near lights have at the centre of the part. Lobes with ambient light have one illuminant.
     """
     there = float(sum(light.intensity for light in scene.lights))
-    here = float(rig.intensities.sum())
+    here = float(rig.intensities[: len(scene.lights)].sum())
     if lit.ambient is None or here == there:
         return lit
     return replace(lit, ambient=lit.ambient * np.float32(there / here))
+
+
+def _surroundings(
+    scene: Scene, lit: Surface, colours: int, threads: int | None
+) -> tuple[Any, tuple[int, int, int]] | None:
+    """The environment for the numerics; the last three colours are its channels'."""
+    if scene.environment is None:
+        return None
+    lobes = lit.model == "lafortune" and len(lit.lobes) > 0
+    built = scene.environment.prefiltered(lobes=lobes, threads=threads)
+    return built, (colours - 3, colours - 2, colours - 1)
 
 
 def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:
@@ -257,126 +297,6 @@ def _relief(
     if relief.shape != lit.shape:
         raise ArgumentError(f"height: expected {lit.shape}, found shape {relief.shape}")
     return relief
-
-
-def _colours(
-    scene: Scene, reflectance: Any, bands: int, eye: Any
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.uint32], NDArray[Any]]:
-    """Matrices ``(g, k, 3)``, vectors ``(g, 3)``, the row of each light, and XYZ of white."""
-    if reflectance is None:
-        matrix = _captured(scene, bands)
-        white = Display.named("srgb").xyz_from_linear.sum(axis=1)
-        total = sum(light.intensity for light in scene.lights)
-        return (
-            matrix[None],
-            white[None],
-            np.zeros(len(scene.lights), np.uint32),
-            np.asarray(total * white),
-        )
-    # Lamps of one illuminant have one matrix; under a varnish, those at one angle.
-    distinct: list[tuple[Any, float | None]] = []
-    which = []
-    for light, illuminant in zip(scene.lights, scene.illuminants, strict=True):
-        angle = None if scene.varnish is None or scene.varnish.removed else light.direction[2]
-        same = [
-            index
-            for index, (other, at) in enumerate(distinct)
-            if at == angle and _same(illuminant, other)
-        ]
-        which.append(same[0] if same else len(distinct))
-        if not same:
-            distinct.append((illuminant, angle))
-    first = distinct[0][0]
-    one = all(_same(illuminant, first) for illuminant, _ in distinct)
-    test = first if one else _mixture(scene)
-    towards = np.asarray(eye.position if isinstance(eye, PointView) else eye, dtype=np.float64)
-    towards = towards / np.linalg.norm(towards)
-    folds = [
-        xyz_from_coefficients(
-            *_under_varnish(reflectance, scene.varnish, angle, towards[2]),
-            _with_grid(illuminant, reflectance.wavelengths),
-            test=_with_grid(test, reflectance.wavelengths),
-            reference=_with_grid(scene.reference, reflectance.wavelengths),
-            d=scene.adaptation,
-            mode=scene.adaptation_mode,
-        )
-        for illuminant, angle in distinct
-    ]
-    if folds[0].diffuse.shape[1] != bands:
-        raise ArgumentError(
-            f"reflectance: {bands} coefficients but a basis of {folds[0].diffuse.shape[1]}"
-        )
-    interface = np.stack([fold.interface for fold in folds])
-    strength = np.array([light.intensity for light in scene.lights])
-    return (
-        np.ascontiguousarray(np.stack([fold.diffuse.T for fold in folds])),
-        interface,
-        np.array(which, dtype=np.uint32),
-        strength @ interface[which],
-    )
-
-
-def _under_varnish(
-    reflectance: Any, varnish: Varnish | None, light: float | None, view: float
-) -> tuple[Any, Any]:
-    """The basis ``(k, n)`` with what a film transmits of it, and its wavelengths.
-
-    Light and eye are cosines. The film's curve may be steep: the product is formed on 1 nm, on
-    which light becomes colour.
-    """
-    if varnish is None:
-        return reflectance.basis, reflectance.wavelengths
-    finely = interpolation_matrix(reflectance.wavelengths, MIXING_GRID)
-    basis = np.asarray(reflectance.basis, dtype=np.float64) @ finely.T
-    factor = varnish.factor(MIXING_GRID, 1.0 if light is None else light, view)
-    return basis * factor, MIXING_GRID
-
-
-def _with_grid(illuminant: Any, wavelengths: Any) -> Any:
-    """A bare array of values stands on the wavelengths of the spectra."""
-    bare = isinstance(illuminant, np.ndarray | list) and np.ndim(illuminant) == 1
-    return (wavelengths, illuminant) if bare else illuminant
-
-
-def _captured(scene: Scene, bands: int) -> NDArray[np.float64]:
-    """Matrix ``(band, 3)`` from bands without spectra to XYZ."""
-    if bands not in {1, 3}:
-        raise ArgumentError(
-            f"camera: {bands} bands have no colours without spectra; give camera=, or "
-            "reflectance= from impasto.fit_reflectance"
-        )
-    as_it_was = all(_same(illuminant, "D65") for illuminant in scene.illuminants)
-    if scene.varnish is not None:
-        raise ArgumentError(
-            "varnish: a film is a factor on spectra; give camera=, or reflectance= from "
-            "impasto.fit_reflectance"
-        )
-    if scene.adaptation is not None or not as_it_was:
-        raise ArgumentError(
-            "camera: without camera= or reflectance= only the colours under the light of the "
-            "capture are known; give one of them for another illuminant or an adaptation"
-        )
-    primaries = Display.named("srgb").xyz_from_linear
-    columns = primaries if bands == 3 else primaries.sum(axis=1, keepdims=True)
-    return np.ascontiguousarray(columns.T)
-
-
-def _same(one: Any, other: Any) -> bool:
-    if one is other:
-        return True
-    if isinstance(one, str) or isinstance(other, str):
-        return bool(isinstance(one, str) and isinstance(other, str) and one == other)
-    return np.ndim(one) == 0 and np.ndim(other) == 0 and bool(one == other)
-
-
-def _mixture(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The sum of all lights, to which the observer adapts; each has Y = its intensity."""
-    luminosity = xyz_from_spectrum(MIXING_GRID, np.ones(MIXING_GRID.size))[1]
-    total = np.zeros(MIXING_GRID.size)
-    for light, illuminant in zip(scene.lights, scene.illuminants, strict=True):
-        power = spectrum(illuminant, MIXING_GRID)
-        total += light.intensity * power / (luminosity @ power)
-    return MIXING_GRID, total
 
 
 def _in_front(eye: Any) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any, Literal
 
@@ -11,11 +12,20 @@ from numpy.typing import NDArray
 from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.waiting import wait_for
-from impasto.image import Image, Shown, columns_to_display, tone_table
+from impasto.errors import GpuUnavailableError, ImpastoWarning
+from impasto.gpu import adapters, lit_by_card
+from impasto.image import (
+    Image,
+    Shown,
+    columns_to_display,
+    exposure_of_maximum,
+    tone_table,
+)
 from impasto.lighting import Prepared
 from impasto.scene import Scene
 
 Fidelity = Literal["photographs", "model"]
+Backend = Literal["cpu", "gpu", "auto"]
 
 
 def picture(
@@ -25,6 +35,7 @@ def picture(
     extra: NDArray[np.float32] | None,
     *,
     again: Callable[[], NDArray[np.float32]] | None = None,
+    backend: Backend = "cpu",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Image:
@@ -35,35 +46,54 @@ def picture(
     """
     arguments, exposure = prepared.arguments, prepared.exposure
     workers = thread_count(threads)
-    surface, relief = prepared.surface, prepared.relief
-    if again and extra is None and not prepared.from_picture and not plan.projected:
+    by_cpu = backend == "cpu"
+    if again and by_cpu and extra is None and not prepared.from_picture and not plan.projected:
         matrix, table = columns_to_display(scene.display, exposure), tone_table(scene.display)
         with reporting(progress, "rendering") as callback:
             codes, coverage, below, above = _core.paint(
-                surface, relief, arguments, plan, matrix, table, workers, callback
+                prepared.surface,
+                prepared.relief,
+                arguments,
+                plan,
+                matrix,
+                table,
+                workers,
+                callback,
             )
         shown = Shown(codes, below, above)
         return Image(coverage, exposure, scene.display, again, shown, threads)
     with reporting(progress, "rendering") as callback:
-        xyz, coverage = _core.render(surface, relief, arguments, plan, workers, callback)
+        xyz, coverage = _light(prepared, plan, backend, workers, callback)
     if extra is not None:
         # Colours without spectra have one matrix for all lights.
         xyz += wait_for(_xyz_of, arguments.diffuse[0], extra)
     if prepared.from_picture:
-        exposure = _exposure_of_maximum(xyz, coverage)
+        exposure = exposure_of_maximum(xyz, coverage)
         to_display = exposure * scene.display.linear_from_xyz
         light = np.linalg.solve(to_display, np.asarray(scene.background)).astype(np.float32)
         xyz += light[:, None, None] * (1.0 - coverage)
     return Image(coverage, exposure, scene.display, xyz, threads=threads)
 
 
+def _light(
+    prepared: Prepared,
+    plan: _core.Plan,
+    backend: Backend,
+    workers: int,
+    callback: ProgressCallback | None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Light and coverage, by a graphics card if that is wanted and possible, else by the CPU."""
+    surface, relief, arguments = prepared.surface, prepared.relief, prepared.arguments
+    real = any(adapter.kind != "cpu" for adapter in adapters()) if backend == "auto" else False
+    if backend == "gpu" or real:
+        adapter = "auto" if real else "any"
+        try:
+            return lit_by_card(surface, relief, arguments, plan, workers, callback, adapter)
+        except GpuUnavailableError as error:
+            warnings.warn(f"{error}; the CPU makes the picture", ImpastoWarning, stacklevel=4)
+    return _core.render(surface, relief, arguments, plan, workers, callback)
+
+
 def _xyz_of(matrix: NDArray[Any], extra: NDArray[np.float32]) -> NDArray[np.float32]:
     """Light of bands in XYZ; the background stays as it is."""
     return np.tensordot(matrix.T.astype(np.float32), np.nan_to_num(extra, nan=0.0), axes=1)
-
-
-def _exposure_of_maximum(xyz: NDArray[np.float32], coverage: NDArray[np.float32]) -> float:
-    """The factor at which the largest Y of the picture is that of the display's white."""
-    luminance = xyz[1][coverage > 0.0]
-    highest = float(luminance.max(initial=0.0))
-    return 1.0 / highest if highest > 0.0 else 1.0

@@ -21,7 +21,7 @@ from impasto.fit.reflectance import Reflectance
 from impasto.image import Image, Output, tone_table
 from impasto.level import Level
 from impasto.lighting import Prepared, prepare
-from impasto.picture import Fidelity, picture
+from impasto.picture import Backend, Fidelity, picture
 from impasto.scene import Scene
 from impasto.surface import Relightable
 
@@ -122,6 +122,7 @@ class Plan:
         self,
         *,
         output: Output = "display",
+        backend: Backend = "cpu",
         threads: int | None = None,
         progress: bool | ProgressCallback = False,
     ) -> Image:
@@ -137,6 +138,7 @@ class Plan:
             self._scene,
             self._extra,
             again=again if output == "display" else None,
+            backend=backend,
             threads=threads,
             progress=progress,
         )
@@ -362,7 +364,21 @@ def _folded(scene: Scene, prepared: Prepared) -> tuple[PlannedEffect, ...]:
     return (
         PlannedEffect("spectra", spectra, 0, reason, 0.0),
         PlannedEffect("chromatic adaptation", *adaptation[:1], 0, adaptation[1], 0.0),
+        _film(scene, matrices),
     )
+
+
+def _film(scene: Scene, matrices: str) -> PlannedEffect:
+    """What a varnish absorbs; its gloss is a lobe."""
+    coat = scene.varnish
+    if coat is None:
+        return PlannedEffect("varnish", "absent", 0, "no coat", 0.0)
+    share = 100.0 * float(coat.transmittance([450.0])[0])
+    if share == 100.0:
+        return PlannedEffect("varnish", "no-op", 0, "a clear film", 0.0)
+    what = "divided by" if coat.removed else "times"
+    reason = f"{what} {share:.3g} % at 450 nm in front, in {matrices}"
+    return PlannedEffect("varnish", "folded", 0, reason, 0.0)
 
 
 def _timed(work: Callable[[], Image], repeats: int) -> tuple[Image, float]:

@@ -18,7 +18,7 @@ from impasto.fit.reflectance import Reflectance
 from impasto.image import Image, Output, tone_table
 from impasto.level import Level
 from impasto.lighting import prepare
-from impasto.picture import Fidelity, picture
+from impasto.picture import Backend, Fidelity, picture
 from impasto.plan import plan
 from impasto.scene import Scene
 from impasto.surface import Relightable
@@ -37,6 +37,7 @@ def render(
     level: bool | Level | None = None,
     tolerance: str | float | None = None,
     output: Output = "display",
+    backend: Backend = "cpu",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Image:
@@ -81,6 +82,11 @@ def render(
         What is computed now; the rest is computed when it is first used. ``"display"``: display
         codes, where nothing stands in between without planes of light; :attr:`Image.xyz` then
         lights the painting again. ``"light"``: XYZ, of which display codes are made.
+    backend
+        ``"cpu"``: the same bits on every machine. ``"gpu"``: a graphics card, within 4e-6 of the
+        encoded value; ``"auto"``: a card, but no driver that computes on the CPU. Where a card
+        cannot do it the CPU does, with one :class:`ImpastoWarning`. For many pictures of one
+        surface :class:`impasto.gpu.Renderer` keeps it on the card.
     threads
         Number of threads; None means every allowed core.
     progress
@@ -100,6 +106,7 @@ def render(
     """
     one_of(fidelity, get_args(Fidelity), "fidelity")
     one_of(output, get_args(Output), "output")
+    one_of(backend, get_args(Backend), "backend")
     options: dict[str, Any] = {
         "reflectance": reflectance,
         "camera": camera,
@@ -111,7 +118,7 @@ def render(
     }
     if tolerance is not None:
         planned = plan(surface, scene, tolerance=tolerance, fidelity=fidelity, **options)
-        return planned.render(output=output, threads=threads, progress=progress)
+        return planned.render(output=output, backend=backend, threads=threads, progress=progress)
     # One picture does not pay for the statistics that a plan needs.
     prepared = prepare(surface, scene, **options)
     everything = _core.Plan.forced(
@@ -131,6 +138,7 @@ def render(
         scene,
         extra,
         again=again if output == "display" else None,
+        backend=backend,
         threads=threads,
         progress=progress,
     )

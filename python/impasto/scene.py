@@ -1,9 +1,10 @@
-"""Scenes: lamps, illuminant, eye and display."""
+"""Scenes: lamps, environment, illuminant, eye and display."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from inspect import signature
 from typing import Any, Literal, get_args
 
 from numpy.typing import ArrayLike
@@ -12,8 +13,9 @@ from impasto._internal.checks import instance, number, numbers, positive
 from impasto.colour import Display
 from impasto.colour.adaptation import Mode
 from impasto.colour.illuminants import checked_illuminant
+from impasto.environment import Environment
 from impasto.errors import ArgumentError, GeometryError
-from impasto.rig import FRONTAL, Light, PointView, Rig
+from impasto.rig import FRONTAL, DistantLight, Light, PointView, Rig
 from impasto.varnish import Varnish
 
 
@@ -25,10 +27,12 @@ class Scene:
     ----------
     lights
         :class:`~impasto.DistantLight` and :class:`~impasto.PointLight`, or ``(light, 3)``
-        directions. All stand in front of the painting (z > 0).
+        directions. All stand in front of the painting (z > 0). There may be none in an environment.
+    environment
+        Light from all directions besides; its white is the illuminant.
     illuminant
         Light of lamps: a name (``"A"``, ``"D65"``), kelvin, or ``(wavelengths, values)``; a list
-        holds one per light.
+        holds one per light, and one more for an environment.
     view
         Direction to the eye, parallel rays. Off the normal, the picture is the painting
         foreshortened along its tilt, the painting's up staying up. Or a
@@ -75,7 +79,9 @@ class Scene:
     """
 
     lights: tuple[Light, ...]
+    environment: Environment | None
     illuminants: tuple[Any, ...]
+    """One per light, and the environment's."""
     view: tuple[float, float, float] | PointView | None
     adaptation: float | None
     adaptation_mode: Mode
@@ -88,8 +94,9 @@ class Scene:
 
     def __init__(
         self,
-        lights: ArrayLike | Sequence[Light],
+        lights: ArrayLike | Sequence[Light] = (),
         *,
+        environment: Environment | None = None,
         illuminant: Any = "D65",
         view: ArrayLike | PointView | None = None,
         adaptation: float | None = None,
@@ -101,7 +108,13 @@ class Scene:
         varnish: Varnish | None = None,
         background: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
-        rig = Rig(lights, views=FRONTAL if view is None else view, pitch_mm=1.0)
+        if not (environment is None or isinstance(environment, Environment)):
+            raise ArgumentError(
+                f"environment: expected an impasto.Environment, found {type(environment).__name__}"
+            )
+        dark = environment is not None and len(lights) == 0  # type: ignore[arg-type]
+        stand_in: Any = [DistantLight(FRONTAL)] if dark else lights
+        rig = Rig(stand_in, views=FRONTAL if view is None else view, pitch_mm=1.0)
         for index, light in enumerate(rig.lights):
             if not light.direction[2] > 0.0:
                 raise GeometryError(
@@ -111,10 +124,13 @@ class Scene:
         x, y, z = rig.views[0].tolist()
         if not z > 0.0:
             raise GeometryError(f"view: the eye must be in front of the painting, found z = {z:g}")
-        spectra = list(illuminant) if isinstance(illuminant, list) else [illuminant] * len(rig)
-        if len(spectra) != len(rig):
+        lamps = () if dark else rig.lights
+        count = len(lamps) + (environment is not None)
+        spectra = list(illuminant) if isinstance(illuminant, list) else [illuminant] * count
+        if len(spectra) != count:
+            more = " and one for the environment" if environment is not None else ""
             raise ArgumentError(
-                f"illuminant: expected one per light ({len(rig)}), found {len(spectra)}"
+                f"illuminant: expected one per light ({len(lamps)}){more}, found {len(spectra)}"
             )
         for one in spectra:
             checked_illuminant(one)
@@ -134,7 +150,8 @@ class Scene:
         if fill.shape != (3,) or not ((fill >= 0) & (fill <= 1)).all():
             raise ArgumentError(f"background: expected three numbers, 0 to 1, found {background}")
         set_ = object.__setattr__
-        set_(self, "lights", rig.lights)
+        set_(self, "lights", lamps)
+        set_(self, "environment", environment)
         set_(self, "illuminants", tuple(spectra))
         given = view is None or isinstance(view, PointView)
         set_(self, "view", view if given else (x, y, z))
@@ -147,8 +164,29 @@ class Scene:
         set_(self, "varnish", varnish)
         set_(self, "background", tuple(fill.tolist()))
 
+    def changed(self, **options: Any) -> Scene:
+        """The same scene with other options; the parameters are those of the class.
+
+        Raises
+        ------
+        GeometryError, ArgumentError
+            As the class does.
+        """
+        given = {
+            name: getattr(self, name)
+            for name in signature(Scene).parameters
+            if name != "illuminant"
+        }
+        return Scene(**{**given, "illuminant": list(self.illuminants), **options})
+
     def __repr__(self) -> str:
         lamps = f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"
+        if self.environment is not None:
+            lamps = (
+                f"{lamps} in {self.environment.name!r}"
+                if self.lights
+                else "in " + repr(self.environment.name)
+            )
         spectra = {
             one if isinstance(one, str) else "of its own spectrum" for one in self.illuminants
         }

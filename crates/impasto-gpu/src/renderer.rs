@@ -165,6 +165,10 @@ impl Shown {
             let problem = format!("expected {} planes, found {coefficients}", scene.coefficients());
             return Err(impasto::Error::argument("coefficients", problem).into());
         }
+        if scene.environment().is_some() {
+            let problem = "light of an environment is computed by the CPU alone".to_owned();
+            return Err(Error::Unsupported(problem));
+        }
         let lit = Lit::of(scene, self.model, background, display);
         let shadows = relief.is_some();
         let (visibility, words) = match relief {

@@ -7,6 +7,7 @@
 use pyo3::prelude::*;
 
 mod arrays;
+mod environment;
 mod errors;
 #[cfg(feature = "gpu")]
 mod gpu;
@@ -66,6 +67,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(stereo::fit_normals, module)?)?;
     module.add_function(wrap_pyfunction!(stereo::learn_normals, module)?)?;
     module.add_function(wrap_pyfunction!(spectral::spectral_estimator, module)?)?;
+    module.add_class::<environment::Environment>()?;
     module.add_class::<plan::Plan>()?;
     module.add_class::<plan::SurfaceStatistics>()?;
     module.add_class::<spectral::SpectralEstimator>()?;

@@ -88,6 +88,7 @@ fn name(effect: Effect) -> String {
         Effect::NearLight => "near light",
         Effect::NearView => "near view",
         Effect::SlantedView => "slanted view",
+        Effect::Environment => "environment",
     };
     name.to_owned()
 }

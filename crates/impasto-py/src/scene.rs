@@ -1,13 +1,16 @@
 //! A scene as arrays.
 
+use std::sync::Arc;
+
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 
 use impasto::Error;
 use impasto::geometry::Grid;
-use impasto::relight::scene::{Colour, Lamp, Scene};
+use impasto::relight::scene::{Colour, Lamp, Scene, Surroundings};
 
 use crate::arrays::RigArguments;
+use crate::environment::Environment;
 use crate::surface::SurfaceArguments;
 
 /// What `impasto.lighting.SceneArguments` holds.
@@ -24,6 +27,9 @@ pub(crate) struct SceneArguments<'py> {
     interface: PyReadonlyArray2<'py, f64>,
     /// (3,).
     pub(crate) background: [f32; 3],
+    /// With the illuminants of its channels: then the rig's light, if its intensity is none, only
+    /// says where the eye is.
+    environment: Option<(Py<Environment>, [usize; 3])>,
 }
 
 impl SceneArguments<'_> {
@@ -35,17 +41,22 @@ impl SceneArguments<'_> {
     pub(crate) fn scene(&self, grid: Grid) -> impasto::Result<Scene> {
         let rig = self.rig.rig(grid.height, grid.width)?;
         let (intensity, colour) = (self.intensity.as_array(), self.colour.as_array());
-        let lamps = rig.lights().iter().enumerate().map(|(index, &light)| Lamp {
+        let lamps = rig.lights().iter().zip(intensity).zip(colour);
+        let lamps = lamps.map(|((&light, &intensity), &colour)| Lamp {
             light,
-            intensity: intensity[index],
-            colour: colour[index] as usize,
+            intensity,
+            colour: colour as usize,
         });
         let (diffuse, interface) = (self.diffuse.as_array(), self.interface.as_array());
         let colours = diffuse.outer_iter().zip(interface.rows()).map(|(matrix, vector)| Colour {
             diffuse: matrix.rows().into_iter().map(|c| [c[0], c[1], c[2]]).collect(),
             interface: [vector[0], vector[1], vector[2]],
         });
-        Scene::new(lamps.collect(), colours.collect(), rig.views()[0])
+        let environment = self.environment.as_ref().map(|(around, colours)| Surroundings {
+            environment: Arc::clone(&around.get().inner),
+            colours: *colours,
+        });
+        Scene::surrounded(lamps.collect(), colours.collect(), rig.views()[0], environment)
     }
 }
 

@@ -37,6 +37,7 @@ def application() -> App:
     app.command("impasto.cli.demo:demo", help="Measure and relight a simulated painting.")
     app.command("impasto.cli.fit:fit", help="Measure a painting from its photographs.")
     app.command("impasto.cli.render:render", help="Render a fitted painting and save the picture.")
+    app.command("impasto.cli.animate:animate", help="Render a fitted painting as a film.")
     app.command("impasto.cli.doctor:doctor", help="Check photographs before a fit.")
     app.command("impasto.cli.study:study", help="Measure what accuracy costs in time.")
     app.command("impasto.cli.info:info", help="Show what is installed, or what a result contains.")

@@ -119,8 +119,25 @@ def _one(_type: Any, tokens: Sequence[Token]) -> Angles:
     return parsed(tokens[-1].value)
 
 
-def _several(_type: Any, tokens: Sequence[Token]) -> tuple[Angles, ...]:
-    return tuple(parsed(token.value) for token in tokens)
+def span(text: str) -> tuple[float, float]:
+    """Two degrees of adaptation from ``"0..1"``.
+
+    Raises
+    ------
+    ValueError
+        If these are not two numbers from 0 to 1.
+    """
+    try:
+        first, last = (float(word) for word in text.split(".."))
+    except ValueError:
+        raise ValueError(f"expected two degrees such as 0..1, found {text!r}") from None
+    if not (0.0 <= first <= 1.0 and 0.0 <= last <= 1.0):
+        raise ValueError(f"expected two degrees from 0 to 1, found {text!r}")
+    return first, last
+
+
+def _span(_type: Any, tokens: Sequence[Token]) -> tuple[float, float]:
+    return span(tokens[-1].value)
 
 
 def _lamps(_type: Any, tokens: Sequence[Token]) -> tuple[Lamp, ...]:
@@ -165,6 +182,6 @@ Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 Whole = Annotated[int, Parameter(converter=_whole)]
 SomeWhole = Annotated[int | None, Parameter(converter=_whole)]
 OneDirection = Annotated[Angles | None, _word(_one, "AZ,EL")]
-SeveralDirections = Annotated[tuple[Angles, ...] | None, _word(_several, "AZ,EL")]
+OneSpan = Annotated[tuple[float, float] | None, _word(_span, "FROM..TO")]
 SeveralLamps = Annotated[tuple[Lamp, ...] | None, _word(_lamps, "AZ,EL[,ILLUMINANT]")]
 SeveralPositions = Annotated[tuple[Position, ...] | None, _word(_positions, "X,Y,Z")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import CycloptsError, Parameter
@@ -11,14 +11,14 @@ from cyclopts import CycloptsError, Parameter
 from impasto._internal.checks import length_mm
 from impasto.cli.console import Stages
 from impasto.cli.options import (
-    Angles,
     Flag,
     OneDirection,
-    SeveralDirections,
+    SeveralLamps,
     SeveralPositions,
     SomeWhole,
     check_threads,
 )
+from impasto.cli.scenes import check_spectra, lamps, panel, room_of
 from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError
 from impasto.systems import Name
@@ -36,8 +36,10 @@ def render(
     *,
     out: Path,
     system: Name | None = None,
-    light: SeveralDirections = None,
+    light: SeveralLamps = None,
     point: SeveralPositions = None,
+    environment: str | None = None,
+    environment_rotation: float = 0.0,
     illuminant: str = "D65",
     adaptation: float | None = None,
     adaptation_mode: Mode = "planck",
@@ -64,14 +66,21 @@ def render(
         demo --system do. The options of one picture do not apply.
     light
         Azimuth,elevation of a distant light in degrees: 90,45 is above, 180,20 is raking light from
-        the left. Can be repeated. Default: 90,45.
+        the left. A third field is the illuminant of this lamp alone: 120,15,warm, 45,30,A or
+        45,30,3200K; warm is 2700 K, cool 4000 K. Can be repeated.
+        Default: 90,45, or none in an environment.
     point
         x,y,z in mm of a near lamp, from the middle of the painting. Can be repeated.
+    environment
+        Light from all directions: gallery, or an .exr or .hdr map (twice as wide as high, or six
+        faces of a cube). No other light is then needed.
+    environment_rotation
+        Degrees by which the room is turned about the painting's vertical.
     illuminant
-        Light of the lamps: A, D65, FL2 or kelvin, as in 2856K. Any but D65 needs spectra.
+        Light of all other lamps: A, D65, FL2 or kelvin, as in 2856K. Any but D65 needs spectra.
     adaptation
-        Degree of adaptation of the eye from the illuminant to D65: 0 to 1; 0.56 in the six-band
-        paper. Default: no adaptation.
+        Degree of adaptation of the eye to D65 from the illuminant, or the sum of several: 0 to 1;
+        0.56 in the six-band paper. Default: no adaptation.
     adaptation_mode
         planck: between blackbodies, as in the paper; anchored: between the true whites.
     display
@@ -102,7 +111,7 @@ def render(
     stages = Stages(quiet=quiet)
     check_threads(threads)
     if system is not None:
-        others = (light, point, adaptation, view, exposure, level, pitch)
+        others = (light, point, environment, adaptation, view, exposure, level, pitch)
         chosen = (illuminant, adaptation_mode, display, shadows)
         if any(value is not None for value in others) or chosen != ("D65", "planck", "srgb", False):
             raise CycloptsError(
@@ -113,12 +122,12 @@ def render(
     checked_suffix(out, "--out")
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
-    directions = light or (() if point else (Angles(90.0, 45.0),))
-    lights: list[Any] = [impasto.DistantLight(angles.direction) for angles in directions]
-    lights += [impasto.PointLight(position) for position in point or ()]
+    room = room_of(environment, environment_rotation)
+    lights, illuminants = lamps(light, point, illuminant, dark=room is not None)
     scene = impasto.Scene(
         lights,
-        illuminant=illuminant,
+        environment=room,
+        illuminant=illuminants if room is None else [*illuminants, illuminant],
         view=None if view is None else view.direction,
         adaptation=adaptation,
         adaptation_mode=adaptation_mode,
@@ -127,17 +136,8 @@ def render(
         shadows=shadows,
     )
     sbrdf, reflectance = load_result(result)
-    if reflectance is None and (adaptation is not None or scene.illuminants[0] != "D65"):
-        raise ArgumentError(
-            f"--illuminant: {result} has no spectra, so only its colours as photographed are "
-            "known; fit again with --camera to render another light"
-        )
-    plane: bool | impasto.Level = False
-    if shadows if level is None else level:
-        found = impasto.find_level(sbrdf.normal)
-        plane = found if found.leans else False
-        words = "; the lights shine on its own plane (--no-level: as it stood)" if plane else ""
-        stages.say(f"  {'':14}[dim]{found}{words}[/]")
+    check_spectra(result, reflectance, scene)
+    plane = panel(stages, sbrdf, wanted=shadows if level is None else level)
     with stages.stage("picture") as stage:
         image = impasto.render(
             visible(sbrdf, reflectance),

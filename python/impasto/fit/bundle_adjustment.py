@@ -61,7 +61,7 @@ singular."""
 _TILT, _WIDTH, _PLACE, _SLOPE = 0.01, 0.02, 0.01, 0.01
 """Steps of derivatives: of normals, of log gamma, of inverse distances, of samples (relative)."""
 _DARK = 1e-6
-"""Least step of a sample."""
+"""Least step of a sample, in shares of white."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -266,7 +266,7 @@ class BundleAdjustment:
         # Least trimmed squares: samples that the model does not describe do not count.
         judged = size[..., held][known[..., held]]
         used = known & (size <= np.quantile(judged, KEPT)) if judged.size else known & False
-        by = _SLOPE * light + _DARK
+        by = _SLOPE * light + _DARK * self._test.white
         weight = np.where(used, (self._test.coded(light + by) - coded) / by, 0.0)[..., None]
 
         pixel = np.zeros((count, bands, lights, 3 + 3 * bands))

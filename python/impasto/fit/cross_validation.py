@@ -101,12 +101,12 @@ def split(rig: Rig) -> list[NDArray[np.intp]]:
 
 
 def full_scale(photographs: Iterable[NDArray[Any]]) -> float:
-    """What is shown as white: half as much again as nearly all samples of most photographs.
+    """What is shown as white: as bright as nearly all samples of most photographs.
 
     A few wrong photographs do not change it. It follows the exposure, so that what is chosen does
-    not: by a power of two exactly.
+    not: by a power of two exactly. Codes of what is brighter go on above white.
     """
     samples = (shown[np.isfinite(shown)] for shown in photographs)
     bright = [float(np.quantile(known, 0.999)) for known in samples if known.size]
     most = float(np.quantile(bright, 0.75)) if bright else 0.0
-    return 1.5 * most if most > 0.0 else 1.0
+    return most if most > 0.0 else 1.0

@@ -42,7 +42,8 @@ class Comparison:
     trim_before, trim
         Trimmed mean of the coded errors, in codes of 8 bits: the smallest 90 % count.
     gain, scatter
-        Mean over photographs of the gain in dB, and its standard error.
+        Mean over photographs of the gain in dB of the same share of each, and its standard error.
+        Highlights that a wrong camera misplaces would scatter it, however right the lamps.
     """
 
     trim_before: float
@@ -93,7 +94,7 @@ class Errors:
 
     def than(self, before: Errors) -> Comparison:
         """Compared with those of another rig, photograph by photograph."""
-        power = [_means(each.coded**2) for each in (before, self)]
+        power = [_trimmed_squares(each.coded) for each in (before, self)]
         least = _SMALLEST**2
         gain = 10.0 * np.log10((power[0] + least) / (power[1] + least))
         gain = gain[np.isfinite(gain)]
@@ -139,9 +140,9 @@ class HeldOut:
         linear = np.array([self._few.linear(photograph) for photograph in range(len(probe))])
         self.samples = linear.mean(axis=1)
         """``(obs, y, x)`` linear light, mean of the bands; +inf where clipped."""
-        self._curve, self._white = stack.encoding, 1.0
+        self._curve, self.white = stack.encoding, 1.0
         if stack.encoding.curve == "linear":
-            self._curve, self._white = Encoding("srgb"), full_scale(linear)
+            self._curve, self.white = Encoding("srgb"), full_scale(linear)
         self.truth = self.coded(linear)
         """``(obs, band, y, x)`` codes of 8 bits; not finite where clipped or unknown."""
 
@@ -217,7 +218,7 @@ class HeldOut:
 
     def coded(self, linear: NDArray[Any]) -> NDArray[np.float64]:
         """Linear light in codes of 8 bits."""
-        codes = self._curve.encode(linear / self._white)
+        codes = self._curve.encode(linear / self.white)
         return np.asarray(codes, dtype=np.float64) * (CODES / self._curve.white)
 
 
@@ -243,11 +244,13 @@ def fold_count(lights: int, fewest: int, folds: int) -> int:
     return lights if lights - 1 >= fewest else 0
 
 
-def _means(squares: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The mean of each row; NaN of a photograph that shows nothing known."""
-    known = np.isfinite(squares).sum(axis=1)
-    total = np.nansum(squares, axis=1)
-    return np.where(known > 0, total / np.maximum(known, 1), np.nan)
+def _trimmed_squares(errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Trimmed mean of the squares of each row; NaN of a photograph that shows nothing known."""
+    squares = np.sort(errors**2, axis=1)  # NaN are last
+    count = np.ceil(KEPT * np.isfinite(squares).sum(axis=1)).astype(int)
+    return np.array(
+        [one[:n].mean() if n else np.nan for one, n in zip(squares, count, strict=True)]
+    )
 
 
 def _trimmed(errors: NDArray[np.float64]) -> float:

@@ -41,6 +41,8 @@ PASSES = 2
 """How often interreflections are taken off and the fit is repeated. Errors of a deep relief's
 normals were 0.97 degrees before, then 0.31, 0.26, 0.26."""
 
+WHITER = 1.5
+"""White to begin with, in units of the brightest diffuse colours."""
 DOUBLED = 2
 """How often a larger white is tried: with still larger ones all reflectances are below 1/8, and
 what cells send to each other is lost in the noise."""
@@ -77,7 +79,7 @@ def relief_sample(stack: Stack, fit: Fit, *, threads: int | None) -> Reduced | N
     except GeometryError:
         return None
     # The least white sends the most light.
-    found = replace(first, relief=Relief.of(first, 1, full_scale([first.diffuse])))
+    found = replace(first, relief=Relief.of(first, 1, WHITER * full_scale([first.diffuse])))
     return few if _matters(found, threads) else None
 
 
@@ -93,7 +95,7 @@ def learn_white(few: Reduced, fit: Fit, *, threads: int | None) -> float | None:
     folds = _folds(few, threads)[:1]
     if not folds:
         return None
-    unit = full_scale([fit(folds[0].known).diffuse])
+    unit = WHITER * full_scale([fit(folds[0].known).diffuse])
     tried: dict[float, float] = {}
 
     def judged(factor: float) -> float:

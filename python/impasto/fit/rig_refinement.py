@@ -19,7 +19,18 @@ from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.checks import refractive_index, truth
 from impasto.errors import ArgumentError
 from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
+from impasto.fit.coordinate_search import coordinate_search
 from impasto.fit.held_out import Comparison, Errors, HeldOut
+from impasto.fit.rig_acceptance import (
+    COARSE,
+    FALL,
+    MUCH,
+    Found,
+    chosen,
+    convincing,
+    strengths_differ,
+    suited,
+)
 from impasto.refinement import Estimate, RigRefinement
 from impasto.rig import DistantLight, Light, PointLight, PointView, Rig, Views
 from impasto.stack import Stack, checked_stack
@@ -38,24 +49,13 @@ _FAR = 0.02
 """An inverse distance below this counts as 0: directions differ by a degree."""
 _DISTANT = 1e-6
 """An inverse distance below this is none in single precision."""
-_FALL, _CERTAIN = 0.02, 3.0
-"""What is estimated must lower the trimmed error by this share, and the gain exceed so many
-standard errors. On metal, whose lobes fit worst, a wrong camera gained 2.6 of them."""
-_MUCH, _LIKELY = 0.2, 1.0
-"""Or these: with a camera wrong by its own distance, a few photographs scatter the gain."""
-_DETERMINED, _PROBABLE = 0.1, 1.0
-"""Or these, for strengths, which scatter more from photograph to photograph; and for their tilt and
-fall-off, which errors of the model mimic."""
-_SUITS = 0.02
-"""Share by which the other kind of surface, under a varnish or not, must lower the error."""
 _SPREAD = 8.0
 """Strengths that differ by more are not accepted: domes have factors of 2 to 5. On metal, which
 shows most lamps as black, wrong ones of 10 and more predict better by chance."""
 _VAST = 0.8
 """Unless the trimmed error falls by this share, which false strengths do not reach."""
-_COARSE = 2.0
-"""Trimmed errors below this many times those of rounding show no camera unless they fall by much:
-they fall while normals become worse."""
+_LAST = 0.02
+"""First step of the last search for distances."""
 _MIRRORED = 0.5
 """Share of the fall that a rig of the opposite sign may reach."""
 _NONE = "the photographs show none"
@@ -88,13 +88,14 @@ def refine_rig(
 
     What is estimated is accepted only if the trimmed error of photographs held out falls by 2 % or
     more against the best rig without it, and the gain exceeds three standard errors; or by 20 % and
-    one. Strengths need 10 % and one, and where they differ by more than a factor of 8 a fall by
-    80 %. A distance is accepted only if also all folds improve and agree about it, and the opposite
-    sign (all distances behind the painting) does not do as well; the least is half of the longer
-    side. A camera's distance also needs errors above twice those of rounding: below, errors fall
-    for wrong reasons. What is not accepted stays as given, and all does unless photographs of other
-    folds are predicted better by more than a standard error. Surfaces are under a varnish where
-    that predicts better. One ring of lamps, and less than 32 pixels, tell nothing.
+    one. Strengths need 10 % and one, and where they differ by more than a factor of 8 a fall by 80
+    %; against the best rig with even ones, its surfaces under a varnish or not. A distance is
+    accepted only if also all folds improve and agree about it, and the opposite sign (all distances
+    behind the painting) does not do as well; the least is half of the longer side. A camera's
+    distance also needs errors above twice those of rounding: below, errors fall for wrong reasons.
+    What is not accepted stays as given, and all does unless photographs of other folds are
+    predicted better by more than a standard error. Surfaces are under a varnish where that predicts
+    better. One ring of lamps, and less than 32 pixels, tell nothing.
 
     Parameters
     ----------
@@ -228,7 +229,7 @@ class _Search:
         ]
         self._folds = _FOLDS if len(rig) >= _MANY else _FOLDS_OF_FEW
         self._test = HeldOut(stack, _PIXELS, index=index, threads=threads)
-        self._known: dict[bytes, Errors] = {}
+        self._known: dict[tuple[bool, bytes, bytes], Errors] = {}
         self._last: tuple[RigNumbers, Rig] | None = None
         self.report: Callable[[int, int], object] | None = None
         self._done = 0
@@ -260,7 +261,7 @@ class _Search:
 
     def errors(self, state: RigNumbers) -> Errors:
         """Errors of photographs held out."""
-        key = state.place.tobytes() + state.log.tobytes()
+        key = (self._test.coated, state.place.tobytes(), state.log.tobytes())
         if key not in self._known:
             self._known[key] = self._test.errors(self.at(state), self._folds)
             self._tick()
@@ -312,38 +313,50 @@ class _Search:
         near = self.adjusted([best], self._free, "given")
         return min(best, near, key=lambda state: self.errors(state).trim)
 
-    def explained(self, start: RigNumbers | None = None) -> tuple[RigNumbers, Kind]:
-        """The best numbers, and whether strengths are among them."""
-        even = self.placed() if start is None else self.adjusted([start], self._free, "given")
-        if not self._strengths:
-            return even, "given"
-        starts = [even, self.even()] if start is None else [start]
-        uneven = self.adjusted(starts, self._free, "free")
-        if not _differ(self.gain(uneven, even)):
-            return even, "given"
-        held = self.adjusted(starts, self._free, "held")
-        usual = min(held, even, key=lambda state: self.errors(state).trim)
-        if self.gain(uneven, usual).better(_DETERMINED, _PROBABLE):
-            return uneven, "free"
-        return (held, "held") if _differ(self.gain(held, even)) else (even, "given")
+    def found(
+        self, starts: Sequence[RigNumbers], free: NDArray[np.bool_], strengths: Kind
+    ) -> Found:
+        """The same with the surfaces of the search."""
+        return self._with(self.adjusted(starts, free, strengths), strengths)
 
-    def searched(self) -> tuple[RigNumbers, Kind]:
-        """The best numbers, with surfaces that suit them: under a varnish or not.
-
-        Strengths can stand for what a varnish keeps back, and distances for both.
-        """
-        first, found = self._test, self.explained()
-        error, known = self.errors(found[0]).trim, self._known
-        self._take(first.otherwise())
-        other = self.explained(found[0])
-        if self.errors(other[0]).trim < (1.0 - _SUITS) * error:
-            return other
-        self._test, self._known = first, known
+    def otherwise(
+        self, starts: Sequence[RigNumbers], free: NDArray[np.bool_], strengths: Kind
+    ) -> Found:
+        """The same with surfaces of the other kind."""
+        own, self._test = self._test, self._test.otherwise()
+        found = self.found(starts, free, strengths)
+        self._test = own
         return found
 
-    def _take(self, test: HeldOut) -> None:
-        if test is not self._test:
-            self._test, self._known = test, {}
+    def _with(self, state: RigNumbers, strengths: Kind) -> Found:
+        return Found(state, strengths, self._test, self.errors(state))
+
+    def explained(self, start: RigNumbers | None = None) -> list[Found]:
+        """The best numbers with strengths as given, and with uneven ones where these differ."""
+        if start is None:
+            even = self._with(self.placed(), "given")
+        else:
+            even = self.found([start], self._free, "given")
+        if not self._strengths:
+            return [even]
+        starts = [even.state, self.even()] if start is None else [start]
+        uneven = self.found(starts, self._free, "free")
+        if not strengths_differ(uneven.errors.than(even.errors), self._test.rounded):
+            return [even]
+        return [even, self.found(starts, self._free, "held"), uneven]
+
+    def searched(self) -> Found:
+        """The best numbers, with surfaces that suit them: under a varnish or not.
+
+        Strengths can stand for what a varnish keeps back, and distances for both. Uneven strengths
+        must therefore predict better than even ones with either kind of surface.
+        """
+        first = self._test
+        found = self.explained()
+        start = chosen(found, self._test.rounded).state
+        self._test = first.otherwise()
+        found += self.explained(start)
+        return chosen(found, self._test.rounded)
 
     # --- the decision
 
@@ -358,16 +371,18 @@ class _Search:
         low, high = np.quantile(self._given.directions[:, 2], (0.1, 0.9))
         if high - low < _RING:
             return self._untouched("lamps of one elevation do not show it")
-        self._take(self._test.suited(self.at(nothing), self._folds))
+        self._test = self._test.suited(self.at(nothing), self._folds)
         trim = self.errors(nothing).trim
         if trim <= self._test.rounded:
             return self._untouched(f"errors of {trim:.2f} codes are those of rounding")
-        state, kind = self.searched()
+        first = self.searched()
+        self._test, state, kind = first.test, first.state, first.kind
         best = state
         state, free, reasons = self._places(state, kind)
-        strengths, state, dropped = self._lamps(state, free, kind)
+        strengths, left = self._lamps(state, free, kind)
+        dropped = kind != "given" and left.kind == "given"
+        self._test, state, kind = left.test, left.state, left.kind
         if dropped:  # what was accepted beside strengths may mean nothing without them
-            kind = "given"
             best = self.adjusted([state, nothing], self._free, kind)
             state, free, reasons = self._places(best, kind)
         state, free = self._final(state, accepted := free, kind)
@@ -396,10 +411,18 @@ class _Search:
         for axis in np.flatnonzero(self._free).tolist():
             others = free.copy()
             others[axis] = False
-            without = self.adjusted([state, self.even()], others, kind)
-            free[axis], reasons[axis] = self._judge(axis, state, without)
+            starts = [state, self.even()]
+            without = self.found(starts, others, kind)
+            free[axis], reasons[axis] = self._judge(axis, state, without.state)
+            if free[axis]:
+                # Surfaces of the other kind may make up for the distance.
+                other = self.otherwise(starts, others, kind)
+                gain = self.errors(state).than(other.errors)
+                if not convincing(gain):
+                    free[axis], reasons[axis] = False, f"no better: {gain}"
+                    without = other
             if not free[axis]:
-                state = without
+                self._test, state = without.test, without.state
         return *_near(state, free), reasons
 
     def _judge(self, axis: int, state: RigNumbers, without: RigNumbers) -> tuple[bool, str]:
@@ -409,17 +432,17 @@ class _Search:
         if state.place[axis] >= _NEAREST:
             return False, f"it would be nearer than {1.0 / _NEAREST:g} half-sides"
         gain = self.gain(state, without)
-        if not _convincing(gain):
+        if not convincing(gain):
             return False, f"no better: {gain}"
         folds = [
             self.errors(state).fold(one, self._folds)
-            < (1.0 - 0.5 * _FALL) * self.errors(without).fold(one, self._folds)
+            < (1.0 - 0.5 * FALL) * self.errors(without).fold(one, self._folds)
             for one in range(self._folds)
         ]
         if not (all(folds) and self._agree(state, axis)):
             return False, f"parts of the photographs disagree: {gain}"
-        rounded = gain.trim_before <= _COARSE * self._test.rounded
-        if axis == 0 and rounded and gain.fall < _MUCH:
+        rounded = gain.trim_before <= COARSE * self._test.rounded
+        if axis == 0 and rounded and gain.fall < MUCH:
             return False, f"errors of {gain.trim_before:.2f} codes are too small to show one"
         rotated, nowhere = self._test.rotated(), replace(state, place=np.zeros(2))
         mirrored = rotated.errors(self.at(state), self._folds).than(
@@ -445,21 +468,28 @@ class _Search:
 
     def _lamps(
         self, state: RigNumbers, free: NDArray[np.bool_], kind: Kind
-    ) -> tuple[Estimate, RigNumbers, bool]:
-        """Whether strengths are accepted, the state that follows, and whether they are dropped."""
+    ) -> tuple[Estimate, Found]:
+        """Whether strengths are accepted beside the distances that are left, and what follows."""
+        uneven = self._with(state, kind)
         if not self._strengths:
-            return Estimate(1.0, False, "not estimated"), state, False
-        even = self.adjusted([state, self.even()], free, "given")
+            return Estimate(1.0, False, "not estimated"), uneven
+        starts = [state, self.even()]
+        even = self.found(starts, free, "given")
         if kind == "given":
-            trial = self.adjusted([even], free, "held")
-            return Estimate(_spread(trial), False, str(self.gain(trial, even))), even, False
-        gain, spread = self.gain(state, even), _spread(state)
-        if not _differ(gain):
-            return Estimate(spread, False, str(gain)), even, True
+            trial = self.adjusted([even.state], free, "held")
+            return Estimate(_spread(trial), False, str(self.gain(trial, even.state))), even
+        rivals = [even, self.otherwise(starts, free, "given"), uneven]
+        if kind == "free":
+            rivals += [way(starts, free, "held") for way in (self.found, self.otherwise)]
+        left = chosen(rivals, self._test.rounded)
+        even = min(rivals[:2], key=suited(even))
+        gain, spread = uneven.errors.than(even.errors), _spread(state)
+        if left.kind == "given":
+            return Estimate(spread, False, str(gain)), even
         if spread > _SPREAD and gain.fall < _VAST:
             why = f"they would differ by a factor of {spread:.0f}, more than lamps do"
-            return Estimate(spread, False, why), even, True
-        return Estimate(spread, True, str(gain)), state, False
+            return Estimate(spread, False, why), even
+        return Estimate(_spread(left.state), True, str(gain)), left
 
     def _final(
         self, state: RigNumbers, free: NDArray[np.bool_], kind: Kind
@@ -476,7 +506,24 @@ class _Search:
         )
         adjustment = BundleAdjustment(many, self.at, self._given.directions, self._threads)
         found = adjustment.solve(state, free, kind, nearest=_NEAREST, folds=self._folds)
-        after, before = (many.errors(self.at(one), self._folds).trim for one in (found, state))
+
+        def trim(place: NDArray[np.float64]) -> float:
+            return many.errors(self.at(replace(found, place=place)), self._folds).trim
+
+        before = many.errors(self.at(state), self._folds).trim
+        if kind == "given":
+            # Photographs held out have strengths of their own, which makes up for a part of what
+            # the model does not describe.
+            place, after = coordinate_search(
+                trim,
+                found.place,
+                np.where(free, _LAST, 0.0),
+                low=np.zeros(2),
+                high=np.full(2, _NEAREST),
+            )
+            found = replace(found, place=place)
+        else:
+            after = trim(found.place)
         return _near(found if after <= before else state, free)
 
     def _total(self, state: RigNumbers) -> Comparison:
@@ -500,15 +547,6 @@ def _near(state: RigNumbers, free: NDArray[np.bool_]) -> tuple[RigNumbers, NDArr
     """The numbers without distances that are none, and which of the free ones are left."""
     near = free & (state.place >= _FAR)
     return replace(state, place=np.where(near, state.place, 0.0)), near
-
-
-def _convincing(gain: Comparison) -> bool:
-    return gain.better(_FALL, _CERTAIN) or gain.better(_MUCH, _LIKELY)
-
-
-def _differ(gain: Comparison) -> bool:
-    """Whether strengths do."""
-    return _convincing(gain) or gain.better(_DETERMINED, _PROBABLE)
 
 
 def _spread(state: RigNumbers) -> float:

@@ -18,8 +18,8 @@ const ROUNDING: f64 = 1.0 + 1e-5;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     pub(super) towards: Cone,
-    /// The largest irradiance at normal incidence.
-    pub(super) irradiance: f64,
+    /// The smallest and the largest irradiance at normal incidence.
+    pub(super) irradiance: [f64; 2],
     /// How far `irradiance * direction` can be from that of the middle of the painting.
     pub(super) deviation: f64,
 }
@@ -56,7 +56,7 @@ pub(super) fn light(light: Light, grid: Grid, tile: [usize; 2]) -> Seen {
     match light {
         Light::Distant(axis) => {
             let towards = Cone::of(axis);
-            Seen { towards, irradiance: 1.0, deviation: 0.0 }
+            Seen { towards, irradiance: [1.0; 2], deviation: 0.0 }
         }
         Light::Point { position, falloff } => {
             let places = places(grid, tile);
@@ -70,8 +70,13 @@ pub(super) fn light(light: Light, grid: Grid, tile: [usize; 2]) -> Seen {
             let foot = Vec3::new(nearest(0, position.x), nearest(1, position.y), 0.0);
             let (middle, shortest) =
                 (position.length_squared().sqrt(), (position - foot).length_squared().sqrt());
-            let ratio = middle / shortest;
-            let irradiance = if falloff { ratio * ratio } else { 1.0 };
+            let distance =
+                |[x, y]: [f64; 2]| (position - Vec3::new(x, y, 0.0)).length_squared().sqrt();
+            let longest = places.iter().copied().map(distance).fold(0.0, f64::max);
+            let irradiance = [longest, shortest].map(|distance| {
+                let ratio = middle / distance;
+                if falloff { ratio * ratio } else { 1.0 }
+            });
             // The field r0^2 r / r^3 has a derivative of at most 2 r0^2 / r^3, a direction of 1 / r;
             // on the painting, nothing is nearer to the lamp than its height.
             let away = places.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
@@ -253,7 +258,7 @@ mod tests {
             let statistics = serially(|run| Statistics::new(&surface, PATCH, None, run)).unwrap();
             let tile = &statistics.tiles[0];
             let towards = Cone::of(light);
-            let seen = Seen { towards, irradiance: 1.0, deviation: 0.0 };
+            let seen = Seen { towards, irradiance: [1.0; 2], deviation: 0.0 };
             let view_cone = Cone::of(view);
             let bound = super::lobe(model, tile, &tile.lobes[0], &seen, &view_cone);
             let pair = lobe_model.pair::<f32>(light.broadcast_to(), view.broadcast_to());
@@ -408,7 +413,8 @@ mod tests {
                     let (x, y) = (grid.x(inside(tile[0], 700, u)), grid.y(inside(tile[1], 520, v)));
                     let (direction, irradiance) = lamp.at(x, y);
                     assert!(angle(direction, seen.towards.axis) <= seen.towards.angle + 1e-9);
-                    assert!(irradiance <= seen.irradiance * (1.0 + 1e-12));
+                    assert!(irradiance <= seen.irradiance[1] * (1.0 + 1e-12));
+                    assert!(irradiance >= seen.irradiance[0] * (1.0 - 1e-12));
                     let away = direction.scale(irradiance) - middle;
                     assert!(away.length_squared().sqrt() <= seen.deviation + 1e-12);
                 }

@@ -3,7 +3,8 @@
 //! Pixels go through a list of stages, block by block. A [`plan`] says what a scene calls for: what
 //! it does not call for anywhere is not in the list, and a tile skips what it can do without
 //! ([`statistics`], [`bounds`]). Per lamp: its irradiance, [`shadow`], the diffuse term, the
-//! interface term of every lobe; per illuminant: colour, as one matrix. The picture is light
+//! interface term of every lobe; per illuminant: colour, as one matrix. An [`environment`] adds its
+//! light in three colours. The picture is light
 //! ([`render`]), which goes through the [`view`] if it is slanted, or display codes ([`paint`]).
 
 use crate::error::{Error, Result};
@@ -16,6 +17,7 @@ mod bounds;
 mod colour;
 pub mod curve;
 mod diffuse;
+pub mod environment;
 pub mod occlusion;
 pub mod plan;
 mod relief;

@@ -1,5 +1,8 @@
 //! What to light: lamps, the colour of their light as a matrix, and the eye.
 
+use std::sync::Arc;
+
+use super::environment::Environment;
 use crate::error::{Error, Result};
 use crate::geometry::{Light, View};
 
@@ -34,6 +37,16 @@ pub struct Scene {
     lamps: Vec<Lamp>,
     colours: Vec<Colour>,
     view: View,
+    environment: Option<Surroundings>,
+}
+
+/// An environment in a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surroundings {
+    /// Where light comes from.
+    pub environment: Arc<Environment>,
+    /// Which of the scene's [`Colour`]s its channels have.
+    pub colours: [usize; 3],
 }
 
 impl Scene {
@@ -44,8 +57,26 @@ impl Scene {
     /// from behind, a lamp names a colour that is not there, or the colours disagree about the
     /// number of coefficients.
     pub fn new(lamps: Vec<Lamp>, colours: Vec<Colour>, view: impl Into<View>) -> Result<Self> {
-        if lamps.is_empty() {
+        Self::surrounded(lamps, colours, view, None)
+    }
+
+    /// The same in an environment, where there may be no lamp.
+    ///
+    /// # Errors
+    /// As [`Self::new`], or if the environment names a colour that is not there.
+    pub fn surrounded(
+        lamps: Vec<Lamp>,
+        colours: Vec<Colour>,
+        view: impl Into<View>,
+        environment: Option<Surroundings>,
+    ) -> Result<Self> {
+        if lamps.is_empty() && environment.is_none() {
             return Err(Error::geometry("lights", "expected at least one light, found none"));
+        }
+        let named = environment.iter().flat_map(|one| one.colours).max();
+        if let Some(most) = named.filter(|&most| most >= colours.len()) {
+            let problem = format!("it names colour {most} of {}", colours.len());
+            return Err(Error::argument("environment", problem));
         }
         for (index, lamp) in lamps.iter().enumerate() {
             let direction = lamp.light.direction();
@@ -80,7 +111,7 @@ impl Scene {
                 format!("the eye must be in front of the painting (z is {})", direction.z);
             return Err(Error::geometry("view", problem));
         }
-        Ok(Self { lamps, colours, view })
+        Ok(Self { lamps, colours, view, environment })
     }
 
     /// All lamps.
@@ -99,6 +130,12 @@ impl Scene {
     #[must_use]
     pub fn coefficients(&self) -> usize {
         self.colours[0].diffuse.len()
+    }
+
+    /// What surrounds the painting.
+    #[must_use]
+    pub fn environment(&self) -> Option<&Surroundings> {
+        self.environment.as_ref()
     }
 
     /// Where the eye is.

@@ -3,9 +3,10 @@
 use super::block::{BLOCK, Block, Plane, copied};
 use super::colour::{ambient, colour};
 use super::diffuse::{self, Interface};
+use super::environment::stage::Lit;
 use super::plan::{LIT, NEAR, Plan, SHADED, lobe_bit};
 use super::relief::Relief;
-use super::scene::{Colour, Lamp, Scene};
+use super::scene::{Colour, Lamp, Scene, Surroundings};
 use super::shadow;
 use super::show::{Clipped, Codes, Display, Show, ShowScratch};
 use super::specular::specular;
@@ -26,6 +27,8 @@ pub(super) enum Stage<'a> {
     Specular(usize, usize, &'a Lobe<'a>, &'a Colour),
     Ambient(&'a Lamp, &'a [f32], &'a Colour),
     Colour(&'a Colour),
+    /// All that an environment sheds.
+    Environment(Box<Lit<'a>>),
 }
 
 /// A lamp as it is, and as the middle of the painting sees it.
@@ -86,6 +89,11 @@ pub(super) fn list<'a>(
             stages.extend(surface.ambient.map(|ambient| Stage::Ambient(lamp, ambient, colour)));
         }
         stages.push(Stage::Colour(colour));
+    }
+    if let Some(Surroundings { environment, colours }) = scene.environment() {
+        let light = (environment.as_ref(), *colours);
+        let lit = Lit::new(surface, scene, light, !surface.lobes.is_empty(), run)?;
+        stages.push(Stage::Environment(Box::new(lit)));
     }
     Ok(stages)
 }
@@ -212,7 +220,10 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
     fn run<I: Isa>(mut self) -> Clipped {
         let Self { surface, grid, plan, stages, pairs, background, .. } = self;
         let pixels = grid.width * grid.height;
-        let needs_place = (0..pairs.len()).any(|lamp| !pairs.is_distant(lamp));
+        let placed =
+            |stage: &Stage<'_>| matches!(stage, Stage::Environment(lit) if lit.needs_place());
+        let needs_place =
+            (0..pairs.len()).any(|lamp| !pairs.is_distant(lamp)) || stages.iter().any(placed);
         let mut clipped = Clipped::default();
         for row in 0..self.target.len() / grid.width {
             for column in (0..grid.width).step_by(BLOCK) {
@@ -258,6 +269,9 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
                             ambient::<I>(block, lamp, map, colour, (at, count));
                         }
                         Stage::Colour(one) => colour::<I>(block, coefficients, one),
+                        Stage::Environment(lit) => {
+                            lit.shade::<I>(block, coefficients, (at, count));
+                        }
                     }
                 }
                 let start = row * grid.width + column;

@@ -17,6 +17,7 @@ mod sight;
 mod torrance_sparrow;
 
 pub use crate::brdf::coated_diffuse::CoatedDiffuse;
+pub use crate::brdf::torrance_sparrow::{GAMMA_MAX, GAMMA_MIN};
 pub use lafortune::{Lafortune, LightView};
 pub(crate) use lobe::scaled;
 pub use lobe::{Lobe, Parameter, Strength};

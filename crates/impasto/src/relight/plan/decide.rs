@@ -36,7 +36,7 @@ impl Work<'_> {
                 continue;
             }
             let colour = &scene.colours()[lamp.colour];
-            let irradiance = lamp.intensity * seen.irradiance;
+            let irradiance = lamp.intensity * seen.irradiance[1];
             let mut needs = LIT;
             for lobe in 0..lobes {
                 let strongest = self.strongest(tile, lobe, colour, &between);
@@ -123,9 +123,9 @@ impl Work<'_> {
         for (lamp, seen) in scene.lamps().iter().zip(lamps) {
             let colour = &scene.colours()[lamp.colour];
             let [least, most] = bounds::cosines(tile, seen);
-            let known = lamp.light.is_distant() && surface.coated.is_none();
-            let least = if known { least * lamp.intensity } else { 0.0 };
-            let most = most * seen.irradiance * lamp.intensity;
+            let [darkest, brightest] = seen.irradiance.map(|one| one * lamp.intensity);
+            let least = if surface.coated.is_none() { least * darkest } else { 0.0 };
+            let most = most * brightest;
             for channel in 0..3 {
                 let mut ends = [0.0; 2];
                 for (range, column) in tile.diffuse.iter().zip(&colour.diffuse) {
@@ -158,14 +158,15 @@ impl Work<'_> {
                             .map(|(range, column)| range.largest() * column[channel].abs())
                             .sum(),
                     };
-                    let most = strength * bound * lamp.intensity * seen.irradiance;
+                    let most = strength * bound * brightest;
                     high[channel] += if strength == 0.0 { 0.0 } else { most };
                 }
             }
         }
-        let dark = options.shadows || options.more_light;
+        let more_light = options.more_light || scene.environment().is_some();
+        let dark = options.shadows || more_light;
         let low = low.map(|value| if dark || value.is_nan() { 0.0 } else { value.max(0.0) });
-        let unknown = |value: f64| options.more_light || value.is_nan();
+        let unknown = |value: f64| more_light || value.is_nan();
         let high = high.map(|value| if unknown(value) { f64::INFINITY } else { value });
         Between { low, high }
     }

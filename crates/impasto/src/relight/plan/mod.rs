@@ -39,6 +39,8 @@ pub enum Effect {
     NearView,
     /// Projection along a view that is not the painting's normal.
     SlantedView,
+    /// Light from all directions.
+    Environment,
 }
 
 /// What is done about an effect.
@@ -77,6 +79,7 @@ pub struct Plan {
     parts: Vec<u32>,
     lamps: usize,
     columns: usize,
+    tiles: usize,
     projected: bool,
     /// The largest sum of bounds.
     error: f64,
@@ -132,8 +135,9 @@ impl Plan {
         row(Effect::NearLight, near, tiles);
         row(Effect::NearView, !scene.view().is_distant(), tiles);
         row(Effect::SlantedView, projected, tiles);
+        row(Effect::Environment, scene.environment().is_some(), tiles);
         let parts = vec![LIT | shaded | NEAR | lobes; tiles * lamps];
-        Self { rows, parts, lamps, columns, projected, error: 0.0 }
+        Self { rows, parts, lamps, columns, tiles, projected, error: 0.0 }
     }
 
     /// Decides from the statistics of a surface, which hold a relief where shadows are wanted.
@@ -169,14 +173,19 @@ impl Plan {
         let shadows = work.shadows(&mut parts);
         let rows = work.rows(&parts, &decided, shadows, slanted);
         let error = decided.iter().map(|tile| tile.error).fold(0.0, f64::max);
-        Ok(Self { rows, parts, lamps, columns, projected, error })
+        let tiles = decided.len();
+        Ok(Self { rows, parts, lamps, columns, tiles, projected, error })
     }
 
     /// The plan without one effect, whatever that costs: what the effect takes is the difference.
     #[must_use]
     pub fn without(mut self, effect: Effect) -> Self {
         let bits = match effect {
-            Effect::Diffuse | Effect::CoatedDiffuse | Effect::Ambient | Effect::NearView => 0,
+            Effect::Diffuse
+            | Effect::CoatedDiffuse
+            | Effect::Ambient
+            | Effect::NearView
+            | Effect::Environment => 0,
             Effect::Lobe(lobe) => lobe_bit(lobe),
             Effect::CastShadows => SHADED,
             Effect::NearLight => NEAR,
@@ -206,7 +215,7 @@ impl Plan {
     /// How many tiles there are.
     #[must_use]
     pub fn tiles(&self) -> usize {
-        self.parts.len() / self.lamps
+        self.tiles
     }
 
     /// Whether it was made for these pixels and as many lamps.

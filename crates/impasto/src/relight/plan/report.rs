@@ -14,7 +14,9 @@ impl Work<'_> {
         let (lamps, all) = (scene.lamps().len(), decided.len());
         let unit = options.tolerance.unit();
         let tiles_with = |bit: u32| {
-            parts.chunks(lamps).filter(|parts| parts.iter().any(|part| part & bit != 0)).count()
+            let needs = |parts: &&[u32]| parts.iter().any(|part| part & bit != 0);
+            // In an environment there may be no lamp.
+            parts.chunks(lamps.max(1)).filter(needs).count()
         };
         let lost = |which: usize| {
             let errors = decided.iter().map(|tile| tile.lost[which]);
@@ -41,7 +43,8 @@ impl Work<'_> {
         let (decision, tiles, reason) = there(surface.ambient.is_some(), "ambient light");
         row(Effect::Ambient, decision, tiles, 0.0, reason);
         for lobe in 0..surface.lobes.len() {
-            let tiles = tiles_with(lobe_bit(lobe));
+            let around = scene.environment().is_some();
+            let tiles = if around { all } else { tiles_with(lobe_bit(lobe)) };
             let (error, dropped) = lost(lobe.min(28));
             let (decision, reason) = match (tiles, dropped) {
                 (0, false) => (Decision::NoOp, "0 in every tile".to_owned()),
@@ -85,6 +88,12 @@ impl Work<'_> {
         };
         let reason = format!("the view moves a pixel by {displacement:.4} pixels at most");
         row(Effect::SlantedView, decision, tiles, error, reason);
+        let (decision, tiles, reason) = if scene.environment().is_some() {
+            (Decision::On, all, "light from all directions")
+        } else {
+            (Decision::Absent, 0, "no environment")
+        };
+        row(Effect::Environment, decision, tiles, 0.0, reason.to_owned());
         rows
     }
 }

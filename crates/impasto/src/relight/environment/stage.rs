@@ -1,0 +1,223 @@
+//! Light of an environment on the pixels of a block: irradiance, then every lobe, then colour.
+
+use std::borrow::Cow;
+
+use super::irradiance::Irradiance;
+use super::lafortune::{Prefiltered, level_of};
+use super::light::Environment;
+use super::table::projected;
+use super::torrance_sparrow::Glossy;
+use crate::error::{Error, Result};
+use crate::geometry::View;
+use crate::math::elementary::{exp_in_range, ln_in_range};
+use crate::math::{Isa, Real, Vec3};
+use crate::pixels::Run;
+use crate::relight::block::{BLOCK, Block, Plane};
+use crate::relight::colour::{colour, shine};
+use crate::relight::diffuse::normal;
+use crate::relight::scene::{Colour, Scene};
+use crate::surface::{Lobe, Model, Strength, Surface, TorranceSparrow, scaled};
+
+/// Bounds of `ln |p|^n`, those of the model under a lamp (`brdf::lafortune`).
+const LOG_POWER: [f64; 2] = [-60.0, 40.0];
+
+/// Squared length of p below which a lobe is dark.
+const SHORT: f64 = 1e-17;
+
+/// An environment over a surface: all that does not depend on the pixel.
+pub(crate) struct Lit<'a> {
+    environment: &'a Environment,
+    colours: [&'a Colour; 3],
+    view: View,
+    /// The environment's own, or that of light which crosses an interface.
+    irradiance: Cow<'a, Irradiance>,
+    lobes: Lobes<'a>,
+}
+
+enum Lobes<'a> {
+    None,
+    Glossy(Vec<Glossy<'a>>),
+    Lafortune(Vec<&'a Lobe<'a>>, Box<Cow<'a, Prefiltered>>),
+}
+
+impl<'a> Lit<'a> {
+    /// The tables that a surface needs; without `specular` those of the diffuse part alone.
+    ///
+    /// # Errors
+    /// If Torrance-Sparrow lobes are seen by a near eye, or the caller cancels.
+    pub(crate) fn new(
+        surface: &'a Surface<'a>,
+        scene: &'a Scene,
+        (environment, colours): (&'a Environment, [usize; 3]),
+        specular: bool,
+        run: &Run<'_>,
+    ) -> Result<Self> {
+        let irradiance = match surface.coated {
+            None => Cow::Borrowed(&environment.irradiance),
+            Some(_) => Cow::Owned(Irradiance::new(&environment.map, surface.coated, run)?),
+        };
+        let lobes = match (surface.model, scene.view()) {
+            _ if !specular || surface.lobes.is_empty() => Lobes::None,
+            (Model::Lafortune, _) => {
+                let maps = match &environment.lobes {
+                    Some(maps) => Cow::Borrowed(maps),
+                    None => Cow::Owned(Prefiltered::new(&environment.map, run)?),
+                };
+                Lobes::Lafortune(surface.lobes.iter().collect(), Box::new(maps))
+            }
+            (Model::TorranceSparrow { index }, View::Distant(view)) => {
+                let seen = (TorranceSparrow { index }, view);
+                let glossy = |lobe| Glossy::new(lobe, &environment.map, seen, surface.normal, run);
+                Lobes::Glossy(surface.lobes.iter().map(glossy).collect::<Result<_>>()?)
+            }
+            (Model::TorranceSparrow { .. }, View::Point(_)) => {
+                let problem = "Torrance-Sparrow lobes in an environment are tabulated for one \
+                               direction of the eye; give a direction, not a near eye";
+                return Err(Error::geometry("view", problem));
+            }
+        };
+        let colours = colours.map(|index| &scene.colours()[index]);
+        Ok(Self { environment, colours, view: scene.view(), irradiance, lobes })
+    }
+
+    /// Whether it reads where pixels lie.
+    pub(crate) fn needs_place(&self) -> bool {
+        !self.view.is_distant()
+    }
+
+    /// Adds the light of all three channels to a block.
+    #[inline(always)]
+    pub(crate) fn shade<I: Isa>(
+        &self,
+        block: &mut Block,
+        coefficients: &[Plane],
+        range: (usize, usize),
+    ) {
+        let zero: [Plane; 3] = [[0.0; BLOCK]; 3];
+        let mut places = [[0.0; BLOCK]; 2];
+        for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
+            let [x, y] = projected(normal::<I>(block, lane));
+            x.store(&mut places[0][lane..]);
+            y.store(&mut places[1][lane..]);
+        }
+        let (mut diffuse, mut specular, mut value) = (zero, zero, zero);
+        let view = |lane: usize| self.view_at::<I>(block, lane);
+        self.irradiance.shade::<I>(&block.normal, &places, view, &mut diffuse);
+        match &self.lobes {
+            Lobes::None => {}
+            Lobes::Glossy(lobes) => {
+                for glossy in lobes {
+                    glossy.shade::<I>(&places, range, &mut value);
+                    self.add::<I>(block, glossy.lobe, &value, &mut specular, range);
+                }
+            }
+            Lobes::Lafortune(lobes, maps) => {
+                for lobe in lobes {
+                    self.lafortune::<I>(block, lobe, maps, range, &mut value);
+                    self.add::<I>(block, lobe, &value, &mut specular, range);
+                }
+            }
+        }
+        for (channel, seen) in self.colours.iter().enumerate() {
+            block.diffuse = diffuse[channel];
+            block.specular = specular[channel];
+            colour::<I>(block, coefficients, seen);
+        }
+    }
+
+    #[inline(always)]
+    fn view_at<I: Isa>(&self, block: &Block, lane: usize) -> Vec3<I::F32> {
+        self.view.at(I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]))
+    }
+
+    /// What a Lafortune lobe reflects at unit strength.
+    #[inline(always)]
+    fn lafortune<I: Isa>(
+        &self,
+        block: &Block,
+        lobe: &Lobe<'_>,
+        maps: &Prefiltered,
+        (start, count): (usize, usize),
+        out: &mut [Plane; 3],
+    ) {
+        let zero = I::F32::zero();
+        let mut towards: [Plane; 3] = [[0.0; BLOCK]; 3];
+        let [mut x, mut y, mut level, mut factor]: [Plane; 4] = [[0.0; BLOCK]; 4];
+        for lane in (0..count).step_by(I::F32::WIDTH) {
+            let pixel = start + lane;
+            let [cxy, cz, exponent]: [I::F32; 3] =
+                [0, 1, 2].map(|parameter| lobe.shape[parameter].at(pixel));
+            let (normal, view) = (normal::<I>(block, lane), self.view_at::<I>(block, lane));
+            let cosine = normal.dot(view);
+            let along = normal.scale((cz - cxy) * cosine);
+            let p = view.mul_add(cxy, along);
+            // |p|^2 without the rounding of its components: exactly 1 for a mirror.
+            let flat = cxy * cxy;
+            let square = cz.mul_add(cz, -flat).mul_add(cosine * cosine, flat);
+            let short = I::F32::of(SHORT);
+            let log = exponent * I::F32::of(0.5) * ln_in_range(square.max(short));
+            let [least, most] = LOG_POWER.map(I::F32::of);
+            let power = exp_in_range(log.max(least).min(most)) / (exponent + I::F32::of(2.0));
+            // No highlight is seen from behind (false for NaN).
+            let lit = cosine.gt(zero) & square.gt(short);
+            let known = cxy.le(cxy) & cz.le(cz) & exponent.le(exponent);
+            let power = I::F32::select(known, I::F32::keep(lit, power), I::F32::of(f64::NAN));
+            power.store(&mut factor[lane..]);
+            let length = p.length_squared().max(short).sqrt();
+            let direction = p.scale(length.recip());
+            let place = projected(direction);
+            place[0].store(&mut x[lane..]);
+            place[1].store(&mut y[lane..]);
+            level_of(exponent).store(&mut level[lane..]);
+            for (plane, value) in towards.iter_mut().zip(direction.array()) {
+                value.store(&mut plane[lane..]);
+            }
+        }
+        for pixel in 0..count {
+            let factor = factor[pixel];
+            if factor == 0.0 {
+                for out in out.iter_mut() {
+                    out[pixel] = 0.0;
+                }
+                continue;
+            }
+            let maps = maps.at::<I>([x[pixel], y[pixel]], level[pixel]);
+            let vector = |planes: &[Plane; 3]| {
+                Vec3::new(planes[0][pixel], planes[1][pixel], planes[2][pixel])
+            };
+            let scheme = self.environment.scheme;
+            let light = scheme.light(&maps, vector(&block.normal), vector(&towards));
+            for (out, light) in out.iter_mut().zip(light) {
+                out[pixel] = light * factor;
+            }
+        }
+    }
+
+    /// Adds what a lobe reflects: to the light that has the environment's colours, or, coloured as the
+    /// lobe's strengths are, to the light of all colours.
+    #[inline(always)]
+    fn add<I: Isa>(
+        &self,
+        block: &mut Block,
+        lobe: &Lobe<'_>,
+        value: &[Plane; 3],
+        specular: &mut [Plane; 3],
+        (start, count): (usize, usize),
+    ) {
+        for (channel, seen) in self.colours.iter().enumerate() {
+            match lobe.strength {
+                Strength::Tinted(strengths) => {
+                    shine::<I>(block, &value[channel], strengths, seen, (start, count));
+                }
+                Strength::Neutral(strength) => {
+                    let sums = &mut specular[channel];
+                    for lane in (0..count).step_by(I::F32::WIDTH) {
+                        let value = I::F32::load(&value[channel][lane..]);
+                        let sum = I::F32::load(&sums[lane..]);
+                        (sum + scaled(strength.at(start + lane), value)).store(&mut sums[lane..]);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,161 @@
+"""Series of scenes: raking light that goes round, a painting that turns, an eye that adapts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto._internal.checks import is_whole, number
+from impasto.errors import ArgumentError
+from impasto.height import integrate_normals
+from impasto.level import Level, as_level
+from impasto.lighting import prepare
+from impasto.rig import FRONTAL, DistantLight, Light, PointView
+from impasto.scene import Scene
+from impasto.surface import Relightable
+
+
+def raking(scene: Scene, frames: int, *, elevation: float = math.radians(15.0)) -> list[Scene]:
+    """One distant lamp that goes round the painting once, from the right over the top.
+
+    Parameters
+    ----------
+    scene
+        Everything but the lights; its first illuminant is the lamp's, the sum of its lights the
+        lamp's strength.
+    frames
+        How many scenes.
+    elevation
+        Angle above the plane of the painting in radians.
+    """
+    count = _count(frames)
+    if not 0.0 < number(elevation, "elevation", "radians up to pi / 2") <= math.pi / 2:
+        raise ArgumentError(f"elevation: expected 0 to pi / 2 radians, found {elevation:g}")
+    strength = float(sum(light.intensity for light in scene.lights))
+    across, z = math.cos(elevation), math.sin(elevation)
+    turns = [2.0 * math.pi * step / count for step in range(count)]
+    return [
+        scene.changed(
+            lights=[DistantLight((across * math.cos(a), across * math.sin(a), z), strength)],
+            illuminant=scene.illuminants[0],
+        )
+        for a in turns
+    ]
+
+
+def turntable(scene: Scene, frames: int, *, angle: float = math.radians(30.0)) -> list[Scene]:
+    """The painting turns to the right, to the left and back about its vertical axis.
+
+    Lights and eye stay where they are; the scenes tell them as the painting sees them.
+
+    Parameters
+    ----------
+    scene
+        Lights as they are when the painting faces the eye.
+    frames
+        How many scenes.
+    angle
+        The largest angle in radians.
+
+    Raises
+    ------
+    ArgumentError
+        A scene with a near eye, an angle of a quarter turn or more.
+    GeometryError
+        A light that comes to stand behind the painting.
+    """
+    count = _count(frames)
+    if not 0.0 < number(angle, "angle", "radians below pi / 2") < math.pi / 2:
+        raise ArgumentError(f"angle: expected 0 to pi / 2 radians, found {angle:g}")
+    if isinstance(scene.view, PointView):
+        raise ArgumentError("view: a painting on a turntable is seen from a direction")
+    eye = FRONTAL if scene.view is None else scene.view
+    made = []
+    for step in range(count):
+        rotated = angle * math.sin(2.0 * math.pi * step / count)
+        made.append(
+            scene.changed(
+                lights=[_rotated_light(light, -rotated) for light in scene.lights],
+                view=_rotated(eye, -rotated),
+            )
+        )
+    return made
+
+
+def adapting(scene: Scene, frames: int, *, first: float = 0.0, last: float = 1.0) -> list[Scene]:
+    """An eye that adapts to the scene's light: degrees d from ``first`` to ``last``."""
+    count = _count(frames)
+    return [scene.changed(adaptation=float(d)) for d in np.linspace(first, last, count)]
+
+
+def same_exposure(surface: Relightable, scenes: Sequence[Scene], **options: Any) -> list[Scene]:
+    """The scenes with one exposure, the least that one of them has by itself.
+
+    A film whose frames had their own would flicker. ``options`` are those of
+    :func:`impasto.render`.
+
+    Raises
+    ------
+    ArgumentError
+        ``exposure="maximum"``, which follows from each picture.
+    """
+    if any(isinstance(scene.exposure, str) for scene in scenes):
+        raise ArgumentError(
+            'exposure: "maximum" differs from frame to frame, and the film would flicker; give '
+            "a factor"
+        )
+    # Without shadows, whose heights an exposure does not need.
+    bare = (scene.changed(shadows=False) for scene in scenes)
+    options = {**options, "level": False}
+    least = min(prepare(surface, scene, **options).exposure for scene in bare)
+    return [scene.changed(exposure=least) for scene in scenes]
+
+
+def centred(
+    pictures: Iterator[NDArray[np.uint8]], size: tuple[int, int], fill: Sequence[float]
+) -> Iterator[NDArray[np.uint8]]:
+    """Pictures of different sizes in the middle of frames ``(y, x)``, display codes around them."""
+    for codes in pictures:
+        frame = np.empty((*size, 3), np.uint8)
+        frame[:] = np.asarray(fill, dtype=np.uint8)
+        height, width = (min(a, b) for a, b in zip(codes.shape[:2], size, strict=True))
+        top, left = (size[0] - height) // 2, (size[1] - width) // 2
+        frame[top : top + height, left : left + width] = codes[:height, :width]
+        yield frame
+
+
+def _count(frames: int) -> int:
+    if not is_whole(frames) or frames < 1:
+        raise ArgumentError(f"frames: expected a whole number from 1 on, found {frames!r}")
+    return int(frames)
+
+
+def _rotated(vector: tuple[float, float, float], angle: float) -> tuple[float, float, float]:
+    """Rotated about the painting's vertical axis: z towards x for positive angles."""
+    x, y, z = vector
+    cos, sin = math.cos(angle), math.sin(angle)
+    return (cos * x + sin * z, y, cos * z - sin * x)
+
+
+def _rotated_light(light: Light, angle: float) -> Light:
+    if isinstance(light, DistantLight):
+        return replace(light, direction=_rotated(light.direction, angle))
+    return replace(light, position=_rotated(light.position, angle))
+
+
+def relief(
+    surface: Relightable, plane: bool | Level, pitch_mm: float | None, *, threads: int | None = None
+) -> NDArray[np.float32]:
+    """The height in mm that all frames share: the surface's own, or of its normals on a plane."""
+    lit = surface.surface()
+    if lit.height is not None:
+        return lit.height
+    level = as_level(plane, lit.normal)
+    normal = lit.normal if level is None else level.rotated(lit.normal)
+    pitch = lit.pitch_mm if pitch_mm is None else pitch_mm
+    return integrate_normals(normal, 1.0 if pitch is None else pitch, threads=threads)

@@ -1,0 +1,219 @@
+"""``impasto animate``: films of a fitted painting."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from cyclopts import CycloptsError, Parameter
+from numpy.typing import NDArray
+
+from impasto._internal.checks import length_mm, positive
+from impasto.cli.console import Stages
+from impasto.cli.options import (
+    Flag,
+    OneSpan,
+    SeveralLamps,
+    SeveralPositions,
+    SomeWhole,
+    Whole,
+    check_threads,
+)
+from impasto.cli.scenes import check_spectra, lamps, panel
+from impasto.colour.adaptation import Mode
+from impasto.errors import ArgumentError
+
+
+def animate(
+    result: Annotated[Path, Parameter(name=["RESULT"])],
+    /,
+    *,
+    out: Path,
+    raking: Flag = False,
+    turntable: Flag = False,
+    adaptation: OneSpan = None,
+    frames: Whole = 48,
+    fps: float = 12.0,
+    elevation: float | None = None,
+    angle: float | None = None,
+    light: SeveralLamps = None,
+    point: SeveralPositions = None,
+    illuminant: str | None = None,
+    adaptation_mode: Mode = "planck",
+    display: str = "srgb",
+    exposure: float | None = None,
+    shadows: Flag = False,
+    level: Annotated[bool | None, Parameter(negative="--no-level")] = None,
+    pitch: float | None = None,
+    threads: SomeWhole = None,
+    force: Flag = False,
+    quiet: Flag = False,
+) -> None:
+    """Render a fitted painting as a film. One of --raking, --turntable and --adaptation is needed.
+
+    Parameters
+    ----------
+    result
+        The --out folder of impasto fit or demo, or an sbrdf.npz.
+    out
+        The film: .png (animated), or .gif or .mp4, which need the extra video; without a suffix a
+        folder of pictures frame-00.png, frame-01.png ...
+    raking
+        A lamp goes round the painting once, at --elevation.
+    turntable
+        The painting turns to both sides by --angle, under lights that stay where they are.
+    adaptation
+        The eye adapts: degrees of adaptation as in 0..1. Needs spectra.
+    frames
+        Number of pictures.
+    fps
+        Pictures per second.
+    elevation
+        Of the lamp of --raking in degrees. Default: 15.
+    angle
+        Of --turntable in degrees. Default: 30.
+    light
+        As for impasto render; not with --raking.
+    point
+        As for impasto render; not with --raking.
+    illuminant
+        As for impasto render. Default: D65; A with --adaptation.
+    adaptation_mode
+        planck: between blackbodies, as in the six-band paper; anchored: between the true whites.
+    display
+        srgb, "Display P3", or a JSON file of measurements; .gif and .mp4 are for sRGB.
+    exposure
+        Factor on all light, the same for all frames. Default: the largest at which a white board
+        facing the lights clips in no frame; with --raking, one that lies on the painting.
+    shadows
+        Include cast shadows of the relief.
+    level
+        Rotate a panel that leans to face the viewer; default: with --shadows.
+    pitch
+        Width of a pixel in mm, if the result does not contain it; required for near lamps.
+    threads
+        Default: every core.
+    force
+        Write into a folder that contains files of other programs.
+    quiet
+        No progress, only errors.
+    """
+    import impasto
+    from impasto import animation
+    from impasto.cli.maps import load_result
+    from impasto.io.films import film_format
+    from impasto.overview import visible
+
+    check_threads(threads)
+    _check_use(raking, turntable, adaptation, light or point, elevation, angle)
+    if frames < 1:
+        raise ArgumentError(f"--frames: expected a number from 1 on, found {frames}")
+    positive(fps, "--fps", "frames per second", 0.01, 1000.0)
+    if pitch is not None:
+        length_mm(pitch, "pitch_mm")
+    screen = impasto.colour.as_display(display)
+    if out.suffix and film_format(out, "--out") != "PNG" and screen.name != "srgb":
+        raise ArgumentError(
+            f"--display: {out.suffix} holds codes of sRGB only; write .png or a folder"
+        )
+    if illuminant is None:
+        illuminant = "A" if adaptation else "D65"
+    lights, illuminants = lamps(light, point, illuminant)
+    scene = impasto.Scene(
+        lights,
+        illuminant=illuminants,
+        adaptation=adaptation[0] if adaptation else None,
+        adaptation_mode=adaptation_mode,
+        display=screen,
+        exposure=exposure,
+        shadows=shadows,
+    )
+    risen = math.radians(15.0 if elevation is None else elevation)
+    if raking:
+        scenes = animation.raking(scene, frames, elevation=risen)
+    elif turntable:
+        largest = math.radians(30.0 if angle is None else angle)
+        scenes = animation.turntable(scene, frames, angle=largest)
+    else:
+        first, last = adaptation or (0.0, 1.0)
+        scenes = animation.adapting(scene, frames, first=first, last=last)
+    stages = Stages(quiet=quiet)
+    sbrdf, reflectance = load_result(result)
+    check_spectra(result, reflectance, scene)
+    plane = panel(stages, sbrdf, wanted=shadows if level is None else level)
+    shown = visible(sbrdf, reflectance)
+    options: dict[str, Any] = {
+        "reflectance": reflectance,
+        "pitch_mm": sbrdf.rig.pitch_mm if pitch is None else pitch,
+        "level": plane,
+        "threads": threads,
+    }
+    scenes = animation.same_exposure(shown, scenes, **options)
+    if raking and exposure is None:
+        # A board that lies on the painting gets the sine of the elevation.
+        factor: Any = scenes[0].exposure
+        scenes = [one.changed(exposure=factor / math.sin(risen)) for one in scenes]
+    if shadows:
+        options["height"] = animation.relief(shown, plane, options["pitch_mm"], threads=threads)
+    with stages.stage("film") as stage:
+
+        def pictures() -> Iterator[NDArray[np.uint8]]:
+            for number, one in enumerate(scenes):
+                yield impasto.render(shown, one, **options).display
+                stage.advance(number + 1, len(scenes))
+
+        seen: Iterator[NDArray[np.uint8]] = pictures()
+        if turntable:
+            seen = animation.centred(seen, sbrdf.shape[-2:], (0, 0, 0))
+        stage.note = f"{out}, {frames} frames"
+        _write(out, seen, frames, fps, screen, result, force=force)
+
+
+def _check_use(
+    raking: bool, turntable: bool, adaptation: Any, lit: Any, elevation: Any, angle: Any
+) -> None:
+    if raking + turntable + (adaptation is not None) != 1:
+        raise CycloptsError(msg="give one of --raking, --turntable and --adaptation FROM..TO")
+    if raking and lit:
+        raise CycloptsError(msg="--raking has its own lamp: leave --light and --point out")
+    for name, value, used in (
+        ("--elevation", elevation, raking),
+        ("--angle", angle, turntable),
+    ):
+        if value is not None and not used:
+            raise CycloptsError(msg=f"{name} belongs to another kind of film")
+        if value is not None and not 0.0 < value <= 90.0:
+            raise ArgumentError(f"{name}: expected degrees above 0 and up to 90, found {value:g}")
+
+
+def _write(
+    out: Path,
+    pictures: Iterator[NDArray[np.uint8]],
+    frames: int,
+    fps: float,
+    screen: Any,
+    result: Path,
+    *,
+    force: bool,
+) -> None:
+    """The film, or a folder of pictures: complete or not at all."""
+    from impasto.cli.folder import REPORT, result_folder
+    from impasto.colour import icc_profile
+    from impasto.io import write_png8
+    from impasto.io.films import write_film
+    from impasto.report import report, write_report
+
+    icc = icc_profile(screen)
+    if out.suffix:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_film(out, pictures, fps=fps, icc=icc)
+        return
+    digits = len(str(frames - 1))
+    with result_folder(out, inputs=[result], force=force) as folder:
+        for number, codes in enumerate(pictures):
+            write_png8(folder / f"frame-{number:0{digits}}.png", codes, icc=icc)
+        content = report("animate", options={"frames": frames, "fps": fps}, folder=folder)
+        write_report(folder / REPORT, content)

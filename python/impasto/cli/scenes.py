@@ -1,0 +1,69 @@
+"""What commands that render share: lamps from options, and what a result allows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from impasto.cli.console import Stages
+from impasto.cli.options import Angles, Lamp, Position
+from impasto.errors import ArgumentError
+
+ABOVE = Lamp(Angles(90.0, 45.0))
+"""The lamp of a picture without others."""
+
+
+def lamps(
+    light: Sequence[Lamp] | None,
+    point: Sequence[Position] | None,
+    illuminant: str,
+    *,
+    dark: bool = False,
+) -> tuple[list[Any], list[Any]]:
+    """Lights and their illuminants, ``illuminant`` where a lamp has none of its own.
+
+    Without any the light comes from above, unless the painting may be ``dark``.
+    """
+    import impasto
+
+    distant = light or (() if point or dark else (ABOVE,))
+    near = point or ()
+    lights: list[Any] = [impasto.DistantLight(lamp.angles.direction) for lamp in distant]
+    lights += [impasto.PointLight(position) for position in near]
+    own = [illuminant if lamp.illuminant is None else lamp.illuminant for lamp in distant]
+    return lights, own + [illuminant] * len(near)
+
+
+def room_of(environment: str | None, rotation: float) -> Any:
+    """The environment of a name or a file, turned by so many degrees; None for none."""
+    import impasto
+
+    if environment is None:
+        return None
+    read = impasto.Environment.named if environment == "gallery" else impasto.Environment.read
+    return read(environment, rotation=math.radians(rotation))
+
+
+def check_spectra(result: Path, reflectance: Any, scene: Any) -> None:
+    """Refuse another illuminant than the photographs' where a result has no spectra."""
+    other = scene.adaptation is not None or any(one != "D65" for one in scene.illuminants)
+    if reflectance is None and other:
+        raise ArgumentError(
+            f"--illuminant: {result} has no spectra, so only its colours as photographed are "
+            "known; fit again with --camera to render another light"
+        )
+
+
+def panel(stages: Stages, sbrdf: Any, *, wanted: bool) -> Any:
+    """The plane of a panel that leans, if its rotation is wanted; otherwise False."""
+    import impasto
+
+    if not wanted:
+        return False
+    found = impasto.find_level(sbrdf.normal)
+    plane = found if found.leans else False
+    words = "; the lights shine on its own plane (--no-level: as it stood)" if plane else ""
+    stages.say(f"  {'':14}[dim]{found}{words}[/]")
+    return plane

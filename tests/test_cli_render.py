@@ -1,0 +1,118 @@
+"""``impasto render``: one picture of a result, under any lamps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import OpenEXR
+import pytest
+
+from impasto.cli import main
+
+SIZE = 48
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("render") / "demo"
+    assert main(["demo", "--out", str(out), "--size", str(SIZE), "--quiet"]) == 0
+    return out
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> str:
+    return " ".join(capsys.readouterr().err.split())
+
+
+def test_a_dark_picture_is_told_and_brightened(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = f"render {demo} --light 90,45 --out {tmp_path / 'above.png'} --exposure".split()
+    assert main([*words, "0.05"]) == 0
+    told = said(capsys)
+    assert "a dark picture" in told
+    assert main([*words, told.split("--exposure ")[1].split()[0]]) == 0
+    assert "a dark picture" not in said(capsys)
+    shown = cv2.imread(str(tmp_path / "above.png"))
+    assert shown is not None
+    # 99 % of the pixels reach up to 0.9 of the display's light, code 243 of sRGB; the exposure is
+    # told to two digits, 5 % of light or six codes at the most.
+    assert np.percentile(shown.max(axis=2), 99) == pytest.approx(243, abs=7)
+
+
+def test_a_bright_picture_is_told_and_darkened(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = f"render {demo} --light 90,45 --out {tmp_path / 'above.png'} --exposure".split()
+    assert main([*words, "20"]) == 0
+    told = said(capsys)
+    assert "clips less than 1 %" in told
+    assert main([*words, told.split("--exposure ")[1].split()[0]]) == 0
+    told = said(capsys)
+    assert "--exposure" not in told
+    assert "a dark picture" not in told
+
+
+def test_a_result_is_rendered_under_any_light(demo: Path, tmp_path: Path) -> None:
+    day, lamp = tmp_path / "day.png", tmp_path / "lamp.png"
+    assert main(f"render {demo} --light 90,45 --out {day} --quiet".split()) == 0
+    words = f"render {demo} --light 90,45 --light=-90,60 --illuminant 2856K --adaptation 0.56"
+    assert main(f"{words} --shadows --view 0,60 --out {lamp} --quiet".split()) == 0
+    pictures = [cv2.imread(str(path)) for path in (day, lamp)]
+    assert pictures[0] is not None
+    assert pictures[1] is not None
+    assert pictures[0].shape == (SIZE, SIZE, 3)
+    # Seen from 60 degrees of elevation, the width shrinks to sin(60 degrees).
+    assert pictures[1].shape[1] == pytest.approx(SIZE * np.sin(np.radians(60)), abs=2)
+
+
+def test_a_lamp_is_yellower_than_daylight(demo: Path, tmp_path: Path) -> None:
+    ratio = {}
+    for name in ("D65", "A"):
+        path = tmp_path / f"{name}.exr"
+        assert main(f"render {demo} --illuminant {name} --out {path} --quiet".split()) == 0
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            planes = {key: channel.pixels for key, channel in file.channels().items()}
+        ratio[name] = float(planes["B"].mean() / planes["R"].mean())
+    assert ratio["A"] < ratio["D65"]
+
+
+def test_lamps_have_illuminants_of_their_own(demo: Path, tmp_path: Path) -> None:
+    def picture(words: str) -> np.ndarray:
+        out = tmp_path / "lamps.exr"
+        command = f"render {demo} {words} --exposure 1 --out {out} --quiet"
+        assert main(command.split()) == 0
+        with OpenEXR.File(str(out), separate_channels=True) as file:
+            return np.stack([file.channels()[name].pixels for name in "RGB"])
+
+    both = picture("--light 180,30,warm --light 0,30,cool --light 90,60 --illuminant A")
+    # Light adds up: 2700 K and 4000 K are what warm and cool are documented to be.
+    sum_ = picture("--light 180,30 --illuminant 2700K")
+    sum_ = sum_ + picture("--light 0,30,4000") + picture("--light 90,60,A")
+    # Three sums of rounded single-precision numbers against one.
+    np.testing.assert_allclose(both, sum_, rtol=1e-5, atol=1e-6)
+
+
+def test_the_eye_adapts_to_the_sum_of_lamps(demo: Path, tmp_path: Path) -> None:
+    words = f"render {demo} --light 180,30,warm --light 0,30,D65 --adaptation 1 --quiet"
+    assert main([*words.split(), "--out", str(tmp_path / "adapted.png")]) == 0
+
+
+def test_a_display_is_named_or_measured(demo: Path, tmp_path: Path) -> None:
+    out = tmp_path / "p3.png"
+    assert main(["render", str(demo), "--display", "Display P3", "--out", str(out)]) == 0
+    assert b"iCCP" in out.read_bytes()[:200]
+
+
+def test_a_near_lamp_lights_what_is_near(demo: Path, tmp_path: Path) -> None:
+    thirds = []
+    for x in (-30, 30):
+        out = tmp_path / f"{x}.exr"
+        assert main(f"render {demo} --point {x},0,30 --out {out} --quiet".split()) == 0
+        with OpenEXR.File(str(out), separate_channels=True) as file:
+            green = np.asarray(file.channels()["G"].pixels)
+        third = green.shape[1] // 3
+        thirds.append((green[:, :third].mean(), green[:, -third:].mean()))
+    assert thirds[0][0] > thirds[1][0]
+    assert thirds[0][1] < thirds[1][1]
