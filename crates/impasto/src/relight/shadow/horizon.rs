@@ -89,7 +89,7 @@ impl Horizons {
             return Err(Error::argument("angular_radius", problem));
         }
         let Vec3 { x, y, z: sine } = direction.normalised();
-        if !(sine > 0.0) {
+        if sine.is_nan() || sine <= 0.0 {
             return Err(Error::geometry("light", "it stands behind the painting"));
         }
         let cosine = x.hypot(y);

@@ -58,7 +58,7 @@ impl Highest {
         let (column, row) = (x as usize / SIDE, y as usize / SIDE);
         let highest = f64::from(self.blocks[row * self.columns + column]);
         // Interpolated heights exceed the highest by rounding only.
-        if !(ray > highest + highest.abs() * 1e-12) {
+        if ray <= highest + highest.abs() * 1e-12 {
             return 0.0;
         }
         let left = |place: f64, block: usize, step: f64| {
