@@ -121,6 +121,7 @@ impl Shown {
             for (number, map) in maps.iter().enumerate() {
                 gpu.write(&buffer, number * count, &map[first..first + count]);
             }
+            gpu.flush();
             buffer
         })?;
         Ok(Band { row, rows, maps })
