@@ -2,8 +2,8 @@
 
     python benches/python/shadows.py [--record]
 
-The march goes from each pixel towards a point light so far away that it is distant. Soft shadows, the
-sky and a slanted view over the relief are timed beside it.
+The march goes from each pixel towards a point light so far away that it is distant. Soft shadows,
+the sky and a slanted view over the relief are timed beside it.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import argparse
 import math
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -49,16 +50,10 @@ def shadows(side: int) -> list[dict[str, Any]]:
     for elevation in ELEVATIONS:
         for azimuth in AZIMUTHS:
             a, e = math.radians(azimuth), math.radians(elevation)
-            light = np.array(
-                (math.cos(a) * math.cos(e), math.sin(a) * math.cos(e), math.sin(e))
-            )
-            swept = best(lambda light=light: impasto.cast_shadows(height, PITCH, light, threads=1), 5)
-            marched = best(
-                lambda light=light: impasto.cast_shadows(
-                    height, PITCH, 1e7 * light, point=True, threads=1
-                ),
-                1,
-            )
+            light = np.array((math.cos(a) * math.cos(e), math.sin(a) * math.cos(e), math.sin(e)))
+            cast = partial(impasto.cast_shadows, height, PITCH, threads=1)
+            swept = best(partial(cast, light), times=5)
+            marched = best(partial(cast, 1e7 * light, point=True), times=1)
             rows.append(
                 {
                     "side": side,
