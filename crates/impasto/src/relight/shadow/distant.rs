@@ -105,7 +105,7 @@ impl<'a> Sweep<'a> {
                 shifted(joined, (-whole - first) as usize, lines.width, out);
             },
         )?;
-        Ok(if lines.turned { bits.transposed() } else { bits })
+        Ok(if lines.transposed { bits.transposed() } else { bits })
     }
 
     /// Visibility of some `columns` and `rows` of the picture, the same bits as in the whole: `reach`
@@ -136,7 +136,7 @@ impl<'a> Sweep<'a> {
             let out = &mut bits.words_mut()[row * stride..][..stride];
             shifted(lit, offset, columns.len(), out);
         });
-        if lines.turned { bits.transposed() } else { bits }
+        if lines.transposed { bits.transposed() } else { bits }
     }
 
     fn sweep(

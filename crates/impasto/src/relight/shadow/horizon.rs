@@ -314,7 +314,7 @@ fn sweep(
         let along = lines.row_at(step);
         for (index, pair) in sines[offset - 1..].windows(2).take(part.columns.len()).enumerate() {
             let sine = fraction.mul_add(pair[0], (1.0 - fraction) * pair[1]);
-            let pixel = if lines.turned {
+            let pixel = if lines.transposed {
                 index * columns.len() + along - columns.start
             } else {
                 (along - rows.start) * columns.len() + index
@@ -368,7 +368,7 @@ mod tests {
             for column in 0..lines.width {
                 let line = (column.cast_signed() - whole - first) as usize;
                 let row = lines.row_at(step);
-                let pixel = if lines.turned {
+                let pixel = if lines.transposed {
                     column * grid.width + row
                 } else {
                     row * grid.width + column

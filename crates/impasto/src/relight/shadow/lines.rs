@@ -26,7 +26,7 @@ pub(crate) struct Lines<'a> {
     /// Columns of the picture.
     columns: usize,
     /// Whether columns of the picture are walked as rows.
-    pub(crate) turned: bool,
+    pub(crate) transposed: bool,
     /// Whether the walk goes up, towards smaller rows.
     upwards: bool,
     /// Columns and rows as they are walked.
@@ -41,7 +41,7 @@ pub(crate) struct Lines<'a> {
 /// Rows that are not rows of the picture, and pieces of rows at its border.
 #[derive(Debug, Default)]
 pub(crate) struct LineScratch {
-    turned: Vec<f32>,
+    transposed: Vec<f32>,
     padded: Vec<f32>,
 }
 
@@ -57,16 +57,16 @@ impl<'a> Lines<'a> {
     pub(crate) fn new(relief: &'a [f32], grid: Grid, [x, y]: [f64; 2]) -> Self {
         // Rows run down, y runs up.
         let (across, down) = (x, -y);
-        let turned = across.abs() > down.abs();
-        let (across, along) = if turned { (down, across) } else { (across, down) };
+        let transposed = across.abs() > down.abs();
+        let (across, along) = if transposed { (down, across) } else { (across, down) };
         let [width, steps] =
-            if turned { [grid.height, grid.width] } else { [grid.width, grid.height] };
+            if transposed { [grid.height, grid.width] } else { [grid.width, grid.height] };
         let shear = -across / along.abs();
         let step = grid.pitch * shear.mul_add(shear, 1.0).sqrt();
         Self {
             relief,
             columns: grid.width,
-            turned,
+            transposed,
             upwards: along > 0.0,
             width,
             steps,
@@ -82,7 +82,7 @@ impl<'a> Lines<'a> {
 
     /// The pixel of the picture at a column as it is walked, in the row of a step.
     pub(crate) fn pixel(&self, column: usize, row: usize) -> usize {
-        let (column, row) = if self.turned { (row, column) } else { (column, row) };
+        let (column, row) = if self.transposed { (row, column) } else { (column, row) };
         row * self.columns + column
     }
 
@@ -118,7 +118,7 @@ impl<'a> Lines<'a> {
 
     /// `columns` and `rows` of the picture as they are walked.
     pub(crate) fn part(&self, columns: Range<usize>, rows: Range<usize>) -> Part {
-        let (columns, rows) = if self.turned { (rows, columns) } else { (columns, rows) };
+        let (columns, rows) = if self.transposed { (rows, columns) } else { (columns, rows) };
         let steps =
             if self.upwards { self.steps - rows.end..self.steps - rows.start } else { rows };
         Part { columns, steps }
@@ -133,7 +133,7 @@ impl<'a> Lines<'a> {
         scratch: &mut LineScratch,
         mut visit: impl FnMut(usize, f32, &[f32]),
     ) {
-        let LineScratch { turned, padded } = scratch;
+        let LineScratch { transposed, padded } = scratch;
         padded.resize(count + 1, 0.0);
         for first in steps.clone().step_by(BATCH) {
             let batch = first..steps.end.min(first + BATCH);
@@ -141,13 +141,13 @@ impl<'a> Lines<'a> {
             let last = self.width.cast_signed() - 1;
             let low = shifts[0].min(shifts[1]).clamp(0, last) as usize;
             let high = (shifts[0].max(shifts[1]) + count.cast_signed()).clamp(0, last) as usize + 1;
-            if self.turned {
-                self.transpose(&batch, low..high, turned);
+            if self.transposed {
+                self.transpose(&batch, low..high, transposed);
             }
             for step in batch {
                 let (whole, fraction) = self.displacement(step);
-                let row = if self.turned {
-                    &turned[(step - first) * (high - low)..][..high - low]
+                let row = if self.transposed {
+                    &transposed[(step - first) * (high - low)..][..high - low]
                 } else {
                     &self.relief[self.row_at(step) * self.width..][low..high]
                 };

@@ -30,7 +30,7 @@ fn defined(relief: &[f32], grid: Grid, light: Vec3<f64>) -> Vec<bool> {
             return -1e30;
         }
         let (column, row) = (column.clamp(0, width - 1) as usize, lines.row_at(step));
-        relief[if lines.turned { column * grid.width + row } else { row * grid.width + column }]
+        relief[if lines.transposed { column * grid.width + row } else { row * grid.width + column }]
     };
     let mut depths = vec![vec![0.0_f32; count]; lines.steps];
     for line in 0..count {
@@ -52,8 +52,11 @@ fn defined(relief: &[f32], grid: Grid, light: Vec3<f64>) -> Vec<bool> {
             let after = (column.cast_signed() - whole - first) as usize;
             let depth = part.mul_add(depths[after - 1], (1.0 - part) * depths[after]);
             let row = lines.row_at(step);
-            let at =
-                if lines.turned { column * grid.width + row } else { row * grid.width + column };
+            let at = if lines.transposed {
+                column * grid.width + row
+            } else {
+                row * grid.width + column
+            };
             lit[at] = depth <= 0.0;
         }
     }
