@@ -159,6 +159,18 @@ def test_raking_light_goes_round_from_the_right_over_the_top() -> None:
     assert {scene.exposure for scene in scenes} == {2.0}
 
 
+def test_raking_light_leaves_a_room_as_it_is() -> None:
+    gallery = impasto.Environment.named("gallery")
+    for lights, illuminants in (([LAMP, LAMP], ["A", "A", 3000.0]), ([], [3000.0])):
+        scene = Scene(lights, environment=gallery, illuminant=illuminants)
+        (first, *_) = animation.raking(scene, 3)
+        assert first.illuminants == (illuminants[0], 3000.0)
+        assert first.lights[0].intensity == (1.4 if lights else 1.0)
+        assert first.environment is gallery
+        with pytest.raises(ArgumentError, match="environment: it would have to turn"):
+            animation.turntable(scene, 3)
+
+
 def test_a_painting_that_turns_shows_its_other_side_to_lights_that_stay() -> None:
     """Angles between light and eye stay; a near lamp keeps its distance."""
     near = PointLight((50.0, 20.0, 300.0))

@@ -179,6 +179,18 @@ def test_light_is_that_of_the_cpu_and_spectra_serve() -> None:
     np.testing.assert_allclose(xyz, expected.xyz, atol=SINGLE * expected.xyz.max())
 
 
+def test_a_varnish_is_put_on_and_taken_off() -> None:
+    painting = impasto.simulate.painting(size=(24, 32), seed=3)
+    lights = [DistantLight((0.3, 0.3, 0.9))]
+    coat = impasto.Varnish(thickness_um=50.0, yellowness=20.0)
+    renderer = gpu.Renderer(painting, adapter="any")
+    for varnish in (None, coat, coat, None):
+        scene = Scene(lights, varnish=varnish)
+        expected = impasto.render(painting, scene, fidelity="model", threads=1)
+        difference = np.abs(renderer.frame(scene).display.astype(int) - expected.display)
+        assert difference.max() <= 1
+
+
 def test_what_a_renderer_cannot_do_is_said() -> None:
     surface = replace(varnished(), pitch_mm=None)
     renderer = gpu.Renderer(surface, adapter="any")

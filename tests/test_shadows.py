@@ -156,3 +156,67 @@ def test_a_scene_with_shadows_darkens_only_the_shaded() -> None:
 def test_wrong_arguments_are_named(height, light, error, words) -> None:
     with pytest.raises(error, match=words):
         impasto.cast_shadows(height, PITCH, light)
+
+
+def test_a_lamp_with_a_size_softens_the_edge_and_keeps_its_middle() -> None:
+    height = np.zeros((20, 120), np.float32)
+    height[:, 80:] = 2.0
+    light = np.array([0.8, 0.0, 0.6])
+    hard = impasto.cast_shadows(height, PITCH, light)[10]
+    soft = impasto.cast_shadows(height, PITCH, light, radius=0.1)[10]
+    # Half of the lamp is seen where the hard shadow ends, to a pixel.
+    edge = int(np.flatnonzero(hard[:80] == 0.0).min())
+    assert abs(float(soft[edge - 1 : edge + 1].mean()) - 0.5) < 0.15
+    # From 36.9 - 5.7 to 36.9 + 5.7 degrees: 10 / tan = 16.5 to 10.9 pixels before the step.
+    partly = np.flatnonzero((soft > 0.01) & (soft < 0.99))
+    assert 80 - 17.5 <= partly.min() <= 80 - 14
+    assert 80 - 13 <= partly.max() <= 80 - 9.9
+    assert (np.diff(soft[:80]) <= 1e-6).all()
+    near = impasto.cast_shadows(height, PITCH, 5000.0 * light, point=True, radius=500.0)[10]
+    # 32 points of the lamp.
+    np.testing.assert_allclose(near[:80], soft[:80], atol=0.12)
+    with pytest.raises(ArgumentError, match="radius"):
+        impasto.cast_shadows(height, PITCH, light, radius=-1.0)
+
+
+def test_a_ditch_sees_the_sky_of_two_planes() -> None:
+    # A groove along y whose walls rise by 45 degrees: at its bottom each side hides what a plane of
+    # 45 degrees hides of its half, so that cos 45 remains.
+    x = np.abs(np.arange(-60, 61)) * PITCH
+    height = np.broadcast_to(x, (121, 121)).astype(np.float32)
+    seen = impasto.sky_visibility(height, PITCH, azimuths=64)
+    # Walls end at 60 pixels, and along y after as many: an eighth of the azimuths see past them.
+    assert abs(seen[60, 60] - np.sqrt(0.5)) < 0.02
+    flat = impasto.sky_visibility(np.zeros((9, 9)), PITCH)
+    np.testing.assert_allclose(flat, 1.0, atol=1e-6)
+    bounced = impasto.sky_visibility(height, PITCH, azimuths=64, albedo=0.5)
+    np.testing.assert_allclose(bounced, seen * (1 + 0.5 * (1 - seen)), rtol=1e-6)
+    np.testing.assert_array_equal(
+        seen, impasto.sky_visibility(height, PITCH, azimuths=64, threads=3)
+    )
+    for wrong in ({"azimuths": 3}, {"azimuths": 8.5}, {"albedo": 1.5}):
+        with pytest.raises(ArgumentError):
+            impasto.sky_visibility(height, PITCH, **wrong)
+
+
+def test_relief_moves_what_is_seen_from_the_side() -> None:
+    height = np.zeros((40, 80), np.float32)
+    height[10:30, 30:50] = 1.0
+    colours = np.full((3, 40, 80), 0.1, np.float32)
+    colours[:, 10:30, 30:50] = 0.8
+    normal = np.zeros((3, 40, 80), np.float32)
+    normal[2] = 1.0
+    painting = impasto.Surface(normal, colours, height=height, pitch_mm=PITCH)
+    lights = [(0.0, 0.0, 1.0)]
+    view = (0.6, 0.0, 0.8)
+    flat = impasto.render(painting, impasto.Scene(lights, view=view)).xyz[1]
+    raised = impasto.render(painting, impasto.Scene(lights, view=view, shadows=True)).xyz[1]
+    assert flat.shape == raised.shape
+
+    def middle(picture: np.ndarray) -> float:
+        bright = picture[20] > 0.5 * picture.max()
+        return float(np.flatnonzero(bright).mean())
+
+    # A block 1 mm = 5 pixels high moves away from an eye on the right by 5 sin 36.9 = 3 pixels; a
+    # wall towards the eye adds half its width of 3 pixels.
+    assert 1.0 < middle(flat) - middle(raised) < 3.5

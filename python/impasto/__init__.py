@@ -34,7 +34,7 @@ from impasto.fit.rig_refinement import refine_rig
 from impasto.fit.sbrdf import fit_sbrdf, load_sbrdf
 from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.fit.strengths import Strengths, fit_strengths
-from impasto.height import cast_shadows, integrate_normals
+from impasto.height import cast_shadows, integrate_normals, sky_visibility
 from impasto.highlights import reconstruct_highlights
 from impasto.image import Image
 from impasto.io import read_spectra, read_stack
@@ -115,6 +115,7 @@ __all__ = [
     "reconstruct_highlights",
     "refine_rig",
     "render",
+    "sky_visibility",
     "suggest_effort",
     "systems",
     "white_corrected",

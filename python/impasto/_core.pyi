@@ -244,6 +244,21 @@ def cast_shadows(
     point: bool = False,
     threads: int = 1,
 ) -> NDArray[np.float32]: ...
+def soft_shadows(
+    height: NDArray[np.float32],
+    pitch_mm: float,
+    light: tuple[float, float, float],
+    radius: float,
+    point: bool = False,
+    threads: int = 1,
+) -> NDArray[np.float32]: ...
+def sky_visibility(
+    height: NDArray[np.float32],
+    pitch_mm: float,
+    azimuths: int,
+    albedo: float,
+    threads: int,
+) -> NDArray[np.float32]: ...
 def display_from_bands(
     planes: NDArray[np.float32],
     matrix: NDArray[np.float64],

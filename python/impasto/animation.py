@@ -27,7 +27,7 @@ def raking(scene: Scene, frames: int, *, elevation: float = math.radians(15.0)) 
     ----------
     scene
         Everything but the lights; its first illuminant is the lamp's, the sum of its lights the
-        lamp's strength.
+        lamp's strength, 1 without any.
     frames
         How many scenes.
     elevation
@@ -36,13 +36,15 @@ def raking(scene: Scene, frames: int, *, elevation: float = math.radians(15.0)) 
     count = _count(frames)
     if not 0.0 < number(elevation, "elevation", "radians up to pi / 2") <= math.pi / 2:
         raise ArgumentError(f"elevation: expected 0 to pi / 2 radians, found {elevation:g}")
-    strength = float(sum(light.intensity for light in scene.lights))
+    # A scene of an environment alone has no lamp to take them from.
+    strength = float(sum(light.intensity for light in scene.lights)) or 1.0
+    room = [] if scene.environment is None else [scene.illuminants[-1]]
     across, z = math.cos(elevation), math.sin(elevation)
     turns = [2.0 * math.pi * step / count for step in range(count)]
     return [
         scene.changed(
             lights=[DistantLight((across * math.cos(a), across * math.sin(a), z), strength)],
-            illuminant=scene.illuminants[0],
+            illuminant=[scene.illuminants[0], *room],
         )
         for a in turns
     ]
@@ -65,7 +67,7 @@ def turntable(scene: Scene, frames: int, *, angle: float = math.radians(30.0)) -
     Raises
     ------
     ArgumentError
-        A scene with a near eye, an angle of a quarter turn or more.
+        A scene with a near eye or an environment, an angle of a quarter turn or more.
     GeometryError
         A light that comes to stand behind the painting.
     """
@@ -74,6 +76,10 @@ def turntable(scene: Scene, frames: int, *, angle: float = math.radians(30.0)) -
         raise ArgumentError(f"angle: expected 0 to pi / 2 radians, found {angle:g}")
     if isinstance(scene.view, PointView):
         raise ArgumentError("view: a painting on a turntable is seen from a direction")
+    if scene.environment is not None:
+        raise ArgumentError(
+            "environment: it would have to turn against the painting; give lights alone"
+        )
     eye = FRONTAL if scene.view is None else scene.view
     made = []
     for step in range(count):

@@ -25,6 +25,7 @@ from impasto.lighting import SceneArguments, arranged, prepare, rig_of, varnishe
 from impasto.rig import PointLight
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
+from impasto.varnish import Varnish
 
 __all__ = ["Adapter", "Frame", "Renderer", "adapters"]
 
@@ -208,6 +209,7 @@ class Renderer:
         self._eye = surface.eye()
         self._wanted = adapter
         self._uploaded = self._upload(self._lit)
+        self._varnish: Varnish | None = None
 
     def _upload(self, lit: Surface) -> _core.GpuRenderer:
         pitch = 1.0 if self._pitch is None else self._pitch
@@ -285,12 +287,20 @@ class Renderer:
                 "pitch_mm: point lights need the width of a pixel on the painting in mm, which the "
                 "surface does not contain; give pitch_mm="
             )
-        lit = self._lit if scene.varnish is None else varnished(self._lit, scene.varnish)
+        # A varnish has a lobe of its own.
+        coated = self._lit if scene.varnish is None else varnished(self._lit, scene.varnish)
         eye = self._eye if scene.view is None else scene.view
         pitch = 1.0 if self._pitch is None else self._pitch
-        whole = rig_of(scene, eye, pitch, lit)
-        lit, arguments, known = arranged(lit, scene, whole, eye, self._reflectance)
-        uploaded = self._uploaded if lit is self._lit else self._upload(lit)
+        whole = rig_of(scene, eye, pitch, coated)
+        lit, arguments, known = arranged(coated, scene, whole, eye, self._reflectance)
+        if lit is not coated:
+            # A part of a painting under near lamps: its ambient light is of this scene.
+            uploaded = self._upload(lit)
+        elif scene.varnish is self._varnish:
+            uploaded = self._uploaded
+        else:
+            uploaded = self._uploaded = self._upload(lit)
+            self._varnish = scene.varnish
         exposure = None if isinstance(scene.exposure, str) else known
         # The background is added when the exposure of the picture is known.
         arguments = replace(arguments, background=(0.0, 0.0, 0.0))

@@ -1,13 +1,15 @@
-"""Normals to height, and cast shadows of heights."""
+"""Normals to height; shadows of heights, and how much of the sky they leave."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
-from impasto._internal.checks import length_mm, truth
+from impasto._internal.checks import is_whole, length_mm, number, truth
 from impasto._internal.waiting import floats
 from impasto.errors import ArgumentError
 from impasto.level import Level, as_level, level_of_height
@@ -76,6 +78,7 @@ def cast_shadows(
     light: ArrayLike,
     *,
     point: bool = False,
+    radius: float = 0.0,
     level: bool = False,
     threads: int | None = None,
 ) -> NDArray[np.float32]:
@@ -91,6 +94,9 @@ def cast_shadows(
         Direction ``(3,)`` to a distant light, or with ``point`` a position in mm.
     point
         Whether the light is near.
+    radius
+        Of a lamp with a size: its angular radius in radians (the sun has 0.0047), or with ``point``
+        its radius in mm. 0, the default: hard shadows.
     level
         Whether light and relief are taken about the plane of the relief: a panel that leans by 10
         degrees is otherwise in its own shadow under a light at 8 degrees.
@@ -100,7 +106,7 @@ def cast_shadows(
     Returns
     -------
     ndarray
-        ``(y, x)`` float32: 1 lit, 0 in shadow.
+        ``(y, x)`` float32: 1 lit, 0 in shadow; with a radius, the share of the lamp that is seen.
 
     Raises
     ------
@@ -118,4 +124,66 @@ def cast_shadows(
         plane = level_of_height(relief, pitch)
         relief = np.asarray(relief - plane.surface(relief.shape, pitch), dtype=np.float32)
     x, y, z = vector.tolist()
+    size = number(radius, "radius", "0 or a positive radius")
+    if not (math.isfinite(size) and size >= 0.0):
+        raise ArgumentError(f"radius: expected 0 or a positive radius, found {radius}")
+    if size > 0.0:
+        lamp = (x, y, z)
+        return _core.soft_shadows(relief, pitch, lamp, size, bool(point), thread_count(threads))
     return _core.cast_shadows(relief, pitch, (x, y, z), bool(point), thread_count(threads))
+
+
+def sky_visibility(
+    height: ArrayLike,
+    pitch_mm: float,
+    *,
+    azimuths: int = 32,
+    albedo: float = 0.0,
+    threads: int | None = None,
+) -> NDArray[np.float32]:
+    """The share of an even sky's light that reaches each place of a relief.
+
+    Ambient occlusion from horizons (Timonen and Westerholm 2010), weighted by the cosine to the
+    painting's normal. Sky below 1.8 degrees is left out.
+
+    Parameters
+    ----------
+    height
+        ``(y, x)`` mm, towards the viewer. NaN hides nothing and sees everything.
+    pitch_mm
+        Width of a pixel in mm.
+    azimuths
+        Directions in which horizons are searched for, 4 to 1024.
+    albedo
+        Mean reflectance of the surroundings, 0 to 1: light that they reflect once is added. 0, the
+        default: the sky alone.
+    threads
+        None means every allowed core.
+
+    Returns
+    -------
+    ndarray
+        ``(y, x)`` float32, 0 to 1: irradiance relative to a flat painting.
+
+    Raises
+    ------
+    ArgumentError
+        A wrong shape, pitch, number of azimuths or albedo.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from impasto import sky_visibility
+    >>> sky_visibility(np.zeros((2, 3)), 0.1).min().round(5)
+    np.float32(1.0)
+    """
+    relief = floats(height)
+    if relief.ndim != 2 or 0 in relief.shape:
+        raise ArgumentError(f"height: expected shape (y, x), found {relief.shape}")
+    pitch = length_mm(pitch_mm, "pitch_mm")
+    if not (is_whole(azimuths) and 4 <= azimuths <= 1024):
+        raise ArgumentError(f"azimuths: expected 4 to 1024, found {azimuths!r}")
+    share = number(albedo, "albedo", "a reflectance from 0 to 1")
+    if not 0.0 <= share <= 1.0:
+        raise ArgumentError(f"albedo: expected a reflectance from 0 to 1, found {albedo}")
+    return _core.sky_visibility(relief, pitch, int(azimuths), share, thread_count(threads))

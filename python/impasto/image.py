@@ -44,31 +44,25 @@ class Image:
 
     Attributes
     ----------
-    xyz
-        ``(3, y, x)`` float32 tristimulus values for the adapted observer; a white board in light of
-        intensity 1 has Y = 1. Not clipped.
-    linear
-        ``(3, y, x)`` float32 linear display light, scaled by ``exposure``. Not clipped.
-    display
-        ``(y, x, 3)`` uint8 codes.
     coverage
         ``(y, x)`` float32: the share of the pixel that shows the painting. It is 0 outside the
         painting and where its maps are NaN; the picture shows the scene's background there.
     exposure
         The factor from ``xyz`` to display light.
-    clipped
-        For each channel, the share of pixels that are too bright for the display.
-    outside
-        For each channel, the share of pixels whose colour is outside the display's gamut.
     screen
         The display that the codes are made for.
+    light
+        XYZ, or what computes it.
+    made
+        Display codes that were made without XYZ.
+    threads
+        Of what is computed later; None means every allowed core.
     """
 
     coverage: NDArray[np.float32]
     exposure: float
     screen: Display
     light: NDArray[np.float32] | Callable[[], NDArray[np.float32]]
-    """XYZ, or what computes it."""
     made: Shown | None = None
     threads: int | None = None
 
@@ -86,12 +80,15 @@ class Image:
 
     @cached_property
     def xyz(self) -> NDArray[np.float32]:
-        """``(3, y, x)`` tristimulus values."""
+        """``(3, y, x)`` float32 tristimulus values for the adapted observer, not clipped.
+
+        A white board in light of intensity 1 has Y = 1.
+        """
         return self.light() if callable(self.light) else self.light
 
     @cached_property
     def linear(self) -> NDArray[np.float32]:
-        """``(3, y, x)`` linear display light."""
+        """``(3, y, x)`` float32 linear display light, scaled by ``exposure``, not clipped."""
         return _core.linear_from_bands(self.xyz, self._matrix, thread_count(self.threads))
 
     @cached_property
@@ -107,17 +104,17 @@ class Image:
 
     @property
     def display(self) -> NDArray[np.uint8]:
-        """``(y, x, 3)`` codes."""
+        """``(y, x, 3)`` uint8 codes."""
         return self._shown.codes
 
     @property
     def clipped(self) -> dict[str, float]:
-        """For each channel, the share of pixels that are too bright."""
+        """For each channel, the share of pixels that are too bright for the display."""
         return self._shares(self._shown.above)
 
     @property
     def outside(self) -> dict[str, float]:
-        """For each channel, the share of pixels that are outside the gamut."""
+        """For each channel, the share of pixels whose colour is outside the display's gamut."""
         return self._shares(self._shown.below)
 
     def _shares(self, counts: list[int]) -> dict[str, float]:

@@ -83,10 +83,10 @@ class Varnish:
     --------
     >>> from impasto import Varnish
     >>> old = Varnish(thickness_um=50.0, yellowness=10.0)
-    >>> old.transmittance([450.0, 550.0, 650.0]).round(2)
-    array([0.37, 0.83, 0.96])
-    >>> old.clear().transmittance([450.0])
-    array([1.])
+    >>> old.transmittance([450.0, 550.0, 650.0]).round(2).tolist()
+    [0.37, 0.83, 0.96]
+    >>> old.clear().transmittance([450.0]).tolist()
+    [1.0]
     """
 
     thickness_um: float = 50.0

@@ -179,6 +179,13 @@ impl Gpu {
         self.open.queue.submit([encoder.finish()]);
     }
 
+    /// Waits until what was written is on the card: until then the CPU holds a copy of it.
+    pub(crate) fn flush(&self) {
+        self.open.queue.submit([]);
+        // A card that fails here fails the next time it is used.
+        let _ = self.open.device.poll(PollType::wait_indefinitely());
+    }
+
     /// Waits for what was submitted, and gives a buffer's first `bytes` to `read`.
     pub(crate) fn read(&self, buffer: &Buffer, bytes: u64, read: impl FnOnce(&[u8])) -> Result<()> {
         let failed =

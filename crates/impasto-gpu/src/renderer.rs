@@ -9,7 +9,7 @@ use impasto::pixels::Run;
 use impasto::relight::plan::{Plan, SHADED, lobe_bit};
 use impasto::relight::scene::Scene;
 use impasto::relight::show::{Codes, Display, codes_from_planes};
-use impasto::relight::view::Projection;
+use impasto::relight::view::{Projection, seen_from};
 use impasto::relight::{self, Picture};
 use impasto::surface::{Model, Surface};
 
@@ -121,6 +121,7 @@ impl Shown {
             for (number, map) in maps.iter().enumerate() {
                 gpu.write(&buffer, number * count, &map[first..first + count]);
             }
+            gpu.flush();
             buffer
         })?;
         Ok(Band { row, rows, maps })
@@ -308,15 +309,17 @@ impl Renderer {
     /// If the scene does not fit the surface, the caller cancels, or the card fails.
     pub fn light(&mut self, scene: &Scene, background: [f32; 3], run: &Run<'_>) -> Result<Picture> {
         let Self { gpu, shown, bands, relief, shadows, target } = self;
-        let relief = relief.as_mut().filter(|_| *shadows);
-        let arrays = shown.arrays(gpu, relief, scene, background, None, run)?;
+        let cast = relief.as_mut().filter(|_| *shadows);
+        let arrays = shown.arrays(gpu, cast, scene, background, None, run)?;
         let mut planar = Planar::new(shown.grid.width * shown.grid.height);
         for band in &*bands {
             cancelled(run)?;
             let first = band.row * shown.grid.width;
             shown.draw(gpu, &arrays, band, target, |bytes| planar.take(first, bytes))?;
         }
-        seen(shown.grid, planar, scene, is_slanted(scene, shown.grid), background, run)
+        let height = relief.as_ref().filter(|_| *shadows).map(Relief::height);
+        let view = (scene, is_slanted(scene, shown.grid));
+        seen(shown.grid, planar, height, view, background, run)
     }
 
     /// The surface under the lights of a scene, as codes of a display.
@@ -375,7 +378,8 @@ pub fn render(
     let surface = &Surface { lobes: lobes.map(|(_, lobe)| lobe.clone()).collect(), ..*surface };
     let Planes { maps, table } = Planes::of(surface, grid.width * grid.height)?;
     let shown = Shown::new(surface, grid, &table);
-    let mut relief = match relief.height.filter(|_| on(SHADED)) {
+    let height = relief.height;
+    let mut relief = match height.filter(|_| on(SHADED)) {
         Some(height) => Some(Relief::new(Cow::Borrowed(height), grid)?),
         None => None,
     };
@@ -388,7 +392,7 @@ pub fn render(
         let first = band.row * grid.width;
         shown.draw(gpu, &arrays, &band, &mut target, |bytes| planar.take(first, bytes))?;
     }
-    seen(grid, planar, scene, plan.projected(), background, run)
+    seen(grid, planar, height, (scene, plan.projected()), background, run)
 }
 
 fn cancelled(run: &Run<'_>) -> Result<()> {
@@ -407,17 +411,17 @@ fn is_slanted(scene: &Scene, grid: Grid) -> bool {
 fn seen(
     grid: Grid,
     planar: Planar,
-    scene: &Scene,
-    projected: bool,
+    relief: Option<&[f32]>,
+    (scene, projected): (&Scene, bool),
     background: [f32; 3],
     run: &Run<'_>,
 ) -> Result<Picture> {
     let Planar { light, coverage } = planar;
     match scene.view() {
         View::Distant(view) if projected => {
-            let projection = Projection::new(view, grid);
-            let (light, coverage) = projection.resample(&light, &coverage, background, run)?;
-            Ok(Picture { light, coverage, grid: projection.picture })
+            let (light, coverage, grid) =
+                seen_from(view, (&light, &coverage), grid, relief, background, run)?;
+            Ok(Picture { light, coverage, grid })
         }
         _ => Ok(Picture { light, coverage, grid }),
     }

@@ -32,6 +32,11 @@ pub(crate) struct Relief<'a> {
 }
 
 impl<'a> Relief<'a> {
+    /// `(y, x)`, mm.
+    pub(crate) fn height(&self) -> &[f32] {
+        &self.height
+    }
+
     pub(crate) fn new(height: Cow<'a, [f32]>, grid: Grid) -> Result<Self> {
         if height.len() != grid.width * grid.height {
             let problem = "its size is not that of the painting";

@@ -184,3 +184,45 @@ pub(crate) fn cast_shadows<'py>(
     })?;
     out.into_pyarray(py).reshape([grid.height, grid.width])
 }
+
+/// Visible share `(y, x)` of a lamp with an angular radius, or near, a radius in mm.
+#[pyfunction]
+#[pyo3(signature = (height, pitch_mm, light, radius, point=false, threads=1))]
+pub(crate) fn soft_shadows<'py>(
+    py: Python<'py>,
+    height: PyReadonlyArray2<'py, f32>,
+    pitch_mm: f64,
+    light: [f64; 3],
+    radius: f64,
+    point: bool,
+    threads: usize,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let values = slice("height", &height).map_err(|error| to_python(py, &error))?;
+    let grid = Grid::whole(height.shape()[1], height.shape()[0], pitch_mm);
+    let [x, y, z] = light;
+    let position = Vec3::new(x, y, z);
+    let light =
+        if point { Light::Point { position, falloff: true } } else { Light::Distant(position) };
+    let out = run::call(py, threads, None, |run| {
+        relight::shadow::horizon::soft_shadows(values, grid, &light, radius, run)
+    })?;
+    out.into_pyarray(py).reshape([grid.height, grid.width])
+}
+
+/// Share `(y, x)` of an even sky's irradiance, with one bounce from surroundings of an albedo.
+#[pyfunction]
+pub(crate) fn sky_visibility<'py>(
+    py: Python<'py>,
+    height: PyReadonlyArray2<'py, f32>,
+    pitch_mm: f64,
+    azimuths: usize,
+    albedo: f64,
+    threads: usize,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let values = slice("height", &height).map_err(|error| to_python(py, &error))?;
+    let grid = Grid::whole(height.shape()[1], height.shape()[0], pitch_mm);
+    let out = run::call(py, threads, None, |run| {
+        relight::occlusion::sky(values, grid, azimuths, albedo, run)
+    })?;
+    out.into_pyarray(py).reshape([grid.height, grid.width])
+}

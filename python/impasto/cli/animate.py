@@ -91,7 +91,8 @@ def animate(
     shadows
         Include cast shadows of the relief.
     level
-        Rotate a panel that leans to face the viewer; default: with --shadows.
+        Rotate a panel that leans to face the viewer; default: with --shadows and --raking, whose
+        lamp then is as high on all sides.
     pitch
         Width of a pixel in mm, if the result does not contain it; required for near lamps.
     threads
@@ -143,7 +144,7 @@ def animate(
     stages = Stages(quiet=quiet)
     sbrdf, reflectance = load_result(result)
     check_spectra(result, reflectance, scene)
-    plane = panel(stages, sbrdf, wanted=shadows if level is None else level)
+    plane = panel(stages, sbrdf, wanted=(shadows or raking) if level is None else level)
     shown = visible(sbrdf, reflectance)
     options: dict[str, Any] = {
         "reflectance": reflectance,

@@ -149,6 +149,12 @@ pub trait Mask:
     fn all(self) -> bool;
     /// The answer of one lane.
     fn lane(self, index: usize) -> bool;
+    /// The answers as bits, that of the first lane lowest.
+    #[must_use]
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        (0..Self::WIDTH).fold(0, |bits, index| bits | u32::from(self.lane(index)) << index)
+    }
 }
 
 /// `f32` or `f64`: what one lane holds.

@@ -18,6 +18,7 @@ mod colour;
 pub mod curve;
 mod diffuse;
 pub mod environment;
+pub mod occlusion;
 pub mod plan;
 mod relief;
 pub mod scene;
@@ -77,9 +78,10 @@ pub fn render(
     })?;
     match scene.view() {
         View::Distant(view) if plan.projected() => {
-            let projection = view::Projection::new(view, grid);
-            let (light, coverage) = projection.resample(&light, &coverage, background, run)?;
-            Ok(Picture { light, coverage, grid: projection.picture })
+            let seen = (&light[..], &coverage[..]);
+            let (light, coverage, grid) =
+                view::seen_from(view, seen, grid, relief.height, background, run)?;
+            Ok(Picture { light, coverage, grid })
         }
         _ => Ok(Picture { light, coverage, grid }),
     }

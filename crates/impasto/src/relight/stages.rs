@@ -71,9 +71,13 @@ pub(super) fn list<'a>(
                 let lamps = Lamps::new(number, lamp);
                 stages.push(Stage::Reach(lamps));
                 if let (true, Some(height)) = (plan.needs(number, SHADED), relief.height) {
-                    let visible = shadow::cast_shadows(height, relief.grid, &lamp.light, run)?;
-                    let visible = Visible::new(&visible, relief.grid.width, run)?;
-                    stages.push(Stage::Shadow(number, visible));
+                    let shaded = |column: usize, row: usize| {
+                        let parts = plan.parts(column * shadow::SIDE, row * shadow::SIDE);
+                        parts[number] & SHADED != 0
+                    };
+                    let (grid, light) = (relief.grid, &lamp.light);
+                    let visible = shadow::visible_where(height, grid, light, shaded, run)?;
+                    stages.push(Stage::Shadow(number, Visible::new(visible)));
                 }
                 stages.push(Stage::Diffuse(lamps, interface));
                 for (lobe, map) in surface.lobes.iter().enumerate() {

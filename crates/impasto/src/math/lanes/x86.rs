@@ -443,6 +443,10 @@ macro_rules! register_mask {
             fn lane(self, index: usize) -> bool {
                 intrinsic!($bits(self.0)) >> index & 1 == 1
             }
+            #[inline(always)]
+            fn bits(self) -> u32 {
+                intrinsic!($bits(self.0)).cast_unsigned()
+            }
         }
     };
 }
@@ -516,6 +520,10 @@ macro_rules! bit_mask {
             #[inline(always)]
             fn lane(self, index: usize) -> bool {
                 self.0 >> index & 1 == 1
+            }
+            #[inline(always)]
+            fn bits(self) -> u32 {
+                self.0.into()
             }
         }
     };

@@ -12,6 +12,8 @@
 //! samples cover the rest, a box of `sqrt(1 / cos^2 - 1) = tan` pixels. Neighbours are at most half
 //! a pixel apart. So a view that is almost frontal takes one sample, one at 45 degrees two.
 
+pub mod parallax;
+
 use crate::error::Result;
 use crate::geometry::Grid;
 use crate::math::{Isa, Kernel, Real, Vec3};
@@ -125,6 +127,31 @@ impl Projection {
         let Grid { width, height, pitch, .. } = self.painting;
         [x / pitch + 0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0) - y / pitch]
     }
+}
+
+/// Light `(3, y, x)` with its coverage `(y, x)` as a distant eye along a unit `view` sees it: displaced
+/// by the height of a `relief`, if there is one ([`parallax`]), and foreshortened. Returns the picture's
+/// light, coverage and grid.
+///
+/// # Errors
+/// If the caller cancels.
+pub fn seen_from(
+    view: Vec3<f64>,
+    (light, coverage): (&[f32], &[f32]),
+    grid: Grid,
+    relief: Option<&[f32]>,
+    background: [f32; 3],
+    run: &Run<'_>,
+) -> Result<(Vec<f32>, Vec<f32>, Grid)> {
+    let projection = Projection::new(view, grid);
+    let moved = match relief {
+        Some(height) => parallax::displaced((light, coverage), height, grid, view, run)?,
+        None => None,
+    };
+    let (light, coverage) =
+        moved.as_ref().map_or((light, coverage), |(light, coverage)| (light, coverage));
+    let (light, coverage) = projection.resample(light, coverage, background, run)?;
+    Ok((light, coverage, projection.picture))
 }
 
 /// Some rows of the picture.
