@@ -126,7 +126,7 @@ def rows() -> dict[str, list[dict[str, Any]]]:
     return found
 
 
-def seconds(work: Callable[[], Any], rounds: int = 3) -> float:
+def seconds(work: Callable[[], Any], rounds: int = 2) -> float:
     """The least processor time of some rounds."""
     times = []
     for _ in range(rounds):

@@ -180,7 +180,7 @@ fn bundles(
     rotation: &Rotation,
     at: impl Fn(usize, usize) -> (Vec3<f64>, f64),
 ) -> Vec<Bundle> {
-    let turned = rotation.map(|[x, y, z]| Vec3::new(x, y, z));
+    let rotated = rotation.map(|[x, y, z]| Vec3::new(x, y, z));
     let mut bundles = Vec::new();
     for top in (0..height).step_by(SIDE) {
         for left in (0..width).step_by(SIDE) {
@@ -191,7 +191,7 @@ fn bundles(
                     let place = row * width + column;
                     let value = |channel| f64::from(radiance[channel * width * height + place]);
                     let light = [0, 1, 2].map(|channel| (value(channel) * solid_angle) as f32);
-                    let direction = turned.map(|axis| axis.dot(direction) as f32);
+                    let direction = rotated.map(|axis| axis.dot(direction) as f32);
                     if direction[2] > 0.0 && light.iter().any(|&light| light > 0.0) {
                         texels.push(Texel { direction, light });
                     }
@@ -263,9 +263,9 @@ mod tests {
             front[4 * 192 + channel * 64 + 2 * 8 + 1] = 1.0;
         }
         let turn = [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]];
-        let turned = only(&Map::cube(&front, 8, &turn).unwrap()).direction;
-        for (one, other) in found.iter().zip(turned) {
-            assert!((one - other).abs() < 1e-6, "{found:?} {turned:?}");
+        let rotated = only(&Map::cube(&front, 8, &turn).unwrap()).direction;
+        for (one, other) in found.iter().zip(rotated) {
+            assert!((one - other).abs() < 1e-6, "{found:?} {rotated:?}");
         }
     }
 

@@ -7,6 +7,7 @@ use super::*;
 use crate::geometry::{Grid, View};
 use crate::math::{Level, Vec3};
 use crate::pixels::{Pool, Run, serially};
+use crate::relight::plan::Plan;
 use crate::relight::scene::{Colour, Scene, Surroundings};
 use crate::relight::{Relief, render};
 use crate::surface::{CoatedDiffuse, Lobe, Model, Parameter, Strength, Surface};
@@ -129,7 +130,8 @@ fn scene(environment: Environment, view: impl Into<View>) -> Scene {
 }
 
 fn lit(surface: &Surface<'_>, grid: Grid, scene: &Scene, run: &Run<'_>) -> Vec<f32> {
-    render(surface, Relief { grid, height: None }, scene, [9.0; 3], run).unwrap().light
+    let plan = Plan::forced(surface, grid, scene, false);
+    render(surface, Relief { grid, height: None }, scene, &plan, [9.0; 3], run).unwrap().light
 }
 
 const VIEW: Vec3<f64> = Vec3::new(0.0, 0.0, 1.0);
@@ -297,7 +299,11 @@ fn a_near_eye_is_refused_where_a_table_serves_one_view() {
     let environment = serially(|run| Environment::new(dark_map(), run)).unwrap();
     let near = scene(environment, View::Point(Vec3::new(0.0, 0.0, 500.0)));
     let relief = Relief { grid: GRID, height: None };
-    let seen = |model| serially(|run| render(&surface(&maps, model), relief, &near, [0.0; 3], run));
+    let seen = |model| {
+        let surface = surface(&maps, model);
+        let plan = Plan::forced(&surface, GRID, &near, false);
+        serially(|run| render(&surface, relief, &near, &plan, [0.0; 3], run))
+    };
     assert!(seen(VARNISH).unwrap_err().to_string().contains("near eye"));
     assert!(seen(Model::Lafortune).is_ok());
 }
