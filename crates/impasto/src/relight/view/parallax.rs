@@ -207,7 +207,7 @@ mod tests {
         let grid = Grid::whole(90, 40, 0.1);
         // A relief along x, so steep that it hides parts of itself at 60 degrees.
         let height = |column: f64| 0.25 * (0.35 * column).sin() + 0.1 * (0.1 * column).cos();
-        let relief: Vec<f32> = (0..3600).map(|i| height((i % 90) as f64) as f32).collect();
+        let relief: Vec<f32> = (0..3600).map(|i| height(f64::from(i % 90)) as f32).collect();
         let straight = |column: f64| {
             let left = column.floor();
             height(left) + (column - left) * (height(left + 1.0) - height(left))
