@@ -116,3 +116,28 @@ def test_a_near_lamp_lights_what_is_near(demo: Path, tmp_path: Path) -> None:
         thirds.append((green[:, :third].mean(), green[:, -third:].mean()))
     assert thirds[0][0] > thirds[1][0]
     assert thirds[0][1] < thirds[1][1]
+
+
+def test_a_room_lights_without_lamps_and_can_be_turned(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shown = []
+    for name, more in (
+        ("hall", ""),
+        ("turned", " --environment-rotation 40"),
+        ("lit", " --light 0,30"),
+    ):
+        out = tmp_path / f"{name}.png"
+        words = f"render {demo} --environment gallery{more} --exposure 1 --out {out} --quiet"
+        assert main(words.split()) == 0
+        picture = cv2.imread(str(out))
+        assert picture is not None
+        shown.append(picture.astype(int))
+    assert np.abs(shown[0] - shown[1]).max() > 10
+    # A lamp besides adds light.
+    assert (shown[2] >= shown[0] - 1).all()
+    assert shown[2].mean() > shown[0].mean() + 10
+    out = tmp_path / "none.png"
+    assert main(f"render {demo} --environment gone.hdr --out {out} --quiet".split()) == 1
+    assert "gone.hdr" in said(capsys)
+    assert not out.exists()

@@ -204,6 +204,8 @@ def test_what_a_renderer_cannot_do_is_said() -> None:
         gpu.Renderer(surface, adapter=3)  # type: ignore[arg-type]
     with pytest.raises(GpuUnavailableError, match='name contains "teapot"'):
         gpu.Renderer(surface, adapter="teapot")
+    with pytest.raises(GpuUnavailableError, match="environment"):
+        renderer.frame(Scene(environment=impasto.Environment(np.ones((3, 8, 16)))))
     many = replace(surface, lobes=surface.lobes * 9)
     with pytest.raises(GpuUnavailableError, match="9 lobes, of at most 8"):
         gpu.Renderer(many, adapter="any")

@@ -25,7 +25,7 @@ from impasto import DistantLight, Scene, Surface, gpu
 
 SIDE = 1024
 THREADS = 2
-ROUNDS = 7
+ROUNDS = 15
 FRAMES = 4
 
 

@@ -245,7 +245,7 @@ class Renderer:
         GeometryError
             A point light without the width of a pixel.
         GpuUnavailableError
-            The card was lost, or has too little memory.
+            The card was lost, or has too little memory; or the scene has an environment.
         """
         arguments, exposure, uploaded = self._prepared(scene)
         if exposure is None:
@@ -278,6 +278,10 @@ class Renderer:
     def _prepared(self, scene: Scene) -> tuple[SceneArguments, float | None, _core.GpuRenderer]:
         """A scene as arrays, its exposure if it is known before the picture, and the surface."""
         instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
+        if scene.environment is not None:
+            raise GpuUnavailableError(
+                "scene: the graphics card cannot show light of an environment"
+            )
         if scene.shadows and not self._shadows:
             raise ArgumentError(
                 "scene: it has shadows, but the renderer has no relief; make Renderer(shadows=True)"

@@ -161,6 +161,9 @@ impl Shown {
         display: Option<&Display<'_>>,
         run: &Run<'_>,
     ) -> Result<Arrays> {
+        if scene.environment().is_some() {
+            return Err(Error::Unsupported("light of an environment".to_owned()));
+        }
         let coefficients = self.table.variant.coefficients as usize;
         if coefficients != scene.coefficients() {
             let problem = format!("expected {} planes, found {coefficients}", scene.coefficients());

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import CycloptsError, Parameter
 
 from impasto._internal.checks import length_mm
-from impasto.cli.console import Stages
+from impasto.cli.console import Stages, stdout
 from impasto.cli.options import (
     Flag,
     OneDirection,
@@ -21,6 +21,7 @@ from impasto.cli.options import (
 from impasto.cli.scenes import check_spectra, lamps, panel, room_of
 from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError
+from impasto.picture import Backend
 from impasto.systems import Name
 
 if TYPE_CHECKING:
@@ -48,6 +49,9 @@ def render(
     exposure: float | Literal["maximum"] | None = None,
     shadows: Flag = False,
     level: Annotated[bool | None, Parameter(negative="--no-level")] = None,
+    tolerance: str | None = None,
+    explain: Flag = False,
+    backend: Backend = "cpu",
     pitch: float | None = None,
     threads: SomeWhole = None,
     quiet: Flag = False,
@@ -96,6 +100,12 @@ def render(
     level
         Rotate a panel that leans to face the viewer, so that lights shine on its own plane;
         default: with --shadows.
+    tolerance
+        What may be left out where it cannot be seen: 0, code:1 or dE:0.5. Default: nothing.
+    explain
+        Print which effects are simulated where, why, what leaving them out costs and saves.
+    backend
+        cpu: the same bits on every machine; gpu: a graphics card; auto: a card if there is one.
     pitch
         Width of a pixel in mm, if the result does not contain it; required for near lamps.
     threads
@@ -138,17 +148,27 @@ def render(
     sbrdf, reflectance = load_result(result)
     check_spectra(result, reflectance, scene)
     plane = panel(stages, sbrdf, wanted=shadows if level is None else level)
+    options: dict[str, Any] = {
+        "reflectance": reflectance,
+        "pitch_mm": sbrdf.rig.pitch_mm if pitch is None else pitch,
+        "level": plane,
+        "threads": threads,
+    }
+    shown = visible(sbrdf, reflectance)
+    allowed: str | float | None = 0 if tolerance == "0" else tolerance
+    if explain:
+        planned = impasto.plan(shown, scene, tolerance=allowed or 0, **options)
+        stdout().print(planned.measured(threads=threads).explain(), markup=False)
     with stages.stage("picture") as stage:
         image = impasto.render(
-            visible(sbrdf, reflectance),
+            shown,
             scene,
-            reflectance=reflectance,
-            pitch_mm=sbrdf.rig.pitch_mm if pitch is None else pitch,
-            level=plane,
+            tolerance=allowed,
             # The message about the exposure needs linear light whatever the format.
             output="light",
-            threads=threads,
+            backend=backend,
             progress=stage.advance,
+            **options,
         )
         out.parent.mkdir(parents=True, exist_ok=True)
         image.save(out)

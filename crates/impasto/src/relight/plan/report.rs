@@ -38,7 +38,7 @@ impl Work<'_> {
         let decision = if lit > 0 { Decision::On } else { Decision::NoOp };
         let reason = format!("some normal faces a lamp in {lit} of {all} tiles");
         row(Effect::Diffuse, decision, lit, 0.0, reason);
-        let (decision, tiles, reason) = there(surface.coated.is_some(), "coat over its paint");
+        let (decision, tiles, reason) = there(surface.coated.is_some(), "interface over its paint");
         row(Effect::CoatedDiffuse, decision, tiles, 0.0, reason);
         let (decision, tiles, reason) = there(surface.ambient.is_some(), "ambient light");
         row(Effect::Ambient, decision, tiles, 0.0, reason);
