@@ -456,7 +456,7 @@ mod tests {
         let grid = Grid::whole(64, 64, 0.1);
         for slope in [0.0_f64, 0.3, 1.0] {
             let relief: Vec<f32> =
-                (0..64 * 64).map(|i| (slope * 0.1 * (i % 64) as f64) as f32).collect();
+                (0..64 * 64).map(|i| (slope * 0.1 * f64::from(i % 64)) as f32).collect();
             let seen = serially(|run| Horizons::sky(64).unwrap().seen(&relief, grid, run)).unwrap();
             let expected = 0.5 * (1.0 + 1.0 / slope.hypot(1.0));
             for row in 10..54 {
@@ -471,6 +471,7 @@ mod tests {
 
     #[test]
     fn a_soft_shadow_is_the_mean_of_hard_ones_over_the_disc() {
+        const COUNT: usize = 900;
         let grid = Grid::whole(60, 24, 0.1);
         let relief: Vec<f32> = (0..60 * 24).map(|i| if i % 60 == 40 { 0.5 } else { 0.0 }).collect();
         for (middle, radius) in [([0.9, 0.0], 0.08), ([0.7, 0.4], 0.15)] {
@@ -479,7 +480,6 @@ mod tests {
                 let soft =
                     soft_shadows(&relief, grid, &Light::Distant(middle), radius, run).unwrap();
                 let mut mean = vec![0.0; relief.len()];
-                const COUNT: usize = 900;
                 let up = Vec3::new(0.0, 0.0, 1.0);
                 let across = up.cross(middle).normalised();
                 let up = middle.cross(across);

@@ -80,12 +80,6 @@ impl<'a> Lines<'a> {
         self.shear
     }
 
-    /// The pixel of the picture at a column as it is walked, in the row of a step.
-    pub(crate) fn pixel(&self, column: usize, row: usize) -> usize {
-        let (column, row) = if self.transposed { (row, column) } else { (column, row) };
-        row * self.columns + column
-    }
-
     /// The row (or column) of a step.
     pub(crate) fn row_at(&self, step: usize) -> usize {
         if self.upwards { self.steps - 1 - step } else { step }

@@ -141,12 +141,12 @@ fn a_tile_needs_no_more_of_the_relief_than_its_reach() {
             &relief,
             grid,
             &Light::Distant(light),
-            |column, row| (column + row) % 2 == 0,
+            |column, row| (column + row).is_multiple_of(2),
             run,
         )
         .unwrap();
         for (row, column) in (0..900).flat_map(|r| (0..400).map(move |c| (r, c))) {
-            let swept = (row / SIDE + column / SIDE) % 2 == 0;
+            let swept = (row / SIDE + column / SIDE).is_multiple_of(2);
             assert_eq!(half.get(column, row), !swept || whole.get(column, row));
         }
     });

@@ -18,6 +18,9 @@ use crate::relight::shadow::lines::{ABYSS, LineScratch, Lines};
 /// Lines of one piece of work.
 const STRIP: usize = 256;
 
+/// Rows and columns that are resampled together.
+const SIDE: usize = 64;
+
 /// Pixels of displacement below which a relief is taken as flat.
 const NOTICEABLE: f64 = 0.1;
 
@@ -52,44 +55,59 @@ pub fn displaced(
         run.map((0..count).step_by(STRIP).collect(), LineScratch::default, |scratch, start| {
             shifts(&lines, first + start.cast_signed(), per, scratch)
         })?;
-    let pixels = grid.width * grid.height;
-    // One row as it is walked: four planes.
-    let rows = run.map(
-        (0..lines.steps).collect(),
+    let moves: Vec<_> = (0..lines.steps).map(|step| lines.displacement(step)).collect();
+    let shift = |step: usize, column: usize| {
+        let (whole, part) = moves[step];
+        let after = (column.cast_signed() - whole - first) as usize;
+        let at = |line: usize| strips[line / STRIP][step * STRIP + line % STRIP];
+        let (before, after) = (at(after - 1), at(after));
+        // Beside an edge that hides something the nearer line alone decides.
+        if (before - after).abs() < 1.0 {
+            part.mul_add(before, (1.0 - part) * after)
+        } else if part > 0.5 {
+            before
+        } else {
+            after
+        }
+    };
+    let Grid { width, height, .. } = grid;
+    let pixels = width * height;
+    let (mut seen, mut covered) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
+    let mut planes: Vec<_> =
+        seen.chunks_mut(pixels).map(|plane| plane.chunks_mut(SIDE * width)).collect();
+    let pieces = covered.chunks_mut(SIDE * width).enumerate().map(|(index, covered)| {
+        let seen: Vec<_> = planes.iter_mut().filter_map(Iterator::next).collect();
+        (index * SIDE, seen, covered)
+    });
+    run.for_each(
+        pieces.collect(),
         || (),
-        |(), step| {
-            let (whole, part) = lines.displacement(step);
-            let shift = |line: usize| strips[line / STRIP][step * STRIP + line % STRIP];
-            let mut out = vec![[0.0; 4]; lines.width];
-            for (column, out) in out.iter_mut().enumerate() {
-                let after = (column.cast_signed() - whole - first) as usize;
-                let (before, after) = (shift(after - 1), shift(after));
-                // Beside an edge that hides something the nearer line alone decides.
-                let shift = if (before - after).abs() < 1.0 {
-                    part.mul_add(before, (1.0 - part) * after)
-                } else if part > 0.5 {
-                    before
-                } else {
-                    after
-                };
-                if shift.is_finite() {
-                    *out = sampled((light, coverage), &lines, (step, column), shift);
+        |(), (top, mut seen, covered)| {
+            // Square pieces: lines may run along either side.
+            for left in (0..width).step_by(SIDE) {
+                for row in 0..covered.len() / width {
+                    for column in left..width.min(left + SIDE) {
+                        let (along, across) = if lines.transposed {
+                            (column, top + row)
+                        } else {
+                            (top + row, column)
+                        };
+                        let step = lines.row_at(along);
+                        let shift = shift(step, across);
+                        if shift.is_finite() {
+                            let values =
+                                sampled((light, coverage), &lines, width, (step, across), shift);
+                            let pixel = row * width + column;
+                            covered[pixel] = values[3];
+                            for (plane, value) in seen.iter_mut().zip(values) {
+                                plane[pixel] = value;
+                            }
+                        }
+                    }
                 }
             }
-            out
         },
     )?;
-    let (mut seen, mut covered) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
-    run.in_turn(rows.into_iter().enumerate(), |(step, row)| {
-        let along = lines.row_at(step);
-        for (column, values) in row.into_iter().enumerate() {
-            let pixel = lines.pixel(column, along);
-            for (channel, value) in values[..3].iter().enumerate() {
-                seen[channel * pixels + pixel] = *value;
-            }
-            covered[pixel] = values[3];
-        }
-    })?;
     Ok(Some((seen, covered)))
 }
 
@@ -134,38 +152,48 @@ fn shifts(lines: &Lines<'_>, start: isize, per: f32, scratch: &mut LineScratch) 
     shifts
 }
 
-/// Light, times coverage, and coverage at a place along a line before a pixel.
+/// Light and coverage at a place along a line before a pixel.
+#[inline]
 fn sampled(
     (light, coverage): (&[f32], &[f32]),
     lines: &Lines<'_>,
-    (step, column): (usize, usize),
+    width: usize,
+    (step, across): (usize, usize),
     shift: f32,
 ) -> [f32; 4] {
     let limit = |place: f32, size: usize| place.max(0.0).min((size - 1) as f32);
-    let down = limit(step as f32 - shift, lines.steps);
-    let across = limit((-shift).mul_add(lines.shear() as f32, column as f32), lines.width);
-    let (top, left) = (down as usize, across as usize);
-    let (below, right) = (down - top as f32, across - left as f32);
+    let along = limit(step as f32 - shift, lines.steps);
+    let across = limit((-shift).mul_add(lines.shear() as f32, across as f32), lines.width);
+    let (before, left) = (along as usize, across as usize);
+    let (part, right) = (along - before as f32, across - left as f32);
+    let next = lines.row_at((before + 1).min(lines.steps - 1));
+    let before = lines.row_at(before);
+    let beside = (left + 1).min(lines.width - 1);
+    let pixel = |row: usize, column: usize| {
+        if lines.transposed { column * width + row } else { row * width + column }
+    };
+    let taps = [
+        (pixel(before, left), (1.0 - part) * (1.0 - right)),
+        (pixel(before, beside), (1.0 - part) * right),
+        (pixel(next, left), part * (1.0 - right)),
+        (pixel(next, beside), part * right),
+    ];
     let pixels = coverage.len();
     let mut sum = [0.0; 4];
-    for (row, weight) in [(top, 1.0 - below), (top + 1, below)] {
-        for (column, other) in [(left, 1.0 - right), (left + 1, right)] {
-            let weight = weight * other;
-            if weight > 0.0 {
-                let pixel = lines.pixel(column, lines.row_at(row));
-                let weight = weight * coverage[pixel];
-                for (channel, sum) in sum[..3].iter_mut().enumerate() {
-                    // What is not covered may hold any background.
-                    let light = if weight > 0.0 { light[channel * pixels + pixel] } else { 0.0 };
-                    *sum = weight.mul_add(light, *sum);
-                }
-                sum[3] += weight;
+    for (pixel, weight) in taps {
+        let weight = weight * coverage[pixel];
+        // What is not covered may hold any background.
+        if weight > 0.0 {
+            for (channel, sum) in sum[..3].iter_mut().enumerate() {
+                *sum = Real::mul_add(weight, light[channel * pixels + pixel], *sum);
             }
+            sum[3] += weight;
         }
     }
     if sum[3] > 0.0 {
-        for channel in 0..3 {
-            sum[channel] /= sum[3];
+        let per = 1.0 / sum[3];
+        for value in &mut sum[..3] {
+            *value *= per;
         }
     }
     sum
@@ -207,7 +235,7 @@ mod tests {
         let grid = Grid::whole(90, 40, 0.1);
         // A relief along x, so steep that it hides parts of itself at 60 degrees.
         let height = |column: f64| 0.25 * (0.35 * column).sin() + 0.1 * (0.1 * column).cos();
-        let relief: Vec<f32> = (0..3600).map(|i| height((i % 90) as f64) as f32).collect();
+        let relief: Vec<f32> = (0..3600).map(|i| height(f64::from(i % 90)) as f32).collect();
         let straight = |column: f64| {
             let left = column.floor();
             height(left) + (column - left) * (height(left + 1.0) - height(left))
