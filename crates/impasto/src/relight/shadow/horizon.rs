@@ -234,8 +234,8 @@ const POINTS: usize = 32;
 /// Vogel's spiral: equal areas, in front of the painting's plane.
 fn points(position: Vec3<f64>, radius: f64) -> impl Iterator<Item = Vec3<f64>> {
     let axis = position.normalised();
-    let aside = if axis.z > 0.9 { Vec3::new(1.0, 0.0, 0.0) } else { Vec3::new(0.0, 0.0, 1.0) };
-    let across = aside.cross(axis).normalised();
+    let sideways = if axis.z > 0.9 { Vec3::new(1.0, 0.0, 0.0) } else { Vec3::new(0.0, 0.0, 1.0) };
+    let across = sideways.cross(axis).normalised();
     let up = axis.cross(across);
     let golden = core::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     (0..POINTS).map(move |index| {
