@@ -148,8 +148,9 @@ def prepare(
 
 
 def _default_eye(surface: Relightable, lit: Surface, scene: Scene) -> Any:
-    """From where the photographs were taken; in an environment, where Torrance-Sparrow lobes are
-    tabulated for one direction, in front.
+    """From where the photographs were taken.
+
+    In an environment Torrance-Sparrow lobes are tabulated for one direction: then from in front.
     """
     eye = surface.eye()
     tabulated = scene.environment is not None and lit.model == "torrance-sparrow" and lit.lobes
