@@ -281,25 +281,34 @@ struct Work<'a> {
 impl Work<'_> {
     fn slanted(&self) -> (bool, Slanted) {
         let displacement = match self.scene.view() {
-            View::Distant(view) => slant(view, self.grid),
+            View::Distant(view) => match slant(view, self.grid) {
+                0.0 => 0.0,
+                moved => moved.max(self.parallax(view)),
+            },
             View::Point(_) => 0.0,
         };
-        // A pixel changes by at most this share of the step from black to white.
+        // A pixel changes by at most this share of the step from black to white; light brighter than
+        // white has no such bound, but a display clips it.
         let Options { tolerance, .. } = self.options;
-        let white = match tolerance {
-            Tolerance::Exact => [0.0; 3],
-            Tolerance::DeltaE { white, .. } => white,
-            Tolerance::Codes { display, .. } => inverse_of_white(display),
-        };
-        let error = if displacement == 0.0 {
-            0.0
-        } else {
-            displacement * tolerance.error(white, &Between::ANYTHING)
+        let error = match tolerance {
+            _ if displacement == 0.0 => 0.0,
+            Tolerance::Exact | Tolerance::DeltaE { .. } => f64::INFINITY,
+            Tolerance::Codes { display, .. } => {
+                displacement * tolerance.error(inverse_of_white(display), &Between::ANYTHING)
+            }
         };
         // Half of the tolerance is kept for what saves more.
         let left_out = error <= 0.5 * tolerance.limit();
         let error = if left_out { error } else { 0.0 };
         (!left_out, Slanted { displacement, error })
+    }
+
+    /// How far the height of the relief moves a pixel, in pixels.
+    fn parallax(&self, view: Vec3<f64>) -> f64 {
+        let reliefs = self.statistics.tiles.iter().filter_map(|tile| tile.relief.as_ref());
+        let highest = reliefs.map(|relief| relief.height.largest()).fold(0.0, f64::max);
+        let wanted = if self.options.shadows { highest } else { 0.0 };
+        view.x.hypot(view.y) / view.z * wanted / self.grid.pitch
     }
 }
 
