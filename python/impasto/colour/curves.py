@@ -204,5 +204,7 @@ def _monotone_cubic(x: Floats, y: Floats, at: Floats) -> Floats:
         + t * (3 * rise - h * (2 * slope[left] + slope[left + 1]))
         + t * t * (h * (slope[left] + slope[left + 1]) - 2 * rise)
     )
+    # The end belongs to its interval by the sum of the cubic: white is exact by definition.
+    value = np.where(at >= x[-1], y[-1], value)
     # Rounding may make a flat part decrease by a bit.
     return np.maximum.accumulate(np.clip(value, y[0], y[-1]))
