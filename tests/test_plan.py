@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import impasto
+from impasto import simulate
 from impasto.errors import ArgumentError
 
 TILE = 256
@@ -211,6 +213,44 @@ def test_a_plan_for_another_scene_uses_the_statistics_again() -> None:
     assert again.explain() == fresh.explain()
     assert again.render().xyz.tobytes() == fresh.render().xyz.tobytes()
     assert again.with_scene(scene).explain() == fresh.explain()
+
+
+def test_statistics_are_made_anew_where_a_scene_changes_the_maps() -> None:
+    """Of a leaning panel with steep cells, whose shadows rotate it, and under a varnish."""
+    rng = np.random.default_rng(4)
+    slopes = 0.3 + rng.normal(0.0, 0.1, (2, 300, 270))
+    normal = np.stack([*slopes, np.ones_like(slopes[0])])
+    normal = (normal / np.linalg.norm(normal, axis=0)).astype(np.float32)
+    surface = impasto.Surface.torrance_sparrow(normal, rng.random((3, 300, 270)), 0.5, 0.05)
+    light = impasto.DistantLight(direction(3.9, 0.3))
+    shadows = impasto.Scene([light], shadows=True, exposure=1.0)
+    bare = impasto.Scene([light], exposure=1.0)
+    for first, second in ((shadows, bare), (bare, shadows)):
+        plan = impasto.plan(surface, first, tolerance="dE:1").with_scene(second)
+        assert plan.explain() == impasto.plan(surface, second, tolerance="dE:1").explain()
+    painting = simulate.painting(size=(32, 32))
+    varnished = impasto.Scene([light], varnish=impasto.Varnish())
+    plan = impasto.plan(painting, bare).with_scene(varnished)
+    assert plan.verify().equal
+    assert plan.explain() == impasto.plan(painting, varnished).explain()
+
+
+def test_many_lobes_are_left_out_together_or_not_at_all() -> None:
+    """Lobes beyond the 28th share a decision: none may go without its part of the error."""
+    surface = frontal(8)
+    weak = [impasto.surface.Lobe(1e-6, (0.3,))] * 29
+    many = replace(surface, lobes=(*weak, impasto.surface.Lobe(50.0, (0.3,))))
+    scene = impasto.Scene([impasto.DistantLight((0.1, 0.0, 1.0))], exposure=1.0)
+    plan = impasto.plan(many, scene, tolerance="dE:0.5")
+    assert plan.verify().delta_e <= plan.error + 0.002
+
+
+def test_lights_of_a_room_are_diffuse_light() -> None:
+    room = impasto.Environment.named("gallery")
+    plan = impasto.plan(frontal(8), impasto.Scene(environment=room))
+    assert decisions(plan)["diffuse"] == ("on", 1)
+    assert decisions(plan)["environment"] == ("on", 1)
+    assert plan.verify().equal
 
 
 def test_a_measured_plan_says_what_is_saved() -> None:

@@ -115,7 +115,7 @@ class Plan:
     _prepared: Prepared
     _native: _core.Plan
     _extra: NDArray[np.float32] | None
-    _again: Callable[[Scene, _core.SurfaceStatistics | None], Plan]
+    _again: Callable[[Scene, Plan | None], Plan]
     _statistics: _core.SurfaceStatistics
 
     def render(
@@ -152,8 +152,12 @@ class Plan:
         return replace(self, effects=effects, tolerance=0, error=0.0, unit="", _native=core)
 
     def with_scene(self, scene: Scene) -> Plan:
-        """A plan for another scene with the same surface, whose statistics are used again."""
-        return self._again(scene, self._statistics)
+        """A plan for another scene with the same surface.
+
+        Statistics are used again where the scene leaves the maps as they are: a varnish adds a
+        lobe, shadows may rotate a panel that leans.
+        """
+        return self._again(scene, self)
 
     def verify(self, *, threads: int | None = None) -> Verification:
         """Render both as planned and forced, and compare all pixels."""
@@ -267,7 +271,7 @@ def plan(
     """
     one_of(fidelity, get_args(Fidelity), "fidelity")
 
-    def again(other: Scene, statistics: _core.SurfaceStatistics | None) -> Plan:
+    def again(other: Scene, earlier: Plan | None) -> Plan:
         prepared = prepare(
             surface,
             other,
@@ -284,9 +288,9 @@ def plan(
             extra = surface.unmodelled(prepared.rig)
         limit = _limit(tolerance, other, prepared)
         workers = thread_count(threads)
-        usable = statistics is not None and (prepared.relief is None or statistics.tiles[1])
-        # A panel that is rotated for shadows has other normals.
-        if statistics is None or not usable or (level is None and other.shadows):
+        if earlier is not None and _describes(earlier, prepared):
+            statistics = earlier._statistics
+        else:
             statistics = _core.SurfaceStatistics(prepared.surface, prepared.relief, workers)
         core = _core.Plan(
             prepared.surface,
@@ -313,6 +317,34 @@ def plan(
         )
 
     return again(scene, None)
+
+
+def _describes(earlier: Plan, prepared: Prepared) -> bool:
+    """Whether the statistics of an earlier plan are those of these maps."""
+    one, other = earlier._prepared.surface, prepared.surface
+    if prepared.relief is not None and not earlier._statistics.tiles[1]:
+        return False
+    if len(one.lobes) != len(other.lobes) or (one.ambient is None) != (other.ambient is None):
+        return False
+    pairs: list[tuple[Any, Any]] = [
+        (one.normal, other.normal),
+        (one.diffuse, other.diffuse),
+        (one.ambient, other.ambient),
+    ]
+    for lobe, same in zip(one.lobes, other.lobes, strict=True):
+        pairs += zip((lobe.strength, *lobe.shape), (same.strength, *same.shape), strict=True)
+    return all(_same(*pair) for pair in pairs)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two numbers are equal, or two maps the same memory."""
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        # Both are alive: equal addresses are the same values.
+        place = ("data", "shape", "strides")
+        return [one.__array_interface__[key] for key in place] == [
+            other.__array_interface__[key] for key in place
+        ]
+    return not isinstance(one, np.ndarray) and bool(one == other)
 
 
 def _limit(tolerance: str | float, scene: Scene, prepared: Prepared) -> Any:

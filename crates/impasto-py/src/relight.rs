@@ -162,6 +162,12 @@ pub(crate) fn integrate_normals<'py>(
     out.into_pyarray(py).reshape([height, width])
 }
 
+/// A light from its position or direction.
+fn light_of([x, y, z]: [f64; 3], point: bool) -> Light {
+    let position = Vec3::new(x, y, z);
+    if point { Light::Point { position, falloff: true } } else { Light::Distant(position) }
+}
+
 /// Visibility `(y, x)`, 1 or 0, of a light over heights in mm.
 #[pyfunction]
 #[pyo3(signature = (height, pitch_mm, light, point=false, threads=1))]
@@ -175,10 +181,7 @@ pub(crate) fn cast_shadows<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let values = slice("height", &height).map_err(|error| to_python(py, &error))?;
     let grid = Grid::whole(height.shape()[1], height.shape()[0], pitch_mm);
-    let [x, y, z] = light;
-    let position = Vec3::new(x, y, z);
-    let light =
-        if point { Light::Point { position, falloff: true } } else { Light::Distant(position) };
+    let light = light_of(light, point);
     let out = run::call(py, threads, None, |run| {
         relight::shadow::cast_shadows(values, grid, &light, run)
     })?;
@@ -199,10 +202,7 @@ pub(crate) fn soft_shadows<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let values = slice("height", &height).map_err(|error| to_python(py, &error))?;
     let grid = Grid::whole(height.shape()[1], height.shape()[0], pitch_mm);
-    let [x, y, z] = light;
-    let position = Vec3::new(x, y, z);
-    let light =
-        if point { Light::Point { position, falloff: true } } else { Light::Distant(position) };
+    let light = light_of(light, point);
     let out = run::call(py, threads, None, |run| {
         relight::shadow::horizon::soft_shadows(values, grid, &light, radius, run)
     })?;

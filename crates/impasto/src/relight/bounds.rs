@@ -139,8 +139,8 @@ pub(super) fn is_flat_below(relief: &ReliefRange, light: Vec3<f64>, pitch: f64) 
     let limit = light.z / across * pitch;
     let heights = relief.height.largest();
     // What rounding of heights and of the ray's fall may take.
-    let margin = heights.mul_add(1e-6, limit * 1e-5);
-    !relief.height.holes && rise(relief, [light.x, light.y]) < limit - margin
+    let limit = heights.mul_add(-1e-6, limit * (1.0 - 1e-5));
+    !relief.height.holes && rise(relief, [light.x, light.y]) < limit
 }
 
 /// Whether no pixel's relief rises, in any direction, as steeply as a lamp at `position` does from
@@ -154,8 +154,8 @@ pub(super) fn is_flat_below_point(relief: &ReliefRange, position: Vec3<f64>, gri
     let steepest = relief.rise.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     // Between two of the directions a rise is at most 1.0013 times the larger one.
     let steepest = 1.0013 * f64::from(steepest).max(0.0);
-    let margin = relief.height.largest().mul_add(1e-6, limit.abs() * 1e-5);
-    !relief.height.holes && steepest < limit - margin
+    let limit = relief.height.largest().mul_add(-1e-6, limit * (1.0 - 1e-5));
+    !relief.height.holes && steepest < limit
 }
 
 #[cfg(test)]

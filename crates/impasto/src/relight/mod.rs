@@ -61,21 +61,11 @@ pub fn render(
     background: [f32; 3],
     run: &Run<'_>,
 ) -> Result<Picture> {
-    let grid = checked(surface, relief, scene, plan)?;
+    let grid = relief.grid;
     let pixels = grid.width * grid.height;
-    let stages = stages::list(surface, relief, scene, plan, run)?;
     let (mut light, mut coverage) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
     let target = Target::Light { light: &mut light, coverage: &mut coverage };
-    surface.model.visit(Shading {
-        surface,
-        grid,
-        scene,
-        plan,
-        stages: &stages,
-        background,
-        target,
-        run,
-    })?;
+    shaded(surface, relief, scene, plan, background, target, run)?;
     match scene.view() {
         View::Distant(view) if plan.projected() => {
             let seen = (&light[..], &coverage[..]);
@@ -101,25 +91,29 @@ pub fn paint(
     display: &Display<'_>,
     run: &Run<'_>,
 ) -> Result<(Vec<u8>, Vec<f32>, Clipped)> {
-    let grid = checked(surface, relief, scene, plan)?;
     if plan.projected() {
         return Err(Error::argument("view", "a slanted view has light first, then codes"));
     }
-    let pixels = grid.width * grid.height;
-    let stages = stages::list(surface, relief, scene, plan, run)?;
+    let pixels = relief.grid.width * relief.grid.height;
     let (mut codes, mut coverage) = (vec![0; 3 * pixels], vec![0.0; pixels]);
     let target = Target::Codes { codes: &mut codes, coverage: &mut coverage, display };
-    let clipped = surface.model.visit(Shading {
-        surface,
-        grid,
-        scene,
-        plan,
-        stages: &stages,
-        background,
-        target,
-        run,
-    })?;
+    let clipped = shaded(surface, relief, scene, plan, background, target, run)?;
     Ok((codes, coverage, clipped))
+}
+
+/// The painting's own pixels through all stages, into a target of their size.
+fn shaded(
+    surface: &Surface<'_>,
+    relief: Relief<'_>,
+    scene: &Scene,
+    plan: &Plan,
+    background: [f32; 3],
+    target: Target<'_>,
+    run: &Run<'_>,
+) -> Result<Clipped> {
+    let grid = checked(surface, relief, scene, plan)?;
+    let stages = &stages::list(surface, relief, scene, plan, run)?;
+    surface.model.visit(Shading { surface, grid, scene, plan, stages, background, target, run })
 }
 
 /// The grid, if the maps, the scene and the plan belong together.

@@ -7,6 +7,7 @@
 //! a number, are left out.
 
 use crate::error::{Error, Result};
+use crate::geometry::Grid;
 use crate::math::{Isa, Kernel, Level, Real, Vec3};
 use crate::pixels::Run;
 use crate::surface::{Parameter, Strength, Surface};
@@ -121,10 +122,14 @@ impl Statistics {
         Ok(Self { columns, tiles })
     }
 
-    /// The tile that holds a pixel.
-    #[must_use]
-    pub fn index(&self, column: usize, row: usize) -> usize {
-        row / SIDE * self.columns + column / SIDE
+    /// Whether they have the tiles, bands and lobes of a surface.
+    pub(super) fn describe(&self, surface: &Surface<'_>, grid: Grid) -> bool {
+        let (columns, rows) = (grid.width.div_ceil(SIDE), grid.height.div_ceil(SIDE));
+        let bands = surface.diffuse.len() / (grid.width * grid.height);
+        let fits = |tile: &TileStatistics| {
+            tile.lobes.len() == surface.lobes.len() && tile.diffuse.len() == bands
+        };
+        (columns, columns * rows) == (self.columns, self.tiles.len()) && self.tiles.iter().all(fits)
     }
 }
 

@@ -1,13 +1,14 @@
 //! What the pixels of a tile need.
 
 use super::{Decided, LIT, NEAR, SHADED, Work, lobe_bit};
+use crate::geometry::Light;
 use crate::relight::bounds::{self, Seen};
 use crate::relight::scene::Colour;
 use crate::relight::statistics::{Range, TileStatistics};
 use crate::relight::tolerance::{Between, Tolerance};
 use crate::surface::{Cone, Strength};
 
-/// What a lobe, a near lamp's directions cost, relative to each other: pixels per unit of saving.
+/// What a lobe and the directions of a near lamp cost, relative to each other.
 const COST_OF_LOBE: f64 = 4.0;
 const COST_OF_NEAR: f64 = 2.0;
 
@@ -44,10 +45,15 @@ impl Work<'_> {
                 if strongest.0 == 0.0 || bound == 0.0 {
                     continue;
                 }
-                needs |= lobe_bit(lobe);
-                let error = strongest.1 * bound * irradiance;
                 let bit = lobe_bit(lobe);
-                candidates.push(Candidate { lamp: number, bit, error, cost: COST_OF_LOBE });
+                let error = strongest.1 * bound * irradiance;
+                if needs & bit == 0 {
+                    candidates.push(Candidate { lamp: number, bit, error, cost: COST_OF_LOBE });
+                } else if let Some(shared) = candidates.last_mut() {
+                    // Lobes beyond the last bit are left out together.
+                    shared.error += error;
+                }
+                needs |= bit;
             }
             if !lamp.light.is_distant() {
                 needs |= NEAR;
@@ -115,7 +121,7 @@ impl Work<'_> {
 
     /// What the light of a tile can be.
     fn between(&self, tile: &TileStatistics, lamps: &[Seen], view: &Cone) -> Between {
-        let Self { surface, scene, options, .. } = self;
+        let Self { surface, grid, scene, options, .. } = self;
         if !matches!(options.tolerance, Tolerance::DeltaE { .. }) {
             return Between::ANYTHING;
         }
@@ -123,9 +129,14 @@ impl Work<'_> {
         for (lamp, seen) in scene.lamps().iter().zip(lamps) {
             let colour = &scene.colours()[lamp.colour];
             let [least, most] = bounds::cosines(tile, seen);
-            let [darkest, brightest] = seen.irradiance.map(|one| one * lamp.intensity);
-            let least = if surface.coated.is_none() { least * darkest } else { 0.0 };
-            let most = most * brightest;
+            let [darkest, brightest] = seen.irradiance;
+            // A near lamp may be taken for a distant one.
+            let middle = Light::Distant(lamp.light.direction());
+            let middle = bounds::light(middle, *grid, [0, 0]);
+            let taken = bounds::cosines(tile, &middle);
+            let least = (least * darkest).min(taken[0]) * lamp.intensity;
+            let least = if surface.coated.is_none() { least } else { 0.0 };
+            let most = (most * brightest).max(taken[1]) * lamp.intensity;
             for channel in 0..3 {
                 let mut ends = [0.0; 2];
                 for (range, column) in tile.diffuse.iter().zip(&colour.diffuse) {
@@ -158,7 +169,7 @@ impl Work<'_> {
                             .map(|(range, column)| range.largest() * column[channel].abs())
                             .sum(),
                     };
-                    let most = strength * bound * brightest;
+                    let most = strength * bound * brightest * lamp.intensity;
                     high[channel] += if strength == 0.0 { 0.0 } else { most };
                 }
             }

@@ -143,7 +143,7 @@ impl Plan {
     /// Decides from the statistics of a surface, which hold a relief where shadows are wanted.
     ///
     /// # Errors
-    /// If the caller cancels.
+    /// If the statistics are those of another surface, or the caller cancels.
     pub fn new(
         surface: &Surface<'_>,
         statistics: &Statistics,
@@ -152,6 +152,9 @@ impl Plan {
         options: Options,
         run: &Run<'_>,
     ) -> Result<Self> {
+        if !statistics.describe(surface, grid) {
+            return Err(Error::argument("statistics", "they are those of another surface"));
+        }
         let work = Work { surface, statistics, grid, scene, options };
         let (columns, lamps) = (statistics.columns, scene.lamps().len());
         let (projected, slanted) = work.slanted();

@@ -34,16 +34,19 @@ impl Work<'_> {
                 (Decision::Absent, 0, format!("the surface has no {name}"))
             }
         };
+        let around = scene.environment().is_some();
         let lit = tiles_with(LIT);
-        let decision = if lit > 0 { Decision::On } else { Decision::NoOp };
-        let reason = format!("some normal faces a lamp in {lit} of {all} tiles");
-        row(Effect::Diffuse, decision, lit, 0.0, reason);
+        let (decision, tiles, reason) = match (around, lit) {
+            (true, _) => (Decision::On, all, "an environment lights every tile".to_owned()),
+            (false, 0) => (Decision::NoOp, 0, "no normal faces a lamp".to_owned()),
+            _ => (Decision::On, lit, format!("some normal faces a lamp in {lit} of {all} tiles")),
+        };
+        row(Effect::Diffuse, decision, tiles, 0.0, reason);
         let (decision, tiles, reason) = there(surface.coated.is_some(), "interface over its paint");
         row(Effect::CoatedDiffuse, decision, tiles, 0.0, reason);
         let (decision, tiles, reason) = there(surface.ambient.is_some(), "ambient light");
         row(Effect::Ambient, decision, tiles, 0.0, reason);
         for lobe in 0..surface.lobes.len() {
-            let around = scene.environment().is_some();
             let tiles = if around { all } else { tiles_with(lobe_bit(lobe)) };
             let (error, dropped) = lost(lobe.min(28));
             let (decision, reason) = match (tiles, dropped) {
@@ -64,9 +67,10 @@ impl Work<'_> {
         row(Effect::CastShadows, decision, tiles, 0.0, shadows);
         let near = scene.lamps().iter().any(|lamp| !lamp.light.is_distant());
         let tiles = tiles_with(NEAR);
-        let (error, _) = lost(surface.lobes.len());
+        let (error, dropped) = lost(surface.lobes.len());
         let (decision, reason) = match (near, tiles) {
             (false, _) => (Decision::Absent, "every lamp is distant".to_owned()),
+            (true, 0) if !dropped => (Decision::NoOp, "no normal faces a lamp".to_owned()),
             (true, 0) => (Decision::Bounded, format!("at most {error:.3} {unit} in every tile")),
             _ => (Decision::On, format!("directions differ in {tiles} of {all} tiles")),
         };
@@ -88,7 +92,7 @@ impl Work<'_> {
         };
         let reason = format!("the view moves a pixel by {displacement:.4} pixels at most");
         row(Effect::SlantedView, decision, tiles, error, reason);
-        let (decision, tiles, reason) = if scene.environment().is_some() {
+        let (decision, tiles, reason) = if around {
             (Decision::On, all, "light from all directions")
         } else {
             (Decision::Absent, 0, "no environment")

@@ -6,7 +6,7 @@ use crate::relight::bounds;
 use crate::relight::statistics::{ReliefRange, SIDE, TileStatistics};
 
 impl Work<'_> {
-    /// Marks the tiles that shadows may fall on; returns the reason and how many tiles there are.
+    /// Marks the tiles that shadows may fall on; returns the reason, and whether shadows are wanted.
     pub(super) fn shadows(&self, parts: &mut [u32]) -> (String, bool) {
         let Self { statistics, grid, scene, options, .. } = self;
         let lamps = scene.lamps().len();
@@ -16,7 +16,7 @@ impl Work<'_> {
         let mut reason = String::new();
         let mut closest = f64::INFINITY;
         for (number, lamp) in scene.lamps().iter().enumerate() {
-            let unsafe_tiles = self.steep(lamp.light);
+            let steep = self.steep(lamp.light);
             let light = lamp.light.direction();
             let tangent = light.z / light.x.hypot(light.y);
             let reliefs = || statistics.tiles.iter().filter_map(|tile| tile.relief.as_ref());
@@ -30,7 +30,7 @@ impl Work<'_> {
                     number + 1
                 );
             }
-            let fallen = self.darkened(lamp.light, &unsafe_tiles);
+            let fallen = self.darkened(lamp.light, &steep);
             for (tile, fallen) in fallen.into_iter().enumerate() {
                 let parts = &mut parts[tile * lamps + number];
                 if fallen && *parts & LIT != 0 {
