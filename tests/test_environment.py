@@ -355,10 +355,21 @@ def test_wrong_environments_are_refused() -> None:
         Scene(environment="gallery")  # type: ignore[arg-type]
     with pytest.raises(impasto.ArgumentError, match="one for the environment"):
         Scene([(0, 0, 1)], environment=Environment.named("gallery"), illuminant=["A"])
-    eye = impasto.PointView((0.0, 0.0, 500.0))
-    varnish = painting(normals(count=4), (Lobe(1.0, (0.2,)),), pitch_mm=0.1)
-    with pytest.raises(impasto.GeometryError, match="near eye"):
-        impasto.render(varnish, Scene(environment=Environment.named("gallery"), view=eye))
+
+
+def test_a_room_does_not_move_the_eye_that_lamps_are_seen_by() -> None:
+    """A near eye sees a lamp's highlight where it did; the room, as from its own direction."""
+    eye = impasto.PointView((20.0, -10.0, 60.0))
+    varnish = painting(normals(count=9), (Lobe(1.0, (0.2,)),), pitch_mm=4.0)
+    lamp, room = impasto.DistantLight((0.1, 0.1, 0.9)), Environment.named("gallery")
+    alone, both = (
+        impasto.render(varnish, Scene([lamp], environment=around, view=eye, exposure=1.0)).xyz
+        for around in (None, room)
+    )
+    only = impasto.render(varnish, Scene(environment=room, view=eye, exposure=1.0)).xyz
+    # Three roundings of light of up to 10.
+    np.testing.assert_allclose(both, alone + only, atol=3e-6)
+    assert only.max() > 0.01
 
 
 def test_a_part_has_the_pixels_of_the_whole() -> None:

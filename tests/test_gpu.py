@@ -191,6 +191,35 @@ def test_a_varnish_is_put_on_and_taken_off() -> None:
         assert difference.max() <= 1
 
 
+def test_a_leaning_panel_is_rotated_for_shadows_alone() -> None:
+    """As ``render`` does: for scenes with shadows the lights shine on the panel's own plane."""
+    normal = normals() + np.float32([0.2, 0.0, 0.0])[:, None, None]
+    normal /= np.linalg.norm(normal, axis=0)
+    surface = Surface(normal, RNG.uniform(0.1, 0.6, (3, *SIZE)), pitch_mm=PITCH)
+    renderer = gpu.Renderer(surface, shadows=True, adapter="any")
+    for shadows in (True, False):
+        scene = Scene([DistantLight((0.5, 0.2, 0.6))], shadows=shadows)
+        expected = impasto.render(surface, scene).display.astype(int)
+        found = renderer.frame(scene).display.astype(int)
+        assert abs(found - expected).max() <= 1
+        assert expected.std() > 5
+
+
+def test_render_takes_a_card_and_falls_back_with_a_warning() -> None:
+    surface, scene = varnished(), Scene([DistantLight((0.3, 0.1, 0.9))])
+    expected = impasto.render(surface, scene, output="light").xyz
+    found = impasto.render(surface, scene, output="light", backend="gpu").xyz
+    np.testing.assert_allclose(found, expected, atol=SINGLE)
+    assert found.tobytes() != expected.tobytes()  # a card rounds in its own way
+    wrong: Any = "vulkan"
+    with pytest.raises(ArgumentError, match="backend"):
+        impasto.render(surface, scene, backend=wrong)
+    room = scene.changed(environment=impasto.Environment.named("gallery"), illuminant="D65")
+    with pytest.warns(impasto.ImpastoWarning, match="the CPU makes the picture"):
+        lit = impasto.render(surface, room, backend="gpu", output="light")
+    assert lit.xyz.tobytes() == impasto.render(surface, room, output="light").xyz.tobytes()
+
+
 def test_what_a_renderer_cannot_do_is_said() -> None:
     surface = replace(varnished(), pitch_mm=None)
     renderer = gpu.Renderer(surface, adapter="any")

@@ -1,11 +1,13 @@
 """Pictures by a graphics card: a surface is uploaded once and shown under scene after scene.
 
-``impasto.gpu`` is imported on first use, and no driver is loaded before the first call.
+No driver is loaded before the first call.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -189,19 +191,24 @@ class Renderer:
             raise GpuUnavailableError(_NOT_BUILT)
         instance(adapter, str, "adapter", '"auto", "any" or a part of a name')
         self._shadows = truth(shadows, "shadows")
+        options: dict[str, Any] = {
+            "reflectance": reflectance,
+            "camera": camera,
+            "height": height,
+            "pitch_mm": pitch_mm,
+            "index": index,
+            "level": level,
+            "threads": threads,
+        }
         # Any scene with the same surface.
         frontal = Scene([(0.0, 0.0, 1.0)], shadows=self._shadows)
-        prepared = prepare(
-            surface,
-            frontal,
-            reflectance=reflectance,
-            camera=camera,
-            height=height,
-            pitch_mm=pitch_mm,
-            index=index,
-            level=level,
-            threads=threads,
-        )
+        prepared = prepare(surface, frontal, **options)
+        self._upright: Callable[[], Renderer] | None = None
+        if self._shadows and level is None:
+            stood = prepare(surface, frontal.changed(shadows=False), **options).surface.normal
+            if not np.array_equal(stood, prepared.surface.normal, equal_nan=True):
+                # Shadows rotate a panel that leans; scenes without show it as it stood.
+                self._upright = cache(lambda: Renderer(surface, adapter=adapter, **options))
         self._reflectance = prepared.reflectance
         self._lit, self._relief = prepared.surface, prepared.relief
         self._pitch = self._lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
@@ -247,6 +254,8 @@ class Renderer:
         GpuUnavailableError
             The card was lost, or has too little memory; or the scene has an environment.
         """
+        if self._upright is not None and not _scene(scene).shadows:
+            return self._upright().frame(scene)
         arguments, exposure, uploaded = self._prepared(scene)
         if exposure is None:
             xyz, coverage = uploaded.light(arguments, scene.shadows, self._threads)
@@ -272,13 +281,14 @@ class Renderer:
         tuple
             ``(3, y, x)`` XYZ and ``(y, x)`` coverage, as of :func:`impasto.render`.
         """
+        if self._upright is not None and not _scene(scene).shadows:
+            return self._upright().light(scene)
         arguments, _, uploaded = self._prepared(scene)
         return uploaded.light(arguments, scene.shadows, self._threads)
 
     def _prepared(self, scene: Scene) -> tuple[SceneArguments, float | None, _core.GpuRenderer]:
         """A scene as arrays, its exposure if it is known before the picture, and the surface."""
-        instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
-        if scene.environment is not None:
+        if _scene(scene).environment is not None:
             raise GpuUnavailableError(
                 "scene: the graphics card cannot show light of an environment"
             )
@@ -309,6 +319,11 @@ class Renderer:
         # The background is added when the exposure of the picture is known.
         arguments = replace(arguments, background=(0.0, 0.0, 0.0))
         return arguments, exposure, uploaded
+
+
+def _scene(scene: Scene) -> Scene:
+    instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
+    return scene
 
 
 def _three(values: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -131,7 +131,7 @@ def prepare(
     lit = _levelled(lit, level, has_height=height is not None, shadows=scene.shadows)
     unmoved = lit.normal is stood and not scene.shadows
     relief = _relief(lit, height, pitch, threads) if scene.shadows else None
-    eye = _default_eye(surface, lit, scene) if scene.view is None else scene.view
+    eye = surface.eye() if scene.view is None else scene.view
     whole = rig_of(scene, eye, pitch, lit)
     lit, arguments, exposure = arranged(lit, scene, whole, eye, reflectance, threads)
     return Prepared(
@@ -145,16 +145,6 @@ def prepare(
         reflectance=reflectance,
         as_photographed=(reflectance is None and bool(scene.lights) and unmoved and _in_front(eye)),
     )
-
-
-def _default_eye(surface: Relightable, lit: Surface, scene: Scene) -> Any:
-    """From where the photographs were taken.
-
-    In an environment Torrance-Sparrow lobes are tabulated for one direction: then from in front.
-    """
-    eye = surface.eye()
-    tabulated = scene.environment is not None and lit.model == "torrance-sparrow" and lit.lobes
-    return FRONTAL if tabulated and isinstance(eye, PointView) else eye
 
 
 def rig_of(scene: Scene, eye: Any, pitch: float, lit: Surface) -> Rig:

@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -18,6 +19,7 @@ from impasto.bands import Camera
 from impasto.colour import delta_e, lab_from_xyz
 from impasto.errors import ArgumentError
 from impasto.fit.reflectance import Reflectance
+from impasto.illumination import MIXING_GRID
 from impasto.image import Image, Output, tone_table
 from impasto.level import Level
 from impasto.lighting import Prepared, prepare
@@ -69,7 +71,7 @@ class Verification:
     Attributes
     ----------
     equal
-        Whether all bits are equal.
+        Whether all bits of light and coverage are equal.
     delta_e
         Largest CIEDE2000 difference of a pixel.
     codes
@@ -114,7 +116,7 @@ class Plan:
     _scene: Scene
     _prepared: Prepared
     _native: _core.Plan
-    _extra: NDArray[np.float32] | None
+    _extra: Callable[[], NDArray[np.float32] | None]
     _again: Callable[[Scene, Plan | None], Plan]
     _statistics: _core.SurfaceStatistics
 
@@ -128,6 +130,7 @@ class Plan:
     ) -> Image:
         """The picture as planned; parameters as in :func:`impasto.render`."""
         one_of(output, get_args(Output), "output")
+        one_of(backend, get_args(Backend), "backend")
 
         def again() -> NDArray[np.float32]:
             return self.render(output="light", threads=threads).xyz
@@ -136,7 +139,7 @@ class Plan:
             self._prepared,
             self._native,
             self._scene,
-            self._extra,
+            self._extra(),
             again=again if output == "display" else None,
             backend=backend,
             threads=threads,
@@ -166,7 +169,10 @@ class Plan:
         forced, all_seconds = _timed(lambda: everything.render(output="light", threads=threads), 1)
         white = np.linalg.solve(planned.exposure * self._scene.display.linear_from_xyz, np.ones(3))
         shown = planned.coverage > 0.0
-        equal = planned.xyz.tobytes() == forced.xyz.tobytes()
+        equal = all(
+            one.tobytes() == other.tobytes()
+            for one, other in ((planned.xyz, forced.xyz), (planned.coverage, forced.coverage))
+        )
         differs = shown & (planned.xyz != forced.xyz).any(axis=0)
         colours = [lab_from_xyz(image.xyz[:, differs], white) for image in (planned, forced)]
         codes = np.abs(planned.display.astype(np.int16) - forced.display)
@@ -209,6 +215,8 @@ class Plan:
         ]
         total = f"{self.error:.2g} {self.unit}".strip()
         lines.append(f"tolerance {self.tolerance}; left out in any tile: at most {total}")
+        if self.tolerance != 0 and self._prepared.from_picture:
+            lines.append("the exposure follows from the picture: nothing is left out by a bound")
         return "\n".join(lines)
 
     def to_json(self) -> str:
@@ -283,9 +291,14 @@ def plan(
             level=level,
             threads=threads,
         )
-        extra = None
-        if fidelity == "photographs" and prepared.as_photographed:
-            extra = surface.unmodelled(prepared.rig)
+        # What a fit keeps of its photographs takes longer than a plan: it is made for a picture.
+        kept = fidelity == "photographs" and prepared.as_photographed
+        kept = kept and type(surface).unmodelled is not Relightable.unmodelled
+
+        @cache
+        def extra() -> NDArray[np.float32] | None:
+            return surface.unmodelled(prepared.rig) if kept else None
+
         limit = _limit(tolerance, other, prepared)
         workers = thread_count(threads)
         if earlier is not None and _describes(earlier, prepared):
@@ -298,7 +311,7 @@ def plan(
             prepared.arguments,
             tolerance=limit,
             shadows=prepared.relief is not None,
-            more_light=extra is not None,
+            more_light=kept,
             threads=workers,
         )
         unit = "" if limit is None else "codes" if len(limit) == 3 else "dE00"
@@ -338,13 +351,15 @@ def _describes(earlier: Plan, prepared: Prepared) -> bool:
 
 def _same(one: Any, other: Any) -> bool:
     """Whether two numbers are equal, or two maps the same memory."""
+    if isinstance(one, np.ndarray) != isinstance(other, np.ndarray):
+        return False
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
         # Both are alive: equal addresses are the same values.
         place = ("data", "shape", "strides")
         return [one.__array_interface__[key] for key in place] == [
             other.__array_interface__[key] for key in place
         ]
-    return not isinstance(one, np.ndarray) and bool(one == other)
+    return bool(one == other)
 
 
 def _limit(tolerance: str | float, scene: Scene, prepared: Prepared) -> Any:
@@ -358,7 +373,7 @@ def _limit(tolerance: str | float, scene: Scene, prepared: Prepared) -> Any:
             raise ArgumentError(f"{expected}, found {tolerance!r}") from None
         if kind not in {"code", "dE"} or not (np.isfinite(limit) and limit >= 0.0):
             raise ArgumentError(f"{expected}, found {tolerance!r}")
-    elif tolerance == 0:
+    elif isinstance(tolerance, int | float) and not isinstance(tolerance, bool) and tolerance == 0:
         return None
     else:
         raise ArgumentError(f"{expected}, found {tolerance!r}")
@@ -406,7 +421,7 @@ def _film(scene: Scene, matrices: str) -> PlannedEffect:
     if coat is None:
         return PlannedEffect("varnish", "absent", 0, "no coat", 0.0)
     share = 100.0 * float(coat.transmittance([450.0])[0])
-    if share == 100.0:
+    if (coat.transmittance(MIXING_GRID) == 1.0).all():
         return PlannedEffect("varnish", "no-op", 0, "a clear film", 0.0)
     what = "divided by" if coat.removed else "times"
     reason = f"{what} {share:.3g} % at 450 nm in front, in {matrices}"

@@ -38,8 +38,8 @@ class Scene:
         foreshortened along its tilt, the painting's up staying up. Or a
         :class:`~impasto.PointView`: the painting's own pixels, each lit as seen from there.
         Default: in front; where the photographs of a result have one :class:`~impasto.PointView`,
-        given or refined, from there, but for Torrance-Sparrow lobes in an environment, which need
-        a direction.
+        given or refined, from there. Torrance-Sparrow lobes see an environment as from the middle
+        of the painting, wherever the eye is.
     adaptation
         Degree d of chromatic adaptation from the illuminant to ``reference`` (eq. 7 to 12 of the
         six-band paper): 0 to 1; None shows the light as it is.

@@ -2,7 +2,7 @@
 //!
 //! A [`Renderer`] uploads a surface once and shows it under scene after scene; [`render`] shows one
 //! picture, band by band, of a painting of any size. Both give what `impasto::relight::render`
-//! gives, or 8-bit codes of a display. There is one shader file per stage of the CPU, under
+//! gives, or 8-bit codes of a display, but light of an environment, which they refuse. There is one shader file per stage of the CPU, under
 //! the same name; they are joined into one kernel, compiled per choice of effects.
 //!
 //! Vulkan, Metal and DirectX 12 serve. Everything that can fail there is an [`Error`] with an

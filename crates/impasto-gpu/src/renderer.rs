@@ -161,9 +161,6 @@ impl Shown {
         display: Option<&Display<'_>>,
         run: &Run<'_>,
     ) -> Result<Arrays> {
-        if scene.environment().is_some() {
-            return Err(Error::Unsupported("light of an environment".to_owned()));
-        }
         let coefficients = self.table.variant.coefficients as usize;
         if coefficients != scene.coefficients() {
             let problem = format!("expected {} planes, found {coefficients}", scene.coefficients());
@@ -376,6 +373,7 @@ pub fn render(
 ) -> Result<Picture> {
     let grid = relief.grid;
     surface.bands(grid.width * grid.height)?;
+    plan.fits(grid, scene)?;
     let on = |part| (0..scene.lamps().len()).any(|lamp| plan.needs(lamp, part));
     let lobes = surface.lobes.iter().enumerate().filter(|(number, _)| on(lobe_bit(*number)));
     let surface = &Surface { lobes: lobes.map(|(_, lobe)| lobe.clone()).collect(), ..*surface };

@@ -1,4 +1,4 @@
-// One pixel through all stages (relight/mod.rs).
+// One pixel through all stages (relight/stages.rs).
 
 // What a lamp adds; the last of a colour gives the sums their colour.
 fn light_by(index: u32) {

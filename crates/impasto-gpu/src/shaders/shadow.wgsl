@@ -1,5 +1,5 @@
 // Cast shadows of a distant light by a running maximum along sheared lines: the sweep of
-// relight/shadow.rs, one invocation per line.
+// relight/shadow/distant.rs, one invocation per line.
 
 const WORKGROUP: u32 = 64u;
 // Far below any painting: what throws no shadow.

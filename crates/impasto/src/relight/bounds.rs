@@ -96,7 +96,12 @@ fn normals(tile: &TileStatistics) -> Cone {
 
 /// Smallest and largest `N.L` of a tile, not below 0.
 pub(super) fn cosines(tile: &TileStatistics, light: &Seen) -> [f64; 2] {
-    if tile.cone.is_finite() { normals(tile).cosines(&light.towards) } else { [0.0, 1.0] }
+    if tile.cone.is_finite() {
+        normals(tile).cosines(&light.towards)
+    } else {
+        // Normals that are not of unit length.
+        [0.0, f64::INFINITY]
+    }
 }
 
 /// Most that a lobe of unit strength shows under unit irradiance; infinite where nothing is known.
@@ -126,8 +131,10 @@ pub(super) fn lobe(
 pub(super) fn rise(relief: &ReliefRange, [x, y]: [f64; 2]) -> f64 {
     let step = core::f64::consts::TAU / AZIMUTHS as f64;
     let turn = y.atan2(x).rem_euclid(core::f64::consts::TAU);
-    let first = (turn / step) as usize % AZIMUTHS;
-    let past = (turn - first as f64 * step).clamp(0.0, step);
+    // A tiny negative angle becomes a whole turn: sector 64, which is the first one again.
+    let sector = (turn / step).floor();
+    let past = (turn - sector * step).clamp(0.0, step);
+    let first = sector as usize % AZIMUTHS;
     let [one, other] = [first, (first + 1) % AZIMUTHS].map(|index| f64::from(relief.rise[index]));
     (one * (step - past).sin() + other * past.sin()) / step.sin()
 }
@@ -216,6 +223,8 @@ mod tests {
         let mut planes = vec![0.0; 3 * PATCH * PATCH];
         for pixel in 0..PATCH * PATCH {
             let n = if pixel == 5 { toward } else { numbers.direction(axis, within) };
+            // As long as statistics take for a unit vector.
+            let n = n.scale(numbers.between(-0.45e-6, 0.45e-6) + 1.0);
             for (axis, value) in n.array().into_iter().enumerate() {
                 planes[axis * PATCH * PATCH + pixel] = value as f32;
             }
@@ -261,7 +270,7 @@ mod tests {
             let seen = Seen { towards, irradiance: [1.0; 2], deviation: 0.0 };
             let view_cone = Cone::of(view);
             let bound = super::lobe(model, tile, &tile.lobes[0], &seen, &view_cone);
-            let pair = lobe_model.pair::<f32>(light.broadcast_to(), view.broadcast_to());
+            let pair = lobe_model.pair::<f32>(single(light), single(view));
             let mut largest = 0.0_f64;
             for pixel in 0..PATCH * PATCH {
                 let at = |axis: usize| normal[axis * PATCH * PATCH + pixel];
@@ -278,14 +287,8 @@ mod tests {
         looseness
     }
 
-    trait Narrow {
-        fn broadcast_to(self) -> Vec3<f32>;
-    }
-
-    impl Narrow for Vec3<f64> {
-        fn broadcast_to(self) -> Vec3<f32> {
-            Vec3::new(self.x as f32, self.y as f32, self.z as f32)
-        }
+    fn single(v: Vec3<f64>) -> Vec3<f32> {
+        Vec3::new(v.x as f32, v.y as f32, v.z as f32)
     }
 
     fn median(sorted: &[f64]) -> f64 {
@@ -293,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn no_torrance_sparrow_lobe_exceeds_its_bound_and_half_of_them_come_within_a_third() {
+    fn no_torrance_sparrow_lobe_exceeds_its_bound_and_half_of_them_come_within_a_factor_of_three() {
         let narrow = |numbers: &mut Numbers| {
             let gamma = numbers.between(0.02, 0.5);
             vec![[gamma, gamma]]
@@ -309,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn no_lafortune_lobe_exceeds_its_bound_and_half_of_them_come_within_a_third() {
+    fn no_lafortune_lobe_exceeds_its_bound_and_half_of_them_come_within_a_factor_of_three() {
         let one = |numbers: &mut Numbers| {
             let turn = numbers.between(-0.5, 0.5);
             let (sin, cos) = (2.0 * turn).sin_cos();
@@ -387,6 +390,25 @@ mod tests {
         // Light at three quarters of the bound nearly always throws a shadow: the bound is not loose.
         // (Where the steepest cell lies at the border that the shadow leaves, there is none.)
         assert!(shaded > 225, "{shaded}");
+    }
+
+    #[test]
+    fn a_rise_is_known_all_the_way_round() {
+        // A plane that rises by 1 mm per pixel to the right.
+        let map: Vec<f32> = (0..300).map(|pixel| (pixel % 20) as f32).collect();
+        let normal: Vec<f32> = (0..900).map(|i| f32::from(u8::from(i >= 600))).collect();
+        let statistics =
+            serially(|run| Statistics::new(&flat_surface(&normal), 20, Some(&map), run)).unwrap();
+        let range = statistics.tiles[0].relief.as_ref().unwrap();
+        for y in [0.0, 1e-17, -1e-17, 1e-300, -1e-300] {
+            assert!((rise(range, [1.0, y]) - 1.0).abs() < 1e-6, "{y}");
+        }
+        for index in 0..256 {
+            let turn = core::f64::consts::TAU * f64::from(index) / 256.0;
+            let found = rise(range, [turn.cos(), turn.sin()]);
+            let exact = turn.cos();
+            assert!(found >= exact - 1e-6 && found <= exact + 0.1, "{index}: {found} {exact}");
+        }
     }
 
     #[test]

@@ -95,7 +95,7 @@ pub fn codes_from_planes(
     let tile = crate::pixels::TILE;
     let pieces = codes.pieces(tile).into_iter().enumerate().collect();
     let counts = run.map(pieces, ShowScratch::default, |scratch, (index, codes)| {
-        let show = Show { planes, pixels, start: index * tile, matrix, curve, linear: None, codes };
+        let show = Show { planes, pixels, start: index * tile, matrix, curve, codes };
         show.on(scratch, run.level)
     })?;
     Ok(counts.into_iter().fold(Clipped::default(), Clipped::plus))
@@ -233,8 +233,6 @@ pub(crate) struct Show<'a> {
     pub(crate) start: usize,
     pub(crate) matrix: &'a Matrix,
     pub(crate) curve: &'a Curve,
-    /// Linear light of the run, not clipped, where it is asked for.
-    pub(crate) linear: Option<[&'a mut [f32]; 3]>,
     /// Codes of the run.
     pub(crate) codes: Codes<'a>,
 }
@@ -255,10 +253,7 @@ impl Kernel for ShowKernel<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Clipped {
-        let Self {
-            show: Show { planes, pixels, start, matrix, curve, mut linear, mut codes },
-            scratch,
-        } = self;
+        let Self { show: Show { planes, pixels, start, matrix, curve, mut codes }, scratch } = self;
         let total = codes.len() / 3;
         let full = match codes {
             Codes::Eight(_) => 255.0,
@@ -279,9 +274,6 @@ impl Kernel for ShowKernel<'_, '_> {
                     channel,
                     &mut scratch.linear,
                 );
-                if let Some(linear) = &mut linear {
-                    linear[channel][block..block + count].copy_from_slice(&scratch.linear[..count]);
-                }
                 let outside = |light: &&f32| **light < 0.0;
                 clipped.below[channel] +=
                     scratch.linear[..count].iter().filter(outside).count() as u64;

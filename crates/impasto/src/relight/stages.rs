@@ -92,7 +92,7 @@ pub(super) fn list<'a>(
     }
     if let Some(Surroundings { environment, colours }) = scene.environment() {
         let light = (environment.as_ref(), *colours);
-        let lit = Lit::new(surface, scene, light, !surface.lobes.is_empty(), run)?;
+        let lit = Lit::new(surface, scene, light, run)?;
         stages.push(Stage::Environment(Box::new(lit)));
     }
     Ok(stages)
@@ -287,9 +287,8 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
                         let codes = Codes::Eight(&mut codes[3 * start..3 * (start + count)]);
                         let planes = block.light.as_flattened();
                         let Display { matrix, curve } = **display;
-                        let (start, linear) = (0, None);
-                        let shown =
-                            Show { planes, pixels: BLOCK, start, matrix, curve, linear, codes };
+                        let start = 0;
+                        let shown = Show { planes, pixels: BLOCK, start, matrix, curve, codes };
                         clipped = clipped.plus(shown.on(show, self.level));
                     }
                 }

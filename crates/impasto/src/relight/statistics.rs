@@ -94,7 +94,7 @@ pub struct Statistics {
 }
 
 /// Squared length that differs from 1 by more is not that of a unit vector in single precision.
-const UNIT: f32 = 1e-5;
+const UNIT: f32 = 1e-6;
 
 impl Statistics {
     /// The statistics of a surface of so many columns and, where given, its height in mm `(y, x)`.

@@ -78,8 +78,10 @@ impl LobeModel for Lafortune {
                 }
             }
         }
-        // The base is known to some 1e-6 of its largest value; the kernel takes 1e-26 for darkness.
-        let base = base + 2e-6;
+        // Normals are of unit length to 5e-7, and single precision knows the base to some 1e-6 of its
+        // largest value; the kernel takes 1e-26 for darkness.
+        let largest = cxy.iter().chain(cz).fold(1.0_f64, |most, value| most.max(value.abs()));
+        let base = base + 4e-6 * largest;
         let exponent = if base > 1.0 { exponent[1] } else { exponent[0] };
         (exponent * base.ln()).exp().max(1e-25) * normals.cosines(light)[1]
     }

@@ -35,7 +35,7 @@ pub trait LobeModel: Copy + Debug + Send + Sync {
     fn value<R: Real>(&self, lobe: &Self::Lobe<R>, pair: &Self::Pair<R>, normal: Vec3<R>) -> R;
 
     /// No pixel shows more than this of a lobe of unit strength under unit irradiance: an upper
-    /// bound over all normals, lights, views and parameters of the intervals, 0 where the lobe is
-    /// exactly 0 in single precision.
+    /// bound over all normals, lights, views and parameters of the intervals; it may be 0 only where
+    /// the lobe is exactly 0 in single precision.
     fn most(&self, shape: &Shape, sight: &Sight) -> f64;
 }

@@ -1,6 +1,6 @@
 //! An environment as light from many directions: the texels of an equirectangular or a cube map.
 //!
-//! Two texts meet here. The map is *clipped by the painting's plane before anything is filtered*:
+//! Two ideas meet here. The map is *clipped by the painting's plane before anything is filtered*:
 //! light from behind the wall reaches no pixel, and without this step every filter would smear it to
 //! the front. And texels stay together in small bundles with a bounding cone, so that a narrow lobe
 //! passes over most of the sky in one comparison.

@@ -7,7 +7,7 @@ use super::lafortune::{Prefiltered, level_of};
 use super::light::Environment;
 use super::table::projected;
 use super::torrance_sparrow::Glossy;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::View;
 use crate::math::elementary::{exp_in_range, ln_in_range};
 use crate::math::{Isa, Real, Vec3};
@@ -41,15 +41,14 @@ enum Lobes<'a> {
 }
 
 impl<'a> Lit<'a> {
-    /// The tables that a surface needs; without `specular` those of the diffuse part alone.
+    /// The tables that a surface needs.
     ///
     /// # Errors
-    /// If Torrance-Sparrow lobes are seen by a near eye, or the caller cancels.
+    /// If the caller cancels.
     pub(crate) fn new(
         surface: &'a Surface<'a>,
         scene: &'a Scene,
         (environment, colours): (&'a Environment, [usize; 3]),
-        specular: bool,
         run: &Run<'_>,
     ) -> Result<Self> {
         let irradiance = match surface.coated {
@@ -57,7 +56,7 @@ impl<'a> Lit<'a> {
             Some(_) => Cow::Owned(Irradiance::new(&environment.map, surface.coated, run)?),
         };
         let lobes = match (surface.model, scene.view()) {
-            _ if !specular || surface.lobes.is_empty() => Lobes::None,
+            _ if surface.lobes.is_empty() => Lobes::None,
             (Model::Lafortune, _) => {
                 let maps = match &environment.lobes {
                     Some(maps) => Cow::Borrowed(maps),
@@ -65,15 +64,11 @@ impl<'a> Lit<'a> {
                 };
                 Lobes::Lafortune(surface.lobes.iter().collect(), Box::new(maps))
             }
-            (Model::TorranceSparrow { index }, View::Distant(view)) => {
-                let seen = (TorranceSparrow { index }, view);
+            (Model::TorranceSparrow { index }, view) => {
+                // Tabulated for one direction of the eye: that from the middle of the painting.
+                let seen = (TorranceSparrow { index }, view.direction());
                 let glossy = |lobe| Glossy::new(lobe, &environment.map, seen, surface.normal, run);
                 Lobes::Glossy(surface.lobes.iter().map(glossy).collect::<Result<_>>()?)
-            }
-            (Model::TorranceSparrow { .. }, View::Point(_)) => {
-                let problem = "Torrance-Sparrow lobes in an environment are tabulated for one \
-                               direction of the eye; give a direction, not a near eye";
-                return Err(Error::geometry("view", problem));
             }
         };
         let colours = colours.map(|index| &scene.colours()[index]);

@@ -294,16 +294,15 @@ fn awkward_numbers_stay_finite() {
 }
 
 #[test]
-fn a_near_eye_is_refused_where_a_table_serves_one_view() {
+fn a_near_eye_sees_torrance_sparrow_lobes_as_from_the_middle_and_others_from_each_pixel() {
     let maps = maps();
-    let environment = serially(|run| Environment::new(dark_map(), run)).unwrap();
-    let near = scene(environment, View::Point(Vec3::new(0.0, 0.0, 500.0)));
-    let relief = Relief { grid: GRID, height: None };
-    let seen = |model| {
-        let surface = surface(&maps, model);
-        let plan = Plan::forced(&surface, GRID, &near, false);
-        serially(|run| render(&surface, relief, &near, &plan, [0.0; 3], run))
+    let environment = || serially(|run| Environment::new(dark_map(), run)).unwrap();
+    let place = Vec3::new(60.0, -40.0, 300.0);
+    let seen = |model, view: View| {
+        let around = scene(environment(), view);
+        serially(|run| lit(&surface(&maps, model), GRID, &around, run))
     };
-    assert!(seen(VARNISH).unwrap_err().to_string().contains("near eye"));
-    assert!(seen(Model::Lafortune).is_ok());
+    let directed = |model| seen(model, View::Distant(place.normalised()));
+    assert_eq!(seen(VARNISH, View::Point(place)), directed(VARNISH));
+    assert_ne!(seen(Model::Lafortune, View::Point(place)), directed(Model::Lafortune));
 }

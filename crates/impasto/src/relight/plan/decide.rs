@@ -4,7 +4,7 @@ use super::{Decided, LIT, NEAR, SHADED, Work, lobe_bit};
 use crate::geometry::Light;
 use crate::relight::bounds::{self, Seen};
 use crate::relight::scene::Colour;
-use crate::relight::statistics::{Range, TileStatistics};
+use crate::relight::statistics::{LobeRange, Range, TileStatistics};
 use crate::relight::tolerance::{Between, Tolerance};
 use crate::surface::{Cone, Strength};
 
@@ -21,8 +21,8 @@ struct Candidate {
 }
 
 impl Work<'_> {
-    /// What the pixels of a tile need; `spent` is what is left out of every tile.
-    pub(super) fn tile(&self, tile: &TileStatistics, place: [usize; 2], spent: f64) -> Decided {
+    /// What the pixels of a tile need.
+    pub(super) fn tile(&self, tile: &TileStatistics, place: [usize; 2]) -> Decided {
         let Self { surface, grid, scene, options, .. } = self;
         let lobes = surface.lobes.len();
         let view = bounds::view(scene.view(), *grid, place);
@@ -31,8 +31,15 @@ impl Work<'_> {
         let between = self.between(tile, &lamps, &view);
         let mut parts = Vec::with_capacity(lamps.len());
         let mut candidates = Vec::new();
+        // A lobe that is not a number shows the background where it is simulated, lit or not.
+        let hole = |lobe: usize| {
+            let LobeRange { strength, shape } = &tile.lobes[lobe];
+            strength.iter().chain(shape).any(|range| range.holes)
+        };
+        let holes = (0..lobes).any(hole);
         for (number, (lamp, seen)) in scene.lamps().iter().zip(&lamps).enumerate() {
-            if tile.pixels == 0 || bounds::cosines(tile, seen)[1] == 0.0 {
+            let dark = !holes && bounds::cosines(tile, seen)[1] == 0.0;
+            if tile.pixels == 0 || dark {
                 parts.push(0);
                 continue;
             }
@@ -42,7 +49,7 @@ impl Work<'_> {
             for lobe in 0..lobes {
                 let strongest = self.strongest(tile, lobe, colour, &between);
                 let bound = bounds::lobe(surface.model, tile, &tile.lobes[lobe], seen, &view);
-                if strongest.0 == 0.0 || bound == 0.0 {
+                if !hole(lobe) && (strongest.0 == 0.0 || bound == 0.0) {
                     continue;
                 }
                 let bit = lobe_bit(lobe);
@@ -57,7 +64,7 @@ impl Work<'_> {
             }
             if !lamp.light.is_distant() {
                 needs |= NEAR;
-                if surface.coated.is_none() {
+                if surface.coated.is_none() && tile.cone.is_finite() {
                     let error = self.reflected(tile, colour, &between) * lamp.intensity;
                     let error = error * seen.deviation;
                     let bit = NEAR;
@@ -71,7 +78,7 @@ impl Work<'_> {
             parts,
             lost: vec![0.0; lobes + 1],
             dropped: vec![false; lobes + 1],
-            error: spent,
+            error: 0.0,
         };
         for Candidate { lamp, bit, error, .. } in candidates {
             let left = options.tolerance.limit() - decided.error;
@@ -158,19 +165,21 @@ impl Work<'_> {
                 let ranges = &tile.lobes[number];
                 let bound = bounds::lobe(surface.model, tile, ranges, seen, view);
                 for channel in 0..3 {
-                    let strength: f64 = match lobe.strength {
-                        Strength::Neutral(_) => {
-                            ranges.strength[0].largest() * colour.interface[channel].abs()
-                        }
-                        Strength::Tinted(_) => ranges
-                            .strength
-                            .iter()
-                            .zip(&colour.diffuse)
-                            .map(|(range, column)| range.largest() * column[channel].abs())
-                            .sum(),
+                    let columns = match lobe.strength {
+                        Strength::Neutral(_) => core::slice::from_ref(&colour.interface),
+                        Strength::Tinted(_) => &colour.diffuse[..],
                     };
-                    let most = strength * bound * brightest * lamp.intensity;
-                    high[channel] += if strength == 0.0 { 0.0 } else { most };
+                    // Coefficients of spectra may be negative: a lobe may take light away.
+                    let (mut takes, mut adds) = (0.0_f64, 0.0_f64);
+                    for (range, column) in ranges.strength.iter().zip(columns) {
+                        for value in [range.low, range.high].map(f64::from) {
+                            takes = takes.min(0.0) + (value * column[channel]).min(0.0);
+                            adds = adds.max(0.0) + (value * column[channel]).max(0.0);
+                        }
+                    }
+                    let most = bound * brightest * lamp.intensity;
+                    low[channel] += if takes == 0.0 { 0.0 } else { takes * most };
+                    high[channel] += if adds == 0.0 { 0.0 } else { adds * most };
                 }
             }
         }

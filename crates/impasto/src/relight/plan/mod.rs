@@ -7,13 +7,12 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::{Grid, View};
-use crate::math::Vec3;
 use crate::pixels::Run;
 use crate::surface::Surface;
 
 use super::scene::Scene;
 use super::statistics::{SIDE, Statistics};
-use super::tolerance::{Between, Tolerance};
+use super::tolerance::Tolerance;
 use super::view::Projection;
 
 mod decide;
@@ -117,7 +116,7 @@ impl Plan {
         let tiles = columns * grid.height.div_ceil(SIDE);
         let lobes = (0..surface.lobes.len()).map(lobe_bit).fold(0, |all, bit| all | bit);
         let shaded = if has_height { SHADED } else { 0 };
-        let projected = matches!(scene.view(), View::Distant(view) if slant(view, grid) > 0.0);
+        let projected = slanted(scene, grid) > 0.0;
         let mut rows = Vec::new();
         let mut row = |effect, present: bool, tiles| {
             let decision = if present { Decision::On } else { Decision::Absent };
@@ -157,7 +156,7 @@ impl Plan {
         }
         let work = Work { surface, statistics, grid, scene, options };
         let (columns, lamps) = (statistics.columns, scene.lamps().len());
-        let (projected, slanted) = work.slanted();
+        let slanted = slanted(scene, grid);
         // A piece of work is a row of tiles.
         let lines = statistics.tiles.chunks(columns).enumerate().collect();
         let decided: Vec<Decided> = run
@@ -165,7 +164,7 @@ impl Plan {
                 lines,
                 || (),
                 |(), (line, tiles)| {
-                    let place = |(column, tile)| work.tile(tile, [column, line], slanted.error);
+                    let place = |(column, tile)| work.tile(tile, [column, line]);
                     tiles.iter().enumerate().map(place).collect::<Vec<_>>()
                 },
             )?
@@ -176,7 +175,7 @@ impl Plan {
         let shadows = work.shadows(&mut parts);
         let rows = work.rows(&parts, &decided, shadows, slanted);
         let error = decided.iter().map(|tile| tile.error).fold(0.0, f64::max);
-        let tiles = decided.len();
+        let (tiles, projected) = (decided.len(), slanted > 0.0);
         Ok(Self { rows, parts, lamps, columns, tiles, projected, error })
     }
 
@@ -222,7 +221,10 @@ impl Plan {
     }
 
     /// Whether it was made for these pixels and as many lamps.
-    pub(super) fn fits(&self, grid: Grid, scene: &Scene) -> Result<()> {
+    ///
+    /// # Errors
+    /// If it was not.
+    pub fn fits(&self, grid: Grid, scene: &Scene) -> Result<()> {
         let columns = grid.width.div_ceil(SIDE);
         let tiles = columns * grid.height.div_ceil(SIDE);
         if (columns, tiles, scene.lamps().len()) == (self.columns, self.tiles(), self.lamps) {
@@ -261,16 +263,13 @@ pub struct Options {
     pub more_light: bool,
 }
 
-/// How far the slant of a view moves a pixel, in pixels.
-fn slant(view: Vec3<f64>, grid: Grid) -> f64 {
-    Projection::new(view, grid).displacement()
-}
-
-/// What is decided about a slanted view.
-#[derive(Clone, Copy)]
-struct Slanted {
-    displacement: f64,
-    error: f64,
+/// How far the slant of a view moves a pixel, in pixels: where it moves any, the picture may be of
+/// another size, and a highlight moves into what is dark beside it.
+fn slanted(scene: &Scene, grid: Grid) -> f64 {
+    match scene.view() {
+        View::Distant(view) => Projection::new(view, grid).displacement(),
+        View::Point(_) => 0.0,
+    }
 }
 
 struct Work<'a> {
@@ -279,45 +278,4 @@ struct Work<'a> {
     grid: Grid,
     scene: &'a Scene,
     options: Options,
-}
-
-impl Work<'_> {
-    fn slanted(&self) -> (bool, Slanted) {
-        let displacement = match self.scene.view() {
-            View::Distant(view) => match slant(view, self.grid) {
-                0.0 => 0.0,
-                moved => moved.max(self.parallax(view)),
-            },
-            View::Point(_) => 0.0,
-        };
-        // A pixel changes by at most this share of the step from black to white; light brighter than
-        // white has no such bound, but a display clips it.
-        let Options { tolerance, .. } = self.options;
-        let error = match tolerance {
-            _ if displacement == 0.0 => 0.0,
-            Tolerance::Exact | Tolerance::DeltaE { .. } => f64::INFINITY,
-            Tolerance::Codes { display, .. } => {
-                displacement * tolerance.error(inverse_of_white(display), &Between::ANYTHING)
-            }
-        };
-        // Half of the tolerance is kept for what saves more.
-        let left_out = error <= 0.5 * tolerance.limit();
-        let error = if left_out { error } else { 0.0 };
-        (!left_out, Slanted { displacement, error })
-    }
-
-    /// How far the height of the relief moves a pixel, in pixels.
-    fn parallax(&self, view: Vec3<f64>) -> f64 {
-        let reliefs = self.statistics.tiles.iter().filter_map(|tile| tile.relief.as_ref());
-        let highest = reliefs.map(|relief| relief.height.largest()).fold(0.0, f64::max);
-        let wanted = if self.options.shadows { highest } else { 0.0 };
-        view.x.hypot(view.y) / view.z * wanted / self.grid.pitch
-    }
-}
-
-/// The light that a display shows as white: the sum of the columns of the inverse matrix.
-fn inverse_of_white(rows: [[f64; 3]; 3]) -> [f64; 3] {
-    let matrix = nalgebra::Matrix3::from_fn(|row, column| rows[row][column]);
-    let white = matrix.try_inverse().map(|inverse| inverse * nalgebra::Vector3::repeat(1.0));
-    white.map_or([f64::INFINITY; 3], |white| [white[0], white[1], white[2]])
 }

@@ -1,6 +1,6 @@
 //! What was decided, row by row, with reasons.
 
-use super::{Decided, Decision, Effect, LIT, NEAR, Row, SHADED, Slanted, Work, lobe_bit};
+use super::{Decided, Decision, Effect, LIT, NEAR, Row, SHADED, Work, lobe_bit};
 
 impl Work<'_> {
     pub(super) fn rows(
@@ -8,7 +8,7 @@ impl Work<'_> {
         parts: &[u32],
         decided: &[Decided],
         (shadows, wanted): (String, bool),
-        slanted: Slanted,
+        slanted: f64,
     ) -> Vec<Row> {
         let Self { surface, scene, options, .. } = self;
         let (lamps, all) = (scene.lamps().len(), decided.len());
@@ -44,7 +44,12 @@ impl Work<'_> {
         row(Effect::Diffuse, decision, tiles, 0.0, reason);
         let (decision, tiles, reason) = there(surface.coated.is_some(), "interface over its paint");
         row(Effect::CoatedDiffuse, decision, tiles, 0.0, reason);
-        let (decision, tiles, reason) = there(surface.ambient.is_some(), "ambient light");
+        let (decision, tiles, reason) = match there(surface.ambient.is_some(), "ambient light") {
+            (Decision::On, ..) if lamps == 0 => {
+                (Decision::NoOp, 0, "ambient light is that of lamps".to_owned())
+            }
+            other => other,
+        };
         row(Effect::Ambient, decision, tiles, 0.0, reason);
         for lobe in 0..surface.lobes.len() {
             let tiles = if around { all } else { tiles_with(lobe_bit(lobe)) };
@@ -75,7 +80,8 @@ impl Work<'_> {
             _ => (Decision::On, format!("directions differ in {tiles} of {all} tiles")),
         };
         row(Effect::NearLight, decision, tiles, error, reason);
-        let lobed = parts.iter().any(|part| part & !(LIT | SHADED | NEAR) != 0);
+        let lobed = (around && !surface.lobes.is_empty())
+            || parts.iter().any(|part| part & !(LIT | SHADED | NEAR) != 0);
         let (decision, tiles, reason) = match (scene.view().is_distant(), lobed) {
             (true, _) => (Decision::Absent, 0, "the eye is distant"),
             (false, false) if surface.coated.is_none() => {
@@ -84,14 +90,13 @@ impl Work<'_> {
             _ => (Decision::On, all, "lobes see the eye from each pixel"),
         };
         row(Effect::NearView, decision, tiles, 0.0, reason.to_owned());
-        let Slanted { displacement, error } = slanted;
-        let (decision, tiles) = match (displacement == 0.0, self.slanted().0) {
-            (true, _) => (Decision::NoOp, 0),
-            (false, true) => (Decision::On, all),
-            (false, false) => (Decision::Bounded, 0),
+        let (decision, tiles, reason) = if slanted > 0.0 {
+            let reason = format!("the view moves a pixel by up to {slanted:.2e} pixels");
+            (Decision::On, all, reason)
+        } else {
+            (Decision::Absent, 0, "the view moves no pixel".to_owned())
         };
-        let reason = format!("the view moves a pixel by {displacement:.4} pixels at most");
-        row(Effect::SlantedView, decision, tiles, error, reason);
+        row(Effect::SlantedView, decision, tiles, 0.0, reason);
         let (decision, tiles, reason) = if around {
             (Decision::On, all, "light from all directions")
         } else {

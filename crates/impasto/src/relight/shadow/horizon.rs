@@ -86,7 +86,7 @@ impl Horizons {
     pub fn disc(direction: Vec3<f64>, radius: f64) -> Result<Self> {
         if !(radius > 0.0 && radius < core::f64::consts::FRAC_PI_2) {
             let problem = format!("expected an angle between 0 and pi / 2, found {radius}");
-            return Err(Error::argument("angular_radius", problem));
+            return Err(Error::argument("radius", problem));
         }
         let Vec3 { x, y, z: sine } = direction.normalised();
         if sine.is_nan() || sine <= 0.0 {
@@ -215,10 +215,11 @@ pub fn soft_shadows(
     };
     if !(radius > 0.0 && radius < position.length()) {
         let problem = format!("expected mm below the lamp's distance, found {radius}");
-        return Err(Error::argument("radius_mm", problem));
+        return Err(Error::argument("radius", problem));
     }
     let mut sum = vec![0.0; relief.len()];
-    for point in points(position, radius) {
+    // What lies behind the painting's own plane lights nothing.
+    for point in points(position, radius).filter(|point| point.z > 0.0) {
         let light = Light::Point { position: point, falloff: true };
         let seen = super::cast_shadows(relief, grid, &light, run)?;
         for (sum, seen) in sum.iter_mut().zip(seen) {
@@ -231,7 +232,7 @@ pub fn soft_shadows(
 /// Points of a near lamp.
 const POINTS: usize = 32;
 
-/// Vogel's spiral: equal areas, in front of the painting's plane.
+/// Vogel's spiral: equal areas.
 fn points(position: Vec3<f64>, radius: f64) -> impl Iterator<Item = Vec3<f64>> {
     let axis = position.normalised();
     let sideways = if axis.z > 0.9 { Vec3::new(1.0, 0.0, 0.0) } else { Vec3::new(0.0, 0.0, 1.0) };
@@ -244,7 +245,7 @@ fn points(position: Vec3<f64>, radius: f64) -> impl Iterator<Item = Vec3<f64>> {
         let [x, y, z] = [0, 1, 2].map(|axis| {
             position.array()[axis] + r * (cosine * across.array()[axis] + sine * up.array()[axis])
         });
-        Vec3::new(x, y, z.max(f64::MIN_POSITIVE))
+        Vec3::new(x, y, z)
     })
 }
 

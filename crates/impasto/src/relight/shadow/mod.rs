@@ -22,8 +22,7 @@ pub use lines::Span;
 
 use distant::{Scratch, Sweep};
 
-/// Side of a tile, pixels.
-pub const SIDE: usize = 256;
+pub use super::statistics::SIDE;
 
 /// Visibility of a light, 1 or 0 per pixel, `(y, x)`.
 ///
