@@ -406,7 +406,8 @@ mod tests {
         for index in 0..256 {
             let turn = core::f64::consts::TAU * f64::from(index) / 256.0;
             let found = rise(range, [turn.cos(), turn.sin()]);
-            let exact = turn.cos();
+            // Beyond the border on the left and right the relief is level.
+            let exact = turn.cos().max(0.0);
             assert!(found >= exact - 1e-6 && found <= exact + 0.1, "{index}: {found} {exact}");
         }
     }
