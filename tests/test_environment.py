@@ -261,6 +261,16 @@ def test_files_come_back(tmp_path: Path) -> None:
     for name, match in (("room.png", "exr or"), ("gone.hdr", "cannot be read")):
         with pytest.raises(impasto.ArgumentError, match=match):
             Environment.read(tmp_path / name)
+    (tmp_path / "huge.hdr").write_bytes(
+        b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 200000\n" + bytes(99)
+    )
+    with pytest.raises(impasto.CorruptInputError, match=r"huge\.hdr: cannot be decoded") as refused:
+        Environment.read(tmp_path / "huge.hdr")
+    assert "Assertion" not in str(refused.value)
+    assert "\n" not in str(refused.value)
+    impasto.io.write_exr(tmp_path / "below.exr", dict.fromkeys("RGB", np.full((8, 16), -1.0, "f4")))
+    with pytest.raises(impasto.ArgumentError, match=r"below\.exr has -1 at"):
+        Environment.read(tmp_path / "below.exr")
     impasto.io.write_exr(tmp_path / "odd.exr", dict(zip("RGB", radiance[:, :, :30], strict=True)))
     with pytest.raises(impasto.ArgumentError, match="twice as wide"):
         Environment.read(tmp_path / "odd.exr")
@@ -322,6 +332,13 @@ def test_kept_maps_are_used_and_rebuilt(tmp_path: Path, monkeypatch: Any) -> Non
     first = lobes()
     (kept,) = tmp_path.glob("*.npz")
     np.testing.assert_array_equal(lobes(), first)
+    # What lies there is what is used: maps of twice the light, which nobody would build.
+    with np.load(kept) as file:
+        twice = 2.0 * file["lobes"]
+    built = kept.read_bytes()
+    np.savez(kept, lobes=twice)
+    np.testing.assert_array_equal(lobes(), 2.0 * first)
+    kept.write_bytes(built)
     whole = kept.read_bytes()
     for broken in (b"", whole[: len(whole) // 2], whole[:5000] + b"\xff" * 64 + whole[5064:]):
         kept.write_bytes(broken)
@@ -342,11 +359,26 @@ def test_wrong_environments_are_refused() -> None:
         (np.full((3, 8, 16), np.nan), "nan"),
         (np.full((3, 8, 16), -1.0), "-1"),
         (np.full((3, 8, 16), np.inf), "inf"),
+        (np.full((3, 8, 16), 1e300), r"numbers from 0 to 1e\+30; array has 1e\+300"),
     ):
         with pytest.raises(impasto.ArgumentError, match=match):
             Environment(bad)
     with pytest.raises(impasto.ArgumentError, match="rotation"):
         Environment(np.ones((3, 8, 16)), rotation=np.ones((3, 3)))
+    with pytest.raises(
+        impasto.ArgumentError, match=r"intensity: 1e\+10 times the largest radiance"
+    ):
+        Environment(np.full((3, 8, 16), 1e25), intensity=1e10)
+    with pytest.raises(
+        impasto.ArgumentError, match=r"normal: expected finite numbers, found \[nan"
+    ):
+        Environment.named("gallery").irradiance((np.nan, 0.0, 1.0))
+    for no_path in (3, None):
+        with pytest.raises(impasto.ArgumentError, match="path: expected the name of a file"):
+            Environment.read(no_path)  # type: ignore[arg-type]
+    for no_lights in (None, 3, np.array(3.0), (light for light in [(0, 0, 1)])):
+        with pytest.raises(impasto.ArgumentError, match="lights: expected"):
+            Scene(no_lights, environment=Environment.named("gallery"))  # type: ignore[arg-type]
     with pytest.raises(impasto.ArgumentError, match="gallery"):
         Environment.named("galery")
     with pytest.raises(impasto.GeometryError):
@@ -387,3 +419,79 @@ def test_a_part_has_the_pixels_of_the_whole() -> None:
         threads=1,
     )
     np.testing.assert_array_equal(part.xyz, whole.xyz[:, 7:19, 3:17])
+
+
+COARSE = [(1, 1), (1, 100), (3, 2), (5, 10), (9, 9), (31, 63), (64, 127), (200, 1)]
+
+
+@pytest.mark.parametrize(
+    "shape", [*((3, *size) for size in COARSE), *((6, 3, n, n) for n in range(1, 32, 5))]
+)
+@pytest.mark.parametrize("rotation", [0.0, 0.3])
+def test_a_coarse_map_is_of_patches_of_even_light(shape: tuple[int, ...], rotation: float) -> None:
+    room = Environment(np.full(shape, 1.0 / np.pi), rotation=rotation)
+    assert room.radiance.shape == shape
+    for x, y, z in ((0, 0, 1), (0.6, 0, 0.8), (0, -0.6, 0.8), (-0.9, 0, 0.436)):
+        expected = 0.5 * (1.0 + z / np.sqrt(x * x + y * y + z * z))
+        # Midpoints of texels of 0.025 rad, those that the wall cuts being whole or away.
+        np.testing.assert_allclose(room.irradiance((x, y, z)), expected, rtol=0.01)
+
+
+def test_two_halves_are_two_patches() -> None:
+    """Light from the left half of a map alone, the painting's right: in closed form."""
+    halves = np.zeros((3, 1, 2))
+    halves[:, :, 0] = 1.0 / np.pi
+    room = Environment(halves)
+    np.testing.assert_allclose(room.irradiance(), 0.5, rtol=1e-3)
+    # To a facet at 45 degrees the quarter reaches from -45 to 45 degrees: the sine of it.
+    np.testing.assert_allclose(room.irradiance((1.0, 0.0, 1.0)), np.sqrt(0.5), rtol=1e-3)
+
+
+def test_an_environment_is_copied_and_kept_and_stays_as_it_is() -> None:
+    import copy
+    import pickle
+
+    room = Environment(sky("sun"), rotation=0.3, intensity=2.0, scheme="scalar", name="sun")
+    expected = room.prefiltered(lobes=True).lobes()
+    for twin in (copy.copy(room), copy.deepcopy(room), pickle.loads(pickle.dumps(room))):
+        np.testing.assert_array_equal(twin.radiance, room.radiance)
+        assert (twin.intensity, twin.scheme, twin.name) == (2.0, "scalar", "sun")
+        np.testing.assert_array_equal(twin.irradiance(), room.irradiance())
+        np.testing.assert_array_equal(twin.prefiltered(lobes=True).lobes(), expected)
+        with pytest.raises(ValueError, match="read-only"):
+            twin.radiance[0, 0, 0] = 1.0
+    for name in ("rotation", "intensity", "radiance", "scheme"):
+        with pytest.raises(AttributeError, match=name):
+            setattr(room, name, 0.5)
+    turn = np.eye(3)
+    Environment(sky("sun"), rotation=turn)
+    turn[0, 0] = 2.0  # what was given stays the caller's
+
+
+def test_a_black_room_says_so() -> None:
+    board = Surface(normals(count=4).T[:, None], np.ones((3, 1, 4), np.float32))
+    behind = np.zeros((3, 8, 16))
+    behind[:, :, :2] = 1.0
+    for radiance in (np.zeros((3, 8, 16)), behind):
+        room = Environment(radiance)
+        with pytest.raises(
+            impasto.ArgumentError, match="'array' is black in front of the painting"
+        ):
+            impasto.render(board, Scene(environment=room))
+        assert not impasto.render(board, Scene(environment=room, exposure=1.0)).xyz.any()
+    lit = impasto.render(board, Scene([(0, 0, 1)], environment=Environment(behind)))
+    assert (lit.xyz > 0.0).all()
+
+
+def test_a_scene_of_one_illuminant_can_be_brought_into_a_room() -> None:
+    room = Environment.named("gallery")
+    lamps = Scene([(0, 0, 1), (0, 1, 1)], illuminant="A")
+    assert lamps.changed(environment=room).illuminants == ("A", "A", "A")
+    assert lamps.changed(lights=[], environment=room).illuminants == ("A",)
+    assert lamps.changed(environment=room).changed(environment=None).illuminants == ("A", "A")
+    mixed = Scene([(0, 0, 1), (0, 1, 1)], illuminant=["A", 3000.0])
+    with pytest.raises(impasto.ArgumentError, match="one for the environment"):
+        mixed.changed(environment=room)
+    spectrum = (np.array([400.0, 700.0]), np.array([1.0, 2.0]))
+    kept = Scene([(0, 0, 1)], illuminant=spectrum).changed(environment=room).illuminants
+    assert kept == (spectrum, spectrum)

@@ -226,6 +226,7 @@ def test_a_scene_is_changed_in_what_is_said() -> None:
     assert scene.changed(lights=[LAMP], illuminant="A").illuminants == ("A",)
     with pytest.raises(ArgumentError, match="illuminant: expected one per light"):
         scene.changed(lights=[LAMP])
+    assert Scene([LAMP, LAMP], illuminant="A").changed(lights=[LAMP]).illuminants == ("A",)
 
 
 @pytest.mark.parametrize(("frames", "words"), [(0, "frames"), (1.5, "frames")])

@@ -220,3 +220,18 @@ def test_relief_moves_what_is_seen_from_the_side() -> None:
     # A block 1 mm = 5 pixels high moves away from an eye on the right by 5 sin 36.9 = 3 pixels; a
     # wall towards the eye adds half its width of 3 pixels.
     assert 1.0 < middle(flat) - middle(raised) < 3.5
+
+
+def test_texts_for_numbers_are_refused_by_name() -> None:
+    flat = np.zeros((3, 3))
+    with pytest.raises(impasto.ArgumentError, match="light: expected three finite numbers"):
+        impasto.cast_shadows(flat, PITCH, "abc")
+    for call in (
+        lambda wrong: impasto.cast_shadows(wrong, PITCH, (0.0, 0.0, 1.0)),
+        lambda wrong: impasto.sky_visibility(wrong, PITCH),
+    ):
+        for wrong in ("a", [["1"]], None):
+            with pytest.raises(impasto.ArgumentError, match="height: expected"):
+                call(wrong)
+    with pytest.raises(impasto.ArgumentError, match="normal: expected unit normals"):
+        impasto.integrate_normals("a")

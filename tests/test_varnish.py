@@ -225,6 +225,10 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"yellowness": float("inf")}, "yellowness"),
     ({"gamma": 0.0}, "gamma"),
     ({"beta": -1.0}, "beta"),
+    # Beyond single precision the picture is black, and the default strength 1 / gamma^2 with it.
+    ({"beta": 1e39}, r"beta: expected a strength from 0 to 1e\+30, or None, found 1e\+39"),
+    ({"gamma": 1e-5}, r"gamma: expected an angle in radians from 0.0005 to 1.25, found 1e-05"),
+    ({"gamma": 2.0}, r"gamma: expected an angle in radians from 0.0005 to 1.25, found 2"),
     ({"removed": 1}, "removed"),
     ({"absorption": ([400.0, 700.0], [1.0])}, "absorption"),
     ({"absorption": ([400.0, 700.0], [1.0, -1.0])}, "absorption"),
@@ -236,6 +240,23 @@ WRONG: list[tuple[dict[str, Any], str]] = [
 def test_what_is_no_varnish_is_refused(options: dict[str, Any], words: str) -> None:
     with pytest.raises(ArgumentError, match=words):
         Varnish(**options)
+
+
+@pytest.mark.parametrize("wrong", ["a", float("nan"), 1.5, -0.1, None])
+def test_cosines_that_are_none_are_refused(wrong: Any) -> None:
+    for name in ("light", "view"):
+        with pytest.raises(ArgumentError, match=f"{name}: expected the cosine of a zenith angle"):
+            OLD.transmittance([450.0], **{name: wrong})
+
+
+@pytest.mark.parametrize("gamma", [5e-4, 1.25])
+def test_the_bounds_of_the_coat_make_pictures(gamma: float) -> None:
+    surface, spectra = painting()
+    for beta in (None, 1e30):
+        scene = Scene([DistantLight((0.1, 0.0, 1.0))], varnish=Varnish(gamma=gamma, beta=beta))
+        xyz = impasto.render(surface, scene, reflectance=spectra).xyz
+        assert np.isfinite(xyz).all()
+        assert (xyz > 0.0).all()
 
 
 def test_a_film_needs_spectra_and_an_opaque_one_cannot_be_removed() -> None:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
-from impasto._internal.checks import is_whole, length_mm, number, truth
+from impasto._internal.checks import is_whole, length_mm, number, numbers, real, truth
 from impasto._internal.waiting import floats
 from impasto.errors import ArgumentError
 from impasto.level import Level, as_level, level_of_height
@@ -61,7 +61,7 @@ def integrate_normals(
         raise ArgumentError(
             f"normal: expected an array (3, y, x), found {type(normal).__name__}; give its .normal"
         )
-    array = floats(normal)
+    array = floats(real(normal, "normal", "unit normals (3, y, x)"))
     if array.ndim != 3 or array.shape[0] != 3 or 0 in array.shape:
         raise ArgumentError(f"normal: expected shape (3, y, x), found {array.shape}")
     pitch = length_mm(pitch_mm, "pitch_mm")
@@ -113,11 +113,9 @@ def cast_shadows(
     ArgumentError, GeometryError
         A wrong shape, pitch or light; a light that is not in front of the painting.
     """
-    relief = floats(height)
-    if relief.ndim != 2 or 0 in relief.shape:
-        raise ArgumentError(f"height: expected shape (y, x), found {relief.shape}")
+    relief = _relief(height)
     pitch = length_mm(pitch_mm, "pitch_mm")
-    vector = np.asarray(light, dtype=np.float64)
+    vector = numbers(light, "light", "three finite numbers")
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ArgumentError(f"light: expected three finite numbers, found {light!r}")
     if truth(level, "level"):
@@ -177,9 +175,7 @@ def sky_visibility(
     >>> sky_visibility(np.zeros((2, 3)), 0.1).min().round(5)
     np.float32(1.0)
     """
-    relief = floats(height)
-    if relief.ndim != 2 or 0 in relief.shape:
-        raise ArgumentError(f"height: expected shape (y, x), found {relief.shape}")
+    relief = _relief(height)
     pitch = length_mm(pitch_mm, "pitch_mm")
     if not (is_whole(azimuths) and 4 <= azimuths <= 1024):
         raise ArgumentError(f"azimuths: expected 4 to 1024, found {azimuths!r}")
@@ -187,3 +183,10 @@ def sky_visibility(
     if not 0.0 <= share <= 1.0:
         raise ArgumentError(f"albedo: expected a reflectance from 0 to 1, found {albedo}")
     return _core.sky_visibility(relief, pitch, int(azimuths), share, thread_count(threads))
+
+
+def _relief(height: ArrayLike) -> NDArray[np.float32]:
+    relief = floats(real(height, "height", "heights (y, x) in mm"))
+    if relief.ndim != 2 or 0 in relief.shape:
+        raise ArgumentError(f"height: expected shape (y, x), found {relief.shape}")
+    return relief

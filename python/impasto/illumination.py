@@ -81,6 +81,11 @@ def channel_colours(scene: Scene, reflectance: Any, bands: int, eye: Any) -> Cha
         interface = np.stack([share * f.interface for share, f in zip(shares, folds, strict=True)])
     # Maps do not know the intensity: they are kept.
     board = room.irradiance()
+    if scene.exposure is None and not scene.lights and not board.any():
+        raise ArgumentError(
+            f"environment: {room.name!r} is black in front of the painting, so that no exposure "
+            "follows from it; turn the room (rotation=), add a lamp, or give exposure="
+        )
     return ChannelColours(
         np.ascontiguousarray(room.intensity * diffuse),
         room.intensity * interface,

@@ -113,7 +113,7 @@ class Scene:
             raise ArgumentError(
                 f"environment: expected an impasto.Environment, found {type(environment).__name__}"
             )
-        dark = environment is not None and len(lights) == 0  # type: ignore[arg-type]
+        dark = environment is not None and _empty(lights)
         stand_in: Any = [DistantLight(FRONTAL)] if dark else lights
         rig = Rig(stand_in, views=FRONTAL if view is None else view, pitch_mm=1.0)
         for index, light in enumerate(rig.lights):
@@ -168,6 +168,8 @@ class Scene:
     def changed(self, **options: Any) -> Scene:
         """The same scene with other options; the parameters are those of the class.
 
+        One illuminant of all lights also is that of more or fewer lights, and of a room.
+
         Raises
         ------
         GeometryError, ArgumentError
@@ -178,7 +180,10 @@ class Scene:
             for name in signature(Scene).parameters
             if name != "illuminant"
         }
-        return Scene(**{**given, "illuminant": list(self.illuminants), **options})
+        first, *others = self.illuminants
+        equal = all(_same(first, one) for one in others) and not isinstance(first, list)
+        illuminant = first if equal else list(self.illuminants)
+        return Scene(**{**given, "illuminant": illuminant, **options})
 
     def __repr__(self) -> str:
         lamps = f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"
@@ -206,3 +211,18 @@ class Scene:
             f"<Scene {lamps} ({', '.join(sorted(spectra))}){eye}{side}{shadows}{coat}, "
             f"on {self.display.name}>"
         )
+
+
+def _empty(lights: Any) -> bool:
+    try:
+        return len(lights) == 0
+    except TypeError:
+        return False  # no lights at all, as a rig says
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two illuminants are one name, one temperature or one object."""
+    named = (str, int, float)
+    return one is other or (
+        isinstance(one, named) and isinstance(other, named) and bool(one == other)
+    )

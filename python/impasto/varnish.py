@@ -19,12 +19,13 @@ with one parameter, not the measurement of a resin. ``absorption=`` takes measur
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto._internal.checks import number, numbers, positive, refractive_index, truth
+from impasto._internal.checks import MOST, number, numbers, positive, refractive_index, truth
 from impasto.colour.wavelengths import checked_wavelengths
 from impasto.errors import ArgumentError
 
@@ -36,6 +37,9 @@ PHOTOGRAPHED = (0.5**0.5, 1.0)
 """Cosines to light and eye that stand for all photographs: lamps at 45 degrees, camera in front."""
 GRAZING = 1e-12
 """Smallest squared cosine in the film: the way of grazing light at index 1 stays a number."""
+NARROWEST, WIDEST = 5e-4, 1.25
+"""Half-widths in radians that the lobe model tells apart (``GAMMA_MIN``, ``GAMMA_MAX`` of
+``brdf/torrance_sparrow.rs``)."""
 OPAQUE = 0.02
 """Below it a film hides what lies under it: dividing by it multiplies noise by 50."""
 
@@ -65,7 +69,7 @@ class Varnish:
         Instead of ``yellowness``: ``(wavelengths, values)`` in nm and 1/mm, interpolated linearly,
         its end values continued.
     gamma
-        Half-width of the facets of its surface in radians.
+        Half-width of the facets of its surface in radians, 5e-4 to 1.25.
     beta
         Strength of its lobe; default: ``ln 2 / (4 gamma^2)``, with which the lobe reflects as much
         as a smooth interface of this index does. 0: no gloss.
@@ -102,9 +106,9 @@ class Varnish:
         positive(self.thickness_um, "thickness_um", "a positive thickness in micrometres")
         set_(self, "index", refractive_index(self.index))
         _not_negative(self.yellowness, "yellowness", "1/mm from 0 on")
-        positive(self.gamma, "gamma", "a positive angle in radians")
+        positive(self.gamma, "gamma", "an angle in radians", NARROWEST, WIDEST)
         if self.beta is not None:
-            _not_negative(self.beta, "beta", "a strength from 0 on, or None")
+            _not_negative(self.beta, "beta", f"a strength from 0 to {MOST:g}, or None", MOST)
         set_(self, "removed", truth(self.removed, "removed"))
         if self.absorption is not None:
             set_(self, "absorption", _curve(self.absorption, self.yellowness))
@@ -150,8 +154,18 @@ class Varnish:
         wavelengths
             ``(n,)`` nm.
         light, view
-            Cosines of the zenith angles of light and eye; default: both in front.
+            Cosines of the zenith angles of light and eye, 0 to 1; default: both in front.
+
+        Raises
+        ------
+        ArgumentError
+            No wavelengths, or no such cosine.
         """
+        for value, name in ((light, "light"), (view, "view")):
+            expected = "the cosine of a zenith angle, 0 to 1"
+            # Unit vectors of rounded numbers are longer than 1 by a few roundings.
+            if not 0.0 <= number(value, name, expected) <= 1.0 + 1e-6:
+                raise ArgumentError(f"{name}: expected {expected}, found {value!r}")
         millimetres = 1e-3 * self.thickness_um * self.path(light, view)
         return np.exp(-millimetres * self.coefficients(wavelengths))
 
@@ -191,6 +205,6 @@ def _curve(given: tuple[ArrayLike, ArrayLike], yellowness: float) -> tuple[Array
     return grid, values
 
 
-def _not_negative(value: float, name: str, expected: str) -> None:
-    if not 0.0 <= number(value, name, expected) < math.inf:
+def _not_negative(value: float, name: str, expected: str, most: float = sys.float_info.max) -> None:
+    if not 0.0 <= number(value, name, expected) <= most:
         raise ArgumentError(f"{name}: expected {expected}, found {value!r}")

@@ -65,11 +65,16 @@ def length_mm(value: Any, name: str) -> float:
 
 def numbers(values: Any, name: str, expected: str) -> NDArray[np.float64]:
     """An array of real numbers of any shape; texts are refused even where they look like one."""
+    return real(values, name, expected).astype(np.float64)
+
+
+def real(values: Any, name: str, expected: str) -> NDArray[Any]:
+    """As :func:`numbers`, in the type that they have: the array itself where it is one."""
     try:
         found = np.asarray(values)
         if found.dtype.kind not in "fiubO":
             raise TypeError
-        return found.astype(np.float64)
+        return found.astype(np.float64) if found.dtype.kind == "O" else found
     except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError(f"{name}: expected {expected}, found {values!r}") from error
 
