@@ -39,8 +39,8 @@ class Environment:
     Radiance is relative: a constant radiance of 1 / pi shows a white board that faces the viewer
     as white, as a :class:`~impasto.DistantLight` of intensity 1 straight in front of it does. What
     lies behind the plane of the painting gives no light. A map with more than 512 columns (faces
-    of more than 128) is averaged down to these by solid angle; the texels of a small one are patches
-    of even light.
+    of more than 128) is averaged down to these by solid angle; the texels of a small one are
+    patches of even light.
 
     Parameters
     ----------
