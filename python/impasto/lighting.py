@@ -46,6 +46,9 @@ class SceneArguments:
     environment: tuple[Any, tuple[int, int, int], float] | None = None
     """What :meth:`impasto.Environment.prefiltered` gives, the illuminants of its channels, and the
     mean reflectance of what surrounds a pixel."""
+    perspective: bool = False
+    shadows: bool = False
+    parallax: bool = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,7 +60,7 @@ class Prepared:
     surface
         The maps with the coefficients of spectra as their colours, levelled.
     relief
-        ``(y, x)`` height in mm where the scene has shadows, otherwise None.
+        ``(y, x)`` height in mm where the scene has shadows or parallax, otherwise None.
     arguments
         The scene.
     rig
@@ -72,7 +75,7 @@ class Prepared:
         What has the spectra of the colours; None for those of the bands.
     as_photographed
         Whether the picture can show what photographs show besides the model: the panel is not
-        rotated, no shadows are cast, the painting is seen on its own pixels, its colours are those
+        rotated, no relief is wanted, the painting is seen on its own pixels, its colours are those
         of the bands.
     """
 
@@ -133,9 +136,10 @@ def prepare(
     if scene.varnish is not None:
         lit = varnished(lit, scene.varnish)
     stood = lit.normal
-    lit = _levelled(lit, level, has_height=height is not None, shadows=scene.shadows)
-    unmoved = lit.normal is stood and not scene.shadows
-    relief = _relief(lit, height, pitch, threads) if scene.shadows else None
+    over = scene.shadows or scene.has_parallax
+    lit = _levelled(lit, level, has_height=height is not None, wanted=over)
+    unmoved = lit.normal is stood and not over
+    relief = _relief(lit, height, pitch, threads) if over else None
     eye = surface.eye() if scene.view is None else scene.view
     whole = rig_of(scene, eye, pitch, lit)
     lit, arguments, exposure = arranged(lit, scene, whole, eye, reflectance, threads)
@@ -148,7 +152,13 @@ def prepare(
         from_picture=isinstance(scene.exposure, str),
         in_bands=reflectance is None,
         reflectance=reflectance,
-        as_photographed=(reflectance is None and bool(scene.lights) and unmoved and _in_front(eye)),
+        as_photographed=(
+            reflectance is None
+            and bool(scene.lights)
+            and unmoved
+            and _in_front(eye)
+            and not scene.perspective
+        ),
     )
 
 
@@ -194,6 +204,9 @@ def arranged(
         interface=interface,
         background=(float(background[0]), float(background[1]), float(background[2])),
         environment=_surroundings(scene, lit, reflectance, len(diffuse), threads),
+        perspective=scene.perspective,
+        shadows=scene.shadows,
+        parallax=scene.has_parallax,
     )
     return _with_ambient_of(lit, scene, rig), arguments, float(exposure)
 
@@ -290,11 +303,11 @@ def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:
 
 
 def _levelled(
-    lit: Surface, level: bool | Level | None, *, has_height: bool, shadows: bool
+    lit: Surface, level: bool | Level | None, *, has_height: bool, wanted: bool
 ) -> Surface:
     """The surface relative to the plane of its panel, if that is wanted."""
     if level is None:
-        if not shadows or has_height or lit.height is not None or not _faces(lit.normal):
+        if not wanted or has_height or lit.height is not None or not _faces(lit.normal):
             return lit
         found = find_level(lit.normal)
         plane = found if found.leans else None

@@ -148,9 +148,7 @@ class Plan:
 
     def forced(self) -> Plan:
         """The plan that simulates every effect that is there, everywhere."""
-        core = _core.Plan.forced(
-            self._prepared.surface, self._prepared.arguments, self._prepared.relief is not None
-        )
+        core = _core.Plan.forced(self._prepared.surface, self._prepared.arguments)
         effects = (*_effects(core), *_folded(self._scene, self._prepared))
         return replace(self, effects=effects, tolerance=0, error=0.0, unit="", _native=core)
 
@@ -310,7 +308,6 @@ def plan(
             statistics,
             prepared.arguments,
             tolerance=limit,
-            shadows=prepared.relief is not None,
             more_light=kept,
             threads=workers,
         )

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 from numpy.typing import ArrayLike
 
-from impasto._internal.checks import instance, number, numbers, positive
+from impasto._internal.checks import instance, number, numbers, positive, truth
 from impasto.colour import Display
 from impasto.colour.adaptation import Mode
 from impasto.colour.illuminants import checked_illuminant
@@ -36,7 +36,8 @@ class Scene:
     view
         Direction to the eye, parallel rays. Off the normal, the picture is the painting
         foreshortened along its tilt, the painting's up staying up. Or a
-        :class:`~impasto.PointView`: the painting's own pixels, each lit as seen from there.
+        :class:`~impasto.PointView`: the painting's own pixels, each lit as seen from there, or with
+        ``perspective`` the painting as it looks from there.
         Default: in front; where the photographs of a result have one :class:`~impasto.PointView`,
         given or refined, from there. Torrance-Sparrow lobes see an environment as from the middle
         of the painting, wherever the eye is.
@@ -59,6 +60,12 @@ class Scene:
         Include cast shadows of the relief: hard ones of lamps without a size, soft ones of lamps
         with a ``radius``. Of an environment each pixel then has the share that it sees of an even
         sky, and light that the relief gives back once.
+    perspective
+        Whether the picture from a :class:`~impasto.PointView` is in perspective, its up that of the
+        painting, its middle at the painting's scale. Default: the painting's own pixels.
+    parallax
+        Whether a picture from the side or in perspective shows each place of the relief where its
+        height puts it, near relief before far relief. Default: with ``shadows``.
     varnish
         A coat of :class:`~impasto.Varnish` over the painting; default: the painting as it is.
     background
@@ -92,6 +99,8 @@ class Scene:
     display: Display
     exposure: float | Literal["maximum"] | None
     shadows: bool
+    perspective: bool
+    parallax: bool | None
     varnish: Varnish | None
     background: tuple[float, float, float]
 
@@ -108,6 +117,8 @@ class Scene:
         display: Display | str = "srgb",
         exposure: float | Literal["maximum"] | None = None,
         shadows: bool = False,
+        perspective: bool = False,
+        parallax: bool | None = None,
         varnish: Varnish | None = None,
         background: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
@@ -164,8 +175,15 @@ class Scene:
         set_(self, "display", display if isinstance(display, Display) else Display.named(display))
         set_(self, "exposure", exposure)
         set_(self, "shadows", bool(shadows))
+        set_(self, "perspective", truth(perspective, "perspective"))
+        set_(self, "parallax", None if parallax is None else truth(parallax, "parallax"))
         set_(self, "varnish", varnish)
         set_(self, "background", tuple(fill.tolist()))
+
+    @property
+    def has_parallax(self) -> bool:
+        """Whether relief moves what is seen from the side: ``parallax``, else ``shadows``."""
+        return self.shadows if self.parallax is None else self.parallax
 
     def changed(self, **options: Any) -> Scene:
         """The same scene with other options; the parameters are those of the class.

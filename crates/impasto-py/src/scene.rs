@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 
 use impasto::Error;
 use impasto::geometry::Grid;
+use impasto::relight::plan::Over;
 use impasto::relight::scene::{Colour, Lamp, Scene, Surroundings};
 
 use crate::arrays::RigArguments;
@@ -32,12 +33,21 @@ pub(crate) struct SceneArguments<'py> {
     /// With the illuminants of its channels and the mean reflectance around a pixel: then the rig's
     /// light, if its intensity is none, only says where the eye is.
     environment: Option<(Py<Environment>, [usize; 3], f64)>,
+    /// Whether a near eye sees the painting in perspective.
+    perspective: bool,
+    /// What a relief does.
+    shadows: bool,
+    parallax: bool,
 }
 
 impl SceneArguments<'_> {
     /// Where the pixels of a surface lie.
     pub(crate) fn grid(&self, surface: &SurfaceArguments<'_>) -> Grid {
         surface.grid(self.rig.pitch_mm)
+    }
+
+    pub(crate) fn over(&self) -> Over {
+        Over { shadows: self.shadows, parallax: self.parallax }
     }
 
     pub(crate) fn scene(&self, grid: Grid) -> impasto::Result<Scene> {
@@ -61,6 +71,7 @@ impl SceneArguments<'_> {
             albedo: *albedo,
         });
         Scene::surrounded(lamps.collect(), colours.collect(), rig.views()[0], environment)
+            .map(|scene| scene.in_perspective(self.perspective))
     }
 }
 

@@ -17,7 +17,7 @@ use std::thread::available_parallelism;
 use impasto::geometry::{Grid, Light, Rig};
 use impasto::math::{Level, Vec3};
 use impasto::pixels::{Pool, Progress, Run};
-use impasto::relight::plan::Plan;
+use impasto::relight::plan::{Over, Plan};
 use impasto::relight::scene::{Colour, Lamp, Scene};
 use impasto::relight::{Relief, render};
 use impasto::sbrdf::Start;
@@ -127,7 +127,7 @@ fn main() -> impasto::Result<()> {
     let bands = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let colours = vec![Colour { diffuse: bands, interface: [1.0; 3] }];
     let scene = Scene::new(vec![lamp], colours, eye)?;
-    let plan = Plan::forced(&surface, grid, &scene, false);
+    let plan = Plan::forced(&surface, grid, &scene, Over::default())?;
     let relief = Relief { grid, height: None };
     let picture = render(&surface, relief, &scene, &plan, [0.0; 3], &run)?;
     let light = f64::from(picture.light.iter().sum::<f32>()) / picture.light.len() as f64;

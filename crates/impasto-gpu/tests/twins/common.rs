@@ -3,7 +3,7 @@
 use impasto::geometry::{Grid, Light, View};
 use impasto::math::Vec3;
 use impasto::pixels::serially;
-use impasto::relight::plan::Plan;
+use impasto::relight::plan::{Over, Plan};
 use impasto::relight::scene::{Colour, Lamp, Scene};
 use impasto::relight::{self, Picture, Relief};
 use impasto::surface::Surface;
@@ -105,7 +105,8 @@ pub(crate) fn on_cpu(
     scene: &Scene,
     grid: Grid,
 ) -> Picture {
-    let plan = Plan::forced(surface, grid, scene, height.is_some());
+    let over = Over { shadows: height.is_some(), parallax: height.is_some() };
+    let plan = Plan::forced(surface, grid, scene, over).unwrap();
     serially(|run| relight::render(surface, Relief { grid, height }, scene, &plan, BACKGROUND, run))
         .unwrap()
 }
@@ -117,7 +118,8 @@ pub(crate) fn on_gpu(
     scene: &Scene,
     grid: Grid,
 ) -> Picture {
-    let plan = Plan::forced(surface, grid, scene, height.is_some());
+    let over = Over { shadows: height.is_some(), parallax: height.is_some() };
+    let plan = Plan::forced(surface, grid, scene, over).unwrap();
     let relief = Relief { grid, height };
     serially(|run| impasto_gpu::render(gpu, surface, relief, scene, &plan, BACKGROUND, run))
         .unwrap()

@@ -8,7 +8,7 @@
 //! ([`render`]), which goes through the [`view`] if it is slanted, or display codes ([`paint`]).
 
 use crate::error::{Error, Result};
-use crate::geometry::{Grid, View};
+use crate::geometry::Grid;
 use crate::pixels::Run;
 use crate::surface::Surface;
 
@@ -67,15 +67,13 @@ pub fn render(
     let (mut light, mut coverage) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
     let target = Target::Light { light: &mut light, coverage: &mut coverage };
     shaded(surface, relief, scene, plan, background, target, run)?;
-    match scene.view() {
-        View::Distant(view) if plan.projected() => {
-            let seen = (&light[..], &coverage[..]);
-            let (light, coverage, grid) =
-                view::seen_from(view, seen, grid, relief.height, background, run)?;
-            Ok(Picture { light, coverage, grid })
-        }
-        _ => Ok(Picture { light, coverage, grid }),
+    if !plan.projected() {
+        return Ok(Picture { light, coverage, grid });
     }
+    let (seen, height) = ((&light[..], &coverage[..]), relief.height.filter(|_| plan.displaced()));
+    let (light, coverage, grid) =
+        view::seen_from(scene.view(), seen, grid, height, background, run)?;
+    Ok(Picture { light, coverage, grid })
 }
 
 /// The same as 8-bit display codes `(y, x, 3)` and coverage, without planes of light in between: a

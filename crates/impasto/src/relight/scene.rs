@@ -35,12 +35,13 @@ pub struct Colour {
 /// Lamps, their colours and the eye.
 ///
 /// A distant eye sees the painting in parallel rays, foreshortened along its tilt. What a near eye
-/// sees is shown on the painting's own grid, as rectified photographs are.
+/// sees is shown on the painting's own grid, as rectified photographs are, or in perspective.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     lamps: Vec<Lamp>,
     colours: Vec<Colour>,
     view: View,
+    perspective: bool,
     environment: Option<Surroundings>,
 }
 
@@ -134,7 +135,19 @@ impl Scene {
                 format!("the eye must be in front of the painting (z is {})", direction.z);
             return Err(Error::geometry("view", problem));
         }
-        Ok(Self { lamps, colours, view, environment })
+        Ok(Self { lamps, colours, view, perspective: false, environment })
+    }
+
+    /// The same, but a near eye sees the painting in perspective.
+    #[must_use]
+    pub fn in_perspective(self, perspective: bool) -> Self {
+        Self { perspective, ..self }
+    }
+
+    /// Whether the picture is the painting as its eye sees it: from anywhere but straight in front.
+    #[must_use]
+    pub fn is_projected(&self) -> bool {
+        self.view.is_distant() || self.perspective
     }
 
     /// All lamps.

@@ -184,7 +184,7 @@ impl Work<'_> {
             }
         }
         let more_light = options.more_light || scene.environment().is_some();
-        let dark = options.shadows || more_light;
+        let dark = options.over.shadows || more_light;
         let low = low.map(|value| if dark || value.is_nan() { 0.0 } else { value.max(0.0) });
         let unknown = |value: f64| more_light || value.is_nan();
         let high = high.map(|value| if unknown(value) { f64::INFINITY } else { value });

@@ -6,7 +6,7 @@
 //! knapsack problem [@dantzig1957discrete]).
 
 use crate::error::{Error, Result};
-use crate::geometry::{Grid, View};
+use crate::geometry::Grid;
 use crate::pixels::Run;
 use crate::surface::Surface;
 
@@ -36,8 +36,10 @@ pub enum Effect {
     NearLight,
     /// A view that differs from pixel to pixel.
     NearView,
-    /// Projection along a view that is not the painting's normal.
+    /// Projection to an eye that does not stand straight in front.
     SlantedView,
+    /// Parts of the relief before other parts, and nearer to the eye.
+    Parallax,
     /// Light from all directions.
     Environment,
     /// Parts of the relief before an environment.
@@ -86,6 +88,8 @@ pub struct Plan {
     columns: usize,
     tiles: usize,
     projected: bool,
+    /// Whether a relief moves what is seen.
+    displaced: bool,
     /// The largest sum of bounds.
     error: f64,
 }
@@ -120,14 +124,22 @@ struct Decided {
 
 impl Plan {
     /// Everything that is there is simulated everywhere.
-    #[must_use]
-    pub fn forced(surface: &Surface<'_>, grid: Grid, scene: &Scene, has_height: bool) -> Self {
+    ///
+    /// # Errors
+    /// If the eye of a perspective is too near.
+    pub fn forced(
+        surface: &Surface<'_>,
+        grid: Grid,
+        scene: &Scene,
+        Over { shadows, parallax }: Over,
+    ) -> Result<Self> {
         let lamps = scene.lamps().len();
         let columns = grid.width.div_ceil(SIDE);
         let tiles = columns * grid.height.div_ceil(SIDE);
         let lobes = (0..surface.lobes.len()).map(lobe_bit).fold(0, |all, bit| all | bit);
-        let shaded = if has_height { SHADED } else { 0 };
-        let projected = slanted(scene, grid) > 0.0;
+        let shaded = if shadows { SHADED } else { 0 };
+        let projected = slanted(scene, grid)? > 0.0;
+        let displaced = projected && parallax;
         let mut rows = Vec::new();
         let mut row = |effect, present: bool, tiles| {
             let decision = if present { Decision::On } else { Decision::Absent };
@@ -141,18 +153,19 @@ impl Plan {
         for lobe in 0..surface.lobes.len() {
             row(Effect::Lobe(lobe), true, tiles);
         }
-        row(Effect::CastShadows, has_height, tiles);
+        row(Effect::CastShadows, shadows, tiles);
         row(Effect::NearLight, near, tiles);
         row(Effect::NearView, !scene.view().is_distant(), tiles);
         row(Effect::SlantedView, projected, tiles);
+        row(Effect::Parallax, displaced, tiles);
         let environment = scene.environment();
         row(Effect::Environment, environment.is_some(), tiles);
-        let hidden = environment.is_some() && has_height;
+        let hidden = environment.is_some() && shadows;
         row(Effect::SkyOcclusion, hidden, tiles);
         row(Effect::OneBounce, hidden && environment.is_some_and(|one| one.albedo > 0.0), tiles);
         let parts = vec![LIT | shaded | NEAR | lobes; tiles * lamps];
         let around = vec![if hidden { SKY | BOUNCE } else { 0 }; tiles];
-        Self { rows, parts, lamps, around, columns, tiles, projected, error: 0.0 }
+        Ok(Self { rows, parts, lamps, around, columns, tiles, projected, displaced, error: 0.0 })
     }
 
     /// Decides from the statistics of a surface, which hold a relief where shadows are wanted.
@@ -172,7 +185,7 @@ impl Plan {
         }
         let work = Work { surface, statistics, grid, scene, options };
         let (columns, lamps) = (statistics.columns, scene.lamps().len());
-        let slanted = slanted(scene, grid);
+        let slanted = slanted(scene, grid)?;
         // A piece of work is a row of tiles.
         let lines = statistics.tiles.chunks(columns).enumerate().collect();
         let decided: Vec<Decided> = run
@@ -190,10 +203,12 @@ impl Plan {
         let mut parts: Vec<u32> = decided.iter().flat_map(|tile| tile.parts.clone()).collect();
         let shadows = work.shadows(&mut parts);
         let sky = work.sky();
-        let rows = work.rows(&parts, &decided, shadows, slanted, &sky);
+        let moved = work.moved(slanted);
+        let rows = work.rows(&parts, &decided, shadows, (slanted, &moved), &sky);
         let error = decided.iter().map(|tile| tile.error).fold(0.0, f64::max);
-        let (tiles, projected) = (decided.len(), slanted > 0.0);
-        Ok(Self { rows, parts, lamps, around: sky.0, columns, tiles, projected, error })
+        let (tiles, around) = (decided.len(), sky.0);
+        let (projected, displaced) = (slanted > 0.0, moved.decision == Decision::On);
+        Ok(Self { rows, parts, lamps, around, columns, tiles, projected, displaced, error })
     }
 
     /// The plan without one effect, whatever that costs: what the effect takes is the difference.
@@ -210,6 +225,10 @@ impl Plan {
             Effect::NearLight => NEAR,
             Effect::SlantedView => {
                 self.projected = false;
+                0
+            }
+            Effect::Parallax => {
+                self.displaced = false;
                 0
             }
             Effect::SkyOcclusion | Effect::OneBounce => {
@@ -261,6 +280,12 @@ impl Plan {
         self.projected
     }
 
+    /// Whether the relief moves what a projected picture shows.
+    #[must_use]
+    pub fn displaced(&self) -> bool {
+        self.displaced
+    }
+
     /// The parts that the pixels from a column and row on need, one entry per lamp.
     pub(super) fn parts(&self, column: usize, row: usize) -> &[u32] {
         let tile = row / SIDE * self.columns + column / SIDE;
@@ -284,23 +309,33 @@ impl Plan {
     }
 }
 
+/// What a relief, if there is one, does to a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Over {
+    /// It casts shadows, and hides a part of an environment.
+    pub shadows: bool,
+    /// Its parts are seen where their heights put them.
+    pub parallax: bool,
+}
+
 /// How far a plan may go.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// What may be left out.
     pub tolerance: Tolerance,
-    /// Whether shadows are cast.
-    pub shadows: bool,
+    /// What a relief does.
+    pub over: Over,
     /// Whether light is added or taken afterwards, so that a tile may be darker than it seems.
     pub more_light: bool,
 }
 
 /// How far the slant of a view moves a pixel, in pixels: where it moves any, the picture may be of
 /// another size, and a highlight moves into what is dark beside it.
-fn slanted(scene: &Scene, grid: Grid) -> f64 {
-    match scene.view() {
-        View::Distant(view) => Projection::new(view, grid).displacement(),
-        View::Point(_) => 0.0,
+fn slanted(scene: &Scene, grid: Grid) -> Result<f64> {
+    if scene.is_projected() {
+        Projection::new(scene.view(), grid).map(|projection| projection.displacement())
+    } else {
+        Ok(0.0)
     }
 }
 

@@ -13,7 +13,7 @@ impl Work<'_> {
     pub(super) fn shadows(&self, parts: &mut [u32]) -> (String, bool) {
         let Self { statistics, grid, scene, options, .. } = self;
         let lamps = scene.lamps().len();
-        if !options.shadows {
+        if !options.over.shadows {
             return ("no shadows wanted".to_owned(), false);
         }
         if lamps == 0 {
@@ -55,7 +55,7 @@ impl Work<'_> {
             return (Vec::new(), "no environment".to_owned());
         };
         let none = vec![0; statistics.tiles.len()];
-        if !options.shadows {
+        if !options.over.shadows {
             return (none, "no shadows wanted".to_owned());
         }
         let floor = SKY_FLOOR / (1.0 - SKY_FLOOR * SKY_FLOOR).sqrt();
