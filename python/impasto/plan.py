@@ -362,21 +362,33 @@ def _same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def _limit(tolerance: str | float, scene: Scene, prepared: Prepared) -> Any:
-    """A tolerance as the core takes it; None for none."""
-    expected = 'tolerance: expected 0, "code:1" or "dE:0.5"'
+def checked_tolerance(tolerance: Any) -> tuple[str, float]:
+    """What a tolerance counts, ``"code"`` or ``"dE"``, and how much of it; 0 counts nothing.
+
+    Raises
+    ------
+    ArgumentError
+        It is none of ``0``, ``"code:1"`` and ``"dE:0.5"``.
+    """
+    wrong = ArgumentError(f'tolerance: expected 0, "code:1" or "dE:0.5", found {tolerance!r}')
     if isinstance(tolerance, str):
         kind, _, number = tolerance.partition(":")
         try:
             limit = float(number)
         except ValueError:
-            raise ArgumentError(f"{expected}, found {tolerance!r}") from None
+            raise wrong from None
         if kind not in {"code", "dE"} or not (np.isfinite(limit) and limit >= 0.0):
-            raise ArgumentError(f"{expected}, found {tolerance!r}")
-    elif isinstance(tolerance, int | float) and not isinstance(tolerance, bool) and tolerance == 0:
-        return None
-    else:
-        raise ArgumentError(f"{expected}, found {tolerance!r}")
+            raise wrong
+        return kind, limit
+    number_like = isinstance(tolerance, int | float) and not isinstance(tolerance, bool)
+    if not (number_like and tolerance == 0):
+        raise wrong
+    return "", 0.0
+
+
+def _limit(tolerance: str | float, scene: Scene, prepared: Prepared) -> Any:
+    """A tolerance as the core takes it; None for none."""
+    kind, limit = checked_tolerance(tolerance)
     # An exposure that follows from the picture is not known before it.
     if limit == 0.0 or prepared.from_picture:
         return None
