@@ -195,6 +195,8 @@ class Environment:
             raise ArgumentError(f"normal: expected (x, y, z), found shape {vector.shape}")
         if not np.isfinite(vector).all():
             raise ArgumentError(f"normal: expected finite numbers, found {vector.tolist()}")
+        # Of any length that a number has: squares of 1e-300 would be 0.
+        vector = vector / (np.abs(vector).max() or 1.0)
         found = self.prefiltered(lobes=False).irradiance(tuple(vector.tolist()))
         return self.intensity * np.array(found)
 

@@ -94,7 +94,8 @@ class Stages:
             yield
         for one in caught:
             if issubclass(one.category, ImpastoWarning):
-                self.say(f"[yellow]warning:[/] {escape(str(one.message))}")
+                words = str(one.message).replace('backend="cpu"', "--backend cpu")
+                self.say(f"[yellow]warning:[/] {escape(words)}")
             else:
                 warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
 
