@@ -52,8 +52,8 @@ class PlannedEffect:
     error
         Most that leaving it out costs a pixel, in the unit of the tolerance.
     saves
-        Seconds that are saved because it is not simulated everywhere, as measured; None if that was
-        not measured.
+        Seconds that are saved because it is not simulated everywhere, as measured; 0 where that
+        cannot be told from noise, None if it was not measured.
     """
 
     name: str
@@ -164,9 +164,9 @@ class Plan:
 
     def verify(self, *, threads: int | None = None) -> Verification:
         """Render both as planned and forced, and compare all pixels."""
-        planned, seconds = _timed(lambda: self.render(output="light", threads=threads), 1)
-        everything = self.forced()
-        forced, all_seconds = _timed(lambda: everything.render(output="light", threads=threads), 1)
+        planned, seconds, _ = _timed(lambda: self.render(output="light", threads=threads), 1)
+        whole = self.forced()
+        forced, all_seconds, _ = _timed(lambda: whole.render(output="light", threads=threads), 1)
         white = np.linalg.solve(planned.exposure * self._scene.display.linear_from_xyz, np.ones(3))
         shown = planned.coverage > 0.0
         equal = all(
@@ -185,18 +185,25 @@ class Plan:
         )
 
     def measured(self, *, threads: int | None = None) -> Plan:
-        """The plan with the seconds that every effect saves, from pictures without each effect."""
+        """The plan with the seconds that every effect saves, from pictures without each effect.
+
+        Times are the shortest of three, after a picture that is not counted. A difference of two of
+        them counts as 0 where it does not exceed the spread of either three, longest less shortest:
+        it may be noise. So on a busy machine a small saving is 0, too.
+        """
         forced = self.forced()
-        _, everything = _timed(lambda: forced.render(threads=threads), _REPEATS)
+        forced.render(threads=threads)
+        _, everything, scatter = _timed(lambda: forced.render(threads=threads), _REPEATS)
         effects = []
         for effect in self.effects:
             saves = None
             if effect.decision in {"no-op", "bounded"} or 0 < effect.tiles < self.tiles:
                 core = forced._native.without(effect.name)
                 bare = replace(forced, _native=core)
-                _, rest = _timed(lambda bare=bare: bare.render(threads=threads), _REPEATS)  # type: ignore[misc]
+                _, rest, other = _timed(lambda bare=bare: bare.render(threads=threads), _REPEATS)  # type: ignore[misc]
+                gained = everything - rest
                 share = 1.0 - effect.tiles / self.tiles
-                saves = max(everything - rest, 0.0) * share
+                saves = gained * share if gained > max(scatter, other) else 0.0
             effects.append(replace(effect, saves=saves))
         return replace(self, effects=tuple(effects))
 
@@ -440,11 +447,11 @@ def _film(scene: Scene, matrices: str) -> PlannedEffect:
     return PlannedEffect("varnish", "folded", 0, reason, 0.0)
 
 
-def _timed(work: Callable[[], Image], repeats: int) -> tuple[Image, float]:
-    shortest, image = np.inf, None
+def _timed(work: Callable[[], Image], repeats: int) -> tuple[Image, float, float]:
+    """What the last of some repeats gives, the shortest time, and the longest less the shortest."""
+    seconds = []
     for _ in range(repeats):
         start = time.perf_counter()
         image = work()
-        shortest = min(shortest, time.perf_counter() - start)
-    assert image is not None
-    return image, shortest
+        seconds.append(time.perf_counter() - start)
+    return image, min(seconds), max(seconds) - min(seconds)
