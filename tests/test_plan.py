@@ -21,6 +21,7 @@ from impasto.errors import ArgumentError
 TILE = 256
 LEFT_OUT: list[bool] = []
 """Of each generated scene with a tolerance, whether its plan leaves something out."""
+ROOM = impasto.Environment(np.random.default_rng(5).uniform(0.0, 2.0, (3, 16, 32)), name="noise")
 SIZES = ((1, 1), (1, 300), (37, 41), (TILE, TILE), (270, 300))
 
 
@@ -108,15 +109,21 @@ def scenes(draw: st.DrawFn) -> tuple[impasto.Surface, impasto.Scene]:
             # At the bound of shadows, a little below and above.
             factor = draw(st.sampled_from((0.7, 0.99, 0.9999, 1.0001, 1.01, 3.0)))
             tangent = factor * max(steepest(height, azimuth, pitch), 0.02)
-            lights.append(impasto.DistantLight(direction(azimuth, tangent)))
+            # A lamp with a size reaches lower by its radius.
+            radius = draw(st.sampled_from((0.0, 0.0, 1e-4, 0.02, 0.3)))
+            towards = direction(azimuth, math.tan(min(math.atan(tangent) + radius, 1.5)))
+            lights.append(impasto.DistantLight(towards, radius=radius))
         else:
             x, y = (200.0 * value for value in direction(azimuth, 0.0)[:2])
             far = draw(st.sampled_from((60.0, 900.0, 1e6)))
-            lights.append(impasto.PointLight((x, y, far), intensity=draw(st.floats(0.01, 2.0))))
+            radius = far * draw(st.sampled_from((0.0, 0.0, 0.1)))
+            intensity = draw(st.floats(0.01, 2.0))
+            lights.append(impasto.PointLight((x, y, far), intensity, radius=radius))
     eyes = ((0.3, -0.2, 0.9), (1e-7, 0.0, 1.0), (1.2e-5, 1.2e-5, 1.0), (4e-3, 0.0, 1.0))
     view = draw(st.sampled_from((None, *eyes, impasto.PointView((9, 5, 400)))))
     scene = impasto.Scene(
         lights,
+        environment=draw(st.sampled_from((None, None, None, ROOM))),
         view=view,
         shadows=draw(st.booleans()),
         exposure=draw(st.sampled_from((None, 0.5, "maximum"))),

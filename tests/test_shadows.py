@@ -299,3 +299,102 @@ def test_texts_for_numbers_are_refused_by_name() -> None:
                 call(wrong)
     with pytest.raises(impasto.ArgumentError, match="normal: expected unit normals"):
         impasto.integrate_normals("a")
+
+
+def bumpy(size: tuple[int, int] = (60, 300)) -> impasto.Surface:
+    """A matte relief of which half is level, with its own normals, 0.5 mm a pixel."""
+    rows, columns = np.mgrid[0 : size[0], 0 : size[1]]
+    height = np.where(columns < 120, 0.8 * np.sin(0.35 * columns) * np.sin(0.2 * rows), 0.0)
+    down, across = np.gradient(height, 0.5)
+    normal = np.stack([-across, down, np.ones(size)])
+    normal /= np.linalg.norm(normal, axis=0)
+    diffuse = np.full((3, *size), 0.5, np.float32)
+    return impasto.Surface(
+        normal.astype(np.float32), diffuse, height=height.astype(np.float32), pitch_mm=0.5
+    )
+
+
+@pytest.mark.parametrize(
+    "lamp",
+    [
+        impasto.DistantLight((0.9, 0.2, 0.35), radius=0.08),
+        impasto.PointLight((150.0, 40.0, 60.0), radius=12.0),
+    ],
+    ids=["distant", "near"],
+)
+def test_a_lamp_with_a_size_lights_what_sees_it(
+    lamp: impasto.DistantLight | impasto.PointLight,
+) -> None:
+    surface = bumpy()
+    scene = impasto.Scene([lamp], exposure=1.0)
+    bare = impasto.render(surface, scene).xyz[1]
+    found = impasto.render(surface, scene.changed(shadows=True)).xyz[1]
+    near = isinstance(lamp, impasto.PointLight)
+    place = lamp.position if near else lamp.direction
+    expected = impasto.cast_shadows(surface.height, 0.5, place, point=near, radius=lamp.radius)
+    lit = bare > 0
+    # Shares are 16-bit numbers: half a step is 1 / 131070.
+    np.testing.assert_allclose(found[lit] / bare[lit], expected[lit], atol=1e-5)
+    assert ((expected > 0.2) & (expected < 0.8)).sum() > 100
+
+
+def test_a_highlight_is_as_wide_as_its_lamp() -> None:
+    """Against the mean of the pictures of many lamps without a size, spread over the disc."""
+    size = (1, 161)
+    slope = np.linspace(-0.2, 0.2, size[1])
+    normal = np.stack([np.sin(slope), np.zeros_like(slope), np.cos(slope)])[:, None]
+    black = np.zeros((1, *size), np.float32)
+    gloss = impasto.Surface.torrance_sparrow(normal.astype(np.float32), black, 1.0, 0.05)
+    exponent = np.full((1, *size), 300.0, np.float32)
+    ones = np.ones((1, *size), np.float32)
+    phong = impasto.Surface.lafortune(
+        normal.astype(np.float32), black, ones[None], -ones, ones, exponent
+    )
+    radius, many = 0.12, 400
+    turn = np.arange(many) * np.pi * (3 - 5**0.5)
+    away = np.tan(radius) * np.sqrt((np.arange(many) + 0.5) / many)
+    lamps = [
+        impasto.DistantLight((r * np.cos(a), r * np.sin(a), 1.0), 1.0 / many)
+        for r, a in zip(away, turn, strict=True)
+    ]
+    whole = impasto.DistantLight((0.0, 0.0, 1.0), radius=radius)
+    for surface in (gloss, phong):
+        exact, found, point = (
+            impasto.render(surface, impasto.Scene(lights, exposure=1.0)).xyz[1, 0]
+            for lights in (lamps, [whole], [impasto.DistantLight((0.0, 0.0, 1.0))])
+        )
+        # crates/impasto/src/relight/area.rs: 0.02 of the largest value for a lobe as wide as the
+        # lamp, 0.22 for one a quarter as wide; these are 0.7 and 0.5 of it.
+        assert np.abs(found - exact).max() < 0.08 * exact.max()
+        assert np.abs(point - exact).max() > 0.3 * exact.max()
+
+
+def test_a_relief_hides_a_part_of_the_room_and_gives_back_light() -> None:
+    even = impasto.Environment(np.ones((3, 64, 128)), name="even")
+    surface = bumpy()
+    scene = impasto.Scene(environment=even, exposure=1.0)
+    bare = impasto.render(surface, scene).xyz[1].astype(np.float64)
+    shaded = scene.changed(shadows=True)
+    found = impasto.render(surface, shaded).xyz[1] / bare
+    seen = impasto.sky_visibility(surface.height, pitch_mm=0.5, azimuths=16).astype(np.float64)
+    alone = 0.5 * (1.0 + surface.normal[2].astype(np.float64))
+    left = np.minimum(seen / alone, 1.0)
+    np.testing.assert_allclose(found, left * (1.0 + 0.5 * (1.0 - left)), atol=1e-4)
+    assert left.min() < 0.85
+    # Far from the relief all above 1.8 degrees is seen: 1.6 mm / tan(1.8 degrees) = 51 mm.
+    assert (found[:, -60:] == 1.0).all()
+    decisions = {one.name: one.decision for one in impasto.plan(surface, shaded).effects}
+    assert [decisions[name] for name in ("sky occlusion", "one bounce")] == ["on", "on"]
+    level = np.zeros(surface.shape, np.float32)
+    flat = impasto.Surface(surface.normal, surface.diffuse, height=level, pitch_mm=0.5)
+    plan = impasto.plan(flat, shaded)
+    assert {one.name: one.decision for one in plan.effects}["sky occlusion"] == "no-op"
+    assert plan.verify().equal
+
+
+@pytest.mark.parametrize("radius", [-0.1, 2.0, float("nan"), "wide"])
+def test_a_radius_that_no_lamp_has_is_refused(radius: float) -> None:
+    with pytest.raises((GeometryError, ArgumentError), match="radius: expected"):
+        impasto.DistantLight((0, 0, 1), radius=radius)
+    with pytest.raises((GeometryError, ArgumentError), match="radius: expected"):
+        impasto.PointLight((0, 0, 3.0), radius=radius)

@@ -28,6 +28,9 @@ from impasto.varnish import Varnish
 _ENOUGH = 100
 """A panel has more normals than that."""
 
+_SAMPLE = 100_000
+"""Pixels of which a mean is taken, about."""
+
 
 @dataclass(frozen=True)
 class SceneArguments:
@@ -35,12 +38,14 @@ class SceneArguments:
 
     rig: RigArguments
     intensity: NDArray[np.float64]
+    radius: NDArray[np.float64]
     colour: NDArray[np.uint32]
     diffuse: NDArray[np.float64]
     interface: NDArray[np.float64]
     background: tuple[float, float, float]
-    environment: tuple[Any, tuple[int, int, int]] | None = None
-    """What :meth:`impasto.Environment.prefiltered` gives, and the illuminants of its channels."""
+    environment: tuple[Any, tuple[int, int, int], float] | None = None
+    """What :meth:`impasto.Environment.prefiltered` gives, the illuminants of its channels, and the
+    mean reflectance of what surrounds a pixel."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -183,11 +188,12 @@ def arranged(
     arguments = SceneArguments(
         rig=RigArguments.of(rig),
         intensity=rig.intensities[: len(scene.lights)],
+        radius=rig.radii[: len(scene.lights)],
         colour=which,
         diffuse=diffuse,
         interface=interface,
         background=(float(background[0]), float(background[1]), float(background[2])),
-        environment=_surroundings(scene, lit, len(diffuse), threads),
+        environment=_surroundings(scene, lit, reflectance, len(diffuse), threads),
     )
     return _with_ambient_of(lit, scene, rig), arguments, float(exposure)
 
@@ -250,14 +256,28 @@ def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:
 
 
 def _surroundings(
-    scene: Scene, lit: Surface, colours: int, threads: int | None
-) -> tuple[Any, tuple[int, int, int]] | None:
+    scene: Scene, lit: Surface, reflectance: Any, colours: int, threads: int | None
+) -> tuple[Any, tuple[int, int, int], float] | None:
     """The environment for the numerics; the last three colours are its channels'."""
     if scene.environment is None:
         return None
     lobes = lit.model == "lafortune" and len(lit.lobes) > 0
     built = scene.environment.prefiltered(lobes=lobes, threads=threads)
-    return built, (colours - 3, colours - 2, colours - 1)
+    albedo = _mean_reflectance(lit, reflectance) if scene.shadows else 0.0
+    return built, (colours - 3, colours - 2, colours - 1), albedo
+
+
+def _mean_reflectance(lit: Surface, reflectance: Any) -> float:
+    """Mean diffuse reflectance over the painting and its bands or wavelengths, 0 to 1."""
+    rows, columns = lit.shape
+    apart = max(1, math.isqrt(rows * columns // _SAMPLE))
+    picked = lit.diffuse[:, ::apart, ::apart].reshape(len(lit.diffuse), -1).astype(np.float64)
+    known = np.isfinite(picked).all(axis=0)
+    if not known.any():
+        return 0.0
+    mean = picked[:, known].mean(axis=1)
+    spectrum = mean if reflectance is None else mean @ np.asarray(reflectance.basis, np.float64)
+    return float(np.clip(spectrum.mean(), 0.0, 1.0))
 
 
 def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:

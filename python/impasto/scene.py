@@ -59,7 +59,9 @@ class Scene:
         Y_max`` of the six-band paper; one bright highlight then darkens the whole picture. The
         picture reports the factor.
     shadows
-        Include cast shadows of the relief.
+        Include cast shadows of the relief: hard ones of lamps without a size, soft ones of lamps
+        with a ``radius``. Of an environment each pixel then has the share that it sees of an even
+        sky, and light that the relief gives back once.
     varnish
         A coat of :class:`~impasto.Varnish` over the painting; default: the painting as it is.
     background

@@ -170,6 +170,10 @@ impl Shown {
             let problem = "light of an environment is computed by the CPU alone".to_owned();
             return Err(Error::Unsupported(problem));
         }
+        if scene.lamps().iter().any(|lamp| lamp.radius > 0.0) {
+            let problem = "lamps with a size are computed by the CPU alone".to_owned();
+            return Err(Error::Unsupported(problem));
+        }
         let lit = Lit::of(scene, self.model, background, display);
         let shadows = relief.is_some();
         let (visibility, words) = match relief {

@@ -89,6 +89,8 @@ fn name(effect: Effect) -> String {
         Effect::NearView => "near view",
         Effect::SlantedView => "slanted view",
         Effect::Environment => "environment",
+        Effect::SkyOcclusion => "sky occlusion",
+        Effect::OneBounce => "one bounce",
     };
     name.to_owned()
 }

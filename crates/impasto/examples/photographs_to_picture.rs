@@ -122,8 +122,8 @@ fn main() -> impasto::Result<()> {
 
     // A raking light from a new direction. Colour is a matrix: here the bands are the display's.
     let surface = varnished(&fitted[0], &fitted[1], beta, gamma);
-    let lamp =
-        Lamp { light: Light::Distant(Vec3::new(-0.85, 0.35, 0.4)), intensity: 2.0, colour: 0 };
+    let light = Light::Distant(Vec3::new(-0.85, 0.35, 0.4));
+    let lamp = Lamp { light, intensity: 2.0, radius: 0.0, colour: 0 };
     let bands = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let colours = vec![Colour { diffuse: bands, interface: [1.0; 3] }];
     let scene = Scene::new(vec![lamp], colours, eye)?;

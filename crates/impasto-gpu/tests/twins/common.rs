@@ -89,6 +89,7 @@ pub(crate) fn colour(warm: f64, coefficients: usize) -> Colour {
 /// Lights of strength 0.8 and of two colours in turn, over two coefficients.
 pub(crate) fn scene(lights: &[Light], view: impl Into<View>) -> Scene {
     let lamps = lights.iter().enumerate().map(|(index, &light)| Lamp {
+        radius: 0.0,
         light,
         intensity: 0.8,
         colour: index % 2,

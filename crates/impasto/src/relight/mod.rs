@@ -12,6 +12,7 @@ use crate::geometry::{Grid, View};
 use crate::pixels::Run;
 use crate::surface::Surface;
 
+mod area;
 mod block;
 mod bounds;
 mod colour;
@@ -112,8 +113,11 @@ fn shaded(
     run: &Run<'_>,
 ) -> Result<Clipped> {
     let grid = checked(surface, relief, scene, plan)?;
-    let stages = &stages::list(surface, relief, scene, plan, run)?;
-    surface.model.visit(Shading { surface, grid, scene, plan, stages, background, target, run })
+    let sources = &area::sources(scene.lamps());
+    let stages = &stages::list((surface, relief), (scene, &sources.1), plan, run)?;
+    let lights = &sources.0[..];
+    let shading = Shading { surface, grid, scene, lights, plan, stages, background, target, run };
+    surface.model.visit(shading)
 }
 
 /// The grid, if the maps, the scene and the plan belong together.

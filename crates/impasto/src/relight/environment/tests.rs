@@ -125,7 +125,7 @@ fn colours() -> Vec<Colour> {
 
 fn scene(environment: Environment, view: impl Into<View>) -> Scene {
     let environment = Arc::new(environment);
-    let around = Surroundings { environment, colours: [0, 1, 2] };
+    let around = Surroundings { environment, colours: [0, 1, 2], albedo: 0.0 };
     Scene::surrounded(Vec::new(), colours(), view, Some(around)).unwrap()
 }
 

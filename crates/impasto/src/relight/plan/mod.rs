@@ -40,6 +40,10 @@ pub enum Effect {
     SlantedView,
     /// Light from all directions.
     Environment,
+    /// Parts of the relief before an environment.
+    SkyOcclusion,
+    /// Light of an environment that the relief gives back to itself.
+    OneBounce,
 }
 
 /// What is done about an effect.
@@ -77,6 +81,8 @@ pub struct Plan {
     /// Per tile and lamp: bits of [`LIT`], [`SHADED`], [`NEAR`] and one per lobe.
     parts: Vec<u32>,
     lamps: usize,
+    /// Per tile: bits of [`SKY`] and [`BOUNCE`]; empty without an environment.
+    around: Vec<u8>,
     columns: usize,
     tiles: usize,
     projected: bool,
@@ -90,6 +96,11 @@ pub(super) const LIT: u32 = 1;
 pub const SHADED: u32 = 2;
 /// Direction and irradiance are those of each pixel.
 pub(super) const NEAR: u32 = 4;
+
+/// Part of the environment may be hidden.
+pub(super) const SKY: u8 = 1;
+/// What hides it gives light back.
+pub(super) const BOUNCE: u8 = 2;
 
 /// The bit of a lobe; lobes beyond the last bit share it.
 #[must_use]
@@ -134,9 +145,14 @@ impl Plan {
         row(Effect::NearLight, near, tiles);
         row(Effect::NearView, !scene.view().is_distant(), tiles);
         row(Effect::SlantedView, projected, tiles);
-        row(Effect::Environment, scene.environment().is_some(), tiles);
+        let environment = scene.environment();
+        row(Effect::Environment, environment.is_some(), tiles);
+        let hidden = environment.is_some() && has_height;
+        row(Effect::SkyOcclusion, hidden, tiles);
+        row(Effect::OneBounce, hidden && environment.is_some_and(|one| one.albedo > 0.0), tiles);
         let parts = vec![LIT | shaded | NEAR | lobes; tiles * lamps];
-        Self { rows, parts, lamps, columns, tiles, projected, error: 0.0 }
+        let around = vec![if hidden { SKY | BOUNCE } else { 0 }; tiles];
+        Self { rows, parts, lamps, around, columns, tiles, projected, error: 0.0 }
     }
 
     /// Decides from the statistics of a surface, which hold a relief where shadows are wanted.
@@ -173,10 +189,11 @@ impl Plan {
             .collect();
         let mut parts: Vec<u32> = decided.iter().flat_map(|tile| tile.parts.clone()).collect();
         let shadows = work.shadows(&mut parts);
-        let rows = work.rows(&parts, &decided, shadows, slanted);
+        let sky = work.sky();
+        let rows = work.rows(&parts, &decided, shadows, slanted, &sky);
         let error = decided.iter().map(|tile| tile.error).fold(0.0, f64::max);
         let (tiles, projected) = (decided.len(), slanted > 0.0);
-        Ok(Self { rows, parts, lamps, columns, tiles, projected, error })
+        Ok(Self { rows, parts, lamps, around: sky.0, columns, tiles, projected, error })
     }
 
     /// The plan without one effect, whatever that costs: what the effect takes is the difference.
@@ -193,6 +210,11 @@ impl Plan {
             Effect::NearLight => NEAR,
             Effect::SlantedView => {
                 self.projected = false;
+                0
+            }
+            Effect::SkyOcclusion | Effect::OneBounce => {
+                let kept = if effect == Effect::OneBounce { SKY } else { 0 };
+                self.around.iter_mut().for_each(|around| *around &= kept);
                 0
             }
         };
@@ -243,6 +265,16 @@ impl Plan {
     pub(super) fn parts(&self, column: usize, row: usize) -> &[u32] {
         let tile = row / SIDE * self.columns + column / SIDE;
         &self.parts[tile * self.lamps..][..self.lamps]
+    }
+
+    /// What the pixels from a column and row on need under an environment.
+    pub(super) fn around(&self, column: usize, row: usize) -> u8 {
+        self.around.get(row / SIDE * self.columns + column / SIDE).copied().unwrap_or(0)
+    }
+
+    /// Whether that is needed anywhere.
+    pub(super) fn around_needs(&self, bit: u8) -> bool {
+        self.around.iter().any(|around| around & bit != 0)
     }
 
     /// Whether a part is needed anywhere.
