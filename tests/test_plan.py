@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -329,15 +330,37 @@ def test_an_exposure_from_the_picture_is_said_to_leave_out_nothing() -> None:
     assert "the exposure follows from the picture: nothing is left out by a bound" in text
 
 
-def test_a_measured_plan_says_what_is_saved() -> None:
+def test_a_measured_plan_says_what_is_saved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that is put in: seconds of one picture after another."""
     scene = impasto.Scene([impasto.DistantLight((0.1, 0.0, 1.0))], shadows=True)
-    plan = impasto.plan(frontal(2 * TILE), scene).measured(threads=1)
-    saves = {effect.name: effect.saves for effect in plan.effects}
-    assert saves["diffuse"] is None
-    assert saves["lobe 1"] is not None
-    assert saves["lobe 1"] >= 0.0
-    assert saves["cast shadows"] is not None
-    assert " ms" in plan.explain()
+    plan = impasto.plan(frontal(2 * TILE), scene)
+    everything = [9.0, 1.02, 1.0, 1.01]  # the first is not counted
+    for lobe, shadows, saved in (
+        # 0.4 s in one of two tiles; 0.01 s are less than the spread of all effects.
+        ([0.7, 0.6, 0.65], [1.0, 0.99, 0.99], (0.2, 0.0)),
+        # 0.05 s exceed either spread, in two of two tiles; a longer picture saves nothing.
+        ([1.3, 1.2, 1.2], [0.96, 0.95, 0.96], (0.0, 0.05)),
+        # 0.4 s are less than the spread of the pictures without the lobe.
+        ([1.1, 0.6, 0.7], [1.0, 1.0, 1.0], (0.0, 0.0)),
+    ):
+        seconds, clock = iter([*everything, *lobe, *shadows]), [0.0]
+
+        def render(*_: Any, seconds: Any = seconds, clock: Any = clock, **__: Any) -> None:
+            clock[0] += next(seconds)
+
+        def now(clock: Any = clock) -> float:
+            return float(clock[0])
+
+        with monkeypatch.context() as patched:
+            patched.setattr(impasto.Plan, "render", render)
+            patched.setattr(time, "perf_counter", now)
+            measured = plan.measured(threads=1)
+        assert next(seconds, None) is None
+        saves = {effect.name: effect.saves for effect in measured.effects}
+        assert saves["diffuse"] is None
+        assert (saves["lobe 1"], saves["cast shadows"]) == pytest.approx(saved)
+        assert f"{1e3 * saved[0]:.1f} ms" in measured.explain()
+    assert " ms" in plan.measured(threads=1).explain()
 
 
 @pytest.mark.parametrize(

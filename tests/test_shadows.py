@@ -189,14 +189,78 @@ def test_a_ditch_sees_the_sky_of_two_planes() -> None:
     assert abs(seen[60, 60] - np.sqrt(0.5)) < 0.02
     flat = impasto.sky_visibility(np.zeros((9, 9)), PITCH)
     np.testing.assert_allclose(flat, 1.0, atol=1e-6)
-    bounced = impasto.sky_visibility(height, PITCH, azimuths=64, albedo=0.5)
-    np.testing.assert_allclose(bounced, seen * (1 + 0.5 * (1 - seen)), rtol=1e-6)
     np.testing.assert_array_equal(
         seen, impasto.sky_visibility(height, PITCH, azimuths=64, threads=3)
     )
     for wrong in ({"azimuths": 3}, {"azimuths": 8.5}, {"albedo": 1.5}):
         with pytest.raises(ArgumentError):
             impasto.sky_visibility(height, PITCH, **wrong)
+
+
+def bowl_by_brute_force(opening: float, albedo: float) -> float:
+    """Irradiance at the bottom of a part of a sphere under an even sky, by sums of form factors.
+
+    The open sky's is 1. ``opening`` is the angle at the centre from the bottom to the rim. Light
+    comes through the disc within the rim, which is as bright as the sky, to the bottom and to every
+    part of the bowl, and from there, reflected once by Lambert's law, to the bottom.
+    """
+    middle = (np.arange(200) + 0.5) / 200
+    rim, top = np.sin(opening), -np.cos(opening)  # of a sphere of radius 1 about the origin
+    radius, angle = (axis.ravel() for axis in np.meshgrid(middle * rim, middle * 2 * np.pi))
+    disc = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full_like(radius, top)])
+    area = radius * (rim / 200) * (2 * np.pi / 200)
+
+    def exchanged(place: np.ndarray, others: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """cos cos' / (pi r^2) from a place of the bowl, whose normal is to its centre."""
+        way = others - place[:, None]
+        square = (way**2).sum(axis=0)
+        return np.asarray((-place @ way) * -(normals * way).sum(axis=0) / (np.pi * square**2))
+
+    down = np.broadcast_to([[0.0], [0.0], [-1.0]], disc.shape)
+
+    def sky(polar: float) -> float:
+        place = np.array([np.sin(polar), 0.0, -np.cos(polar)])
+        return float((exchanged(place, disc, down) * area).sum())
+
+    bounced = 0.0
+    for polar in middle * opening:
+        place = np.array([[np.sin(polar)], [0.0], [-np.cos(polar)]])
+        ring = 2 * np.pi * np.sin(polar) * opening / 200
+        factor = exchanged(np.array([0.0, 0.0, -1.0]), place, -place)[0]
+        # Close to the rim the disc's parts are coarse.
+        inside = min(polar, opening - 0.05)
+        bounced += ring * factor * sky(inside)
+    return sky(0.0) + albedo * bounced
+
+
+@pytest.mark.parametrize("opening", np.radians([50, 90]))
+def test_one_bounce_in_a_bowl_is_the_sum_over_its_parts(opening: float) -> None:
+    """Where every place sees as much of the sky, the one assumption that is made is true."""
+    rows, columns = np.mgrid[-75:76, -75:76]
+    away = np.hypot(rows, columns) / 60.0 * np.sin(opening)
+    bowl = -np.sqrt(np.maximum(1.0 - away**2, np.cos(opening) ** 2))
+    height = 60.0 * PITCH / np.sin(opening) * bowl
+    for albedo in (0.0, 0.3, 0.8):
+        found = impasto.sky_visibility(height, PITCH, azimuths=64, albedo=albedo)[75, 75]
+        # A sample on the rim lies up to a pixel of 60 outside it: the tangent of the horizon is too
+        # low by up to 1 / 60, the square of its sine, at most 0.5, by 2 / 60 of cos^2 of that.
+        assert abs(found - bowl_by_brute_force(opening, albedo)) < 0.015
+
+
+def test_one_bounce_has_its_limits() -> None:
+    """Nothing is added where all of the sky is seen, up to as much again where hardly any is."""
+    for albedo in (0.0, 0.5, 1.0):
+        flat = impasto.sky_visibility(np.zeros((9, 9)), PITCH, albedo=albedo)
+        np.testing.assert_allclose(flat, 1.0, atol=1e-6)
+    shaft = np.zeros((41, 41))
+    shaft[18:23, 18:23] = -60 * PITCH
+    dark, *lit = (
+        impasto.sky_visibility(shaft, PITCH, albedo=albedo)[20, 20] for albedo in (0.0, 0.5, 1.0)
+    )
+    # 60 pixels deep, its edges between pixels at most 4.3 away: (4.3 / 60)^2 of the sky.
+    assert 0.0 < dark <= 0.0051
+    # Of 1 + albedo (1 - V), V at most.
+    np.testing.assert_allclose(lit, [1.5 * dark, 2.0 * dark], rtol=0.0051)
 
 
 def test_relief_moves_what_is_seen_from_the_side() -> None:

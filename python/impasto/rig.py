@@ -474,6 +474,8 @@ def _lights(lights: Any) -> tuple[Light, ...]:
         return tuple(lights)
     try:
         array = np.asarray(lights, dtype=np.float64)
+        if array.ndim == 0:
+            raise TypeError
     except (TypeError, ValueError) as error:
         raise ArgumentError(
             "lights: expected (obs, 3) directions or a sequence of DistantLight / PointLight, "

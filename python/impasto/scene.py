@@ -18,6 +18,9 @@ from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import FRONTAL, DistantLight, Light, PointView, Rig
 from impasto.varnish import Varnish
 
+COUNT = "illuminant: expected one per light"
+"""How the message begins that illuminants are more or fewer than lights."""
+
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Scene:
@@ -143,9 +146,7 @@ class Scene:
         spectra = list(illuminant) if isinstance(illuminant, list) else [illuminant] * count
         if len(spectra) != count:
             more = " and one for the environment" if environment is not None else ""
-            raise ArgumentError(
-                f"illuminant: expected one per light ({len(lamps)}){more}, found {len(spectra)}"
-            )
+            raise ArgumentError(f"{COUNT} ({len(lamps)}){more}, found {len(spectra)}")
         for one in spectra:
             checked_illuminant(one)
         checked_illuminant(reference, "reference")
@@ -188,7 +189,9 @@ class Scene:
     def changed(self, **options: Any) -> Scene:
         """The same scene with other options; the parameters are those of the class.
 
-        One illuminant of all lights also is that of more or fewer lights, and of a room.
+        One illuminant of all lights also is that of more or fewer lights, and of a room. Where they
+        differ, those of an environment or of lights that are taken away go with them; other changes
+        of their number need ``illuminant=``.
 
         Raises
         ------
@@ -200,10 +203,24 @@ class Scene:
             for name in signature(Scene).parameters
             if name != "illuminant"
         }
-        first, *others = self.illuminants
+        count = len(self.lights)
+        lamps, room = list(self.illuminants[:count]), list(self.illuminants[count:])
+        if options.get("environment", self.environment) is None:
+            room = []
+        elif "lights" in options and _empty(options["lights"]):
+            lamps = []
+        # Nothing is left where neither lights nor room are, which the class says.
+        first, *others = spectra = [*lamps, *room] or list(self.illuminants)
         equal = all(_same(first, one) for one in others) and not isinstance(first, list)
-        illuminant = first if equal else list(self.illuminants)
-        return Scene(**{**given, "illuminant": illuminant, **options})
+        illuminant = first if equal else spectra
+        try:
+            return Scene(**{**given, "illuminant": illuminant, **options})
+        except ArgumentError as error:
+            if "illuminant" in options or not str(error).startswith(COUNT):
+                raise
+            raise ArgumentError(
+                f"{error}, which are those of the scene before; give illuminant= as well"
+            ) from None
 
     def __repr__(self) -> str:
         lamps = f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"
