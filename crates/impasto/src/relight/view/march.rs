@@ -8,9 +8,11 @@
 //! the relief is low, whatever it is elsewhere. Beyond the border the relief goes on at the border's
 //! height. A height that is NaN counts as the lowest around it.
 
-use super::{Line, SIDE};
+use super::{INDICES, Line};
 use crate::error::Result;
 use crate::geometry::Grid;
+use crate::math::lanes::MAX_LANES;
+use crate::math::{Mask, Real};
 use crate::pixels::Run;
 
 /// Pixels of a block's side.
@@ -24,6 +26,8 @@ pub(super) struct Heights<'a> {
     /// Lowest and highest height, row by row; of a block without any number, none.
     blocks: Vec<[f32; 2]>,
     columns: usize,
+    /// Of the whole relief; 0 where it has no number.
+    whole: [f32; 2],
 }
 
 /// No height.
@@ -52,7 +56,10 @@ impl<'a> Heights<'a> {
                 blocks
             },
         )?;
-        Ok(Self { map, size: [width, height], blocks: rows.concat(), columns })
+        let blocks = rows.concat();
+        let whole = blocks.iter().copied().fold(NONE, joined);
+        let whole = if whole[0] <= whole[1] { whole } else { [0.0; 2] };
+        Ok(Self { map, size: [width, height], blocks, columns, whole })
     }
 
     /// Lowest and highest height between two columns and two rows, in painting pixels; of what lies
@@ -86,6 +93,10 @@ pub(super) struct March<'a> {
     heights: &'a Heights<'a>,
     origin: [isize; 2],
     rays: Rays<f32>,
+    /// The axis along which places move most.
+    major: usize,
+    /// Whether no place that can be met is near the border.
+    inside: bool,
     low: f32,
     high: f32,
 }
@@ -100,108 +111,136 @@ impl<'a> March<'a> {
         spread: [f64; 2],
         Rays { per, grows }: Rays<f64>,
     ) -> Self {
-        let whole = heights.range([0.0, f64::INFINITY], [0.0, f64::INFINITY]);
-        let [low, high] = if whole[0] <= whole[1] { whole } else { [0.0; 2] };
+        let [low, high] = heights.whole;
         let reached = |axis: usize| {
             let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
             for end in ends {
                 let per = grows.mul_add(end[axis] - origin[axis], per[axis]);
                 for height in [low, high] {
                     let place = per.mul_add(f64::from(height), end[axis]);
-                    let beside = 0.5 * spread[axis].abs() + 2.0;
+                    let beside = 0.5 * spread[axis].abs() + 3.0;
                     (least, most) = (least.min(place - beside), most.max(place + beside));
                 }
             }
             [least, most]
         };
-        let near = heights.range(reached(0), reached(1));
+        let reached = [reached(0), reached(1)];
+        let near = heights.range(reached[0], reached[1]);
+        let within = |axis: usize| {
+            let [least, most] = reached[axis];
+            least >= 0.0 && most <= heights.size[axis] as f64 - 2.0
+        };
+        let inside = within(0) && within(1);
         let [low, high] = if near[0] <= near[1] { near } else { [low; 2] };
         let rays = Rays { per: per.map(|per| per as f32), grows: grows as f32 };
-        Self { heights, origin: origin.map(|place| place as isize), rays, low, high }
+        let middle = [0, 1].map(|axis| {
+            let place = 0.5 * (ends[0][axis] + ends[1][axis]) - origin[axis];
+            grows.mul_add(place, per[axis]).abs()
+        });
+        let major = usize::from(middle[1] > middle[0]);
+        Self { heights, origin: origin.map(|place| place as isize), rays, major, inside, low, high }
     }
 
-    /// Moves places, counted from the origin, to what is seen there.
+    /// Moves the first places, counted from the origin, to what is seen there.
     #[inline(always)]
-    pub(super) fn displace(&self, places: &mut [Line; 2], count: usize) {
-        debug_assert!(count <= SIDE);
+    pub(super) fn displace<R: Real<Scalar = f32>>(&self, places: &mut [Line; 2], count: usize) {
         if self.high == 0.0 && self.low == 0.0 {
             return;
         }
         let [columns, rows] = places;
-        for (column, row) in columns.iter_mut().zip(rows).take(count) {
-            let place = [*column, *row];
-            let per = [0, 1].map(|axis| self.rays.grows.mul_add(place[axis], self.rays.per[axis]));
-            let height = self.met(place, per);
-            *column = per[0].mul_add(height, place[0]);
-            *row = per[1].mul_add(height, place[1]);
+        for lane in (0..count).step_by(R::WIDTH) {
+            let place = [R::load(&columns[lane..]), R::load(&rows[lane..])];
+            let [grows, across, down] =
+                [self.rays.grows, self.rays.per[0], self.rays.per[1]].map(R::splat);
+            let per = [grows.mul_add(place[0], across), grows.mul_add(place[1], down)];
+            let there = R::load(&INDICES[lane..]).lt(R::of(count as f64));
+            let height = self.met(place, per, there);
+            per[0].mul_add(height, place[0]).store(&mut columns[lane..]);
+            per[1].mul_add(height, place[1]).store(&mut rows[lane..]);
         }
     }
 
-    /// The height of what is seen at a place.
+    /// The height of what is seen at places that are `there`.
     #[inline(always)]
-    fn met(&self, place: [f32; 2], per: [f32; 2]) -> f32 {
-        let major = usize::from(per[1].abs() > per[0].abs());
-        let minor = 1 - major;
-        if per[major] == 0.0 {
-            // Straight below the eye no place moves.
-            return 0.0;
-        }
-        let mm = 1.0 / per[major];
-        let down = -per[major].signum();
-        let top = per[major].mul_add(self.high, place[major]);
+    fn met<R: Real<Scalar = f32>>(&self, place: [R; 2], per: [R; 2], there: R::Mask) -> R {
+        let (major, minor) = (self.major, 1 - self.major);
+        // Straight below the eye a place moves by nothing, whatever the height.
+        let tiny = R::of(1e-6);
+        let towards = R::select(per[major].abs().lt(tiny), tiny, per[major]);
+        let (mm, right) = (towards.recip(), towards.gt(R::zero()));
+        let down = R::select(right, -R::one(), R::one());
+        let top = towards.mul_add(R::splat(self.high), place[major]);
         // From as far as the border: beyond it no height is another.
         let [first, last] = [-1, self.heights.size[major].cast_signed()];
-        let [first, last] = [first, last].map(|end| (end - self.origin[major]) as f32);
-        let mut at = if down < 0.0 { top.ceil().min(last) } else { top.floor().max(first) };
-        let mut above: Option<[f32; 2]> = None;
-        loop {
+        let [first, last] = [first, last].map(|end| R::splat((end - self.origin[major]) as f32));
+        let nearest = top.round();
+        let above = R::select(nearest.lt(top), nearest + R::one(), nearest).min(last);
+        let below = R::select(top.lt(nearest), nearest - R::one(), nearest).max(first);
+        let mut at = R::select(right, above, below);
+        let low = R::splat(self.low);
+        let (mut met, mut sought) = (low, there);
+        let mut before: Option<[R; 2]> = None;
+        for _ in 0..self.heights.size[major] + 3 {
             let height = (at - place[major]) * mm;
-            let across = per[minor].mul_add(height, place[minor]);
-            let gap = self.relief(major, at, across) - height;
-            if gap >= 0.0 {
-                return match above {
-                    Some([over, short]) => (height - over).mul_add(short / (short - gap), over),
-                    // Met beyond the border, at its height.
-                    None => height + gap,
-                };
+            let gap = self.relief(at, per[minor].mul_add(height, place[minor])) - height;
+            let hit = match before {
+                Some([over, short]) => (height - over).mul_add(short / (short - gap), over),
+                // Met beyond the border, at its height.
+                None => height + gap,
+            };
+            met = R::select(sought & gap.ge(R::zero()), hit, met);
+            sought = sought & gap.lt(R::zero()) & low.lt(height);
+            if !sought.any() {
+                break;
             }
-            if height <= self.low {
-                return self.low;
-            }
-            above = Some([height, gap]);
-            at += down;
+            before = Some([height, gap]);
+            at = at + down;
         }
+        met
     }
 
-    /// The relief on a whole column (row) at a fractional row (column).
+    /// The relief on whole columns (rows) at fractional rows (columns).
     #[inline(always)]
-    fn relief(&self, major: usize, at: f32, across: f32) -> f32 {
-        let minor = 1 - major;
-        let inside = |place: isize, axis: usize| {
-            let last = self.heights.size[axis].cast_signed() - 1;
-            (place + self.origin[axis]).clamp(0, last) as usize
-        };
-        let before = across.floor();
-        let part = across - before;
-        let (line, first, second) = (
-            inside(at as isize, major),
-            inside(before as isize, minor),
-            inside(before as isize + 1, minor),
-        );
-        let width = self.heights.size[0];
-        let map = |other: usize| {
-            let place = if major == 0 { other * width + line } else { line * width + other };
-            let height = self.heights.map[place];
-            if height.is_finite() { height } else { self.low }
-        };
-        let (one, other) = (map(first), map(second));
-        part.mul_add(other - one, one)
+    fn relief<R: Real<Scalar = f32>>(&self, at: R, across: R) -> R {
+        let nearest = across.round();
+        let before = R::select(across.lt(nearest), nearest - R::one(), nearest);
+        let (mut line, mut first) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
+        at.store(&mut line);
+        before.store(&mut first);
+        let (mut one, mut other) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
+        let [width, height] = self.heights.size;
+        let [apart, next] = if self.major == 0 { [1, width] } else { [width, 1] };
+        let (of_line, of_place) = (self.origin[self.major], self.origin[1 - self.major]);
+        if self.inside {
+            let corner = of_line * apart.cast_signed() + of_place * next.cast_signed();
+            for lane in 0..R::WIDTH {
+                let line = line[lane] as i32 as isize * apart.cast_signed();
+                let place = first[lane] as i32 as isize * next.cast_signed();
+                let place = (corner + line + place) as usize;
+                // Lanes behind the last place may lie anywhere.
+                let map = |place: usize| self.heights.map.get(place).copied().unwrap_or(f32::NAN);
+                (one[lane], other[lane]) = (map(place), map(place + next));
+            }
+        } else {
+            let [lines, places] = if self.major == 0 { [width, height] } else { [height, width] };
+            let kept = |place: isize, size: usize| place.clamp(0, size.cast_signed() - 1) as usize;
+            for lane in 0..R::WIDTH {
+                let line = kept(line[lane] as isize + of_line, lines) * apart;
+                let place = first[lane] as isize + of_place;
+                one[lane] = self.heights.map[line + kept(place, places) * next];
+                other[lane] = self.heights.map[line + kept(place + 1, places) * next];
+            }
+        }
+        let low = R::splat(self.low);
+        let known = |height: R| R::select(height.is_finite(), height, low);
+        let (one, other) = (known(R::load(&one)), known(R::load(&other)));
+        (across - before).mul_add(other - one, one)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::seen_from;
+    use super::super::{SIDE, seen_from};
     use super::*;
     use crate::geometry::View;
     use crate::math::Vec3;
@@ -265,7 +304,7 @@ mod tests {
             for (index, place) in places[0].iter_mut().enumerate() {
                 *place = 12.3 + index as f32;
             }
-            march.displace(&mut places, SIDE);
+            march.displace::<f32>(&mut places, SIDE);
             let mut hidden = 0;
             for index in 0..SIDE {
                 let place = 12.3 + index as f64;

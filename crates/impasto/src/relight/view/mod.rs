@@ -390,7 +390,7 @@ impl Projection {
                 }
             }
             if let Some(march) = &march {
-                march.displace(&mut part, count);
+                march.displace::<I::F32>(&mut part, count);
             }
             for axis in 0..2 {
                 let low = I::F32::of(0.0 - origin[axis]);
