@@ -268,3 +268,33 @@ def test_a_backend_is_taken_or_one_line_says_why_not(
         assert not any("Warning" in line or ".py" in line for line in lines)
     assert len(used) == 1
     assert shown["cpu"] == shown["gpu"]
+
+
+def test_a_lamp_has_a_size_and_an_eye_a_place(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shown = {}
+    for name, more in {
+        "hard": "",
+        "soft": "--lamp-size 20",
+        "near": "--eye 4,-3,9",
+    }.items():
+        out = tmp_path / f"{name}.png"
+        words = f"render {demo} --light 160,15 --shadows --quiet {more} --out {out}"
+        assert main(words.split()) == 0
+        shown[name] = cv2.imread(str(out))
+    assert shown["soft"].shape == shown["hard"].shape == (SIZE, SIZE, 3)
+    assert (shown["soft"] != shown["hard"]).any()
+    # In perspective the near corner is larger than the far one: the picture is larger, and black
+    # beside the painting.
+    assert shown["near"].shape[1] > SIZE
+    assert (shown["near"][0, -1] == 0).all()
+    for wrong, (code, told) in {
+        "--lamp-size 200": (1, "--lamp-size: expected 0 to 90 degrees, found 200"),
+        "--lamp-size nan": (1, "--lamp-size: expected 0 to 90 degrees, found nan"),
+        "--eye 4,-3,9 --view 20,60": (2, "--view is a direction and --eye a place"),
+        "--eye 4,-3,0.01": (1, "move the eye away"),
+        "--eye 4,-3,-9": (1, "in front of the painting"),
+    }.items():
+        words = f"render {demo} --quiet --out {tmp_path / 'no.png'} {wrong}"
+        assert told in complaint(words.split(), code, capsys)

@@ -295,7 +295,7 @@ class Renderer:
         if _has_relief(scene) and not self._shadows:
             found = "shadows" if scene.shadows else "parallax"
             raise ArgumentError(
-                f"scene: it has {found}, but the renderer has no relief; make Renderer(shadows=True)"
+                f"scene: it has {found}, but the renderer has no relief; make it with shadows=True"
             )
         if self._pitch is None and any(isinstance(light, PointLight) for light in scene.lights):
             raise GeometryError(

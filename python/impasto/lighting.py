@@ -126,6 +126,11 @@ def prepare(
             "pitch_mm: point lights need the width of a pixel on the painting in mm, which the "
             "surface does not contain; give pitch_mm="
         )
+    if pitch is None and scene.perspective:
+        raise GeometryError(
+            "pitch_mm: a perspective needs the width of a pixel on the painting in mm, which the "
+            "surface does not contain; give pitch_mm="
+        )
     pitch = 1.0 if pitch is None else pitch
     if reflectance is None:
         reflectance = surface.spectra()

@@ -153,6 +153,10 @@ def _whole(_type: Any, tokens: Sequence[Token]) -> int:
         raise ValueError(f"expected a whole number, found {word!r}") from None
 
 
+def _position(_type: Any, tokens: Sequence[Token]) -> Position:
+    return position(tokens[-1].value)
+
+
 def _positions(_type: Any, tokens: Sequence[Token]) -> tuple[Position, ...]:
     return tuple(position(token.value) for token in tokens)
 
@@ -182,6 +186,7 @@ Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 Whole = Annotated[int, Parameter(converter=_whole)]
 SomeWhole = Annotated[int | None, Parameter(converter=_whole)]
 OneDirection = Annotated[Angles | None, _word(_one, "AZ,EL")]
+OnePosition = Annotated[Position | None, _word(_position, "X,Y,Z")]
 OneSpan = Annotated[tuple[float, float] | None, _word(_span, "FROM..TO")]
 SeveralLamps = Annotated[tuple[Lamp, ...] | None, _word(_lamps, "AZ,EL[,ILLUMINANT]")]
 SeveralPositions = Annotated[tuple[Position, ...] | None, _word(_positions, "X,Y,Z")]

@@ -13,6 +13,7 @@ from impasto.cli.console import Stages, stdout
 from impasto.cli.options import (
     Flag,
     OneDirection,
+    OnePosition,
     SeveralLamps,
     SeveralPositions,
     SomeWhole,
@@ -39,6 +40,7 @@ def render(
     system: Name | None = None,
     light: SeveralLamps = None,
     point: SeveralPositions = None,
+    lamp_size: float | None = None,
     environment: str | None = None,
     environment_rotation: float | None = None,
     illuminant: str = "D65",
@@ -46,6 +48,7 @@ def render(
     adaptation_mode: Mode = "planck",
     display: str = "srgb",
     view: OneDirection = None,
+    eye: OnePosition = None,
     exposure: float | Literal["maximum"] | None = None,
     shadows: Flag = False,
     level: Annotated[bool | None, Parameter(negative="--no-level")] = None,
@@ -75,6 +78,9 @@ def render(
         Default: 90,45, or none in an environment.
     point
         x,y,z in mm of a near lamp, from the middle of the painting. Can be repeated.
+    lamp_size
+        Degrees that the lamps of --light are across: their shadows are soft and their highlights as
+        wide. The sun has 0.5, a softbox 20. Default: 0.
     environment
         Light from all directions: gallery, or an .exr or .hdr map (twice as wide as high, or six
         faces of a cube). No other light is then needed.
@@ -91,6 +97,8 @@ def render(
         srgb, "Display P3", or a JSON file of measurements.
     view
         Azimuth,elevation of the eye in degrees; default: in front, as far away as the camera was.
+    eye
+        x,y,z in mm, from the middle of the painting, of an eye that sees it in perspective.
     exposure
         Factor on all light; maximum: the brightest pixel of the picture becomes the display's
         white, as in the six-band paper. Default: the largest at which a white board in full light
@@ -123,7 +131,7 @@ def render(
     check_threads(threads)
     if system is not None:
         others = (light, point, environment, environment_rotation, adaptation)
-        more = (view, exposure, level, tolerance, pitch)
+        more = (view, eye, lamp_size, exposure, level, tolerance, pitch)
         chosen = (illuminant, adaptation_mode, display, shadows, explain, backend)
         usual = ("D65", "planck", "srgb", False, False, "cpu")
         if any(value is not None for value in (*others, *more)) or chosen != usual:
@@ -136,13 +144,19 @@ def render(
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
     allowed = tolerance_of(tolerance)
+    if view is not None and eye is not None:
+        raise CycloptsError(msg="--view is a direction and --eye a place: give one of them")
     room = room_of(environment, environment_rotation)
-    lights, illuminants = lamps(light, point, illuminant, dark=room is not None)
+    lights, illuminants = lamps(light, point, illuminant, dark=room is not None, size=lamp_size)
+    stood: Any = None if view is None else view.direction
+    if eye is not None:
+        stood = impasto.PointView(eye)
     scene = impasto.Scene(
         lights,
         environment=room,
         illuminant=illuminants if room is None else [*illuminants, illuminant],
-        view=None if view is None else view.direction,
+        view=stood,
+        perspective=eye is not None,
         adaptation=adaptation,
         adaptation_mode=adaptation_mode,
         display=impasto.colour.as_display(display),

@@ -14,6 +14,9 @@ from impasto.cli.console import Stages
 from impasto.cli.options import Angles, Lamp, Position
 from impasto.errors import ArgumentError
 
+_LARGEST = 90.0
+"""Degrees that a lamp may be across."""
+
 ABOVE = Lamp(Angles(90.0, 45.0))
 """The lamp of a picture without others."""
 GALLERY = "gallery"
@@ -26,16 +29,24 @@ def lamps(
     illuminant: str,
     *,
     dark: bool = False,
+    size: float | None = None,
 ) -> tuple[list[Any], list[Any]]:
     """Lights and their illuminants, ``illuminant`` where a lamp has none of its own.
 
-    Without any the light comes from above, unless the painting may be ``dark``.
+    Without any the light comes from above, unless the painting may be ``dark``. Distant lamps are
+    ``size`` degrees across.
     """
     import impasto
 
     distant = light or (() if point or dark else (ABOVE,))
     near = point or ()
-    lights: list[Any] = [impasto.DistantLight(lamp.angles.direction) for lamp in distant]
+    across = 0.0 if size is None else size
+    if not 0.0 <= across <= _LARGEST:
+        raise ArgumentError(f"--lamp-size: expected 0 to {_LARGEST:g} degrees, found {across:g}")
+    radius = math.radians(0.5 * across)
+    lights: list[Any] = [
+        impasto.DistantLight(lamp.angles.direction, radius=radius) for lamp in distant
+    ]
     lights += [impasto.PointLight(position) for position in near]
     own = [illuminant if lamp.illuminant is None else lamp.illuminant for lamp in distant]
     return lights, own + [illuminant] * len(near)
