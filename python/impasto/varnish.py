@@ -53,7 +53,9 @@ class Varnish:
     The coat reflects with a Torrance-Sparrow lobe of its own. The lobes of the painting then belong
     to the interface between paint and varnish, which reflects less: their strengths are multiplied
     by the ratio of the Fresnel reflectances of both interfaces at normal incidence, 0.02 for paint
-    of index 1.45 under varnish of 1.54. On a surface of Lafortune lobes the coat's lobe is the
+    of index 1.45 under varnish of 1.54. What a
+    pixel's Torrance-Sparrow lobes reflect beyond an interface of index 1.7 comes from metal leaf
+    and stays as strong. On a surface of Lafortune lobes the coat's lobe is the
     Lafortune lobe of the same width and of the same strength in front, without Fresnel's rise.
 
     Parameters
