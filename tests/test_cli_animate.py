@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from PIL import Image
 import impasto
 from command_line import complaint
 from impasto.cli import main
+from impasto.cli.animate import animate as film_command
 
 SIZE = 40
 
@@ -43,6 +46,17 @@ def test_a_folder_holds_one_picture_per_frame(demo: Path, tmp_path: Path) -> Non
         assert "icc_profile" in picture.info
     report = json.loads((out / "report.json").read_text(encoding="utf-8"))
     assert [entry["file"] for entry in report["outputs"]] == names
+    for entry in report["inputs"]:
+        assert hashlib.sha256(Path(entry["file"]).read_bytes()).hexdigest() == entry["sha256"]
+    names_read = [Path(entry["file"]).name for entry in report["inputs"]]
+    assert names_read == ["sbrdf.npz", "reflectance.npz"]
+    # As given, and what follows where nothing was given.
+    options = report["options"]
+    assert (options["raking"], options["frames"], options["elevation"]) == (True, 12, 20.0)
+    assert (options["fps"], options["illuminant"], options["level"]) == (12.0, "D65", True)
+    parameters = set(signature(film_command).parameters) - {"out", "force", "quiet"}
+    assert options.keys() == parameters
+    assert report["timings_s"].keys() == {"film"}
     # Each frame is what impasto render makes of its lamp; a lying board is white.
     exposure = 1.0 / np.sin(np.radians(20.0))
     alone = tmp_path / "alone.png"
@@ -125,6 +139,10 @@ def test_an_interrupted_film_leaves_nothing(
         assert list(tmp_path.iterdir()) == []
 
 
+ELEVATION = "--elevation: expected degrees from 0.01 to 90"
+ANGLE = "--angle: expected degrees from 0.01 to 89.9"
+FPS = "--fps: expected 0.01 to 500 pictures per second"
+EXPOSURE = "--exposure: expected a positive factor"
 MISTAKES = [
     ("--out {out}.gif", 2, "one of --raking, --turntable and --adaptation"),
     ("--out {out}.gif --raking --turntable", 2, "one of --raking"),
@@ -133,11 +151,31 @@ MISTAKES = [
     ("--out {out}.gif --turntable --elevation 3", 2, "--elevation belongs to another kind"),
     ("--out {out}.gif --adaptation 0", 2, "two degrees such as 0..1"),
     ("--out {out}.gif --adaptation 0..2", 2, "from 0 to 1"),
-    ("--out {out}.gif --raking --elevation 0", 1, "--elevation: expected degrees"),
+    *(
+        (f"--out {{out}}.png --raking --elevation={wrong}", 1, f"{ELEVATION}, found {found}")
+        for wrong, found in (("0", "0"), ("1e-40", "1e-40"), ("-5", "-5"), ("nan", "nan"))
+    ),
+    ("--out {out}.gif --raking --elevation 91", 1, f"{ELEVATION}, found 91"),
+    *(
+        (f"--out {{out}}.png --turntable --angle={wrong}", 1, f"{ANGLE}, found {wrong}")
+        for wrong in ("0", "1e-40", "-5", "nan", "90", "inf")
+    ),
+    *(
+        (f"--out {{out}}.png --raking --fps={wrong}", 1, f"{FPS} in PNG, found {wrong}")
+        for wrong in ("0", "nan", "1e+09", "-1")
+    ),
+    ("--out {out} --raking --fps 501", 1, f"{FPS}, found 501"),
+    *(
+        (f"--out {{out}}.png --raking --exposure={wrong}", 1, f"{EXPOSURE}, found {wrong}")
+        for wrong in ("nan", "0", "-1", "inf")
+    ),
+    ("--out {out}.png --raking --exposure 1e40", 1, f"{EXPOSURE} from 1e-30 to 1e+30, found 1e+40"),
     ("--out {out}.gif --raking --frames 0", 1, "--frames: expected a number from 1"),
-    ("--out {out}.gif --raking --fps 0", 1, "--fps: expected"),
-    ("--out {out}.gif --raking --fps 60", 1, "fps: expected 0.01 to 50 in GIF"),
-    ("--out {out}.gif --turntable --angle 90", 1, "angle: expected"),
+    (
+        "--out {out}.gif --raking --fps 60",
+        1,
+        "--fps: expected 0.01 to 50 pictures per second in GIF",
+    ),
     ("--out {out}.gif --turntable --angle 40 --light 0,10", 1, "not in front"),
     ("--out {out}.avi --raking", 1, ".png, .gif or .mp4"),
     ("--out {out}.mp4 --raking --display display-p3", 1, "codes of sRGB only"),
@@ -157,3 +195,19 @@ def test_a_mistake_is_one_line_with_its_name(
     given = words.format(out=tmp_path / "film", demo=demo).split()
     assert told in complaint(["animate", str(demo), *given], code, capsys)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_least_elevation_and_one_frame_make_a_film(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = f"animate {demo} --raking --elevation 0.01 --frames"
+    for frames, text in (("1", "film.png, 1 frame "), ("2", "film.png, 2 frames ")):
+        assert main([*words.split(), frames, "--out", str(tmp_path / "film.png")]) == 0
+        assert text in capsys.readouterr().err
+
+
+def test_the_help_says_what_is_needed(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["--help"], ["animate", "--help"]):
+        assert main(words) == 0
+        text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+        assert "One of --raking, --turntable and --adaptation is needed." in text

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import colour
 import cv2
 import numpy as np
 import OpenEXR
 import pytest
 
+from command_line import complaint
+from impasto import GpuUnavailableError
 from impasto.cli import main
 
 SIZE = 48
@@ -78,13 +82,16 @@ def test_a_lamp_is_yellower_than_daylight(demo: Path, tmp_path: Path) -> None:
     assert ratio["A"] < ratio["D65"]
 
 
+def linear(demo: Path, out: Path, words: str) -> np.ndarray:
+    """``(3, y, x)`` linear light of a picture at exposure 1."""
+    assert main(f"render {demo} {words} --exposure 1 --out {out} --quiet".split()) == 0
+    with OpenEXR.File(str(out), separate_channels=True) as file:
+        return np.stack([file.channels()[name].pixels for name in "RGB"])
+
+
 def test_lamps_have_illuminants_of_their_own(demo: Path, tmp_path: Path) -> None:
     def picture(words: str) -> np.ndarray:
-        out = tmp_path / "lamps.exr"
-        command = f"render {demo} {words} --exposure 1 --out {out} --quiet"
-        assert main(command.split()) == 0
-        with OpenEXR.File(str(out), separate_channels=True) as file:
-            return np.stack([file.channels()[name].pixels for name in "RGB"])
+        return linear(demo, tmp_path / "lamps.exr", words)
 
     both = picture("--light 180,30,warm --light 0,30,cool --light 90,60 --illuminant A")
     # Light adds up: 2700 K and 4000 K are what warm and cool are documented to be.
@@ -95,8 +102,29 @@ def test_lamps_have_illuminants_of_their_own(demo: Path, tmp_path: Path) -> None
 
 
 def test_the_eye_adapts_to_the_sum_of_lamps(demo: Path, tmp_path: Path) -> None:
-    words = f"render {demo} --light 180,30,warm --light 0,30,D65 --adaptation 1 --quiet"
-    assert main([*words.split(), "--out", str(tmp_path / "adapted.png")]) == 0
+    """Von Kries' factors on cones, D65 over the sum of both whites (colour-science)."""
+    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    shape = colour.SpectralShape(360, 830, 1)
+
+    def white(light: colour.SpectralDistribution) -> np.ndarray:
+        found = colour.sd_to_XYZ(light.align(shape), observer, method="Integration")
+        return np.asarray(found / found[1])
+
+    day = white(colour.SDS_ILLUMINANTS["D65"].copy())
+    both = white(colour.sd_blackbody(2700.0, shape)) + day  # of equal intensities
+    cones = np.array([[0.40024, 0.7076, -0.08081], [-0.2263, 1.16532, 0.04570], [0, 0, 0.91822]])
+    factors = (cones @ day) / (cones @ both / both[1])
+    to_xyz = colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ
+    seen = np.linalg.inv(cones @ to_xyz) @ np.diag(factors) @ cones @ to_xyz
+
+    out, words = tmp_path / "adapted.exr", "--light 180,30,warm --light 0,30,D65"
+    plain = linear(demo, out, words)
+    adapted = linear(demo, out, f"{words} --adaptation 1 --adaptation-mode anchored")
+    expected = np.einsum("ij,jyx->iyx", seen, plain)
+    # The published matrix of sRGB has four digits, the spectra steps of 1 nm; to adapt to one of
+    # the two lamps makes blue a third brighter or darker.
+    np.testing.assert_allclose(adapted, expected, rtol=0, atol=1e-3 * expected.max())
+    assert np.abs(adapted - plain).max() > 0.05 * expected.max()
 
 
 def test_a_display_is_named_or_measured(demo: Path, tmp_path: Path) -> None:
@@ -141,3 +169,102 @@ def test_a_room_lights_without_lamps_and_can_be_turned(
     assert main(f"render {demo} --environment gone.hdr --out {out} --quiet".split()) == 1
     assert "gone.hdr" in said(capsys)
     assert not out.exists()
+
+
+MISTAKES = [
+    *(
+        (f"--system tominaga-rgb-camera {more}", 2, "--system has its own lights")
+        for more in (
+            "--tolerance 0",
+            "--explain",
+            "--backend auto",
+            "--environment-rotation 0",
+            "--light 90,45",
+            "--shadows",
+        )
+    ),
+    ("--environment-rotation 30", 2, "--environment-rotation turns a room: it needs --environment"),
+    ("--environment gallery --environment-rotation nan", 1, "expected degrees, found nan"),
+    ("--environment Gallery", 1, "found 'Gallery'; did you mean 'gallery'?"),
+    ("--environment GALLERY", 1, "found 'GALLERY'; did you mean 'gallery'?"),
+    (
+        "--environment=",
+        1,
+        "--environment: expected gallery, or a file .exr, .hdr or .pic, found ''",
+    ),
+    (
+        "--environment room.jpg",
+        1,
+        "expected gallery, or a file .exr, .hdr or .pic, found 'room.jpg'",
+    ),
+    ("--tolerance 1", 1, '--tolerance: expected 0, "code:1" or "dE:0.5", found \'1\''),
+    ("--tolerance dE:-1", 1, "--tolerance: expected 0"),
+    ("--backend vulkan", 2, "--backend"),
+]
+
+
+@pytest.mark.parametrize(("words", "code", "text"), MISTAKES)
+def test_a_mistake_is_one_line_with_its_name(
+    demo: Path,
+    tmp_path: Path,
+    words: str,
+    code: int,
+    text: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    given = f"render {demo} --out {tmp_path / 'picture.png'} {words}".split()
+    assert text in complaint(given, code, capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_tolerance_is_written_in_many_ways(demo: Path, tmp_path: Path) -> None:
+    shown = []
+    for number, words in enumerate(("", "--tolerance 0", "--tolerance 0.0", "--tolerance=-0e3")):
+        out = tmp_path / f"{number}.png"
+        assert main(f"render {demo} {words} --out {out} --quiet".split()) == 0
+        shown.append(out.read_bytes())
+    assert len(set(shown)) == 1
+
+
+def test_a_tolerance_leaves_out_what_is_explained(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At 1e-5 of the display's white nobody sees the gloss."""
+    words = f"render {demo} --exposure 1e-5 --explain --quiet --out".split()
+    said = {}
+    for allowed in ("0", "dE:0.5"):
+        assert main([*words, str(tmp_path / f"{allowed[:2]}.exr"), "--tolerance", allowed]) == 0
+        captured = capsys.readouterr()
+        assert captured.err == ""
+        said[allowed] = captured.out
+        header, *_ = captured.out.splitlines()
+        assert header.split() == ["effect", "decision", "why", "error", "saves"]
+        assert f"tolerance {allowed}; left out in any tile: at most" in captured.out
+    lobe = {
+        allowed: next(line.split()[2] for line in text.splitlines() if line.startswith("lobe 1"))
+        for allowed, text in said.items()
+    }
+    assert lobe == {"0": "on", "dE:0.5": "bounded"}
+    assert (tmp_path / "0.exr").read_bytes() != (tmp_path / "dE.exr").read_bytes()
+
+
+def test_a_backend_is_taken_or_one_line_says_why_not(
+    demo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def lit(*arguments: Any) -> Any:
+        used.append(arguments)
+        raise GpuUnavailableError("no graphics card")
+
+    used: list[Any] = []
+    monkeypatch.setattr("impasto.picture.lit_by_card", lit)
+    shown = {}
+    for backend in ("cpu", "gpu"):
+        out = tmp_path / f"{backend}.png"
+        assert main(f"render {demo} --backend {backend} --out {out}".split()) == 0
+        shown[backend] = out.read_bytes()
+        lines = capsys.readouterr().err.splitlines()
+        warned = [line for line in lines if "graphics card" in line]
+        assert warned == ["warning: no graphics card; the CPU makes the picture"] * len(used)
+        assert not any("Warning" in line or ".py" in line for line in lines)
+    assert len(used) == 1
+    assert shown["cpu"] == shown["gpu"]

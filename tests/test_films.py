@@ -244,3 +244,75 @@ def test_pictures_stand_in_the_middle() -> None:
     (frame,) = animation.centred(iter([wide]), (4, 7), (1, 2, 3))
     assert (frame[:, 2:5] == 9).all()
     assert (frame[:, [0, 1, 5, 6]] == (1, 2, 3)).all()
+
+
+def of_scene(call: Any) -> Any:
+    return lambda wrong: call(wrong, 4)
+
+
+PAINTING = impasto.simulate.painting(seed=1, size=(8, 8))
+PICTURE = [np.zeros((2, 2, 3), np.uint8)]
+SERIES: list[tuple[Any, str]] = [
+    *(
+        (of_scene(call), "scene: expected an impasto.Scene")
+        for call in (animation.raking, animation.turntable, animation.adapting)
+    ),
+    (lambda wrong: animation.raking(Scene([LAMP]), 4, elevation=wrong), "elevation: expected"),
+    (lambda wrong: animation.turntable(Scene([LAMP]), 4, angle=wrong), "angle: expected"),
+    (lambda wrong: animation.adapting(Scene([LAMP]), 4, first=wrong), "first: expected d from 0"),
+    (lambda wrong: animation.adapting(Scene([LAMP]), 4, last=wrong), "last: expected d from 0"),
+    (lambda wrong: animation.same_exposure(PAINTING, wrong), "scenes: expected a list"),
+    (lambda wrong: animation.same_exposure(wrong, [Scene([LAMP])]), "surface: expected"),
+    (lambda wrong: animation.relief(wrong, False, 1.0), "surface: expected"),
+    (lambda wrong: list(animation.centred(wrong, (4, 4), (0, 0, 0))), "pictures: expected"),
+    (lambda wrong: animation.centred(PICTURE, wrong, (0, 0, 0)), "size: expected whole numbers"),
+    (lambda wrong: animation.centred(PICTURE, (4, 4), wrong), "fill: expected three display"),
+]
+
+
+@pytest.mark.parametrize("wrong", [None, -3, "a", [1], []])
+@pytest.mark.parametrize(("call", "words"), SERIES)
+def test_arguments_of_another_kind_are_refused_by_name(call: Any, words: str, wrong: Any) -> None:
+    if wrong == [] and words.startswith("pictures"):
+        assert call(wrong) == []
+        return
+    with pytest.raises(ArgumentError, match=f"^{words}"):
+        call(wrong)
+
+
+def test_scenes_of_a_film_may_be_an_iterator() -> None:
+    scenes = animation.raking(Scene([LAMP]), 3)
+    listed = animation.same_exposure(PAINTING, scenes)
+    once = animation.same_exposure(PAINTING, iter(scenes))
+    assert [scene.exposure for scene in once] == [scene.exposure for scene in listed]
+    with pytest.raises(ArgumentError, match="pitch_mm: expected a positive width"):
+        animation.relief(PAINTING, False, -1.0)
+
+
+def test_illuminants_go_with_their_lights() -> None:
+    room = impasto.Environment(np.full((3, 4, 8), 0.3))
+    scene = Scene([LAMP, LAMP], environment=room, illuminant=["A", 3000.0, 2700.0])
+    assert scene.changed(environment=None).illuminants == ("A", 3000.0)
+    assert scene.changed(lights=[]).illuminants == (2700.0,)
+    assert scene.changed(environment=room.rotated(1.0)).illuminants == ("A", 3000.0, 2700.0)
+    two = scene.changed(environment=None)
+    with pytest.raises(ArgumentError, match=r"one for the environment, found 2.*give illuminant="):
+        two.changed(environment=room)
+    three = two.changed(environment=room, illuminant=["A", 3000.0, "D65"])
+    assert three.illuminants == ("A", 3000.0, "D65")
+    alike = Scene([LAMP, LAMP], illuminant="A").changed(environment=room)
+    assert alike.illuminants == ("A", "A", "A")
+
+
+def test_lights_that_are_none_are_refused_in_a_room_and_without() -> None:
+    room = impasto.Environment(np.full((3, 4, 8), 0.3))
+    wrong: Any
+    for environment in (None, room):
+        for wrong in (None, 3, "abc", LAMP, {LAMP}, [[["a"]]], object(), iter([LAMP])):
+            name = type(wrong).__name__
+            with pytest.raises(ArgumentError, match=rf"^lights: expected .* found {name}$"):
+                Scene(wrong, environment=environment)
+    for wrong in ((math.nan, 0, 1), (0, 0, math.inf)):
+        with pytest.raises(ArgumentError, match="normal: expected finite numbers"):
+            room.irradiance(wrong)
+    np.testing.assert_array_equal(room.irradiance((0, 0, 1e-300)), room.irradiance())

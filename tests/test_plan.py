@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +21,7 @@ from impasto.errors import ArgumentError
 TILE = 256
 LEFT_OUT: list[bool] = []
 """Of each generated scene with a tolerance, whether its plan leaves something out."""
+ROOM = impasto.Environment(np.random.default_rng(5).uniform(0.0, 2.0, (3, 16, 32)), name="noise")
 SIZES = ((1, 1), (1, 300), (37, 41), (TILE, TILE), (270, 300))
 
 
@@ -107,15 +109,21 @@ def scenes(draw: st.DrawFn) -> tuple[impasto.Surface, impasto.Scene]:
             # At the bound of shadows, a little below and above.
             factor = draw(st.sampled_from((0.7, 0.99, 0.9999, 1.0001, 1.01, 3.0)))
             tangent = factor * max(steepest(height, azimuth, pitch), 0.02)
-            lights.append(impasto.DistantLight(direction(azimuth, tangent)))
+            # A lamp with a size reaches lower by its radius.
+            radius = draw(st.sampled_from((0.0, 0.0, 1e-4, 0.02, 0.3)))
+            towards = direction(azimuth, math.tan(min(math.atan(tangent) + radius, 1.5)))
+            lights.append(impasto.DistantLight(towards, radius=radius))
         else:
             x, y = (200.0 * value for value in direction(azimuth, 0.0)[:2])
             far = draw(st.sampled_from((60.0, 900.0, 1e6)))
-            lights.append(impasto.PointLight((x, y, far), intensity=draw(st.floats(0.01, 2.0))))
+            radius = far * draw(st.sampled_from((0.0, 0.0, 0.1)))
+            intensity = draw(st.floats(0.01, 2.0))
+            lights.append(impasto.PointLight((x, y, far), intensity, radius=radius))
     eyes = ((0.3, -0.2, 0.9), (1e-7, 0.0, 1.0), (1.2e-5, 1.2e-5, 1.0), (4e-3, 0.0, 1.0))
     view = draw(st.sampled_from((None, *eyes, impasto.PointView((9, 5, 400)))))
     scene = impasto.Scene(
         lights,
+        environment=draw(st.sampled_from((None, None, None, ROOM))),
         view=view,
         shadows=draw(st.booleans()),
         exposure=draw(st.sampled_from((None, 0.5, "maximum"))),
@@ -322,15 +330,37 @@ def test_an_exposure_from_the_picture_is_said_to_leave_out_nothing() -> None:
     assert "the exposure follows from the picture: nothing is left out by a bound" in text
 
 
-def test_a_measured_plan_says_what_is_saved() -> None:
+def test_a_measured_plan_says_what_is_saved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that is put in: seconds of one picture after another."""
     scene = impasto.Scene([impasto.DistantLight((0.1, 0.0, 1.0))], shadows=True)
-    plan = impasto.plan(frontal(2 * TILE), scene).measured(threads=1)
-    saves = {effect.name: effect.saves for effect in plan.effects}
-    assert saves["diffuse"] is None
-    assert saves["lobe 1"] is not None
-    assert saves["lobe 1"] >= 0.0
-    assert saves["cast shadows"] is not None
-    assert " ms" in plan.explain()
+    plan = impasto.plan(frontal(2 * TILE), scene)
+    everything = [9.0, 1.02, 1.0, 1.01]  # the first is not counted
+    for lobe, shadows, saved in (
+        # 0.4 s in one of two tiles; 0.01 s are less than the spread of all effects.
+        ([0.7, 0.6, 0.65], [1.0, 0.99, 0.99], (0.2, 0.0)),
+        # 0.05 s exceed either spread, in two of two tiles; a longer picture saves nothing.
+        ([1.3, 1.2, 1.2], [0.96, 0.95, 0.96], (0.0, 0.05)),
+        # 0.4 s are less than the spread of the pictures without the lobe.
+        ([1.1, 0.6, 0.7], [1.0, 1.0, 1.0], (0.0, 0.0)),
+    ):
+        seconds, clock = iter([*everything, *lobe, *shadows]), [0.0]
+
+        def render(*_: Any, seconds: Any = seconds, clock: Any = clock, **__: Any) -> None:
+            clock[0] += next(seconds)
+
+        def now(clock: Any = clock) -> float:
+            return float(clock[0])
+
+        with monkeypatch.context() as patched:
+            patched.setattr(impasto.Plan, "render", render)
+            patched.setattr(time, "perf_counter", now)
+            measured = plan.measured(threads=1)
+        assert next(seconds, None) is None
+        saves = {effect.name: effect.saves for effect in measured.effects}
+        assert saves["diffuse"] is None
+        assert (saves["lobe 1"], saves["cast shadows"]) == pytest.approx(saved)
+        assert f"{1e3 * saved[0]:.1f} ms" in measured.explain()
+    assert " ms" in plan.measured(threads=1).explain()
 
 
 @pytest.mark.parametrize(

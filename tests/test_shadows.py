@@ -189,14 +189,78 @@ def test_a_ditch_sees_the_sky_of_two_planes() -> None:
     assert abs(seen[60, 60] - np.sqrt(0.5)) < 0.02
     flat = impasto.sky_visibility(np.zeros((9, 9)), PITCH)
     np.testing.assert_allclose(flat, 1.0, atol=1e-6)
-    bounced = impasto.sky_visibility(height, PITCH, azimuths=64, albedo=0.5)
-    np.testing.assert_allclose(bounced, seen * (1 + 0.5 * (1 - seen)), rtol=1e-6)
     np.testing.assert_array_equal(
         seen, impasto.sky_visibility(height, PITCH, azimuths=64, threads=3)
     )
     for wrong in ({"azimuths": 3}, {"azimuths": 8.5}, {"albedo": 1.5}):
         with pytest.raises(ArgumentError):
             impasto.sky_visibility(height, PITCH, **wrong)
+
+
+def bowl_by_brute_force(opening: float, albedo: float) -> float:
+    """Irradiance at the bottom of a part of a sphere under an even sky, by sums of form factors.
+
+    The open sky's is 1. ``opening`` is the angle at the centre from the bottom to the rim. Light
+    comes through the disc within the rim, which is as bright as the sky, to the bottom and to every
+    part of the bowl, and from there, reflected once by Lambert's law, to the bottom.
+    """
+    middle = (np.arange(200) + 0.5) / 200
+    rim, top = np.sin(opening), -np.cos(opening)  # of a sphere of radius 1 about the origin
+    radius, angle = (axis.ravel() for axis in np.meshgrid(middle * rim, middle * 2 * np.pi))
+    disc = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full_like(radius, top)])
+    area = radius * (rim / 200) * (2 * np.pi / 200)
+
+    def exchanged(place: np.ndarray, others: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """cos cos' / (pi r^2) from a place of the bowl, whose normal is to its centre."""
+        way = others - place[:, None]
+        square = (way**2).sum(axis=0)
+        return np.asarray((-place @ way) * -(normals * way).sum(axis=0) / (np.pi * square**2))
+
+    down = np.broadcast_to([[0.0], [0.0], [-1.0]], disc.shape)
+
+    def sky(polar: float) -> float:
+        place = np.array([np.sin(polar), 0.0, -np.cos(polar)])
+        return float((exchanged(place, disc, down) * area).sum())
+
+    bounced = 0.0
+    for polar in middle * opening:
+        place = np.array([[np.sin(polar)], [0.0], [-np.cos(polar)]])
+        ring = 2 * np.pi * np.sin(polar) * opening / 200
+        factor = exchanged(np.array([0.0, 0.0, -1.0]), place, -place)[0]
+        # Close to the rim the disc's parts are coarse.
+        inside = min(polar, opening - 0.05)
+        bounced += ring * factor * sky(inside)
+    return sky(0.0) + albedo * bounced
+
+
+@pytest.mark.parametrize("opening", np.radians([50, 90]))
+def test_one_bounce_in_a_bowl_is_the_sum_over_its_parts(opening: float) -> None:
+    """Where every place sees as much of the sky, the one assumption that is made is true."""
+    rows, columns = np.mgrid[-75:76, -75:76]
+    away = np.hypot(rows, columns) / 60.0 * np.sin(opening)
+    bowl = -np.sqrt(np.maximum(1.0 - away**2, np.cos(opening) ** 2))
+    height = 60.0 * PITCH / np.sin(opening) * bowl
+    for albedo in (0.0, 0.3, 0.8):
+        found = impasto.sky_visibility(height, PITCH, azimuths=64, albedo=albedo)[75, 75]
+        # A sample on the rim lies up to a pixel of 60 outside it: the tangent of the horizon is too
+        # low by up to 1 / 60, the square of its sine, at most 0.5, by 2 / 60 of cos^2 of that.
+        assert abs(found - bowl_by_brute_force(opening, albedo)) < 0.015
+
+
+def test_one_bounce_has_its_limits() -> None:
+    """Nothing is added where all of the sky is seen, up to as much again where hardly any is."""
+    for albedo in (0.0, 0.5, 1.0):
+        flat = impasto.sky_visibility(np.zeros((9, 9)), PITCH, albedo=albedo)
+        np.testing.assert_allclose(flat, 1.0, atol=1e-6)
+    shaft = np.zeros((41, 41))
+    shaft[18:23, 18:23] = -60 * PITCH
+    dark, *lit = (
+        impasto.sky_visibility(shaft, PITCH, albedo=albedo)[20, 20] for albedo in (0.0, 0.5, 1.0)
+    )
+    # 60 pixels deep, its edges between pixels at most 4.3 away: (4.3 / 60)^2 of the sky.
+    assert 0.0 < dark <= 0.0051
+    # Of 1 + albedo (1 - V), V at most.
+    np.testing.assert_allclose(lit, [1.5 * dark, 2.0 * dark], rtol=0.0051)
 
 
 def test_relief_moves_what_is_seen_from_the_side() -> None:
@@ -235,3 +299,102 @@ def test_texts_for_numbers_are_refused_by_name() -> None:
                 call(wrong)
     with pytest.raises(impasto.ArgumentError, match="normal: expected unit normals"):
         impasto.integrate_normals("a")
+
+
+def bumpy(size: tuple[int, int] = (60, 300)) -> impasto.Surface:
+    """A matte relief of which half is level, with its own normals, 0.5 mm a pixel."""
+    rows, columns = np.mgrid[0 : size[0], 0 : size[1]]
+    height = np.where(columns < 120, 0.8 * np.sin(0.35 * columns) * np.sin(0.2 * rows), 0.0)
+    down, across = np.gradient(height, 0.5)
+    normal = np.stack([-across, down, np.ones(size)])
+    normal /= np.linalg.norm(normal, axis=0)
+    diffuse = np.full((3, *size), 0.5, np.float32)
+    return impasto.Surface(
+        normal.astype(np.float32), diffuse, height=height.astype(np.float32), pitch_mm=0.5
+    )
+
+
+@pytest.mark.parametrize(
+    "lamp",
+    [
+        impasto.DistantLight((0.9, 0.2, 0.35), radius=0.08),
+        impasto.PointLight((150.0, 40.0, 60.0), radius=12.0),
+    ],
+    ids=["distant", "near"],
+)
+def test_a_lamp_with_a_size_lights_what_sees_it(
+    lamp: impasto.DistantLight | impasto.PointLight,
+) -> None:
+    surface = bumpy()
+    scene = impasto.Scene([lamp], exposure=1.0)
+    bare = impasto.render(surface, scene).xyz[1]
+    found = impasto.render(surface, scene.changed(shadows=True)).xyz[1]
+    near = isinstance(lamp, impasto.PointLight)
+    place = lamp.position if near else lamp.direction
+    expected = impasto.cast_shadows(surface.height, 0.5, place, point=near, radius=lamp.radius)
+    lit = bare > 0
+    # Shares are 16-bit numbers: half a step is 1 / 131070.
+    np.testing.assert_allclose(found[lit] / bare[lit], expected[lit], atol=1e-5)
+    assert ((expected > 0.2) & (expected < 0.8)).sum() > 100
+
+
+def test_a_highlight_is_as_wide_as_its_lamp() -> None:
+    """Against the mean of the pictures of many lamps without a size, spread over the disc."""
+    size = (1, 161)
+    slope = np.linspace(-0.2, 0.2, size[1])
+    normal = np.stack([np.sin(slope), np.zeros_like(slope), np.cos(slope)])[:, None]
+    black = np.zeros((1, *size), np.float32)
+    gloss = impasto.Surface.torrance_sparrow(normal.astype(np.float32), black, 1.0, 0.05)
+    exponent = np.full((1, *size), 300.0, np.float32)
+    ones = np.ones((1, *size), np.float32)
+    phong = impasto.Surface.lafortune(
+        normal.astype(np.float32), black, ones[None], -ones, ones, exponent
+    )
+    radius, many = 0.12, 400
+    turn = np.arange(many) * np.pi * (3 - 5**0.5)
+    away = np.tan(radius) * np.sqrt((np.arange(many) + 0.5) / many)
+    lamps = [
+        impasto.DistantLight((r * np.cos(a), r * np.sin(a), 1.0), 1.0 / many)
+        for r, a in zip(away, turn, strict=True)
+    ]
+    whole = impasto.DistantLight((0.0, 0.0, 1.0), radius=radius)
+    for surface in (gloss, phong):
+        exact, found, point = (
+            impasto.render(surface, impasto.Scene(lights, exposure=1.0)).xyz[1, 0]
+            for lights in (lamps, [whole], [impasto.DistantLight((0.0, 0.0, 1.0))])
+        )
+        # crates/impasto/src/relight/area.rs: 0.02 of the largest value for a lobe as wide as the
+        # lamp, 0.22 for one a quarter as wide; these are 0.7 and 0.5 of it.
+        assert np.abs(found - exact).max() < 0.08 * exact.max()
+        assert np.abs(point - exact).max() > 0.3 * exact.max()
+
+
+def test_a_relief_hides_a_part_of_the_room_and_gives_back_light() -> None:
+    even = impasto.Environment(np.ones((3, 64, 128)), name="even")
+    surface = bumpy()
+    scene = impasto.Scene(environment=even, exposure=1.0)
+    bare = impasto.render(surface, scene).xyz[1].astype(np.float64)
+    shaded = scene.changed(shadows=True)
+    found = impasto.render(surface, shaded).xyz[1] / bare
+    seen = impasto.sky_visibility(surface.height, pitch_mm=0.5, azimuths=16).astype(np.float64)
+    alone = 0.5 * (1.0 + surface.normal[2].astype(np.float64))
+    left = np.minimum(seen / alone, 1.0)
+    np.testing.assert_allclose(found, left * (1.0 + 0.5 * (1.0 - left)), atol=1e-4)
+    assert left.min() < 0.85
+    # Far from the relief all above 1.8 degrees is seen: 1.6 mm / tan(1.8 degrees) = 51 mm.
+    assert (found[:, -60:] == 1.0).all()
+    decisions = {one.name: one.decision for one in impasto.plan(surface, shaded).effects}
+    assert [decisions[name] for name in ("sky occlusion", "one bounce")] == ["on", "on"]
+    level = np.zeros(surface.shape, np.float32)
+    flat = impasto.Surface(surface.normal, surface.diffuse, height=level, pitch_mm=0.5)
+    plan = impasto.plan(flat, shaded)
+    assert {one.name: one.decision for one in plan.effects}["sky occlusion"] == "no-op"
+    assert plan.verify().equal
+
+
+@pytest.mark.parametrize("radius", [-0.1, 2.0, float("nan"), "wide"])
+def test_a_radius_that_no_lamp_has_is_refused(radius: float) -> None:
+    with pytest.raises((GeometryError, ArgumentError), match="radius: expected"):
+        impasto.DistantLight((0, 0, 1), radius=radius)
+    with pytest.raises((GeometryError, ArgumentError), match="radius: expected"):
+        impasto.PointLight((0, 0, 3.0), radius=radius)

@@ -321,12 +321,11 @@ class Plan:
         scene: SceneArguments,
         *,
         tolerance: tuple[float, list[float]] | tuple[float, list[list[float]], list[float]] | None,
-        shadows: bool,
         more_light: bool,
         threads: int,
     ) -> Self: ...
     @staticmethod
-    def forced(surface: Surface, scene: SceneArguments, shadows: bool) -> Plan: ...
+    def forced(surface: Surface, scene: SceneArguments) -> Plan: ...
     def without(self, effect: str) -> Plan: ...
     @property
     def rows(self) -> list[PlanRow]: ...
@@ -369,13 +368,12 @@ class GpuRenderer:
     @property
     def adapter(self) -> GpuAdapter: ...
     def light(
-        self, scene: SceneArguments, shadows: bool, threads: int
+        self, scene: SceneArguments, threads: int
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
     def codes(
         self,
         scene: SceneArguments,
         matrix: NDArray[np.float64],
         curve: NDArray[np.float32],
-        shadows: bool,
         threads: int,
     ) -> NDArray[np.uint8]: ...

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.checks import is_whole, number
+from impasto._internal.checks import instance, is_whole, length_mm, number, numbers
 from impasto.errors import ArgumentError
 from impasto.height import integrate_normals
 from impasto.level import Level, as_level
@@ -33,6 +33,7 @@ def raking(scene: Scene, frames: int, *, elevation: float = math.radians(15.0)) 
     elevation
         Angle above the plane of the painting in radians.
     """
+    _checked(scene)
     count = _count(frames)
     if not 0.0 < number(elevation, "elevation", "radians up to pi / 2") <= math.pi / 2:
         raise ArgumentError(f"elevation: expected 0 to pi / 2 radians, found {elevation:g}")
@@ -71,6 +72,7 @@ def turntable(scene: Scene, frames: int, *, angle: float = math.radians(30.0)) -
     GeometryError
         A light that comes to stand behind the painting.
     """
+    _checked(scene)
     count = _count(frames)
     if not 0.0 < number(angle, "angle", "radians below pi / 2") < math.pi / 2:
         raise ArgumentError(f"angle: expected 0 to pi / 2 radians, found {angle:g}")
@@ -95,11 +97,15 @@ def turntable(scene: Scene, frames: int, *, angle: float = math.radians(30.0)) -
 
 def adapting(scene: Scene, frames: int, *, first: float = 0.0, last: float = 1.0) -> list[Scene]:
     """An eye that adapts to the scene's light: degrees d from ``first`` to ``last``."""
+    _checked(scene)
     count = _count(frames)
+    for name, degree in (("first", first), ("last", last)):
+        if not 0.0 <= number(degree, name, "d from 0 to 1") <= 1.0:
+            raise ArgumentError(f"{name}: expected d from 0 to 1, found {degree!r}")
     return [scene.changed(adaptation=float(d)) for d in np.linspace(first, last, count)]
 
 
-def same_exposure(surface: Relightable, scenes: Sequence[Scene], **options: Any) -> list[Scene]:
+def same_exposure(surface: Relightable, scenes: Iterable[Scene], **options: Any) -> list[Scene]:
     """The scenes with one exposure, the least that one of them has by itself.
 
     A film whose frames had their own would flicker. ``options`` are those of
@@ -108,31 +114,64 @@ def same_exposure(surface: Relightable, scenes: Sequence[Scene], **options: Any)
     Raises
     ------
     ArgumentError
-        ``exposure="maximum"``, which follows from each picture.
+        No scene; ``exposure="maximum"``, which follows from each picture.
     """
-    if any(isinstance(scene.exposure, str) for scene in scenes):
+    listed = list(scenes) if isinstance(scenes, Iterable) else [scenes]
+    if not listed or not all(isinstance(scene, Scene) for scene in listed):
+        kinds = ", ".join(dict.fromkeys(type(scene).__name__ for scene in listed)) or "none"
+        raise ArgumentError(f"scenes: expected a list of impasto.Scene, found {kinds}")
+    if any(isinstance(scene.exposure, str) for scene in listed):
         raise ArgumentError(
             'exposure: "maximum" differs from frame to frame, and the film would flicker; give '
             "a factor"
         )
     # Without shadows, whose heights an exposure does not need.
-    bare = (scene.changed(shadows=False) for scene in scenes)
+    bare = (scene.changed(shadows=False) for scene in listed)
     options = {**options, "level": False}
     least = min(prepare(surface, scene, **options).exposure for scene in bare)
-    return [scene.changed(exposure=least) for scene in scenes]
+    return [scene.changed(exposure=least) for scene in listed]
 
 
 def centred(
-    pictures: Iterator[NDArray[np.uint8]], size: tuple[int, int], fill: Sequence[float]
+    pictures: Iterable[NDArray[np.uint8]], size: tuple[int, int], fill: Sequence[float]
 ) -> Iterator[NDArray[np.uint8]]:
-    """Pictures of different sizes in the middle of frames ``(y, x)``, display codes around them."""
+    """Pictures of different sizes in the middle of frames ``(y, x)``, display codes around them.
+
+    Raises
+    ------
+    ArgumentError
+        No pictures, no such size, no three codes.
+    """
+    if not isinstance(pictures, Iterable) or isinstance(pictures, str):
+        raise ArgumentError(
+            f"pictures: expected arrays (y, x, 3) of display codes, found {pictures!r}"
+        )
+    sides = numbers(size, "size", "whole numbers (y, x) from 1 on")
+    if sides.shape != (2,) or not ((sides >= 1) & (sides == np.floor(sides))).all():
+        raise ArgumentError(f"size: expected whole numbers (y, x) from 1 on, found {size!r}")
+    codes = numbers(fill, "fill", "three display codes, 0 to 255")
+    if codes.shape != (3,) or not ((codes >= 0) & (codes <= 255)).all():
+        raise ArgumentError(f"fill: expected three display codes, 0 to 255, found {fill!r}")
+    return _centred(pictures, (int(sides[0]), int(sides[1])), codes.astype(np.uint8))
+
+
+def _centred(
+    pictures: Iterable[NDArray[np.uint8]], size: tuple[int, int], fill: NDArray[np.uint8]
+) -> Iterator[NDArray[np.uint8]]:
     for codes in pictures:
+        shape = np.shape(codes)
+        if len(shape) != 3 or shape[2] != 3:
+            raise ArgumentError(f"pictures: expected arrays (y, x, 3), found shape {shape}")
         frame = np.empty((*size, 3), np.uint8)
-        frame[:] = np.asarray(fill, dtype=np.uint8)
-        height, width = (min(a, b) for a, b in zip(codes.shape[:2], size, strict=True))
+        frame[:] = fill
+        height, width = (min(a, b) for a, b in zip(shape[:2], size, strict=True))
         top, left = (size[0] - height) // 2, (size[1] - width) // 2
         frame[top : top + height, left : left + width] = codes[:height, :width]
         yield frame
+
+
+def _checked(scene: Any) -> None:
+    instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
 
 
 def _count(frames: int) -> int:
@@ -157,7 +196,17 @@ def _rotated_light(light: Light, angle: float) -> Light:
 def relief(
     surface: Relightable, plane: bool | Level, pitch_mm: float | None, *, threads: int | None = None
 ) -> NDArray[np.float32]:
-    """The height in mm that all frames share: the surface's own, or of its normals on a plane."""
+    """The height in mm that all frames share: the surface's own, or of its normals on a plane.
+
+    Raises
+    ------
+    ArgumentError
+        No surface, plane or width.
+    """
+    made_by = "what impasto.fit_sbrdf or impasto.load_sbrdf returns, or an impasto.Surface"
+    instance(surface, Relightable, "surface", made_by)
+    if pitch_mm is not None:
+        length_mm(pitch_mm, "pitch_mm")
     lit = surface.surface()
     if lit.height is not None:
         return lit.height

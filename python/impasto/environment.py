@@ -21,6 +21,8 @@ from impasto.gallery import gallery
 
 Scheme = Literal["vector", "scalar"]
 
+SUFFIXES = (".exr", ".hdr", ".pic")
+"""Files of environments: OpenEXR, and Radiance under two names."""
 WIDTH, FACE = 512, 128
 """Columns of a map, and of a cube's face, beyond which maps are averaged down."""
 COARSEST_WIDTH, COARSEST_FACE = 128, 32
@@ -39,8 +41,8 @@ class Environment:
     Radiance is relative: a constant radiance of 1 / pi shows a white board that faces the viewer
     as white, as a :class:`~impasto.DistantLight` of intensity 1 straight in front of it does. What
     lies behind the plane of the painting gives no light. A map with more than 512 columns (faces
-    of more than 128) is averaged down to these by solid angle; the texels of a small one are patches
-    of even light.
+    of more than 128) is averaged down to these by solid angle; the texels of a small one are
+    patches of even light.
 
     Parameters
     ----------
@@ -193,6 +195,8 @@ class Environment:
             raise ArgumentError(f"normal: expected (x, y, z), found shape {vector.shape}")
         if not np.isfinite(vector).all():
             raise ArgumentError(f"normal: expected finite numbers, found {vector.tolist()}")
+        # Of any length that a number has: squares of 1e-300 would be 0.
+        vector = vector / (np.abs(vector).max() or 1.0)
         found = self.prefiltered(lobes=False).irradiance(tuple(vector.tolist()))
         return self.intensity * np.array(found)
 
@@ -242,7 +246,7 @@ def _picture(path: Path) -> NDArray[np.float32]:
         from impasto.io.images.read import read_image
 
         return np.asarray(read_image(path), dtype=np.float32)
-    if suffix not in {".hdr", ".pic"}:
+    if suffix not in SUFFIXES:
         raise ArgumentError(f"environment: expected .exr or .hdr, found {path}")
     import cv2
 

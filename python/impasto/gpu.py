@@ -147,7 +147,7 @@ class Renderer:
     surface, reflectance, camera, height, pitch_mm, index, level
         As in :func:`impasto.render`.
     shadows
-        Whether scenes may have shadows; the relief is then kept on the card, too.
+        Whether scenes may have shadows and parallax; the relief is then kept on the card, too.
     adapter
         ``"auto"``: the best card, but no driver that computes on the CPU; ``"any"``: such a driver
         if there is no card; or a part of the name of one of :func:`adapters`.
@@ -254,18 +254,18 @@ class Renderer:
         GpuUnavailableError
             The card was lost, or has too little memory; or the scene has an environment.
         """
-        if self._upright is not None and not _scene(scene).shadows:
+        if self._upright is not None and not _has_relief(_scene(scene)):
             return self._upright().frame(scene)
         arguments, exposure, uploaded = self._prepared(scene)
         if exposure is None:
-            xyz, coverage = uploaded.light(arguments, scene.shadows, self._threads)
+            xyz, coverage = uploaded.light(arguments, self._threads)
             exposure = exposure_of_maximum(xyz, coverage)
         to_display = exposure * scene.display.linear_from_xyz
         behind = np.linalg.solve(to_display, np.asarray(scene.background))
         arguments = replace(arguments, background=_three(behind))
         columns = columns_to_display(scene.display, exposure)
         table = tone_table(scene.display)
-        codes = uploaded.codes(arguments, columns, table, scene.shadows, self._threads)
+        codes = uploaded.codes(arguments, columns, table, self._threads)
         return Frame(codes=codes, exposure=float(exposure), screen=scene.display)
 
     def light(self, scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -281,10 +281,10 @@ class Renderer:
         tuple
             ``(3, y, x)`` XYZ and ``(y, x)`` coverage, as of :func:`impasto.render`.
         """
-        if self._upright is not None and not _scene(scene).shadows:
+        if self._upright is not None and not _has_relief(_scene(scene)):
             return self._upright().light(scene)
         arguments, _, uploaded = self._prepared(scene)
-        return uploaded.light(arguments, scene.shadows, self._threads)
+        return uploaded.light(arguments, self._threads)
 
     def _prepared(self, scene: Scene) -> tuple[SceneArguments, float | None, _core.GpuRenderer]:
         """A scene as arrays, its exposure if it is known before the picture, and the surface."""
@@ -292,9 +292,10 @@ class Renderer:
             raise GpuUnavailableError(
                 "scene: the graphics card cannot show light of an environment"
             )
-        if scene.shadows and not self._shadows:
+        if _has_relief(scene) and not self._shadows:
+            found = "shadows" if scene.shadows else "parallax"
             raise ArgumentError(
-                "scene: it has shadows, but the renderer has no relief; make Renderer(shadows=True)"
+                f"scene: it has {found}, but the renderer has no relief; make Renderer(shadows=True)"
             )
         if self._pitch is None and any(isinstance(light, PointLight) for light in scene.lights):
             raise GeometryError(
@@ -324,6 +325,10 @@ class Renderer:
 def _scene(scene: Scene) -> Scene:
     instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
     return scene
+
+
+def _has_relief(scene: Scene) -> bool:
+    return scene.shadows or scene.has_parallax
 
 
 def _three(values: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -30,6 +30,9 @@ DENSEST = 1.7
 _ENOUGH = 100
 """A panel has more normals than that."""
 
+_SAMPLE = 100_000
+"""Pixels of which a mean is taken, about."""
+
 
 @dataclass(frozen=True)
 class SceneArguments:
@@ -37,12 +40,17 @@ class SceneArguments:
 
     rig: RigArguments
     intensity: NDArray[np.float64]
+    radius: NDArray[np.float64]
     colour: NDArray[np.uint32]
     diffuse: NDArray[np.float64]
     interface: NDArray[np.float64]
     background: tuple[float, float, float]
-    environment: tuple[Any, tuple[int, int, int]] | None = None
-    """What :meth:`impasto.Environment.prefiltered` gives, and the illuminants of its channels."""
+    environment: tuple[Any, tuple[int, int, int], float] | None = None
+    """What :meth:`impasto.Environment.prefiltered` gives, the illuminants of its channels, and the
+    mean reflectance of what surrounds a pixel."""
+    perspective: bool = False
+    shadows: bool = False
+    parallax: bool = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,7 +62,7 @@ class Prepared:
     surface
         The maps with the coefficients of spectra as their colours, levelled.
     relief
-        ``(y, x)`` height in mm where the scene has shadows, otherwise None.
+        ``(y, x)`` height in mm where the scene has shadows or parallax, otherwise None.
     arguments
         The scene.
     rig
@@ -69,7 +77,7 @@ class Prepared:
         What has the spectra of the colours; None for those of the bands.
     as_photographed
         Whether the picture can show what photographs show besides the model: the panel is not
-        rotated, no shadows are cast, the painting is seen on its own pixels, its colours are those
+        rotated, no relief is wanted, the painting is seen on its own pixels, its colours are those
         of the bands.
     """
 
@@ -131,9 +139,10 @@ def prepare(
     if scene.varnish is not None:
         lit = varnished(lit, scene.varnish, beneath)
     stood = lit.normal
-    lit = _levelled(lit, level, has_height=height is not None, shadows=scene.shadows)
-    unmoved = lit.normal is stood and not scene.shadows
-    relief = _relief(lit, height, pitch, threads) if scene.shadows else None
+    over = scene.shadows or scene.has_parallax
+    lit = _levelled(lit, level, has_height=height is not None, wanted=over)
+    unmoved = lit.normal is stood and not over
+    relief = _relief(lit, height, pitch, threads) if over else None
     eye = surface.eye() if scene.view is None else scene.view
     whole = rig_of(scene, eye, pitch, lit)
     lit, arguments, exposure = arranged(lit, scene, whole, eye, reflectance, threads)
@@ -146,7 +155,13 @@ def prepare(
         from_picture=isinstance(scene.exposure, str),
         in_bands=reflectance is None,
         reflectance=reflectance,
-        as_photographed=(reflectance is None and bool(scene.lights) and unmoved and _in_front(eye)),
+        as_photographed=(
+            reflectance is None
+            and bool(scene.lights)
+            and unmoved
+            and _in_front(eye)
+            and not scene.perspective
+        ),
     )
 
 
@@ -186,11 +201,15 @@ def arranged(
     arguments = SceneArguments(
         rig=RigArguments.of(rig),
         intensity=rig.intensities[: len(scene.lights)],
+        radius=rig.radii[: len(scene.lights)],
         colour=which,
         diffuse=diffuse,
         interface=interface,
         background=(float(background[0]), float(background[1]), float(background[2])),
-        environment=_surroundings(scene, lit, len(diffuse), threads),
+        environment=_surroundings(scene, lit, reflectance, len(diffuse), threads),
+        perspective=scene.perspective,
+        shadows=scene.shadows,
+        parallax=scene.has_parallax,
     )
     return _with_ambient_of(lit, scene, rig), arguments, float(exposure)
 
@@ -284,14 +303,28 @@ def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:
 
 
 def _surroundings(
-    scene: Scene, lit: Surface, colours: int, threads: int | None
-) -> tuple[Any, tuple[int, int, int]] | None:
+    scene: Scene, lit: Surface, reflectance: Any, colours: int, threads: int | None
+) -> tuple[Any, tuple[int, int, int], float] | None:
     """The environment for the numerics; the last three colours are its channels'."""
     if scene.environment is None:
         return None
     lobes = lit.model == "lafortune" and len(lit.lobes) > 0
     built = scene.environment.prefiltered(lobes=lobes, threads=threads)
-    return built, (colours - 3, colours - 2, colours - 1)
+    albedo = _mean_reflectance(lit, reflectance) if scene.shadows else 0.0
+    return built, (colours - 3, colours - 2, colours - 1), albedo
+
+
+def _mean_reflectance(lit: Surface, reflectance: Any) -> float:
+    """Mean diffuse reflectance over the painting and its bands or wavelengths, 0 to 1."""
+    rows, columns = lit.shape
+    apart = max(1, math.isqrt(rows * columns // _SAMPLE))
+    picked = lit.diffuse[:, ::apart, ::apart].reshape(len(lit.diffuse), -1).astype(np.float64)
+    known = np.isfinite(picked).all(axis=0)
+    if not known.any():
+        return 0.0
+    mean = picked[:, known].mean(axis=1)
+    spectrum = mean if reflectance is None else mean @ np.asarray(reflectance.basis, np.float64)
+    return float(np.clip(spectrum.mean(), 0.0, 1.0))
 
 
 def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:
@@ -304,11 +337,11 @@ def _planes(values: Any, size: tuple[int, ...]) -> NDArray[np.float32]:
 
 
 def _levelled(
-    lit: Surface, level: bool | Level | None, *, has_height: bool, shadows: bool
+    lit: Surface, level: bool | Level | None, *, has_height: bool, wanted: bool
 ) -> Surface:
     """The surface relative to the plane of its panel, if that is wanted."""
     if level is None:
-        if not shadows or has_height or lit.height is not None or not _faces(lit.normal):
+        if not wanted or has_height or lit.height is not None or not _faces(lit.normal):
             return lit
         found = find_level(lit.normal)
         plane = found if found.leans else None

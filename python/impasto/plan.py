@@ -52,8 +52,8 @@ class PlannedEffect:
     error
         Most that leaving it out costs a pixel, in the unit of the tolerance.
     saves
-        Seconds that are saved because it is not simulated everywhere, as measured; None if that was
-        not measured.
+        Seconds that are saved because it is not simulated everywhere, as measured; 0 where that
+        cannot be told from noise, None if it was not measured.
     """
 
     name: str
@@ -148,9 +148,7 @@ class Plan:
 
     def forced(self) -> Plan:
         """The plan that simulates every effect that is there, everywhere."""
-        core = _core.Plan.forced(
-            self._prepared.surface, self._prepared.arguments, self._prepared.relief is not None
-        )
+        core = _core.Plan.forced(self._prepared.surface, self._prepared.arguments)
         effects = (*_effects(core), *_folded(self._scene, self._prepared))
         return replace(self, effects=effects, tolerance=0, error=0.0, unit="", _native=core)
 
@@ -164,9 +162,9 @@ class Plan:
 
     def verify(self, *, threads: int | None = None) -> Verification:
         """Render both as planned and forced, and compare all pixels."""
-        planned, seconds = _timed(lambda: self.render(output="light", threads=threads), 1)
-        everything = self.forced()
-        forced, all_seconds = _timed(lambda: everything.render(output="light", threads=threads), 1)
+        planned, seconds, _ = _timed(lambda: self.render(output="light", threads=threads), 1)
+        whole = self.forced()
+        forced, all_seconds, _ = _timed(lambda: whole.render(output="light", threads=threads), 1)
         white = np.linalg.solve(planned.exposure * self._scene.display.linear_from_xyz, np.ones(3))
         shown = planned.coverage > 0.0
         equal = all(
@@ -185,18 +183,25 @@ class Plan:
         )
 
     def measured(self, *, threads: int | None = None) -> Plan:
-        """The plan with the seconds that every effect saves, from pictures without each effect."""
+        """The plan with the seconds that every effect saves, from pictures without each effect.
+
+        Times are the shortest of three, after a picture that is not counted. A difference of two of
+        them counts as 0 where it does not exceed the spread of either three, longest less shortest:
+        it may be noise. So on a busy machine a small saving is 0, too.
+        """
         forced = self.forced()
-        _, everything = _timed(lambda: forced.render(threads=threads), _REPEATS)
+        forced.render(threads=threads)
+        _, everything, scatter = _timed(lambda: forced.render(threads=threads), _REPEATS)
         effects = []
         for effect in self.effects:
             saves = None
             if effect.decision in {"no-op", "bounded"} or 0 < effect.tiles < self.tiles:
                 core = forced._native.without(effect.name)
                 bare = replace(forced, _native=core)
-                _, rest = _timed(lambda bare=bare: bare.render(threads=threads), _REPEATS)  # type: ignore[misc]
+                _, rest, other = _timed(lambda bare=bare: bare.render(threads=threads), _REPEATS)  # type: ignore[misc]
+                gained = everything - rest
                 share = 1.0 - effect.tiles / self.tiles
-                saves = max(everything - rest, 0.0) * share
+                saves = gained * share if gained > max(scatter, other) else 0.0
             effects.append(replace(effect, saves=saves))
         return replace(self, effects=tuple(effects))
 
@@ -310,7 +315,6 @@ def plan(
             statistics,
             prepared.arguments,
             tolerance=limit,
-            shadows=prepared.relief is not None,
             more_light=kept,
             threads=workers,
         )
@@ -362,21 +366,33 @@ def _same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def _limit(tolerance: str | float, scene: Scene, prepared: Prepared) -> Any:
-    """A tolerance as the core takes it; None for none."""
-    expected = 'tolerance: expected 0, "code:1" or "dE:0.5"'
+def checked_tolerance(tolerance: Any) -> tuple[str, float]:
+    """What a tolerance counts, ``"code"`` or ``"dE"``, and how much of it; 0 counts nothing.
+
+    Raises
+    ------
+    ArgumentError
+        It is none of ``0``, ``"code:1"`` and ``"dE:0.5"``.
+    """
+    wrong = ArgumentError(f'tolerance: expected 0, "code:1" or "dE:0.5", found {tolerance!r}')
     if isinstance(tolerance, str):
         kind, _, number = tolerance.partition(":")
         try:
             limit = float(number)
         except ValueError:
-            raise ArgumentError(f"{expected}, found {tolerance!r}") from None
+            raise wrong from None
         if kind not in {"code", "dE"} or not (np.isfinite(limit) and limit >= 0.0):
-            raise ArgumentError(f"{expected}, found {tolerance!r}")
-    elif isinstance(tolerance, int | float) and not isinstance(tolerance, bool) and tolerance == 0:
-        return None
-    else:
-        raise ArgumentError(f"{expected}, found {tolerance!r}")
+            raise wrong
+        return kind, limit
+    number_like = isinstance(tolerance, int | float) and not isinstance(tolerance, bool)
+    if not (number_like and tolerance == 0):
+        raise wrong
+    return "", 0.0
+
+
+def _limit(tolerance: str | float, scene: Scene, prepared: Prepared) -> Any:
+    """A tolerance as the core takes it; None for none."""
+    kind, limit = checked_tolerance(tolerance)
     # An exposure that follows from the picture is not known before it.
     if limit == 0.0 or prepared.from_picture:
         return None
@@ -428,11 +444,11 @@ def _film(scene: Scene, matrices: str) -> PlannedEffect:
     return PlannedEffect("varnish", "folded", 0, reason, 0.0)
 
 
-def _timed(work: Callable[[], Image], repeats: int) -> tuple[Image, float]:
-    shortest, image = np.inf, None
+def _timed(work: Callable[[], Image], repeats: int) -> tuple[Image, float, float]:
+    """What the last of some repeats gives, the shortest time, and the longest less the shortest."""
+    seconds = []
     for _ in range(repeats):
         start = time.perf_counter()
         image = work()
-        shortest = min(shortest, time.perf_counter() - start)
-    assert image is not None
-    return image, shortest
+        seconds.append(time.perf_counter() - start)
+    return image, min(seconds), max(seconds) - min(seconds)

@@ -121,9 +121,7 @@ def render(
         return planned.render(output=output, backend=backend, threads=threads, progress=progress)
     # One picture does not pay for the statistics that a plan needs.
     prepared = prepare(surface, scene, **options)
-    everything = _core.Plan.forced(
-        prepared.surface, prepared.arguments, prepared.relief is not None
-    )
+    everything = _core.Plan.forced(prepared.surface, prepared.arguments)
     extra = None
     if fidelity == "photographs" and prepared.as_photographed:
         extra = surface.unmodelled(prepared.rig)

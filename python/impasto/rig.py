@@ -41,10 +41,14 @@ class DistantLight:
         (x, y, z) from the surface to the light; normalised on entry.
     intensity
         Irradiance at normal incidence relative to the light under which a white board reads 1.0.
+    radius
+        Angular radius in radians of a lamp with a size, at most pi/4: in pictures its shadows are
+        soft and its highlights as wide as it is. Fits take every light for a point. Default: 0.
     """
 
     direction: tuple[float, float, float]
     intensity: float = 1.0
+    radius: float = 0.0
 
     @classmethod
     def from_angles(cls, azimuth: float, elevation: float, intensity: float = 1.0) -> DistantLight:
@@ -96,6 +100,7 @@ class DistantLight:
             )
         object.__setattr__(self, "direction", tuple(float(v) for v in vector / _not_1(length)))
         _check_intensity(self.intensity)
+        _check_radius(self.radius, math.pi / 4, "radians, at most pi/4")
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,11 +116,15 @@ class PointLight:
     falloff
         Whether the samples still carry the 1/r^2 fall-off. False after flat-fielding by a white
         board (eq. 3 of the RGB-camera paper), which cancels it.
+    radius
+        Radius in mm of a lamp with a size, at most half its distance: a disc that faces the middle
+        of the painting; see :class:`DistantLight`. Default: 0.
     """
 
     position: tuple[float, float, float]
     intensity: float = 1.0
     falloff: bool = True
+    radius: float = 0.0
 
     def __post_init__(self) -> None:
         vector = _vector(self.position, "position")
@@ -125,6 +134,8 @@ class PointLight:
             )
         object.__setattr__(self, "position", tuple(float(v) for v in vector))
         _check_intensity(self.intensity)
+        far = float(np.linalg.norm(vector))
+        _check_radius(self.radius, far / 2, f"mm, at most half the distance of {far:g} mm")
 
     @property
     def direction(self) -> tuple[float, float, float]:
@@ -141,7 +152,8 @@ class PointLight:
         here = np.array(self.position)
         there = here - (x, y, 0.0)
         ratio = float((here @ here) / (there @ there)) if self.falloff else 1.0
-        return PointLight(tuple(there.tolist()), self.intensity * ratio, self.falloff)
+        radius = min(self.radius, float(np.linalg.norm(there)) / 2)
+        return PointLight(tuple(there.tolist()), self.intensity * ratio, self.falloff, radius)
 
 
 Light: TypeAlias = DistantLight | PointLight
@@ -258,6 +270,11 @@ class Rig:
     def intensities(self) -> NDArray[np.float64]:
         """``(obs,)`` light intensities."""
         return np.array([light.intensity for light in self.lights], dtype=np.float64)
+
+    @property
+    def radii(self) -> NDArray[np.float64]:
+        """``(obs,)`` sizes of the lamps: radians of distant lights, mm of near ones."""
+        return np.array([light.radius for light in self.lights], dtype=np.float64)
 
     @property
     def vectors(self) -> NDArray[np.float64]:
@@ -457,6 +474,8 @@ def _lights(lights: Any) -> tuple[Light, ...]:
         return tuple(lights)
     try:
         array = np.asarray(lights, dtype=np.float64)
+        if array.ndim == 0:
+            raise TypeError
     except (TypeError, ValueError) as error:
         raise ArgumentError(
             "lights: expected (obs, 3) directions or a sequence of DistantLight / PointLight, "
@@ -524,6 +543,12 @@ def _vector(values: Any, name: str) -> NDArray[np.float64]:
             "a light that far away is a DistantLight with a unit direction"
         )
     return vector
+
+
+def _check_radius(radius: Any, largest: float, expected: str) -> None:
+    value = number(radius, "radius", expected)
+    if not 0.0 <= value <= largest:
+        raise GeometryError(f"radius: expected {expected}, found {value:g}")
 
 
 def _check_intensity(intensity: float) -> None:

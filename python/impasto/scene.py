@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 from numpy.typing import ArrayLike
 
-from impasto._internal.checks import instance, number, numbers, positive
+from impasto._internal.checks import instance, number, numbers, positive, truth
 from impasto.colour import Display
 from impasto.colour.adaptation import Mode
 from impasto.colour.illuminants import checked_illuminant
@@ -17,6 +17,9 @@ from impasto.environment import Environment
 from impasto.errors import ArgumentError, GeometryError
 from impasto.rig import FRONTAL, DistantLight, Light, PointView, Rig
 from impasto.varnish import Varnish
+
+COUNT = "illuminant: expected one per light"
+"""How the message begins that illuminants are more or fewer than lights."""
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -36,7 +39,8 @@ class Scene:
     view
         Direction to the eye, parallel rays. Off the normal, the picture is the painting
         foreshortened along its tilt, the painting's up staying up. Or a
-        :class:`~impasto.PointView`: the painting's own pixels, each lit as seen from there.
+        :class:`~impasto.PointView`: the painting's own pixels, each lit as seen from there, or with
+        ``perspective`` the painting as it looks from there.
         Default: in front; where the photographs of a result have one :class:`~impasto.PointView`,
         given or refined, from there. Torrance-Sparrow lobes see an environment as from the middle
         of the painting, wherever the eye is.
@@ -56,7 +60,15 @@ class Scene:
         Y_max`` of the six-band paper; one bright highlight then darkens the whole picture. The
         picture reports the factor.
     shadows
-        Include cast shadows of the relief.
+        Include cast shadows of the relief: hard ones of lamps without a size, soft ones of lamps
+        with a ``radius``. Of an environment each pixel then has the share that it sees of an even
+        sky, and light that the relief gives back once.
+    perspective
+        Whether the picture from a :class:`~impasto.PointView` is in perspective, its up that of the
+        painting, its middle at the painting's scale. Default: the painting's own pixels.
+    parallax
+        Whether a picture from the side or in perspective shows each place of the relief where its
+        height puts it, near relief before far relief. Default: with ``shadows``.
     varnish
         A coat of :class:`~impasto.Varnish` over the painting; default: the painting as it is.
     background
@@ -90,6 +102,8 @@ class Scene:
     display: Display
     exposure: float | Literal["maximum"] | None
     shadows: bool
+    perspective: bool
+    parallax: bool | None
     varnish: Varnish | None
     background: tuple[float, float, float]
 
@@ -106,6 +120,8 @@ class Scene:
         display: Display | str = "srgb",
         exposure: float | Literal["maximum"] | None = None,
         shadows: bool = False,
+        perspective: bool = False,
+        parallax: bool | None = None,
         varnish: Varnish | None = None,
         background: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
@@ -130,9 +146,7 @@ class Scene:
         spectra = list(illuminant) if isinstance(illuminant, list) else [illuminant] * count
         if len(spectra) != count:
             more = " and one for the environment" if environment is not None else ""
-            raise ArgumentError(
-                f"illuminant: expected one per light ({len(lamps)}){more}, found {len(spectra)}"
-            )
+            raise ArgumentError(f"{COUNT} ({len(lamps)}){more}, found {len(spectra)}")
         for one in spectra:
             checked_illuminant(one)
         checked_illuminant(reference, "reference")
@@ -162,13 +176,22 @@ class Scene:
         set_(self, "display", display if isinstance(display, Display) else Display.named(display))
         set_(self, "exposure", exposure)
         set_(self, "shadows", bool(shadows))
+        set_(self, "perspective", truth(perspective, "perspective"))
+        set_(self, "parallax", None if parallax is None else truth(parallax, "parallax"))
         set_(self, "varnish", varnish)
         set_(self, "background", tuple(fill.tolist()))
+
+    @property
+    def has_parallax(self) -> bool:
+        """Whether relief moves what is seen from the side: ``parallax``, else ``shadows``."""
+        return self.shadows if self.parallax is None else self.parallax
 
     def changed(self, **options: Any) -> Scene:
         """The same scene with other options; the parameters are those of the class.
 
-        One illuminant of all lights also is that of more or fewer lights, and of a room.
+        One illuminant of all lights also is that of more or fewer lights, and of a room. Where they
+        differ, those of an environment or of lights that are taken away go with them; other changes
+        of their number need ``illuminant=``.
 
         Raises
         ------
@@ -180,10 +203,24 @@ class Scene:
             for name in signature(Scene).parameters
             if name != "illuminant"
         }
-        first, *others = self.illuminants
+        count = len(self.lights)
+        lamps, room = list(self.illuminants[:count]), list(self.illuminants[count:])
+        if options.get("environment", self.environment) is None:
+            room = []
+        elif "lights" in options and _empty(options["lights"]):
+            lamps = []
+        # Nothing is left where neither lights nor room are, which the class says.
+        first, *others = spectra = [*lamps, *room] or list(self.illuminants)
         equal = all(_same(first, one) for one in others) and not isinstance(first, list)
-        illuminant = first if equal else list(self.illuminants)
-        return Scene(**{**given, "illuminant": illuminant, **options})
+        illuminant = first if equal else spectra
+        try:
+            return Scene(**{**given, "illuminant": illuminant, **options})
+        except ArgumentError as error:
+            if "illuminant" in options or not str(error).startswith(COUNT):
+                raise
+            raise ArgumentError(
+                f"{error}, which are those of the scene before; give illuminant= as well"
+            ) from None
 
     def __repr__(self) -> str:
         lamps = f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"

@@ -11,6 +11,9 @@ with the refracted angles t' [@born1999principles]. The angles are those to the 
 pixel's normal: the film then is a factor on the spectra, part of the matrix from reflectance to
 colour, and costs nothing per pixel.
 
+What the interface below the film reflects with a neutral lobe is not absorbed: it keeps the colour
+of the lamp. Light that goes to and fro within the film is left out.
+
 The absorption of aged natural resins falls from violet to red, roughly exponentially.
 ``yellowness`` is the strength of such a curve, ``a = yellowness exp((450 - lambda) / 60)``: a model
 with one parameter, not the measurement of a resin. ``absorption=`` takes measured curves.
@@ -51,11 +54,12 @@ class Varnish:
     Needs spectra: ``reflectance=`` or ``camera=`` of :func:`impasto.render`.
 
     The coat reflects with a Torrance-Sparrow lobe of its own. The lobes of the painting then belong
-    to the interface between paint and varnish, which reflects less: their strengths are multiplied
-    by the ratio of the Fresnel reflectances of both interfaces at normal incidence, 0.02 for paint
-    of index 1.45 under varnish of 1.54. What a
-    pixel's Torrance-Sparrow lobes reflect beyond an interface of index 1.7 comes from metal leaf
-    and stays as strong. On a surface of Lafortune lobes the coat's lobe is the
+    to the interface between paint and varnish, which reflects less: for paint of index 1.45 under
+    varnish of 1.54 their gloss falls to 0.027 of what it was in air, the ratio of the Fresnel
+    reflectances of both interfaces at normal incidence. Their beta is multiplied by 0.020, since
+    their Fresnel factor becomes that of the varnish. The film absorbs light of coloured lobes, not
+    that of neutral ones. What the lobes of a pixel reflect beyond an interface of index 1.7 comes
+    from metal leaf and stays. On a surface of Lafortune lobes the coat's lobe is the
     Lafortune lobe of the same width and of the same strength in front, without Fresnel's rise.
 
     Parameters

@@ -4,9 +4,9 @@ use std::borrow::Cow;
 
 use wgpu::{Buffer, BufferUsages};
 
-use impasto::geometry::{Grid, View};
+use impasto::geometry::Grid;
 use impasto::pixels::Run;
-use impasto::relight::plan::{Plan, SHADED, lobe_bit};
+use impasto::relight::plan::{Over, Plan, SHADED, lobe_bit};
 use impasto::relight::scene::Scene;
 use impasto::relight::show::{Codes, Display, codes_from_planes};
 use impasto::relight::view::{Projection, seen_from};
@@ -47,6 +47,7 @@ pub struct Renderer {
     bands: Vec<Band>,
     relief: Option<Relief<'static>>,
     shadows: bool,
+    parallax: bool,
     target: Option<Target>,
 }
 
@@ -170,6 +171,10 @@ impl Shown {
             let problem = "light of an environment is computed by the CPU alone".to_owned();
             return Err(Error::Unsupported(problem));
         }
+        if scene.lamps().iter().any(|lamp| lamp.radius > 0.0) {
+            let problem = "lamps with a size are computed by the CPU alone".to_owned();
+            return Err(Error::Unsupported(problem));
+        }
         let lit = Lit::of(scene, self.model, background, display);
         let shadows = relief.is_some();
         let (visibility, words) = match relief {
@@ -283,7 +288,15 @@ impl Renderer {
             Some(height) => Some(Relief::new(Cow::Owned(height.to_vec()), grid)?),
             None => None,
         };
-        Ok(Self { gpu: gpu.clone(), shown, bands, relief, shadows: true, target: None })
+        Ok(Self {
+            gpu: gpu.clone(),
+            shown,
+            bands,
+            relief,
+            shadows: true,
+            parallax: true,
+            target: None,
+        })
     }
 
     /// Columns, rows and the width of a pixel.
@@ -298,9 +311,10 @@ impl Renderer {
         &self.gpu
     }
 
-    /// Whether pictures have cast shadows, if the renderer was given heights; at first they have.
-    pub fn set_shadows(&mut self, cast: bool) {
-        self.shadows = cast;
+    /// Whether pictures have cast shadows and parallax, if the renderer was given heights; at first
+    /// they have both.
+    pub fn set_over(&mut self, Over { shadows, parallax }: Over) {
+        (self.shadows, self.parallax) = (shadows, parallax);
     }
 
     /// The surface under the lights of a scene: what [`relight::render`] gives.
@@ -308,7 +322,7 @@ impl Renderer {
     /// # Errors
     /// If the scene does not fit the surface, the caller cancels, or the card fails.
     pub fn light(&mut self, scene: &Scene, background: [f32; 3], run: &Run<'_>) -> Result<Picture> {
-        let Self { gpu, shown, bands, relief, shadows, target } = self;
+        let Self { gpu, shown, bands, relief, shadows, parallax, target } = self;
         let cast = relief.as_mut().filter(|_| *shadows);
         let arrays = shown.arrays(gpu, cast, scene, background, None, run)?;
         let mut planar = Planar::new(shown.grid.width * shown.grid.height);
@@ -317,8 +331,8 @@ impl Renderer {
             let first = band.row * shown.grid.width;
             shown.draw(gpu, &arrays, band, target, |bytes| planar.take(first, bytes))?;
         }
-        let height = relief.as_ref().filter(|_| *shadows).map(Relief::height);
-        let view = (scene, is_slanted(scene, shown.grid));
+        let height = relief.as_ref().filter(|_| *parallax).map(Relief::height);
+        let view = (scene, is_slanted(scene, shown.grid)?);
         seen(shown.grid, planar, height, view, background, run)
     }
 
@@ -336,10 +350,10 @@ impl Renderer {
         run: &Run<'_>,
     ) -> Result<Screen> {
         let grid = self.shown.grid;
-        if is_slanted(scene, grid) {
+        if is_slanted(scene, grid)? {
             return encoded(&self.light(scene, background, run)?, display, run);
         }
-        let Self { gpu, shown, bands, relief, shadows, target } = self;
+        let Self { gpu, shown, bands, relief, shadows, target, .. } = self;
         let relief = relief.as_mut().filter(|_| *shadows);
         let arrays = shown.arrays(gpu, relief, scene, background, Some(display), run)?;
         let mut codes = vec![0; 4 * grid.width * grid.height];
@@ -393,6 +407,7 @@ pub fn render(
         let first = band.row * grid.width;
         shown.draw(gpu, &arrays, &band, &mut target, |bytes| planar.take(first, bytes))?;
     }
+    let height = height.filter(|_| plan.displaced());
     seen(grid, planar, height, (scene, plan.projected()), background, run)
 }
 
@@ -401,11 +416,11 @@ fn cancelled(run: &Run<'_>) -> Result<()> {
 }
 
 /// Whether the view moves any pixel.
-fn is_slanted(scene: &Scene, grid: Grid) -> bool {
-    match scene.view() {
-        View::Distant(view) => Projection::new(view, grid).displacement() > 0.0,
-        View::Point(_) => false,
+fn is_slanted(scene: &Scene, grid: Grid) -> Result<bool> {
+    if !scene.is_projected() {
+        return Ok(false);
     }
+    Ok(Projection::new(scene.view(), grid)?.displacement() > 0.0)
 }
 
 /// The picture as the scene's eye sees it, foreshortened on the CPU.
@@ -418,14 +433,12 @@ fn seen(
     run: &Run<'_>,
 ) -> Result<Picture> {
     let Planar { light, coverage } = planar;
-    match scene.view() {
-        View::Distant(view) if projected => {
-            let (light, coverage, grid) =
-                seen_from(view, (&light, &coverage), grid, relief, background, run)?;
-            Ok(Picture { light, coverage, grid })
-        }
-        _ => Ok(Picture { light, coverage, grid }),
+    if !projected {
+        return Ok(Picture { light, coverage, grid });
     }
+    let (light, coverage, grid) =
+        seen_from(scene.view(), (&light, &coverage), grid, relief, background, run)?;
+    Ok(Picture { light, coverage, grid })
 }
 
 /// A picture's codes, made on the CPU.

@@ -121,7 +121,7 @@ mod tests {
     #[test]
     fn lamps_stand_in_the_order_of_their_colours() {
         let light = Light::Distant(Vec3::new(0.0, 0.6, 0.8));
-        let lamp = |colour| scene::Lamp { light, intensity: 1.0, colour };
+        let lamp = |colour| scene::Lamp { light, intensity: 1.0, radius: 0.0, colour };
         let colour = |v| scene::Colour { diffuse: vec![[v; 3]; 2], interface: [v; 3] };
         let lamps = vec![lamp(2), lamp(0), lamp(2)];
         let colours = vec![colour(1.0), colour(2.0), colour(3.0)];

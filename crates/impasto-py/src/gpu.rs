@@ -111,14 +111,13 @@ impl GpuRenderer {
         &self,
         py: Python<'py>,
         scene: SceneArguments<'py>,
-        shadows: bool,
         threads: usize,
     ) -> PyResult<Seen<'py>> {
         let lit = scene.scene(self.grid).map_err(|error| to_python(py, &error))?;
-        let background = scene.background;
+        let (background, over) = (scene.background, scene.over());
         let picture = called(py, threads, None, |run| {
             self.with(|renderer| {
-                renderer.set_shadows(shadows);
+                renderer.set_over(over);
                 renderer.light(&lit, background, run)
             })
         })?;
@@ -133,7 +132,6 @@ impl GpuRenderer {
         scene: SceneArguments<'py>,
         matrix: PyReadonlyArray2<'py, f64>,
         curve: PyReadonlyArray2<'py, f32>,
-        shadows: bool,
         threads: usize,
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let refuse = |error: impasto::Error| to_python(py, &error);
@@ -141,10 +139,10 @@ impl GpuRenderer {
         let curve = slice("curve", &curve).and_then(Curve::new).map_err(refuse)?;
         let matrix = columns(&matrix);
         let display = Display { matrix: &matrix, curve: &curve };
-        let background = scene.background;
+        let (background, over) = (scene.background, scene.over());
         let screen = called(py, threads, None, |run| {
             self.with(|renderer| {
-                renderer.set_shadows(shadows);
+                renderer.set_over(over);
                 renderer.codes(&lit, background, &display, run)
             })
         })?;

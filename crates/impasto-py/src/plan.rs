@@ -88,7 +88,10 @@ fn name(effect: Effect) -> String {
         Effect::NearLight => "near light",
         Effect::NearView => "near view",
         Effect::SlantedView => "slanted view",
+        Effect::Parallax => "parallax",
         Effect::Environment => "environment",
+        Effect::SkyOcclusion => "sky occlusion",
+        Effect::OneBounce => "one bounce",
     };
     name.to_owned()
 }
@@ -101,18 +104,17 @@ impl Plan {
         py: Python<'_>,
         surface: SurfaceArguments<'_>,
         scene: SceneArguments<'_>,
-        shadows: bool,
     ) -> PyResult<Self> {
         let refuse = |error: Error| to_python(py, &error);
-        let grid = scene.grid(&surface);
+        let (grid, over) = (scene.grid(&surface), scene.over());
         let (maps, scene) =
             (surface.surface().map_err(refuse)?, scene.scene(grid).map_err(refuse)?);
-        Ok(Self(plan::Plan::forced(&maps, grid, &scene, shadows)))
+        plan::Plan::forced(&maps, grid, &scene, over).map(Self).map_err(refuse)
     }
 
     /// What a scene calls for; without a `tolerance` no bit may change.
     #[new]
-    #[pyo3(signature = (surface, statistics, scene, *, tolerance, shadows, more_light, threads))]
+    #[pyo3(signature = (surface, statistics, scene, *, tolerance, more_light, threads))]
     #[allow(clippy::too_many_arguments, reason = "keywords")]
     fn new(
         py: Python<'_>,
@@ -120,16 +122,15 @@ impl Plan {
         statistics: PyRef<'_, SurfaceStatistics>,
         scene: SceneArguments<'_>,
         tolerance: Option<ToleranceArguments>,
-        shadows: bool,
         more_light: bool,
         threads: usize,
     ) -> PyResult<Self> {
         let refuse = |error: Error| to_python(py, &error);
-        let grid = scene.grid(&surface);
+        let (grid, over) = (scene.grid(&surface), scene.over());
         let (maps, scene) =
             (surface.surface().map_err(refuse)?, scene.scene(grid).map_err(refuse)?);
         let tolerance = tolerance.map_or(Tolerance::Exact, Tolerance::from);
-        let (options, statistics) = (Options { tolerance, shadows, more_light }, &statistics.0);
+        let (options, statistics) = (Options { tolerance, over, more_light }, &statistics.0);
         run::call(py, threads, None, |run| {
             plan::Plan::new(&maps, statistics, grid, &scene, options, run)
         })

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 
 use impasto::Error;
 use impasto::geometry::Grid;
+use impasto::relight::plan::Over;
 use impasto::relight::scene::{Colour, Lamp, Scene, Surroundings};
 
 use crate::arrays::RigArguments;
@@ -19,6 +20,8 @@ pub(crate) struct SceneArguments<'py> {
     pub(crate) rig: RigArguments<'py>,
     /// (light,).
     intensity: PyReadonlyArray1<'py, f64>,
+    /// (light,): radians of a distant one, mm of a near one.
+    radius: PyReadonlyArray1<'py, f64>,
     /// (light,): which illuminant.
     colour: PyReadonlyArray1<'py, u32>,
     /// (illuminant, k, 3): columns of the matrices.
@@ -27,9 +30,14 @@ pub(crate) struct SceneArguments<'py> {
     interface: PyReadonlyArray2<'py, f64>,
     /// (3,).
     pub(crate) background: [f32; 3],
-    /// With the illuminants of its channels: then the rig's light, if its intensity is none, only
-    /// says where the eye is.
-    environment: Option<(Py<Environment>, [usize; 3])>,
+    /// With the illuminants of its channels and the mean reflectance around a pixel: then the rig's
+    /// light, if its intensity is none, only says where the eye is.
+    environment: Option<(Py<Environment>, [usize; 3], f64)>,
+    /// Whether a near eye sees the painting in perspective.
+    perspective: bool,
+    /// What a relief does.
+    shadows: bool,
+    parallax: bool,
 }
 
 impl SceneArguments<'_> {
@@ -38,13 +46,18 @@ impl SceneArguments<'_> {
         surface.grid(self.rig.pitch_mm)
     }
 
+    pub(crate) fn over(&self) -> Over {
+        Over { shadows: self.shadows, parallax: self.parallax }
+    }
+
     pub(crate) fn scene(&self, grid: Grid) -> impasto::Result<Scene> {
         let rig = self.rig.rig(grid.height, grid.width)?;
         let (intensity, colour) = (self.intensity.as_array(), self.colour.as_array());
-        let lamps = rig.lights().iter().zip(intensity).zip(colour);
-        let lamps = lamps.map(|((&light, &intensity), &colour)| Lamp {
+        let lamps = rig.lights().iter().zip(intensity).zip(self.radius.as_array()).zip(colour);
+        let lamps = lamps.map(|(((&light, &intensity), &radius), &colour)| Lamp {
             light,
             intensity,
+            radius,
             colour: colour as usize,
         });
         let (diffuse, interface) = (self.diffuse.as_array(), self.interface.as_array());
@@ -52,11 +65,13 @@ impl SceneArguments<'_> {
             diffuse: matrix.rows().into_iter().map(|c| [c[0], c[1], c[2]]).collect(),
             interface: [vector[0], vector[1], vector[2]],
         });
-        let environment = self.environment.as_ref().map(|(around, colours)| Surroundings {
+        let environment = self.environment.as_ref().map(|(around, colours, albedo)| Surroundings {
             environment: Arc::clone(&around.get().inner),
             colours: *colours,
+            albedo: *albedo,
         });
         Scene::surrounded(lamps.collect(), colours.collect(), rig.views()[0], environment)
+            .map(|scene| scene.in_perspective(self.perspective))
     }
 }
 

@@ -17,7 +17,7 @@ use std::thread::available_parallelism;
 use impasto::geometry::{Grid, Light, Rig};
 use impasto::math::{Level, Vec3};
 use impasto::pixels::{Pool, Progress, Run};
-use impasto::relight::plan::Plan;
+use impasto::relight::plan::{Over, Plan};
 use impasto::relight::scene::{Colour, Lamp, Scene};
 use impasto::relight::{Relief, render};
 use impasto::sbrdf::Start;
@@ -122,12 +122,12 @@ fn main() -> impasto::Result<()> {
 
     // A raking light from a new direction. Colour is a matrix: here the bands are the display's.
     let surface = varnished(&fitted[0], &fitted[1], beta, gamma);
-    let lamp =
-        Lamp { light: Light::Distant(Vec3::new(-0.85, 0.35, 0.4)), intensity: 2.0, colour: 0 };
+    let light = Light::Distant(Vec3::new(-0.85, 0.35, 0.4));
+    let lamp = Lamp { light, intensity: 2.0, radius: 0.0, colour: 0 };
     let bands = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let colours = vec![Colour { diffuse: bands, interface: [1.0; 3] }];
     let scene = Scene::new(vec![lamp], colours, eye)?;
-    let plan = Plan::forced(&surface, grid, &scene, false);
+    let plan = Plan::forced(&surface, grid, &scene, Over::default())?;
     let relief = Relief { grid, height: None };
     let picture = render(&surface, relief, &scene, &plan, [0.0; 3], &run)?;
     let light = f64::from(picture.light.iter().sum::<f32>()) / picture.light.len() as f64;

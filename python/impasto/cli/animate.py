@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +13,7 @@ from cyclopts import CycloptsError, Parameter
 from numpy.typing import NDArray
 
 from impasto._internal.checks import length_mm, positive
-from impasto.cli.console import Stages
+from impasto.cli.console import Advance, Stage, Stages
 from impasto.cli.options import (
     Flag,
     OneSpan,
@@ -22,9 +23,15 @@ from impasto.cli.options import (
     Whole,
     check_threads,
 )
-from impasto.cli.scenes import check_spectra, lamps, panel
+from impasto.cli.scenes import ABOVE, check_spectra, lamps, panel
 from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError
+
+ELEVATION, ANGLE = 15.0, 30.0
+"""Degrees, unless said otherwise."""
+LEAST, WIDEST = 0.01, 89.9
+"""Degrees: a lamp in the plane of the painting lights nothing, a painting seen from its side shows
+nothing."""
 
 
 def animate(
@@ -60,7 +67,7 @@ def animate(
         The --out folder of impasto fit or demo, or an sbrdf.npz.
     out
         The film: .png (animated), or .gif or .mp4, which need the extra video; without a suffix a
-        folder of pictures frame-00.png, frame-01.png ...
+        folder of pictures frame-00.png, frame-01.png ... and report.json.
     raking
         A lamp goes round the painting once, at --elevation.
     turntable
@@ -70,11 +77,11 @@ def animate(
     frames
         Number of pictures.
     fps
-        Pictures per second.
+        Pictures per second, 0.01 to 500; up to 50 in a .gif.
     elevation
-        Of the lamp of --raking in degrees. Default: 15.
+        Of the lamp of --raking in degrees, 0.01 to 90. Default: 15.
     angle
-        Of --turntable in degrees. Default: 30.
+        Of --turntable in degrees, 0.01 to 89.9. Default: 30.
     light
         As for impasto render; not with --raking.
     point
@@ -104,19 +111,30 @@ def animate(
     """
     import impasto
     from impasto import animation
-    from impasto.cli.maps import load_result
-    from impasto.io.films import film_format
+    from impasto.cli.folder import REPORT, result_folder
+    from impasto.cli.maps import load_result, result_files
+    from impasto.colour import icc_profile
+    from impasto.io.films import FASTEST, GIF_FASTEST, SLOWEST, film_format, write_film
     from impasto.overview import visible
+    from impasto.report import report, write_report
 
     check_threads(threads)
     _check_use(raking, turntable, adaptation, light or point, elevation, angle)
     if frames < 1:
         raise ArgumentError(f"--frames: expected a number from 1 on, found {frames}")
-    positive(fps, "--fps", "frames per second", 0.01, 1000.0)
+    kind = film_format(out, "--out") if out.suffix else None
+    most = GIF_FASTEST if kind == "GIF" else FASTEST
+    if not SLOWEST <= fps <= most:
+        where = "" if kind is None else f" in {kind}"
+        raise ArgumentError(
+            f"--fps: expected {SLOWEST:g} to {most:g} pictures per second{where}, found {fps:g}"
+        )
+    if exposure is not None:
+        positive(exposure, "--exposure", "a positive factor")
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
     screen = impasto.colour.as_display(display)
-    if out.suffix and film_format(out, "--out") != "PNG" and screen.name != "srgb":
+    if kind not in {None, "PNG"} and screen.name != "srgb":
         raise ArgumentError(
             f"--display: {out.suffix} holds codes of sRGB only; write .png or a folder"
         )
@@ -132,11 +150,11 @@ def animate(
         exposure=exposure,
         shadows=shadows,
     )
-    risen = math.radians(15.0 if elevation is None else elevation)
+    risen = math.radians(elevation or ELEVATION)
     if raking:
         scenes = animation.raking(scene, frames, elevation=risen)
     elif turntable:
-        largest = math.radians(30.0 if angle is None else angle)
+        largest = math.radians(angle or ANGLE)
         scenes = animation.turntable(scene, frames, angle=largest)
     else:
         first, last = adaptation or (0.0, 1.0)
@@ -159,18 +177,55 @@ def animate(
         scenes = [one.changed(exposure=factor / math.sin(risen)) for one in scenes]
     if shadows:
         options["height"] = animation.relief(shown, plane, options["pitch_mm"], threads=threads)
-    with stages.stage("film") as stage:
+    given = {
+        "result": result,
+        "raking": raking,
+        "turntable": turntable,
+        "adaptation": adaptation,
+        "frames": frames,
+        "fps": fps,
+        "elevation": (elevation or ELEVATION) if raking else None,
+        "angle": (angle or ANGLE) if turntable else None,
+        "light": [] if raking else [asdict(one) for one in light or (() if point else (ABOVE,))],
+        "point": point or (),
+        "illuminant": illuminant,
+        "adaptation_mode": adaptation_mode,
+        "display": display,
+        "exposure": exposure,
+        "shadows": shadows,
+        "level": (shadows or raking) if level is None else level,
+        "pitch": options["pitch_mm"],
+        "threads": threads,
+    }
+    measured = [Path(display)] if Path(display).is_file() else []
 
-        def pictures() -> Iterator[NDArray[np.uint8]]:
-            for number, one in enumerate(scenes):
-                yield impasto.render(shown, one, **options).display
-                stage.advance(number + 1, len(scenes))
+    def pictures(advance: Advance) -> Iterator[NDArray[np.uint8]]:
+        for number, one in enumerate(scenes):
+            yield impasto.render(shown, one, **options).display
+            advance(number + 1, len(scenes))
 
-        seen: Iterator[NDArray[np.uint8]] = pictures()
-        if turntable:
-            seen = animation.centred(seen, sbrdf.shape[-2:], (0, 0, 0))
-        stage.note = f"{out}, {frames} frames"
-        _write(out, seen, frames, fps, screen, result, force=force)
+    def seen(stage: Stage) -> Iterator[NDArray[np.uint8]]:
+        stage.note = f"{out}, {frames} frame{'s' * (frames != 1)}"
+        shot = pictures(stage.advance)
+        return animation.centred(shot, sbrdf.shape[-2:], (0, 0, 0)) if turntable else shot
+
+    if out.suffix:
+        with stages.stage("film") as stage:
+            out.parent.mkdir(parents=True, exist_ok=True)
+            write_film(out, seen(stage), fps=fps, icc=icc_profile(screen))
+        return
+    with result_folder(out, inputs=[result, *measured], force=force) as folder:
+        with stages.stage("film") as stage:
+            _write_frames(folder, seen(stage), frames, icc_profile(screen))
+        content = report(
+            "animate",
+            inputs=[*result_files(result), *measured],
+            options=given,
+            results={"exposure": scenes[0].exposure},
+            timings=stages.timings,
+            folder=folder,
+        )
+        write_report(folder / REPORT, content)
 
 
 def _check_use(
@@ -180,41 +235,23 @@ def _check_use(
         raise CycloptsError(msg="give one of --raking, --turntable and --adaptation FROM..TO")
     if raking and lit:
         raise CycloptsError(msg="--raking has its own lamp: leave --light and --point out")
-    for name, value, used in (
-        ("--elevation", elevation, raking),
-        ("--angle", angle, turntable),
+    for name, value, used, most in (
+        ("--elevation", elevation, raking, 90.0),
+        ("--angle", angle, turntable, WIDEST),
     ):
         if value is not None and not used:
             raise CycloptsError(msg=f"{name} belongs to another kind of film")
-        if value is not None and not 0.0 < value <= 90.0:
-            raise ArgumentError(f"{name}: expected degrees above 0 and up to 90, found {value:g}")
+        if value is not None and not LEAST <= value <= most:
+            raise ArgumentError(
+                f"{name}: expected degrees from {LEAST:g} to {most:g}, found {value:g}"
+            )
 
 
-def _write(
-    out: Path,
-    pictures: Iterator[NDArray[np.uint8]],
-    frames: int,
-    fps: float,
-    screen: Any,
-    result: Path,
-    *,
-    force: bool,
+def _write_frames(
+    folder: Path, pictures: Iterator[NDArray[np.uint8]], frames: int, icc: bytes
 ) -> None:
-    """The film, or a folder of pictures: complete or not at all."""
-    from impasto.cli.folder import REPORT, result_folder
-    from impasto.colour import icc_profile
     from impasto.io import write_png8
-    from impasto.io.films import write_film
-    from impasto.report import report, write_report
 
-    icc = icc_profile(screen)
-    if out.suffix:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_film(out, pictures, fps=fps, icc=icc)
-        return
     digits = len(str(frames - 1))
-    with result_folder(out, inputs=[result], force=force) as folder:
-        for number, codes in enumerate(pictures):
-            write_png8(folder / f"frame-{number:0{digits}}.png", codes, icc=icc)
-        content = report("animate", options={"frames": frames, "fps": fps}, folder=folder)
-        write_report(folder / REPORT, content)
+    for number, codes in enumerate(pictures):
+        write_png8(folder / f"frame-{number:0{digits}}.png", codes, icc=icc)

@@ -15,10 +15,9 @@ from impasto.cli.codes import Exit
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
 ARGUMENTS = (
-    "adaptation|bands|camera|dark|data|display|encoding|estimator|exposure|illuminant|images|index|"
-    "intensities|lights|lobes|mask|method|out|pattern|pitch_mm|region|repeats|saturation|seed|size|"
-    "strict|threads|view|"
-    "white"
+    "adaptation|bands|camera|dark|data|display|encoding|environment|estimator|exposure|illuminant|"
+    "images|index|intensities|lights|lobes|mask|method|out|pattern|pitch_mm|region|repeats|"
+    "saturation|seed|size|strict|threads|tolerance|view|white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``."""
 
@@ -37,7 +36,11 @@ def application() -> App:
     app.command("impasto.cli.demo:demo", help="Measure and relight a simulated painting.")
     app.command("impasto.cli.fit:fit", help="Measure a painting from its photographs.")
     app.command("impasto.cli.render:render", help="Render a fitted painting and save the picture.")
-    app.command("impasto.cli.animate:animate", help="Render a fitted painting as a film.")
+    app.command(
+        "impasto.cli.animate:animate",
+        help="Render a fitted painting as a film. "
+        "One of --raking, --turntable and --adaptation is needed.",
+    )
     app.command("impasto.cli.doctor:doctor", help="Check photographs before a fit.")
     app.command("impasto.cli.study:study", help="Measure what accuracy costs in time.")
     app.command("impasto.cli.info:info", help="Show what is installed, or what a result contains.")

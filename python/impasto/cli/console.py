@@ -6,6 +6,7 @@ import io
 import json
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +16,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
+from impasto.errors import ImpastoWarning
 from impasto.report import Timings
 
 NAME_WIDTH = 14
@@ -83,6 +85,19 @@ class Stages:
     def say(self, text: str) -> None:
         """Print one line of rich markup."""
         self._console.print(text)
+
+    @contextmanager
+    def warned(self) -> Iterator[None]:
+        """Print each :class:`ImpastoWarning` of the body as one line, after it."""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", ImpastoWarning)
+            yield
+        for one in caught:
+            if issubclass(one.category, ImpastoWarning):
+                words = str(one.message).replace('backend="cpu"', "--backend cpu")
+                self.say(f"[yellow]warning:[/] {escape(words)}")
+            else:
+                warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
 
     @contextmanager
     def stage(self, name: str, note: str = "") -> Iterator[Stage]:

@@ -80,7 +80,7 @@ def load_result(folder: Path) -> tuple[Any, Any]:
     """
     import impasto
 
-    path = folder / RESULT if folder.is_dir() else folder
+    path = _fit_of(folder)
     if not path.is_file() or path.suffix.lower() != ".npz":
         what = "does not exist" if not folder.exists() else f"has no {RESULT}"
         raise ArgumentError(
@@ -90,6 +90,17 @@ def load_result(folder: Path) -> tuple[Any, Any]:
     spectra = path.with_name(SPECTRA)
     reflectance = impasto.Reflectance.load(spectra) if spectra.is_file() else None
     return impasto.load_sbrdf(path), reflectance
+
+
+def result_files(folder: Path) -> list[Path]:
+    """The files that :func:`load_result` reads."""
+    path = _fit_of(folder)
+    spectra = path.with_name(SPECTRA)
+    return [path, spectra] if spectra.is_file() else [path]
+
+
+def _fit_of(folder: Path) -> Path:
+    return folder / RESULT if folder.is_dir() else folder
 
 
 def _channels(sbrdf: Any) -> dict[str, NDArray[np.float32]]:

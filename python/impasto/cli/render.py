@@ -18,7 +18,7 @@ from impasto.cli.options import (
     SomeWhole,
     check_threads,
 )
-from impasto.cli.scenes import check_spectra, lamps, panel, room_of
+from impasto.cli.scenes import check_spectra, lamps, panel, room_of, tolerance_of
 from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError
 from impasto.picture import Backend
@@ -40,7 +40,7 @@ def render(
     light: SeveralLamps = None,
     point: SeveralPositions = None,
     environment: str | None = None,
-    environment_rotation: float = 0.0,
+    environment_rotation: float | None = None,
     illuminant: str = "D65",
     adaptation: float | None = None,
     adaptation_mode: Mode = "planck",
@@ -79,7 +79,7 @@ def render(
         Light from all directions: gallery, or an .exr or .hdr map (twice as wide as high, or six
         faces of a cube). No other light is then needed.
     environment_rotation
-        Degrees by which the room is turned about the painting's vertical.
+        Degrees by which the room is turned about the painting's vertical. Default: 0.
     illuminant
         Light of all other lamps: A, D65, FL2 or kelvin, as in 2856K. Any but D65 needs spectra.
     adaptation
@@ -105,7 +105,8 @@ def render(
     explain
         Print which effects are simulated where, why, what leaving them out costs and saves.
     backend
-        cpu: the same bits on every machine; gpu: a graphics card; auto: a card if there is one.
+        cpu: the same bits on every machine; gpu: a graphics card, or any Vulkan driver, also one
+        that computes on the CPU; auto: a card if there is one. What these cannot do the CPU does.
     pitch
         Width of a pixel in mm, if the result does not contain it; required for near lamps.
     threads
@@ -121,9 +122,11 @@ def render(
     stages = Stages(quiet=quiet)
     check_threads(threads)
     if system is not None:
-        others = (light, point, environment, adaptation, view, exposure, level, pitch)
-        chosen = (illuminant, adaptation_mode, display, shadows)
-        if any(value is not None for value in others) or chosen != ("D65", "planck", "srgb", False):
+        others = (light, point, environment, environment_rotation, adaptation)
+        more = (view, exposure, level, tolerance, pitch)
+        chosen = (illuminant, adaptation_mode, display, shadows, explain, backend)
+        usual = ("D65", "planck", "srgb", False, False, "cpu")
+        if any(value is not None for value in (*others, *more)) or chosen != usual:
             raise CycloptsError(
                 msg="--system has its own lights, views and displays: give --out and --threads only"
             )
@@ -132,6 +135,7 @@ def render(
     checked_suffix(out, "--out")
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
+    allowed = tolerance_of(tolerance)
     room = room_of(environment, environment_rotation)
     lights, illuminants = lamps(light, point, illuminant, dark=room is not None)
     scene = impasto.Scene(
@@ -155,11 +159,10 @@ def render(
         "threads": threads,
     }
     shown = visible(sbrdf, reflectance)
-    allowed: str | float | None = 0 if tolerance == "0" else tolerance
     if explain:
         planned = impasto.plan(shown, scene, tolerance=allowed or 0, **options)
         stdout().print(planned.measured(threads=threads).explain(), markup=False)
-    with stages.stage("picture") as stage:
+    with stages.warned(), stages.stage("picture") as stage:
         image = impasto.render(
             shown,
             scene,

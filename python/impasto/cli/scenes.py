@@ -7,12 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from cyclopts import CycloptsError
+
+from impasto._internal.checks import suggestion
 from impasto.cli.console import Stages
 from impasto.cli.options import Angles, Lamp, Position
 from impasto.errors import ArgumentError
 
 ABOVE = Lamp(Angles(90.0, 45.0))
 """The lamp of a picture without others."""
+GALLERY = "gallery"
+"""The environment that impasto contains."""
 
 
 def lamps(
@@ -36,14 +41,43 @@ def lamps(
     return lights, own + [illuminant] * len(near)
 
 
-def room_of(environment: str | None, rotation: float) -> Any:
+def room_of(environment: str | None, rotation: float | None) -> Any:
     """The environment of a name or a file, turned by so many degrees; None for none."""
     import impasto
+    from impasto.environment import SUFFIXES
 
     if environment is None:
+        if rotation is not None:
+            raise CycloptsError(msg="--environment-rotation turns a room: it needs --environment")
         return None
-    read = impasto.Environment.named if environment == "gallery" else impasto.Environment.read
-    return read(environment, rotation=math.radians(rotation))
+    degrees = 0.0 if rotation is None else rotation
+    if not math.isfinite(degrees):
+        raise ArgumentError(f"--environment-rotation: expected degrees, found {degrees:g}")
+    radians = math.radians(degrees)
+    if environment == GALLERY:
+        return impasto.Environment.named(environment, rotation=radians)
+    if Path(environment).suffix.lower() not in SUFFIXES:
+        near = suggestion(environment.strip().lower(), [GALLERY])
+        raise ArgumentError(
+            f"--environment: expected {GALLERY}, or a file {', '.join(SUFFIXES[:-1])} or "
+            f"{SUFFIXES[-1]}, found {environment!r}{near}"
+        )
+    return impasto.Environment.read(environment, rotation=radians)
+
+
+def tolerance_of(text: str | None) -> str | int | None:
+    """A tolerance as :func:`impasto.plan` takes it: 0 however it is written."""
+    from impasto.plan import checked_tolerance
+
+    if text is None:
+        return None
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    allowed = 0 if number == 0.0 else text
+    checked_tolerance(allowed)
+    return allowed
 
 
 def check_spectra(result: Path, reflectance: Any, scene: Any) -> None:

@@ -3,7 +3,7 @@
 use impasto::geometry::{Grid, Light, View};
 use impasto::math::Vec3;
 use impasto::pixels::serially;
-use impasto::relight::plan::Plan;
+use impasto::relight::plan::{Over, Plan};
 use impasto::relight::scene::{Colour, Lamp, Scene};
 use impasto::relight::{self, Picture, Relief};
 use impasto::surface::Surface;
@@ -89,6 +89,7 @@ pub(crate) fn colour(warm: f64, coefficients: usize) -> Colour {
 /// Lights of strength 0.8 and of two colours in turn, over two coefficients.
 pub(crate) fn scene(lights: &[Light], view: impl Into<View>) -> Scene {
     let lamps = lights.iter().enumerate().map(|(index, &light)| Lamp {
+        radius: 0.0,
         light,
         intensity: 0.8,
         colour: index % 2,
@@ -104,7 +105,8 @@ pub(crate) fn on_cpu(
     scene: &Scene,
     grid: Grid,
 ) -> Picture {
-    let plan = Plan::forced(surface, grid, scene, height.is_some());
+    let over = Over { shadows: height.is_some(), parallax: height.is_some() };
+    let plan = Plan::forced(surface, grid, scene, over).unwrap();
     serially(|run| relight::render(surface, Relief { grid, height }, scene, &plan, BACKGROUND, run))
         .unwrap()
 }
@@ -116,7 +118,8 @@ pub(crate) fn on_gpu(
     scene: &Scene,
     grid: Grid,
 ) -> Picture {
-    let plan = Plan::forced(surface, grid, scene, height.is_some());
+    let over = Over { shadows: height.is_some(), parallax: height.is_some() };
+    let plan = Plan::forced(surface, grid, scene, over).unwrap();
     let relief = Relief { grid, height };
     serially(|run| impasto_gpu::render(gpu, surface, relief, scene, &plan, BACKGROUND, run))
         .unwrap()

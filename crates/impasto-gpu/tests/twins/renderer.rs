@@ -5,7 +5,7 @@ use impasto::geometry::Light;
 use impasto::pixels::{Progress, Run, serially};
 use impasto::relight::Relief;
 use impasto::relight::curve::{CELLS, Curve};
-use impasto::relight::plan::{Effect, Plan};
+use impasto::relight::plan::{Effect, Over, Plan};
 use impasto::relight::show::{Codes, Display, codes_from_planes};
 use impasto::surface::{Lobe, Model, Parameter, Strength, Surface};
 use impasto_gpu::{Choice, Error, Gpu, Renderer, adapters};
@@ -59,7 +59,8 @@ fn what_a_plan_does_without_is_not_drawn() {
     let surface = varnished(&maps);
     let scene = scene(&[distant(0.8, 0.2, 0.4)], FRONTAL);
     let relief = Relief { grid: GRID, height: Some(&maps.height) };
-    let forced = Plan::forced(&surface, GRID, &scene, true);
+    let over = Over { shadows: true, parallax: true };
+    let forced = Plan::forced(&surface, GRID, &scene, over).unwrap();
     let drawn = |plan: &Plan| {
         serially(|run| impasto_gpu::render(&gpu, &surface, relief, &scene, plan, BACKGROUND, run))
             .unwrap()

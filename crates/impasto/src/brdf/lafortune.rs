@@ -183,6 +183,29 @@ impl<R: Real> Lobe<R> {
         self.amplitude * self.power(pair)[0]
     }
 
+    /// The value where light scatters about its direction by a variance of `spread` radians squared
+    /// along each axis; `seen` is `N.V`.
+    ///
+    /// With the vector p of length `|p|^2 = Cxy^2 (1 - (N.V)^2) + Cz^2 (N.V)^2`, d is `|p| cos(angle
+    /// from p)`: the power of the cosine becomes `n / (1 + n spread)`, and `cos^n` keeps its total,
+    /// `2 pi / (n + 1)`.
+    #[must_use]
+    #[inline(always)]
+    pub fn spread_value(&self, pair: &Pair<R>, seen: R, spread: R) -> R {
+        let (base, smallest) = (self.base(pair), R::of(BASE_MIN));
+        let lit = base.gt(smallest);
+        let one = R::one();
+        let exponent = self.exponent / self.exponent.mul_add(spread, one);
+        let flat = self.cxy * self.cxy;
+        let square = self.cz.mul_add(self.cz, -flat).mul_add(seen * seen, flat);
+        let length = R::of(0.5) * ln_in_range(square.max(smallest));
+        let log = exponent * ln_in_range(base.max(smallest));
+        let log = (self.exponent - exponent).mul_add(length, log);
+        let log = log.max(R::of(LOG_POWER_MIN)).min(R::of(LOG_POWER_MAX));
+        let share = (exponent + one) / (self.exponent + one);
+        self.amplitude * share * R::keep(lit, exp_in_range(log))
+    }
+
     /// The value and its derivatives.
     #[must_use]
     #[inline(always)]

@@ -5,10 +5,14 @@
 //! these decide what a [`plan`](super::plan) leaves out. Angles enter as intervals: the normals of a
 //! tile lie in a cone, and near lamps and eyes are seen from it in a cone, too.
 
+use core::f64::consts::FRAC_PI_2;
+
 use crate::geometry::{Grid, Light, View};
 use crate::math::Vec3;
 use crate::surface::{Cone, MAX_PARAMETERS, Model, Sight, angle};
 
+use super::area;
+use super::scene::Lamp;
 use super::statistics::{AZIMUTHS, LobeRange, ReliefRange, SIDE, TileStatistics};
 
 /// What single precision may add to a value that is computed in some twenty operations.
@@ -17,7 +21,10 @@ const ROUNDING: f64 = 1.0 + 1e-5;
 /// A lamp as a tile sees it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
+    /// The middle of the lamp.
     pub(super) towards: Cone,
+    /// All points that lobes see of it, and how light scatters about each.
+    pub(super) points: (Cone, f64),
     /// The smallest and the largest irradiance at normal incidence.
     pub(super) irradiance: [f64; 2],
     /// How far `irradiance * direction` can be from that of the middle of the painting.
@@ -51,12 +58,31 @@ pub(super) fn view(view: View, grid: Grid, tile: [usize; 2]) -> Cone {
     }
 }
 
+/// How a lamp is seen from a tile.
+pub(super) fn lamp(lamp: &Lamp, grid: Grid, tile: [usize; 2]) -> Seen {
+    let seen = light(lamp.light, grid, tile);
+    if lamp.radius == 0.0 {
+        return seen;
+    }
+    let within = match lamp.light {
+        Light::Distant(_) => lamp.radius,
+        Light::Point { position, .. } => {
+            // On the painting, nothing is nearer to the lamp than its height.
+            let shortest = position.z.max(1e-300);
+            (lamp.radius / shortest).min(1.0).asin()
+                + FRAC_PI_2 * f64::from(lamp.radius >= shortest)
+        }
+    };
+    let Cone { axis, angle } = seen.towards;
+    Seen { points: (Cone { axis, angle: angle + within + 1e-9 }, area::spread(lamp)), ..seen }
+}
+
 /// How a light is seen from a tile.
 pub(super) fn light(light: Light, grid: Grid, tile: [usize; 2]) -> Seen {
     match light {
         Light::Distant(axis) => {
             let towards = Cone::of(axis);
-            Seen { towards, irradiance: [1.0; 2], deviation: 0.0 }
+            Seen { towards, points: (towards, 0.0), irradiance: [1.0; 2], deviation: 0.0 }
         }
         Light::Point { position, falloff } => {
             let places = places(grid, tile);
@@ -85,7 +111,8 @@ pub(super) fn light(light: Light, grid: Grid, tile: [usize; 2]) -> Seen {
             } else {
                 away / position.z
             };
-            Seen { towards: towards(position, &places), irradiance, deviation }
+            let towards = towards(position, &places);
+            Seen { towards, points: (towards, 0.0), irradiance, deviation }
         }
     }
 }
@@ -94,10 +121,10 @@ fn normals(tile: &TileStatistics) -> Cone {
     Cone { axis: tile.axis, angle: tile.cone }
 }
 
-/// Smallest and largest `N.L` of a tile, not below 0.
-pub(super) fn cosines(tile: &TileStatistics, light: &Seen) -> [f64; 2] {
+/// Smallest and largest `N.L` of a tile over directions to a light, not below 0.
+pub(super) fn cosines(tile: &TileStatistics, light: &Cone) -> [f64; 2] {
     if tile.cone.is_finite() {
-        normals(tile).cosines(&light.towards)
+        normals(tile).cosines(light)
     } else {
         // Normals that are not of unit length.
         [0.0, f64::INFINITY]
@@ -115,14 +142,15 @@ pub(super) fn lobe(
     if !tile.cone.is_finite() || lobe.shape.iter().any(|range| range.holes) {
         return f64::INFINITY;
     }
-    if cosines(tile, light)[1] == 0.0 {
+    let (light, spread) = light.points;
+    if cosines(tile, &light)[1] == 0.0 {
         return 0.0;
     }
     let mut shape = [[0.0; 2]; MAX_PARAMETERS];
     for (ends, range) in shape.iter_mut().zip(&lobe.shape) {
         *ends = [range.low, range.high].map(f64::from);
     }
-    let sight = Sight { normals: normals(tile), light: light.towards, view: *view };
+    let sight = Sight { normals: normals(tile), light, spread, view: *view };
     model.most(&shape, &sight) * ROUNDING
 }
 
@@ -143,26 +171,67 @@ pub(super) fn rise(relief: &ReliefRange, [x, y]: [f64; 2]) -> f64 {
 pub(super) fn is_flat_below(relief: &ReliefRange, light: Vec3<f64>, pitch: f64) -> bool {
     let across = light.x.hypot(light.y);
     // In mm per pixel.
-    let limit = light.z / across * pitch;
+    is_below(relief, rise(relief, [light.x, light.y]), light.z / across * pitch)
+}
+
+/// Whether no pixel's relief rises, in any direction, as steeply as the tangent of an elevation.
+pub(super) fn is_flat_all_round(relief: &ReliefRange, tangent: f64, pitch: f64) -> bool {
+    is_below(relief, steepest(relief), tangent * pitch)
+}
+
+/// The steepest rise in any direction, not below 0: between two of the directions a rise is at most
+/// 1.0013 times the larger one.
+fn steepest(relief: &ReliefRange) -> f64 {
+    let steepest = relief.rise.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    1.0013 * f64::from(steepest).max(0.0)
+}
+
+/// Whether a rise is below a limit, in mm per pixel, and known.
+fn is_below(relief: &ReliefRange, rise: f64, limit: f64) -> bool {
     let heights = relief.height.largest();
     // What rounding of heights and of the ray's fall may take.
     let limit = heights.mul_add(-1e-6, limit * (1.0 - 1e-5));
-    !relief.height.holes && rise(relief, [light.x, light.y]) < limit
+    !relief.height.holes && rise < limit
+}
+
+/// Whether no pixel's relief rises towards any point of a distant lamp of an angular radius as
+/// steeply as its lowest point does.
+pub(super) fn is_flat_below_disc(
+    relief: &ReliefRange,
+    light: Vec3<f64>,
+    radius: f64,
+    pitch: f64,
+) -> bool {
+    let across = light.x.hypot(light.y);
+    let lowest = (light.z.atan2(across) - radius).tan();
+    let sideways = radius.sin() / across;
+    if sideways >= 1.0 {
+        return is_flat_all_round(relief, lowest, pitch);
+    }
+    // Every direction between two of the table's that enclose the lamp.
+    let step = core::f64::consts::TAU / AZIMUTHS as f64;
+    let [middle, half] = [light.y.atan2(light.x), sideways.asin()].map(|turn| turn / step);
+    let first = (middle - half).floor().rem_euclid(AZIMUTHS as f64) as usize;
+    let count = (2.0 * half).ceil() as usize + 2;
+    let rises = relief.rise.iter().cycle().skip(first).take(count);
+    let steepest = rises.copied().fold(f32::NEG_INFINITY, f32::max);
+    is_below(relief, 1.0013 * f64::from(steepest).max(0.0), lowest * pitch)
 }
 
 /// Whether no pixel's relief rises, in any direction, as steeply as a lamp at `position` does from
-/// the farthest pixel.
-pub(super) fn is_flat_below_point(relief: &ReliefRange, position: Vec3<f64>, grid: Grid) -> bool {
+/// the farthest pixel, or the lowest point of a lamp of a radius in mm.
+pub(super) fn is_flat_below_point(
+    relief: &ReliefRange,
+    position: Vec3<f64>,
+    radius: f64,
+    grid: Grid,
+) -> bool {
     let half = [grid.x(0.0), grid.x(grid.width as f64 - 1.0)].map(|x| (position.x - x).abs());
     let half_y = [grid.y(0.0), grid.y(grid.height as f64 - 1.0)].map(|y| (position.y - y).abs());
     let across = half[0].max(half[1]).hypot(half_y[0].max(half_y[1]));
     let height = f64::from(relief.height.high).max(0.0);
-    let limit = (position.z - height) / across * grid.pitch;
-    let steepest = relief.rise.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    // Between two of the directions a rise is at most 1.0013 times the larger one.
-    let steepest = 1.0013 * f64::from(steepest).max(0.0);
-    let limit = relief.height.largest().mul_add(-1e-6, limit * (1.0 - 1e-5));
-    !relief.height.holes && steepest < limit
+    let limit = (position.z - radius - height) / (across + radius) * grid.pitch;
+    is_below(relief, steepest(relief), limit)
 }
 
 #[cfg(test)]
@@ -267,7 +336,8 @@ mod tests {
             let statistics = serially(|run| Statistics::new(&surface, PATCH, None, run)).unwrap();
             let tile = &statistics.tiles[0];
             let towards = Cone::of(light);
-            let seen = Seen { towards, irradiance: [1.0; 2], deviation: 0.0 };
+            let points = (towards, 0.0);
+            let seen = Seen { towards, points, irradiance: [1.0; 2], deviation: 0.0 };
             let view_cone = Cone::of(view);
             let bound = super::lobe(model, tile, &tile.lobes[0], &seen, &view_cone);
             let pair = lobe_model.pair::<f32>(single(light), single(view));

@@ -8,10 +8,11 @@
 //! ([`render`]), which goes through the [`view`] if it is slanted, or display codes ([`paint`]).
 
 use crate::error::{Error, Result};
-use crate::geometry::{Grid, View};
+use crate::geometry::Grid;
 use crate::pixels::Run;
 use crate::surface::Surface;
 
+mod area;
 mod block;
 mod bounds;
 mod colour;
@@ -66,15 +67,13 @@ pub fn render(
     let (mut light, mut coverage) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
     let target = Target::Light { light: &mut light, coverage: &mut coverage };
     shaded(surface, relief, scene, plan, background, target, run)?;
-    match scene.view() {
-        View::Distant(view) if plan.projected() => {
-            let seen = (&light[..], &coverage[..]);
-            let (light, coverage, grid) =
-                view::seen_from(view, seen, grid, relief.height, background, run)?;
-            Ok(Picture { light, coverage, grid })
-        }
-        _ => Ok(Picture { light, coverage, grid }),
+    if !plan.projected() {
+        return Ok(Picture { light, coverage, grid });
     }
+    let (seen, height) = ((&light[..], &coverage[..]), relief.height.filter(|_| plan.displaced()));
+    let (light, coverage, grid) =
+        view::seen_from(scene.view(), seen, grid, height, background, run)?;
+    Ok(Picture { light, coverage, grid })
 }
 
 /// The same as 8-bit display codes `(y, x, 3)` and coverage, without planes of light in between: a
@@ -112,8 +111,11 @@ fn shaded(
     run: &Run<'_>,
 ) -> Result<Clipped> {
     let grid = checked(surface, relief, scene, plan)?;
-    let stages = &stages::list(surface, relief, scene, plan, run)?;
-    surface.model.visit(Shading { surface, grid, scene, plan, stages, background, target, run })
+    let sources = &area::sources(scene.lamps());
+    let stages = &stages::list((surface, relief), (scene, &sources.1), plan, run)?;
+    let lights = &sources.0[..];
+    let shading = Shading { surface, grid, scene, lights, plan, stages, background, target, run };
+    surface.model.visit(shading)
 }
 
 /// The grid, if the maps, the scene and the plan belong together.

@@ -1,5 +1,6 @@
 //! What to light: lamps, the colour of their light as a matrix, and the eye.
 
+use std::f64::consts::FRAC_PI_4;
 use std::sync::Arc;
 
 use super::environment::Environment;
@@ -14,6 +15,9 @@ pub struct Lamp {
     /// Irradiance at the middle of the painting at normal incidence; 1 shows a white board as
     /// white.
     pub intensity: f64,
+    /// Of a distant lamp its angular radius in radians, of a near one its radius in mm: a disc that
+    /// faces the middle of the painting; 0 for a lamp without a size.
+    pub radius: f64,
     /// Which of the scene's [`Colour`]s its light has.
     pub colour: usize,
 }
@@ -31,12 +35,13 @@ pub struct Colour {
 /// Lamps, their colours and the eye.
 ///
 /// A distant eye sees the painting in parallel rays, foreshortened along its tilt. What a near eye
-/// sees is shown on the painting's own grid, as rectified photographs are.
+/// sees is shown on the painting's own grid, as rectified photographs are, or in perspective.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     lamps: Vec<Lamp>,
     colours: Vec<Colour>,
     view: View,
+    perspective: bool,
     environment: Option<Surroundings>,
 }
 
@@ -47,6 +52,9 @@ pub struct Surroundings {
     pub environment: Arc<Environment>,
     /// Which of the scene's [`Colour`]s its channels have.
     pub colours: [usize; 3],
+    /// The mean reflectance of what surrounds a pixel, 0 to 1: over a relief a part of the light comes
+    /// from there.
+    pub albedo: f64,
 }
 
 impl Scene {
@@ -78,6 +86,11 @@ impl Scene {
             let problem = format!("it names colour {most} of {}", colours.len());
             return Err(Error::argument("environment", problem));
         }
+        if let Some(around) = environment.as_ref().filter(|one| !(0.0..=1.0).contains(&one.albedo))
+        {
+            let problem = format!("expected a mean reflectance of 0 to 1, found {}", around.albedo);
+            return Err(Error::argument("albedo", problem));
+        }
         for (index, lamp) in lamps.iter().enumerate() {
             let direction = lamp.light.direction();
             if !(direction.length_squared().is_finite() && direction.z > 0.0) {
@@ -89,6 +102,17 @@ impl Scene {
             }
             if !(lamp.intensity.is_finite() && lamp.intensity >= 0.0) {
                 let problem = format!("light {index} has intensity {}", lamp.intensity);
+                return Err(Error::argument("lights", problem));
+            }
+            let largest = match lamp.light {
+                Light::Distant(_) => FRAC_PI_4,
+                Light::Point { position, .. } => 0.5 * position.length(),
+            };
+            if !(0.0..=largest).contains(&lamp.radius) {
+                let problem = format!(
+                    "light {index}: expected a radius of 0 to {largest:.4}, found {}",
+                    lamp.radius
+                );
                 return Err(Error::argument("lights", problem));
             }
             if lamp.colour >= colours.len() {
@@ -111,7 +135,19 @@ impl Scene {
                 format!("the eye must be in front of the painting (z is {})", direction.z);
             return Err(Error::geometry("view", problem));
         }
-        Ok(Self { lamps, colours, view, environment })
+        Ok(Self { lamps, colours, view, perspective: false, environment })
+    }
+
+    /// The same, but a near eye sees the painting in perspective.
+    #[must_use]
+    pub fn in_perspective(self, perspective: bool) -> Self {
+        Self { perspective, ..self }
+    }
+
+    /// Whether the picture is the painting as its eye sees it: from anywhere but straight in front.
+    #[must_use]
+    pub fn is_projected(&self) -> bool {
+        self.view.is_distant() || self.perspective
     }
 
     /// All lamps.
@@ -151,7 +187,8 @@ mod tests {
     use crate::math::Vec3;
 
     fn scene(z: f64, colour: usize, view: Vec3<f64>) -> Result<Scene> {
-        let lamp = Lamp { light: Light::Distant(Vec3::new(0.6, 0.0, z)), intensity: 1.0, colour };
+        let light = Light::Distant(Vec3::new(0.6, 0.0, z));
+        let lamp = Lamp { light, intensity: 1.0, radius: 0.0, colour };
         let colours = vec![Colour { diffuse: vec![[1.0; 3]], interface: [1.0; 3] }];
         Scene::new(vec![lamp], colours, view)
     }

@@ -1,5 +1,6 @@
 //! The second term of eq. 1 and 9: interface reflection, without its colour, and with one.
 
+use super::area::Source;
 use super::block::{BLOCK, Block, Plane};
 use super::colour::shine;
 use super::diffuse::normal;
@@ -13,20 +14,37 @@ use crate::surface::{Lobe, LobeModel, Pairs, Strength, scaled};
 pub(crate) fn specular<I: Isa, M: LobeModel>(
     block: &mut Block,
     pairs: &Pairs<M, f32>,
-    (lamp, lobe): (usize, &Lobe<'_>),
+    (source, lobe): (&Source, &Lobe<'_>),
     colour: &Colour,
     (start, count): (usize, usize),
 ) {
     let mut value: Plane = [0.0; BLOCK];
-    let near = !pairs.is_distant(lamp);
-    let (_, _, mut pair) = pairs.at(lamp, I::F32::zero(), I::F32::zero());
-    for lane in (0..count).step_by(I::F32::WIDTH) {
-        if near {
-            let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
-            (_, _, pair) = pairs.at(lamp, x, y);
+    if source.pairs.len() == 1 {
+        let lamp = source.pairs.start;
+        let near = !pairs.is_distant(lamp);
+        let (_, _, mut pair) = pairs.at(lamp, I::F32::zero(), I::F32::zero());
+        for lane in (0..count).step_by(I::F32::WIDTH) {
+            if near {
+                let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
+                (_, _, pair) = pairs.at(lamp, x, y);
+            }
+            let shown = lobe.value(&pairs.model, start + lane, &pair, normal::<I>(block, lane));
+            (shown * I::F32::load(&block.reach[lane..])).store(&mut value[lane..]);
         }
-        let shown = lobe.value(&pairs.model, start + lane, &pair, normal::<I>(block, lane));
-        (shown * I::F32::load(&block.reach[lane..])).store(&mut value[lane..]);
+    } else {
+        let (share, spread) = (1.0 / source.pairs.len() as f64, I::F32::splat(source.spread));
+        for lane in (0..count).step_by(I::F32::WIDTH) {
+            let (x, y) = (I::F32::load(&block.x[lane..]), I::F32::load(&block.y[lane..]));
+            let normal = normal::<I>(block, lane);
+            let mut shown = I::F32::zero();
+            for point in source.pairs.clone() {
+                let (_, _, pair) = pairs.at(point, x, y);
+                let seen = (&pair, spread);
+                shown = shown + lobe.spread_value(&pairs.model, start + lane, seen, normal);
+            }
+            let reach = I::F32::load(&block.reach[lane..]) * I::F32::of(share);
+            (shown * reach).store(&mut value[lane..]);
+        }
     }
     match lobe.strength {
         Strength::Tinted(strengths) => {

@@ -1,13 +1,15 @@
 //! The list of stages of a picture, and the loop that sends blocks through it.
 
+use super::area::Source;
 use super::block::{BLOCK, Block, Plane, copied};
 use super::colour::{ambient, colour};
 use super::diffuse::{self, Interface};
-use super::environment::stage::Lit;
-use super::plan::{LIT, NEAR, Plan, SHADED, lobe_bit};
+use super::environment::stage::{Lit, Sky};
+use super::plan::{BOUNCE, LIT, NEAR, Plan, SHADED, SKY, lobe_bit};
 use super::relief::Relief;
 use super::scene::{Colour, Lamp, Scene, Surroundings};
-use super::shadow;
+use super::shadow::horizon::{Horizons, seen_where};
+use super::shadow::{self, SIDE};
 use super::show::{Clipped, Codes, Display, Show, ShowScratch};
 use super::specular::specular;
 use super::visible::Visible;
@@ -23,8 +25,8 @@ pub(super) enum Stage<'a> {
     Reach(Lamps<'a>),
     Shadow(usize, Visible),
     Diffuse(Lamps<'a>, Interface),
-    /// Of a lamp by one of the lobes.
-    Specular(usize, usize, &'a Lobe<'a>, &'a Colour),
+    /// Of a lamp, its points, by one of the lobes.
+    Specular(usize, &'a Source, usize, &'a Lobe<'a>, &'a Colour),
     Ambient(&'a Lamp, &'a [f32], &'a Colour),
     Colour(&'a Colour),
     /// All that an environment sheds.
@@ -54,11 +56,13 @@ impl<'a> Lamps<'a> {
     }
 }
 
+/// Azimuths at which a pixel's horizon is looked for under an environment.
+const AZIMUTHS: usize = 16;
+
 /// What a plan calls for anywhere, in order.
 pub(super) fn list<'a>(
-    surface: &'a Surface<'a>,
-    relief: Relief<'_>,
-    scene: &'a Scene,
+    (surface, relief): (&'a Surface<'a>, Relief<'_>),
+    (scene, sources): (&'a Scene, &'a [Source]),
     plan: &Plan,
     run: &Run<'_>,
 ) -> Result<Vec<Stage<'a>>> {
@@ -72,17 +76,23 @@ pub(super) fn list<'a>(
                 stages.push(Stage::Reach(lamps));
                 if let (true, Some(height)) = (plan.needs(number, SHADED), relief.height) {
                     let shaded = |column: usize, row: usize| {
-                        let parts = plan.parts(column * shadow::SIDE, row * shadow::SIDE);
-                        parts[number] & SHADED != 0
+                        plan.parts(column * SIDE, row * SIDE)[number] & SHADED != 0
                     };
                     let (grid, light) = (relief.grid, &lamp.light);
-                    let visible = shadow::visible_where(height, grid, light, shaded, run)?;
-                    stages.push(Stage::Shadow(number, Visible::new(visible)));
+                    let visible = if lamp.radius > 0.0 {
+                        let light = (light, lamp.radius);
+                        let seen = seen_where(height, grid, light, shaded, run)?;
+                        Visible::Shares(seen)
+                    } else {
+                        Visible::Bits(shadow::visible_where(height, grid, light, shaded, run)?)
+                    };
+                    stages.push(Stage::Shadow(number, visible));
                 }
                 stages.push(Stage::Diffuse(lamps, interface));
                 for (lobe, map) in surface.lobes.iter().enumerate() {
                     if plan.needs(number, lobe_bit(lobe)) {
-                        stages.push(Stage::Specular(number, lobe, map, colour));
+                        let source = &sources[number];
+                        stages.push(Stage::Specular(number, source, lobe, map, colour));
                     }
                 }
             }
@@ -90,9 +100,19 @@ pub(super) fn list<'a>(
         }
         stages.push(Stage::Colour(colour));
     }
-    if let Some(Surroundings { environment, colours }) = scene.environment() {
+    if let Some(Surroundings { environment, colours, albedo }) = scene.environment() {
         let light = (environment.as_ref(), *colours);
-        let lit = Lit::new(surface, scene, light, run)?;
+        let sky = match relief.height.filter(|_| plan.around_needs(SKY)) {
+            Some(height) => {
+                let wanted = |column, row| plan.around(column * SIDE, row * SIDE) & SKY != 0;
+                let horizons = Horizons::sky(AZIMUTHS)?;
+                let seen = horizons.seen_where(height, relief.grid, wanted, run)?;
+                let albedo = if plan.around_needs(BOUNCE) { *albedo as f32 } else { 0.0 };
+                Some(Sky { seen, albedo })
+            }
+            None => None,
+        };
+        let lit = Lit::new(surface, scene, light, sky, run)?;
         stages.push(Stage::Environment(Box::new(lit)));
     }
     Ok(stages)
@@ -144,6 +164,8 @@ pub(super) struct Shading<'a, 's, 'r> {
     pub(super) surface: &'a Surface<'a>,
     pub(super) grid: Grid,
     pub(super) scene: &'a Scene,
+    /// The points of all lamps.
+    pub(super) lights: &'a [Light],
     pub(super) plan: &'a Plan,
     pub(super) stages: &'a [Stage<'s>],
     pub(super) background: [f32; 3],
@@ -162,9 +184,9 @@ impl ModelVisitor for Shading<'_, '_, '_> {
     type Output = Result<Clipped>;
 
     fn visit<M: LobeModel>(self, model: M) -> Self::Output {
-        let Self { surface, grid, scene, plan, stages, background, target, run } = self;
+        let Self { surface, grid, scene, lights, plan, stages, background, target, run } = self;
         let view = scene.view();
-        let pairs = Pairs::new(model, scene.lamps().iter().map(|lamp| (lamp.light, view)));
+        let pairs = Pairs::new(model, lights.iter().map(|light| (*light, view)));
         let rows = (TILE / grid.width).max(1);
         let pieces = target.pieces(rows * grid.width).into_iter().enumerate().collect();
         let clipped = run.map(
@@ -259,9 +281,9 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
                                 diffuse::diffuse::<I>(block, lamp, *interface);
                             }
                         }
-                        Stage::Specular(number, lobe, map, colour) => {
+                        Stage::Specular(number, source, lobe, map, colour) => {
                             if parts[*number] & lobe_bit(*lobe) != 0 {
-                                let lobe = (*number, *map);
+                                let lobe = (*source, *map);
                                 specular::<I, M>(block, pairs, lobe, colour, (at, count));
                             }
                         }
@@ -270,7 +292,8 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
                         }
                         Stage::Colour(one) => colour::<I>(block, coefficients, one),
                         Stage::Environment(lit) => {
-                            lit.shade::<I>(block, coefficients, (at, count));
+                            let corner = [column, self.first + row];
+                            lit.shade::<I>(block, coefficients, (at, count), corner);
                         }
                     }
                 }

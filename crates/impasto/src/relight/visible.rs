@@ -1,31 +1,41 @@
-//! Which pixels see a lamp, as bits: the maps of all lamps are needed together, and a bit is a
-//! thirty-second of a number.
+//! Which pixels see a lamp: bits for a lamp without a size (the maps of all lamps are needed together,
+//! and a bit is a thirty-second of a number), else shares.
 
 use super::block::{BLOCK, Block};
-use super::shadow::Bits;
 use super::shadow::bits::WORD;
+use super::shadow::{Bits, SIDE, Shares};
 
-// Blocks begin with a word.
-const _: () = assert!(BLOCK.is_multiple_of(WORD));
+// Blocks begin with a word, and lie in one tile.
+const _: () = assert!(BLOCK.is_multiple_of(WORD) && SIDE.is_multiple_of(BLOCK));
 
-/// One bit per pixel, set where the lamp is seen.
+/// What the pixels see of a lamp.
 #[derive(Debug)]
-pub(crate) struct Visible(Bits);
+pub(crate) enum Visible {
+    /// One bit per pixel, set where the lamp is seen.
+    Bits(Bits),
+    /// How much of it is seen.
+    Shares(Shares),
+}
 
 impl Visible {
-    /// From the shadows of a lamp.
-    pub(crate) fn new(bits: Bits) -> Self {
-        Self(bits)
-    }
-
     /// Takes the lamp's light from the pixels of a block that do not see it; `column` and `row` are
     /// those of its first.
     #[inline(always)]
     pub(crate) fn shade(&self, block: &mut Block, column: usize, row: usize) {
-        let words = &self.0.row(row)[column / WORD..];
-        for (reach, &word) in block.reach.chunks_exact_mut(WORD).zip(words) {
-            for (place, reach) in reach.iter_mut().enumerate() {
-                *reach *= f32::from(u8::from(word >> place & 1 != 0));
+        match self {
+            Self::Bits(bits) => {
+                let words = &bits.row(row)[column / WORD..];
+                for (reach, &word) in block.reach.chunks_exact_mut(WORD).zip(words) {
+                    for (place, reach) in reach.iter_mut().enumerate() {
+                        *reach *= f32::from(u8::from(word >> place & 1 != 0));
+                    }
+                }
+            }
+            Self::Shares(shares) => {
+                let codes = shares.row(column, row).unwrap_or_default();
+                for (reach, &code) in block.reach.iter_mut().zip(codes) {
+                    *reach *= Shares::share(code);
+                }
             }
         }
     }
@@ -43,7 +53,7 @@ mod tests {
         for (index, word) in bits.words_mut().iter_mut().enumerate() {
             *word &= 0x5a5a_1234_9876_abcd_u64.rotate_left(index as u32);
         }
-        let visible = Visible::new(bits.clone());
+        let visible = Visible::Bits(bits.clone());
         for row in 0..rows {
             for column in (0..width).step_by(BLOCK) {
                 let mut block = Block::new();

@@ -54,12 +54,26 @@ impl LobeModel for Lafortune {
         let pair = lafortune::Pair::against(normal, pair.light, pair.view, pair.light_view);
         pair.cosine * R::keep(pair.cosine.gt(R::zero()), lobe.value(&pair))
     }
+    /// Around its direction the lobe `cos^n` is a Gaussian of variance `1 / n`.
+    #[inline(always)]
+    fn spread_value<R: Real>(
+        &self,
+        lobe: &lafortune::Lobe<R>,
+        pair: &LightView<R>,
+        normal: Vec3<R>,
+        spread: R,
+    ) -> R {
+        let seen = normal.dot(pair.view);
+        let pair = lafortune::Pair::against(normal, pair.light, pair.view, pair.light_view);
+        let value = lobe.spread_value(&pair, seen, spread);
+        pair.cosine * R::keep(pair.cosine.gt(R::zero()), value)
+    }
 
     /// `s^n (N.L)`: with the view's mirror image `R = 2 (N.V) N - V`, which moves by twice the angle
     /// by which the normal does, `s = Cz (V.L + R.L) / 2 + Cxy (V.L - R.L) / 2` is largest in a
     /// corner of what its terms can be.
     fn most(&self, [cxy, cz, exponent]: &Shape, sight: &Sight) -> f64 {
-        let Sight { normals, light, view } = sight;
+        let Sight { normals, light, view, spread: scattered } = sight;
         let near = light.angle + view.angle;
         let between = angle(view.axis, light.axis);
         let direct = [cosine(between + near), cosine(between - near)];
@@ -82,7 +96,9 @@ impl LobeModel for Lafortune {
         // largest value; the kernel takes 1e-26 for darkness.
         let largest = cxy.iter().chain(cz).fold(1.0_f64, |most, value| most.max(value.abs()));
         let base = base + 4e-6 * largest;
-        let exponent = if base > 1.0 { exponent[1] } else { exponent[0] };
-        (exponent * base.ln()).exp().max(1e-25) * normals.cosines(light)[1]
+        let [least, most] = exponent.map(|n| n / n.mul_add(*scattered, 1.0));
+        let spread_out = (exponent[1] - most) * largest.ln();
+        let exponent = if base > 1.0 { most } else { least };
+        exponent.mul_add(base.ln(), spread_out).exp().max(1e-25) * normals.cosines(light)[1]
     }
 }

@@ -66,14 +66,38 @@ impl Lobe<'_> {
         pair: &M::Pair<R>,
         normal: Vec3<R>,
     ) -> R {
+        let (lobe, known) = self.shaped(model, pixel);
+        R::select(known, model.value(&lobe, pair, normal), R::of(f64::NAN))
+    }
+
+    /// The same where light scatters, as of [`LobeModel::spread_value`].
+    #[inline(always)]
+    pub(crate) fn spread_value<M: LobeModel, R: Real<Scalar = f32>>(
+        &self,
+        model: &M,
+        pixel: usize,
+        (pair, spread): (&M::Pair<R>, R),
+        normal: Vec3<R>,
+    ) -> R {
+        let (lobe, known) = self.shaped(model, pixel);
+        let value = model.spread_value(&lobe, pair, normal, spread);
+        R::select(known, value, R::of(f64::NAN))
+    }
+
+    /// The lobe of the pixels from `pixel` on, and whether all of its parameters are numbers.
+    #[inline(always)]
+    fn shaped<M: LobeModel, R: Real<Scalar = f32>>(
+        &self,
+        model: &M,
+        pixel: usize,
+    ) -> (M::Lobe<R>, R::Mask) {
         let mut parameters = [R::zero(); MAX_PARAMETERS];
         let mut known = R::Mask::splat(true);
         for (value, parameter) in parameters.iter_mut().zip(&self.shape) {
             *value = parameter.at(pixel);
             known = known & value.le(*value);
         }
-        let value = model.value(&model.lobe_from_parameters(parameters), pair, normal);
-        R::select(known, value, R::of(f64::NAN))
+        (model.lobe_from_parameters(parameters), known)
     }
 }
 

@@ -34,6 +34,17 @@ pub trait LobeModel: Copy + Debug + Send + Sync {
     /// from light or view.
     fn value<R: Real>(&self, lobe: &Self::Lobe<R>, pair: &Self::Pair<R>, normal: Vec3<R>) -> R;
 
+    /// The same where light comes from directions that scatter about that of the pair by `spread`,
+    /// their variance along each axis in radians squared: the lobe is convolved with a Gaussian of that
+    /// variance, itself taken for a Gaussian, and keeps its total.
+    fn spread_value<R: Real>(
+        &self,
+        lobe: &Self::Lobe<R>,
+        pair: &Self::Pair<R>,
+        normal: Vec3<R>,
+        spread: R,
+    ) -> R;
+
     /// No pixel shows more than this of a lobe of unit strength under unit irradiance: an upper
     /// bound over all normals, lights, views and parameters of the intervals; it may be 0 only where
     /// the lobe is exactly 0 in single precision.

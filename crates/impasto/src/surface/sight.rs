@@ -16,8 +16,12 @@ pub struct Cone {
 pub struct Sight {
     /// Unit normals.
     pub normals: Cone,
-    /// To the light.
+    /// To the light, all of its points.
     pub light: Cone,
+    /// How the light scatters about each point, as of [`LobeModel::spread_value`].
+    ///
+    /// [`LobeModel::spread_value`]: super::LobeModel::spread_value
+    pub spread: f64,
     /// To the eye.
     pub view: Cone,
 }

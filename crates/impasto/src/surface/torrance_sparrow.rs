@@ -13,6 +13,12 @@ pub struct TorranceSparrow {
     pub index: f64,
 }
 
+/// What a spread of light leaves of a lobe's sharpness, and of its height.
+#[inline(always)]
+fn spread_share<R: Real>(sharpness: R, spread: R) -> R {
+    (sharpness * R::of(0.5)).mul_add(spread, R::one()).recip()
+}
+
 impl LobeModel for TorranceSparrow {
     type Pair<R: Real> = Facet<R>;
     /// `k = ln 2 / gamma^2`.
@@ -39,11 +45,24 @@ impl LobeModel for TorranceSparrow {
     fn value<R: Real>(&self, sharpness: &R, pair: &Facet<R>, normal: Vec3<R>) -> R {
         pair.on(normal).value(R::one(), *sharpness)
     }
+    /// The half vector moves by half of what the light does, so that the variance `1 / (2 k)` of the
+    /// lobe's Gaussian grows by a quarter of the spread.
+    #[inline(always)]
+    fn spread_value<R: Real>(
+        &self,
+        sharpness: &R,
+        pair: &Facet<R>,
+        normal: Vec3<R>,
+        spread: R,
+    ) -> R {
+        let share = spread_share(*sharpness, spread);
+        share * pair.on(normal).value(R::one(), *sharpness * share)
+    }
 
     /// `exp(-k phi^2) F min(2 / (V.H), 1 / (N.V))`, from `G / (N.V) <= 2 (N.H) / (V.H)` and
     /// `G <= 1`.
     fn most(&self, shape: &Shape, sight: &Sight) -> f64 {
-        let Sight { normals, light, view } = sight;
+        let Sight { normals, light, view, spread: scattered } = sight;
         let near = light.angle + view.angle;
         // Half the angle between light and view, at most.
         let half = 0.5 * (angle(light.axis, view.axis) + near);
@@ -57,7 +76,8 @@ impl LobeModel for TorranceSparrow {
         let spread = normals.angle + 0.5 * near / v_h + 1e-6;
         let middle = (light.axis + view.axis).normalised();
         let phi = (angle(normals.axis, middle) - spread).max(0.0);
-        let power = sharpness(shape[0][1]) * phi * phi;
+        let widest = sharpness(shape[0][1]);
+        let power = widest * spread_share(widest, *scattered) * phi * phi;
         let open = normals.cosines(view)[0].max(1e-30);
         // The kernel's exponential is exactly 0 from here on.
         if power > 90.0 {

@@ -15,7 +15,9 @@ use crate::pixels::Run;
 use crate::relight::block::{BLOCK, Block, Plane};
 use crate::relight::colour::{colour, shine};
 use crate::relight::diffuse::normal;
+use crate::relight::occlusion::one_bounce;
 use crate::relight::scene::{Colour, Scene};
+use crate::relight::shadow::Shares;
 use crate::surface::{Lobe, Model, Strength, Surface, TorranceSparrow, scaled};
 
 /// Bounds of `ln |p|^n`, those of the model under a lamp (`brdf::lafortune`).
@@ -32,6 +34,17 @@ pub(crate) struct Lit<'a> {
     /// The environment's own, or that of light which crosses an interface.
     irradiance: Cow<'a, Irradiance>,
     lobes: Lobes<'a>,
+    sky: Option<Sky>,
+}
+
+/// What the relief hides of an environment and gives back of its light.
+pub(crate) struct Sky {
+    /// Which share of an even sky's light each pixel sees. Over the share that a plane with its normal
+    /// alone would see, `(1 + n_z) / 2`, it is taken for the share of the environment's light that
+    /// is left, diffuse and mirrored.
+    pub(crate) seen: Shares,
+    /// Mean reflectance of the relief around a pixel, for one bounce of diffuse light; 0: none.
+    pub(crate) albedo: f32,
 }
 
 enum Lobes<'a> {
@@ -49,6 +62,7 @@ impl<'a> Lit<'a> {
         surface: &'a Surface<'a>,
         scene: &'a Scene,
         (environment, colours): (&'a Environment, [usize; 3]),
+        sky: Option<Sky>,
         run: &Run<'_>,
     ) -> Result<Self> {
         let irradiance = match surface.coated {
@@ -72,7 +86,7 @@ impl<'a> Lit<'a> {
             }
         };
         let colours = colours.map(|index| &scene.colours()[index]);
-        Ok(Self { environment, colours, view: scene.view(), irradiance, lobes })
+        Ok(Self { environment, colours, view: scene.view(), irradiance, lobes, sky })
     }
 
     /// Whether it reads where pixels lie.
@@ -80,14 +94,23 @@ impl<'a> Lit<'a> {
         !self.view.is_distant()
     }
 
-    /// Adds the light of all three channels to a block.
+    /// Adds the light of all three channels to a block, whose first pixel has a number, and a column
+    /// and row.
     #[inline(always)]
     pub(crate) fn shade<I: Isa>(
         &self,
         block: &mut Block,
         coefficients: &[Plane],
         range: (usize, usize),
+        [column, row]: [usize; 2],
     ) {
+        let sky = self.sky.as_ref().and_then(|sky| Some((sky.seen.row(column, row)?, sky.albedo)));
+        let mut left = [1.0; BLOCK];
+        if let Some((codes, _)) = sky {
+            for ((left, &code), z) in left.iter_mut().zip(codes).zip(block.normal[2]) {
+                *left = (2.0 * Shares::share(code) / (1.0 + z)).min(1.0);
+            }
+        }
         let zero: [Plane; 3] = [[0.0; BLOCK]; 3];
         let mut places = [[0.0; BLOCK]; 2];
         for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
@@ -98,17 +121,31 @@ impl<'a> Lit<'a> {
         let (mut diffuse, mut specular, mut value) = (zero, zero, zero);
         let view = |lane: usize| self.view_at::<I>(block, lane);
         self.irradiance.shade::<I>(&block.normal, &places, view, &mut diffuse);
+        let weaken = |value: &mut [Plane; 3], albedo: f32| {
+            for (light, &left) in value.iter_mut().flat_map(|plane| plane.iter_mut().zip(&left)) {
+                *light *= one_bounce(left, albedo);
+            }
+        };
+        if let Some((_, albedo)) = sky {
+            weaken(&mut diffuse, albedo);
+        }
         match &self.lobes {
             Lobes::None => {}
             Lobes::Glossy(lobes) => {
                 for glossy in lobes {
                     glossy.shade::<I>(&places, range, &mut value);
+                    if sky.is_some() {
+                        weaken(&mut value, 0.0);
+                    }
                     self.add::<I>(block, glossy.lobe, &value, &mut specular, range);
                 }
             }
             Lobes::Lafortune(lobes, maps) => {
                 for lobe in lobes {
                     self.lafortune::<I>(block, lobe, maps, range, &mut value);
+                    if sky.is_some() {
+                        weaken(&mut value, 0.0);
+                    }
                     self.add::<I>(block, lobe, &value, &mut specular, range);
                 }
             }

@@ -7,7 +7,7 @@ use super::*;
 use crate::geometry::{Grid, View};
 use crate::math::{Level, Vec3};
 use crate::pixels::{Pool, Run, serially};
-use crate::relight::plan::Plan;
+use crate::relight::plan::{Over, Plan};
 use crate::relight::scene::{Colour, Scene, Surroundings};
 use crate::relight::{Relief, render};
 use crate::surface::{CoatedDiffuse, Lobe, Model, Parameter, Strength, Surface};
@@ -125,12 +125,12 @@ fn colours() -> Vec<Colour> {
 
 fn scene(environment: Environment, view: impl Into<View>) -> Scene {
     let environment = Arc::new(environment);
-    let around = Surroundings { environment, colours: [0, 1, 2] };
+    let around = Surroundings { environment, colours: [0, 1, 2], albedo: 0.0 };
     Scene::surrounded(Vec::new(), colours(), view, Some(around)).unwrap()
 }
 
 fn lit(surface: &Surface<'_>, grid: Grid, scene: &Scene, run: &Run<'_>) -> Vec<f32> {
-    let plan = Plan::forced(surface, grid, scene, false);
+    let plan = Plan::forced(surface, grid, scene, Over::default()).unwrap();
     render(surface, Relief { grid, height: None }, scene, &plan, [9.0; 3], run).unwrap().light
 }
 

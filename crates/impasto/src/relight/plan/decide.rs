@@ -27,7 +27,7 @@ impl Work<'_> {
         let lobes = surface.lobes.len();
         let view = bounds::view(scene.view(), *grid, place);
         let lamps: Vec<_> =
-            scene.lamps().iter().map(|lamp| bounds::light(lamp.light, *grid, place)).collect();
+            scene.lamps().iter().map(|lamp| bounds::lamp(lamp, *grid, place)).collect();
         let between = self.between(tile, &lamps, &view);
         let mut parts = Vec::with_capacity(lamps.len());
         let mut candidates = Vec::new();
@@ -38,7 +38,7 @@ impl Work<'_> {
         };
         let holes = (0..lobes).any(hole);
         for (number, (lamp, seen)) in scene.lamps().iter().zip(&lamps).enumerate() {
-            let dark = !holes && bounds::cosines(tile, seen)[1] == 0.0;
+            let dark = !holes && bounds::cosines(tile, &seen.points.0)[1] == 0.0;
             if tile.pixels == 0 || dark {
                 parts.push(0);
                 continue;
@@ -135,12 +135,12 @@ impl Work<'_> {
         let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
         for (lamp, seen) in scene.lamps().iter().zip(lamps) {
             let colour = &scene.colours()[lamp.colour];
-            let [least, most] = bounds::cosines(tile, seen);
+            let [least, most] = bounds::cosines(tile, &seen.towards);
             let [darkest, brightest] = seen.irradiance;
             // A near lamp may be taken for a distant one.
             let middle = Light::Distant(lamp.light.direction());
             let middle = bounds::light(middle, *grid, [0, 0]);
-            let taken = bounds::cosines(tile, &middle);
+            let taken = bounds::cosines(tile, &middle.towards);
             let least = (least * darkest).min(taken[0]) * lamp.intensity;
             let least = if surface.coated.is_none() { least } else { 0.0 };
             let most = (most * brightest).max(taken[1]) * lamp.intensity;
@@ -184,7 +184,7 @@ impl Work<'_> {
             }
         }
         let more_light = options.more_light || scene.environment().is_some();
-        let dark = options.shadows || more_light;
+        let dark = options.over.shadows || more_light;
         let low = low.map(|value| if dark || value.is_nan() { 0.0 } else { value.max(0.0) });
         let unknown = |value: f64| more_light || value.is_nan();
         let high = high.map(|value| if unknown(value) { f64::INFINITY } else { value });

@@ -6,7 +6,7 @@
 //! knapsack problem [@dantzig1957discrete]).
 
 use crate::error::{Error, Result};
-use crate::geometry::{Grid, View};
+use crate::geometry::Grid;
 use crate::pixels::Run;
 use crate::surface::Surface;
 
@@ -36,10 +36,16 @@ pub enum Effect {
     NearLight,
     /// A view that differs from pixel to pixel.
     NearView,
-    /// Projection along a view that is not the painting's normal.
+    /// Projection to an eye that does not stand straight in front.
     SlantedView,
+    /// Parts of the relief before other parts, and nearer to the eye.
+    Parallax,
     /// Light from all directions.
     Environment,
+    /// Parts of the relief before an environment.
+    SkyOcclusion,
+    /// Light of an environment that the relief gives back to itself.
+    OneBounce,
 }
 
 /// What is done about an effect.
@@ -77,9 +83,13 @@ pub struct Plan {
     /// Per tile and lamp: bits of [`LIT`], [`SHADED`], [`NEAR`] and one per lobe.
     parts: Vec<u32>,
     lamps: usize,
+    /// Per tile: bits of [`SKY`] and [`BOUNCE`]; empty without an environment.
+    around: Vec<u8>,
     columns: usize,
     tiles: usize,
     projected: bool,
+    /// Whether a relief moves what is seen.
+    displaced: bool,
     /// The largest sum of bounds.
     error: f64,
 }
@@ -90,6 +100,11 @@ pub(super) const LIT: u32 = 1;
 pub const SHADED: u32 = 2;
 /// Direction and irradiance are those of each pixel.
 pub(super) const NEAR: u32 = 4;
+
+/// Part of the environment may be hidden.
+pub(super) const SKY: u8 = 1;
+/// What hides it gives light back.
+pub(super) const BOUNCE: u8 = 2;
 
 /// The bit of a lobe; lobes beyond the last bit share it.
 #[must_use]
@@ -109,14 +124,22 @@ struct Decided {
 
 impl Plan {
     /// Everything that is there is simulated everywhere.
-    #[must_use]
-    pub fn forced(surface: &Surface<'_>, grid: Grid, scene: &Scene, has_height: bool) -> Self {
+    ///
+    /// # Errors
+    /// If the eye of a perspective is too near.
+    pub fn forced(
+        surface: &Surface<'_>,
+        grid: Grid,
+        scene: &Scene,
+        Over { shadows, parallax }: Over,
+    ) -> Result<Self> {
         let lamps = scene.lamps().len();
         let columns = grid.width.div_ceil(SIDE);
         let tiles = columns * grid.height.div_ceil(SIDE);
         let lobes = (0..surface.lobes.len()).map(lobe_bit).fold(0, |all, bit| all | bit);
-        let shaded = if has_height { SHADED } else { 0 };
-        let projected = slanted(scene, grid) > 0.0;
+        let shaded = if shadows { SHADED } else { 0 };
+        let projected = slanted(scene, grid)? > 0.0;
+        let displaced = projected && parallax;
         let mut rows = Vec::new();
         let mut row = |effect, present: bool, tiles| {
             let decision = if present { Decision::On } else { Decision::Absent };
@@ -130,13 +153,19 @@ impl Plan {
         for lobe in 0..surface.lobes.len() {
             row(Effect::Lobe(lobe), true, tiles);
         }
-        row(Effect::CastShadows, has_height, tiles);
+        row(Effect::CastShadows, shadows, tiles);
         row(Effect::NearLight, near, tiles);
         row(Effect::NearView, !scene.view().is_distant(), tiles);
         row(Effect::SlantedView, projected, tiles);
-        row(Effect::Environment, scene.environment().is_some(), tiles);
+        row(Effect::Parallax, displaced, tiles);
+        let environment = scene.environment();
+        row(Effect::Environment, environment.is_some(), tiles);
+        let hidden = environment.is_some() && shadows;
+        row(Effect::SkyOcclusion, hidden, tiles);
+        row(Effect::OneBounce, hidden && environment.is_some_and(|one| one.albedo > 0.0), tiles);
         let parts = vec![LIT | shaded | NEAR | lobes; tiles * lamps];
-        Self { rows, parts, lamps, columns, tiles, projected, error: 0.0 }
+        let around = vec![if hidden { SKY | BOUNCE } else { 0 }; tiles];
+        Ok(Self { rows, parts, lamps, around, columns, tiles, projected, displaced, error: 0.0 })
     }
 
     /// Decides from the statistics of a surface, which hold a relief where shadows are wanted.
@@ -156,7 +185,7 @@ impl Plan {
         }
         let work = Work { surface, statistics, grid, scene, options };
         let (columns, lamps) = (statistics.columns, scene.lamps().len());
-        let slanted = slanted(scene, grid);
+        let slanted = slanted(scene, grid)?;
         // A piece of work is a row of tiles.
         let lines = statistics.tiles.chunks(columns).enumerate().collect();
         let decided: Vec<Decided> = run
@@ -173,10 +202,13 @@ impl Plan {
             .collect();
         let mut parts: Vec<u32> = decided.iter().flat_map(|tile| tile.parts.clone()).collect();
         let shadows = work.shadows(&mut parts);
-        let rows = work.rows(&parts, &decided, shadows, slanted);
+        let sky = work.sky();
+        let moved = work.moved(slanted);
+        let rows = work.rows(&parts, &decided, shadows, (slanted, &moved), &sky);
         let error = decided.iter().map(|tile| tile.error).fold(0.0, f64::max);
-        let (tiles, projected) = (decided.len(), slanted > 0.0);
-        Ok(Self { rows, parts, lamps, columns, tiles, projected, error })
+        let (tiles, around) = (decided.len(), sky.0);
+        let (projected, displaced) = (slanted > 0.0, moved.decision == Decision::On);
+        Ok(Self { rows, parts, lamps, around, columns, tiles, projected, displaced, error })
     }
 
     /// The plan without one effect, whatever that costs: what the effect takes is the difference.
@@ -193,6 +225,15 @@ impl Plan {
             Effect::NearLight => NEAR,
             Effect::SlantedView => {
                 self.projected = false;
+                0
+            }
+            Effect::Parallax => {
+                self.displaced = false;
+                0
+            }
+            Effect::SkyOcclusion | Effect::OneBounce => {
+                let kept = if effect == Effect::OneBounce { SKY } else { 0 };
+                self.around.iter_mut().for_each(|around| *around &= kept);
                 0
             }
         };
@@ -239,10 +280,26 @@ impl Plan {
         self.projected
     }
 
+    /// Whether the relief moves what a projected picture shows.
+    #[must_use]
+    pub fn displaced(&self) -> bool {
+        self.displaced
+    }
+
     /// The parts that the pixels from a column and row on need, one entry per lamp.
     pub(super) fn parts(&self, column: usize, row: usize) -> &[u32] {
         let tile = row / SIDE * self.columns + column / SIDE;
         &self.parts[tile * self.lamps..][..self.lamps]
+    }
+
+    /// What the pixels from a column and row on need under an environment.
+    pub(super) fn around(&self, column: usize, row: usize) -> u8 {
+        self.around.get(row / SIDE * self.columns + column / SIDE).copied().unwrap_or(0)
+    }
+
+    /// Whether that is needed anywhere.
+    pub(super) fn around_needs(&self, bit: u8) -> bool {
+        self.around.iter().any(|around| around & bit != 0)
     }
 
     /// Whether a part is needed anywhere.
@@ -252,23 +309,33 @@ impl Plan {
     }
 }
 
+/// What a relief, if there is one, does to a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Over {
+    /// It casts shadows, and hides a part of an environment.
+    pub shadows: bool,
+    /// Its parts are seen where their heights put them.
+    pub parallax: bool,
+}
+
 /// How far a plan may go.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// What may be left out.
     pub tolerance: Tolerance,
-    /// Whether shadows are cast.
-    pub shadows: bool,
+    /// What a relief does.
+    pub over: Over,
     /// Whether light is added or taken afterwards, so that a tile may be darker than it seems.
     pub more_light: bool,
 }
 
 /// How far the slant of a view moves a pixel, in pixels: where it moves any, the picture may be of
 /// another size, and a highlight moves into what is dark beside it.
-fn slanted(scene: &Scene, grid: Grid) -> f64 {
-    match scene.view() {
-        View::Distant(view) => Projection::new(view, grid).displacement(),
-        View::Point(_) => 0.0,
+fn slanted(scene: &Scene, grid: Grid) -> Result<f64> {
+    if scene.is_projected() {
+        Projection::new(scene.view(), grid).map(|projection| projection.displacement())
+    } else {
+        Ok(0.0)
     }
 }
 

@@ -1,6 +1,6 @@
 //! What was decided, row by row, with reasons.
 
-use super::{Decided, Decision, Effect, LIT, NEAR, Row, SHADED, Work, lobe_bit};
+use super::{BOUNCE, Decided, Decision, Effect, LIT, NEAR, Row, SHADED, SKY, Work, lobe_bit};
 
 impl Work<'_> {
     pub(super) fn rows(
@@ -8,7 +8,8 @@ impl Work<'_> {
         parts: &[u32],
         decided: &[Decided],
         (shadows, wanted): (String, bool),
-        slanted: f64,
+        (slanted, moved): (f64, &Row),
+        sky: &(Vec<u8>, String),
     ) -> Vec<Row> {
         let Self { surface, scene, options, .. } = self;
         let (lamps, all) = (scene.lamps().len(), decided.len());
@@ -97,12 +98,54 @@ impl Work<'_> {
             (Decision::Absent, 0, "the view moves no pixel".to_owned())
         };
         row(Effect::SlantedView, decision, tiles, 0.0, reason);
-        let (decision, tiles, reason) = if around {
-            (Decision::On, all, "light from all directions")
-        } else {
-            (Decision::Absent, 0, "no environment")
-        };
-        row(Effect::Environment, decision, tiles, 0.0, reason.to_owned());
+        rows.push(moved.clone());
+        rows.extend(self.rows_of_environment(all, sky));
         rows
+    }
+
+    /// Whether the relief moves what is seen.
+    pub(super) fn moved(&self, slanted: f64) -> Row {
+        let Self { statistics, grid, scene, options, .. } = self;
+        let ranges = statistics.tiles.iter().filter_map(|tile| tile.relief.as_ref());
+        let highest = ranges.map(|relief| relief.height.largest()).fold(0.0, f64::max);
+        let eye = scene.view().direction();
+        let pixels = highest * eye.x.hypot(eye.y) / eye.z / grid.pitch;
+        let (decision, tiles, reason) = match (slanted > 0.0, options.over.parallax) {
+            (false, _) => (Decision::Absent, 0, "the view moves no pixel".to_owned()),
+            (_, false) => (Decision::Absent, 0, "no relief".to_owned()),
+            _ if highest == 0.0 => (Decision::NoOp, 0, "the relief is flat".to_owned()),
+            _ => {
+                let reason =
+                    format!("heights move what the middle shows by up to {pixels:.2} pixels");
+                (Decision::On, statistics.tiles.len(), reason)
+            }
+        };
+        Row { effect: Effect::Parallax, decision, tiles, error: 0.0, reason }
+    }
+
+    fn rows_of_environment(&self, all: usize, (sky, rises): &(Vec<u8>, String)) -> [Row; 3] {
+        let around = self.scene.environment();
+        let (decision, tiles, reason) = match around {
+            Some(_) => (Decision::On, all, "light from all directions"),
+            None => (Decision::Absent, 0, "no environment"),
+        };
+        let reason = reason.to_owned();
+        let environment = Row { effect: Effect::Environment, decision, tiles, error: 0.0, reason };
+        let hidden = around.is_some() && self.options.over.shadows;
+        let bounces = hidden && around.is_some_and(|one| one.albedo > 0.0);
+        let of_sky = |effect, bit: u8, there: bool| {
+            let tiles = sky.iter().filter(|&&needs| needs & bit != 0).count();
+            let decision = match (there, tiles) {
+                (false, _) => Decision::Absent,
+                (true, 0) => Decision::NoOp,
+                _ => Decision::On,
+            };
+            Row { effect, decision, tiles, error: 0.0, reason: rises.clone() }
+        };
+        [
+            environment,
+            of_sky(Effect::SkyOcclusion, SKY, hidden),
+            of_sky(Effect::OneBounce, BOUNCE, bounces),
+        ]
     }
 }

@@ -11,11 +11,12 @@
 use core::ops::Range;
 
 use super::lines::{ABYSS, LineScratch, Lines, Span};
-use super::{SIDE, span};
+use super::{SIDE, Shares, span};
 use crate::error::{Error, Result};
 use crate::geometry::{Grid, Light};
 use crate::math::Vec3;
 use crate::pixels::Run;
+use crate::relight::area::disc;
 
 /// Azimuths over a lamp: Gauss-Chebyshev nodes of the second kind, exact for a horizon that is a
 /// polynomial of degree 15 across the lamp.
@@ -23,7 +24,7 @@ const ACROSS: usize = 8;
 
 /// Sky below this sine of elevation (1.8 degrees) is left out: obstacles farther than 32 times the
 /// range of the relief are not looked for. It is `1 / 1024` of the sky's cosine-weighted light.
-const SKY_FLOOR: f64 = 1.0 / 32.0;
+pub(crate) const SKY_FLOOR: f64 = 1.0 / 32.0;
 
 /// One azimuth of a sum over horizons.
 #[derive(Clone, Copy, Debug)]
@@ -161,10 +162,31 @@ impl Horizons {
         Ok(map)
     }
 
+    /// The same where tiles of [`SIDE`] pixels, by column and row of tiles, are `wanted`; elsewhere
+    /// all of the light is seen.
+    ///
+    /// # Errors
+    /// As [`Self::seen`].
+    pub fn seen_where(
+        &self,
+        relief: &[f32],
+        grid: Grid,
+        wanted: impl Fn(usize, usize) -> bool + Sync,
+        run: &Run<'_>,
+    ) -> Result<Shares> {
+        if relief.len() != grid.width * grid.height || relief.is_empty() {
+            return Err(Error::argument("height", "its size is not that of the painting"));
+        }
+        let span = span(relief, run)?;
+        Shares::new(grid, wanted, run, |part, scratch: &mut HullScratch| {
+            self.tile(relief, grid, span, part, scratch)
+        })
+    }
+
     /// The same in `size` (width, height) pixels from `[column, row]` on: a plane of factors. `span`
     /// is that of the whole relief ([`span`]); the numbers are those of the whole picture.
     #[must_use]
-    pub fn tile(
+    pub(crate) fn tile(
         &self,
         relief: &[f32],
         grid: Grid,
@@ -219,7 +241,7 @@ pub fn soft_shadows(
     }
     let mut sum = vec![0.0; relief.len()];
     // What lies behind the painting's own plane lights nothing.
-    for point in points(position, radius).filter(|point| point.z > 0.0) {
+    for point in disc(position, radius, POINTS).filter(|point| point.z > 0.0) {
         let light = Light::Point { position: point, falloff: true };
         let seen = super::cast_shadows(relief, grid, &light, run)?;
         for (sum, seen) in sum.iter_mut().zip(seen) {
@@ -229,25 +251,30 @@ pub fn soft_shadows(
     Ok(sum)
 }
 
+/// The same where tiles are `wanted`, by column and row; elsewhere all of the lamp is seen.
+///
+/// # Errors
+/// As [`soft_shadows`].
+pub(crate) fn seen_where(
+    relief: &[f32],
+    grid: Grid,
+    (light, radius): (&Light, f64),
+    wanted: impl Fn(usize, usize) -> bool + Sync,
+    run: &Run<'_>,
+) -> Result<Shares> {
+    match *light {
+        Light::Distant(direction) => {
+            Horizons::disc(direction, radius)?.seen_where(relief, grid, wanted, run)
+        }
+        Light::Point { .. } => {
+            let map = soft_shadows(relief, grid, light, radius, run)?;
+            Shares::of(&map, grid, wanted, run)
+        }
+    }
+}
+
 /// Points of a near lamp.
 const POINTS: usize = 32;
-
-/// Vogel's spiral: equal areas.
-fn points(position: Vec3<f64>, radius: f64) -> impl Iterator<Item = Vec3<f64>> {
-    let axis = position.normalised();
-    let sideways = if axis.z > 0.9 { Vec3::new(1.0, 0.0, 0.0) } else { Vec3::new(0.0, 0.0, 1.0) };
-    let across = sideways.cross(axis).normalised();
-    let up = axis.cross(across);
-    let golden = core::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-    (0..POINTS).map(move |index| {
-        let r = radius * ((index as f64 + 0.5) / POINTS as f64).sqrt();
-        let (sine, cosine) = (index as f64 * golden).sin_cos();
-        let [x, y, z] = [0, 1, 2].map(|axis| {
-            position.array()[axis] + r * (cosine * across.array()[axis] + sine * up.array()[axis])
-        });
-        Vec3::new(x, y, z)
-    })
-}
 
 /// Memory of one worker.
 #[derive(Debug, Default)]
@@ -314,7 +341,8 @@ fn sweep(
         let offset = (part.columns.start.cast_signed() - whole - start) as usize;
         let along = lines.row_at(step);
         for (index, pair) in sines[offset - 1..].windows(2).take(part.columns.len()).enumerate() {
-            let sine = fraction.mul_add(pair[0], (1.0 - fraction) * pair[1]);
+            // Between two equal horizons, such as the floor, exactly the same.
+            let sine = fraction.mul_add(pair[0] - pair[1], pair[1]);
             let pixel = if lines.transposed {
                 index * columns.len() + along - columns.start
             } else {

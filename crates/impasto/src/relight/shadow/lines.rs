@@ -75,11 +75,6 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// Columns per row walked.
-    pub(crate) fn shear(&self) -> f64 {
-        self.shear
-    }
-
     /// The row (or column) of a step.
     pub(crate) fn row_at(&self, step: usize) -> usize {
         if self.upwards { self.steps - 1 - step } else { step }

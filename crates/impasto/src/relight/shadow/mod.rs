@@ -16,9 +16,11 @@ mod distant;
 pub mod horizon;
 pub(crate) mod lines;
 mod point;
+mod shares;
 
 pub use bits::Bits;
 pub use lines::Span;
+pub use shares::Shares;
 
 use distant::{Scratch, Sweep};
 
