@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import impasto
 from gallery.measured import CANDLE, EYES, Measured, difference
-from impasto import Camera, DistantLight, Environment, PointLight, Scene, Stack, Varnish
+from impasto import Camera, DistantLight, Environment, PointLight, PointView, Scene, Stack, Varnish
 from impasto.colour import Display
 from impasto.pictures import Panel
 
@@ -26,9 +26,11 @@ SHOWN = (24, 60, 66, 18)
 """Photographs beside their renderings, by their place among all: near the highlight, where a
 prediction is hardest, to raking light."""
 PITCH_MM = 0.25
-"""Width of a pixel, assumed: the size of the icon is not known. Only the candle's distance in
-millimetres depends on it."""
-FLAME_MM = (-30.0, 62.0, 200.0)
+"""Width of a pixel, assumed: the size of the icon is not known. Only distances of candle and eye
+in millimetres depend on it."""
+BESIDE = PointView((170.0, 10.0, 240.0))
+"""An eye 35 degrees to the right."""
+FLAME = PointLight((-30.0, 62.0, 200.0), radius=6.0)
 """A candle before the gilded ground, upper left."""
 EXPOSURES = {0.0: 0.32, 0.56: 0.42, 1.0: 0.58}
 """Of candlelight; gold is brighter than a white board."""
@@ -74,7 +76,7 @@ def measured(stack: Stack) -> Icon:
 def in_the_gallery(icon: Icon) -> list[Panel]:
     """The gallery from the front and slanted, and raking light."""
     room = Scene(environment=Environment.named("gallery"), exposure=1.3)
-    slanted = room.changed(view=(0.57, 0.0, 0.82), exposure=0.9)
+    slanted = room.changed(view=BESIDE, perspective=True, exposure=0.9)
     raking = Scene([DistantLight((-0.95, 0.22, 0.21))], shadows=True, exposure=4.0)
     found = icon.measured
     return [
@@ -86,7 +88,7 @@ def in_the_gallery(icon: Icon) -> list[Panel]:
 
 def by_candlelight(icon: Icon) -> list[Panel]:
     """A near flame before the gold, for eyes adapted to it by three degrees."""
-    scene = Scene([PointLight(FLAME_MM)], illuminant=CANDLE)
+    scene = Scene([FLAME], illuminant=CANDLE)
     return [
         icon.measured.panel(
             "By candlelight",

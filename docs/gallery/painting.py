@@ -11,7 +11,7 @@ from typing import Any
 
 import impasto
 from gallery.measured import CANDLE, EYES, Measured, difference
-from impasto import DistantLight, Environment, PointLight, Scene, Varnish, simulate
+from impasto import DistantLight, Environment, PointLight, PointView, Scene, Varnish, simulate
 from impasto.pictures import Panel
 from impasto.simulate.cameras import CAMERA_OPTIONS
 from impasto.simulate.pigments import WAVELENGTHS
@@ -32,12 +32,15 @@ FILM_UM = 50.0
 
 ABOVE = DistantLight((0.0, 0.71, 0.71))
 """The light of the papers' pictures."""
-RAKING = DistantLight((-0.95, 0.22, 0.21))
+RAKING = DistantLight((-0.95, 0.22, 0.21), radius=0.02)
+"""A lamp of 4 cm at a distance of 1 m, from the left."""
 NEARLY_IN_FRONT = DistantLight((-0.40, 0.35, 0.85))
 """Light whose mirror image reaches the eye from the flanks of the relief."""
-RIGHT, LEFT = (0.64, 0.0, 0.77), (-0.64, 0.0, 0.77)
-"""40 degrees to the side: opposite the gallery's window, and beside it."""
-FLAME_MM = (-90.0, -120.0, 200.0)
+RIGHT = (0.64, 0.0, 0.77)
+"""40 degrees to the side, opposite the gallery's window."""
+BESIDE = PointView((400.0, 25.0, 480.0))
+"""An eye in the same direction, 60 cm away."""
+FLAME = PointLight((-90.0, -120.0, 200.0), radius=6.0)
 """A candle before the lower left of the painting."""
 
 BLOBS, CANVAS = (0.08, 0.56), (0.41, 0.33)
@@ -77,10 +80,11 @@ def measured_coarsely(**kind: Any) -> Measured:
 
 def in_the_gallery(painting: Measured) -> list[Panel]:
     """Light from all directions, from the front and slanted."""
-    scene = Scene(environment=Environment.named("gallery"), shadows=True)
+    front = Scene(environment=Environment.named("gallery"), shadows=True)
+    beside = front.changed(view=BESIDE, perspective=True)
     return [
-        painting.panel("In the gallery", "from the front", scene),
-        painting.panel("The same", "40 degrees from the right", scene.changed(view=RIGHT)),
+        painting.panel("In the gallery", "from the front", front),
+        painting.panel("The same", "40 degrees from the right", beside),
     ]
 
 
@@ -113,7 +117,7 @@ def details(painting: Measured) -> list[Panel]:
 
 def by_candlelight(painting: Measured) -> list[Panel]:
     """A near flame, for eyes that have adapted to it by three degrees."""
-    scene = Scene([PointLight(FLAME_MM)], illuminant=CANDLE, shadows=True)
+    scene = Scene([FLAME], illuminant=CANDLE, shadows=True)
     return [
         painting.panel("By candlelight", note, scene.changed(adaptation=degree))
         for degree, note in EYES.items()
