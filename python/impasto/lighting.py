@@ -134,10 +134,12 @@ def prepare(
     if reflectance is None and camera is not None:
         source: Any = surface
         reflectance = fit_reflectance(None, source, camera)
-    beneath = metallic(lit)
+    coat = scene.varnish
+    # Strengths are those of bands here, and of basis spectra afterwards.
+    beneath = 0.0 if coat is None or coat.removed else metallic(lit)
     lit = _coloured(lit, type(surface).__name__, reflectance, index)
-    if scene.varnish is not None:
-        lit = varnished(lit, scene.varnish, beneath)
+    if coat is not None:
+        lit = varnished(lit, coat, beneath)
     stood = lit.normal
     over = scene.shadows or scene.has_parallax
     lit = _levelled(lit, level, has_height=height is not None, wanted=over)
