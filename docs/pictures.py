@@ -1,10 +1,12 @@
 """Makes the pictures of README and documentation: `make pictures`.
 
-Everything is computed anew from the simulated painting of `impasto demo`; nothing is drawn by hand.
+Everything is computed anew, from simulated paintings and, where its photographs are at hand, from a
+real icon; nothing is drawn by hand.
 """
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import cv2
 import numpy as np
 
 import impasto
+from gallery import icon, painting
 from impasto import simulate
 from impasto.cli import main
 from impasto.io import write_jpeg
@@ -69,6 +72,45 @@ def pictures(demo: Path) -> None:
     save("overview", fitted(sheet, width, round(width * sheet.shape[0] / sheet.shape[1])))
 
 
+def gallery_of_the_painting() -> None:
+    """A painting that was simulated, photographed and measured, in many lights."""
+    measured = painting.measured()
+    for name, view, columns, width in (
+        ("gallery", painting.in_the_gallery, 2, 690),
+        ("raking", painting.in_raking_light, 2, 690),
+        ("details", painting.details, 2, 480),
+        ("candle", painting.by_candlelight, 3, 456),
+        ("figures-8-and-9", painting.figures_8_and_9, 2, 560),
+    ):
+        save(f"painting-{name}", contact_sheet(view(measured), columns=columns, width=width))
+    bare, aged, clear = (
+        painting.measured_coarsely(**kind)
+        for kind in ({"varnish": None}, {"yellowing": painting.AGED}, {})
+    )
+    save("painting-varnish", contact_sheet(painting.varnished(bare), columns=3, width=456))
+    sheet = contact_sheet(painting.without_varnish(aged, clear), columns=3, width=456)
+    save("painting-varnish-removed", sheet)
+
+
+def gallery_of_the_icon() -> None:
+    """A real icon, measured from its photographs where they are at hand."""
+    photographs = icon.folder()
+    if not photographs.is_dir():
+        sys.stderr.write(
+            f"docs/pictures.py: the photographs of the icon are not at {photographs}, so its "
+            "pictures stay as they are (IMPASTO_DATA names the folder that holds icon_rti)\n"
+        )
+        return
+    measured = icon.measured(icon.upright(photographs))
+    for name, view, columns, width in (
+        ("gallery", icon.in_the_gallery, 3, 456),
+        ("candle", icon.by_candlelight, 3, 456),
+        ("varnish", icon.with_varnish, 3, 456),
+        ("photographs", icon.beside_photographs, 4, 340),
+    ):
+        save(f"icon-{name}", contact_sheet(view(measured), columns=columns, width=width))
+
+
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "demo"
@@ -76,3 +118,5 @@ if __name__ == "__main__":
             raise SystemExit("impasto demo failed")
         pictures(out)
     lobes()
+    gallery_of_the_painting()
+    gallery_of_the_icon()

@@ -169,6 +169,39 @@ def test_the_coat_reflects_and_quiets_the_gloss_below() -> None:
     )
 
 
+def test_metal_leaf_shines_through_a_coat() -> None:
+    """Three lobes' worth of an interface under one map: none, as much as the densest, and leaf.
+
+    The energy of a lobe relative to a smooth interface is ``4 beta gamma^2 / ln 2``, that of an
+    interface of index 1.7 F(1.7) / F(1.45). What exceeds it keeps its strength: Fresnel's
+    reflectance for the coat instead of the paint is divided out. One light straight in front of a
+    flat surface: D = G = N.V = 1, so that each lobe is beta F.
+    """
+
+    def at_normal(n: float) -> float:
+        return ((n - 1.0) / (n + 1.0)) ** 2
+
+    most = at_normal(1.7) / at_normal(1.45)
+    energies = np.array([0.9, most, 2.0 * most, 8.0 * most])
+    gamma = np.array([[0.1, 0.3, 0.2, 0.15]])
+    beta = energies * np.log(2.0) / 4.0 / gamma**2
+    normal = np.zeros((3, 1, 4))
+    normal[2] = 1.0
+    black = np.zeros((6, 1, 4), np.float32)
+    spectra: Any = SimpleNamespace(**{**vars(painting()[1]), "coefficients": black})
+    # Half of the gloss in a second lobe, which the first pixel lacks.
+    halves = np.stack([beta, beta]) * [[[1.0, 0.5, 0.5, 0.5]], [[0.0, 0.5, 0.5, 0.5]]]
+    widths = np.stack([gamma, np.where(energies < 1.0, np.nan, gamma)])
+    surface = impasto.Surface.torrance_sparrow(normal, black, halves, widths)
+    scene = Scene([DistantLight((0.0, 0.0, 1.0))], varnish=Varnish(index=1.54, beta=0.0))
+    found = impasto.render(surface, scene, reflectance=spectra).xyz[1]
+    quiet = at_normal(1.54 / 1.45) * most / energies
+    leaf = at_normal(1.45) * (1.0 - most / energies)
+    expected = beta * np.where(energies <= most, at_normal(1.54 / 1.45), quiet + leaf)
+    # Single precision: a few roundings, and 1 - most / total of numbers near each other.
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
 def test_a_default_coat_reflects_what_fresnel_says() -> None:
     """A lobe on a flat surface sends a rough mirror's light: F of it, summed over all lights."""
     for gamma in (0.03, 0.05, 0.1):

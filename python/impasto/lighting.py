@@ -25,6 +25,8 @@ from impasto.scene import Scene
 from impasto.surface import Lobe, Relightable, Surface
 from impasto.varnish import Varnish
 
+DENSEST = 1.7
+"""Index of refraction that no varnish and no binder reaches."""
 _ENOUGH = 100
 """A panel has more normals than that."""
 
@@ -137,9 +139,12 @@ def prepare(
     if reflectance is None and camera is not None:
         source: Any = surface
         reflectance = fit_reflectance(None, source, camera)
+    coat = scene.varnish
+    # Strengths are those of bands here, and of basis spectra afterwards.
+    beneath = 0.0 if coat is None or coat.removed else metallic(lit)
     lit = _coloured(lit, type(surface).__name__, reflectance, index)
-    if scene.varnish is not None:
-        lit = varnished(lit, scene.varnish)
+    if coat is not None:
+        lit = varnished(lit, coat, beneath)
     stood = lit.normal
     over = scene.shadows or scene.has_parallax
     lit = _levelled(lit, level, has_height=height is not None, wanted=over)
@@ -238,19 +243,50 @@ def _coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) ->
     return lit.with_diffuse(planes, index=index, spectra=spectra)
 
 
-def varnished(lit: Surface, varnish: Varnish) -> Surface:
-    """The surface with the gloss of a coat, and its own as what the coat leaves of it."""
+def metallic(lit: Surface) -> float | NDArray[np.float32]:
+    """The share of Torrance-Sparrow lobes that no varnish or binder reflects, 0 to 1.
+
+    A lobe of ``beta = ln 2 / (4 gamma^2)`` reflects as much as a smooth interface of the surface's
+    index. What all lobes of a pixel reflect beyond an interface of index :data:`DENSEST` comes from
+    metal leaf. A number or a map ``(y, x)``; strengths are those of bands.
+    """
+    if lit.model != "torrance-sparrow" or not lit.index > 1.0:
+        return 0.0
+    most = _head_on(DENSEST) / _head_on(lit.index)
+    total: Any = np.float32(0.0)
+    for lobe in lit.lobes:
+        strength = np.asarray(lobe.strength, dtype=np.float32)
+        mean = strength.mean(axis=0) if strength.ndim == 3 else strength
+        energy = mean * np.square(lobe.shape[0]) * np.float32(4.0 / math.log(2.0))
+        # A pixel without this lobe has no gamma.
+        total = total + np.where(mean > 0.0, energy, np.float32(0.0))
+    share = 1.0 - most / np.maximum(total, most)
+    return float(share) if np.ndim(share) == 0 else floats(share)
+
+
+def _head_on(index: float) -> float:
+    """Fresnel reflectance at normal incidence."""
+    return ((index - 1.0) / (index + 1.0)) ** 2
+
+
+def varnished(
+    lit: Surface, varnish: Varnish, beneath: float | NDArray[np.float32] = 0.0
+) -> Surface:
+    """The surface with the gloss of a coat, and its own as what the coat leaves of it.
+
+    ``beneath``: the share of its gloss that lies deeper than its interface (:func:`metallic`).
+    """
     if varnish.removed:
         return lit
-    own, coat, between = (
-        ((one - 1.0) / (one + 1.0)) ** 2
-        for one in (lit.index, varnish.index, varnish.index / lit.index)
-    )
+    indices = (lit.index, varnish.index, varnish.index / lit.index)
+    own, coat, between = (_head_on(index) for index in indices)
     mirror = lit.model == "lafortune"
     # Torrance-Sparrow lobes are multiplied by Fresnel's reflectance of the surface's index.
     bare = own if mirror else coat
     share = between / bare if bare > 0.0 else 1.0
-    lobes = [Lobe(share * lobe.strength, lobe.shape) for lobe in lit.lobes if share > 0.0]
+    # Metal reflects under the coat what it reflected without it, now with Fresnel's for the coat.
+    kept: Any = share if mirror else share + beneath * ((own / coat if coat > 0.0 else 1.0) - share)
+    lobes = [Lobe(kept * lobe.strength, lobe.shape) for lobe in lit.lobes if np.any(kept > 0.0)]
     gamma, beta = varnish.gamma, varnish.strength
     if beta > 0.0:
         # cos^n of the angle from the mirror direction, twice that of the facet, is one half where

@@ -58,7 +58,8 @@ class Varnish:
     varnish of 1.54 their gloss falls to 0.027 of what it was in air, the ratio of the Fresnel
     reflectances of both interfaces at normal incidence. Their beta is multiplied by 0.020, since
     their Fresnel factor becomes that of the varnish. The film absorbs light of coloured lobes, not
-    that of neutral ones. On a surface of Lafortune lobes the coat's lobe is the
+    that of neutral ones. What the lobes of a pixel reflect beyond an interface of index 1.7 comes
+    from metal leaf and stays. On a surface of Lafortune lobes the coat's lobe is the
     Lafortune lobe of the same width and of the same strength in front, without Fresnel's rise.
 
     Parameters

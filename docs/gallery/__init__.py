@@ -1,0 +1,1 @@
+"""The pictures of the page gallery.md: a simulated painting, and a real icon."""
