@@ -8,12 +8,29 @@
 //! the relief is low, whatever it is elsewhere. Beyond the border the relief goes on at the border's
 //! height. A height that is NaN counts as the lowest around it.
 
-use super::{INDICES, Line};
+use super::projection::Rays;
 use crate::error::Result;
 use crate::geometry::Grid;
 use crate::math::lanes::MAX_LANES;
 use crate::math::{Mask, Real};
 use crate::pixels::Run;
+
+/// Rows and columns that are resampled together: what they see of the painting stays in the
+/// second-level cache whatever the direction of the tilt.
+pub(super) const SIDE: usize = 64;
+
+pub(super) type Line = [f32; SIDE];
+
+/// 0, 1, 2 ...
+pub(super) const INDICES: Line = {
+    let mut indices = [0.0; SIDE];
+    let mut index = 1;
+    while index < SIDE {
+        indices[index] = indices[index - 1] + 1.0;
+        index += 1;
+    }
+    indices
+};
 
 /// Pixels of a block's side.
 const BLOCK: usize = 32;
@@ -76,15 +93,6 @@ impl<'a> Heights<'a> {
         }
         range
     }
-}
-
-/// How far a place moves for each mm of height: in painting pixels to the right and down.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Rays<T> {
-    /// At the origin.
-    pub(super) per: [T; 2],
-    /// Per pixel away from it: to a near eye, less.
-    pub(super) grows: T,
 }
 
 /// The search for a run of places.
@@ -240,48 +248,8 @@ impl<'a> March<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{SIDE, seen_from};
     use super::*;
-    use crate::geometry::View;
-    use crate::math::Vec3;
     use crate::pixels::serially;
-
-    /// Light and coverage of a painting seen over a relief, and the picture's grid.
-    fn seen(relief: &[f32], grid: Grid, view: View, light: &[f32]) -> (Vec<f32>, Vec<f32>, Grid) {
-        let (planes, coverage) = (light.repeat(3), vec![1.0; relief.len()]);
-        serially(|run| {
-            seen_from(view, (&planes, &coverage), grid, Some(relief), [0.0; 3], run).unwrap()
-        })
-    }
-
-    /// Columns of a painting 0.01 apart: what is seen says where it lies.
-    fn columns(grid: Grid) -> Vec<f32> {
-        (0..grid.width * grid.height).map(|i| 0.01 * (i % grid.width) as f32).collect()
-    }
-
-    #[test]
-    fn a_raised_plane_is_met_at_its_height() {
-        let grid = Grid::whole(60, 50, 0.1);
-        for (x, y) in [(0.6, 0.0), (-0.6, 0.0), (0.36, 0.48), (0.0, -0.6)] {
-            let view = View::Distant(Vec3::new(x, y, 0.8));
-            let (flat, _, _) = seen(&[0.0; 3000], grid, view, &columns(grid));
-            for height in [0.3_f32, -0.2, 0.001] {
-                let (moved, covered, picture) = seen(&[height; 3000], grid, view, &columns(grid));
-                let (mut inner, expected) = (0, 0.01 * f64::from(height) * x / 0.8 / 0.1);
-                for row in 0..picture.height {
-                    for column in 0..picture.width {
-                        let pixel = row * picture.width + column;
-                        if (0.05..0.54).contains(&flat[pixel]) && covered[pixel] == 1.0 {
-                            let error = f64::from(moved[pixel]) - f64::from(flat[pixel]) - expected;
-                            assert!(error.abs() < 1e-5, "{x} {y} {height}: {error}");
-                            inner += 1;
-                        }
-                    }
-                }
-                assert!(inner > 1000, "{inner}");
-            }
-        }
-    }
 
     #[test]
     fn places_are_those_of_a_ray_marched_finely() {
@@ -322,25 +290,6 @@ mod tests {
                 hidden += usize::from((found - before - 1.0).abs() > 3.0);
             }
             assert!(hidden >= 1 || grows != 0.0, "{per}: {hidden}");
-        }
-    }
-
-    #[test]
-    fn no_height_stops_it() {
-        let view = View::Distant(Vec3::new(0.5, -0.6, 0.3).normalised());
-        for (width, height) in [(1, 1), (1, 30), (30, 1), (31, 33), (70, 40)] {
-            let grid = Grid::whole(width, height, 0.1);
-            for odd in [f32::NAN, f32::INFINITY, 1e30, -1e30, f32::MAX] {
-                let relief: Vec<f32> = (0..width * height)
-                    .map(|i| if i % 7 == 3 { odd } else { 0.4 * (i * 7919 % 13) as f32 / 13.0 })
-                    .collect();
-                for view in [view, View::Point(Vec3::new(3.0, 2.0, 12.0))] {
-                    let (moved, covered, _) = seen(&relief, grid, view, &vec![1.0; width * height]);
-                    let cover = covered.repeat(3);
-                    assert!(moved.iter().zip(cover).all(|(&v, c)| (v - c).abs() < 1e-5));
-                    assert!(covered.iter().all(|&v| (0.0..=1.0 + 1e-6).contains(&v)));
-                }
-            }
         }
     }
 }
