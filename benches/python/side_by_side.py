@@ -10,7 +10,7 @@ bits, on two threads. The renderers take turns; the least time of all rounds cou
 * ``software Vulkan``: ``impasto.gpu.Renderer`` on Mesa's llvmpipe, the surface uploaded before.
 * ``Mitsuba``: ``llvm_ad_rgb``, one ray per pixel, the scene loaded and the kernels compiled before;
   ``diffuse``, or the papers' models as BSDFs of ``tests/oracles/mitsuba_models.py``.
-  Mitsuba 3.9.1 needs libLLVM 19 or newer, 3.5.2 works with 14 to 16 and 19.
+  Mitsuba 3.9.1 needs libLLVM 19 or newer (Debian: libllvm19), which that variable names.
 * ``roughplastic``: what Mitsuba has nearest to a varnish, a Beckmann coat of one roughness; another
   model, whose picture is not compared.
 * ``numpy``: float32, the equations as one writes them, on one thread; ``tuned numpy``: without new

@@ -12,9 +12,10 @@ the papers' equations:
 Mitsuba's ``eval`` is Y / E / pi: a white board has the reflectance 1, and so reads 1 in an
 irradiance of pi. Samples lie in the centres of pixels, one per pixel: nothing is random.
 
-``use("llvm_ad_rgb")`` comes before anything else. Mitsuba 3.9.1 needs libLLVM 19 or newer
-(Debian: libllvm19); with 14 to 16 it ends the process (``Cannot select: fmaximum``), or does not
-load them. Mitsuba 3.5.2 works with 14, 15, 16 and 19. ``DRJIT_LIBLLVM_PATH`` names the library.
+``use("llvm_ad_rgb")`` comes before anything else. Written for Mitsuba 3.9.1, which needs libLLVM 19
+or newer (Debian: libllvm19, libllvm22; the same bits with both); with 15 and 16 it ends the process
+(``Cannot select: fmaximum``), 14 it does not load. ``DRJIT_LIBLLVM_PATH`` names the library.
+Mitsuba 3.5.2 renders with 14, 15, 16 and 19, but its ``normalmap`` lacks two options used here.
 """
 
 from __future__ import annotations
