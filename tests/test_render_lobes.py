@@ -274,3 +274,76 @@ def test_a_simulated_painting_is_rendered_with_its_own_spectra() -> None:
 def test_only_surfaces_are_rendered(thing: Any) -> None:
     with pytest.raises(impasto.ArgumentError, match=r"surface: expected .*found"):
         impasto.render(thing, Scene([LIGHT]))
+
+
+def rough(model: str, *, bands: int = 3) -> impasto.Surface:
+    """A slightly curved panel whose normals scatter by 0.06 rad from pixel to pixel, with gaps."""
+    rng, size = np.random.default_rng(8), (240, 240)
+    rows, columns = np.mgrid[-1 : 1 : size[0] * 1j, -1 : 1 : size[1] * 1j]
+    slope = np.stack([0.25 * columns, 0.25 * rows]) + rng.normal(0.0, 0.06, (2, *size))
+    normal = np.stack([*slope, np.ones(size)])
+    normal /= np.linalg.norm(normal, axis=0)
+    diffuse = np.full((bands, *size), 0.1, np.float32)
+    diffuse[:, rng.random(size) < 0.05] = np.nan
+    if model == "lafortune":
+        ones = np.ones((1, *size), np.float32)
+        strength = np.full((1, bands, *size), 0.5, np.float32)
+        return impasto.Surface.lafortune(
+            normal.astype(np.float32), diffuse, strength, -ones, ones, 200.0 * ones
+        )
+    return impasto.Surface.torrance_sparrow(normal.astype(np.float32), diffuse, 20.0, 0.05)
+
+
+@pytest.mark.parametrize("model", ["torrance-sparrow", "lafortune"])
+def test_a_small_picture_has_the_mean_light_of_the_large_one(model: str) -> None:
+    surface, factor = rough(model), 20
+    scene = Scene([DistantLight((0.2, 0.1, 1.0))], exposure=1.0)
+    whole = impasto.render(surface, scene)
+    known = whole.coverage > 0
+    # Mean light of each group, over the pixels that are known.
+    groups = (12, factor, 12, factor)
+    light = np.where(known, whole.xyz[1], 0.0).reshape(groups).sum((1, 3))
+    mean = light / known.reshape(groups).sum((1, 3))
+    small = impasto.render(surface, scene, reduce=factor)
+    assert small.display.shape == (12, 12, 3)
+    # 380 normals a group: their mean scatters by 0.06 / sqrt(380) = 0.003 rad, which the widened
+    # lobe of 0.08 rad sees as 0.03 of its largest value; Gaussians of slopes are not those of
+    # angles: 0.04 (crates/impasto/src/surface/reduced.rs).
+    assert np.abs(small.xyz[1] - mean).max() < 0.07 * mean.max()
+    # The mean of normals alone shows a highlight that nobody sees.
+    narrow = impasto.Surface(
+        surface.normal[:, ::factor, ::factor],
+        surface.diffuse[:, ::factor, ::factor],
+        lobes=tuple(
+            Lobe(
+                lobe.strength[..., ::factor, ::factor] if np.ndim(lobe.strength) else lobe.strength,
+                tuple(s[::factor, ::factor] if np.ndim(s) else s for s in lobe.shape),
+            )
+            for lobe in surface.lobes
+        ),
+        model=surface.model,
+    )
+    picked = impasto.render(narrow, scene)
+    seen = picked.coverage > 0
+    assert np.abs(picked.xyz[1] - mean)[seen].max() > 0.3 * mean.max()
+    rows = {row.name: row for row in impasto.plan(surface, scene, reduce=factor).effects}
+    assert rows["minification"].decision == "folded"
+
+
+def test_a_small_picture_of_a_part_lies_where_the_part_does() -> None:
+    """Of 50 x 47 pixels, 3 on the right and 2 below fill no group: near lamps must know."""
+    size = (47, 53)
+    normal = np.zeros((3, *size), np.float32)
+    normal[2] = 1.0
+    diffuse = np.full((1, *size), 0.5, np.float32)
+    surface = impasto.Surface(normal, diffuse, pitch_mm=1.0, origin=(10.0, -20.0))
+    scene = Scene([PointLight((15.0, -10.0, 40.0))], exposure=1.0)
+    whole = impasto.render(surface, scene).xyz[1, :45, :50]
+    small = impasto.render(surface, scene, reduce=5).xyz[1]
+    # The light of a group's middle against its mean: 1/24 (5 mm)^2 times the curvature,
+    # 3 / (40 mm)^2 of the value along each axis.
+    mean = whole.reshape(9, 5, 10, 5).mean((1, 3))
+    np.testing.assert_allclose(small, mean, rtol=2 * 25 / 24 * 3 / 1600)
+    for wrong in (0, -1, 48, 2.5, "2", None):
+        with pytest.raises(impasto.ArgumentError, match="reduce: expected a whole number"):
+            impasto.render(surface, scene, reduce=wrong)

@@ -259,6 +259,15 @@ def sky_visibility(
     albedo: float,
     threads: int,
 ) -> NDArray[np.float32]: ...
+def reduced_surface(
+    surface: Surface, height: NDArray[np.float32] | None, factor: int, threads: int
+) -> tuple[
+    NDArray[np.float32],
+    NDArray[np.float32],
+    NDArray[np.float32] | None,
+    list[tuple[NDArray[np.float32], list[NDArray[np.float32]]]],
+    NDArray[np.float32] | None,
+]: ...
 def display_from_bands(
     planes: NDArray[np.float32],
     matrix: NDArray[np.float64],

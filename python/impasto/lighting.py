@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto import _core
 from impasto._internal.border import RigArguments
-from impasto._internal.checks import holding, instance, length_mm
+from impasto._internal.calls import thread_count
+from impasto._internal.checks import holding, instance, is_whole, length_mm
 from impasto._internal.waiting import floats
 from impasto.bands import Camera, checked_camera
 from impasto.colour import white_scale as white_scale_of
@@ -75,6 +77,8 @@ class Prepared:
         Whether colours are those of the bands, without spectra: one matrix for all lights.
     reflectance
         What has the spectra of the colours; None for those of the bands.
+    reduce
+        How many pixels of the surface, along a side, are one of the picture.
     as_photographed
         Whether the picture can show what photographs show besides the model: the panel is not
         rotated, no relief is wanted, the painting is seen on its own pixels, its colours are those
@@ -89,6 +93,7 @@ class Prepared:
     from_picture: bool
     in_bands: bool
     reflectance: Any
+    reduce: int
     as_photographed: bool
 
 
@@ -102,6 +107,7 @@ def prepare(
     pitch_mm: float | None = None,
     index: float | None = None,
     level: bool | Level | None = None,
+    reduce: int = 1,
     threads: int | None = None,
 ) -> Prepared:
     """A surface and a scene as arrays; the parameters are those of :func:`impasto.render`.
@@ -150,6 +156,9 @@ def prepare(
     lit = _levelled(lit, level, has_height=height is not None, wanted=over)
     unmoved = lit.normal is stood and not over
     relief = _relief(lit, height, pitch, threads) if over else None
+    if reduce != 1:
+        lit, relief = reduced(lit, relief, reduce, threads)
+        pitch *= reduce
     eye = surface.eye() if scene.view is None else scene.view
     whole = rig_of(scene, eye, pitch, lit)
     lit, arguments, exposure = arranged(lit, scene, whole, eye, reflectance, threads)
@@ -162,10 +171,12 @@ def prepare(
         from_picture=isinstance(scene.exposure, str),
         in_bands=reflectance is None,
         reflectance=reflectance,
+        reduce=reduce,
         as_photographed=(
             reflectance is None
             and bool(scene.lights)
             and unmoved
+            and reduce == 1
             and _in_front(eye)
             and not scene.perspective
         ),
@@ -219,6 +230,37 @@ def arranged(
         parallax=scene.has_parallax,
     )
     return _with_ambient_of(lit, scene, rig), arguments, float(exposure)
+
+
+def reduced(
+    lit: Surface, relief: NDArray[np.float32] | None, factor: int, threads: int | None = None
+) -> tuple[Surface, NDArray[np.float32] | None]:
+    """Every ``factor`` x ``factor`` pixels of a surface and its relief as one.
+
+    Normals that scatter within a group widen its lobes (Toksvig 2005, Olano and Baker 2010).
+    """
+    rows, columns = lit.shape
+    most = min(rows, columns)
+    if not is_whole(factor) or not 1 <= factor <= most:
+        raise ArgumentError(f"reduce: expected a whole number from 1 to {most}, found {factor!r}")
+    normal, diffuse, ambient, lobes, small = _core.reduced_surface(
+        lit, relief, int(factor), thread_count(threads)
+    )
+    # Rows and columns that fill no group are left out on the right and below.
+    right, up = 0.5 * (columns % factor), 0.5 * (rows % factor)
+    origin = ((lit.origin[0] - right) / factor, (lit.origin[1] + up) / factor)
+    pitch = None if lit.pitch_mm is None else lit.pitch_mm * factor
+    found = replace(
+        lit,
+        normal=normal,
+        diffuse=diffuse,
+        ambient=ambient,
+        lobes=tuple(Lobe(strength, tuple(shape)) for strength, shape in lobes),
+        height=None,
+        pitch_mm=pitch,
+        origin=origin,
+    )
+    return found, small
 
 
 def _coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) -> Surface:

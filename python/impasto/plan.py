@@ -259,13 +259,14 @@ def plan(
     index: float | None = None,
     fidelity: Fidelity = "photographs",
     level: bool | Level | None = None,
+    reduce: int = 1,
     threads: int | None = None,
 ) -> Plan:
     """Decide what a scene calls for, effect by effect and tile by tile.
 
     Parameters
     ----------
-    surface, scene, reflectance, camera, height, pitch_mm, index, fidelity, level, threads
+    surface, scene, reflectance, camera, height, pitch_mm, index, fidelity, level, reduce, threads
         As in :func:`impasto.render`.
     tolerance
         0: no bit may change. ``"code:1"``: so many 8-bit codes of the display, before rounding;
@@ -294,6 +295,7 @@ def plan(
             pitch_mm=pitch_mm,
             index=index,
             level=level,
+            reduce=reduce,
             threads=threads,
         )
         # What a fit keeps of its photographs takes longer than a plan: it is made for a picture.
@@ -425,10 +427,19 @@ def _folded(scene: Scene, prepared: Prepared) -> tuple[PlannedEffect, ...]:
     else:
         adaptation = "folded", f"d = {scene.adaptation:g}, in {matrices}"
     return (
+        _small(prepared.reduce),
         PlannedEffect("spectra", spectra, 0, reason, 0.0),
         PlannedEffect("chromatic adaptation", *adaptation[:1], 0, adaptation[1], 0.0),
         _film(scene, matrices),
     )
+
+
+def _small(reduce: int) -> PlannedEffect:
+    """Normals within a pixel, which are part of its lobes."""
+    if reduce == 1:
+        return PlannedEffect("minification", "absent", 0, "a pixel for each of the surface", 0.0)
+    reason = f"{reduce} x {reduce} normals widen the lobes of a pixel"
+    return PlannedEffect("minification", "folded", 0, reason, 0.0)
 
 
 def _film(scene: Scene, matrices: str) -> PlannedEffect:

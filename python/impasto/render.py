@@ -35,6 +35,7 @@ def render(
     index: float | None = None,
     fidelity: Fidelity = "photographs",
     level: bool | Level | None = None,
+    reduce: int = 1,
     tolerance: str | float | None = None,
     output: Output = "display",
     backend: Backend = "cpu",
@@ -74,6 +75,11 @@ def render(
         the plane itself, as :func:`impasto.find_level` finds it in a larger part of the painting.
         Default: True with shadows, for a surface without a height of its own whose panel leans by
         more than a degree; False without. A leaning panel is in its own shadow under raking light.
+    reduce
+        How many pixels of the surface, along a side, become one of the picture: the gloss of a
+        small picture is that of the whole, as normals that scatter within a pixel widen its lobes
+        (Toksvig 2005, Olano and Baker 2010). Rows and columns that fill no pixel are left out.
+        Default: 1.
     tolerance
         What may be left out of the picture where it cannot be seen: 0, ``"code:1"`` or
         ``"dE:0.5"``, as in :func:`impasto.plan`. Default: nothing is left out, and no statistics of
@@ -114,6 +120,7 @@ def render(
         "pitch_mm": pitch_mm,
         "index": index,
         "level": level,
+        "reduce": reduce,
         "threads": threads,
     }
     if tolerance is not None:

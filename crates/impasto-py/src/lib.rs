@@ -51,6 +51,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(relight::cast_shadows, module)?)?;
     module.add_function(wrap_pyfunction!(relight::soft_shadows, module)?)?;
     module.add_function(wrap_pyfunction!(relight::sky_visibility, module)?)?;
+    module.add_function(wrap_pyfunction!(surface::reduced_surface, module)?)?;
     module.add_function(wrap_pyfunction!(relight::display_from_bands, module)?)?;
     module.add_function(wrap_pyfunction!(relight::integrate_normals, module)?)?;
     module.add_function(wrap_pyfunction!(relight::linear_from_bands, module)?)?;

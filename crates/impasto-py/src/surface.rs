@@ -1,13 +1,17 @@
 //! A painting's maps, and the model of its lobes by name.
 
-use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+#![allow(clippy::needless_pass_by_value, reason = "pyo3 hands arguments over by value")]
+
+use numpy::{PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use impasto::geometry::Grid;
-use impasto::surface::{CoatedDiffuse, Lobe, Model, Parameter, Strength, Surface};
+use impasto::surface::{CoatedDiffuse, Lobe, Model, Parameter, Strength, Surface, reduced};
 use impasto::{Error, Result};
 
-use crate::arrays::contiguous;
+use crate::arrays::{Size, contiguous};
+use crate::errors::to_python;
+use crate::run;
 
 /// The fields of `impasto.Surface` that the numerics read: every array C-contiguous.
 #[derive(FromPyObject)]
@@ -93,4 +97,48 @@ impl NumberArray<'_> {
 
 fn planes<'a>(name: &'static str, map: &'a PyReadonlyArray3<'_, f32>) -> Result<&'a [f32]> {
     contiguous(name, map.as_slice())
+}
+
+type Lobes<'py> = Vec<(Bound<'py, PyAny>, Vec<Bound<'py, PyArray2<f32>>>)>;
+type Small<'py> = (
+    Bound<'py, PyArray3<f32>>,
+    Bound<'py, PyArray3<f32>>,
+    Option<Bound<'py, PyArray3<f32>>>,
+    Lobes<'py>,
+    Option<Bound<'py, PyArray2<f32>>>,
+);
+
+/// Every `factor` x `factor` pixels as one: normal, diffuse, ambient, strength and shape of each lobe,
+/// height.
+#[pyfunction]
+pub(crate) fn reduced_surface<'py>(
+    py: Python<'py>,
+    surface: SurfaceArguments<'py>,
+    height: Option<PyReadonlyArray2<'py, f32>>,
+    factor: usize,
+    threads: usize,
+) -> PyResult<Small<'py>> {
+    let refuse = |error: Error| to_python(py, &error);
+    let [bands, _, width] = surface.shape();
+    let map = |map| contiguous("height", PyReadonlyArray2::as_slice(map)).map_err(refuse);
+    let height = height.as_ref().map(map).transpose()?;
+    let maps = surface.surface().map_err(refuse)?;
+    let small = run::call(py, threads, None, |run| reduced(&maps, height, width, factor, run))?;
+    let size = Size { height: small.height, width: small.width };
+    let planes = |map| size.planes(py, map, bands);
+    let lobes = small.lobes.into_iter().zip(&maps.lobes).map(|(small, lobe)| {
+        let strength = match lobe.strength {
+            Strength::Tinted(_) => planes(small.strength)?.into_any(),
+            Strength::Neutral(_) => size.map(py, small.strength)?.into_any(),
+        };
+        let shape = small.shape.into_iter().map(|map| size.map(py, map));
+        Ok((strength, shape.collect::<PyResult<_>>()?))
+    });
+    Ok((
+        size.planes(py, small.normal, 3)?,
+        planes(small.diffuse)?,
+        small.ambient.map(planes).transpose()?,
+        lobes.collect::<PyResult<_>>()?,
+        small.relief.map(|map| size.map(py, map)).transpose()?,
+    ))
 }

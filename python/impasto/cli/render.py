@@ -17,6 +17,7 @@ from impasto.cli.options import (
     SeveralLamps,
     SeveralPositions,
     SomeWhole,
+    Whole,
     check_threads,
 )
 from impasto.cli.scenes import check_spectra, lamps, panel, room_of, tolerance_of
@@ -52,6 +53,7 @@ def render(
     exposure: float | Literal["maximum"] | None = None,
     shadows: Flag = False,
     level: Annotated[bool | None, Parameter(negative="--no-level")] = None,
+    reduce: Whole = 1,
     tolerance: str | None = None,
     explain: Flag = False,
     backend: Backend = "cpu",
@@ -108,6 +110,9 @@ def render(
     level
         Rotate a panel that leans to face the viewer, so that lights shine on its own plane;
         default: with --shadows.
+    reduce
+        How many pixels of the result, along a side, become one of the picture, whose gloss stays
+        that of the whole.
     tolerance
         What may be left out where it cannot be seen: 0, code:1 or dE:0.5. Default: nothing.
     explain
@@ -132,8 +137,8 @@ def render(
     if system is not None:
         others = (light, point, environment, environment_rotation, adaptation)
         more = (view, eye, lamp_size, exposure, level, tolerance, pitch)
-        chosen = (illuminant, adaptation_mode, display, shadows, explain, backend)
-        usual = ("D65", "planck", "srgb", False, False, "cpu")
+        chosen = (illuminant, adaptation_mode, display, shadows, reduce, explain, backend)
+        usual = ("D65", "planck", "srgb", False, 1, False, "cpu")
         if any(value is not None for value in (*others, *more)) or chosen != usual:
             raise CycloptsError(
                 msg="--system has its own lights, views and displays: give --out and --threads only"
@@ -170,6 +175,7 @@ def render(
         "reflectance": reflectance,
         "pitch_mm": sbrdf.rig.pitch_mm if pitch is None else pitch,
         "level": plane,
+        "reduce": reduce,
         "threads": threads,
     }
     shown = visible(sbrdf, reflectance)

@@ -69,6 +69,18 @@ impl LobeModel for Lafortune {
         pair.cosine * R::keep(pair.cosine.gt(R::zero()), value)
     }
 
+    /// `cos^n` has the total `2 pi / (n + 1)` and the variance `1 / n` over directions of light, which
+    /// move by twice what the normal does.
+    fn total(&self, [_, _, exponent]: [f64; MAX_PARAMETERS]) -> f64 {
+        1.0 / (exponent + 1.0)
+    }
+    fn variance(&self, [_, _, exponent]: [f64; MAX_PARAMETERS]) -> f64 {
+        0.25 / exponent.max(1e-3)
+    }
+    fn widened(&self, [cxy, cz, _]: [f64; MAX_PARAMETERS], variance: f64) -> [f64; MAX_PARAMETERS] {
+        [cxy, cz, 0.25 / variance]
+    }
+
     /// `s^n (N.L)`: with the view's mirror image `R = 2 (N.V) N - V`, which moves by twice the angle
     /// by which the normal does, `s = Cz (V.L + R.L) / 2 + Cxy (V.L - R.L) / 2` is largest in a
     /// corner of what its terms can be.

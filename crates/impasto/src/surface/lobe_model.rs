@@ -45,6 +45,13 @@ pub trait LobeModel: Copy + Debug + Send + Sync {
         spread: R,
     ) -> R;
 
+    /// What a lobe of unit strength reflects in all directions, up to a factor that all lobes share.
+    fn total(&self, shape: [f64; MAX_PARAMETERS]) -> f64;
+    /// Over which normals a lobe is seen: their variance along each axis, in radians squared.
+    fn variance(&self, shape: [f64; MAX_PARAMETERS]) -> f64;
+    /// A lobe of another such variance.
+    fn widened(&self, shape: [f64; MAX_PARAMETERS], variance: f64) -> [f64; MAX_PARAMETERS];
+
     /// No pixel shows more than this of a lobe of unit strength under unit irradiance: an upper
     /// bound over all normals, lights, views and parameters of the intervals; it may be 0 only where
     /// the lobe is exactly 0 in single precision.

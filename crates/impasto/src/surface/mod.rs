@@ -13,6 +13,7 @@ mod maps;
 mod model;
 mod pairs;
 mod predict;
+mod reduced;
 mod sight;
 mod torrance_sparrow;
 
@@ -26,5 +27,6 @@ pub use maps::Surface;
 pub use model::{Model, ModelVisitor};
 pub use pairs::Pairs;
 pub use predict::predict;
+pub use reduced::{Reduced, ReducedLobe, reduced};
 pub use sight::{Cone, Sight, angle};
 pub use torrance_sparrow::TorranceSparrow;

@@ -1,6 +1,6 @@
 //! Torrance-Sparrow lobes [@torrance1967theory] of one parameter, the half-width gamma.
 
-use crate::brdf::torrance_sparrow::{Facet, fresnel, sharpness};
+use crate::brdf::torrance_sparrow::{Facet, GAMMA_MAX, GAMMA_MIN, fresnel, sharpness};
 use crate::math::{Real, Scalar, Vec3};
 
 use super::lobe_model::{LobeModel, MAX_PARAMETERS, Shape};
@@ -57,6 +57,17 @@ impl LobeModel for TorranceSparrow {
     ) -> R {
         let share = spread_share(*sharpness, spread);
         share * pair.on(normal).value(R::one(), *sharpness * share)
+    }
+
+    /// `exp(-ln 2 (phi / gamma)^2)` has the variance `gamma^2 / (2 ln 2)`.
+    fn total(&self, [gamma, ..]: [f64; MAX_PARAMETERS]) -> f64 {
+        1.0 / sharpness(gamma)
+    }
+    fn variance(&self, [gamma, ..]: [f64; MAX_PARAMETERS]) -> f64 {
+        0.5 / sharpness(gamma)
+    }
+    fn widened(&self, _: [f64; MAX_PARAMETERS], variance: f64) -> [f64; MAX_PARAMETERS] {
+        [(2.0 * core::f64::consts::LN_2 * variance).sqrt().clamp(GAMMA_MIN, GAMMA_MAX), 0.0, 0.0]
     }
 
     /// `exp(-k phi^2) F min(2 / (V.H), 1 / (N.V))`, from `G / (N.V) <= 2 (N.H) / (V.H)` and

@@ -9,7 +9,7 @@ use crate::math::Vec3;
 use crate::pixels::Run;
 
 /// Changes when the numbers of [`Environment::lobes`] do, for whoever keeps them.
-pub const LOBES_VERSION: u32 = 1;
+pub const LOBES_VERSION: u32 = 2;
 
 /// Distant light from all directions in front of the painting, in three channels.
 #[derive(Clone, Debug, PartialEq)]

@@ -188,11 +188,16 @@ fn bundles(
             for row in top..height.min(top + SIDE) {
                 for column in left..width.min(left + SIDE) {
                     let (direction, solid_angle) = at(column, row);
+                    let direction = rotated.map(|axis| axis.dot(direction));
+                    let Some((direction, share)) = in_front(direction, solid_angle) else {
+                        continue;
+                    };
+                    let solid_angle = solid_angle * share;
                     let place = row * width + column;
                     let value = |channel| f64::from(radiance[channel * width * height + place]);
                     let light = [0, 1, 2].map(|channel| (value(channel) * solid_angle) as f32);
-                    let direction = rotated.map(|axis| axis.dot(direction) as f32);
-                    if direction[2] > 0.0 && light.iter().any(|&light| light > 0.0) {
+                    let direction = direction.map(|value| value as f32);
+                    if light.iter().any(|&light| light > 0.0) {
                         texels.push(Texel { direction, light });
                     }
                 }
@@ -204,6 +209,22 @@ fn bundles(
         }
     }
     bundles
+}
+
+/// The middle of what lies in front of the painting's plane of a texel about a unit vector, and its
+/// share: of a square as large with two sides along the plane.
+fn in_front([x, y, z]: [f64; 3], solid_angle: f64) -> Option<([f64; 3], f64)> {
+    let half = 0.5 * solid_angle.sqrt() * x.hypot(y);
+    if z >= half {
+        return Some(([x, y, z], 1.0));
+    }
+    let top = z + half;
+    if top <= 0.0 {
+        return None;
+    }
+    let middle = 0.5 * top;
+    let flat = (1.0 - middle * middle).sqrt() / x.hypot(y);
+    Some(([x * flat, y * flat, middle], (top / (2.0 * half)).min(1.0)))
 }
 
 #[cfg(test)]
