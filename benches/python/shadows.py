@@ -77,15 +77,36 @@ def others(side: int) -> list[dict[str, Any]]:
     )
     lamps = [impasto.DistantLight(light)]
     front = impasto.Scene(lamps, shadows=True)
-    side_on = impasto.Scene(lamps, shadows=True, view=(0.6, 0.0, 0.8))
+    side_on = front.changed(view=(0.6, 0.0, 0.8))
+    eye = impasto.PointView((60.0, -20.0, 150.0))
+    room = impasto.Scene(environment=impasto.Environment.named("gallery"))
+    impasto.render(painting, room)  # its tables are made once
     work = {
         "soft shadow, 8 azimuths": lambda: impasto.cast_shadows(
             height, PITCH, light, radius=0.05, threads=1
         ),
         "sky, 32 azimuths": lambda: impasto.sky_visibility(height, PITCH, threads=1),
         "picture from the front, shadows": lambda: impasto.render(painting, front, threads=1),
+        "picture from the side, shadows": lambda: impasto.render(
+            painting, side_on.changed(parallax=False), threads=1
+        ),
         "picture from the side, shadows and parallax": lambda: impasto.render(
             painting, side_on, threads=1
+        ),
+        "picture in perspective, shadows and parallax": lambda: impasto.render(
+            painting, front.changed(view=eye, perspective=True), threads=1
+        ),
+        "picture from the front, soft shadows": lambda: impasto.render(
+            painting,
+            front.changed(lights=[impasto.DistantLight(light, radius=0.05)]),
+            threads=1,
+        ),
+        "picture in a room": lambda: impasto.render(painting, room, threads=1),
+        "picture in a room, sky occlusion and one bounce": lambda: impasto.render(
+            painting, room.changed(shadows=True), threads=1
+        ),
+        "picture from the front, 4 x 4 pixels as one": lambda: impasto.render(
+            painting, impasto.Scene(lamps), reduce=4, threads=1
         ),
     }
     return [

@@ -189,7 +189,20 @@ fn bundles(
                 for column in left..width.min(left + SIDE) {
                     let (direction, solid_angle) = at(column, row);
                     let direction = rotated.map(|axis| axis.dot(direction));
-                    let Some((direction, share)) = in_front(direction, solid_angle) else {
+                    // What the height over the plane changes by from texel to texel.
+                    let beside = |place: usize, size: usize| {
+                        if place + 1 < size { place + 1 } else { place.saturating_sub(1) }
+                    };
+                    let steps = [(beside(column, width), row), (column, beside(row, height))];
+                    let steps = steps.map(|(column, row)| {
+                        (rotated[2].dot(at(column, row).0) - direction[2]).abs()
+                    });
+                    let tall = if width > 1 && height > 1 {
+                        steps[0] + steps[1]
+                    } else {
+                        solid_angle.sqrt() * direction[0].hypot(direction[1])
+                    };
+                    let Some((direction, share)) = in_front(direction, 0.5 * tall) else {
                         continue;
                     };
                     let solid_angle = solid_angle * share;
@@ -212,9 +225,9 @@ fn bundles(
 }
 
 /// The middle of what lies in front of the painting's plane of a texel about a unit vector, and its
-/// share: of a square as large with two sides along the plane.
-fn in_front([x, y, z]: [f64; 3], solid_angle: f64) -> Option<([f64; 3], f64)> {
-    let half = 0.5 * solid_angle.sqrt() * x.hypot(y);
+/// share, if the texel reaches by `half` over and below its middle as a square with two sides along the
+/// plane does.
+fn in_front([x, y, z]: [f64; 3], half: f64) -> Option<([f64; 3], f64)> {
     if z >= half {
         return Some(([x, y, z], 1.0));
     }
