@@ -370,7 +370,7 @@ mod tests {
 
     /// For the script, which reads what is printed.
     #[allow(clippy::disallowed_macros, reason = "a test that a script calls")]
-    fn told(lobe: &str, looseness: &[f64]) {
+    fn print_median(lobe: &str, looseness: &[f64]) {
         println!("{lobe}: {:.4} of {} tiles", median(looseness), looseness.len());
     }
 
@@ -388,7 +388,7 @@ mod tests {
         let best = |l: Vec3<f64>, v: Vec3<f64>| (l + v).normalised();
         let loose =
             looseness(Model::TorranceSparrow { index }, TorranceSparrow { index }, narrow, best);
-        told("Torrance-Sparrow", &loose);
+        print_median("Torrance-Sparrow", &loose);
         assert!(loose.len() > 500 && median(&loose) < 3.0, "{} {}", loose.len(), median(&loose));
         // A range of widths: the widest is taken, whatever pixel has it.
         let range = |numbers: &mut Numbers| vec![[0.02, numbers.between(0.03, 0.6)]];
@@ -405,7 +405,7 @@ mod tests {
         };
         let best = |l: Vec3<f64>, v: Vec3<f64>| (l + v).normalised();
         let loose = looseness(Model::Lafortune, Lafortune, one, best);
-        told("Lafortune", &loose);
+        print_median("Lafortune", &loose);
         assert!(loose.len() > 500 && median(&loose) < 3.0, "{} {}", loose.len(), median(&loose));
         let range = |numbers: &mut Numbers| {
             vec![[-1.3, -0.7], [0.6, 1.3], [numbers.between(1.0, 5.0), 400.0]]
