@@ -283,3 +283,30 @@ assert loaded()
 print("done")
 """
     assert run(program) == "done\n"
+
+
+def test_lamps_with_a_size_and_a_perspective_without_a_scale_are_refused() -> None:
+    renderer = gpu.Renderer(replace(varnished(), pitch_mm=None), adapter="any")
+    with pytest.raises(impasto.GpuUnavailableError, match="lamps with a size"):
+        renderer.frame(impasto.Scene([impasto.DistantLight((0, 0, 1), radius=0.1)]))
+    eye = impasto.PointView((3.0, 2.0, 40.0))
+    with pytest.raises(impasto.GeometryError, match="a perspective needs the width"):
+        renderer.frame(impasto.Scene([(0, 0, 1)], view=eye, perspective=True))
+
+
+def test_metal_shines_through_a_coat_on_a_card_too() -> None:
+    """Lobes far stronger than any interface's are metal leaf, which a coat does not dim."""
+    size = (16, 16)
+    normal = np.zeros((3, *size), np.float32)
+    normal[2] = 1.0
+    gold = impasto.Surface.torrance_sparrow(
+        normal, np.full((3, *size), 0.05), 300.0, 0.3, pitch_mm=0.5
+    )
+    scene = impasto.Scene([(0.2, 0.0, 1.0)], varnish=impasto.Varnish(), exposure=0.05)
+    # A film is a factor on spectra.
+    camera = impasto.simulate.camera("rgb")
+    expected = impasto.render(gold, scene, camera=camera).display.astype(int)
+    renderer = gpu.Renderer(gold, camera=camera, adapter="any")
+    found = renderer.frame(scene).display.astype(int)
+    assert expected.max() > 20
+    assert np.abs(found[..., :3] - expected).max() <= 1

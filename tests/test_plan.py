@@ -120,12 +120,15 @@ def scenes(draw: st.DrawFn) -> tuple[impasto.Surface, impasto.Scene]:
             intensity = draw(st.floats(0.01, 2.0))
             lights.append(impasto.PointLight((x, y, far), intensity, radius=radius))
     eyes = ((0.3, -0.2, 0.9), (1e-7, 0.0, 1.0), (1.2e-5, 1.2e-5, 1.0), (4e-3, 0.0, 1.0))
-    view = draw(st.sampled_from((None, *eyes, impasto.PointView((9, 5, 400)))))
+    near = (impasto.PointView((9, 5, 400)), impasto.PointView((0, 0, 300)))
+    view = draw(st.sampled_from((None, *eyes, *near)))
     scene = impasto.Scene(
         lights,
         environment=draw(st.sampled_from((None, None, None, ROOM))),
         view=view,
         shadows=draw(st.booleans()),
+        perspective=draw(st.booleans()),
+        parallax=draw(st.sampled_from((None, False, True))),
         exposure=draw(st.sampled_from((None, 0.5, "maximum"))),
         background=draw(st.sampled_from(((0.0, 0.0, 0.0), (0.2, 0.5, 1.0)))),
     )

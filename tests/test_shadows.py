@@ -398,3 +398,56 @@ def test_a_radius_that_no_lamp_has_is_refused(radius: float) -> None:
         impasto.DistantLight((0, 0, 1), radius=radius)
     with pytest.raises((GeometryError, ArgumentError), match="radius: expected"):
         impasto.PointLight((0, 0, 3.0), radius=radius)
+
+
+def test_a_tiny_lamp_is_a_point_and_lights() -> None:
+    surface = bumpy()
+    towards = (0.9, 0.2, 0.35)
+    hard, *tiny = (
+        impasto.render(
+            surface, impasto.Scene([impasto.DistantLight(towards, radius=r)], shadows=True)
+        ).xyz
+        for r in (0.0, 1e-8, 1e-7, 9e-4)
+    )
+    for found in tiny:
+        np.testing.assert_array_equal(found, hard)
+    shadow = impasto.cast_shadows(surface.height, 0.5, towards)
+    np.testing.assert_array_equal(
+        impasto.cast_shadows(surface.height, 0.5, towards, radius=1e-8), shadow
+    )
+
+
+def test_a_near_eye_straight_in_front_sees_heights_move_outwards() -> None:
+    """A plateau of 5 mm seen from 50 mm: its edge at 10 mm appears at 10 / (1 - 5 / 50) mm."""
+    size = (81, 81)
+    rows, columns = np.mgrid[-40:41, -40:41]
+    plateau = (np.abs(rows) <= 20) & (np.abs(columns) <= 20)
+    normal = np.zeros((3, *size), np.float32)
+    normal[2] = 1.0
+    diffuse = np.where(plateau, 0.9, 0.1)[None].astype(np.float32)
+    height = np.where(plateau, 5.0, 0.0).astype(np.float32)
+    surface = impasto.Surface(normal, diffuse, height=height, pitch_mm=0.5)
+    scene = impasto.Scene(
+        [(0.0, 0.0, 1.0)],
+        view=impasto.PointView((0.0, 0.0, 50.0)),
+        perspective=True,
+        parallax=True,
+    )
+    plan = impasto.plan(surface, scene)
+    assert {row.name: row.decision for row in plan.effects}["parallax"] == "on"
+    shown = impasto.render(surface, scene).xyz[1]
+    assert shown.shape == size
+    bright = np.flatnonzero(shown[40] > 0.5 * shown.max())
+    # In pixels of 0.5 mm; the edge between two pixels is straight, half a pixel either way.
+    assert bright[-1] - 40 == pytest.approx(20.5 / (1 - 0.1), abs=1.0)
+    flat = impasto.render(surface, scene.changed(parallax=False)).xyz[1]
+    assert (np.flatnonzero(flat[40] > 0.5 * flat.max()) - 40)[-1] == 20
+
+
+def test_long_normals_see_all_of_a_level_sky() -> None:
+    normal = np.zeros((3, 20, 20), np.float32)
+    normal[2] = 1.5
+    level = np.zeros((20, 20), np.float32)
+    surface = impasto.Surface(normal, np.full((3, 20, 20), 0.5), height=level, pitch_mm=0.5)
+    room = impasto.Environment(np.ones((3, 16, 32)), name="even")
+    assert impasto.plan(surface, impasto.Scene(environment=room, shadows=True)).verify().equal

@@ -27,7 +27,7 @@ def raking(scene: Scene, frames: int, *, elevation: float = math.radians(15.0)) 
     ----------
     scene
         Everything but the lights; its first illuminant is the lamp's, the sum of its lights the
-        lamp's strength, 1 without any.
+        lamp's strength, 1 without any, the largest of its distant lights the lamp's size.
     frames
         How many scenes.
     elevation
@@ -39,15 +39,17 @@ def raking(scene: Scene, frames: int, *, elevation: float = math.radians(15.0)) 
         raise ArgumentError(f"elevation: expected 0 to pi / 2 radians, found {elevation:g}")
     # A scene of an environment alone has no lamp to take them from.
     strength = float(sum(light.intensity for light in scene.lights)) or 1.0
+    sizes = [light.radius for light in scene.lights if isinstance(light, DistantLight)]
+    lamp = (strength, max(sizes, default=0.0))
     room = [] if scene.environment is None else [scene.illuminants[-1]]
     across, z = math.cos(elevation), math.sin(elevation)
     turns = [2.0 * math.pi * step / count for step in range(count)]
     return [
         scene.changed(
-            lights=[DistantLight((across * math.cos(a), across * math.sin(a), z), strength)],
+            lights=[DistantLight((across * math.cos(turn), across * math.sin(turn), z), *lamp)],
             illuminant=[scene.illuminants[0], *room],
         )
-        for a in turns
+        for turn in turns
     ]
 
 
@@ -125,8 +127,8 @@ def same_exposure(surface: Relightable, scenes: Iterable[Scene], **options: Any)
             'exposure: "maximum" differs from frame to frame, and the film would flicker; give '
             "a factor"
         )
-    # Without shadows, whose heights an exposure does not need.
-    bare = (scene.changed(shadows=False) for scene in listed)
+    # Without heights, which an exposure does not need.
+    bare = (scene.changed(shadows=False, parallax=False) for scene in listed)
     options = {**options, "level": False}
     least = min(prepare(surface, scene, **options).exposure for scene in bare)
     return [scene.changed(exposure=least) for scene in listed]

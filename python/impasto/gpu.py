@@ -19,12 +19,18 @@ from impasto._internal.checks import instance, length_mm, truth
 from impasto._internal.html import png
 from impasto.bands import Camera
 from impasto.colour import Display
-from impasto.errors import ArgumentError, GeometryError, GpuUnavailableError
+from impasto.errors import ArgumentError, GpuUnavailableError
 from impasto.fit.reflectance import Reflectance
 from impasto.image import columns_to_display, exposure_of_maximum, tone_table
 from impasto.level import Level
-from impasto.lighting import SceneArguments, arranged, prepare, rig_of, varnished
-from impasto.rig import PointLight
+from impasto.lighting import (
+    SceneArguments,
+    arranged,
+    check_pitchless,
+    prepare,
+    rig_of,
+    varnished,
+)
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
 from impasto.varnish import Varnish
@@ -211,6 +217,7 @@ class Renderer:
                 self._upright = cache(lambda: Renderer(surface, adapter=adapter, **options))
         self._reflectance = prepared.reflectance
         self._lit, self._relief = prepared.surface, prepared.relief
+        self._beneath = prepared.beneath
         self._pitch = self._lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
         self._threads = thread_count(threads)
         self._eye = surface.eye()
@@ -252,7 +259,8 @@ class Renderer:
         GeometryError
             A point light without the width of a pixel.
         GpuUnavailableError
-            The card was lost, or has too little memory; or the scene has an environment.
+            The card was lost, or has too little memory; or the scene has an environment or lamps
+            with a size.
         """
         if self._upright is not None and not _has_relief(_scene(scene)):
             return self._upright().frame(scene)
@@ -297,13 +305,12 @@ class Renderer:
             raise ArgumentError(
                 f"scene: it has {found}, but the renderer has no relief; make it with shadows=True"
             )
-        if self._pitch is None and any(isinstance(light, PointLight) for light in scene.lights):
-            raise GeometryError(
-                "pitch_mm: point lights need the width of a pixel on the painting in mm, which the "
-                "surface does not contain; give pitch_mm="
-            )
+        if self._pitch is None:
+            check_pitchless(scene)
         # A varnish has a lobe of its own.
-        coated = self._lit if scene.varnish is None else varnished(self._lit, scene.varnish)
+        coated = self._lit
+        if scene.varnish is not None:
+            coated = varnished(coated, scene.varnish, self._beneath)
         eye = self._eye if scene.view is None else scene.view
         pitch = 1.0 if self._pitch is None else self._pitch
         whole = rig_of(scene, eye, pitch, coated)

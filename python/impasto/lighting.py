@@ -79,6 +79,8 @@ class Prepared:
         What has the spectra of the colours; None for those of the bands.
     reduce
         How many pixels of the surface, along a side, are one of the picture.
+    beneath
+        What :func:`varnished` must know of the surface, of strengths in bands.
     as_photographed
         Whether the picture can show what photographs show besides the model: the panel is not
         rotated, no relief is wanted, the painting is seen on its own pixels, its colours are those
@@ -94,6 +96,7 @@ class Prepared:
     in_bands: bool
     reflectance: Any
     reduce: int
+    beneath: float | NDArray[np.float32]
     as_photographed: bool
 
 
@@ -129,16 +132,8 @@ def prepare(
         checked_camera(camera)
     lit = surface.surface()
     pitch = lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
-    if pitch is None and any(isinstance(light, PointLight) for light in scene.lights):
-        raise GeometryError(
-            "pitch_mm: point lights need the width of a pixel on the painting in mm, which the "
-            "surface does not contain; give pitch_mm="
-        )
-    if pitch is None and scene.perspective:
-        raise GeometryError(
-            "pitch_mm: a perspective needs the width of a pixel on the painting in mm, which the "
-            "surface does not contain; give pitch_mm="
-        )
+    if pitch is None:
+        check_pitchless(scene)
     pitch = 1.0 if pitch is None else pitch
     if reflectance is None:
         reflectance = surface.spectra()
@@ -147,7 +142,7 @@ def prepare(
         reflectance = fit_reflectance(None, source, camera)
     coat = scene.varnish
     # Strengths are those of bands here, and of basis spectra afterwards.
-    beneath = 0.0 if coat is None or coat.removed else metallic(lit)
+    beneath = metallic(lit)
     lit = _coloured(lit, type(surface).__name__, reflectance, index)
     if coat is not None:
         lit = varnished(lit, coat, beneath)
@@ -172,6 +167,7 @@ def prepare(
         in_bands=reflectance is None,
         reflectance=reflectance,
         reduce=reduce,
+        beneath=beneath,
         as_photographed=(
             reflectance is None
             and bool(scene.lights)
@@ -181,6 +177,17 @@ def prepare(
             and not scene.perspective
         ),
     )
+
+
+def check_pitchless(scene: Scene) -> None:
+    """Refuse a scene that needs the width of a pixel."""
+    near = any(isinstance(light, PointLight) for light in scene.lights)
+    if near or scene.perspective:
+        what = "point lights need" if near else "a perspective needs"
+        raise GeometryError(
+            f"pitch_mm: {what} the width of a pixel on the painting in mm, which the surface does "
+            "not contain; give pitch_mm="
+        )
 
 
 def rig_of(scene: Scene, eye: Any, pitch: float, lit: Surface) -> Rig:

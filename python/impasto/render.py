@@ -59,10 +59,10 @@ def render(
         estimated from the diffuse colours of the surface. Without both, three bands are interpreted
         as linear sRGB and one band as grey: the colours under the light of the capture.
     height
-        ``(y, x)`` mm, for shadows; default: that of the surface, otherwise integrated from the
-        normals.
+        ``(y, x)`` mm, for shadows and parallax; default: that of the surface, otherwise
+        integrated from the normals.
     pitch_mm
-        Width of a pixel in mm; default: that of the surface. Only point lights need it.
+        Width of a pixel in mm; default: that of the surface. Point lights and perspectives need it.
     index
         Index of refraction of the interface; default: that of the surface.
     fidelity
@@ -73,8 +73,9 @@ def render(
     level
         True: the panel is rotated to face the viewer, so that the lights shine on its own plane; or
         the plane itself, as :func:`impasto.find_level` finds it in a larger part of the painting.
-        Default: True with shadows, for a surface without a height of its own whose panel leans by
-        more than a degree; False without. A leaning panel is in its own shadow under raking light.
+        Default: True with shadows or parallax, for a surface without a height of its own whose
+        panel leans by more than a degree; False without. A leaning panel is in its own shadow
+        under raking light.
     reduce
         How many pixels of the surface, along a side, become one of the picture: the gloss of a
         small picture is that of the whole, as normals that scatter within a pixel widen its lobes

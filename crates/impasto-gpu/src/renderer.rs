@@ -7,7 +7,7 @@ use wgpu::{Buffer, BufferUsages};
 use impasto::geometry::Grid;
 use impasto::pixels::Run;
 use impasto::relight::plan::{Over, Plan, SHADED, lobe_bit};
-use impasto::relight::scene::Scene;
+use impasto::relight::scene::{Lamp, Scene};
 use impasto::relight::show::{Codes, Display, codes_from_planes};
 use impasto::relight::view::{Projection, seen_from};
 use impasto::relight::{self, Picture};
@@ -171,7 +171,7 @@ impl Shown {
             let problem = "light of an environment is computed by the CPU alone".to_owned();
             return Err(Error::Unsupported(problem));
         }
-        if scene.lamps().iter().any(|lamp| lamp.radius > 0.0) {
+        if scene.lamps().iter().any(Lamp::has_size) {
             let problem = "lamps with a size are computed by the CPU alone".to_owned();
             return Err(Error::Unsupported(problem));
         }
@@ -332,7 +332,8 @@ impl Renderer {
             shown.draw(gpu, &arrays, band, target, |bytes| planar.take(first, bytes))?;
         }
         let height = relief.as_ref().filter(|_| *parallax).map(Relief::height);
-        let view = (scene, is_slanted(scene, shown.grid)?);
+        let moved = *parallax && relief.is_some();
+        let view = (scene, is_slanted(scene, shown.grid, moved)?);
         seen(shown.grid, planar, height, view, background, run)
     }
 
@@ -350,7 +351,7 @@ impl Renderer {
         run: &Run<'_>,
     ) -> Result<Screen> {
         let grid = self.shown.grid;
-        if is_slanted(scene, grid)? {
+        if is_slanted(scene, grid, self.parallax && self.relief.is_some())? {
             return encoded(&self.light(scene, background, run)?, display, run);
         }
         let Self { gpu, shown, bands, relief, shadows, target, .. } = self;
@@ -416,11 +417,13 @@ fn cancelled(run: &Run<'_>) -> Result<()> {
 }
 
 /// Whether the view moves any pixel.
-fn is_slanted(scene: &Scene, grid: Grid) -> Result<bool> {
+fn is_slanted(scene: &Scene, grid: Grid, parallax: bool) -> Result<bool> {
     if !scene.is_projected() {
         return Ok(false);
     }
-    Ok(Projection::new(scene.view(), grid)?.displacement() > 0.0)
+    // A near eye straight in front leaves the plane where it is, but no heights.
+    Ok((parallax && !scene.view().is_distant())
+        || Projection::new(scene.view(), grid)?.displacement() > 0.0)
 }
 
 /// The picture as the scene's eye sees it, foreshortened on the CPU.

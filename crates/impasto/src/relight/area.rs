@@ -64,14 +64,14 @@ pub(super) fn sources(lamps: &[Lamp]) -> (Vec<Light>, Vec<Source>) {
 /// middle of the painting sees it.
 pub(super) fn spread(lamp: &Lamp) -> f64 {
     let radius = match lamp.light {
-        Light::Distant(_) => lamp.radius.tan(),
-        Light::Point { position, .. } => lamp.radius / position.length(),
+        Light::Distant(_) => lamp.angular_radius().tan(),
+        Light::Point { .. } => lamp.angular_radius(),
     };
     0.5 * radius * radius / POINTS as f64
 }
 
 fn points(lamp: &Lamp) -> Vec<Light> {
-    if lamp.radius == 0.0 {
+    if !lamp.has_size() {
         return vec![lamp.light];
     }
     match lamp.light {

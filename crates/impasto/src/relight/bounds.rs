@@ -61,7 +61,7 @@ pub(super) fn view(view: View, grid: Grid, tile: [usize; 2]) -> Cone {
 /// How a lamp is seen from a tile.
 pub(super) fn lamp(lamp: &Lamp, grid: Grid, tile: [usize; 2]) -> Seen {
     let seen = light(lamp.light, grid, tile);
-    if lamp.radius == 0.0 {
+    if !lamp.has_size() {
         return seen;
     }
     let within = match lamp.light {
@@ -75,6 +75,18 @@ pub(super) fn lamp(lamp: &Lamp, grid: Grid, tile: [usize; 2]) -> Seen {
     };
     let Cone { axis, angle } = seen.towards;
     Seen { points: (Cone { axis, angle: angle + within + 1e-9 }, area::spread(lamp)), ..seen }
+}
+
+/// The largest tangent of the angle between the normal and the view, over the painting.
+pub(super) fn steepest_view(view: View, grid: Grid) -> f64 {
+    match view {
+        View::Distant(view) => view.x.hypot(view.y) / view.z,
+        View::Point(eye) => {
+            let x = [0.0, grid.width as f64 - 1.0].map(|column| (eye.x - grid.x(column)).abs());
+            let y = [0.0, grid.height as f64 - 1.0].map(|row| (eye.y - grid.y(row)).abs());
+            x[0].max(x[1]).hypot(y[0].max(y[1])) / eye.z
+        }
+    }
 }
 
 /// How a light is seen from a tile.
@@ -239,6 +251,7 @@ mod tests {
     use super::*;
     use crate::pixels::serially;
     use crate::relight::shadow::cast_shadows;
+    use crate::relight::shadow::horizon::soft_shadows;
     use crate::relight::statistics::Statistics;
     use crate::surface::{
         Lafortune, Lobe, LobeModel, Parameter, Strength, Surface, TorranceSparrow,
@@ -342,21 +355,28 @@ mod tests {
             };
             let statistics = serially(|run| Statistics::new(&surface, PATCH, None, run)).unwrap();
             let tile = &statistics.tiles[0];
-            let towards = Cone::of(light);
-            let points = (towards, 0.0);
-            let seen = Seen { towards, points, irradiance: [1.0; 2], deviation: 0.0 };
+            // Every other lamp has a size.
+            let radius = if numbers.next() < 0.5 { 0.0 } else { numbers.between(0.001, 0.6) };
+            let lit = Lamp { light: Light::Distant(light), intensity: 1.0, radius, colour: 0 };
+            let seen = super::lamp(&lit, Grid::whole(PATCH, PATCH, 0.1), [0, 0]);
+            let (points, sources) = area::sources(&[lit]);
             let view_cone = Cone::of(view);
             let bound = super::lobe(model, tile, &tile.lobes[0], &seen, &view_cone);
-            let pair = lobe_model.pair::<f32>(single(light), single(view));
+            let spread = sources[0].spread;
             let mut largest = 0.0_f64;
             for pixel in 0..PATCH * PATCH {
                 let at = |axis: usize| normal[axis * PATCH * PATCH + pixel];
                 let n = Vec3::new(at(0), at(1), at(2));
-                let value: f32 = surface.lobes[0].value(&lobe_model, pixel, &pair, n);
-                largest = largest.max(f64::from(value));
+                let value = |point: &Light| {
+                    let pair = lobe_model.pair::<f32>(single(point.direction()), single(view));
+                    let lobe = &surface.lobes[0];
+                    f64::from(lobe.spread_value(&lobe_model, pixel, (&pair, spread), n))
+                };
+                let mean = points.iter().map(value).sum::<f64>() / points.len() as f64;
+                largest = largest.max(mean);
             }
             assert!(largest <= bound, "{largest} > {bound}");
-            if largest > 1e-9 && bound.is_finite() {
+            if radius == 0.0 && largest > 1e-9 && bound.is_finite() {
                 looseness.push(bound / largest);
             }
         }
@@ -389,7 +409,7 @@ mod tests {
         let loose =
             looseness(Model::TorranceSparrow { index }, TorranceSparrow { index }, narrow, best);
         print_median("Torrance-Sparrow", &loose);
-        assert!(loose.len() > 500 && median(&loose) < 3.0, "{} {}", loose.len(), median(&loose));
+        assert!(loose.len() > 250 && median(&loose) < 3.0, "{} {}", loose.len(), median(&loose));
         // A range of widths: the widest is taken, whatever pixel has it.
         let range = |numbers: &mut Numbers| vec![[0.02, numbers.between(0.03, 0.6)]];
         looseness(Model::TorranceSparrow { index }, TorranceSparrow { index }, range, best);
@@ -406,7 +426,7 @@ mod tests {
         let best = |l: Vec3<f64>, v: Vec3<f64>| (l + v).normalised();
         let loose = looseness(Model::Lafortune, Lafortune, one, best);
         print_median("Lafortune", &loose);
-        assert!(loose.len() > 500 && median(&loose) < 3.0, "{} {}", loose.len(), median(&loose));
+        assert!(loose.len() > 250 && median(&loose) < 3.0, "{} {}", loose.len(), median(&loose));
         let range = |numbers: &mut Numbers| {
             vec![[-1.3, -0.7], [0.6, 1.3], [numbers.between(1.0, 5.0), 400.0]]
         };
@@ -472,6 +492,28 @@ mod tests {
                 }
             }
         }
+        let mut flat = 0;
+        for _ in 0..100 {
+            let map = relief(&mut numbers, width, height);
+            let statistics = serially(|run| {
+                Statistics::new(&flat_surface(&normal), width, Some(&map), run).unwrap()
+            });
+            let range = statistics.tiles[0].relief.as_ref().unwrap();
+            let (turn, radius) = (numbers.between(0.0, 6.3), numbers.between(0.002, 0.3));
+            // Its lowest point a little above and below the steepest rise.
+            let up = numbers.between(0.8, 1.3) * steepest(range) / pitch;
+            let elevation = (up.atan() + radius).min(1.5);
+            let (sin, cos) = elevation.sin_cos();
+            let light = Vec3::new(cos * turn.cos(), cos * turn.sin(), sin);
+            if is_flat_below_disc(range, light, radius, pitch) {
+                flat += 1;
+                let light = Light::Distant(light);
+                let seen = serially(|run| soft_shadows(&map, grid, &light, radius, run)).unwrap();
+                // Weights are rounded numbers.
+                assert!(seen.iter().all(|&share| share > 1.0 - 1e-6));
+            }
+        }
+        assert!((20..90).contains(&flat), "{flat}");
         // Light at three quarters of the bound nearly always throws a shadow: the bound is not loose.
         // (Where the steepest cell lies at the border that the shadow leaves, there is none.)
         assert!(4 * shaded > 3 * tiles(300), "{shaded}");

@@ -57,6 +57,28 @@ pub struct Surroundings {
     pub albedo: f64,
 }
 
+/// Lamps that are smaller, in radians as the middle of the painting sees them, are points: single
+/// precision knows no disc so small. The sun has 0.0047.
+const SMALLEST: f64 = 1e-3;
+
+impl Lamp {
+    /// Its angular radius as the middle of the painting sees it, in radians; 0 for a point.
+    #[must_use]
+    pub fn angular_radius(&self) -> f64 {
+        let radius = match self.light {
+            Light::Distant(_) => self.radius,
+            Light::Point { position, .. } => self.radius / position.length(),
+        };
+        if radius < SMALLEST { 0.0 } else { radius }
+    }
+
+    /// Whether it is no point.
+    #[must_use]
+    pub fn has_size(&self) -> bool {
+        self.angular_radius() > 0.0
+    }
+}
+
 impl Scene {
     /// A scene; the direction of a distant `view` is made a unit vector.
     ///
@@ -106,7 +128,8 @@ impl Scene {
             }
             let largest = match lamp.light {
                 Light::Distant(_) => FRAC_PI_4,
-                Light::Point { position, .. } => 0.5 * position.length(),
+                // Give or take the rounding of whoever computed it.
+                Light::Point { position, .. } => 0.5 * position.length() * (1.0 + 1e-9),
             };
             if !(0.0..=largest).contains(&lamp.radius) {
                 let problem = format!(

@@ -79,7 +79,7 @@ pub(super) fn list<'a>(
                         plan.parts(column * SIDE, row * SIDE)[number] & SHADED != 0
                     };
                     let (grid, light) = (relief.grid, &lamp.light);
-                    let visible = if lamp.radius > 0.0 {
+                    let visible = if lamp.has_size() {
                         let light = (light, lamp.radius);
                         let seen = seen_where(height, grid, light, shaded, run)?;
                         Visible::Shares(seen)

@@ -69,10 +69,11 @@ impl LobeModel for Lafortune {
         pair.cosine * R::keep(pair.cosine.gt(R::zero()), value)
     }
 
-    /// `cos^n` has the total `2 pi / (n + 1)` and the variance `1 / n` over directions of light, which
-    /// move by twice what the normal does.
-    fn total(&self, [_, _, exponent]: [f64; MAX_PARAMETERS]) -> f64 {
-        1.0 / (exponent + 1.0)
+    /// Seen from the front the lobe is `|Cz|^n cos^n`: `cos^n` has the total `2 pi / (n + 1)` and the
+    /// variance `1 / n` over directions of light, which move by twice what the normal does.
+    fn total(&self, [_, cz, exponent]: [f64; MAX_PARAMETERS]) -> f64 {
+        let log = (exponent * cz.abs().max(1e-9).ln()).clamp(-60.0, 60.0);
+        log.exp() / (exponent + 1.0)
     }
     fn variance(&self, [_, _, exponent]: [f64; MAX_PARAMETERS]) -> f64 {
         0.25 / exponent.max(1e-3)

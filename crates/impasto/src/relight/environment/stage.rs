@@ -108,7 +108,10 @@ impl<'a> Lit<'a> {
         let mut left = [1.0; BLOCK];
         if let Some((codes, _)) = sky {
             for ((left, &code), z) in left.iter_mut().zip(codes).zip(block.normal[2]) {
-                *left = (2.0 * Shares::share(code) / (1.0 + z)).min(1.0);
+                // What sees all of the sky loses nothing, however long its normal.
+                let share =
+                    if code == u16::MAX { 1.0 } else { 2.0 * Shares::share(code) / (1.0 + z) };
+                *left = share.min(1.0);
             }
         }
         let zero: [Plane; 3] = [[0.0; BLOCK]; 3];

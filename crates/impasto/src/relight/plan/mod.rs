@@ -138,8 +138,9 @@ impl Plan {
         let tiles = columns * grid.height.div_ceil(SIDE);
         let lobes = (0..surface.lobes.len()).map(lobe_bit).fold(0, |all, bit| all | bit);
         let shaded = if shadows { SHADED } else { 0 };
-        let projected = slanted(scene, grid)? > 0.0;
-        let displaced = projected && parallax;
+        let slanted = slanted(scene, grid)?;
+        let displaced = parallax && moves_heights(scene, slanted);
+        let projected = slanted > 0.0 || displaced;
         let mut rows = Vec::new();
         let mut row = |effect, present: bool, tiles| {
             let decision = if present { Decision::On } else { Decision::Absent };
@@ -207,7 +208,8 @@ impl Plan {
         let rows = work.rows(&parts, &decided, shadows, (slanted, &moved), &sky);
         let error = decided.iter().map(|tile| tile.error).fold(0.0, f64::max);
         let (tiles, around) = (decided.len(), sky.0);
-        let (projected, displaced) = (slanted > 0.0, moved.decision == Decision::On);
+        let displaced = moved.decision == Decision::On;
+        let projected = slanted > 0.0 || displaced;
         Ok(Self { rows, parts, lamps, around, columns, tiles, projected, displaced, error })
     }
 
@@ -224,7 +226,7 @@ impl Plan {
             Effect::CastShadows => SHADED,
             Effect::NearLight => NEAR,
             Effect::SlantedView => {
-                self.projected = false;
+                (self.projected, self.displaced) = (false, false);
                 0
             }
             Effect::Parallax => {
@@ -337,6 +339,12 @@ fn slanted(scene: &Scene, grid: Grid) -> Result<f64> {
     } else {
         Ok(0.0)
     }
+}
+
+/// Whether a picture shows a place elsewhere for its height: from the side, and from a near eye
+/// straight in front, which leaves the plane where it is.
+fn moves_heights(scene: &Scene, slanted: f64) -> bool {
+    slanted > 0.0 || (scene.is_projected() && !scene.view().is_distant())
 }
 
 struct Work<'a> {

@@ -1,6 +1,9 @@
 //! What was decided, row by row, with reasons.
 
-use super::{BOUNCE, Decided, Decision, Effect, LIT, NEAR, Row, SHADED, SKY, Work, lobe_bit};
+use super::{
+    BOUNCE, Decided, Decision, Effect, LIT, NEAR, Row, SHADED, SKY, Work, lobe_bit, moves_heights,
+};
+use crate::relight::bounds;
 
 impl Work<'_> {
     pub(super) fn rows(
@@ -92,7 +95,7 @@ impl Work<'_> {
         };
         row(Effect::NearView, decision, tiles, 0.0, reason.to_owned());
         let (decision, tiles, reason) = if slanted > 0.0 {
-            let reason = format!("the view moves a pixel by up to {slanted:.2e} pixels");
+            let reason = format!("the view moves a corner by {slanted:.2e} pixels");
             (Decision::On, all, reason)
         } else {
             (Decision::Absent, 0, "the view moves no pixel".to_owned())
@@ -108,15 +111,18 @@ impl Work<'_> {
         let Self { statistics, grid, scene, options, .. } = self;
         let ranges = statistics.tiles.iter().filter_map(|tile| tile.relief.as_ref());
         let highest = ranges.map(|relief| relief.height.largest()).fold(0.0, f64::max);
-        let eye = scene.view().direction();
-        let pixels = highest * eye.x.hypot(eye.y) / eye.z / grid.pitch;
-        let (decision, tiles, reason) = match (slanted > 0.0, options.over.parallax) {
+        let most = bounds::steepest_view(scene.view(), *grid);
+        let pixels = highest * most / grid.pitch;
+        let moves = moves_heights(scene, slanted);
+        let (decision, tiles, reason) = match (moves, options.over.parallax) {
             (false, _) => (Decision::Absent, 0, "the view moves no pixel".to_owned()),
             (_, false) => (Decision::Absent, 0, "no relief".to_owned()),
-            _ if highest == 0.0 => (Decision::NoOp, 0, "the relief is flat".to_owned()),
+            // Straight in front the picture is resampled for heights alone.
+            _ if highest == 0.0 && slanted > 0.0 => {
+                (Decision::NoOp, 0, "the relief is flat".to_owned())
+            }
             _ => {
-                let reason =
-                    format!("heights move what the middle shows by up to {pixels:.2} pixels");
+                let reason = format!("heights move what is seen by up to {pixels:.2} pixels");
                 (Decision::On, statistics.tiles.len(), reason)
             }
         };

@@ -77,7 +77,7 @@ impl Work<'_> {
         let pitch = self.grid.pitch;
         let steep = |tile: &TileStatistics| match (&tile.relief, lamp.light) {
             (None, _) => true,
-            (Some(relief), Light::Distant(direction)) if lamp.radius > 0.0 => {
+            (Some(relief), Light::Distant(direction)) if lamp.has_size() => {
                 !bounds::is_flat_below_disc(relief, direction, lamp.radius, pitch)
             }
             (Some(relief), Light::Distant(direction)) => {
@@ -153,7 +153,7 @@ enum Away {
 impl Away {
     fn of(lamp: &Lamp) -> Self {
         match lamp.light {
-            Light::Distant(direction) if lamp.radius == 0.0 => Self::From(direction),
+            Light::Distant(direction) if !lamp.has_size() => Self::From(direction),
             Light::Distant(direction) => {
                 let across = direction.x.hypot(direction.y);
                 let lowest = direction.z.atan2(across) - lamp.radius;

@@ -17,6 +17,7 @@ use crate::geometry::{Grid, Light};
 use crate::math::Vec3;
 use crate::pixels::Run;
 use crate::relight::area::disc;
+use crate::relight::scene::Lamp;
 
 /// Azimuths over a lamp: Gauss-Chebyshev nodes of the second kind, exact for a horizon that is a
 /// polynomial of degree 15 across the lamp.
@@ -117,7 +118,7 @@ impl Horizons {
             let low = (peak - between).sin();
             let top = peak + between;
             let high = if top > core::f64::consts::FRAC_PI_2 { 1.0 } else { top.sin() };
-            if high > low {
+            if (high as f32) > low as f32 {
                 azimuths.push(Azimuth {
                     direction: [(middle + offset).cos(), (middle + offset).sin()],
                     low: low as f32,
@@ -216,7 +217,7 @@ impl Horizons {
     }
 }
 
-/// Visible share of a lamp of a size, `(y, x)`: of a distant one, `radius` is its angular radius in
+/// Visible share of a lamp of a size, `(y, x)` (of a lamp below a thousandth of a radian all or nothing): of a distant one, `radius` is its angular radius in
 /// radians; of a near one its radius in mm, a disc that faces the middle of the painting, seen
 /// through 32 of its points.
 ///
@@ -229,6 +230,10 @@ pub fn soft_shadows(
     radius: f64,
     run: &Run<'_>,
 ) -> Result<Vec<f32>> {
+    let lamp = Lamp { light: *light, intensity: 1.0, radius, colour: 0 };
+    if radius > 0.0 && !lamp.has_size() {
+        return super::cast_shadows(relief, grid, light, run);
+    }
     let position = match *light {
         Light::Distant(direction) => {
             return Horizons::disc(direction, radius)?.seen(relief, grid, run);

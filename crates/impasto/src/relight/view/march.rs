@@ -227,7 +227,7 @@ impl<'a> March<'a> {
                 let place = (corner + line + place) as usize;
                 // Lanes behind the last place may lie anywhere.
                 let map = |place: usize| self.heights.map.get(place).copied().unwrap_or(f32::NAN);
-                (one[lane], other[lane]) = (map(place), map(place + next));
+                (one[lane], other[lane]) = (map(place), map(place.wrapping_add(next)));
             }
         } else {
             let [lines, places] = if self.major == 0 { [width, height] } else { [height, width] };

@@ -151,14 +151,25 @@ impl Projection {
     ) -> Sampled {
         let size = [painting.width as f64, painting.height as f64];
         // Places are counted from a whole pixel beside the run: single precision then resolves
-        // 1e-4 of a pixel up to 80 degrees.
+        // 1e-4 of a pixel in parallel rays up to 80 degrees.
         let (column, row) = (left as f64, row as f64);
         let start = self.homogeneous(column, row);
         let next = self.homogeneous(column + 1.0, row);
         // The step of the divisor, 0 in parallel rays.
         let (one, more) = (start[2], next[2] - start[2]);
-        let origin = [0, 1].map(|axis| (start[axis] / one).floor());
-        let middle = column + 0.5 * (count as f64 - 1.0);
+        // On the painting: a run that begins near the horizon of a perspective begins anywhere.
+        let origin = [0, 1].map(|axis| (start[axis] / one).floor().max(0.0).min(size[axis] - 1.0));
+        // Near the horizon of a perspective a run goes from near to far, or behind the eye: what
+        // speaks for it is the place where samples lie closest together.
+        let length = |at: &f64| {
+            let [right, down] = self.spread(*at, row);
+            right.hypot(down)
+        };
+        let part = |share: f64| column + share * (count as f64 - 1.0);
+        let places = [0.5, 0.0, 1.0].map(part).into_iter();
+        let before_eye = places.filter(|at| self.homogeneous(*at, row)[2] > 0.0);
+        let middle = before_eye.min_by(|one, other| length(one).total_cmp(&length(other)));
+        let middle = middle.unwrap_or(part(0.5));
         let here = self.painting_from_picture(middle, row);
         let beside = self.painting_from_picture(middle + 1.0, row);
         let below = self.painting_from_picture(middle, row + 1.0);

@@ -116,12 +116,12 @@ impl Projection {
         (right / depth, up / depth)
     }
 
-    /// How far the view moves any pixel, in pixels.
+    /// How far the view moves the corner that it moves most, in pixels; 0 only where it moves nothing.
     #[must_use]
     pub fn displacement(&self) -> f64 {
         let (across, up) = (0.5 * self.painting.width as f64, 0.5 * self.painting.height as f64);
         let pitch = self.painting.pitch;
-        // A homography keeps straight lines: a corner moves most.
+        // A homography that leaves four corners where they are is none.
         let corners = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
         corners.into_iter().fold(0.0, |most: f64, (right, top)| {
             let (x, y) = (right * across, top * up);

@@ -186,6 +186,51 @@ fn in_perspective_a_pixel_is_where_its_ray_meets_the_plane() {
 }
 
 #[test]
+fn an_eye_close_to_the_wall_sees_the_painting_and_nothing_beyond() {
+    let grid = Grid::whole(200, 200, 1.0);
+    let light: Vec<f32> = [0, 1, 2]
+        .iter()
+        .flat_map(|which| (0..40_000).map(move |i| [i % 200, i / 200, 1][*which] as f32))
+        .collect();
+    let (mut seen, mut places) = (0, 0);
+    for index in 0..60 {
+        let turn = 0.1 + 0.105 * f64::from(index);
+        let away = 180.0 + 3.0 * f64::from(index);
+        let eye = Vec3::new(away * turn.cos(), away * turn.sin(), 22.0 + 0.3 * f64::from(index));
+        let Ok(projection) = Projection::new(View::Point(eye), grid) else { continue };
+        let coverage = vec![1.0; 40_000];
+        let (found, covered) =
+            serially(|run| projection.resample(&light, &coverage, None, [-1.0; 3], run).unwrap());
+        seen += 1;
+        for (pixel, &share) in covered.iter().enumerate() {
+            assert!((0.0..=1.0 + 1e-5).contains(&share));
+            let (row, column) =
+                (pixel / projection.picture.width, pixel % projection.picture.width);
+            let [x, y, one] = projection.homogeneous(column as f64, row as f64);
+            let exact = [x / one, y / one];
+            let spread = projection.spread(column as f64, row as f64);
+            // Whole pixels away from the border, half the samples' spread included.
+            let inside = (0..2).all(|axis| {
+                let margin = 2.0 + 0.5 * spread[axis].abs();
+                exact[axis] > margin && exact[axis] < 199.0 - margin
+            });
+            // Where a pixel sees dozens of the painting's, a place says little.
+            if one > 0.0 && inside && spread[0].hypot(spread[1]) < 4.0 {
+                places += 1;
+                for axis in 0..2 {
+                    let value = f64::from(found[axis * covered.len() + pixel]);
+                    // Samples at equal distances are not those of a perspective, and a run of 64
+                    // pixels has one spread: a share of it, which grows with the scale.
+                    let limit = 0.05 + 0.15 * spread[0].hypot(spread[1]);
+                    assert!((value - exact[axis]).abs() < limit, "{eye:?} {value} {exact:?}");
+                }
+            }
+        }
+    }
+    assert!(seen > 5 && places > 10_000, "{seen} {places}");
+}
+
+#[test]
 fn every_level_gives_the_same_bits_and_a_background_without_a_number_stays_out() {
     let projection = projected([0.5, -0.2, 0.4]);
     let pixels = projection.painting.width * projection.painting.height;
