@@ -197,11 +197,10 @@ fn bundles(
                     let steps = steps.map(|(column, row)| {
                         (rotated[2].dot(at(column, row).0) - direction[2]).abs()
                     });
-                    let tall = if width > 1 && height > 1 {
-                        steps[0] + steps[1]
-                    } else {
-                        solid_angle.sqrt() * direction[0].hypot(direction[1])
-                    };
+                    // At a pole the next row is farther away than the texel reaches.
+                    let square = solid_angle.sqrt() * direction[0].hypot(direction[1]);
+                    let many = width > 1 && height > 1;
+                    let tall = if many { square.min(steps[0] + steps[1]) } else { square };
                     let Some((direction, share)) = in_front(direction, 0.5 * tall) else {
                         continue;
                     };
