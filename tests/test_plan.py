@@ -127,7 +127,7 @@ def scenes(draw: st.DrawFn) -> tuple[impasto.Surface, impasto.Scene]:
         environment=draw(st.sampled_from((None, None, None, ROOM))),
         view=view,
         shadows=draw(st.booleans()),
-        perspective=draw(st.booleans()),
+        perspective=view in near and draw(st.booleans()),
         parallax=draw(st.sampled_from((None, False, True))),
         exposure=draw(st.sampled_from((None, 0.5, "maximum"))),
         background=draw(st.sampled_from(((0.0, 0.0, 0.0), (0.2, 0.5, 1.0)))),

@@ -27,6 +27,7 @@ from impasto.lighting import (
     SceneArguments,
     arranged,
     check_pitchless,
+    metallic,
     prepare,
     rig_of,
     varnished,
@@ -217,7 +218,8 @@ class Renderer:
                 self._upright = cache(lambda: Renderer(surface, adapter=adapter, **options))
         self._reflectance = prepared.reflectance
         self._lit, self._relief = prepared.surface, prepared.relief
-        self._beneath = prepared.beneath
+        # Strengths are those of bands there, and of basis spectra in what is prepared.
+        self._metallic = cache(lambda: metallic(surface.surface()))
         self._pitch = self._lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
         self._threads = thread_count(threads)
         self._eye = surface.eye()
@@ -310,7 +312,7 @@ class Renderer:
         # A varnish has a lobe of its own.
         coated = self._lit
         if scene.varnish is not None:
-            coated = varnished(coated, scene.varnish, self._beneath)
+            coated = varnished(coated, scene.varnish, self._metallic())
         eye = self._eye if scene.view is None else scene.view
         pitch = 1.0 if self._pitch is None else self._pitch
         whole = rig_of(scene, eye, pitch, coated)

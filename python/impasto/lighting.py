@@ -79,8 +79,6 @@ class Prepared:
         What has the spectra of the colours; None for those of the bands.
     reduce
         How many pixels of the surface, along a side, are one of the picture.
-    beneath
-        What :func:`varnished` must know of the surface, of strengths in bands.
     as_photographed
         Whether the picture can show what photographs show besides the model: the panel is not
         rotated, no relief is wanted, the painting is seen on its own pixels, its colours are those
@@ -96,7 +94,6 @@ class Prepared:
     in_bands: bool
     reflectance: Any
     reduce: int
-    beneath: float | NDArray[np.float32]
     as_photographed: bool
 
 
@@ -142,7 +139,7 @@ def prepare(
         reflectance = fit_reflectance(None, source, camera)
     coat = scene.varnish
     # Strengths are those of bands here, and of basis spectra afterwards.
-    beneath = metallic(lit)
+    beneath = 0.0 if coat is None or coat.removed else metallic(lit)
     lit = _coloured(lit, type(surface).__name__, reflectance, index)
     if coat is not None:
         lit = varnished(lit, coat, beneath)
@@ -167,7 +164,6 @@ def prepare(
         in_bands=reflectance is None,
         reflectance=reflectance,
         reduce=reduce,
-        beneath=beneath,
         as_photographed=(
             reflectance is None
             and bool(scene.lights)
@@ -209,6 +205,11 @@ def arranged(
     ``whole`` has the scene's lights and ``eye``, relative to the whole painting. An exposure that
     follows from the picture is 1 here, and the background is 0 with it.
     """
+    if scene.perspective and not isinstance(eye, PointView):
+        raise ArgumentError(
+            f"perspective: it is that of a near eye; give view=PointView((x, y, z)) in mm, found "
+            f"{eye!r}"
+        )
     rig = whole.here
     bands = len(lit.diffuse)
     diffuse, interface, which, white = lamp_colours(scene, reflectance, bands, eye)

@@ -65,7 +65,8 @@ class Scene:
         sky, and light that the relief gives back once.
     perspective
         Whether the picture from a :class:`~impasto.PointView` is in perspective, its up that of the
-        painting, its middle at the painting's scale. Default: the painting's own pixels.
+        painting, its middle at the painting's scale; a picture from a direction is refused.
+        Default: the painting's own pixels.
     parallax
         Whether a picture from the side or in perspective shows each place of the relief where its
         height puts it, near relief before far relief. Default: with ``shadows``.

@@ -42,13 +42,6 @@ pub fn one_bounce(visible: f32, albedo: f32) -> f32 {
     visible * albedo.mul_add(1.0 - visible, 1.0)
 }
 
-/// The largest share of the sky that a relief hides whose slopes are at most `slope`:
-/// `1 - cos^3(atan(slope))`.
-#[must_use]
-pub fn most_hidden(slope: f64) -> f64 {
-    1.0 - slope.hypot(1.0).powi(-3)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -89,9 +82,11 @@ mod tests {
                 })
                 .collect();
             let steepest = depth / 0.1 * 0.6_f64.hypot(0.5);
+            // All places on a cone of that slope see what lies inside the mirrored cone.
+            let most = 1.0 - steepest.hypot(1.0).powi(-3);
             let seen = serially(|run| Horizons::sky(16).unwrap().seen(&relief, grid, run)).unwrap();
             let darkest = seen.iter().copied().fold(1.0, f32::min);
-            assert!(f64::from(1.0 - darkest) <= most_hidden(steepest), "{darkest}");
+            assert!(f64::from(1.0 - darkest) <= most, "{darkest}");
             assert!(darkest < 1.0 || depth < 0.005);
         }
     }

@@ -289,7 +289,7 @@ mod tests {
                 let before = f64::from(places[0][index.max(1) - 1]);
                 hidden += usize::from((found - before - 1.0).abs() > 3.0);
             }
-            assert!(hidden >= 1 || grows != 0.0, "{per}: {hidden}");
+            assert!(hidden >= 2 || grows != 0.0, "{per}: {hidden}");
         }
     }
 }
