@@ -14,7 +14,7 @@ import impasto
 import study
 from impasto import simulate
 from impasto.effort import PRESETS
-from impasto.simulate.photography import Truth
+from impasto.simulate.planning import Truth
 from impasto.study import pareto_front
 from impasto.study.relative_error import full_scale, relative_error
 from study import (

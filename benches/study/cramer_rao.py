@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.rig import Rig
-from impasto.simulate.photography import Noise, Truth
+from impasto.simulate.planning import Truth
+from impasto.simulate.sensor import Noise
 from study.minpack import base_of, radiance
 
 STRIDE = 6

@@ -15,7 +15,8 @@ from impasto.errors import ArgumentError
 from impasto.rig import Rig
 from impasto.simulate import capture, painting
 from impasto.simulate import rig as rig_named
-from impasto.simulate.photography import Model, Truth
+from impasto.simulate.photography import Model
+from impasto.simulate.planning import Truth
 from impasto.stack import Stack
 from study import pigments
 from study.journal import digest

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from impasto.errors import CorruptInputError
 from impasto.rig import PointLight, Rig
-from impasto.simulate.photography import Forward
+from impasto.simulate.photographs import Forward
 
 Array: TypeAlias = NDArray[np.float64]
 Row: TypeAlias = dict[str, Array | float]

@@ -14,7 +14,7 @@ import numpy as np
 from impasto.errors import ArgumentError
 from impasto.rig import Rig
 from impasto.simulate.fields import check_seed
-from impasto.simulate.photography import Truth
+from impasto.simulate.planning import Truth
 from impasto.stack import Stack
 from study import subsets
 from study.cramer_rao import Bound, bound_of, strengths_off, widths_off

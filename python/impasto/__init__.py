@@ -7,6 +7,7 @@ import warnings as _warnings
 
 from impasto import _core, colour, systems
 from impasto.bands import Camera
+from impasto.effects import PlannedEffect
 from impasto.effort import Effort
 from impasto.encoding import Encoding
 from impasto.environment import Environment
@@ -39,7 +40,7 @@ from impasto.highlights import reconstruct_highlights
 from impasto.image import Image
 from impasto.io import read_spectra, read_stack
 from impasto.level import Level, find_level
-from impasto.plan import Plan, PlannedEffect, Verification, plan
+from impasto.plan import Plan, Verification, plan
 from impasto.refinement import RigRefinement
 from impasto.render import display_from_bands, render
 from impasto.rig import DistantLight, PointLight, PointView, Rig

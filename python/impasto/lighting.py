@@ -51,6 +51,8 @@ class SceneArguments:
     """What :meth:`impasto.Environment.prefiltered` gives, the illuminants of its channels, and the
     mean reflectance of what surrounds a pixel."""
     perspective: bool = False
+    rectified: bool = False
+    """Whether the picture stays on the painting's own grid wherever the eye is."""
     shadows: bool = False
     parallax: bool = False
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,7 @@ from impasto._internal.calls import ProgressCallback, thread_count
 from impasto._internal.checks import one_of
 from impasto.bands import Camera
 from impasto.colour import delta_e, lab_from_xyz
-from impasto.errors import ArgumentError
+from impasto.effects import Decision, PlannedEffect, checked_tolerance, names, records, table
 from impasto.fit.reflectance import Reflectance
 from impasto.illumination import MIXING_GRID
 from impasto.image import Image, Output, tone_table
@@ -27,41 +27,8 @@ from impasto.picture import Backend, Fidelity, picture
 from impasto.scene import Scene
 from impasto.surface import Relightable
 
-Decision = Literal["absent", "no-op", "bounded", "folded", "on"]
-
 _REPEATS = 3
 """A time is the shortest of so many."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlannedEffect:
-    """What a plan does about one effect.
-
-    Attributes
-    ----------
-    name
-        The effect.
-    decision
-        ``"absent"``: there is nothing to simulate; ``"no-op"``: proven to change no bit;
-        ``"bounded"``: left out, proven to change less than the tolerance; ``"folded"``: part of a
-        matrix, at no cost; ``"on"``: simulated.
-    tiles
-        How many tiles of 256 x 256 pixels it is simulated in.
-    reason
-        Why, with the numbers that decided.
-    error
-        Most that leaving it out costs a pixel, in the unit of the tolerance.
-    saves
-        Seconds that are saved because it is not simulated everywhere, as measured; 0 where that
-        cannot be told from noise, None if it was not measured.
-    """
-
-    name: str
-    decision: Decision
-    tiles: int
-    reason: str
-    error: float
-    saves: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,17 +174,7 @@ class Plan:
 
     def explain(self) -> str:
         """The decisions as a table; :meth:`measured` fills its last column."""
-        rows = [("effect", "decision", "why", "error", "saves")]
-        for effect in self.effects:
-            share = f" ({effect.tiles}/{self.tiles} tiles)" if effect.decision == "on" else ""
-            error = "0" if effect.error == 0.0 else f"<= {effect.error:.2g} {self.unit}"
-            saves = "-" if effect.saves is None else f"{1e3 * effect.saves:.1f} ms"
-            rows.append((effect.name, effect.decision + share, effect.reason, error, saves))
-        widths = [max(len(row[column]) for row in rows) for column in range(5)]
-        lines = [
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        ]
+        lines = table(self.effects, self.tiles, self.unit)
         total = f"{self.error:.2g} {self.unit}".strip()
         lines.append(f"tolerance {self.tolerance}; left out in any tile: at most {total}")
         if self.tolerance != 0 and self._prepared.from_picture:
@@ -226,25 +183,12 @@ class Plan:
 
     def to_json(self) -> str:
         """Decisions, numbers and tolerance as JSON, for an archive."""
-        effects = [
-            {
-                "effect": effect.name,
-                "decision": effect.decision,
-                "tiles": effect.tiles,
-                "reason": effect.reason,
-                "error": effect.error,
-                "saves_seconds": effect.saves,
-            }
-            for effect in self.effects
-        ]
+        effects = records(self.effects)
         numbers = {"tolerance": self.tolerance, "error": self.error, "unit": self.unit}
         return json.dumps({**numbers, "tiles": self.tiles, "effects": effects}, indent=2)
 
     def __repr__(self) -> str:
-        on = [effect.name for effect in self.effects if effect.decision == "on"]
-        off = [effect.name for effect in self.effects if effect.decision in {"no-op", "bounded"}]
-        without = f", without {', '.join(off)}" if off else ""
-        return f"<Plan {', '.join(on)}{without}, tolerance {self.tolerance}>"
+        return f"<Plan {names(self.effects)}, tolerance {self.tolerance}>"
 
 
 def plan(
@@ -366,30 +310,6 @@ def _same(one: Any, other: Any) -> bool:
             other.__array_interface__[key] for key in place
         ]
     return bool(one == other)
-
-
-def checked_tolerance(tolerance: Any) -> tuple[str, float]:
-    """What a tolerance counts, ``"code"`` or ``"dE"``, and how much of it; 0 counts nothing.
-
-    Raises
-    ------
-    ArgumentError
-        It is none of ``0``, ``"code:1"`` and ``"dE:0.5"``.
-    """
-    wrong = ArgumentError(f'tolerance: expected 0, "code:1" or "dE:0.5", found {tolerance!r}')
-    if isinstance(tolerance, str):
-        kind, _, number = tolerance.partition(":")
-        try:
-            limit = float(number)
-        except ValueError:
-            raise wrong from None
-        if kind not in {"code", "dE"} or not (np.isfinite(limit) and limit >= 0.0):
-            raise wrong
-        return kind, limit
-    number_like = isinstance(tolerance, int | float) and not isinstance(tolerance, bool)
-    if not (number_like and tolerance == 0):
-        raise wrong
-    return "", 0.0
 
 
 def _limit(tolerance: str | float, scene: Scene, prepared: Prepared) -> Any:

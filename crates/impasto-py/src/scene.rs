@@ -35,6 +35,8 @@ pub(crate) struct SceneArguments<'py> {
     environment: Option<(Py<Environment>, [usize; 3], f64)>,
     /// Whether a near eye sees the painting in perspective.
     perspective: bool,
+    /// Whether the picture stays on the painting's own grid wherever the eye is.
+    rectified: bool,
     /// What a relief does.
     shadows: bool,
     parallax: bool,
@@ -71,7 +73,7 @@ impl SceneArguments<'_> {
             albedo: *albedo,
         });
         Scene::surrounded(lamps.collect(), colours.collect(), rig.views()[0], environment)
-            .map(|scene| scene.in_perspective(self.perspective))
+            .map(|scene| scene.in_perspective(self.perspective).rectified(self.rectified))
     }
 }
 

@@ -78,7 +78,7 @@ def room_of(environment: str | None, rotation: float | None) -> Any:
 
 def tolerance_of(text: str | None) -> str | int | None:
     """A tolerance as :func:`impasto.plan` takes it: 0 however it is written."""
-    from impasto.plan import checked_tolerance
+    from impasto.effects import checked_tolerance
 
     if text is None:
         return None

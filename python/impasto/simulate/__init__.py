@@ -8,15 +8,21 @@
 
 from impasto.simulate.cameras import camera
 from impasto.simulate.lobes import Lobes
+from impasto.simulate.optics import Optics
 from impasto.simulate.paintings import Painting, painting
-from impasto.simulate.photography import Capture, Noise, Truth, capture, default_capture
+from impasto.simulate.photography import capture, default_capture, plan
+from impasto.simulate.planning import Capture, CaptureCheck, CapturePlan, Truth
 from impasto.simulate.rigs import rig
 from impasto.simulate.score import Score, score
+from impasto.simulate.sensor import Noise
 
 __all__ = [
     "Capture",
+    "CaptureCheck",
+    "CapturePlan",
     "Lobes",
     "Noise",
+    "Optics",
     "Painting",
     "Score",
     "Truth",
@@ -24,6 +30,7 @@ __all__ = [
     "capture",
     "default_capture",
     "painting",
+    "plan",
     "rig",
     "score",
 ]

@@ -1,103 +1,34 @@
-"""Photographs of a simulated painting: light, ideal optics, and a noisy sensor."""
+"""Photographs of a simulated painting: light, a lens, and a noisy sensor."""
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias, get_args
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.checks import instance, is_whole, number, numbers, one_of, truth
 from impasto.bands import Camera
+from impasto.effects import checked_tolerance
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, GeometryError
-from impasto.rig import Light, PointLight, Rig
+from impasto.rig import PointLight, Rig
 from impasto.simulate.cameras import CAMERA_OPTIONS, CAMERAS
 from impasto.simulate.cameras import camera as camera_named
-from impasto.simulate.fields import Field, check_seed
-from impasto.simulate.lobes import Lobes, lobes
+from impasto.simulate.fields import check_seed
+from impasto.simulate.lobes import lobes
+from impasto.simulate.optics import Optics
 from impasto.simulate.paintings import Painting, painting
+from impasto.simulate.photographs import Forward, OtherPhotographs, Photographs
+from impasto.simulate.planning import Capture, CapturePlan, formed, planned
 from impasto.simulate.rigs import RIGS
 from impasto.simulate.rigs import rig as rig_named
-from impasto.stack import Stack
-from impasto.surface import Surface
-
-Forward: TypeAlias = Callable[[Field, Field, Field, Field, Rig], NDArray[np.floating]]
-"""Radiance ``(obs, band, y, x)`` from normal ``(3, y, x)``, diffuse ``(band, y, x)``, beta and
-gamma ``(coat, y, x)``, and a rig; white board 1.0."""
+from impasto.simulate.sensor import Noise, Sensor
 
 Model = Literal["torrance-sparrow", "lafortune"]
 MODELS: tuple[Model, ...] = get_args(Model)
-
-
-@dataclass(frozen=True, slots=True)
-class Noise:
-    """Noise of a sensor.
-
-    Parameters
-    ----------
-    full_well
-        Electrons at full scale: shot noise has the variance of the signal in electrons.
-    read
-        Standard deviation of the read noise in electrons.
-    """
-
-    full_well: float = 30000.0
-    read: float = 3.0
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.full_well) and self.full_well > 0):
-            raise ArgumentError(f"full_well: expected electrons above 0, found {self.full_well!r}")
-        if not (np.isfinite(self.read) and self.read >= 0):
-            raise ArgumentError(f"read: expected electrons from 0 on, found {self.read!r}")
-
-
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """The true values for a fit of a capture.
-
-    Attributes
-    ----------
-    painting
-        The painting.
-    rig, camera
-        Rig and camera, without exposure.
-    normal
-        ``(3, y, x)`` float32.
-    diffuse
-        ``(band, y, x)`` float32, white 1.
-    beta, gamma
-        ``(coat, y, x)`` float32.
-    lobes
-        The Lafortune lobes that replace beta and gamma in the photographs; else None.
-    exposure
-        Share of full scale that a white board facing a light of intensity 1 reaches.
-    """
-
-    painting: Painting
-    rig: Rig
-    camera: Camera
-    normal: Field
-    diffuse: Field
-    beta: Field
-    gamma: Field
-    lobes: Lobes | None
-    exposure: float
-
-
-@dataclass(frozen=True, eq=False)
-class Capture:
-    """Photographs with their true values."""
-
-    stack: Stack
-    truth: Truth
-
-    def __repr__(self) -> str:
-        observations, bands = self.stack.shape[:2]
-        return f"<Capture of {self.truth.painting!r}: {observations} lights, {bands} bands>"
 
 
 def capture(
@@ -116,12 +47,15 @@ def capture(
     encoding: str = "linear",
     frames: int = 1,
     seed: int | None = None,
+    optics: Optics | None = None,
+    tolerance: str | float = 0,
     forward: Forward | None = None,
 ) -> Capture:
     """Photograph a painting under every light of a rig, from every view.
 
     Photographs are made one at a time: memory holds the stack (770 of 512 x 512 pixels in three
-    bands of 12 bits take 1.2 GB) and one photograph.
+    bands of 12 bits take 1.2 GB) and one photograph. Effects are simulated where they change a
+    sample (:func:`plan`). Lamps with a radius are discs.
 
     Parameters
     ----------
@@ -159,6 +93,11 @@ def capture(
         Exposures averaged before quantisation.
     seed
         Of the noise; default: the painting's.
+    optics
+        A lens with faults; default: none.
+    tolerance
+        What may be left out: 0, nothing that changes a sample; ``"code:0.5"``, so many codes of the
+        samples before rounding, for samples of ``bits``.
     forward
         Another Torrance-Sparrow model (for independent tests); default: that of impasto.
 
@@ -172,59 +111,83 @@ def capture(
     ArgumentError, GeometryError
         An option is out of range or the rig has another pixel width than the painting.
     """
+    return plan(
+        painting, rig, camera, model=model, noise=noise, bits=bits, exposure=exposure,
+        sensitivity=sensitivity, clip=clip, falloff=falloff, shadows=shadows, encoding=encoding,
+        frames=frames, seed=seed, optics=optics, tolerance=tolerance, forward=forward,
+    ).capture()  # fmt: skip
+
+
+def plan(
+    painting: Painting,
+    rig: Rig | str = "tominaga-six-band-adaptation",
+    camera: Camera | str | None = None,
+    *,
+    model: Model | None = None,
+    noise: bool | Noise = True,
+    bits: int | None = 12,
+    exposure: float = 0.6,
+    sensitivity: Sequence[float] | None = None,
+    clip: bool = True,
+    falloff: bool | None = None,
+    shadows: bool = False,
+    encoding: str = "linear",
+    frames: int = 1,
+    seed: int | None = None,
+    optics: Optics | None = None,
+    tolerance: str | float = 0,
+    forward: Forward | None = None,
+) -> CapturePlan:
+    """Decide what photographs call for, effect by effect: lobes, shadows, lens and sensor.
+
+    Light is planned as that of pictures is (:func:`impasto.plan`), photograph by photograph and
+    tile by tile. A lens effect is left out where all it can change stays below the tolerance; noise
+    where six of its deviations do. With a lens effect that might be left out, all photographs are
+    made once to find the brightest.
+
+    Parameters
+    ----------
+    painting, rig, camera, model, noise, bits, exposure, sensitivity, clip, falloff, shadows
+        As in :func:`capture`.
+    encoding, frames, seed, optics, tolerance, forward
+        As in :func:`capture`.
+
+    Returns
+    -------
+    CapturePlan
+        With ``explain()``, ``capture()``, ``forced()``, ``verify()`` and ``to_json()``.
+
+    Raises
+    ------
+    ArgumentError, GeometryError
+        What :func:`capture` refuses.
+    """
     if model is None:
         model = "lafortune" if isinstance(rig, str) and rig == "snel-lafortune" else MODELS[0]
     rig, camera = _resolved(painting, rig, camera, falloff)
     _check(bits, exposure, frames, model, {"clip": clip, "shadows": shadows})
-    sensor = _sensor(noise)
-    diffuse = painting.reflectance_in(camera)
-    gloss = lobes(painting, diffuse) if model == "lafortune" else None
-    scene = _Scene(painting, rig, diffuse, gloss, shadows, forward or _default_forward)
-    share = _shares(sensitivity, camera)
-    if not clip:
-        brightest = max(float(scene.photograph(i).max()) for i in range(len(rig)))
-        exposure = min(exposure, 0.95 / max(brightest, 1e-6))
+    limit = _limit(tolerance, bits)
+    optics = Optics() if optics is None else optics
+    instance(optics, Optics, "optics", "an impasto.simulate.Optics")
     seed = painting.seed if seed is None else seed
     check_seed(seed)
-    gain = (exposure * share).astype(np.float32)[:, None, None]
-    full = 1.0 if bits is None else float(2**bits - 1)
-    linear = Encoding(encoding).curve == "linear"
-    # A pedestal keeps the noise of dark samples from being clipped at 0.
-    black = float(round(full / 64)) if bits is not None and sensor and linear else 0.0
-    dtype = np.float32 if bits is None or not linear else np.uint8 if bits <= 8 else np.uint16
-    samples = np.empty((len(rig), *diffuse.shape), dtype=dtype)
-    curve = Encoding(encoding, full)
-    for i in range(len(rig)):
-        exposed = scene.photograph(i) * gain
-        if sensor:
-            exposed = _noisy(exposed, sensor, frames, _noise_stream(seed, i))
-        if not linear:
-            coded = curve.encode(exposed)
-            samples[i] = curve.decode(coded if bits is None else np.rint(coded))
-        elif bits is None:
-            samples[i] = np.minimum(exposed, 1.0) / gain
-        else:
-            samples[i] = np.rint(np.clip(exposed * (full - black) + black, 0.0, full))
-    common: dict[str, Any] = {"bands": camera.bands}
-    if not linear:
-        lit = [replace(light, intensity=light.intensity * exposure) for light in rig.lights]
-        exposed_rig = rig.with_lights(lit)
-        if sensitivity is not None:
-            common["scale"] = 1.0 / share
-        stack = Stack(samples, lights=exposed_rig, saturation=1.0, encoding=curve, **common)
-    elif bits is None:
-        stack = Stack(samples, lights=rig, saturation=(np.float32(1.0) / gain).ravel(), **common)
+    share, curve = _shares(sensitivity, camera), Encoding(encoding).curve
+    sensor = Sensor(_noise(noise), bits, curve, exposure, share, frames, seed)
+    diffuse = painting.reflectance_in(camera)
+    gloss = lobes(painting, diffuse) if model == "lafortune" else None
+    light: Photographs | OtherPhotographs
+    if forward is None or gloss is not None:
+        light = Photographs(painting, rig, diffuse, gloss, shadows)
     else:
-        stack = Stack(
-            samples, lights=rig, saturation=full, black=black,
-            scale=1.0 / (exposure * share * (full - black)),
-            encoding=Encoding("linear", exposure * (full - black)), **common,
-        )  # fmt: skip
-    truth = Truth(
-        painting, rig, camera, painting.normal, diffuse, painting.beta, painting.gamma, gloss,
-        exposure,
+        light = OtherPhotographs(painting, rig, diffuse, shadows, forward)
+    if not clip:
+        whole = (formed(light.light(i, "forced"), optics, frozenset()) for i in range(len(rig)))
+        brightest = max(float(np.nanmax(one, initial=0.0)) for one in whole)
+        sensor = replace(sensor, exposure=min(exposure, 0.95 / max(brightest, 1e-6)))
+    return planned(
+        light, optics, sensor, camera,
+        tolerance=tolerance, limit=limit, shares=sensitivity is not None,
     )  # fmt: skip
-    return Capture(stack, truth)
 
 
 def default_capture(
@@ -243,60 +206,6 @@ def default_capture(
     return capture(
         painting(seed, size), system, system, **{**CAMERA_OPTIONS.get(system, {}), **options}
     )
-
-
-@dataclass(frozen=True)
-class _Scene:
-    painting: Painting
-    rig: Rig
-    diffuse: Field
-    lobes: Lobes | None
-    shadows: bool
-    forward: Forward
-
-    def photograph(self, index: int) -> Field:
-        """Noiseless radiance ``(band, y, x)`` of one observation, white board 1.0."""
-        p = self.painting
-        one = self.rig.take([index])
-        if self.lobes is None:
-            image = self.forward(p.normal, self.diffuse, p.beta, p.gamma, one)[0]
-        else:
-            surface = Surface.lafortune(
-                p.normal, self.diffuse, **vars(self.lobes), origin=one.origin
-            )
-            image = surface.predict(one)[0]
-        if self.shadows:
-            image = image * self.visibility(one.lights[0])
-        return np.asarray(image, dtype=np.float32)
-
-    def visibility(self, light: Light) -> Field:
-        """``(y, x)``: 1 where the light reaches the surface, 0 in cast shadow."""
-        from impasto import _core
-
-        near = isinstance(light, PointLight)
-        towards = light.position if isinstance(light, PointLight) else light.direction
-        return _core.cast_shadows(self.painting.height, self.painting.pitch_mm, towards, near)
-
-
-def _default_forward(
-    normal: Field, diffuse: Field, beta: Field, gamma: Field, rig: Rig
-) -> NDArray[np.floating]:
-    surface = Surface.torrance_sparrow(normal, diffuse, beta, gamma, origin=rig.origin)
-    return surface.predict(rig)
-
-
-def _noisy(exposed: Field, sensor: Noise, frames: int, rng: np.random.Generator) -> Field:
-    # A Poisson count above about 50 electrons is normal to within a hundredth of its deviation;
-    # below, the read noise dominates.
-    electrons = np.maximum(exposed, 0.0) * np.float32(sensor.full_well)
-    deviation = np.sqrt((electrons + np.float32(sensor.read**2)) / np.float32(frames))
-    deviation /= np.float32(sensor.full_well)
-    return np.asarray(exposed + deviation * rng.standard_normal(exposed.shape, dtype=np.float32))
-
-
-def _noise_stream(seed: int, observation: int) -> np.random.Generator:
-    key = (zlib.crc32(b"noise"), observation)
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
 def _resolved(
@@ -341,12 +250,26 @@ def _shares(sensitivity: Sequence[float] | None, camera: Camera) -> NDArray[np.f
     return share
 
 
-def _sensor(noise: bool | Noise | None) -> Noise | None:
+def _noise(noise: bool | Noise | None) -> Noise | None:
     if noise is True:
         return Noise()
     if noise is not False and noise is not None:
         instance(noise, Noise, "noise", "True, False or an impasto.simulate.Noise")
     return noise or None
+
+
+def _limit(tolerance: str | float, bits: int | None) -> float:
+    """Codes that may be left out."""
+    kind, limit = checked_tolerance(tolerance)
+    if kind == "dE":
+        raise ArgumentError(
+            f'tolerance: photographs have codes; expected 0 or "code:0.5", found {tolerance!r}'
+        )
+    if kind and bits is None:
+        raise ArgumentError(
+            f"tolerance: float samples have no codes; give bits=, or 0, found {tolerance!r}"
+        )
+    return limit
 
 
 def _check(

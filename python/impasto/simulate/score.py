@@ -18,7 +18,7 @@ from impasto.colour import (
 )
 from impasto.errors import ArgumentError
 from impasto.simulate.paintings import Painting
-from impasto.simulate.photography import Truth
+from impasto.simulate.planning import Truth
 
 ILLUMINANTS = ("D65", "A")
 """Illuminants under which colours are compared."""

@@ -42,6 +42,7 @@ pub struct Scene {
     colours: Vec<Colour>,
     view: View,
     perspective: bool,
+    rectified: bool,
     environment: Option<Surroundings>,
 }
 
@@ -158,7 +159,7 @@ impl Scene {
                 format!("the eye must be in front of the painting (z is {})", direction.z);
             return Err(Error::geometry("view", problem));
         }
-        Ok(Self { lamps, colours, view, perspective: false, environment })
+        Ok(Self { lamps, colours, view, perspective: false, rectified: false, environment })
     }
 
     /// The same, but a near eye sees the painting in perspective.
@@ -167,10 +168,16 @@ impl Scene {
         Self { perspective, ..self }
     }
 
+    /// The same, but a rectified picture shows the painting on its own grid wherever the eye is.
+    #[must_use]
+    pub fn rectified(self, rectified: bool) -> Self {
+        Self { rectified, ..self }
+    }
+
     /// Whether the picture is the painting as its eye sees it: from anywhere but straight in front.
     #[must_use]
     pub fn is_projected(&self) -> bool {
-        self.view.is_distant() || self.perspective
+        !self.rectified && (self.view.is_distant() || self.perspective)
     }
 
     /// All lamps.
