@@ -298,3 +298,26 @@ def test_a_lamp_has_a_size_and_an_eye_a_place(
     }.items():
         words = f"render {demo} --quiet --out {tmp_path / 'no.png'} {wrong}"
         assert told in complaint(words.split(), code, capsys)
+
+
+def test_a_varnish_yellows_a_painting_and_is_taken_off(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def blue_over_red(*words: str) -> float:
+        out = tmp_path / "shown.exr"
+        lit = ["--light", "90,45", "--exposure", "1", "--out", str(out)]
+        assert main(["render", str(demo), *lit, *words]) == 0
+        with OpenEXR.File(str(out), separate_channels=True) as file:
+            channels = file.channels()
+            return float(np.median(channels["B"].pixels / channels["R"].pixels))
+
+    plain = blue_over_red()
+    assert plain == pytest.approx(blue_over_red("--varnish", "clear"), rel=0.05)
+    assert blue_over_red("--varnish", "brown") < blue_over_red("--varnish", "yellowed") < plain
+    assert blue_over_red("--remove-varnish", "yellowed") > plain
+    capsys.readouterr()
+    both = ["--varnish", "clear", "--remove-varnish", "brown"]
+    where = ["render", str(demo), "--out", str(tmp_path / "x.png")]
+    assert "give one of them" in complaint([*where, *both], 2, capsys)
+    clear = ["--remove-varnish", "clear"]
+    assert "changes no colour" in complaint([*where, *clear], 2, capsys)

@@ -20,7 +20,15 @@ from impasto.cli.options import (
     Whole,
     check_threads,
 )
-from impasto.cli.scenes import check_spectra, lamps, panel, room_of, tolerance_of
+from impasto.cli.scenes import (
+    VarnishName,
+    check_spectra,
+    coat,
+    lamps,
+    panel,
+    room_of,
+    tolerance_of,
+)
 from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError
 from impasto.picture import Backend
@@ -52,6 +60,8 @@ def render(
     eye: OnePosition = None,
     exposure: float | Literal["maximum"] | None = None,
     shadows: Flag = False,
+    varnish: VarnishName | None = None,
+    remove_varnish: VarnishName | None = None,
     level: Annotated[bool | None, Parameter(negative="--no-level")] = None,
     reduce: Whole = 1,
     tolerance: str | None = None,
@@ -107,6 +117,11 @@ def render(
         does not clip.
     shadows
         Include cast shadows of the relief.
+    varnish
+        A coat of 50 micrometres over the painting: clear, yellowed or brown. Needs spectra.
+    remove_varnish
+        Show the painting without the yellowed or brown varnish under which it was photographed.
+        Needs spectra.
     level
         Rotate a panel that leans to face the viewer, so that lights shine on its own plane;
         default: with --shadows.
@@ -136,7 +151,7 @@ def render(
     check_threads(threads)
     if system is not None:
         others = (light, point, environment, environment_rotation, adaptation)
-        more = (view, eye, lamp_size, exposure, level, tolerance, pitch)
+        more = (view, eye, lamp_size, exposure, level, tolerance, pitch, varnish, remove_varnish)
         chosen = (illuminant, adaptation_mode, display, shadows, reduce, explain, backend)
         usual = ("D65", "planck", "srgb", False, 1, False, "cpu")
         if any(value is not None for value in (*others, *more)) or chosen != usual:
@@ -151,6 +166,7 @@ def render(
     allowed = tolerance_of(tolerance)
     if view is not None and eye is not None:
         raise CycloptsError(msg="--view is a direction and --eye a place: give one of them")
+    film = coat(varnish, remove_varnish)
     room = room_of(environment, environment_rotation)
     lights, illuminants = lamps(light, point, illuminant, dark=room is not None, size=lamp_size)
     stood: Any = None if view is None else view.direction
@@ -167,6 +183,7 @@ def render(
         display=impasto.colour.as_display(display),
         exposure=exposure,
         shadows=shadows,
+        varnish=film,
     )
     sbrdf, reflectance = load_result(result)
     check_spectra(result, reflectance, scene)

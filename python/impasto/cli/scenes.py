@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from cyclopts import CycloptsError
 
@@ -76,6 +76,30 @@ def room_of(environment: str | None, rotation: float | None) -> Any:
     return impasto.Environment.read(environment, rotation=radians)
 
 
+VarnishName = Literal["clear", "yellowed", "brown"]
+
+_YELLOWNESS: dict[VarnishName, float] = {"clear": 0.0, "yellowed": 10.0, "brown": 30.0}
+"""Absorption at 450 nm in 1/mm, in a film of 50 micrometres."""
+
+
+def coat(varnish: VarnishName | None, removed: VarnishName | None) -> Any:
+    """A coat over the painting, or the one that is taken off it; None for neither."""
+    import impasto
+
+    if varnish is not None and removed is not None:
+        raise CycloptsError(
+            msg="--varnish adds a coat and --remove-varnish takes one off: give one of them"
+        )
+    if removed == "clear":
+        raise CycloptsError(
+            msg="--remove-varnish: a clear film changes no colour; expected yellowed or brown"
+        )
+    name = varnish or removed
+    if name is None:
+        return None
+    return impasto.Varnish(yellowness=_YELLOWNESS[name], removed=removed is not None)
+
+
 def tolerance_of(text: str | None) -> str | int | None:
     """A tolerance as :func:`impasto.plan` takes it: 0 however it is written."""
     from impasto.effects import checked_tolerance
@@ -92,7 +116,12 @@ def tolerance_of(text: str | None) -> str | int | None:
 
 
 def check_spectra(result: Path, reflectance: Any, scene: Any) -> None:
-    """Refuse another illuminant than the photographs' where a result has no spectra."""
+    """Refuse what needs spectra where a result has none: other illuminants, a varnish."""
+    if reflectance is None and scene.varnish is not None:
+        raise ArgumentError(
+            f"--{'remove-' if scene.varnish.removed else ''}varnish: what a film absorbs needs "
+            f"spectra, and {result} has none; fit again with --camera"
+        )
     other = scene.adaptation is not None or any(one != "D65" for one in scene.illuminants)
     if reflectance is None and other:
         raise ArgumentError(
