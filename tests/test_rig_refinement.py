@@ -20,6 +20,7 @@ from impasto.fit.coordinate_search import coordinate_search
 from impasto.fit.held_out import HeldOut
 from impasto.fit.subsample import subsampled_to
 from impasto.io import write_stack
+from impasto.io.session.rigs import without_falloff
 from oracles import forward as oracle
 from oracles.rigs import spiral
 
@@ -169,6 +170,25 @@ def test_new_lamps_are_those_of_the_rig(near: Any) -> None:
     assert np.abs(fitted.predict(distant) - fitted.predict(new)).max() > 0.01
     plain = replace(fitted, rig=Rig(refined.lights, views=refined.viewpoints, pitch_mm=PITCH))
     assert np.array_equal(plain.predict(towards), fitted.predict(distant), equal_nan=True)
+
+
+def test_lamps_keep_their_size(tmp_path: Path) -> None:
+    """In files, beside a white board, and among other lamps of a rig."""
+    near = Rig([PointLight((0.0, 300.0, 400.0), radius=20.0)] * 3, pitch_mm=PITCH)
+    far = Rig([DistantLight((0.0, 0.6, 0.8), radius=0.05)] * 3, pitch_mm=PITCH)
+    for rig in (near, far):
+        stack = impasto.Stack(np.ones((3, 1, 4, 5), np.float32), lights=rig)
+        write_stack(tmp_path / "stack.npz", stack)
+        read = impasto.read_stack(tmp_path / "stack.npz")
+        for same in (read.rig, without_falloff(rig), rig.take([2, 0, 1]), rig.rotated(1)):
+            assert same.radii.tolist() == rig.radii.tolist()
+    # Seen from the middle of the painting it is as large as it was.
+    moved = near.at(far).radii
+    assert moved == pytest.approx(500.0 * np.tan(0.05))
+    assert far.at(near).radii == pytest.approx(np.arctan(20.0 / 500.0))
+    assert far.at([(0.0, 0.0, 1.0)]).radii.tolist() == [0.0]
+    widest = near.at([DistantLight((0.0, 0.0, 1.0), radius=np.pi / 4)]).lights[0]
+    assert widest.radius == pytest.approx(250.0)
 
 
 def test_views_that_differ_have_no_new_lamps() -> None:

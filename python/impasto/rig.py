@@ -345,7 +345,9 @@ class Rig:
         Parameters
         ----------
         lights
-            ``(obs, 3)`` directions, or lights, whose intensities multiply the interpolated ones.
+            ``(obs, 3)`` directions, or lights, whose intensities multiply the interpolated ones;
+            they keep their angular radius, in front of near lamps up to that of a disc half as
+            large as it is far.
 
         Returns
         -------
@@ -359,20 +361,26 @@ class Rig:
         """
         others = Rig(lights, pitch_mm=self.pitch_mm)
         towards = others.directions
+        sizes = _angular_radii(others)
         strengths = np.exp(over_directions(self.directions, np.log(self.intensities), towards))
         strengths = (strengths * others.intensities).tolist()
         lamps: list[Light]
         if self.near.all():
             log = np.log(np.linalg.norm(self.vectors, axis=1))
             places = towards * np.exp(over_directions(self.directions, log, towards))[:, None]
+            radii = np.tan(np.minimum(sizes, _WIDEST)) * np.linalg.norm(places, axis=1)
             lamps = [
-                PointLight((x, y, z), strength, bool(self.falloff[0]))
-                for (x, y, z), strength in zip(places.tolist(), strengths, strict=True)
+                PointLight((x, y, z), strength, bool(self.falloff[0]), radius)
+                for (x, y, z), strength, radius in zip(
+                    places.tolist(), strengths, radii.tolist(), strict=True
+                )
             ]
         else:
             lamps = [
-                DistantLight((x, y, z), strength)
-                for (x, y, z), strength in zip(towards.tolist(), strengths, strict=True)
+                DistantLight((x, y, z), strength, radius)
+                for (x, y, z), strength, radius in zip(
+                    towards.tolist(), strengths, sizes.tolist(), strict=True
+                )
             ]
         return Rig(
             lamps,
@@ -543,6 +551,16 @@ def _vector(values: Any, name: str) -> NDArray[np.float64]:
             "a light that far away is a DistantLight with a unit direction"
         )
     return vector
+
+
+_WIDEST = math.atan(0.5)
+"""Angular radius of the largest near lamp."""
+
+
+def _angular_radii(rig: Rig) -> NDArray[np.float64]:
+    """``(obs,)``: radii of lamps in radians, as the middle of the painting sees them."""
+    far = np.where(rig.near, np.linalg.norm(rig.vectors, axis=1), 1.0)
+    return np.where(rig.near, np.arctan(rig.radii / far), rig.radii)
 
 
 def _check_radius(radius: Any, largest: float, expected: str) -> None:

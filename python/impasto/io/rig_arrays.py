@@ -22,6 +22,8 @@ def arrays_of_rig(rig: Rig) -> dict[str, NDArray[Any]]:
         "intensities": rig.intensities,
         "views": rig.views,
     }
+    if rig.radii.any():
+        arrays["radii"] = rig.radii
     if rig.near_views.any():
         arrays["view_positions"] = rig.view_positions
     if rig.pitch_mm is not None:
@@ -46,15 +48,17 @@ def rig_of_arrays(arrays: Mapping[str, NDArray[Any]]) -> Rig:
     near = arrays.get("near", np.zeros(count, bool))
     falloff = arrays.get("falloff", np.ones(count, bool))
     strength = arrays.get("intensities", np.ones(count)).tolist()
+    radii = arrays.get("radii", np.zeros(count)).tolist()
     if vectors.ndim != 2 or vectors.shape[1] != 3:
         raise ArgumentError(f"lights: expected (obs, 3), found shape {vectors.shape}")
-    for name, array in (("near", near), ("falloff", falloff), ("intensities", strength)):
+    named = (("near", near), ("falloff", falloff), ("intensities", strength), ("radii", radii))
+    for name, array in named:
         if np.shape(array) != (count,):
             raise ArgumentError(f"{name}: expected shape ({count},), found {np.shape(array)}")
     lights: list[Light] = [
-        PointLight((x, y, z), strength[i], bool(falloff[i]))
+        PointLight((x, y, z), strength[i], bool(falloff[i]), radii[i])
         if near[i]
-        else DistantLight((x, y, z), strength[i])
+        else DistantLight((x, y, z), strength[i], radii[i])
         for i, (x, y, z) in enumerate(vectors.tolist())
     ]
     pitch = float(arrays["pitch_mm"]) if "pitch_mm" in arrays else None

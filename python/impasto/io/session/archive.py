@@ -22,7 +22,8 @@ def write_stack(path: str | Path, stack: Stack) -> None:
 
     Plain arrays, no pickles: ``samples``, ``lights`` ``(obs, 3)`` (positions in mm where ``near``),
     ``intensities``, ``near``, ``falloff``, ``views``, ``bands``, ``names``, ``scale``, ``black``,
-    ``curve``, ``white`` and, where known, ``pitch_mm``, ``mask``, ``saturation``.
+    ``curve``, ``white`` and, where known, ``radii`` of lamps, ``pitch_mm``, ``mask`` and
+    ``saturation``.
 
     Raises
     ------

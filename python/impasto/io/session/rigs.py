@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from impasto.io.notes import Notebook
 from impasto.io.session.frames import Region
 from impasto.io.session.observations import find_lights, is_light_file
 from impasto.refinement import RigRefinement
-from impasto.rig import DistantLight, Light, PointLight, Rig, Views, viewpoints
+from impasto.rig import Light, PointLight, Rig, Views, viewpoints
 
 _STRENGTHS = "light_intensities.txt"
 
@@ -124,7 +124,8 @@ def build_rig(
         if strengths.ndim == 2:
             gains = strengths
         else:
-            picked = [_with(x, s) for x, s in zip(picked, strengths.tolist(), strict=True)]
+            pairs = zip(picked, strengths.tolist(), strict=True)
+            picked = [replace(light, intensity=strength) for light, strength in pairs]
     pitch = listed.pitch_mm if pitch_mm is None else pitch_mm
     if pitch is None and listed.width_mm:
         pitch = listed.width_mm / header.width
@@ -145,18 +146,12 @@ def build_rig(
 def without_falloff(rig: Rig) -> Rig:
     """The rig of samples divided by a white board: equal lights and no fall-off."""
     lights = [
-        PointLight(light.position, 1.0, falloff=False)
+        replace(light, intensity=1.0, falloff=False)
         if isinstance(light, PointLight)
-        else DistantLight(light.direction)
+        else replace(light, intensity=1.0)
         for light in rig.lights
     ]
     return rig.with_lights(lights)
-
-
-def _with(light: Light, strength: float) -> Light:
-    if isinstance(light, PointLight):
-        return PointLight(light.position, strength, light.falloff)
-    return DistantLight(light.direction, strength)
 
 
 def _check_strengths(
