@@ -96,11 +96,12 @@ impl Steps {
                 let value = I::F32::load(&linear[lane..]).max(darkest).min(white);
                 value.store(&mut light[lane..]);
             }
+            let table: &[u32; CELLS] = &steps.0;
             let (entries, _) = entry.as_chunks_mut::<8>();
             let (lights, _) = light.as_chunks::<8>();
             for (entries, lights) in entries.iter_mut().zip(lights).take(count.div_ceil(8)) {
                 for (entry, &light) in entries.iter_mut().zip(lights) {
-                    put(entry, f32::from_bits(steps.0[cell(light)]));
+                    put(entry, f32::from_bits(table[cell(light)]));
                 }
             }
         }
