@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import pickle
 from collections.abc import Callable
@@ -17,6 +18,8 @@ from PIL import ImageCms
 
 import impasto
 from impasto import DistantLight, Scene, _core
+from impasto.colour import Display
+from impasto.image import _CURVES, tone_curve
 
 LIGHT = DistantLight((0.3, 0.4, 0.8))
 
@@ -71,6 +74,21 @@ def test_codes_and_shares_are_those_of_the_linear_light(
     below = (image.linear < 0.0).mean(axis=(1, 2))
     np.testing.assert_allclose(list(image.clipped.values()), above, rtol=1e-12)
     np.testing.assert_allclose(list(image.outside.values()), below, rtol=1e-12)
+
+
+def test_a_tone_curve_is_made_once_for_each_display() -> None:
+    srgb = Display.named("srgb")
+    assert Display.named("sRGB") is srgb
+    assert tone_curve(srgb) is tone_curve(srgb)
+    with pytest.raises(ValueError, match="read-only"):
+        srgb.xyz_from_linear[0, 0] = 1.0
+    other = Display(srgb.name, srgb.xyz_from_linear.copy(), srgb.curve)
+    assert tone_curve(other) is tone_curve(other) is not tone_curve(srgb)
+    # A display that is gone leaves nothing behind for another in its place.
+    there = len(_CURVES)
+    del other
+    gc.collect()
+    assert len(_CURVES) == there - 1
 
 
 def test_only_what_is_asked_for_is_computed(

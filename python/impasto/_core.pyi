@@ -237,6 +237,10 @@ class Environment:
 
 # From maps to light (crates/impasto-py/src/relight.rs)
 
+@final
+class ToneCurve:
+    def __new__(cls, codes: NDArray[np.float32]) -> Self: ...
+
 def cast_shadows(
     height: NDArray[np.float32],
     pitch_mm: float,
@@ -271,7 +275,7 @@ def reduced_surface(
 def display_from_bands(
     planes: NDArray[np.float32],
     matrix: NDArray[np.float64],
-    curve: NDArray[np.float32],
+    curve: ToneCurve,
     bits: int,
     threads: int,
 ) -> tuple[Any, list[int], list[int]]: ...
@@ -290,10 +294,12 @@ def paint(
     scene: SceneArguments,
     plan: Plan,
     matrix: NDArray[np.float64],
-    curve: NDArray[np.float32],
+    curve: ToneCurve,
+    codes: NDArray[np.uint8],
+    coverage: NDArray[np.float32],
     threads: int,
     progress: ProgressCallback | None,
-) -> tuple[NDArray[np.uint8], NDArray[np.float32], list[int], list[int]]: ...
+) -> tuple[list[int], list[int]]: ...
 def render(
     surface: Surface,
     height: NDArray[np.float32] | None,
@@ -383,6 +389,6 @@ class GpuRenderer:
         self,
         scene: SceneArguments,
         matrix: NDArray[np.float64],
-        curve: NDArray[np.float32],
+        curve: ToneCurve,
         threads: int,
     ) -> NDArray[np.uint8]: ...

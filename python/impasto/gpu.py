@@ -21,7 +21,7 @@ from impasto.bands import Camera
 from impasto.colour import Display
 from impasto.errors import ArgumentError, GpuUnavailableError
 from impasto.fit.reflectance import Reflectance
-from impasto.image import columns_to_display, exposure_of_maximum, tone_table
+from impasto.image import columns_to_display, exposure_of_maximum, tone_curve
 from impasto.level import Level
 from impasto.lighting import (
     SceneArguments,
@@ -274,8 +274,8 @@ class Renderer:
         behind = np.linalg.solve(to_display, np.asarray(scene.background))
         arguments = replace(arguments, background=_three(behind))
         columns = columns_to_display(scene.display, exposure)
-        table = tone_table(scene.display)
-        codes = uploaded.codes(arguments, columns, table, self._threads)
+        curve = tone_curve(scene.display)
+        codes = uploaded.codes(arguments, columns, curve, self._threads)
         return Frame(codes=codes, exposure=float(exposure), screen=scene.display)
 
     def light(self, scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

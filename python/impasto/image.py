@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -95,8 +96,8 @@ class Image:
     def _shown(self) -> Shown:
         if self.made is not None:
             return self.made
-        table, workers = tone_table(self.screen), thread_count(self.threads)
-        return Shown(*_core.display_from_bands(self.xyz, self._matrix, table, 8, workers))
+        curve, workers = tone_curve(self.screen), thread_count(self.threads)
+        return Shown(*_core.display_from_bands(self.xyz, self._matrix, curve, 8, workers))
 
     @property
     def _matrix(self) -> NDArray[np.float64]:
@@ -197,6 +198,21 @@ def tone_table(display: Display) -> NDArray[np.float32]:
     return np.ascontiguousarray(
         display.encode(np.broadcast_to(light, (3, light.size))), dtype=np.float32
     )
+
+
+_CURVES: dict[int, tuple[weakref.ref[Display], _core.ToneCurve]] = {}
+"""What :func:`tone_curve` has made of displays that are still there, by their identity."""
+
+
+def tone_curve(display: Display) -> _core.ToneCurve:
+    """The tone curve of a display as the core takes it, made once for each display."""
+    key = id(display)
+    kept = _CURVES.get(key)
+    if kept is not None and kept[0]() is display:
+        return kept[1]
+    curve = _core.ToneCurve(tone_table(display))
+    _CURVES[key] = weakref.ref(display, lambda _: _CURVES.pop(key, None)), curve
+    return curve
 
 
 def columns_to_display(display: Display, exposure: float) -> NDArray[np.float64]:

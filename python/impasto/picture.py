@@ -19,7 +19,7 @@ from impasto.image import (
     Shown,
     columns_to_display,
     exposure_of_maximum,
-    tone_table,
+    tone_curve,
 )
 from impasto.lighting import Prepared
 from impasto.scene import Scene
@@ -48,15 +48,18 @@ def picture(
     workers = thread_count(threads)
     by_cpu = backend == "cpu"
     if again and by_cpu and extra is None and not prepared.from_picture and not plan.projected:
-        matrix, table = columns_to_display(scene.display, exposure), tone_table(scene.display)
+        size = prepared.surface.normal.shape[1:]
+        codes, coverage = np.empty((*size, 3), np.uint8), np.empty(size, np.float32)
         with reporting(progress, "rendering") as callback:
-            codes, coverage, below, above = _core.paint(
+            below, above = _core.paint(
                 prepared.surface,
                 prepared.relief,
                 arguments,
                 plan,
-                matrix,
-                table,
+                columns_to_display(scene.display, exposure),
+                tone_curve(scene.display),
+                codes,
+                coverage,
                 workers,
                 callback,
             )

@@ -15,7 +15,7 @@ from impasto.bands import Camera
 from impasto.colour import Fold
 from impasto.errors import ArgumentError
 from impasto.fit.reflectance import Reflectance
-from impasto.image import Image, Output, tone_table
+from impasto.image import Image, Output, tone_curve
 from impasto.level import Level
 from impasto.lighting import prepare
 from impasto.picture import Backend, Fidelity, picture
@@ -180,8 +180,8 @@ def display_from_bands(
     if bits not in {8, 16, 32}:
         raise ArgumentError(f"bits: expected 8, 16 or 32, found {bits!r}")
     matrix = np.ascontiguousarray(fold.diffuse.T)
-    table = tone_table(fold.display)
+    curve = tone_curve(fold.display)
     codes: NDArray[Any] = _core.display_from_bands(
-        planes, matrix, table, bits, thread_count(threads)
+        planes, matrix, curve, bits, thread_count(threads)
     )[0]
     return codes

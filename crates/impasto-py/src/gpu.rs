@@ -9,7 +9,6 @@ use pyo3::prelude::*;
 
 use impasto::geometry::Grid;
 use impasto::pixels::Run;
-use impasto::relight::curve::Curve;
 use impasto::relight::show::Display;
 use impasto::relight::{Picture, Relief};
 use impasto_gpu::{Adapter, Choice, Error, Gpu, Renderer};
@@ -17,7 +16,7 @@ use impasto_gpu::{Adapter, Choice, Error, Gpu, Renderer};
 use crate::arrays::Size;
 use crate::errors::{named, to_python};
 use crate::plan::Plan;
-use crate::relight::{Seen, columns};
+use crate::relight::{Seen, ToneCurve, columns};
 use crate::run;
 use crate::scene::{SceneArguments, slice};
 use crate::surface::SurfaceArguments;
@@ -131,14 +130,13 @@ impl GpuRenderer {
         py: Python<'py>,
         scene: SceneArguments<'py>,
         matrix: PyReadonlyArray2<'py, f64>,
-        curve: PyReadonlyArray2<'py, f32>,
+        curve: PyRef<'py, ToneCurve>,
         threads: usize,
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let refuse = |error: impasto::Error| to_python(py, &error);
         let lit = scene.scene(self.grid).map_err(refuse)?;
-        let curve = slice("curve", &curve).and_then(Curve::new).map_err(refuse)?;
         let matrix = columns(&matrix);
-        let display = Display { matrix: &matrix, curve: &curve };
+        let display = Display { matrix: &matrix, curve: &curve.0 };
         let (background, over) = (scene.background, scene.over());
         let screen = called(py, threads, None, |run| {
             self.with(|renderer| {

@@ -71,6 +71,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<environment::Environment>()?;
     module.add_class::<plan::Plan>()?;
     module.add_class::<plan::SurfaceStatistics>()?;
+    module.add_class::<relight::ToneCurve>()?;
     module.add_class::<spectral::SpectralEstimator>()?;
     #[cfg(feature = "gpu")]
     {

@@ -4,7 +4,7 @@
 
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
-    PyUntypedArrayMethods,
+    PyReadwriteArray2, PyReadwriteArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
@@ -13,9 +13,9 @@ use impasto::geometry::{Grid, Light};
 use impasto::math::Vec3;
 use impasto::relight::curve::Curve;
 use impasto::relight::show::{Codes, Display, codes_from_planes, linear_from_planes};
-use impasto::relight::{self, Relief};
+use impasto::relight::{self, Canvas, Relief};
 
-use crate::arrays::Size;
+use crate::arrays::{Size, contiguous};
 use crate::errors::to_python;
 use crate::plan::Plan;
 use crate::run;
@@ -49,10 +49,23 @@ pub(crate) fn render<'py>(
     Ok((size.planes(py, picture.light, 3)?, size.map(py, picture.coverage)?))
 }
 
-type Painted<'py> = (Bound<'py, PyAny>, Bound<'py, PyArray2<f32>>, Vec<u64>, Vec<u64>);
+/// The tone curve of a display, with the tables that codes are looked up in.
+#[pyclass(module = "impasto._core", frozen)]
+pub(crate) struct ToneCurve(pub(crate) Curve);
 
-/// Display codes `(y, x, 3)` of a scene as planned, coverage `(y, x)`, and how many pixels lay
-/// below 0 and above 1 per channel; `matrix` holds columns from light to linear display light.
+#[pymethods]
+impl ToneCurve {
+    /// A curve through codes `(1 or 3, 2049)` at equal steps of the square root of light.
+    #[new]
+    fn new(py: Python<'_>, codes: PyReadonlyArray2<'_, f32>) -> PyResult<Self> {
+        let curve = slice("codes", &codes).and_then(Curve::new);
+        curve.map(Self).map_err(|error| to_python(py, &error))
+    }
+}
+
+/// Writes display codes `(y, x, 3)` of a scene as planned and coverage `(y, x)`; returns how many
+/// pixels lay below 0 and above 1 per channel. `matrix` holds columns from light to linear display
+/// light.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, reason = "what render takes, and a display")]
 pub(crate) fn paint<'py>(
@@ -62,25 +75,26 @@ pub(crate) fn paint<'py>(
     scene: SceneArguments<'py>,
     plan: PyRef<'py, Plan>,
     matrix: PyReadonlyArray2<'py, f64>,
-    curve: PyReadonlyArray2<'py, f32>,
+    curve: PyRef<'py, ToneCurve>,
+    mut codes: PyReadwriteArray3<'py, u8>,
+    mut coverage: PyReadwriteArray2<'py, f32>,
     threads: usize,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Painted<'py>> {
+) -> PyResult<(Vec<u64>, Vec<u64>)> {
     let refuse = |error: Error| to_python(py, &error);
     let grid = scene.grid(&surface);
     let height = height.as_ref().map(|map| slice("height", map)).transpose().map_err(refuse)?;
     let (maps, relief) = (surface.surface().map_err(refuse)?, Relief { grid, height });
     let (lit, background) = (scene.scene(grid).map_err(refuse)?, scene.background);
     let (plan, matrix) = (&plan.0, columns(&matrix));
-    let curve = slice("curve", &curve).and_then(Curve::new).map_err(refuse)?;
-    let (codes, coverage, clipped) = run::call(py, threads, progress.as_ref(), |run| {
-        let display = Display { matrix: &matrix, curve: &curve };
-        relight::paint(&maps, relief, &lit, plan, background, &display, run)
+    let display = Display { matrix: &matrix, curve: &curve.0 };
+    let codes = contiguous("codes", codes.as_slice_mut()).map_err(refuse)?;
+    let coverage = contiguous("coverage", coverage.as_slice_mut()).map_err(refuse)?;
+    let canvas = Canvas { codes, coverage, display };
+    let clipped = run::call(py, threads, progress.as_ref(), |run| {
+        relight::paint(&maps, relief, &lit, plan, background, canvas, run)
     })?;
-    let codes: Bound<'py, PyArray1<u8>> = codes.into_pyarray(py);
-    let codes = codes.reshape([grid.height, grid.width, 3])?.into_any();
-    let size = Size { height: grid.height, width: grid.width };
-    Ok((codes, size.map(py, coverage)?, clipped.below.to_vec(), clipped.above.to_vec()))
+    Ok((clipped.below.to_vec(), clipped.above.to_vec()))
 }
 
 /// `(3, y, x)` linear light from `(k, y, x)` planes and `(k, 3)` matrix columns.
@@ -110,14 +124,14 @@ pub(crate) fn display_from_bands<'py>(
     py: Python<'py>,
     planes: PyReadonlyArray3<'py, f32>,
     matrix: PyReadonlyArray2<'py, f64>,
-    curve: PyReadonlyArray2<'py, f32>,
+    curve: PyRef<'py, ToneCurve>,
     bits: u32,
     threads: usize,
 ) -> PyResult<Shown<'py>> {
     let columns = columns(&matrix);
     let refused = |error: Error| to_python(py, &error);
     let values = slice("planes", &planes).map_err(refused)?;
-    let curve = slice("curve", &curve).and_then(Curve::new).map_err(refused)?;
+    let curve = &curve.0;
     let [height, width] = [planes.shape()[1], planes.shape()[2]];
     let count = 3 * height * width;
     macro_rules! shown {
@@ -125,7 +139,7 @@ pub(crate) fn display_from_bands<'py>(
             let (codes, clipped) = run::call(py, threads, None, |run| {
                 let mut codes: Vec<$type> = vec![Default::default(); count];
                 let clipped =
-                    codes_from_planes(values, &columns, &curve, Codes::$variant(&mut codes), run)?;
+                    codes_from_planes(values, &columns, curve, Codes::$variant(&mut codes), run)?;
                 Ok((codes, clipped))
             })?;
             let codes: Bound<'py, PyArray1<$type>> = codes.into_pyarray(py);

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -152,11 +153,20 @@ class Display:
                 f"display: expected {' or '.join(map(repr, NAMED_PRIMARIES))}, found {name!r}; "
                 "any other display: Display.calibrated(...)"
             )
+        return cls._standard(key)
+
+    @classmethod
+    @cache
+    def _standard(cls, key: str) -> Display:
+        """A display of :data:`NAMED_PRIMARIES`: every scene and picture has the same one."""
         matrix = _matrix_from_chromaticities(
             np.array(NAMED_PRIMARIES[key]), _xyz_from_xy(np.array(D65_CHROMATICITY))
         )
         curve = SrgbCurve()
-        return cls(key, matrix, DisplayCurve((curve, curve, curve), np.zeros(3)))
+        found = cls(key, matrix, DisplayCurve((curve, curve, curve), np.zeros(3)))
+        for shared in (found.xyz_from_linear, found.linear_from_xyz, found.curve.floor):
+            shared.setflags(write=False)
+        return found
 
     @classmethod
     def calibrated(

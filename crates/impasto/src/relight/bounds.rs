@@ -143,21 +143,22 @@ pub(super) fn cosines(tile: &TileStatistics, light: &Cone) -> [f64; 2] {
     }
 }
 
-/// Most that a lobe of unit strength shows under unit irradiance; infinite where nothing is known.
+/// Most that a lobe of unit strength shows under unit irradiance of a light and at most a cosine to all
+/// of its points ([`cosines`]); infinite where nothing is known.
 pub(super) fn lobe(
     model: Model,
     tile: &TileStatistics,
     lobe: &LobeRange,
-    light: &Seen,
+    (light, largest): (&Seen, f64),
     view: &Cone,
 ) -> f64 {
     if !tile.cone.is_finite() || lobe.shape.iter().any(|range| range.holes) {
         return f64::INFINITY;
     }
-    let (light, spread) = light.points;
-    if cosines(tile, &light)[1] == 0.0 {
+    if largest == 0.0 {
         return 0.0;
     }
+    let (light, spread) = light.points;
     let mut shape = [[0.0; 2]; MAX_PARAMETERS];
     for (ends, range) in shape.iter_mut().zip(&lobe.shape) {
         *ends = [range.low, range.high].map(f64::from);
@@ -361,7 +362,8 @@ mod tests {
             let seen = super::lamp(&lit, Grid::whole(PATCH, PATCH, 0.1), [0, 0]);
             let (points, sources) = area::sources(&[lit]);
             let view_cone = Cone::of(view);
-            let bound = super::lobe(model, tile, &tile.lobes[0], &seen, &view_cone);
+            let largest = cosines(tile, &seen.points.0)[1];
+            let bound = super::lobe(model, tile, &tile.lobes[0], (&seen, largest), &view_cone);
             let spread = sources[0].spread;
             let mut largest = 0.0_f64;
             for pixel in 0..PATCH * PATCH {

@@ -1,5 +1,8 @@
 //! The display's tone curve as a table over the square root of light.
 
+use std::sync::OnceLock;
+
+use super::steps::Steps;
 use crate::error::{Error, Result};
 
 /// Cells of the table.
@@ -15,6 +18,8 @@ pub const CELLS: usize = 2048;
 pub struct Curve {
     /// One table, or one per channel where they differ.
     tables: Vec<Table>,
+    /// The same curve in codes of 8 bits, made when it is first needed; none where it is too steep.
+    steps: OnceLock<Option<Vec<Steps>>>,
 }
 
 /// The value at the left end of each cell, and what it rises by to the right end.
@@ -48,7 +53,7 @@ impl Curve {
                 table
             })
             .collect();
-        Ok(Self { tables })
+        Ok(Self { tables, steps: OnceLock::new() })
     }
 
     /// The table of a channel: the value at the left end of each cell, and what it rises by to the
@@ -58,7 +63,29 @@ impl Curve {
     pub fn channel(&self, channel: usize) -> &[[f32; 2]; CELLS] {
         &self.tables[channel.min(self.tables.len() - 1)]
     }
+
+    /// The curves of red, green and blue in codes of 8 bits, if they are no steeper than [`Steps`]
+    /// can be.
+    #[must_use]
+    pub(crate) fn steps(&self) -> Option<[&Steps; 3]> {
+        let made = || self.tables.iter().map(|table| Steps::new(|light| eight(table, light)));
+        let steps = self.steps.get_or_init(|| made().collect()).as_ref()?;
+        Some([0, 1, 2].map(|channel: usize| &steps[channel.min(steps.len() - 1)]))
+    }
 }
+
+/// The code of 8 bits of light in [0, 1], by the arithmetic of [`show`](super::show).
+fn eight(table: &[[f32; 2]; CELLS], light: f32) -> u32 {
+    let place = light.sqrt() * CELLS as f32;
+    let cell = place.floor().min((CELLS - 1) as f32);
+    let [value, rise] = table[cell as usize];
+    let code = rise.mul_add(place - cell, value).min(1.0);
+    code.mul_add(255.0, INTEGER_BITS).to_bits() & 0xff
+}
+
+/// Adding it puts the nearest integer (ties to even) into the low bits of a single-precision
+/// number below 2^22.
+pub(super) const INTEGER_BITS: f32 = 8_388_608.0;
 
 #[cfg(test)]
 mod tests {

@@ -28,15 +28,17 @@ pub mod show;
 mod specular;
 mod stages;
 pub mod statistics;
+mod steps;
 pub mod tolerance;
 pub mod view;
 mod visible;
 
 pub use relief::Relief;
+pub use show::Canvas;
 
 use plan::Plan;
 use scene::Scene;
-use show::{Clipped, Display};
+use show::Clipped;
 use stages::{Shading, Target};
 
 /// Light that reaches the eye.
@@ -64,20 +66,22 @@ pub fn render(
 ) -> Result<Picture> {
     let grid = relief.grid;
     let pixels = grid.width * grid.height;
+    if plan.projected() {
+        let mut lit = vec![[0.0; 4]; pixels];
+        shaded(surface, relief, scene, plan, background, Target::Seen(&mut lit), run)?;
+        let height = relief.height.filter(|_| plan.displaced());
+        let (light, coverage, grid) =
+            view::lit_seen_from(scene.view(), &lit, grid, height, background, run)?;
+        return Ok(Picture { light, coverage, grid });
+    }
     let (mut light, mut coverage) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
     let target = Target::Light { light: &mut light, coverage: &mut coverage };
     shaded(surface, relief, scene, plan, background, target, run)?;
-    if !plan.projected() {
-        return Ok(Picture { light, coverage, grid });
-    }
-    let (seen, height) = ((&light[..], &coverage[..]), relief.height.filter(|_| plan.displaced()));
-    let (light, coverage, grid) =
-        view::seen_from(scene.view(), seen, grid, height, background, run)?;
     Ok(Picture { light, coverage, grid })
 }
 
-/// The same as 8-bit display codes `(y, x, 3)` and coverage, without planes of light in between: a
-/// picture that is not projected.
+/// The same as 8-bit display codes, without planes of light in between: a picture that is not
+/// projected.
 ///
 /// # Errors
 /// If sizes disagree, the plan projects, or the caller cancels.
@@ -87,17 +91,17 @@ pub fn paint(
     scene: &Scene,
     plan: &Plan,
     background: [f32; 3],
-    display: &Display<'_>,
+    canvas: Canvas<'_>,
     run: &Run<'_>,
-) -> Result<(Vec<u8>, Vec<f32>, Clipped)> {
+) -> Result<Clipped> {
     if plan.projected() {
         return Err(Error::argument("view", "a slanted view has light first, then codes"));
     }
     let pixels = relief.grid.width * relief.grid.height;
-    let (mut codes, mut coverage) = (vec![0; 3 * pixels], vec![0.0; pixels]);
-    let target = Target::Codes { codes: &mut codes, coverage: &mut coverage, display };
-    let clipped = shaded(surface, relief, scene, plan, background, target, run)?;
-    Ok((codes, coverage, clipped))
+    if canvas.codes.len() != 3 * pixels || canvas.coverage.len() != pixels {
+        return Err(Error::argument("canvas", format!("it is not as large as {pixels} pixels")));
+    }
+    shaded(surface, relief, scene, plan, background, Target::Codes(canvas), run)
 }
 
 /// The painting's own pixels through all stages, into a target of their size.

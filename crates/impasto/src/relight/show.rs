@@ -1,16 +1,13 @@
 //! Planes to display codes in one pass: a 3 x k matrix, then the tone curve.
 
-use super::curve::{CELLS, Curve};
+use std::ops::Range;
+
+use super::block::{BLOCK, Plane};
+use super::curve::{CELLS, Curve, INTEGER_BITS};
+use super::steps::{Entries, Steps, outside};
 use crate::error::{Error, Result};
 use crate::math::{Isa, Kernel, Level, Real};
 use crate::pixels::Run;
-
-/// Pixels that go through all steps together: the arrays of a block stay in the first-level cache.
-const BLOCK: usize = 256;
-
-/// Adding it puts the nearest integer (ties to even) into the low bits of a single-precision
-/// number below 2^22.
-const INTEGER_BITS: f32 = 8_388_608.0;
 
 /// A 3 x k matrix: one column per input plane.
 pub type Matrix = [[f64; 3]];
@@ -22,6 +19,17 @@ pub struct Display<'a> {
     pub matrix: &'a Matrix,
     /// The tone curve.
     pub curve: &'a Curve,
+}
+
+/// Where a picture as display codes goes.
+#[derive(Debug)]
+pub struct Canvas<'a> {
+    /// 8-bit codes `(y, x, 3)`.
+    pub codes: &'a mut [u8],
+    /// `(y, x)`, as of a [`Picture`](super::Picture).
+    pub coverage: &'a mut [f32],
+    /// How light becomes codes.
+    pub display: Display<'a>,
 }
 
 /// Where the codes go, three per pixel, interleaved as files want them.
@@ -149,76 +157,109 @@ impl Kernel for WeightedSum<'_> {
     type Output = ();
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let mut padded = [0.0; BLOCK];
+        let mut padded = [[0.0; BLOCK]];
         for (index, out) in self.out.chunks_mut(BLOCK).enumerate() {
-            let start = self.start + index * BLOCK;
-            weigh::<I>(
-                self.planes,
-                self.pixels,
-                start,
-                out.len(),
-                self.matrix,
-                self.channel,
-                &mut padded,
-            );
-            out.copy_from_slice(&padded[..out.len()]);
+            let range = (self.start + index * BLOCK, out.len());
+            let planes = (self.planes, self.pixels);
+            weigh::<I, 1>(planes, range, self.matrix, [self.channel], &mut padded);
+            out.copy_from_slice(&padded[0][..out.len()]);
         }
     }
 }
 
-/// One channel of the matrix product for `count` pixels from `start` on, in `out`.
+/// Channels of the matrix product for `count` pixels from `start` on, and 0 behind them.
 #[inline(always)]
-fn weigh<I: Isa>(
-    planes: &[f32],
-    pixels: usize,
-    start: usize,
-    count: usize,
+fn weigh<I: Isa, const C: usize>(
+    planes: (&[f32], usize),
+    (start, count): (usize, usize),
     matrix: &Matrix,
-    channel: usize,
-    out: &mut [f32; BLOCK],
+    channels: [usize; C],
+    out: &mut [Plane; C],
 ) {
-    let weight = |k: usize| I::F32::of(matrix[k][channel]);
+    if let [one, two, three] = matrix {
+        weigh_all::<I, C>(planes, (start, count), &[*one, *two, *three], channels, out);
+    } else {
+        weigh_all::<I, C>(planes, (start, count), matrix, channels, out);
+    }
+}
+
+/// The same; a matrix of a size that the compiler knows stays in registers.
+#[inline(always)]
+fn weigh_all<I: Isa, const C: usize>(
+    (planes, pixels): (&[f32], usize),
+    (start, count): (usize, usize),
+    matrix: &(impl AsRef<Matrix> + ?Sized),
+    channels: [usize; C],
+    out: &mut [Plane; C],
+) {
+    let matrix = matrix.as_ref();
     let width = I::F32::WIDTH;
     let whole = count - count % width;
     for lane in (0..whole).step_by(width) {
-        let at = start + lane;
-        let mut sum = I::F32::load(&planes[at..]) * weight(0);
-        for k in 1..matrix.len() {
-            sum = I::F32::load(&planes[k * pixels + at..]).mul_add(weight(k), sum);
+        let values = weighted::<I::F32, C>(planes, pixels, start + lane, matrix, channels);
+        for (out, value) in out.iter_mut().zip(values) {
+            value.store(&mut out[lane..]);
         }
-        sum.store(&mut out[lane..]);
     }
-    for (lane, out) in out[..count].iter_mut().enumerate().skip(whole) {
-        let at = start + lane;
-        let mut sum = planes[at] * f32::of(matrix[0][channel]);
-        for (k, column) in matrix.iter().enumerate().skip(1) {
-            sum = Real::mul_add(planes[k * pixels + at], f32::of(column[channel]), sum);
+    for lane in whole..count {
+        let values = weighted::<f32, C>(planes, pixels, start + lane, matrix, channels);
+        for (out, value) in out.iter_mut().zip(values) {
+            out[lane] = value;
         }
-        *out = sum;
     }
+    if count < BLOCK {
+        for out in out {
+            out[count..].fill(0.0);
+        }
+    }
+}
+
+#[inline(always)]
+fn weighted<R: Real<Scalar = f32>, const C: usize>(
+    planes: &[f32],
+    pixels: usize,
+    at: usize,
+    matrix: &Matrix,
+    channels: [usize; C],
+) -> [R; C] {
+    let first = R::load(&planes[at..]);
+    let mut sums = [R::zero(); C];
+    for (sum, channel) in sums.iter_mut().zip(channels) {
+        *sum = first * R::of(matrix[0][channel]);
+    }
+    for (k, column) in matrix.iter().enumerate().skip(1) {
+        let value = R::load(&planes[k * pixels + at..]);
+        for (sum, channel) in sums.iter_mut().zip(channels) {
+            *sum = value.mul_add(R::of(column[channel]), *sum);
+        }
+    }
+    sums
 }
 
 /// Memory of one worker.
 #[derive(Debug)]
 pub(crate) struct ShowScratch {
-    linear: [f32; BLOCK],
+    linear: [Plane; 3],
+    entries: Entries,
     /// Cell numbers as low bits, then the codes.
-    cell: [f32; BLOCK],
-    fraction: [f32; BLOCK],
-    value: [f32; BLOCK],
-    rise: [f32; BLOCK],
-    codes: [[f32; BLOCK]; 3],
+    cell: Plane,
+    fraction: Plane,
+    value: Plane,
+    rise: Plane,
+    codes: [Plane; 3],
 }
 
 impl Default for ShowScratch {
     fn default() -> Self {
+        let zero = [0.0; BLOCK];
         Self {
-            linear: [0.0; BLOCK],
-            cell: [0.0; BLOCK],
-            fraction: [0.0; BLOCK],
-            value: [0.0; BLOCK],
-            rise: [0.0; BLOCK],
-            codes: [[0.0; BLOCK]; 3],
+            linear: [zero; 3],
+            entries: Entries::default(),
+            cell: zero,
+            fraction: zero,
+            value: zero,
+            rise: zero,
+            codes: [zero; 3],
         }
     }
 }
@@ -239,12 +280,17 @@ pub(crate) struct Show<'a> {
 
 impl Show<'_> {
     pub(crate) fn on(self, scratch: &mut ShowScratch, level: Level) -> Clipped {
-        level.run(ShowKernel { show: self, scratch })
+        let steps = match self.codes {
+            Codes::Eight(_) => self.curve.steps(),
+            Codes::Sixteen(_) | Codes::Float(_) => None,
+        };
+        level.run(ShowKernel { show: self, steps, scratch })
     }
 }
 
 struct ShowKernel<'a, 's> {
     show: Show<'a>,
+    steps: Option<[&'a Steps; 3]>,
     scratch: &'s mut ShowScratch,
 }
 
@@ -253,99 +299,89 @@ impl Kernel for ShowKernel<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Clipped {
-        let Self { show: Show { planes, pixels, start, matrix, curve, mut codes }, scratch } = self;
+        let Self { show: Show { planes, pixels, start, matrix, curve, mut codes }, steps, scratch } =
+            self;
         let total = codes.len() / 3;
-        let full = match codes {
-            Codes::Eight(_) => 255.0,
-            Codes::Sixteen(_) => 65535.0,
-            Codes::Float(_) => 1.0,
-        };
-        let integral = !matches!(codes, Codes::Float(_));
         let mut clipped = Clipped::default();
         for block in (0..total).step_by(BLOCK) {
             let count = BLOCK.min(total - block);
-            for channel in 0..3 {
-                weigh::<I>(
-                    planes,
-                    pixels,
-                    start + block,
-                    count,
-                    matrix,
-                    channel,
-                    &mut scratch.linear,
-                );
-                let outside = |light: &&f32| **light < 0.0;
-                clipped.below[channel] +=
-                    scratch.linear[..count].iter().filter(outside).count() as u64;
-                clipped.above[channel] +=
-                    scratch.linear[..count].iter().filter(|&&light| light > 1.0).count() as u64;
-                encode::<I>(scratch, curve.channel(channel), channel, full, integral);
+            let range = (start + block, count);
+            weigh::<I, 3>((planes, pixels), range, matrix, [0, 1, 2], &mut scratch.linear);
+            for (channel, linear) in scratch.linear.iter().enumerate() {
+                let [below, above] = outside::<I>(linear, count);
+                clipped.below[channel] += below;
+                clipped.above[channel] += above;
             }
-            let [red, green, blue] = &scratch.codes;
-            let planar = red.iter().zip(green).zip(blue);
-            match &mut codes {
-                Codes::Eight(out) => {
-                    let out = out[3 * block..3 * (block + count)].chunks_exact_mut(3);
-                    for (out, ((r, g), b)) in out.zip(planar) {
-                        out[0] = r.to_bits() as u8;
-                        out[1] = g.to_bits() as u8;
-                        out[2] = b.to_bits() as u8;
-                    }
-                }
-                Codes::Sixteen(out) => {
-                    let out = out[3 * block..3 * (block + count)].chunks_exact_mut(3);
-                    for (out, ((r, g), b)) in out.zip(planar) {
-                        out[0] = r.to_bits() as u16;
-                        out[1] = g.to_bits() as u16;
-                        out[2] = b.to_bits() as u16;
-                    }
-                }
-                Codes::Float(out) => {
-                    let out = out[3 * block..3 * (block + count)].chunks_exact_mut(3);
-                    for (out, ((r, g), b)) in out.zip(planar) {
-                        out.copy_from_slice(&[*r, *g, *b]);
-                    }
-                }
+            let places = 3 * block..3 * (block + count);
+            if let (Codes::Eight(codes), Some(steps)) = (&mut codes, steps) {
+                let ShowScratch { linear, entries, .. } = scratch;
+                Steps::codes::<I>(steps, linear, entries, &mut codes[places]);
+            } else {
+                encode::<I>(scratch, curve, &codes);
+                write(&scratch.codes, &mut codes, places);
             }
         }
         clipped
     }
 }
 
+/// Planes of codes, one pixel after another.
+#[inline(always)]
+fn write([red, green, blue]: &[Plane; 3], codes: &mut Codes<'_>, places: Range<usize>) {
+    let planar = red.iter().zip(green).zip(blue);
+    match codes {
+        Codes::Eight(out) => {
+            for (out, ((r, g), b)) in out[places].chunks_exact_mut(3).zip(planar) {
+                out.copy_from_slice(&[r, g, b].map(|code| code.to_bits() as u8));
+            }
+        }
+        Codes::Sixteen(out) => {
+            for (out, ((r, g), b)) in out[places].chunks_exact_mut(3).zip(planar) {
+                out.copy_from_slice(&[r, g, b].map(|code| code.to_bits() as u16));
+            }
+        }
+        Codes::Float(out) => {
+            for (out, ((r, g), b)) in out[places].chunks_exact_mut(3).zip(planar) {
+                out.copy_from_slice(&[*r, *g, *b]);
+            }
+        }
+    }
+}
+
 /// The tone curve on the block's linear light; integral codes stand in the low bits.
 #[inline(always)]
-fn encode<I: Isa>(
-    scratch: &mut ShowScratch,
-    table: &[[f32; 2]; CELLS],
-    channel: usize,
-    full: f64,
-    integral: bool,
-) {
+fn encode<I: Isa>(scratch: &mut ShowScratch, curve: &Curve, codes: &Codes<'_>) {
+    let ShowScratch { linear, cell, fraction, value, rise, codes: encoded, .. } = scratch;
     let width = I::F32::WIDTH;
     let (zero, one) = (I::F32::zero(), I::F32::one());
     let (cells, last) = (I::F32::of(CELLS as f64), I::F32::of((CELLS - 1) as f64));
     let magic = I::F32::splat(INTEGER_BITS);
-    for lane in (0..BLOCK).step_by(width) {
-        // NaN becomes 0 at `max`: it must not choose a cell.
-        let light = I::F32::load(&scratch.linear[lane..]).max(zero).min(one);
-        let place = light.sqrt() * cells;
-        let nearest = place.round();
-        let below = I::F32::select(place.lt(nearest), nearest - one, nearest).min(last);
-        (place - below).store(&mut scratch.fraction[lane..]);
-        (below + magic).store(&mut scratch.cell[lane..]);
-    }
-    for lane in 0..BLOCK {
-        let [value, rise] = table[scratch.cell[lane].to_bits() as usize % CELLS];
-        scratch.value[lane] = value;
-        scratch.rise[lane] = rise;
-    }
-    let full = I::F32::of(full);
-    for lane in (0..BLOCK).step_by(width) {
-        let value = I::F32::load(&scratch.value[lane..]);
-        let rise = I::F32::load(&scratch.rise[lane..]);
-        let code = rise.mul_add(I::F32::load(&scratch.fraction[lane..]), value).min(one);
-        let code = if integral { code.mul_add(full, magic) } else { code };
-        code.store(&mut scratch.codes[channel][lane..]);
+    let full = match codes {
+        Codes::Eight(_) => 255.0,
+        Codes::Sixteen(_) => 65535.0,
+        Codes::Float(_) => 1.0,
+    };
+    let (full, integral) = (I::F32::of(full), !matches!(codes, Codes::Float(_)));
+    for (channel, (linear, encoded)) in linear.iter().zip(encoded).enumerate() {
+        for lane in (0..BLOCK).step_by(width) {
+            // NaN becomes 0 at `max`: it must not choose a cell.
+            let light = I::F32::load(&linear[lane..]).max(zero).min(one);
+            let place = light.sqrt() * cells;
+            let nearest = place.round();
+            let below = I::F32::select(place.lt(nearest), nearest - one, nearest).min(last);
+            (place - below).store(&mut fraction[lane..]);
+            (below + magic).store(&mut cell[lane..]);
+        }
+        let table = curve.channel(channel);
+        for lane in 0..BLOCK {
+            [value[lane], rise[lane]] = table[cell[lane].to_bits() as usize % CELLS];
+        }
+        for lane in (0..BLOCK).step_by(width) {
+            let (value, rise) = (I::F32::load(&value[lane..]), I::F32::load(&rise[lane..]));
+            let code = rise.mul_add(I::F32::load(&fraction[lane..]), value).min(one);
+            let code = if integral { code.mul_add(full, magic) } else { code };
+            code.store(&mut encoded[lane..]);
+        }
     }
 }
 
@@ -413,6 +449,34 @@ mod tests {
         assert_eq!(&codes[..3], &[0, 0, 0]);
         assert_eq!((codes[3], codes[6], codes[9]), (255, 0, 255));
         assert!(clipped.above[0] > 0 && clipped.below[0] > 0);
+    }
+
+    #[test]
+    fn codes_of_eight_bits_are_the_rounded_ones_of_the_curve() {
+        let pixels = 50_021;
+        let ramp: Vec<f32> =
+            (0..3 * pixels).map(|i| (i as f32 / (3 * pixels - 1) as f32).powi(2)).collect();
+        // The last is too steep for a table of steps.
+        for (power, stepped) in [(1.0, true), (2.4, true), (5.0, false)] {
+            let table: Vec<f32> =
+                (0..=CELLS).map(|i| (i as f64 / CELLS as f64).powf(2.0 / power) as f32).collect();
+            let curve = Curve::new(&table).unwrap();
+            assert_eq!(curve.steps().is_some(), stepped, "{power}");
+            for level in Level::ALL {
+                let (mut eight, mut float) = (vec![0; 3 * pixels], vec![0.0; 3 * pixels]);
+                for codes in [Codes::Eight(&mut eight), Codes::Float(&mut float)] {
+                    serially(|run| {
+                        let run = Run { level, ..*run };
+                        codes_from_planes(&ramp, &IDENTITY, &curve, codes, &run).unwrap();
+                    });
+                }
+                for (eight, float) in eight.into_iter().zip(float) {
+                    // 255 times a code below 1 is rounded to 1.5e-5 before it is to an integer.
+                    let apart = (f64::from(eight) - 255.0 * f64::from(float)).abs();
+                    assert!(apart <= 0.5 + 1.6e-5, "{power} {level:?}: {eight} for {float}");
+                }
+            }
+        }
     }
 
     #[test]

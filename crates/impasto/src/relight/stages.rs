@@ -1,7 +1,7 @@
 //! The list of stages of a picture, and the loop that sends blocks through it.
 
 use super::area::Source;
-use super::block::{BLOCK, Block, Plane, copied};
+use super::block::{BLOCK, Block, Pixels, Plane, plane};
 use super::colour::{ambient, colour};
 use super::diffuse::{self, Interface};
 use super::environment::stage::{Lit, Sky};
@@ -10,8 +10,9 @@ use super::relief::Relief;
 use super::scene::{Colour, Lamp, Scene, Surroundings};
 use super::shadow::horizon::{Horizons, seen_where};
 use super::shadow::{self, SIDE};
-use super::show::{Clipped, Codes, Display, Show, ShowScratch};
+use super::show::{Canvas, Clipped, Codes, Display, Show, ShowScratch};
 use super::specular::specular;
+use super::view;
 use super::visible::Visible;
 use crate::error::Result;
 use crate::geometry::{Grid, Light};
@@ -25,8 +26,8 @@ pub(super) enum Stage<'a> {
     Reach(Lamps<'a>),
     Shadow(usize, Visible),
     Diffuse(Lamps<'a>, Interface),
-    /// Of a lamp, its points, by one of the lobes.
-    Specular(usize, &'a Source, usize, &'a Lobe<'a>, &'a Colour),
+    /// Of a lamp, its points, by the lobes of these numbers.
+    Specular(usize, &'a Source, Vec<usize>, &'a [Lobe<'a>], &'a Colour),
     Ambient(&'a Lamp, &'a [f32], &'a Colour),
     Colour(&'a Colour),
     /// All that an environment sheds.
@@ -89,11 +90,11 @@ pub(super) fn list<'a>(
                     stages.push(Stage::Shadow(number, visible));
                 }
                 stages.push(Stage::Diffuse(lamps, interface));
-                for (lobe, map) in surface.lobes.iter().enumerate() {
-                    if plan.needs(number, lobe_bit(lobe)) {
-                        let source = &sources[number];
-                        stages.push(Stage::Specular(number, source, lobe, map, colour));
-                    }
+                let needed = |lobe: &usize| plan.needs(number, lobe_bit(*lobe));
+                let seen: Vec<usize> = (0..surface.lobes.len()).filter(needed).collect();
+                if !seen.is_empty() {
+                    let (source, lobes) = (&sources[number], &surface.lobes[..]);
+                    stages.push(Stage::Specular(number, source, seen, lobes, colour));
                 }
             }
             stages.extend(surface.ambient.map(|ambient| Stage::Ambient(lamp, ambient, colour)));
@@ -121,15 +122,20 @@ pub(super) fn list<'a>(
 /// Where a picture goes.
 pub(super) enum Target<'a> {
     /// `(3, y, x)` and `(y, x)`.
-    Light { light: &'a mut [f32], coverage: &'a mut [f32] },
-    /// `(y, x, 3)` and `(y, x)`.
-    Codes { codes: &'a mut [u8], coverage: &'a mut [f32], display: &'a Display<'a> },
+    Light {
+        light: &'a mut [f32],
+        coverage: &'a mut [f32],
+    },
+    /// `(y, x)`, to be seen from the side.
+    Seen(&'a mut [view::Lit]),
+    Codes(Canvas<'a>),
 }
 
 /// Some rows of a target.
 enum Rows<'a> {
     Light { light: [&'a mut [f32]; 3], coverage: &'a mut [f32] },
-    Codes { codes: &'a mut [u8], coverage: &'a mut [f32], display: &'a Display<'a> },
+    Seen(&'a mut [view::Lit]),
+    Codes(Canvas<'a>),
 }
 
 impl<'a> Target<'a> {
@@ -144,9 +150,11 @@ impl<'a> Target<'a> {
                 let pieces = light.zip(coverage.chunks_mut(pixels));
                 pieces.map(|(light, coverage)| Rows::Light { light, coverage }).collect()
             }
-            Self::Codes { codes, coverage, display } => {
+            Self::Seen(lit) => lit.chunks_mut(pixels).map(Rows::Seen).collect(),
+            Self::Codes(Canvas { codes, coverage, display }) => {
                 let pieces = codes.chunks_mut(3 * pixels).zip(coverage.chunks_mut(pixels));
-                pieces.map(|(codes, coverage)| Rows::Codes { codes, coverage, display }).collect()
+                let canvas = |(codes, coverage)| Canvas { codes, coverage, display };
+                pieces.map(|piece| Rows::Codes(canvas(piece))).collect()
             }
         }
     }
@@ -154,8 +162,10 @@ impl<'a> Target<'a> {
 
 impl Rows<'_> {
     fn len(&self) -> usize {
-        let (Self::Light { coverage, .. } | Self::Codes { coverage, .. }) = self;
-        coverage.len()
+        match self {
+            Self::Light { coverage, .. } | Self::Codes(Canvas { coverage, .. }) => coverage.len(),
+            Self::Seen(lit) => lit.len(),
+        }
     }
 }
 
@@ -176,7 +186,8 @@ pub(super) struct Shading<'a, 's, 'r> {
 /// Memory of one worker.
 struct Scratch {
     block: Block,
-    coefficients: Vec<Plane>,
+    /// What is left of maps at the end of a row.
+    rest: Vec<Plane>,
     show: ShowScratch,
 }
 
@@ -194,7 +205,7 @@ impl ModelVisitor for Shading<'_, '_, '_> {
             || {
                 Box::new(Scratch {
                     block: Block::new(),
-                    coefficients: vec![[0.0; BLOCK]; scene.coefficients()],
+                    rest: vec![[0.0; BLOCK]; 3 + scene.coefficients()],
                     show: ShowScratch::default(),
                 })
             },
@@ -241,7 +252,7 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
     #[inline(always)]
     fn run<I: Isa>(mut self) -> Clipped {
         let Self { surface, grid, plan, stages, pairs, background, .. } = self;
-        let pixels = grid.width * grid.height;
+        let size = grid.width * grid.height;
         let placed =
             |stage: &Stage<'_>| matches!(stage, Stage::Environment(lit) if lit.needs_place());
         let needs_place =
@@ -249,17 +260,17 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
         let mut clipped = Clipped::default();
         for row in 0..self.target.len() / grid.width {
             for column in (0..grid.width).step_by(BLOCK) {
-                let Scratch { block, coefficients, show } = &mut *self.scratch;
+                let Scratch { block, rest, show } = &mut *self.scratch;
                 let count = BLOCK.min(grid.width - column);
                 let at = (self.first + row) * grid.width + column;
                 let parts = plan.parts(column, self.first + row);
-                block.begin(count);
-                for (axis, plane) in block.normal.iter_mut().enumerate() {
-                    copied(surface.normal, axis * pixels + at, count, plane);
-                }
-                for (k, plane) in coefficients.iter_mut().enumerate() {
-                    copied(surface.diffuse, k * pixels + at, count, plane);
-                }
+                block.begin();
+                let maps =
+                    surface.normal.chunks_exact(size).chain(surface.diffuse.chunks_exact(size));
+                let maps = maps.zip(rest).map(|(map, rest)| plane(map, at, count, rest));
+                let maps: Vec<&Plane> = maps.collect();
+                let normal = [maps[0], maps[1], maps[2]];
+                let pixels = &Pixels { normal, coefficients: &maps[3..], start: at, count };
                 if needs_place {
                     grid.coordinates(at, &mut block.x[..count], &mut block.y[..count]);
                 }
@@ -267,7 +278,7 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
                     match stage {
                         Stage::Reach(lamps) => {
                             if parts[lamps.number] & LIT != 0 {
-                                diffuse::reach::<I>(block, lamps.of(parts[lamps.number]));
+                                diffuse::reach::<I>(block, count, lamps.of(parts[lamps.number]));
                             }
                         }
                         Stage::Shadow(number, visible) => {
@@ -278,38 +289,48 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
                         Stage::Diffuse(lamps, interface) => {
                             if parts[lamps.number] & LIT != 0 {
                                 let lamp = lamps.of(parts[lamps.number]);
-                                diffuse::diffuse::<I>(block, lamp, *interface);
+                                diffuse::diffuse::<I>(block, pixels, lamp, *interface);
                             }
                         }
-                        Stage::Specular(number, source, lobe, map, colour) => {
-                            if parts[*number] & lobe_bit(*lobe) != 0 {
-                                let lobe = (*source, *map);
-                                specular::<I, M>(block, pairs, lobe, colour, (at, count));
-                            }
+                        Stage::Specular(number, source, seen, lobes, colour) => {
+                            let seen =
+                                seen.iter().filter(|&&lobe| parts[*number] & lobe_bit(lobe) != 0);
+                            let lobes = seen.map(|&lobe| &lobes[lobe]);
+                            specular::<I, M>(block, pixels, pairs, source, lobes, colour);
                         }
                         Stage::Ambient(lamp, map, colour) => {
                             ambient::<I>(block, lamp, map, colour, (at, count));
                         }
-                        Stage::Colour(one) => colour::<I>(block, coefficients, one),
+                        Stage::Colour(one) => colour::<I>(block, pixels, one),
                         Stage::Environment(lit) => {
                             let corner = [column, self.first + row];
-                            lit.shade::<I>(block, coefficients, (at, count), corner);
+                            lit.shade::<I>(block, pixels, corner);
                         }
                     }
                 }
                 let start = row * grid.width + column;
                 match &mut self.target {
                     Rows::Light { light, coverage } => {
-                        block.cover(background, &mut coverage[start..start + count]);
+                        block.cover::<I>(pixels, background, &mut coverage[start..start + count]);
                         for (light, plane) in light.iter_mut().zip(&block.light) {
                             light[start..start + count].copy_from_slice(&plane[..count]);
                         }
                     }
-                    Rows::Codes { codes, coverage, display } => {
-                        block.cover(background, &mut coverage[start..start + count]);
+                    Rows::Seen(lit) => {
+                        let mut covered = [0.0; BLOCK];
+                        block.cover::<I>(pixels, [0.0; 3], &mut covered[..count]);
+                        let [red, green, blue] = &block.light;
+                        let light = red.iter().zip(green).zip(blue).zip(&covered);
+                        let lit = &mut lit[start..start + count];
+                        for (lit, (((red, green), blue), covered)) in lit.iter_mut().zip(light) {
+                            *lit = [*red, *green, *blue, *covered];
+                        }
+                    }
+                    Rows::Codes(Canvas { codes, coverage, display }) => {
+                        block.cover::<I>(pixels, background, &mut coverage[start..start + count]);
                         let codes = Codes::Eight(&mut codes[3 * start..3 * (start + count)]);
                         let planes = block.light.as_flattened();
-                        let Display { matrix, curve } = **display;
+                        let Display { matrix, curve } = *display;
                         let start = 0;
                         let shown = Show { planes, pixels: BLOCK, start, matrix, curve, codes };
                         clipped = clipped.plus(shown.on(show, self.level));

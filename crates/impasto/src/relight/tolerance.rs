@@ -47,8 +47,11 @@ const KNEE: f64 = 216.0 / 24389.0;
 
 /// Derivative of CIELAB's `f`, by light relative to white.
 fn slope(relative: f64) -> f64 {
-    let (straight, power) = (24389.0 / (27.0 * 116.0), relative.max(KNEE).powf(-2.0 / 3.0) / 3.0);
-    if relative <= KNEE { straight } else { power }
+    if relative <= KNEE {
+        return 24389.0 / (27.0 * 116.0);
+    }
+    let root = relative.max(KNEE).cbrt();
+    1.0 / (3.0 * root * root)
 }
 
 impl Tolerance {

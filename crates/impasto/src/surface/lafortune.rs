@@ -24,6 +24,7 @@ pub struct LightView<R> {
 impl LobeModel for Lafortune {
     type Pair<R: Real> = LightView<R>;
     type Lobe<R: Real> = lafortune::Lobe<R>;
+    type Seen<R: Real> = lafortune::Pair<R>;
     const NAMES: &'static [&'static str] = &["cxy", "cz", "exponent"];
 
     #[inline(always)]
@@ -50,9 +51,12 @@ impl LobeModel for Lafortune {
         lafortune::Lobe::of_coefficients(R::one(), cxy, cz, exponent)
     }
     #[inline(always)]
-    fn value<R: Real>(&self, lobe: &lafortune::Lobe<R>, pair: &LightView<R>, normal: Vec3<R>) -> R {
-        let pair = lafortune::Pair::against(normal, pair.light, pair.view, pair.light_view);
-        pair.cosine * R::keep(pair.cosine.gt(R::zero()), lobe.value(&pair))
+    fn seen<R: Real>(&self, pair: &LightView<R>, normal: Vec3<R>) -> lafortune::Pair<R> {
+        lafortune::Pair::against(normal, pair.light, pair.view, pair.light_view)
+    }
+    #[inline(always)]
+    fn shown<R: Real>(&self, lobe: &lafortune::Lobe<R>, pair: &lafortune::Pair<R>) -> R {
+        pair.cosine * R::keep(pair.cosine.gt(R::zero()), lobe.value(pair))
     }
     /// Around its direction the lobe `cos^n` is a Gaussian of variance `1 / n`.
     #[inline(always)]

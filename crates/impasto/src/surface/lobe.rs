@@ -66,8 +66,19 @@ impl Lobe<'_> {
         pair: &M::Pair<R>,
         normal: Vec3<R>,
     ) -> R {
+        self.shown(model, pixel, &model.seen(pair, normal))
+    }
+
+    /// The same of what all lobes of these pixels see alike.
+    #[inline(always)]
+    pub(crate) fn shown<M: LobeModel, R: Real<Scalar = f32>>(
+        &self,
+        model: &M,
+        pixel: usize,
+        seen: &M::Seen<R>,
+    ) -> R {
         let (lobe, known) = self.shaped(model, pixel);
-        R::select(known, model.value(&lobe, pair, normal), R::of(f64::NAN))
+        R::select(known, model.shown(&lobe, seen), R::of(f64::NAN))
     }
 
     /// The same where light scatters, as of [`LobeModel::spread_value`].

@@ -19,6 +19,8 @@ pub trait LobeModel: Copy + Debug + Send + Sync {
     type Pair<R: Real>: Copy + Debug + Send + Sync;
     /// A lobe, ready for many pairs.
     type Lobe<R: Real>: Copy;
+    /// What all lobes of a pixel see alike of a pair against the normal.
+    type Seen<R: Real>: Copy;
     /// The names of a lobe's parameters, at most [`MAX_PARAMETERS`].
     const NAMES: &'static [&'static str];
 
@@ -30,9 +32,16 @@ pub trait LobeModel: Copy + Debug + Send + Sync {
     fn view<R: Real>(&self, pair: &Self::Pair<R>) -> Vec3<R>;
     /// A lobe from its parameters; those beyond [`Self::NAMES`] are ignored.
     fn lobe_from_parameters<R: Real>(&self, parameters: [R; MAX_PARAMETERS]) -> Self::Lobe<R>;
+    /// A pair against a normal.
+    fn seen<R: Real>(&self, pair: &Self::Pair<R>, normal: Vec3<R>) -> Self::Seen<R>;
     /// Radiance of a lobe of unit strength under unit irradiance, 0 where the surface turns away
     /// from light or view.
-    fn value<R: Real>(&self, lobe: &Self::Lobe<R>, pair: &Self::Pair<R>, normal: Vec3<R>) -> R;
+    fn shown<R: Real>(&self, lobe: &Self::Lobe<R>, seen: &Self::Seen<R>) -> R;
+    /// The same of a pair and a normal.
+    #[inline(always)]
+    fn value<R: Real>(&self, lobe: &Self::Lobe<R>, pair: &Self::Pair<R>, normal: Vec3<R>) -> R {
+        self.shown(lobe, &self.seen(pair, normal))
+    }
 
     /// The same where light comes from directions that scatter about that of the pair by `spread`,
     /// their variance along each axis in radians squared: the lobe is convolved with a Gaussian of that

@@ -1,6 +1,6 @@
 //! Torrance-Sparrow lobes [@torrance1967theory] of one parameter, the half-width gamma.
 
-use crate::brdf::torrance_sparrow::{Facet, GAMMA_MAX, GAMMA_MIN, fresnel, sharpness};
+use crate::brdf::torrance_sparrow::{Facet, GAMMA_MAX, GAMMA_MIN, Glint, fresnel, sharpness};
 use crate::math::{Real, Scalar, Vec3};
 
 use super::lobe_model::{LobeModel, MAX_PARAMETERS, Shape};
@@ -23,6 +23,7 @@ impl LobeModel for TorranceSparrow {
     type Pair<R: Real> = Facet<R>;
     /// `k = ln 2 / gamma^2`.
     type Lobe<R: Real> = R;
+    type Seen<R: Real> = Glint<R>;
     const NAMES: &'static [&'static str] = &["gamma"];
 
     #[inline(always)]
@@ -42,8 +43,12 @@ impl LobeModel for TorranceSparrow {
         sharpness(gamma)
     }
     #[inline(always)]
-    fn value<R: Real>(&self, sharpness: &R, pair: &Facet<R>, normal: Vec3<R>) -> R {
-        pair.on(normal).value(R::one(), *sharpness)
+    fn seen<R: Real>(&self, pair: &Facet<R>, normal: Vec3<R>) -> Glint<R> {
+        pair.on(normal)
+    }
+    #[inline(always)]
+    fn shown<R: Real>(&self, sharpness: &R, glint: &Glint<R>) -> R {
+        glint.value(R::one(), *sharpness)
     }
     /// The half vector moves by half of what the light does, so that the variance `1 / (2 k)` of the
     /// lobe's Gaussian grows by a quarter of the spread.

@@ -8,6 +8,18 @@ pub trait Isa: Copy + Send + Sync + 'static {
     type F32: Real<Scalar = f32>;
     /// Double-precision lanes.
     type F64: Real<Scalar = f64>;
+
+    /// The lower three bytes of each word, lowest first, one word after another.
+    ///
+    /// # Panics
+    /// If there are not three bytes per word.
+    #[inline(always)]
+    fn three_bytes(words: &[u32], bytes: &mut [u8]) {
+        assert_eq!(bytes.len(), 3 * words.len());
+        for (bytes, word) in bytes.chunks_exact_mut(3).zip(words) {
+            bytes.copy_from_slice(&word.to_le_bytes()[..3]);
+        }
+    }
 }
 
 /// A scalar that comes in registers of every instruction set.

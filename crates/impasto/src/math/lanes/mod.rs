@@ -249,6 +249,32 @@ mod tests {
         SplitDoubles.run::<Arrays>();
     }
 
+    struct ThreeBytes<'a>(&'a [u32], &'a mut [u8]);
+    impl Kernel for ThreeBytes<'_> {
+        type Output = ();
+        #[inline(always)]
+        fn run<I: Isa>(self) {
+            I::three_bytes(self.0, self.1);
+        }
+    }
+
+    #[test]
+    fn words_become_their_lower_three_bytes_at_every_level() {
+        let words: Vec<u32> = (0..300_u32).map(|i| i.wrapping_mul(2_654_435_761)).collect();
+        for count in (0..40).chain([255, 256, 299]) {
+            let expected = words[..count].iter().flat_map(|word| {
+                let [one, two, three, _] = word.to_le_bytes();
+                [one, two, three]
+            });
+            let expected: Vec<u8> = expected.collect();
+            for level in Level::ALL {
+                let mut bytes = vec![0xaa; 3 * count];
+                level.run(ThreeBytes(&words[..count], &mut bytes));
+                assert_eq!(bytes, expected, "{level:?} {count}");
+            }
+        }
+    }
+
     struct Masks;
     impl Kernel for Masks {
         type Output = ();

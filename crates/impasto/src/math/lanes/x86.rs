@@ -19,10 +19,49 @@ pub(super) struct Avx512;
 impl Isa for Avx2 {
     type F32 = F32x8;
     type F64 = F64x4;
+
+    #[inline(always)]
+    fn three_bytes(words: &[u32], bytes: &mut [u8]) {
+        three_bytes(words, bytes);
+    }
 }
 impl Isa for Avx512 {
     type F32 = F32x16;
     type F64 = F64x8;
+
+    #[inline(always)]
+    fn three_bytes(words: &[u32], bytes: &mut [u8]) {
+        three_bytes(words, bytes);
+    }
+}
+
+/// [`Isa::three_bytes`] of either: eight words at a time become 24 bytes of a register of 32, whose
+/// last eight the next eight words replace.
+#[inline(always)]
+fn three_bytes(words: &[u32], bytes: &mut [u8]) {
+    const WORDS: usize = 8;
+    assert_eq!(bytes.len(), 3 * words.len());
+    // As long as there is room for a whole register.
+    let whole = bytes.len().saturating_sub(WORDS) / (3 * WORDS);
+    for (index, words) in words.chunks_exact(WORDS).take(whole).enumerate() {
+        let bytes = &mut bytes[3 * WORDS * index..][..4 * WORDS];
+        // SAFETY: see the head of this module; both slices have just been cut to 32 bytes.
+        unsafe {
+            let kept = _mm256_setr_epi8(
+                0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, -1, -1, -1, -1, 0, 1, 2, 4, 5, 6, 8, 9, 10,
+                12, 13, 14, -1, -1, -1, -1,
+            );
+            let together = _mm256_setr_epi32(0, 1, 2, 4, 5, 6, 7, 7);
+            let eight = _mm256_loadu_si256(words.as_ptr().cast());
+            let halves = _mm256_shuffle_epi8(eight, kept);
+            let shown = _mm256_permutevar8x32_epi32(halves, together);
+            _mm256_storeu_si256(bytes.as_mut_ptr().cast(), shown);
+        }
+    }
+    let done = whole.min(words.len() / WORDS) * WORDS;
+    for (bytes, word) in bytes[3 * done..].chunks_exact_mut(3).zip(&words[done..]) {
+        bytes.copy_from_slice(&word.to_le_bytes()[..3]);
+    }
 }
 
 #[target_feature(enable = "avx2,fma,f16c")]

@@ -63,7 +63,7 @@ impl Irradiance {
     #[inline(always)]
     pub(crate) fn shade<I: Isa>(
         &self,
-        normals: &[Plane; 3],
+        normals: [&Plane; 3],
         places: &[Plane; 2],
         view: impl Fn(usize) -> Vec3<I::F32>,
         out: &mut [Plane; 3],
@@ -119,14 +119,14 @@ impl Kernel for One<'_> {
     #[inline(always)]
     fn run<I: Isa>(self) -> [f64; 3] {
         let mut out = [[0.0; BLOCK]; 3];
-        let [x, y] = projected(vectors::<I, BLOCK>(self.normals, 0));
+        let [x, y] = projected(vectors::<I, BLOCK>(self.normals.each_ref(), 0));
         let mut places = [[0.0; BLOCK]; 2];
         for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
             x.store(&mut places[0][lane..]);
             y.store(&mut places[1][lane..]);
         }
         let view = |_| Vec3::new(I::F32::zero(), I::F32::zero(), I::F32::one());
-        self.irradiance.shade::<I>(self.normals, &places, view, &mut out);
+        self.irradiance.shade::<I>(self.normals.each_ref(), &places, view, &mut out);
         out.map(|plane| f64::from(plane[0]))
     }
 }
@@ -157,7 +157,7 @@ impl Kernel for Gather<'_> {
         let mut totals = [[0.0_f64; 3]; GROUP];
         for texels in self.rest {
             for lane in (0..GROUP).step_by(I::F32::WIDTH) {
-                let normal = vectors::<I, GROUP>(&self.group.direction, lane);
+                let normal = vectors::<I, GROUP>(self.group.direction.each_ref(), lane);
                 let mut sums = [I::F32::zero(); 3];
                 for texel in texels {
                     let [x, y, z] = texel.direction;

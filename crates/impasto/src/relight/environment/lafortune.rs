@@ -185,7 +185,7 @@ impl Kernel for Filter<'_> {
                 continue;
             }
             for lane in (0..GROUP).step_by(I::F32::WIDTH) {
-                let direction = vectors::<I, GROUP>(&group.direction, lane);
+                let direction = vectors::<I, GROUP>(group.direction.each_ref(), lane);
                 let mut sums = [[I::F32::zero(); 3]; 4];
                 for &([x, y, z], ref light) in &bundle.texels {
                     let cosine = direction.dot(Vec3::new(x, y, z).fill());

@@ -12,9 +12,8 @@ use crate::geometry::View;
 use crate::math::elementary::{exp_in_range, ln_in_range};
 use crate::math::{Isa, Real, Vec3};
 use crate::pixels::Run;
-use crate::relight::block::{BLOCK, Block, Plane};
+use crate::relight::block::{BLOCK, Block, Pixels, Plane};
 use crate::relight::colour::{colour, shine};
-use crate::relight::diffuse::normal;
 use crate::relight::occlusion::one_bounce;
 use crate::relight::scene::{Colour, Scene};
 use crate::relight::shadow::Shares;
@@ -94,20 +93,19 @@ impl<'a> Lit<'a> {
         !self.view.is_distant()
     }
 
-    /// Adds the light of all three channels to a block, whose first pixel has a number, and a column
-    /// and row.
+    /// Adds the light of all three channels to a block, whose first pixel has a column and row.
     #[inline(always)]
     pub(crate) fn shade<I: Isa>(
         &self,
         block: &mut Block,
-        coefficients: &[Plane],
-        range: (usize, usize),
+        pixels: &Pixels<'_>,
         [column, row]: [usize; 2],
     ) {
+        let range = (pixels.start, pixels.count);
         let sky = self.sky.as_ref().and_then(|sky| Some((sky.seen.row(column, row)?, sky.albedo)));
         let mut left = [1.0; BLOCK];
         if let Some((codes, _)) = sky {
-            for ((left, &code), z) in left.iter_mut().zip(codes).zip(block.normal[2]) {
+            for ((left, &code), z) in left.iter_mut().zip(codes).zip(pixels.normal[2]) {
                 // What sees all of the sky loses nothing, however long its normal.
                 let share =
                     if code == u16::MAX { 1.0 } else { 2.0 * Shares::share(code) / (1.0 + z) };
@@ -117,13 +115,13 @@ impl<'a> Lit<'a> {
         let zero: [Plane; 3] = [[0.0; BLOCK]; 3];
         let mut places = [[0.0; BLOCK]; 2];
         for lane in (0..BLOCK).step_by(I::F32::WIDTH) {
-            let [x, y] = projected(normal::<I>(block, lane));
+            let [x, y] = projected(pixels.normal::<I>(lane));
             x.store(&mut places[0][lane..]);
             y.store(&mut places[1][lane..]);
         }
         let (mut diffuse, mut specular, mut value) = (zero, zero, zero);
         let view = |lane: usize| self.view_at::<I>(block, lane);
-        self.irradiance.shade::<I>(&block.normal, &places, view, &mut diffuse);
+        self.irradiance.shade::<I>(pixels.normal, &places, view, &mut diffuse);
         let weaken = |value: &mut [Plane; 3], albedo: f32| {
             for (light, &left) in value.iter_mut().flat_map(|plane| plane.iter_mut().zip(&left)) {
                 *light *= one_bounce(left, albedo);
@@ -145,7 +143,7 @@ impl<'a> Lit<'a> {
             }
             Lobes::Lafortune(lobes, maps) => {
                 for lobe in lobes {
-                    self.lafortune::<I>(block, lobe, maps, range, &mut value);
+                    self.lafortune::<I>(block, pixels, lobe, maps, &mut value);
                     if sky.is_some() {
                         weaken(&mut value, 0.0);
                     }
@@ -154,9 +152,11 @@ impl<'a> Lit<'a> {
             }
         }
         for (channel, seen) in self.colours.iter().enumerate() {
-            block.diffuse = diffuse[channel];
-            block.specular = specular[channel];
-            colour::<I>(block, coefficients, seen);
+            let count = pixels.count;
+            block.diffuse[..count].copy_from_slice(&diffuse[channel][..count]);
+            block.specular[..count].copy_from_slice(&specular[channel][..count]);
+            block.shiny = true;
+            colour::<I>(block, pixels, seen);
         }
     }
 
@@ -170,11 +170,12 @@ impl<'a> Lit<'a> {
     fn lafortune<I: Isa>(
         &self,
         block: &Block,
+        pixels: &Pixels<'_>,
         lobe: &Lobe<'_>,
         maps: &Prefiltered,
-        (start, count): (usize, usize),
         out: &mut [Plane; 3],
     ) {
+        let (start, count) = (pixels.start, pixels.count);
         let zero = I::F32::zero();
         let mut towards: [Plane; 3] = [[0.0; BLOCK]; 3];
         let [mut x, mut y, mut level, mut factor]: [Plane; 4] = [[0.0; BLOCK]; 4];
@@ -182,7 +183,7 @@ impl<'a> Lit<'a> {
             let pixel = start + lane;
             let [cxy, cz, exponent]: [I::F32; 3] =
                 [0, 1, 2].map(|parameter| lobe.shape[parameter].at(pixel));
-            let (normal, view) = (normal::<I>(block, lane), self.view_at::<I>(block, lane));
+            let (normal, view) = (pixels.normal::<I>(lane), self.view_at::<I>(block, lane));
             let cosine = normal.dot(view);
             let along = normal.scale((cz - cxy) * cosine);
             let p = view.mul_add(cxy, along);
@@ -217,11 +218,9 @@ impl<'a> Lit<'a> {
                 continue;
             }
             let maps = maps.at::<I>([x[pixel], y[pixel]], level[pixel]);
-            let vector = |planes: &[Plane; 3]| {
-                Vec3::new(planes[0][pixel], planes[1][pixel], planes[2][pixel])
-            };
+            let vector = |[x, y, z]: [&Plane; 3]| Vec3::new(x[pixel], y[pixel], z[pixel]);
             let scheme = self.environment.scheme;
-            let light = scheme.light(&maps, vector(&block.normal), vector(&towards));
+            let light = scheme.light(&maps, vector(pixels.normal), vector(towards.each_ref()));
             for (out, light) in out.iter_mut().zip(light) {
                 out[pixel] = light * factor;
             }

@@ -119,7 +119,7 @@ impl Layout {
 
 /// Vectors from planes of their components.
 #[inline(always)]
-pub(crate) fn vectors<I: Isa, const N: usize>(planes: &[[f32; N]; 3], lane: usize) -> Vec3<I::F32> {
+pub(crate) fn vectors<I: Isa, const N: usize>(planes: [&[f32; N]; 3], lane: usize) -> Vec3<I::F32> {
     let [x, y, z] = planes;
     Vec3::new(I::F32::load(&x[lane..]), I::F32::load(&y[lane..]), I::F32::load(&z[lane..]))
 }

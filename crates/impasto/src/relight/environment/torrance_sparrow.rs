@@ -275,7 +275,7 @@ impl Kernel for Gather<'_> {
                 continue;
             }
             for lane in (0..GROUP).step_by(I::F32::WIDTH) {
-                let normal = vectors::<I, GROUP>(&group.direction, lane);
+                let normal = vectors::<I, GROUP>(group.direction.each_ref(), lane);
                 let mut sums = [I::F32::zero(); 3];
                 for (facet, light) in &bundle.facets {
                     let pair = model.splat(facet);

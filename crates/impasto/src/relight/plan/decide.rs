@@ -6,11 +6,20 @@ use crate::relight::bounds::{self, Seen};
 use crate::relight::scene::Colour;
 use crate::relight::statistics::{LobeRange, Range, TileStatistics};
 use crate::relight::tolerance::{Between, Tolerance};
-use crate::surface::{Cone, Strength};
+use crate::surface::Strength;
 
 /// What a lobe and the directions of a near lamp cost, relative to each other.
 const COST_OF_LOBE: f64 = 4.0;
 const COST_OF_NEAR: f64 = 2.0;
+
+/// A lamp as the pixels of a tile see it.
+struct LampSeen {
+    seen: Seen,
+    /// Smallest and largest `N.L` over all of its points.
+    cosines: [f64; 2],
+    /// Most that each lobe of unit strength shows of it under unit irradiance.
+    lobes: Vec<f64>,
+}
 
 /// What is left out of a tile, and what it costs.
 struct Candidate {
@@ -26,9 +35,15 @@ impl Work<'_> {
         let Self { surface, grid, scene, options, .. } = self;
         let lobes = surface.lobes.len();
         let view = bounds::view(scene.view(), *grid, place);
-        let lamps: Vec<_> =
-            scene.lamps().iter().map(|lamp| bounds::lamp(lamp, *grid, place)).collect();
-        let between = self.between(tile, &lamps, &view);
+        let lamps = scene.lamps().iter().map(|lamp| {
+            let seen = bounds::lamp(lamp, *grid, place);
+            let cosines = bounds::cosines(tile, &seen.points.0);
+            let light = (&seen, cosines[1]);
+            let most = |range| bounds::lobe(surface.model, tile, range, light, &view);
+            LampSeen { seen, cosines, lobes: tile.lobes.iter().map(most).collect() }
+        });
+        let lamps: Vec<LampSeen> = lamps.collect();
+        let between = self.between(tile, &lamps);
         let mut parts = Vec::with_capacity(lamps.len());
         let mut candidates = Vec::new();
         // A lobe that is not a number shows the background where it is simulated, lit or not.
@@ -37,8 +52,9 @@ impl Work<'_> {
             strength.iter().chain(shape).any(|range| range.holes)
         };
         let holes = (0..lobes).any(hole);
-        for (number, (lamp, seen)) in scene.lamps().iter().zip(&lamps).enumerate() {
-            let dark = !holes && bounds::cosines(tile, &seen.points.0)[1] == 0.0;
+        for (number, (lamp, as_seen)) in scene.lamps().iter().zip(&lamps).enumerate() {
+            let LampSeen { seen, cosines, lobes: most } = as_seen;
+            let dark = !holes && cosines[1] == 0.0;
             if tile.pixels == 0 || dark {
                 parts.push(0);
                 continue;
@@ -46,9 +62,8 @@ impl Work<'_> {
             let colour = &scene.colours()[lamp.colour];
             let irradiance = lamp.intensity * seen.irradiance[1];
             let mut needs = LIT;
-            for lobe in 0..lobes {
+            for (lobe, &bound) in most.iter().enumerate() {
                 let strongest = self.strongest(tile, lobe, colour, &between);
-                let bound = bounds::lobe(surface.model, tile, &tile.lobes[lobe], seen, &view);
                 if !hole(lobe) && (strongest.0 == 0.0 || bound == 0.0) {
                     continue;
                 }
@@ -74,12 +89,7 @@ impl Work<'_> {
             parts.push(needs);
         }
         candidates.sort_by(|a, b| (a.error * b.cost).total_cmp(&(b.error * a.cost)));
-        let mut decided = Decided {
-            parts,
-            lost: vec![0.0; lobes + 1],
-            dropped: vec![false; lobes + 1],
-            error: 0.0,
-        };
+        let mut decided = Decided { parts, lost: Vec::new(), error: 0.0 };
         for Candidate { lamp, bit, error, .. } in candidates {
             let left = options.tolerance.limit() - decided.error;
             // Directions of a lamp that lobes see are those of each pixel.
@@ -90,8 +100,10 @@ impl Work<'_> {
             decided.error += error;
             decided.parts[lamp] &= !bit;
             let which = if bit == NEAR { lobes } else { bit.trailing_zeros() as usize - 3 };
-            decided.lost[which] += error;
-            decided.dropped[which] = true;
+            match decided.lost.iter_mut().find(|(one, _)| *one == which) {
+                Some((_, sum)) => *sum += error,
+                None => decided.lost.push((which, error)),
+            }
         }
         decided
     }
@@ -127,20 +139,25 @@ impl Work<'_> {
     }
 
     /// What the light of a tile can be.
-    fn between(&self, tile: &TileStatistics, lamps: &[Seen], view: &Cone) -> Between {
+    fn between(&self, tile: &TileStatistics, lamps: &[LampSeen]) -> Between {
         let Self { surface, grid, scene, options, .. } = self;
         if !matches!(options.tolerance, Tolerance::DeltaE { .. }) {
             return Between::ANYTHING;
         }
         let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
-        for (lamp, seen) in scene.lamps().iter().zip(lamps) {
+        for (lamp, LampSeen { seen, cosines, lobes }) in scene.lamps().iter().zip(lamps) {
             let colour = &scene.colours()[lamp.colour];
-            let [least, most] = bounds::cosines(tile, &seen.towards);
+            // Those of its middle.
+            let [least, most] =
+                if lamp.has_size() { bounds::cosines(tile, &seen.towards) } else { *cosines };
             let [darkest, brightest] = seen.irradiance;
             // A near lamp may be taken for a distant one.
-            let middle = Light::Distant(lamp.light.direction());
-            let middle = bounds::light(middle, *grid, [0, 0]);
-            let taken = bounds::cosines(tile, &middle.towards);
+            let taken = if lamp.light.is_distant() {
+                [least, most]
+            } else {
+                let middle = Light::Distant(lamp.light.direction());
+                bounds::cosines(tile, &bounds::light(middle, *grid, [0, 0]).towards)
+            };
             let least = (least * darkest).min(taken[0]) * lamp.intensity;
             let least = if surface.coated.is_none() { least } else { 0.0 };
             let most = (most * brightest).max(taken[1]) * lamp.intensity;
@@ -161,9 +178,7 @@ impl Work<'_> {
                     high[channel] += products[0].max(products[1]) * lamp.intensity;
                 }
             }
-            for (number, lobe) in surface.lobes.iter().enumerate() {
-                let ranges = &tile.lobes[number];
-                let bound = bounds::lobe(surface.model, tile, ranges, seen, view);
+            for ((lobe, ranges), bound) in surface.lobes.iter().zip(&tile.lobes).zip(lobes) {
                 for channel in 0..3 {
                     let columns = match lobe.strength {
                         Strength::Neutral(_) => core::slice::from_ref(&colour.interface),

@@ -115,10 +115,9 @@ pub const fn lobe_bit(lobe: usize) -> u32 {
 /// A tile's decisions.
 struct Decided {
     parts: Vec<u32>,
-    /// Per lobe, then for near lamps: the largest bound of what is left out.
-    lost: Vec<f64>,
-    /// The same: whether something that is not nothing was left out.
-    dropped: Vec<bool>,
+    /// What was left out that is not nothing, and the sum of its bounds: lobes by their number, near
+    /// lamps behind them. Often there is none.
+    lost: Vec<(usize, f64)>,
     error: f64,
 }
 
@@ -201,7 +200,7 @@ impl Plan {
             .into_iter()
             .flatten()
             .collect();
-        let mut parts: Vec<u32> = decided.iter().flat_map(|tile| tile.parts.clone()).collect();
+        let mut parts: Vec<u32> = decided.iter().flat_map(|tile| &tile.parts).copied().collect();
         let shadows = work.shadows(&mut parts);
         let sky = work.sky();
         let moved = work.moved(slanted);

@@ -23,9 +23,9 @@ impl Work<'_> {
             parts.chunks(lamps.max(1)).filter(needs).count()
         };
         let lost = |which: usize| {
-            let errors = decided.iter().map(|tile| tile.lost[which]);
-            let dropped = decided.iter().any(|tile| tile.dropped[which]);
-            (errors.fold(0.0, f64::max), dropped)
+            let lost = decided.iter().flat_map(|tile| &tile.lost);
+            let errors = lost.filter(|(one, _)| *one == which).map(|(_, error)| *error);
+            errors.fold((0.0, false), |(most, _), error| (error.max(most), true))
         };
         let mut rows = Vec::new();
         let mut row = |effect, decision, tiles, error, reason: String| {

@@ -8,13 +8,12 @@
 //! floor counts as the floor: what can rise above it is near, and a tile has the same bits as the
 //! whole picture.
 
-use core::ops::Range;
-
-use super::lines::{ABYSS, LineScratch, Lines, Span};
+use super::hull::{HullScratch, sweep};
+use super::lines::{Lines, Span};
 use super::{SIDE, Shares, span};
 use crate::error::{Error, Result};
 use crate::geometry::{Grid, Light};
-use crate::math::Vec3;
+use crate::math::{Level, Vec3};
 use crate::pixels::Run;
 use crate::relight::area::disc;
 use crate::relight::scene::Lamp;
@@ -151,7 +150,7 @@ impl Horizons {
             .collect::<Vec<_>>();
         let parts = run.map(tiles.clone(), HullScratch::default, |scratch, (left, top)| {
             let size = [SIDE.min(width - left), SIDE.min(height - top)];
-            self.tile(relief, grid, span, ([left, top], size), scratch)
+            self.tile(relief, grid, span, ([left, top], size), (scratch, run.level))
         })?;
         let mut map = vec![0.0; relief.len()];
         run.in_turn(tiles.into_iter().zip(parts), |((left, top), part)| {
@@ -180,28 +179,27 @@ impl Horizons {
         }
         let span = span(relief, run)?;
         Shares::new(grid, wanted, run, |part, scratch: &mut HullScratch| {
-            self.tile(relief, grid, span, part, scratch)
+            self.tile(relief, grid, span, part, (scratch, run.level))
         })
     }
 
     /// The same in `size` (width, height) pixels from `[column, row]` on: a plane of factors. `span`
     /// is that of the whole relief ([`span`]); the numbers are those of the whole picture.
-    #[must_use]
-    pub(crate) fn tile(
+    fn tile(
         &self,
         relief: &[f32],
         grid: Grid,
         span: Span,
         ([column, row], [width, height]): ([usize; 2], [usize; 2]),
-        scratch: &mut HullScratch,
+        (scratch, level): (&mut HullScratch, Level),
     ) -> Vec<f32> {
         let mut shares = vec![0.0_f32; width * height];
         for azimuth in &self.azimuths {
             let lines = Lines::new(relief, grid, azimuth.direction);
             let part = (column..column + width, row..row + height);
+            let Azimuth { low, high, weight, .. } = *azimuth;
             let of = self.of;
-            sweep(&lines, part, azimuth.low, span, scratch, |pixel, sine| {
-                let Azimuth { low, high, weight, .. } = *azimuth;
+            sweep(&lines, part, low, span, (scratch, level), |pixel, sine| {
                 let share = match of {
                     Weighting::Radiance => (high - sine) / (high - low),
                     Weighting::Irradiance => (1.0 - sine * sine) / (1.0 - low * low),
@@ -281,96 +279,9 @@ pub(crate) fn seen_where(
 /// Points of a near lamp.
 const POINTS: usize = 32;
 
-/// Memory of one worker.
-#[derive(Debug, Default)]
-pub struct HullScratch {
-    lines: LineScratch,
-    /// Of each line the upper hull of its samples: step and height, the nearest last.
-    hulls: Vec<Vec<[f32; 2]>>,
-    sines: Vec<f32>,
-}
-
-/// Visits the pixels of a part, counted row by row, with the sine of their horizon, at least `floor`.
-fn sweep(
-    lines: &Lines<'_>,
-    (columns, rows): (Range<usize>, Range<usize>),
-    floor: f32,
-    span: Span,
-    scratch: &mut HullScratch,
-    mut visit: impl FnMut(usize, f32),
-) {
-    let part = lines.part(columns.clone(), rows.clone());
-    let (first, count) = lines.of(&part);
-    let slope = f64::from(floor) / (1.0 - f64::from(floor).powi(2)).sqrt();
-    let reach = if floor > 0.0 { span.reach(slope * lines.step) } else { None };
-    let from = reach.map_or(0, |reach| part.steps.start.saturating_sub(reach));
-    let HullScratch { lines: memory, hulls, sines } = scratch;
-    // A line more on the left.
-    let (start, count) = (first - 1, count + 1);
-    hulls.resize(hulls.len().max(count), Vec::new());
-    hulls.iter_mut().for_each(Vec::clear);
-    sines.resize(count, 0.0);
-    let per = (1.0 / lines.step) as f32;
-    let steps = from..part.steps.end;
-    lines.walk((start, count), steps, memory, |step, fraction, row| {
-        let place = step as f32;
-        let emit = step >= part.steps.start;
-        for (line, hull) in hulls[..count].iter_mut().enumerate() {
-            let left = row[line];
-            let height = if fraction > 0.0 {
-                row[line + 1].mul_add(fraction, left * (1.0 - fraction))
-            } else {
-                left
-            };
-            let known = height > 1e-10 * ABYSS;
-            if known {
-                tangent(hull, place, height);
-            }
-            if emit {
-                sines[line] = match hull.last() {
-                    Some(&[at, top]) if known => {
-                        let slope = (top - height) / (place - at) * per;
-                        (slope / slope.mul_add(slope, 1.0).sqrt()).max(floor)
-                    }
-                    _ => floor,
-                };
-            }
-            if known {
-                hull.push([place, height]);
-            }
-        }
-        if !emit {
-            return;
-        }
-        let (whole, _) = lines.displacement(step);
-        let offset = (part.columns.start.cast_signed() - whole - start) as usize;
-        let along = lines.row_at(step);
-        for (index, pair) in sines[offset - 1..].windows(2).take(part.columns.len()).enumerate() {
-            // Between two equal horizons, such as the floor, exactly the same.
-            let sine = fraction.mul_add(pair[0] - pair[1], pair[1]);
-            let pixel = if lines.transposed {
-                index * columns.len() + along - columns.start
-            } else {
-                (along - rows.start) * columns.len() + index
-            };
-            visit(pixel, sine);
-        }
-    });
-}
-
-/// Takes from a hull what lies below its tangent from a point after it.
-#[inline]
-fn tangent(hull: &mut Vec<[f32; 2]>, place: f32, height: f32) {
-    while let [.., [farther, high], [nearer, low]] = hull[..] {
-        if (high - height) * (place - nearer) < (low - height) * (place - farther) {
-            break;
-        }
-        hull.pop();
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::lines::LineScratch;
     use super::*;
     use crate::pixels::serially;
 
@@ -445,7 +356,7 @@ mod tests {
                             (0..width, 0..height),
                             floor as f32,
                             span,
-                            &mut HullScratch::default(),
+                            (&mut HullScratch::default(), Level::detect()),
                             |pixel, sine| {
                                 // Heights below 0.3 mm in single precision, at least 0.1 mm apart: a
                                 // slope is right to 4 roundings of 3e-8 mm over 0.1 mm, 1.2e-6; the
@@ -473,7 +384,8 @@ mod tests {
                 let span = span(&relief, run).unwrap();
                 let mut scratch = HullScratch::default();
                 for (corner, size) in [([200, 100], [31, 57]), ([0, 233], [300, 57])] {
-                    let part = horizons.tile(&relief, grid, span, (corner, size), &mut scratch);
+                    let scratch = (&mut scratch, run.level);
+                    let part = horizons.tile(&relief, grid, span, (corner, size), scratch);
                     for (pixel, &share) in part.iter().enumerate() {
                         let (row, column) = (pixel / size[0], pixel % size[0]);
                         let there = (corner[1] + row) * 300 + corner[0] + column;

@@ -14,6 +14,7 @@ use crate::pixels::{Run, TILE};
 pub mod bits;
 mod distant;
 pub mod horizon;
+mod hull;
 pub(crate) mod lines;
 mod point;
 mod shares;

@@ -47,6 +47,10 @@ pub(super) struct Heights<'a> {
     whole: [f32; 2],
 }
 
+/// Added to a whole number between -2^22 and 2^22 it makes a number whose bits are those of it and the
+/// number's sum.
+pub(super) const WHOLE: f32 = 12_582_912.0;
+
 /// No height.
 const NONE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
@@ -103,8 +107,9 @@ pub(super) struct March<'a> {
     rays: Rays<f32>,
     /// The axis along which places move most.
     major: usize,
-    /// Whether no place that can be met is near the border.
-    inside: bool,
+    /// Where no place that can be met is near the border, or too far away: the origin's number, less the
+    /// bits of [`WHOLE`].
+    corner: Option<usize>,
     low: f32,
     high: f32,
 }
@@ -138,7 +143,16 @@ impl<'a> March<'a> {
             let [least, most] = reached[axis];
             least >= 0.0 && most <= heights.size[axis] as f64 - 2.0
         };
-        let inside = within(0) && within(1);
+        let [width, _] = heights.size;
+        let far = |axis: usize| {
+            let [least, most] = reached[axis];
+            (least - origin[axis]).abs().max((most - origin[axis]).abs())
+        };
+        let near_by = (far(1) + 2.0) * width as f64 + far(0) + 2.0 < f64::from(1 << 22);
+        let corner = (within(0) && within(1) && near_by).then(|| {
+            let number = origin[1] as usize * width + origin[0] as usize;
+            number.wrapping_sub(WHOLE.to_bits() as usize)
+        });
         let [low, high] = if near[0] <= near[1] { near } else { [low; 2] };
         let rays = Rays { per: per.map(|per| per as f32), grows: grows as f32 };
         let middle = [0, 1].map(|axis| {
@@ -146,7 +160,7 @@ impl<'a> March<'a> {
             grows.mul_add(place, per[axis]).abs()
         });
         let major = usize::from(middle[1] > middle[0]);
-        Self { heights, origin: origin.map(|place| place as isize), rays, major, inside, low, high }
+        Self { heights, origin: origin.map(|place| place as isize), rays, major, corner, low, high }
     }
 
     /// Moves the first places, counted from the origin, to what is seen there.
@@ -213,18 +227,16 @@ impl<'a> March<'a> {
         let nearest = across.round();
         let before = R::select(across.lt(nearest), nearest - R::one(), nearest);
         let (mut line, mut first) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
-        at.store(&mut line);
-        before.store(&mut first);
         let (mut one, mut other) = ([0.0; MAX_LANES], [0.0; MAX_LANES]);
         let [width, height] = self.heights.size;
         let [apart, next] = if self.major == 0 { [1, width] } else { [width, 1] };
         let (of_line, of_place) = (self.origin[self.major], self.origin[1 - self.major]);
-        if self.inside {
-            let corner = of_line * apart.cast_signed() + of_place * next.cast_signed();
+        if let Some(corner) = self.corner {
+            // Whole numbers below 2^22, exact in single precision: the low bits of a sum.
+            let place = at.mul_add(R::of(apart as f64), before * R::of(next as f64));
+            (place + R::splat(WHOLE)).store(&mut line);
             for lane in 0..R::WIDTH {
-                let line = line[lane] as i32 as isize * apart.cast_signed();
-                let place = first[lane] as i32 as isize * next.cast_signed();
-                let place = (corner + line + place) as usize;
+                let place = (line[lane].to_bits() as usize).wrapping_add(corner);
                 // Lanes behind the last place may lie anywhere.
                 let map = |place: usize| self.heights.map.get(place).copied().unwrap_or(f32::NAN);
                 (one[lane], other[lane]) = (map(place), map(place.wrapping_add(next)));
@@ -232,6 +244,8 @@ impl<'a> March<'a> {
         } else {
             let [lines, places] = if self.major == 0 { [width, height] } else { [height, width] };
             let kept = |place: isize, size: usize| place.clamp(0, size.cast_signed() - 1) as usize;
+            at.store(&mut line);
+            before.store(&mut first);
             for lane in 0..R::WIDTH {
                 let line = kept(line[lane] as isize + of_line, lines) * apart;
                 let place = first[lane] as isize + of_place;

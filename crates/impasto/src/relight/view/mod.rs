@@ -24,24 +24,48 @@ pub use projection::Projection;
 use crate::error::Result;
 use crate::geometry::{Grid, View};
 use crate::math::{Isa, Kernel, Real};
-use crate::pixels::Run;
+use crate::pixels::{Run, TILE};
 
-use march::{Heights, INDICES, Line, March, SIDE};
+use march::{Heights, INDICES, Line, March, SIDE, WHOLE};
 
 /// Most samples of a pixel: from 83 degrees on they are more than half a painting pixel apart,
 /// and the picture is a sliver anyway.
 const MOST_SAMPLES: f64 = 16.0;
 
+/// A pixel of the painting as it is resampled: three channels of light, times coverage, and coverage.
+/// They lie together, as a sample reads all of four neighbours.
+pub(super) type Lit = [f32; 4];
+
+/// Pixels from planes of light `(3, y, x)` and coverage; what is not covered may hold any background.
+fn lit_from_planes(light: &[f32], coverage: &[f32], run: &Run<'_>) -> Result<Vec<Lit>> {
+    let mut pixels = vec![[0.0; 4]; coverage.len()];
+    let tiles = pixels.chunks_mut(TILE).enumerate().collect();
+    run.for_each(
+        tiles,
+        || (),
+        |(), (tile, pixels): (usize, &mut [Lit])| {
+            let start = tile * TILE;
+            for (pixel, covered) in pixels.iter_mut().zip(&coverage[start..]) {
+                pixel[3] = *covered;
+            }
+            for (channel, plane) in light.chunks_exact(coverage.len()).enumerate() {
+                for (pixel, light) in pixels.iter_mut().zip(&plane[start..]) {
+                    pixel[channel] = if pixel[3] > 0.0 { pixel[3] * light } else { 0.0 };
+                }
+            }
+        },
+    )?;
+    Ok(pixels)
+}
+
 impl Projection {
-    /// Resamples three planes of light with their coverage: the light is weighted by the coverage,
-    /// and what is not covered shows `background`.
+    /// Resamples the pixels of a painting; what is not covered shows `background`.
     ///
     /// # Errors
     /// If the caller cancels.
     fn resample(
         &self,
-        light: &[f32],
-        coverage: &[f32],
+        lit: &[Lit],
         heights: Option<&Heights<'_>>,
         background: [f32; 3],
         run: &Run<'_>,
@@ -53,16 +77,7 @@ impl Projection {
         let mut planes: Vec<_> = seen.chunks_mut(pixels).map(|p| p.chunks_mut(strip)).collect();
         let strips = covered.chunks_mut(strip).enumerate().map(|(index, covered)| {
             let seen = planes.iter_mut().filter_map(Iterator::next).collect();
-            Strip {
-                projection: self,
-                light,
-                coverage,
-                heights,
-                background,
-                row: index * SIDE,
-                seen,
-                covered,
-            }
+            Strip { projection: self, lit, heights, background, row: index * SIDE, seen, covered }
         });
         run.for_each(strips.collect(), || (), |(), strip| run.level.run(strip))?;
         Ok((seen, covered))
@@ -82,19 +97,33 @@ pub fn seen_from(
     background: [f32; 3],
     run: &Run<'_>,
 ) -> Result<(Vec<f32>, Vec<f32>, Grid)> {
+    lit_seen_from(view, &lit_from_planes(light, coverage, run)?, grid, relief, background, run)
+}
+
+/// The same of the painting's pixels.
+///
+/// # Errors
+/// As [`Projection::new`], or if the caller cancels.
+pub(super) fn lit_seen_from(
+    view: View,
+    lit: &[Lit],
+    grid: Grid,
+    relief: Option<&[f32]>,
+    background: [f32; 3],
+    run: &Run<'_>,
+) -> Result<(Vec<f32>, Vec<f32>, Grid)> {
     let projection = Projection::new(view, grid)?;
     let heights = relief.map(|map| Heights::new(map, grid, run)).transpose()?;
     let heights = heights.as_ref();
-    let (light, coverage) = projection.resample(light, coverage, heights, background, run)?;
+    let (light, coverage) = projection.resample(lit, heights, background, run)?;
     Ok((light, coverage, projection.picture))
 }
 
 /// Some rows of the picture.
 struct Strip<'a> {
     projection: &'a Projection,
-    /// `(3, y, x)` and `(y, x)` of the painting.
-    light: &'a [f32],
-    coverage: &'a [f32],
+    /// `(y, x)` of the painting.
+    lit: &'a [Lit],
     heights: Option<&'a Heights<'a>>,
     background: [f32; 3],
     /// The first row.
@@ -108,23 +137,27 @@ impl Kernel for Strip<'_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { projection, light, coverage, heights, background, row: first, .. } = self;
+        let Self { projection, lit, heights, background, row: first, .. } = self;
         let Self { mut seen, covered, .. } = self;
         let width = projection.picture.width;
         let Grid { width: columns, height: rows, .. } = projection.painting;
-        let painting = Painting { light, coverage, width: columns, height: rows };
+        let painting = Painting { lit, width: columns, height: rows };
         for left in (0..width).step_by(SIDE) {
             let count = SIDE.min(width - left);
             for row in 0..covered.len() / width {
                 let line = projection.line::<I>([left, first + row], count, painting, heights);
-                let (sums, inside) = (&line.sums, &line.inside);
                 let places = row * width + left..row * width + left + count;
-                for ((pixel, place), &inside) in places.enumerate().zip(inside) {
-                    let share = sums[3][pixel] * inside;
-                    covered[place] = share;
-                    for (channel, seen) in seen.iter_mut().enumerate() {
-                        let light = sums[channel][pixel] * inside;
-                        seen[place] = Real::mul_add(1.0 - share, background[channel], light);
+                let covered = &mut covered[places.clone()];
+                for ((share, sum), inside) in covered.iter_mut().zip(&line.sums).zip(&line.inside) {
+                    *share = sum[3] * inside;
+                }
+                for (channel, seen) in seen.iter_mut().enumerate() {
+                    let seen = seen[places.clone()].iter_mut().zip(&*covered);
+                    for ((seen, share), (sum, inside)) in
+                        seen.zip(line.sums.iter().zip(&line.inside))
+                    {
+                        let light = sum[channel] * inside;
+                        *seen = Real::mul_add(1.0 - share, background[channel], light);
                     }
                 }
             }
@@ -134,8 +167,8 @@ impl Kernel for Strip<'_> {
 
 /// A run of the picture's pixels.
 struct Sampled {
-    /// Mean light, times coverage, and mean coverage.
-    sums: [Line; 4],
+    /// The mean of each pixel's samples.
+    sums: [Lit; SIDE],
     /// How much of each pixel lies on the painting.
     inside: Line,
 }
@@ -161,15 +194,19 @@ impl Projection {
         let origin = [0, 1].map(|axis| (start[axis] / one).floor().max(0.0).min(size[axis] - 1.0));
         // Near the horizon of a perspective a run goes from near to far, or behind the eye: what
         // speaks for it is the place where samples lie closest together.
-        let length = |at: &f64| {
-            let [right, down] = self.spread(*at, row);
-            right.hypot(down)
-        };
         let part = |share: f64| column + share * (count as f64 - 1.0);
-        let places = [0.5, 0.0, 1.0].map(part).into_iter();
-        let before_eye = places.filter(|at| self.homogeneous(*at, row)[2] > 0.0);
-        let middle = before_eye.min_by(|one, other| length(one).total_cmp(&length(other)));
-        let middle = middle.unwrap_or(part(0.5));
+        let mut middle = part(0.5);
+        let mut spread = self.spread(middle, row);
+        if more != 0.0 {
+            let mut least = f64::INFINITY;
+            for place in [0.5, 0.0, 1.0].map(part) {
+                let here = self.spread(place, row);
+                let length = here[0].hypot(here[1]);
+                if self.homogeneous(place, row)[2] > 0.0 && length < least {
+                    (middle, spread, least) = (place, here, length);
+                }
+            }
+        }
         let here = self.painting_from_picture(middle, row);
         let beside = self.painting_from_picture(middle + 1.0, row);
         let below = self.painting_from_picture(middle, row + 1.0);
@@ -197,14 +234,13 @@ impl Projection {
                 (I::F32::load(&inside[lane..]) * share).store(&mut inside[lane..]);
             }
         }
-        let spread = self.spread(middle, row);
         let samples = (2.0 * spread[0].hypot(spread[1])).ceil().clamp(1.0, MOST_SAMPLES) as usize;
         let march = heights.map(|heights| {
             let last = self.painting_from_picture(column + count as f64 - 1.0, row);
             let ends = [[start[0] / one, start[1] / one], last];
             March::new(heights, origin, ends, spread, self.rays(origin))
         });
-        let mut sums = [[0.0; SIDE]; 4];
+        let mut sums = [[0.0; 4]; SIDE];
         for sample in 0..samples {
             let along = (sample as f64 + 0.5) / samples as f64 - 0.5;
             let (mut whole, mut part) = ([[0.0; SIDE]; 2], [[0.0; SIDE]; 2]);
@@ -225,16 +261,19 @@ impl Projection {
                     let place = I::F32::load(&part[axis][lane..]).max(low).min(high);
                     let nearest = place.round();
                     let below = I::F32::select(place.lt(nearest), nearest - I::F32::one(), nearest);
-                    below.store(&mut whole[axis][lane..]);
+                    (below + I::F32::splat(WHOLE)).store(&mut whole[axis][lane..]);
                     (place - below).store(&mut part[axis][lane..]);
                 }
             }
-            let origin = origin.map(|place| place as isize);
-            for pixel in 0..count {
-                let at = [0, 1].map(|axis| (origin[axis] + whole[axis][pixel] as isize) as usize);
+            let origin =
+                origin.map(|place| (place as usize).wrapping_sub(WHOLE.to_bits() as usize));
+            for (pixel, sum) in sums[..count].iter_mut().enumerate() {
+                let [column, row] = [whole[0][pixel], whole[1][pixel]];
+                let at = [column, row].map(|place: f32| place.to_bits() as usize);
+                let at = [at[0].wrapping_add(origin[0]), at[1].wrapping_add(origin[1])];
                 let tap = painting.between(at, [part[0][pixel], part[1][pixel]]);
-                for (sum, tap) in sums.iter_mut().zip(tap) {
-                    sum[pixel] += tap;
+                for (sum, tap) in sum.iter_mut().zip(tap) {
+                    *sum += tap;
                 }
             }
         }
@@ -249,17 +288,15 @@ impl Projection {
 /// What is resampled.
 #[derive(Clone, Copy)]
 struct Painting<'a> {
-    light: &'a [f32],
-    coverage: &'a [f32],
+    lit: &'a [Lit],
     width: usize,
     height: usize,
 }
 
 impl Painting<'_> {
-    /// Light, times coverage, and coverage between four pixels.
+    /// What is between four pixels.
     #[inline(always)]
-    fn between(&self, [column, row]: [usize; 2], [right, down]: [f32; 2]) -> [f32; 4] {
-        let pixels = self.width * self.height;
+    fn between(&self, [column, row]: [usize; 2], [right, down]: [f32; 2]) -> Lit {
         let at = row * self.width + column;
         let beside = usize::from(column + 1 < self.width);
         let below = if row + 1 < self.height { self.width } else { 0 };
@@ -271,14 +308,9 @@ impl Painting<'_> {
         ];
         let mut sum = [0.0; 4];
         for (place, weight) in taps {
-            let weight = weight * self.coverage[place];
-            for (channel, sum) in sum[..3].iter_mut().enumerate() {
-                let light = self.light[channel * pixels + place];
-                // What is not covered may hold any background.
-                let light = if weight > 0.0 { light } else { 0.0 };
-                *sum = Real::mul_add(weight, light, *sum);
+            for (sum, &value) in sum.iter_mut().zip(&self.lit[place]) {
+                *sum = Real::mul_add(weight, value, *sum);
             }
-            sum[3] += weight;
         }
         sum
     }

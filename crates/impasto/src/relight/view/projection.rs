@@ -132,6 +132,7 @@ impl Projection {
 
     /// Column, row and 1, up to a factor, of the painting at which the centre of a picture's pixel
     /// lies.
+    #[inline(always)]
     pub(super) fn homogeneous(&self, column: f64, row: f64) -> [f64; 3] {
         let (right, up) = (self.picture.x(column), self.picture.y(row));
         let [x, y, one] = self.backward.map(|to| to[0].mul_add(right, to[1] * up) + to[2]);
@@ -141,6 +142,7 @@ impl Projection {
     }
 
     /// Column and row of the painting at which the centre of a picture's pixel lies.
+    #[inline(always)]
     pub(super) fn painting_from_picture(&self, column: f64, row: f64) -> [f64; 2] {
         let [column, row, one] = self.homogeneous(column, row);
         [column / one, row / one]
@@ -148,6 +150,7 @@ impl Projection {
 
     /// From the first to behind the last sample of a picture's pixel, in painting pixels to the right
     /// and down.
+    #[inline(always)]
     pub(super) fn spread(&self, column: f64, row: f64) -> [f64; 2] {
         if let View::Distant(view) = self.view {
             return [view.x / view.z, -view.y / view.z];
@@ -167,6 +170,7 @@ impl Projection {
     }
 
     /// The rays that leave the painting about a column and row.
+    #[inline(always)]
     pub(super) fn rays(&self, [column, row]: [f64; 2]) -> Rays<f64> {
         let pitch = self.painting.pitch;
         match self.view {

@@ -5,13 +5,24 @@ use crate::pixels::serially;
 
 const GRID: Grid = Grid::whole(40, 30, 0.5);
 
+/// Planes of light as a projection shows them, without a relief.
+fn resample(
+    projection: &Projection,
+    light: &[f32],
+    coverage: &[f32],
+    background: [f32; 3],
+    run: &Run<'_>,
+) -> Result<(Vec<f32>, Vec<f32>)> {
+    projection.resample(&lit_from_planes(light, coverage, run)?, None, background, run)
+}
+
 #[test]
 fn a_frontal_view_changes_nothing() {
     let projection = Projection::parallel(Vec3::new(0.0, 0.0, 1.0), GRID);
     assert_eq!((projection.picture.width, projection.picture.height), (40, 30));
     assert_eq!(projection.picture_from_painting(3.0, -2.0), (3.0, -2.0));
     let light: Vec<f32> = (0..3600).map(|i| ((i * 7919) % 101) as f32).collect();
-    let resampled = serially(|run| projection.resample(&light, &[1.0; 1200], None, [9.0; 3], run));
+    let resampled = serially(|run| resample(&projection, &light, &[1.0; 1200], [9.0; 3], run));
     assert_eq!(resampled.unwrap(), (light, vec![1.0; 1200]));
 }
 
@@ -23,7 +34,7 @@ fn a_view_from_the_side_narrows_the_picture_and_keeps_radiance() {
     assert_eq!((projection.picture.width, projection.picture.height), (20, 30));
     let (light, coverage) = (vec![0.25; 3 * 1200], vec![1.0; 1200]);
     let (seen, covered) =
-        serially(|run| projection.resample(&light, &coverage, None, [9.0; 3], run)).unwrap();
+        serially(|run| resample(&projection, &light, &coverage, [9.0; 3], run)).unwrap();
     assert!(seen.iter().all(|&value| (value - 0.25).abs() < 1e-6));
     assert!(covered.iter().all(|&value| (value - 1.0).abs() < 1e-6));
 }
@@ -53,7 +64,7 @@ fn a_ramp_stays_a_ramp_wherever_a_pixel_lies_inside() {
         let plane: Vec<f32> = pixels.map(|(c, r)| ramp(c, r) as f32).collect();
         let coverage = vec![1.0; plane.len()];
         let (seen, covered) =
-            serially(|run| projection.resample(&plane.repeat(3), &coverage, None, [0.0; 3], run))
+            serially(|run| resample(&projection, &plane.repeat(3), &coverage, [0.0; 3], run))
                 .unwrap();
         let at = |column, row| projection.painting_from_picture(column, row);
         let (origin, right, down) = (at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0));
@@ -92,7 +103,7 @@ fn light_is_conserved_up_to_the_foreshortening() {
             (0..plane.len()).map(|i| f32::from(u8::from(i % 11 != 0))).collect();
         let light: Vec<f32> = plane.iter().zip(&coverage).map(|(l, c)| l * c).collect();
         let (seen, covered) =
-            serially(|run| projection.resample(&light.repeat(3), &coverage, None, [0.0; 3], run))
+            serially(|run| resample(&projection, &light.repeat(3), &coverage, [0.0; 3], run))
                 .unwrap();
         let sum = |map: &[f32]| map.iter().map(|&v| f64::from(v)).sum::<f64>();
         let [[a, b, _], [c, d, _], _] = projection.forward;
@@ -113,7 +124,7 @@ fn stripes_that_are_finer_than_the_picture_turn_grey() {
     let projection = Projection::parallel(Vec3::new(sin, 0.0, cos), grid);
     let plane: Vec<f32> = (0..1200).map(|i| (i % 400 % 2) as f32).collect();
     let (seen, _) =
-        serially(|run| projection.resample(&plane.repeat(3), &[1.0; 1200], None, [0.0; 3], run))
+        serially(|run| resample(&projection, &plane.repeat(3), &[1.0; 1200], [0.0; 3], run))
             .unwrap();
     let width = projection.picture.width;
     // Interpolated, the stripes are a triangular wave of amplitude 1/2 and period 2, whose mean
@@ -137,7 +148,7 @@ fn in_perspective_a_pixel_is_where_its_ray_meets_the_plane() {
         let picture = projection.picture;
         let (seen, covered) = serially(|run| {
             let coverage = vec![1.0; 150 * 190];
-            projection.resample(&ramps.concat(), &coverage, None, [0.0; 3], run)
+            resample(&projection, &ramps.concat(), &coverage, [0.0; 3], run)
         })
         .unwrap();
         // A pinhole: the ray of a place on the plane through the painting's middle that faces the
@@ -198,7 +209,7 @@ fn an_eye_close_to_the_wall_sees_the_painting_and_nothing_beyond() {
         let Ok(projection) = Projection::new(View::Point(eye), grid) else { continue };
         let coverage = vec![1.0; 40_000];
         let (found, covered) =
-            serially(|run| projection.resample(&light, &coverage, None, [-1.0; 3], run).unwrap());
+            serially(|run| resample(&projection, &light, &coverage, [-1.0; 3], run).unwrap());
         seen += 1;
         for (pixel, &share) in covered.iter().enumerate() {
             assert!((0.0..=1.0 + 1e-5).contains(&share));
@@ -243,7 +254,7 @@ fn every_level_gives_the_same_bits_and_a_background_without_a_number_stays_out()
     for level in Level::ALL.into_iter().filter(|level| level.available()) {
         answers.push(serially(|run| {
             let run = Run { level, ..*run };
-            projection.resample(&light, &coverage, None, [0.5; 3], &run).unwrap()
+            resample(&projection, &light, &coverage, [0.5; 3], &run).unwrap()
         }));
     }
     assert!(answers.windows(2).all(|pair| pair[0] == pair[1]));
