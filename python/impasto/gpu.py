@@ -261,8 +261,7 @@ class Renderer:
         GeometryError
             A point light without the width of a pixel.
         GpuUnavailableError
-            The card was lost, or has too little memory; or the scene has an environment or lamps
-            with a size.
+            The card was lost, or has too little memory.
         """
         if self._upright is not None and not _has_relief(_scene(scene)):
             return self._upright().frame(scene)
@@ -298,11 +297,7 @@ class Renderer:
 
     def _prepared(self, scene: Scene) -> tuple[SceneArguments, float | None, _core.GpuRenderer]:
         """A scene as arrays, its exposure if it is known before the picture, and the surface."""
-        if _scene(scene).environment is not None:
-            raise GpuUnavailableError(
-                "scene: the graphics card cannot show light of an environment"
-            )
-        if _has_relief(scene) and not self._shadows:
+        if _has_relief(_scene(scene)) and not self._shadows:
             found = "shadows" if scene.shadows else "parallax"
             raise ArgumentError(
                 f"scene: it has {found}, but the renderer has no relief; make it with shadows=True"

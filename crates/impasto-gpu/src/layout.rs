@@ -5,6 +5,10 @@ use bytemuck::{Pod, Zeroable};
 /// Most lobes of a pixel that a kernel has room for.
 pub(crate) const MAX_LOBES: usize = 8;
 
+/// Most tables of an environment: one of the irradiance, and, of each of eight lobes, thirty between
+/// the widest gamma, 1.25, and that of the largest table, 0.008, at every quarter octave.
+pub(crate) const MAX_LAYOUTS: usize = 256;
+
 /// `Frame` of the shaders: a picture's circumstances, and those of one band of it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -20,9 +24,8 @@ pub(crate) struct Frame {
     pub(crate) width: u32,
     pub(crate) first: u32,
     pub(crate) lamps: u32,
-    pub(crate) words: u32,
     pub(crate) ambient: u32,
-    pub(crate) unused: u32,
+    pub(crate) unused: [u32; 2],
     pub(crate) numbers: [[f32; 4]; MAX_LOBES],
     pub(crate) planes: [[u32; 4]; MAX_LOBES],
 }
@@ -41,7 +44,45 @@ pub(crate) struct Lamp {
     pub(crate) near: u32,
     pub(crate) colour: u32,
     pub(crate) last: u32,
+    pub(crate) visibility: u32,
+    pub(crate) shares: u32,
+    pub(crate) points: u32,
+    pub(crate) first_point: u32,
+    pub(crate) spread: f32,
+    pub(crate) unused: u32,
+}
+
+/// `Layout` of the shaders: the nodes of a table.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Layout {
+    pub(crate) start: u32,
+    pub(crate) size: u32,
+    pub(crate) scale: f32,
+    pub(crate) middle: f32,
+}
+
+/// `Widths` of the shaders: the tables of a Torrance-Sparrow lobe.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Widths {
+    pub(crate) first: u32,
+    pub(crate) count: u32,
+    pub(crate) factor: f32,
+    pub(crate) narrowest: f32,
+}
+
+/// `Around` of the shaders: an environment.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct Around {
+    pub(crate) colours: [u32; 3],
+    pub(crate) albedo: f32,
+    pub(crate) bright: u32,
+    pub(crate) bright_start: u32,
     pub(crate) unused: [u32; 2],
+    pub(crate) widths: [Widths; MAX_LOBES],
+    pub(crate) layouts: [Layout; MAX_LAYOUTS],
 }
 
 /// `Sweep` of the shaders: one distant light over the relief.
@@ -59,7 +100,7 @@ pub(crate) struct Sweep {
     pub(crate) columns: u32,
     pub(crate) pixels: u32,
     pub(crate) words: u32,
-    pub(crate) lamp: u32,
+    pub(crate) first_word: u32,
 }
 
 /// `Displacement` of the shaders: columns by which lines are displaced after so many rows.

@@ -2,8 +2,8 @@
 //!
 //! A [`Renderer`] uploads a surface once and shows it under scene after scene; [`render`] shows one
 //! picture, band by band, of a painting of any size. Both give what `impasto::relight::render`
-//! gives, or 8-bit codes of a display, but light of an environment, which they refuse. There is one shader file per stage of the CPU, under
-//! the same name; they are joined into one kernel, compiled per choice of effects.
+//! gives, or 8-bit codes of a display. There is one shader file per stage of the CPU, under the same
+//! name; they are joined into one kernel, compiled per choice of effects.
 //!
 //! Vulkan, Metal and DirectX 12 serve. Everything that can fail there is an [`Error`] with an
 //! explanation: whoever called goes on with the CPU.
@@ -16,6 +16,7 @@
 
 mod adapter;
 mod device;
+mod environment;
 mod error;
 mod layout;
 mod pipeline;

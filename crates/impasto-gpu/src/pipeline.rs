@@ -3,6 +3,8 @@
 //! What a scene calls for is a set of `override` constants: the compiler of the driver sees numbers
 //! and drops what is off.
 
+use std::sync::OnceLock;
+
 use wgpu::{
     BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType,
     BufferBindingType, ComputePipeline, ComputePipelineDescriptor, Device,
@@ -10,8 +12,8 @@ use wgpu::{
     ShaderStages,
 };
 
-/// The stages, in the order in which they are joined.
-const STAGES: [&str; 12] = [
+/// The stages before an environment, in the order in which they are joined.
+const STAGES: [&str; 10] = [
     include_str!("shaders/frame.wgsl"),
     include_str!("shaders/elementary.wgsl"),
     include_str!("shaders/reach.wgsl"),
@@ -22,9 +24,29 @@ const STAGES: [&str; 12] = [
     include_str!("shaders/specular.wgsl"),
     include_str!("shaders/ambient.wgsl"),
     include_str!("shaders/colour.wgsl"),
-    include_str!("shaders/curve.wgsl"),
-    include_str!("shaders/render.wgsl"),
 ];
+
+/// An environment.
+const ENVIRONMENT: [&str; 6] = [
+    include_str!("shaders/environment/table.wgsl"),
+    include_str!("shaders/environment/irradiance.wgsl"),
+    include_str!("shaders/environment/torrance_sparrow.wgsl"),
+    include_str!("shaders/environment/scalar.wgsl"),
+    include_str!("shaders/environment/lafortune.wgsl"),
+    include_str!("shaders/environment/stage.wgsl"),
+];
+
+/// None: a kernel without one is compiled from a text without one, in a third of the time.
+const ABSENT: &str = include_str!("shaders/environment/absent.wgsl");
+
+/// The stages after it.
+const SHOWN: [&str; 2] = [include_str!("shaders/curve.wgsl"), include_str!("shaders/render.wgsl")];
+
+/// The text of the kernel of pictures, with an environment or without.
+fn text(environment: bool) -> String {
+    let around = if environment { ENVIRONMENT.concat() } else { ABSENT.to_owned() };
+    [&STAGES.concat(), &around, &SHOWN.concat()].map(String::as_str).concat()
+}
 
 /// Cast shadows, by themselves.
 const SHADOW: &str = include_str!("shaders/shadow.wgsl");
@@ -40,7 +62,7 @@ pub(crate) enum Kernel {
     Lit,
 }
 
-/// What a picture calls for: one `override` constant each.
+/// What a picture calls for: one `override` constant each, but for the environment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of the shaders")]
 pub(crate) struct Variant {
@@ -56,11 +78,15 @@ pub(crate) struct Variant {
     pub(crate) coated: bool,
     pub(crate) ambient: bool,
     pub(crate) shadows: bool,
+    pub(crate) sized_lamps: bool,
+    pub(crate) environment: bool,
+    pub(crate) sky: bool,
+    pub(crate) scalar: bool,
     pub(crate) codes: bool,
 }
 
 impl Variant {
-    fn constants(&self) -> [(&'static str, f64); 13] {
+    fn constants(&self) -> [(&'static str, f64); 16] {
         let flag = |on: bool| f64::from(u8::from(on));
         [
             ("MODEL", self.model.into()),
@@ -75,6 +101,9 @@ impl Variant {
             ("COATED", flag(self.coated)),
             ("AMBIENT", flag(self.ambient)),
             ("SHADOWS", flag(self.shadows)),
+            ("SIZED_LAMPS", flag(self.sized_lamps)),
+            ("SKY", flag(self.sky)),
+            ("SCALAR", flag(self.scalar)),
             ("CODES", flag(self.codes)),
         ]
     }
@@ -84,6 +113,8 @@ impl Variant {
 #[derive(Debug)]
 pub(crate) struct Modules {
     render: wgpu::ShaderModule,
+    /// The same in an environment, made when it is first asked for.
+    surrounded: OnceLock<wgpu::ShaderModule>,
     shadow: wgpu::ShaderModule,
     of_render: Binding,
     of_shadow: Binding,
@@ -95,19 +126,17 @@ struct Binding {
     pipeline: wgpu::PipelineLayout,
 }
 
-/// A kernel's arrays after its uniform: how many it reads, then how many it writes.
-const OF_RENDER: [usize; 2] = [5, 1];
-const OF_SHADOW: [usize; 2] = [2, 2];
+/// A kernel's arrays after its uniform: how many it reads, then how many it writes; and the uniforms
+/// after these. Any device reads and writes eight arrays.
+const OF_RENDER: [usize; 3] = [7, 1, 1];
+const OF_SHADOW: [usize; 3] = [2, 2, 0];
 
 impl Modules {
     pub(crate) fn new(device: &Device) -> Self {
-        let module = |label, text: String| {
-            let source = ShaderSource::Wgsl(text.into());
-            device.create_shader_module(ShaderModuleDescriptor { label: Some(label), source })
-        };
         Self {
-            render: module("render", STAGES.concat()),
-            shadow: module("shadow", SHADOW.to_owned()),
+            render: module(device, "render", text(false)),
+            surrounded: OnceLock::new(),
+            shadow: module(device, "shadow", SHADOW.to_owned()),
             of_render: Binding::new(device, OF_RENDER),
             of_shadow: Binding::new(device, OF_SHADOW),
         }
@@ -125,8 +154,14 @@ impl Modules {
     }
 
     pub(crate) fn pipeline(&self, device: &Device, kernel: Kernel) -> ComputePipeline {
+        let render = |environment: bool| {
+            let surrounded = || module(device, "render in an environment", text(true));
+            if environment { self.surrounded.get_or_init(surrounded) } else { &self.render }
+        };
         let (module, entry, constants) = match kernel {
-            Kernel::Render(variant) => (&self.render, "render", variant.constants().to_vec()),
+            Kernel::Render(variant) => {
+                (render(variant.environment), "render", variant.constants().to_vec())
+            }
             Kernel::Sweep => (&self.shadow, "sweep", Vec::new()),
             Kernel::Lit => (&self.shadow, "lit", Vec::new()),
         };
@@ -144,13 +179,19 @@ impl Modules {
     }
 }
 
+fn module(device: &Device, label: &str, text: String) -> wgpu::ShaderModule {
+    let source = ShaderSource::Wgsl(text.into());
+    device.create_shader_module(ShaderModuleDescriptor { label: Some(label), source })
+}
+
 impl Binding {
-    fn new(device: &Device, [read, written]: [usize; 2]) -> Self {
-        let uniform = std::iter::once(BufferBindingType::Uniform);
+    fn new(device: &Device, [read, written, more]: [usize; 3]) -> Self {
+        let uniform = BufferBindingType::Uniform;
         let storage = |read_only| BufferBindingType::Storage { read_only };
-        let kinds = uniform
+        let kinds = std::iter::once(uniform)
             .chain(std::iter::repeat_n(storage(true), read))
-            .chain(std::iter::repeat_n(storage(false), written));
+            .chain(std::iter::repeat_n(storage(false), written))
+            .chain(std::iter::repeat_n(uniform, more));
         let entries: Vec<_> = (0..)
             .zip(kinds)
             .map(|(binding, ty)| BindGroupLayoutEntry {
@@ -209,13 +250,20 @@ mod tests {
     }
 
     /// Every choice of switches with none, one, three and all lobes, whose numbers are maps for none,
-    /// for every other and for all.
+    /// for every other and for all. In an environment, with a sky that is hidden and with scalars, too,
+    /// the switches of stages that have nothing in common with it go with those that have.
     fn variants() -> Vec<Variant> {
         let mut all = Vec::new();
-        for switches in 0..128_u32 {
+        for switches in 0..256_u32 {
             let on = |bit: u32| switches >> bit & 1 != 0;
-            for model in 0..2 {
+            for (around, model) in (0..5).flat_map(|around| [(around, 0), (around, 1)]) {
+                let (environment, sky, scalar) = (around > 0, around % 2 == 0, around > 2);
                 for lobes in [0, 1, 3, 8] {
+                    let together = [(0, 7), (3, 5), (4, 1), (6, 2)];
+                    let apart = together.into_iter().any(|(one, other)| on(one) != on(other));
+                    if environment && apart || scalar && (model == 0 || lobes == 0) {
+                        continue;
+                    }
                     for (strength_maps, tinted, shape_maps) in
                         [(0, 0, 0), (0x55, 0xaa, 0x55_5555), (0, 0xff, 0xff_ffff), (0xff, 0, 0)]
                     {
@@ -232,6 +280,10 @@ mod tests {
                             coated: on(2),
                             ambient: on(3),
                             shadows: on(4),
+                            sized_lamps: on(7),
+                            environment,
+                            sky: environment && sky,
+                            scalar,
                             codes: on(5),
                         });
                     }
@@ -243,9 +295,10 @@ mod tests {
 
     #[test]
     fn every_variant_compiles() {
-        let render = parsed(&STAGES.concat());
+        let kernels = [parsed(&text(false)), parsed(&text(true))];
         for variant in variants() {
-            assert!(compiled(&render, "render", variant) > 0);
+            let kernel = &kernels[usize::from(variant.environment)];
+            assert!(compiled(kernel, "render", variant) > 0);
         }
         let shadow = parsed(SHADOW);
         for entry in ["sweep", "lit"] {
@@ -255,20 +308,22 @@ mod tests {
 
     #[test]
     fn every_constant_exists_and_no_other() {
-        let (module, _) = parsed(&STAGES.concat());
-        let mut declared: Vec<_> =
-            module.overrides.iter().filter_map(|(_, one)| one.name.clone()).collect();
         let mut given: Vec<_> =
             Variant::default().constants().iter().map(|(name, _)| (*name).to_owned()).collect();
-        declared.sort();
         given.sort();
-        assert_eq!(declared, given);
+        for environment in [false, true] {
+            let (module, _) = parsed(&text(environment));
+            let mut declared: Vec<_> =
+                module.overrides.iter().filter_map(|(_, one)| one.name.clone()).collect();
+            declared.sort();
+            assert_eq!(declared, given);
+        }
     }
 
     #[test]
     fn structures_have_the_size_that_the_shaders_declare() {
-        use crate::layout::{Displacement, Frame, Lamp, Sweep};
-        let (render, _) = parsed(&STAGES.concat());
+        use crate::layout::{Around, Displacement, Frame, Lamp, Layout, Sweep, Widths};
+        let (render, _) = parsed(&text(true));
         let (shadow, _) = parsed(SHADOW);
         let size = |module: &Module, name: &str| {
             let layouter = {
@@ -282,6 +337,9 @@ mod tests {
         };
         assert_eq!(size(&render, "Frame"), size_of::<Frame>());
         assert_eq!(size(&render, "Lamp"), size_of::<Lamp>());
+        assert_eq!(size(&render, "Layout"), size_of::<Layout>());
+        assert_eq!(size(&render, "Widths"), size_of::<Widths>());
+        assert_eq!(size(&render, "Around"), size_of::<Around>());
         assert_eq!(size(&shadow, "Sweep"), size_of::<Sweep>());
         assert_eq!(size(&shadow, "Displacement"), size_of::<Displacement>());
     }

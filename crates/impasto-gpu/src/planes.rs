@@ -1,7 +1,10 @@
 //! A surface's maps as planes of one array: only what the surface has.
 
+use wgpu::{Buffer, BufferUsages};
+
 use impasto::surface::{Lobe, Model, Parameter, Strength, Surface};
 
+use crate::device::Gpu;
 use crate::error::{Error, Result};
 use crate::layout::MAX_LOBES;
 use crate::pipeline::Variant;
@@ -59,6 +62,52 @@ impl<'a> Planes<'a> {
             table.add(number, lobe, pixels, &mut maps);
         }
         Ok(Self { maps, table })
+    }
+}
+
+/// Some rows of the painting, with their maps on the card.
+#[derive(Debug)]
+pub(crate) struct Band {
+    pub(crate) row: usize,
+    pub(crate) rows: usize,
+    pub(crate) maps: Buffer,
+}
+
+impl Band {
+    /// Uploads some rows of maps of a width.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        maps: &[&[f32]],
+        width: usize,
+        (row, rows): (usize, usize),
+    ) -> Result<Self> {
+        let (first, count) = (row * width, rows * width);
+        let maps = gpu.checked(|gpu| {
+            let copied = BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+            let size = (4 * maps.len() * count) as u64;
+            let buffer = gpu.buffer(size, BufferUsages::STORAGE | copied);
+            for (number, map) in maps.iter().enumerate() {
+                gpu.write(&buffer, number * count, &map[first..first + count]);
+            }
+            gpu.flush();
+            buffer
+        })?;
+        Ok(Self { row, rows, maps })
+    }
+
+    /// Copies the rows of one map from the card.
+    pub(crate) fn fetch(&self, gpu: &Gpu, plane: usize, rows: &mut [f32]) -> Result<()> {
+        let bytes = (4 * rows.len()) as u64;
+        let read = gpu.checked(|gpu| {
+            let read = gpu.buffer(bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
+            let mut encoder = gpu.encoder();
+            encoder.copy_buffer_to_buffer(&self.maps, plane as u64 * bytes, &read, 0, bytes);
+            gpu.submit(encoder);
+            read
+        })?;
+        gpu.read(&read, bytes, |values| {
+            bytemuck::cast_slice_mut(rows).copy_from_slice(values);
+        })
     }
 }
 

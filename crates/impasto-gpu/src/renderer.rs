@@ -2,23 +2,26 @@
 
 use std::borrow::Cow;
 
+use bytemuck::Zeroable;
 use wgpu::{Buffer, BufferUsages};
 
 use impasto::geometry::Grid;
 use impasto::pixels::Run;
+use impasto::relight::environment::Scheme;
 use impasto::relight::plan::{Over, Plan, SHADED, lobe_bit};
-use impasto::relight::scene::{Lamp, Scene};
+use impasto::relight::scene::Scene;
 use impasto::relight::show::{Codes, Display, codes_from_planes};
 use impasto::relight::view::{Projection, seen_from};
 use impasto::relight::{self, Picture};
-use impasto::surface::{Model, Surface};
+use impasto::surface::{CoatedDiffuse, Model, Surface};
 
 use crate::device::Gpu;
+use crate::environment::{Facts, Maps, Surroundings};
 use crate::error::{Error, Result};
-use crate::layout::{Frame, workgroups};
+use crate::layout::{Around, Frame, workgroups};
 use crate::pipeline::{Kernel, Variant};
-use crate::planes::{Planes, Table};
-use crate::scene::{Lit, tables};
+use crate::planes::{Band, Planes, Table};
+use crate::scene::{Lit, tables as tone_tables};
 use crate::shadow::Relief;
 
 /// Arrays are no larger, whatever the card allows: places in them are 32-bit numbers.
@@ -46,6 +49,7 @@ pub struct Renderer {
     shown: Shown,
     bands: Vec<Band>,
     relief: Option<Relief<'static>>,
+    around: Option<Surroundings>,
     shadows: bool,
     parallax: bool,
     target: Option<Target>,
@@ -56,18 +60,9 @@ pub struct Renderer {
 struct Shown {
     grid: Grid,
     model: Model,
-    /// Index of refraction of the lobes' interface, and of the one above the diffuse part.
-    index: f32,
-    coat: [f32; 3],
+    /// The interface above the diffuse part.
+    coated: Option<CoatedDiffuse>,
     table: Table,
-}
-
-/// Some rows of the painting, with their maps.
-#[derive(Debug)]
-struct Band {
-    row: usize,
-    rows: usize,
-    maps: Buffer,
 }
 
 /// Where a band's picture is written, and where the CPU reads it.
@@ -84,20 +79,24 @@ struct Arrays {
     colours: Buffer,
     visibility: Buffer,
     curve: Buffer,
-    words: u32,
+    around: Buffer,
+    tables: Buffer,
+    sky: Buffer,
     variant: Variant,
+}
+
+/// What a picture of a surface depends on besides the scene.
+struct Under<'a, 'r> {
+    relief: Option<&'a mut Relief<'r>>,
+    /// What is simulated; without a plan all that is there.
+    plan: Option<&'a Plan>,
+    maps: Maps<'a>,
+    around: &'a mut Option<Surroundings>,
 }
 
 impl Shown {
     fn new(surface: &Surface<'_>, grid: Grid, table: &Table) -> Self {
-        let index = match surface.model {
-            Model::TorranceSparrow { index } => index as f32,
-            Model::Lafortune => 1.0,
-        };
-        let coat = surface.coated.map_or([1.0; 3], |coat| {
-            [coat.index(), coat.index().recip(), coat.scale()].map(|value| value as f32)
-        });
-        Self { grid, model: surface.model, index, coat, table: *table }
+        Self { grid, model: surface.model, coated: surface.coated, table: *table }
     }
 
     /// The rows of each band: as many as fit into an array.
@@ -113,40 +112,31 @@ impl Shown {
         Ok((0..height).step_by(rows).map(|row| (row, rows.min(height - row))).collect())
     }
 
-    /// Uploads some rows of the maps.
-    fn band(&self, gpu: &Gpu, maps: &[&[f32]], (row, rows): (usize, usize)) -> Result<Band> {
-        let (first, count) = (row * self.grid.width, rows * self.grid.width);
-        let maps = gpu.checked(|gpu| {
-            let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-            let buffer = gpu.buffer((4 * maps.len() * count) as u64, usage);
-            for (number, map) in maps.iter().enumerate() {
-                gpu.write(&buffer, number * count, &map[first..first + count]);
-            }
-            gpu.flush();
-            buffer
-        })?;
-        Ok(Band { row, rows, maps })
-    }
-
     fn frame(&self, arrays: &Arrays, band: &Band) -> Frame {
         let (grid, table) = (&self.grid, &self.table);
         // In pixels: exact in single precision.
         let corner = [grid.x(0.0) / grid.pitch, grid.y(band.row as f64) / grid.pitch];
+        let index = match self.model {
+            Model::TorranceSparrow { index } => index as f32,
+            Model::Lafortune => 1.0,
+        };
+        let coat = self.coated.map_or([1.0; 3], |coat| {
+            [coat.index(), coat.index().recip(), coat.scale()].map(|value| value as f32)
+        });
         Frame {
             view: arrays.lit.view,
             pitch: grid.pitch as f32,
             background: arrays.lit.background,
-            index: self.index,
+            index,
             corner: corner.map(|place| (2.0 * place).round() as f32 * 0.5),
-            coat: [self.coat[0], self.coat[1]],
-            coat_scale: self.coat[2],
+            coat: [coat[0], coat[1]],
+            coat_scale: coat[2],
             pixels: (band.rows * grid.width) as u32,
             width: grid.width as u32,
             first: (band.row * grid.width) as u32,
-            lamps: arrays.lit.lamps.len() as u32,
-            words: arrays.words,
+            lamps: arrays.lit.count,
             ambient: table.ambient,
-            unused: 0,
+            unused: [0; 2],
             numbers: table.numbers,
             planes: table.planes,
         }
@@ -156,7 +146,7 @@ impl Shown {
     fn arrays(
         &self,
         gpu: &Gpu,
-        relief: Option<&mut Relief<'_>>,
+        under: Under<'_, '_>,
         scene: &Scene,
         background: [f32; 3],
         display: Option<&Display<'_>>,
@@ -167,37 +157,63 @@ impl Shown {
             let problem = format!("expected {} planes, found {coefficients}", scene.coefficients());
             return Err(impasto::Error::argument("coefficients", problem).into());
         }
-        if scene.environment().is_some() {
-            let problem = "light of an environment is computed by the CPU alone".to_owned();
-            return Err(Error::Unsupported(problem));
-        }
-        if scene.lamps().iter().any(Lamp::has_size) {
-            let problem = "lamps with a size are computed by the CPU alone".to_owned();
-            return Err(Error::Unsupported(problem));
-        }
-        let lit = Lit::of(scene, self.model, background, display);
-        let shadows = relief.is_some();
-        let (visibility, words) = match relief {
-            None => (gpu.checked(|gpu| gpu.buffer(4, BufferUsages::STORAGE))?, 0),
-            Some(relief) => (relief.visibility(gpu, &lit.lights, run)?, relief.words() as u32),
+        let Under { mut relief, plan, maps, around } = under;
+        let mut lit = Lit::of(scene, self.model, background, display);
+        let empty = gpu.checked(|gpu| gpu.buffer(16, BufferUsages::STORAGE))?;
+        let throws = |lamp| plan.is_none_or(|plan| plan.needs(lamp, SHADED));
+        let shadows = relief.as_ref().filter(|_| (0..scene.lamps().len()).any(throws)).is_some();
+        let visibility = match relief.as_deref_mut().filter(|_| shadows) {
+            None => empty.clone(),
+            Some(relief) => {
+                let first_words = relief.first_words(&lit.lights);
+                for (lamp, first) in lit.lamps.iter_mut().zip(first_words) {
+                    lamp.visibility = first as u32;
+                }
+                relief.visibility(gpu, &lit.lights, run)?
+            }
         };
-        let variant = Variant {
-            one_lamp: lit.lamps.len() == 1,
+        let mut variant = Variant {
+            one_lamp: lit.count == 1,
             near_lights: lit.near_lights,
             near_view: lit.near_view,
             shadows,
+            sized_lamps: lit.lights.iter().any(|(_, radius)| *radius > 0.0),
+            environment: scene.environment().is_some(),
             codes: display.is_some(),
             ..self.table.variant
         };
+        let (mut uniform, mut tables, mut sky) = (Around::zeroed(), empty.clone(), empty);
+        if let Some(surroundings) = scene.environment() {
+            let size = [self.grid.width, self.grid.height];
+            let (model, coated, table) = (self.model, self.coated, &self.table);
+            let facts = (Facts { model, coated, table, size }, maps);
+            let environment = &surroundings.environment;
+            let found = Surroundings::kept(around, gpu, facts, environment, scene.view(), run)?;
+            (uniform, tables) = (found.around, found.tables.clone());
+            uniform.colours = surroundings.colours.map(|one| (one * (coefficients + 1)) as u32);
+            variant.scalar = environment.scheme() == Scheme::Scalar
+                && self.model == Model::Lafortune
+                && variant.lobes > 0;
+            let hidden = plan.is_none_or(Plan::needs_sky);
+            if let Some(relief) = relief.filter(|_| hidden) {
+                let wanted = |column, row| plan.is_none_or(|plan| plan.hides_sky(column, row));
+                sky = relief.sky(gpu, wanted, run)?;
+                variant.sky = true;
+                let bounces = plan.is_none_or(Plan::bounces);
+                uniform.albedo = if bounces { surroundings.albedo as f32 } else { 0.0 };
+            }
+        }
         gpu.checked(|gpu| Arrays {
             lamps: gpu.filled(&lit.lamps, BufferUsages::STORAGE),
             colours: gpu.filled(&lit.colours, BufferUsages::STORAGE),
             curve: match display {
                 None => gpu.buffer(8, BufferUsages::STORAGE),
-                Some(display) => gpu.filled(&tables(display.curve), BufferUsages::STORAGE),
+                Some(display) => gpu.filled(&tone_tables(display.curve), BufferUsages::STORAGE),
             },
+            around: gpu.filled(&[uniform], BufferUsages::UNIFORM),
             visibility,
-            words,
+            tables,
+            sky,
             variant,
             lit,
         })
@@ -220,8 +236,10 @@ impl Shown {
         let kernel = Kernel::Render(arrays.variant);
         gpu.checked(|gpu| {
             let uniform = gpu.filled(&[frame], BufferUsages::UNIFORM);
-            let Arrays { lamps, colours, visibility, curve, .. } = arrays;
-            let all = [&uniform, lamps, colours, &band.maps, visibility, curve, &target.written];
+            let Arrays { lamps, colours, visibility, curve, around, tables, sky, .. } = arrays;
+            let (maps, written) = (&band.maps, &target.written);
+            let of_scene = [lamps, colours, maps, visibility, curve, tables, sky];
+            let all = [&[&uniform][..], &of_scene, &[written, around]].concat();
             let (pipeline, group) = (gpu.kernel(kernel), gpu.bind_group(kernel, &all));
             let mut encoder = gpu.encoder();
             {
@@ -283,7 +301,8 @@ impl Renderer {
         let Planes { maps, table } = Planes::of(surface, grid.width * grid.height)?;
         let shown = Shown::new(surface, grid, &table);
         let bands = shown.bands(gpu, maps.len())?.into_iter();
-        let bands = bands.map(|rows| shown.band(gpu, &maps, rows)).collect::<Result<_>>()?;
+        let bands =
+            bands.map(|rows| Band::new(gpu, &maps, grid.width, rows)).collect::<Result<_>>()?;
         let relief = match relief.height {
             Some(height) => Some(Relief::new(Cow::Owned(height.to_vec()), grid)?),
             None => None,
@@ -293,6 +312,7 @@ impl Renderer {
             shown,
             bands,
             relief,
+            around: None,
             shadows: true,
             parallax: true,
             target: None,
@@ -322,9 +342,10 @@ impl Renderer {
     /// # Errors
     /// If the scene does not fit the surface, the caller cancels, or the card fails.
     pub fn light(&mut self, scene: &Scene, background: [f32; 3], run: &Run<'_>) -> Result<Picture> {
-        let Self { gpu, shown, bands, relief, shadows, parallax, target } = self;
+        let Self { gpu, shown, bands, relief, around, shadows, parallax, target } = self;
         let cast = relief.as_mut().filter(|_| *shadows);
-        let arrays = shown.arrays(gpu, cast, scene, background, None, run)?;
+        let under = Under { relief: cast, plan: None, maps: Maps::There(bands), around };
+        let arrays = shown.arrays(gpu, under, scene, background, None, run)?;
         let mut planar = Planar::new(shown.grid.width * shown.grid.height);
         for band in &*bands {
             cancelled(run)?;
@@ -354,9 +375,10 @@ impl Renderer {
         if is_slanted(scene, grid, self.parallax && self.relief.is_some())? {
             return encoded(&self.light(scene, background, run)?, display, run);
         }
-        let Self { gpu, shown, bands, relief, shadows, target, .. } = self;
+        let Self { gpu, shown, bands, relief, around, shadows, target, .. } = self;
         let relief = relief.as_mut().filter(|_| *shadows);
-        let arrays = shown.arrays(gpu, relief, scene, background, Some(display), run)?;
+        let under = Under { relief, plan: None, maps: Maps::There(bands), around };
+        let arrays = shown.arrays(gpu, under, scene, background, Some(display), run)?;
         let mut codes = vec![0; 4 * grid.width * grid.height];
         for band in &*bands {
             cancelled(run)?;
@@ -390,21 +412,25 @@ pub fn render(
     surface.bands(grid.width * grid.height)?;
     plan.fits(grid, scene)?;
     let on = |part| (0..scene.lamps().len()).any(|lamp| plan.needs(lamp, part));
-    let lobes = surface.lobes.iter().enumerate().filter(|(number, _)| on(lobe_bit(*number)));
+    // An environment shows every lobe.
+    let shows = |lobe| scene.environment().is_some() || on(lobe_bit(lobe));
+    let lobes = surface.lobes.iter().enumerate().filter(|(number, _)| shows(*number));
     let surface = &Surface { lobes: lobes.map(|(_, lobe)| lobe.clone()).collect(), ..*surface };
     let Planes { maps, table } = Planes::of(surface, grid.width * grid.height)?;
     let shown = Shown::new(surface, grid, &table);
     let height = relief.height;
-    let mut relief = match height.filter(|_| on(SHADED)) {
+    let mut relief = match height.filter(|_| on(SHADED) || plan.needs_sky()) {
         Some(height) => Some(Relief::new(Cow::Borrowed(height), grid)?),
         None => None,
     };
-    let arrays = shown.arrays(gpu, relief.as_mut(), scene, background, None, run)?;
+    let (relief, here) = (relief.as_mut(), Maps::Here(surface));
+    let under = Under { relief, plan: Some(plan), maps: here, around: &mut None };
+    let arrays = shown.arrays(gpu, under, scene, background, None, run)?;
     let mut planar = Planar::new(grid.width * grid.height);
     let mut target = None;
     for rows in shown.bands(gpu, maps.len())? {
         cancelled(run)?;
-        let band = shown.band(gpu, &maps, rows)?;
+        let band = Band::new(gpu, &maps, grid.width, rows)?;
         let first = band.row * grid.width;
         shown.draw(gpu, &arrays, &band, &mut target, |bytes| planar.take(first, bytes))?;
     }

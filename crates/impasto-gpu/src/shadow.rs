@@ -1,7 +1,8 @@
-//! Which pixels see each lamp, one bit per pixel and lamp, on the card.
+//! Which pixels see each lamp, one bit per pixel and lamp, or which share of a lamp with a size; and
+//! which share of the sky; on the card.
 //!
 //! Distant lamps: the sweep of `impasto::relight::shadow` as a compute shader, one invocation per
-//! line. Near lamps, and reliefs larger than the card's largest array: the CPU's function.
+//! line. Near lamps, reliefs larger than the card's largest array, and all shares: the CPU's functions.
 
 use std::borrow::Cow;
 
@@ -10,17 +11,21 @@ use wgpu::{Buffer, BufferUsages};
 use impasto::geometry::{Grid, Light};
 use impasto::math::Vec3;
 use impasto::pixels::Run;
-use impasto::relight::shadow::cast_shadows;
+use impasto::relight::environment::Sky;
+use impasto::relight::shadow::horizon::seen_where;
+use impasto::relight::shadow::{Shares, cast_shadows};
 
 use crate::device::Gpu;
 use crate::error::{Error, Result};
 use crate::layout::{Displacement, Sweep, workgroups};
 use crate::pipeline::Kernel;
+use crate::scene::Disc;
 
-/// Pixels of a word.
+/// Pixels of a word: of bits, and of shares.
 const WORD: usize = 32;
+const PAIR: usize = 2;
 
-/// A relief, and the lamps whose shadows it threw last.
+/// A relief, the lamps whose shadows it threw last, and what it hides of the sky.
 #[derive(Debug)]
 pub(crate) struct Relief<'a> {
     height: Cow<'a, [f32]>,
@@ -28,7 +33,8 @@ pub(crate) struct Relief<'a> {
     /// On the card, if it fits and a distant lamp has asked for it.
     uploaded: Option<Buffer>,
     depths: Option<Buffer>,
-    cast: Option<(Vec<Light>, Buffer)>,
+    cast: Option<(Vec<Disc>, Buffer)>,
+    sky: Option<Buffer>,
 }
 
 impl<'a> Relief<'a> {
@@ -42,33 +48,48 @@ impl<'a> Relief<'a> {
             let problem = "its size is not that of the painting";
             return Err(impasto::Error::argument("height", problem).into());
         }
-        Ok(Self { height, grid, uploaded: None, depths: None, cast: None })
+        Ok(Self { height, grid, uploaded: None, depths: None, cast: None, sky: None })
     }
 
     /// Words of one lamp's visibility.
-    pub(crate) fn words(&self) -> usize {
-        self.height.len().div_ceil(WORD)
+    fn words(&self, (_, radius): &Disc) -> usize {
+        self.height.len().div_ceil(if *radius > 0.0 { PAIR } else { WORD })
     }
 
-    /// The visibility of all lights, `(light, word)`.
+    /// The first word of each light's visibility, and behind the last how many there are.
+    pub(crate) fn first_words(&self, lights: &[Disc]) -> Vec<usize> {
+        let sums = lights.iter().scan(0, |sum, light| {
+            *sum += self.words(light);
+            Some(*sum)
+        });
+        std::iter::once(0).chain(sums).collect()
+    }
+
+    /// The visibility of all lights, one after another.
     pub(crate) fn visibility(
         &mut self,
         gpu: &Gpu,
-        lights: &[Light],
+        lights: &[Disc],
         run: &Run<'_>,
     ) -> Result<Buffer> {
         if let Some((_, visibility)) = self.cast.as_ref().filter(|(cast, _)| cast == lights) {
             return Ok(visibility.clone());
         }
-        let words = self.words();
-        let bytes = (4 * words * lights.len()) as u64;
+        let first_words = self.first_words(lights);
+        let bytes = first_words.last().map_or(0, |&words| 4 * words as u64);
         if bytes > gpu.largest_binding() {
-            let problem = format!("shadows of {} lamps on {} pixels", lights.len(), words * WORD);
+            let (lamps, pixels) = (lights.len(), self.height.len());
+            let problem = format!("shadows of {lamps} lamps on {pixels} pixels");
             return Err(Error::Unsupported(problem));
         }
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         let visibility = gpu.checked(|gpu| gpu.buffer(bytes, usage))?;
-        for (number, light) in lights.iter().enumerate() {
+        for ((light, radius), first) in lights.iter().zip(first_words) {
+            if *radius > 0.0 {
+                let seen = seen_where(&self.height, self.grid, (light, *radius), |_, _| true, run)?;
+                write_shares(gpu, &visibility, first, &seen)?;
+                continue;
+            }
             let walk = match *light {
                 Light::Distant(towards) => Walk::new(towards, self.grid),
                 Light::Point { .. } => None,
@@ -76,12 +97,12 @@ impl<'a> Relief<'a> {
             let fits = |walk: &Walk| 4 * walk.samples() <= gpu.largest_binding();
             match walk.filter(fits) {
                 Some(walk) if 4 * self.height.len() as u64 <= gpu.largest_binding() => {
-                    self.sweep(gpu, &walk, number, &visibility)?;
+                    self.sweep(gpu, &walk, first, &visibility)?;
                 }
                 _ => {
                     let seen = cast_shadows(&self.height, self.grid, light, run)?;
                     let bits = bits(&seen);
-                    gpu.checked(|gpu| gpu.write(&visibility, number * words, &bits))?;
+                    gpu.checked(|gpu| gpu.write(&visibility, first, &bits))?;
                 }
             }
         }
@@ -89,9 +110,30 @@ impl<'a> Relief<'a> {
         Ok(visibility)
     }
 
+    /// The share of the sky that each pixel sees, 16 bits each; where tiles are not `wanted`, all of it.
+    pub(crate) fn sky(
+        &mut self,
+        gpu: &Gpu,
+        wanted: impl Fn(usize, usize) -> bool + Sync,
+        run: &Run<'_>,
+    ) -> Result<Buffer> {
+        if let Some(sky) = &self.sky {
+            return Ok(sky.clone());
+        }
+        let bytes = 4 * self.height.len().div_ceil(PAIR) as u64;
+        if bytes > gpu.largest_binding() {
+            let problem = format!("the sky's shares on {} pixels", self.height.len());
+            return Err(Error::Unsupported(problem));
+        }
+        let Sky { seen, .. } = Sky::over(&self.height, self.grid, 0.0, wanted, run)?;
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let sky = gpu.checked(|gpu| gpu.buffer(bytes, usage))?;
+        write_shares(gpu, &sky, 0, &seen)?;
+        Ok(self.sky.insert(sky).clone())
+    }
+
     /// Casts the shadows of one distant light on the card.
-    fn sweep(&mut self, gpu: &Gpu, walk: &Walk, lamp: usize, visibility: &Buffer) -> Result<()> {
-        let words = self.words();
+    fn sweep(&mut self, gpu: &Gpu, walk: &Walk, first: usize, visibility: &Buffer) -> Result<()> {
         if self.uploaded.is_none() {
             let height = &self.height;
             self.uploaded = Some(gpu.checked(|gpu| gpu.filled(height, BufferUsages::STORAGE))?);
@@ -106,8 +148,8 @@ impl<'a> Relief<'a> {
         };
         let sweep = Sweep {
             pixels: self.height.len() as u32,
-            words: words as u32,
-            lamp: lamp as u32,
+            words: self.height.len().div_ceil(WORD) as u32,
+            first_word: first as u32,
             ..walk.sweep
         };
         gpu.checked(|gpu| {
@@ -172,7 +214,7 @@ impl Walk {
             columns: grid.width as u32,
             pixels: 0,
             words: 0,
-            lamp: 0,
+            first_word: 0,
         };
         Some(Self { sweep, displacements })
     }
@@ -181,6 +223,17 @@ impl Walk {
     fn samples(&self) -> u64 {
         u64::from(self.sweep.lines) * u64::from(self.sweep.steps)
     }
+}
+
+/// Writes shares from a word on, two to a word, the first of them below.
+fn write_shares(gpu: &Gpu, buffer: &Buffer, first: usize, shares: &Shares) -> Result<()> {
+    let mut codes = shares.codes();
+    codes.resize(codes.len().next_multiple_of(PAIR), 0);
+    let words: Vec<u32> = codes
+        .chunks_exact(PAIR)
+        .map(|pair| u32::from(pair[0]) | u32::from(pair[1]) << 16)
+        .collect();
+    gpu.checked(|gpu| gpu.write(buffer, first, &words))
 }
 
 /// One bit per pixel, from 1 and 0.

@@ -3,7 +3,7 @@
 fn ambient(lamp: Lamp) {
     for (var k = 0u; k < COEFFICIENTS; k++) {
         let value = needed(frame.ambient + k) * lamp.intensity;
-        let column = colours[lamp.colour * (COEFFICIENTS + 1u) + k].xyz;
+        let column = colours[lamp.colour + k].xyz;
         pixel.sum = fma(vec3f(value), column, pixel.sum);
     }
 }

@@ -1,7 +1,7 @@
 // Geometry becomes colour: one matrix and one vector per illuminant (colour.rs).
 
-fn colour(number: u32) {
-    let first = number * (COEFFICIENTS + 1u);
+// `first` is the colour's first column.
+fn colour(first: u32) {
     var reflected = vec3f(0.0);
     for (var k = 0u; k < COEFFICIENTS; k++) {
         reflected = fma(vec3f(needed(3u + k)), colours[first + k].xyz, reflected);

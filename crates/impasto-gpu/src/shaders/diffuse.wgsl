@@ -13,13 +13,18 @@ fn transmission(cosine: f32) -> f32 {
     return frame.coat_scale * (q * c) * fma(a, a, b * b);
 }
 
+// N.L times what the interface lets in and out.
+fn crossing(light: vec3f, view: vec3f) -> f32 {
+    let n_l = inner(pixel.normal, light);
+    let n_v = inner(pixel.normal, view);
+    let value = n_l * transmission(n_l) * transmission(n_v);
+    return select(0.0, value, n_l > 0.0 && n_v > 0.0);
+}
+
 fn diffuse() {
-    let n_l = inner(pixel.normal, pixel.light);
-    var cosine = max(n_l, 0.0);
+    var cosine = max(inner(pixel.normal, pixel.light), 0.0);
     if (COATED) {
-        let n_v = inner(pixel.normal, view_direction());
-        let value = n_l * transmission(n_l) * transmission(n_v);
-        cosine = select(0.0, value, n_l > 0.0 && n_v > 0.0);
+        cosine = crossing(pixel.light, view_direction());
     }
     pixel.diffuse = fma(cosine, pixel.reach, pixel.diffuse);
 }

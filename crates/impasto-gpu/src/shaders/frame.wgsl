@@ -19,11 +19,18 @@ override NEAR_VIEW: bool = false;
 override COATED: bool = false;
 override AMBIENT: bool = false;
 override SHADOWS: bool = false;
+// Whether any lamp is a disc.
+override SIZED_LAMPS: bool = false;
+// The relief hides a part of the environment.
+override SKY: bool = false;
+// Lafortune lobes in an environment by the scheme of scalars.
+override SCALAR: bool = false;
 // Display codes; otherwise light.
 override CODES: bool = false;
 
 const WORKGROUP: u32 = 64u;
 const MAX_LOBES: u32 = 8u;
+const MAX_LAYOUTS: u32 = 256u;
 
 struct Frame {
     // Unit direction to the eye, or its place in mm.
@@ -45,11 +52,10 @@ struct Frame {
     width: u32,
     first: u32,
     lamps: u32,
-    // Words of the visibility of one lamp.
-    words: u32,
     // The first map of ambient light.
     ambient: u32,
-    unused: u32,
+    unused_a: u32,
+    unused_b: u32,
     // Strength and shape of each lobe: numbers, or which map.
     numbers: array<vec4f, MAX_LOBES>,
     planes: array<vec4u, MAX_LOBES>,
@@ -67,11 +73,53 @@ struct Lamp {
     // Of a near lamp with fall-off, its distance from the painting's middle; else 0.
     distance: f32,
     near: u32,
+    // The first column of its colour.
     colour: u32,
     // 1 for the last lamp of its colour.
     last: u32,
+    // The first word of its visibility, and whether that is a share of the lamp: 1, else 0.
+    visibility: u32,
+    shares: u32,
+    // What lobes see of it: how many points, and the first of them among the lamps ...
+    points: u32,
+    first_point: u32,
+    // ... and the variance of directions about each, in radians squared.
+    spread: f32,
+    unused: u32,
+}
+
+// Where the nodes of a table are: (y, x) of one or four vectors each, from `start` on.
+struct Layout {
+    start: u32,
+    // Nodes of a side.
+    size: u32,
+    // From the projection to places among the nodes.
+    scale: f32,
+    middle: f32,
+}
+
+// The tables of a Torrance-Sparrow lobe.
+struct Widths {
+    first: u32,
+    count: u32,
+    factor: f32,
+    narrowest: f32,
+}
+
+// An environment.
+struct Around {
+    // The first column of the colour of each channel.
+    colours: vec3u,
+    // Mean reflectance of the relief, for one bounce.
+    albedo: f32,
+    // Texels that are lamps of their own: how many, and where direction and light of the first are.
+    bright: u32,
+    bright_start: u32,
     unused_a: u32,
     unused_b: u32,
+    widths: array<Widths, MAX_LOBES>,
+    // That of the irradiance, then those of the lobes.
+    layouts: array<Layout, MAX_LAYOUTS>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -80,12 +128,17 @@ struct Lamp {
 @group(0) @binding(2) var<storage, read> colours: array<vec4f>;
 // Planes of this band: normal, diffuse, ambient, and those of the lobes.
 @group(0) @binding(3) var<storage, read> maps: array<f32>;
-// One bit per pixel of the painting and lamp.
+// Lamp by lamp one bit per pixel of the painting, or a share of 16 bits.
 @group(0) @binding(4) var<storage, read> visibility: array<u32>;
 // Per channel: the value at the left end of each cell, and what it rises by.
 @group(0) @binding(5) var<storage, read> tone_curve: array<vec2f>;
+// All tables of an environment: red, green and blue.
+@group(0) @binding(6) var<storage, read> tables: array<vec4f>;
+// The share of the sky that each pixel sees, 16 bits each.
+@group(0) @binding(7) var<storage, read> sky: array<u32>;
 // Light and coverage as planes, or a word of four codes per pixel.
-@group(0) @binding(6) var<storage, read_write> shown: array<u32>;
+@group(0) @binding(8) var<storage, read_write> shown: array<u32>;
+@group(0) @binding(9) var<uniform> around: Around;
 
 struct Pixel {
     // In this band.
@@ -103,6 +156,8 @@ struct Pixel {
     // Geometry of the lamps of one colour: the sums of (N.L) E and of beta D F G / (N.V) E.
     diffuse: f32,
     specular: f32,
+    // Interface reflection of the three channels of an environment.
+    mirrored: vec3f,
     // Light of all colours.
     sum: vec3f,
 }

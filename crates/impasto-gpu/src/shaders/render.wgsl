@@ -5,7 +5,7 @@ fn light_by(index: u32) {
     let lamp = lamps[index];
     reach(lamp);
     if (SHADOWS) {
-        visible(index);
+        visible(lamp);
     }
     diffuse();
     specular(lamp);
@@ -46,6 +46,7 @@ fn render(
             light_by(index);
         }
     }
+    environment();
     let finite = is_finite(pixel.sum.x) && is_finite(pixel.sum.y) && is_finite(pixel.sum.z);
     let known = pixel.known && finite;
     let light = select(frame.background, pixel.sum, vec3(known));

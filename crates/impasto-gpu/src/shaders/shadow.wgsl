@@ -21,9 +21,9 @@ struct Sweep {
     // Columns and pixels of the picture.
     columns: u32,
     pixels: u32,
-    // Words of one lamp, and which lamp.
+    // Words of one lamp, and the first of this one.
     words: u32,
-    lamp: u32,
+    first_word: u32,
 }
 
 // Columns by which lines are displaced after so many steps.
@@ -114,5 +114,5 @@ fn lit(
             bits |= select(1u, 0u, depth > 0.0) << bit;
         }
     }
-    visibility[light.lamp * light.words + word] = bits;
+    visibility[light.first_word + word] = bits;
 }

@@ -1,10 +1,14 @@
 // The second term of eq. 1 and 9: interface reflection (specular.rs, surface/lobe.rs).
 
-// One lobe under the current lamp; a lobe that is not there shows nothing, whatever its shape.
-fn lobe(number: u32, lamp: Lamp) {
-    let numbers = frame.numbers[number];
+struct Shape {
+    numbers: vec3f,
+    // Whether all of them are.
+    known: bool,
+}
+
+fn shape_of(number: u32) -> Shape {
     let planes = frame.planes[number];
-    var shape = numbers.yzw;
+    var shape = frame.numbers[number].yzw;
     if (((SHAPE_MAPS >> (3u * number)) & 1u) != 0u) {
         shape.x = raw(planes.y);
     }
@@ -15,28 +19,53 @@ fn lobe(number: u32, lamp: Lamp) {
         shape.z = raw(planes.w);
     }
     let known = !(is_nan(shape.x) || is_nan(shape.y) || is_nan(shape.z));
-    shape = select(vec3f(1.0), shape, vec3(known));
-    var value: f32;
+    return Shape(select(vec3f(1.0), shape, vec3(known)), known);
+}
+
+// What a lobe of unit strength reflects of a lamp, or of a point of it, which lies in a direction.
+fn value_of(lamp: Lamp, light: vec3f, shape: vec3f, spread: f32) -> f32 {
     if (MODEL == 0u) {
-        value = torrance_sparrow(lamp, shape.x);
-    } else {
-        value = lafortune(lamp, shape);
+        return torrance_sparrow(lamp, light, shape.x, spread);
     }
-    value *= pixel.reach;
+    return lafortune(lamp, light, shape, spread);
+}
+
+// What it reflects of a lamp: of a disc the mean over its points (area.rs).
+fn reflected(lamp: Lamp, shape: vec3f) -> f32 {
+    if (SIZED_LAMPS) {
+        if (lamp.points > 1u) {
+            var sum = 0.0;
+            for (var number = 0u; number < lamp.points; number++) {
+                let point = lamps[lamp.first_point + number];
+                sum += value_of(point, light_direction(point), shape, lamp.spread);
+            }
+            return sum * (1.0 / f32(lamp.points));
+        }
+    }
+    return value_of(lamp, pixel.light, shape, 0.0);
+}
+
+fn neutral_strength(number: u32) -> f32 {
+    if (((STRENGTH_MAPS >> number) & 1u) != 0u) {
+        return raw(frame.planes[number].x);
+    }
+    return frame.numbers[number].x;
+}
+
+// One lobe under the current lamp; a lobe that is not there shows nothing, whatever its shape.
+fn lobe(number: u32, lamp: Lamp) {
+    let shape = shape_of(number);
+    let value = reflected(lamp, shape.numbers) * pixel.reach;
     if (((TINTED >> number) & 1u) != 0u) {
         // Coloured as its strengths are.
         for (var k = 0u; k < COEFFICIENTS; k++) {
-            let strength = strength_of(raw(planes.x + k), known);
-            let column = colours[lamp.colour * (COEFFICIENTS + 1u) + k].xyz;
+            let strength = strength_of(raw(frame.planes[number].x + k), shape.known);
+            let column = colours[lamp.colour + k].xyz;
             pixel.sum = fma(vec3f(strength * value), column, pixel.sum);
         }
     } else {
         // The light's colour.
-        var strength = numbers.x;
-        if (((STRENGTH_MAPS >> number) & 1u) != 0u) {
-            strength = raw(planes.x);
-        }
-        pixel.specular += strength_of(strength, known) * value;
+        pixel.specular += strength_of(neutral_strength(number), shape.known) * value;
     }
 }
 

@@ -10,15 +10,16 @@ fn fresnel(c: f32, index: f32) -> f32 {
     return 0.5 * perpendicular * perpendicular * fma(parallel, parallel, 1.0);
 }
 
-// D F G / (N.V) for the half-width gamma.
-fn torrance_sparrow(lamp: Lamp, gamma: f32) -> f32 {
+// D F G / (N.V) for the half-width gamma; with a spread of light, a variance in radians squared, D is as
+// much wider and keeps its total.
+fn torrance_sparrow(lamp: Lamp, light: vec3f, gamma: f32, spread: f32) -> f32 {
     var halfway = lamp.halfway;
     var twice_over_v_h = lamp.twice_over_v_h;
     var reflectance = lamp.fresnel;
     let view = view_direction();
     if (NEAR_LIGHTS || NEAR_VIEW) {
         if (NEAR_VIEW || lamp.near != 0u) {
-            let sum = pixel.light + view;
+            let sum = light + view;
             let squared = inner(sum, sum);
             // L = -V: there is no half vector, and nothing is mirrored.
             let opposed = squared < 1e-6;
@@ -29,7 +30,7 @@ fn torrance_sparrow(lamp: Lamp, gamma: f32) -> f32 {
             reflectance = select(fresnel(v_h, frame.index), 0.0, opposed);
         }
     }
-    let n_l = inner(pixel.normal, pixel.light);
+    let n_l = inner(pixel.normal, light);
     let n_v = inner(pixel.normal, view);
     let n_h = inner(pixel.normal, halfway);
     // Grazing: the smallest of the three quotients is finite even where N.V is 0.
@@ -39,8 +40,14 @@ fn torrance_sparrow(lamp: Lamp, gamma: f32) -> f32 {
     // The chord, not the arc cosine.
     let chord = pixel.normal - halfway;
     let width = clamp(gamma, 5e-4, 1.25);
-    let sharpness = 0.6931471805599453 / (width * width);
+    var sharpness = 0.6931471805599453 / (width * width);
+    var share = 1.0;
+    if (SIZED_LAMPS) {
+        // The half vector moves by half of what the light does.
+        share = 1.0 / fma(sharpness * 0.5, spread, 1.0);
+        sharpness *= share;
+    }
     let lobe = exponential(-(sharpness * phi_squared(inner(chord, chord) * 0.5)));
     // No light from behind, no sight from behind.
-    return select(0.0, reflectance * attenuation * lobe, n_l > 0.0 && n_v > 0.0);
+    return select(0.0, share * reflectance * attenuation * lobe, n_l > 0.0 && n_v > 0.0);
 }

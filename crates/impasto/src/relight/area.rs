@@ -70,6 +70,22 @@ pub(super) fn spread(lamp: &Lamp) -> f64 {
     0.5 * radius * radius / POINTS as f64
 }
 
+impl Lamp {
+    /// What lobes see of it, each point for an equal part of its light: of a lamp without a size the
+    /// lamp itself.
+    #[must_use]
+    pub fn points(&self) -> Vec<Light> {
+        points(self)
+    }
+
+    /// The variance of the directions about each of its [`Self::points`] along an axis, as the middle of
+    /// the painting sees it, in radians squared; 0 for a lamp without a size.
+    #[must_use]
+    pub fn spread(&self) -> f64 {
+        spread(self)
+    }
+}
+
 fn points(lamp: &Lamp) -> Vec<Light> {
     if !lamp.has_size() {
         return vec![lamp.light];

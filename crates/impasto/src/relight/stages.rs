@@ -5,10 +5,10 @@ use super::block::{BLOCK, Block, Pixels, Plane, plane};
 use super::colour::{ambient, colour};
 use super::diffuse::{self, Interface};
 use super::environment::stage::{Lit, Sky};
-use super::plan::{BOUNCE, LIT, NEAR, Plan, SHADED, SKY, lobe_bit};
+use super::plan::{LIT, NEAR, Plan, SHADED, lobe_bit};
 use super::relief::Relief;
 use super::scene::{Colour, Lamp, Scene, Surroundings};
-use super::shadow::horizon::{Horizons, seen_where};
+use super::shadow::horizon::seen_where;
 use super::shadow::{self, SIDE};
 use super::show::{Canvas, Clipped, Codes, Display, Show, ShowScratch};
 use super::specular::specular;
@@ -57,9 +57,6 @@ impl<'a> Lamps<'a> {
     }
 }
 
-/// Azimuths at which a pixel's horizon is looked for under an environment.
-const AZIMUTHS: usize = 16;
-
 /// What a plan calls for anywhere, in order.
 pub(super) fn list<'a>(
     (surface, relief): (&'a Surface<'a>, Relief<'_>),
@@ -103,13 +100,11 @@ pub(super) fn list<'a>(
     }
     if let Some(Surroundings { environment, colours, albedo }) = scene.environment() {
         let light = (environment.as_ref(), *colours);
-        let sky = match relief.height.filter(|_| plan.around_needs(SKY)) {
+        let sky = match relief.height.filter(|_| plan.needs_sky()) {
             Some(height) => {
-                let wanted = |column, row| plan.around(column * SIDE, row * SIDE) & SKY != 0;
-                let horizons = Horizons::sky(AZIMUTHS)?;
-                let seen = horizons.seen_where(height, relief.grid, wanted, run)?;
-                let albedo = if plan.around_needs(BOUNCE) { *albedo as f32 } else { 0.0 };
-                Some(Sky { seen, albedo })
+                let albedo = if plan.bounces() { *albedo as f32 } else { 0.0 };
+                let wanted = |column, row| plan.hides_sky(column, row);
+                Some(Sky::over(height, relief.grid, albedo, wanted, run)?)
             }
             None => None,
         };

@@ -8,7 +8,7 @@
 //! are lit from as distant lamps, exactly.
 
 use super::map::{Map, Texel};
-use super::table::{GROUP, Group, HEMISPHERE, Layout, Table, projected, vectors};
+use super::table::{GROUP, Group, HEMISPHERE, Layout, Nodes, Table, projected, vectors};
 use crate::error::Result;
 use crate::math::{Isa, Kernel, Real, Vec3};
 use crate::pixels::Run;
@@ -56,6 +56,15 @@ impl Irradiance {
             |group| run.level.run(Gather { group, rest: &rest, coated }),
         )?;
         Ok(Self { table, bright, coated })
+    }
+
+    pub(super) fn nodes(&self) -> Nodes<'_> {
+        Nodes::new(&self.table.nodes, self.table.layout)
+    }
+
+    /// Direction and light of what is not in the table.
+    pub(super) fn bright(&self) -> impl Iterator<Item = ([f32; 3], [f32; 3])> + '_ {
+        self.bright.iter().map(|texel| (texel.direction, texel.light))
     }
 
     /// Irradiance of normals, whose places in the projection are `places`; what an

@@ -20,7 +20,7 @@
 //! show the texels of the map.
 
 use super::map::{Cone, Map};
-use super::table::{GROUP, Group, Layout, SPHERE, Table, lagrange, vectors};
+use super::table::{GROUP, Group, Layout, Nodes, SPHERE, Table, lagrange, vectors};
 use crate::error::{Error, Result};
 use crate::math::elementary::{exp, ln_in_range};
 use crate::math::{Isa, Kernel, Real, Vec3};
@@ -104,6 +104,13 @@ impl Prefiltered {
     /// The numbers to keep.
     pub(crate) fn nodes(&self) -> &[f32] {
         &self.nodes
+    }
+
+    /// Table by table.
+    pub(super) fn tables(&self) -> impl Iterator<Item = Nodes<'_>> {
+        self.starts.iter().zip(self.layouts).map(|(&start, layout)| {
+            Nodes::new(&self.nodes[start..start + layout.count() * CHANNELS], layout)
+        })
     }
 
     /// `(n + 2) V_n` and `(n + 2) G_n` towards a place of the projection; `level` is a place among the

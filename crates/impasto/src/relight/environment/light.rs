@@ -55,6 +55,12 @@ impl Environment {
         self
     }
 
+    /// By which scheme Lafortune lobes are lit.
+    #[must_use]
+    pub fn scheme(&self) -> Scheme {
+        self.scheme
+    }
+
     /// The numbers of the maps for Lafortune lobes, if they are there.
     #[must_use]
     pub fn lobes(&self) -> Option<&[f32]> {

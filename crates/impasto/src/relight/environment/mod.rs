@@ -10,7 +10,7 @@
 //! that faces the viewer as white, as a lamp of intensity 1 does. Whatever the model, an integral over
 //! all directions becomes a lookup: [`irradiance`] for the diffuse part, [`torrance_sparrow`] and
 //! [`lafortune`] for lobes. [`map`] holds the directions, [`table`] is what is looked up, [`stage`] lights
-//! a block of pixels.
+//! a block of pixels, [`tables`] is what it looks up.
 
 mod irradiance;
 mod lafortune;
@@ -19,6 +19,7 @@ mod map;
 mod scalar;
 pub(crate) mod stage;
 mod table;
+mod tables;
 #[cfg(test)]
 mod tests;
 mod torrance_sparrow;
@@ -26,3 +27,7 @@ mod torrance_sparrow;
 pub use light::{Environment, LOBES_VERSION};
 pub use map::{Map, Rotation};
 pub use scalar::Scheme;
+pub use stage::Sky;
+pub use table::Nodes;
+pub use tables::Tables;
+pub use torrance_sparrow::Widths;

@@ -1,14 +1,11 @@
 //! Light of an environment on the pixels of a block: irradiance, then every lobe, then colour.
 
-use std::borrow::Cow;
-
-use super::irradiance::Irradiance;
 use super::lafortune::{Prefiltered, level_of};
 use super::light::Environment;
 use super::table::projected;
-use super::torrance_sparrow::Glossy;
+use super::tables::{Lobes, Tables};
 use crate::error::Result;
-use crate::geometry::View;
+use crate::geometry::{Grid, View};
 use crate::math::elementary::{exp_in_range, ln_in_range};
 use crate::math::{Isa, Real, Vec3};
 use crate::pixels::Run;
@@ -17,7 +14,8 @@ use crate::relight::colour::{colour, shine};
 use crate::relight::occlusion::one_bounce;
 use crate::relight::scene::{Colour, Scene};
 use crate::relight::shadow::Shares;
-use crate::surface::{Lobe, Model, Strength, Surface, TorranceSparrow, scaled};
+use crate::relight::shadow::horizon::Horizons;
+use crate::surface::{Lobe, Strength, Surface, scaled};
 
 /// Bounds of `ln |p|^n`, those of the model under a lamp (`brdf::lafortune`).
 const LOG_POWER: [f64; 2] = [-60.0, 40.0];
@@ -30,26 +28,40 @@ pub(crate) struct Lit<'a> {
     environment: &'a Environment,
     colours: [&'a Colour; 3],
     view: View,
-    /// The environment's own, or that of light which crosses an interface.
-    irradiance: Cow<'a, Irradiance>,
-    lobes: Lobes<'a>,
+    surface: &'a Surface<'a>,
+    tables: Tables<'a>,
     sky: Option<Sky>,
 }
 
+/// Azimuths at which a pixel's horizon is looked for under an environment.
+const AZIMUTHS: usize = 16;
+
 /// What the relief hides of an environment and gives back of its light.
-pub(crate) struct Sky {
+#[derive(Clone, Debug)]
+pub struct Sky {
     /// Which share of an even sky's light each pixel sees. Over the share that a plane with its normal
     /// alone would see, `(1 + n_z) / 2`, it is taken for the share of the environment's light that
     /// is left, diffuse and mirrored.
-    pub(crate) seen: Shares,
+    pub seen: Shares,
     /// Mean reflectance of the relief around a pixel, for one bounce of diffuse light; 0: none.
-    pub(crate) albedo: f32,
+    pub albedo: f32,
 }
 
-enum Lobes<'a> {
-    None,
-    Glossy(Vec<Glossy<'a>>),
-    Lafortune(Vec<&'a Lobe<'a>>, Box<Cow<'a, Prefiltered>>),
+impl Sky {
+    /// Over a relief `(y, x)` in mm, where tiles are `wanted`, by column and row of tiles.
+    ///
+    /// # Errors
+    /// If the sizes disagree, or the caller cancels.
+    pub fn over(
+        relief: &[f32],
+        grid: Grid,
+        albedo: f32,
+        wanted: impl Fn(usize, usize) -> bool + Sync,
+        run: &Run<'_>,
+    ) -> Result<Self> {
+        let seen = Horizons::sky(AZIMUTHS)?.seen_where(relief, grid, wanted, run)?;
+        Ok(Self { seen, albedo })
+    }
 }
 
 impl<'a> Lit<'a> {
@@ -64,28 +76,9 @@ impl<'a> Lit<'a> {
         sky: Option<Sky>,
         run: &Run<'_>,
     ) -> Result<Self> {
-        let irradiance = match surface.coated {
-            None => Cow::Borrowed(&environment.irradiance),
-            Some(_) => Cow::Owned(Irradiance::new(&environment.map, surface.coated, run)?),
-        };
-        let lobes = match (surface.model, scene.view()) {
-            _ if surface.lobes.is_empty() => Lobes::None,
-            (Model::Lafortune, _) => {
-                let maps = match &environment.lobes {
-                    Some(maps) => Cow::Borrowed(maps),
-                    None => Cow::Owned(Prefiltered::new(&environment.map, run)?),
-                };
-                Lobes::Lafortune(surface.lobes.iter().collect(), Box::new(maps))
-            }
-            (Model::TorranceSparrow { index }, view) => {
-                // Tabulated for one direction of the eye: that from the middle of the painting.
-                let seen = (TorranceSparrow { index }, view.direction());
-                let glossy = |lobe| Glossy::new(lobe, &environment.map, seen, surface.normal, run);
-                Lobes::Glossy(surface.lobes.iter().map(glossy).collect::<Result<_>>()?)
-            }
-        };
+        let tables = Tables::new(surface, environment, scene.view(), run)?;
         let colours = colours.map(|index| &scene.colours()[index]);
-        Ok(Self { environment, colours, view: scene.view(), irradiance, lobes, sky })
+        Ok(Self { environment, colours, view: scene.view(), surface, tables, sky })
     }
 
     /// Whether it reads where pixels lie.
@@ -121,7 +114,7 @@ impl<'a> Lit<'a> {
         }
         let (mut diffuse, mut specular, mut value) = (zero, zero, zero);
         let view = |lane: usize| self.view_at::<I>(block, lane);
-        self.irradiance.shade::<I>(pixels.normal, &places, view, &mut diffuse);
+        self.tables.irradiance.shade::<I>(pixels.normal, &places, view, &mut diffuse);
         let weaken = |value: &mut [Plane; 3], albedo: f32| {
             for (light, &left) in value.iter_mut().flat_map(|plane| plane.iter_mut().zip(&left)) {
                 *light *= one_bounce(left, albedo);
@@ -130,7 +123,7 @@ impl<'a> Lit<'a> {
         if let Some((_, albedo)) = sky {
             weaken(&mut diffuse, albedo);
         }
-        match &self.lobes {
+        match &self.tables.lobes {
             Lobes::None => {}
             Lobes::Glossy(lobes) => {
                 for glossy in lobes {
@@ -141,8 +134,8 @@ impl<'a> Lit<'a> {
                     self.add::<I>(block, glossy.lobe, &value, &mut specular, range);
                 }
             }
-            Lobes::Lafortune(lobes, maps) => {
-                for lobe in lobes {
+            Lobes::Lafortune(maps) => {
+                for lobe in &self.surface.lobes {
                     self.lafortune::<I>(block, pixels, lobe, maps, &mut value);
                     if sky.is_some() {
                         weaken(&mut value, 0.0);

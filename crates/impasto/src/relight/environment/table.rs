@@ -44,6 +44,29 @@ pub(crate) struct Layout {
     extent: f64,
 }
 
+/// The nodes of a table and where they lie: at `(x, y)` of the projection it has the value of column
+/// `x * scale + middle` and row `y * scale + middle`, by cubic convolution of sixteen nodes. Columns and
+/// rows are kept between 1 and `size - 2`.
+#[derive(Clone, Copy, Debug)]
+pub struct Nodes<'a> {
+    /// `(size, size, channels)`: 4 channels (red, green, blue and nothing), of Lafortune lobes 16,
+    /// four times as many: the components of a vector, and a scalar.
+    pub values: &'a [f32],
+    /// Nodes of a side.
+    pub size: usize,
+    /// Nodes per unit of the projection.
+    pub scale: f32,
+    /// The column of the middle of the projection.
+    pub middle: f32,
+}
+
+impl<'a> Nodes<'a> {
+    pub(super) fn new(values: &'a [f32], layout: Layout) -> Self {
+        let [scale, middle] = layout.placing();
+        Self { values, size: layout.size, scale, middle }
+    }
+}
+
 /// Sixteen neighbouring nodes.
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
@@ -104,11 +127,17 @@ impl Layout {
         Group { direction, cone: Cone::around((0..GROUP).map(node)), place }
     }
 
+    /// Nodes per unit of the projection, and the place among them of its middle.
+    #[inline(always)]
+    pub(crate) fn placing(&self) -> [f32; 2] {
+        [self.scale() as f32, (self.extent * self.scale() + 1.0) as f32]
+    }
+
     /// The node left of and above a place of the projection, and how far it lies beyond it.
     #[inline(always)]
     pub(crate) fn cell(&self, place: f32) -> (usize, f32) {
-        let scale = self.scale() as f32;
-        let at = Real::mul_add(place, scale, (self.extent * self.scale() + 1.0) as f32);
+        let [scale, middle] = self.placing();
+        let at = Real::mul_add(place, scale, middle);
         // `max` answers with its argument for NaN: a node must be chosen.
         let last = (self.size - 2) as f32;
         let at = Real::min(Real::max(at, 1.0), last);

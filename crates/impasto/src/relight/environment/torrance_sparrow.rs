@@ -12,7 +12,7 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use super::map::{Cone, Map};
-use super::table::{GROUP, Group, HEMISPHERE, Layout, Table, lagrange, projected, vectors};
+use super::table::{GROUP, Group, HEMISPHERE, Layout, Nodes, Table, lagrange, projected, vectors};
 use crate::error::Result;
 use crate::math::elementary::ln;
 use crate::math::{Isa, Kernel, Real, Vec3};
@@ -47,11 +47,23 @@ struct Mirrored {
 /// What one lobe shows.
 pub(crate) struct Glossy<'a> {
     pub(crate) lobe: &'a Lobe<'a>,
-    widths: Widths<'a>,
+    widths: Kept<'a>,
     narrowest: f64,
 }
 
-enum Widths<'a> {
+/// The tables of a Torrance-Sparrow lobe.
+#[derive(Clone, Debug)]
+pub struct Widths<'a> {
+    /// One, or, for a gamma of every pixel, one at every quarter octave from the widest on, of
+    /// `Y / gamma`.
+    pub tables: Vec<Nodes<'a>>,
+    /// Of one table: the factor on it.
+    pub factor: f32,
+    /// Narrower lobes are as wide as this, and as strong as they should be.
+    pub narrowest: f32,
+}
+
+enum Kept<'a> {
     /// Of a gamma, and the factor on it.
     One(Table<4>, f32),
     Many(&'a [f32], Vec<Table<4>>),
@@ -78,7 +90,7 @@ impl<'a> Glossy<'a> {
                 let needed = Needed::new(&[layout], normals, None, run)?;
                 let table = table((kept, 1.0), layout, &needed.0[0], (model, &mirrored()), run)?;
                 let below = f64::from(gamma).max(GAMMA_MIN) / narrowest;
-                Widths::One(table, (below * below).min(1.0) as f32)
+                Kept::One(table, (below * below).min(1.0) as f32)
             }
             Parameter::Map(gammas) => {
                 let levels = (4.0 * (WIDEST / narrowest).log2()).floor() as usize + 1;
@@ -92,10 +104,19 @@ impl<'a> Glossy<'a> {
                         table((gamma, gamma.recip()), layout, needed, (model, &mirrored), run)
                     })
                     .collect::<Result<_>>()?;
-                Widths::Many(gammas, tables)
+                Kept::Many(gammas, tables)
             }
         };
         Ok(Self { lobe, widths, narrowest })
+    }
+
+    pub(super) fn widths(&self) -> Widths<'_> {
+        let (tables, factor) = match &self.widths {
+            Kept::One(table, factor) => (core::slice::from_ref(table), *factor),
+            Kept::Many(_, tables) => (&tables[..], 1.0),
+        };
+        let tables = tables.iter().map(|table| Nodes::new(&table.nodes, table.layout)).collect();
+        Widths { tables, factor, narrowest: self.narrowest as f32 }
     }
 
     /// What the lobe reflects at unit strength at the normals whose places in the projection are
@@ -108,7 +129,7 @@ impl<'a> Glossy<'a> {
         out: &mut [Plane; 3],
     ) {
         match &self.widths {
-            Widths::One(table, factor) => {
+            Kept::One(table, factor) => {
                 let known = self.lobe.shape[0].at::<f32>(0);
                 let factor = if known.is_nan() { f32::NAN } else { *factor };
                 for pixel in 0..BLOCK {
@@ -118,7 +139,7 @@ impl<'a> Glossy<'a> {
                     }
                 }
             }
-            Widths::Many(gammas, tables) => {
+            Kept::Many(gammas, tables) => {
                 for (pixel, &gamma) in gammas[start..start + count].iter().enumerate() {
                     let at = Level::of(gamma, self.narrowest, tables.len());
                     let mut sums = [0.0; 3];

@@ -293,14 +293,22 @@ impl Plan {
         &self.parts[tile * self.lamps..][..self.lamps]
     }
 
-    /// What the pixels from a column and row on need under an environment.
-    pub(super) fn around(&self, column: usize, row: usize) -> u8 {
-        self.around.get(row / SIDE * self.columns + column / SIDE).copied().unwrap_or(0)
+    /// Whether a part of an environment may be hidden from a tile, by its column and row.
+    #[must_use]
+    pub fn hides_sky(&self, column: usize, row: usize) -> bool {
+        self.around.get(row * self.columns + column).is_some_and(|around| around & SKY != 0)
     }
 
-    /// Whether that is needed anywhere.
-    pub(super) fn around_needs(&self, bit: u8) -> bool {
-        self.around.iter().any(|around| around & bit != 0)
+    /// Whether it may be hidden anywhere.
+    #[must_use]
+    pub fn needs_sky(&self) -> bool {
+        self.around.iter().any(|around| around & SKY != 0)
+    }
+
+    /// Whether what hides it gives light back anywhere.
+    #[must_use]
+    pub fn bounces(&self) -> bool {
+        self.around.iter().any(|around| around & BOUNCE != 0)
     }
 
     /// Whether a part is needed anywhere.

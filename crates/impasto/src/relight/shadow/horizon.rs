@@ -258,7 +258,7 @@ pub fn soft_shadows(
 ///
 /// # Errors
 /// As [`soft_shadows`].
-pub(crate) fn seen_where(
+pub fn seen_where(
     relief: &[f32],
     grid: Grid,
     (light, radius): (&Light, f64),

@@ -15,6 +15,7 @@ pub struct Shares {
     /// Tiles side by side.
     columns: usize,
     width: usize,
+    height: usize,
     /// Row by row; none where all is seen.
     tiles: Vec<Option<Vec<u16>>>,
 }
@@ -44,7 +45,7 @@ impl Shares {
                 seen((corner, size), scratch).iter().map(code).collect()
             })
         })?;
-        Ok(Self { columns, width, tiles })
+        Ok(Self { columns, width, height, tiles })
     }
 
     /// From a map `(y, x)`, where tiles are `wanted`.
@@ -73,6 +74,21 @@ impl Shares {
         Some(&tile[row % SIDE * width..][inside..width])
     }
 
+    /// The whole picture `(y, x)` as 16-bit numbers, 65535 for all of the light.
+    #[must_use]
+    pub fn codes(&self) -> Vec<u16> {
+        let mut codes = Vec::with_capacity(self.width * self.height);
+        for row in 0..self.height {
+            for column in (0..self.width).step_by(SIDE) {
+                match self.row(column, row) {
+                    None => codes.resize(codes.len() + SIDE.min(self.width - column), u16::MAX),
+                    Some(part) => codes.extend_from_slice(part),
+                }
+            }
+        }
+        codes
+    }
+
     /// The share that a number stands for.
     #[inline(always)]
     pub(crate) fn share(code: u16) -> f32 {
@@ -91,6 +107,7 @@ mod tests {
         let map: Vec<f32> = (0..grid.width * grid.height).map(|i| (i % 97) as f32 / 96.0).collect();
         let right = |column: usize, _: usize| column == 1;
         let shares = serially(|run| Shares::of(&map, grid, right, run)).unwrap();
+        let codes = shares.codes();
         for row in 0..grid.height {
             assert!(shares.row(0, row).is_none());
             let found = shares.row(SIDE, row).unwrap();
@@ -98,8 +115,11 @@ mod tests {
             for (place, &code) in found.iter().enumerate() {
                 let expected = map[row * grid.width + SIDE + place];
                 assert!((Shares::share(code) - expected).abs() <= 0.5001 / WHOLE);
+                assert_eq!(codes[row * grid.width + SIDE + place], code);
             }
+            assert_eq!(codes[row * grid.width..][..SIDE], [u16::MAX; SIDE]);
         }
+        assert_eq!(codes.len(), map.len());
         assert_eq!((Shares::share(0), Shares::share(u16::MAX)), (0.0, 1.0));
     }
 }

@@ -1,0 +1,3 @@
+// A scene without an environment.
+
+fn environment() {}
