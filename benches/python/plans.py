@@ -3,8 +3,9 @@
     python benches/python/plans.py [--size 1024] [--record]
 
 The same surface and scene, forced (every effect that is there, everywhere) and planned. Times are
-CPU times of one thread, the shortest of nine. ``largest`` is the largest CIEDE2000 difference of a
-pixel of the whole picture, ``bound`` what the plan promised.
+CPU times of one thread, the shortest of 60 (of a plan, which takes no millisecond, of 400).
+``largest`` is the largest CIEDE2000 difference of a pixel of the whole picture, ``bound`` what the
+plan promised.
 
 ``planning`` is the time of a plan when the statistics of the surface are there, for pictures of
 more and more tiles of 256 x 256 pixels; a picture of a billion pixels has 15 259.
@@ -24,7 +25,7 @@ from record import run_info, show, write
 import impasto
 from impasto import simulate
 
-REPEATS = 9
+REPEATS = 60
 
 
 def light(azimuth: float, elevation: float) -> impasto.DistantLight:
@@ -33,9 +34,9 @@ def light(azimuth: float, elevation: float) -> impasto.DistantLight:
     return impasto.DistantLight((across * math.cos(turn), across * math.sin(turn), math.sin(up)))
 
 
-def shortest(work: Callable[[], Any]) -> float:
+def shortest(work: Callable[[], Any], repeats: int = REPEATS) -> float:
     times = []
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         start = time.process_time()
         work()
         times.append(time.process_time() - start)
@@ -115,16 +116,24 @@ def planned_against_forced(size: int) -> list[dict[str, Any]]:
 
 
 def planning() -> list[dict[str, Any]]:
-    rows = []
+    made = []
     for side in (256, 1024, 3072):
         normal = np.zeros((3, side, side), np.float32)
         normal[2] = 1.0
         diffuse = np.full((1, side, side), 0.5, np.float32)
         surface = impasto.Surface.torrance_sparrow(normal, diffuse, 0.5, 0.1)
         scene = impasto.Scene([light(90, 30)])
-        plan = impasto.plan(surface, scene, tolerance="dE:0.5", threads=1)
-        again = shortest(lambda plan=plan, scene=scene: plan.with_scene(scene))
-        rows.append({"tiles": plan.tiles, "ms": round(1e3 * again, 3)})
+        made.append((impasto.plan(surface, scene, tolerance="dE:0.5", threads=1), scene))
+    # In turns: what else the machine does disturbs all of them alike.
+    least = [math.inf] * len(made)
+    for _ in range(400):
+        for which, (plan, scene) in enumerate(made):
+            again = shortest(lambda plan=plan, scene=scene: plan.with_scene(scene), 1)
+            least[which] = min(least[which], again)
+    rows = [
+        {"tiles": plan.tiles, "ms": round(1e3 * again, 3)}
+        for (plan, _), again in zip(made, least, strict=True)
+    ]
     first, last = rows[0], rows[-1]
     per_tile = (last["ms"] - first["ms"]) / (last["tiles"] - first["tiles"])
     rows.append({"tiles": 15259, "ms": round(first["ms"] + 15258 * per_tile, 2)})
