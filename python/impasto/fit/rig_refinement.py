@@ -95,8 +95,8 @@ def refine_rig(
     distance also needs errors above twice those of rounding: below, errors fall for wrong reasons.
     What is not accepted stays as given, and all does unless photographs of other folds are
     predicted better by more than a standard error. Surfaces are under a varnish where that predicts
-    better; on metal their lobes have a shape in common that the photographs tell. One ring of lamps,
-    and less than 32 pixels, tell nothing.
+    better; on metal their lobes have a shape in common that the photographs tell. One ring
+    of lamps, and less than 32 pixels, tell nothing.
 
     Parameters
     ----------
