@@ -23,7 +23,7 @@ def found(kind: Kind, trim: float, *, coated: bool = False) -> Found:
     # A hundredth from photograph to photograph: a standard error of 0.02 dB, where a fall by 2 %
     # gains 0.17 dB.
     own = 1.0 + 0.01 * np.sin(np.arange(LIGHTS))
-    test: Any = SimpleNamespace(coated=coated)
+    test: Any = SimpleNamespace(surfaces="coated" if coated else "plain", coated=coated)
     state = RigNumbers(np.zeros(2), np.zeros(LIGHTS))
     return Found(state, kind, test, Errors(own[:, None] * size))
 

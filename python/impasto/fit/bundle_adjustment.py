@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.fit.held_out import KEPT, HeldOut, log_ratios
-from impasto.fit.lobes import LobeSbrdf
+from impasto.fit.lobe_profile import Fitted, shown_by
 from impasto.fit.normal_equations import Linear, eliminated, solved
 from impasto.fit.strength_search import (
     FEWEST,
@@ -27,7 +27,6 @@ from impasto.fit.strength_search import (
     log_elevation,
 )
 from impasto.rig import Rig
-from impasto.status import Status
 from impasto.surface import Lobe, Surface
 
 Array = NDArray[np.float64]
@@ -120,7 +119,7 @@ class BundleAdjustment:
             return start
         mean = None
         if strengths == "held":
-            mean = _mean_normal(self._fitted(replace(start, log=0.0 * start.log), folds)[0][0])
+            mean = self._fitted(replace(start, log=0.0 * start.log), folds)[0][0].mean_normal
         state, best, least, worse = start, None, np.inf, 0
         before: Array | None = None
         loose = 4.0 if folds == 1 else 1.0
@@ -155,26 +154,25 @@ class BundleAdjustment:
 
     # --- the surface under a rig
 
-    def _fitted(self, state: RigNumbers, folds: int = 1) -> tuple[list[LobeSbrdf], float]:
+    def _fitted(self, state: RigNumbers, folds: int = 1) -> tuple[list[Fitted], float]:
         """The surface, or one without each fold, and their trimmed error."""
         stack = self._test.lit(self._at(state))
         count, surfaces, errors = len(stack.rig), [], []
         for fold in range(folds):
             held = _photographs(count, fold, folds)
             found = self._test.surface(stack if folds == 1 else stack.take(np.flatnonzero(~held)))
-            shown = found.predict(stack.rig.take(np.flatnonzero(held)), threads=self._threads)
+            shown = found.shown(stack.rig.take(np.flatnonzero(held)), self._threads)
             error = np.abs(self._test.truth[held] - self._test.coded(shown))
-            errors.append(error[..., found.status < Status.DARK].ravel())
+            errors.append(error[..., found.fine].ravel())
             surfaces.append(found)
         size = np.sort(np.concatenate(errors))
         size = size[np.isfinite(size)]
         return surfaces, float(size[: int(KEPT * size.size)].mean()) if size.size else np.inf
 
-    def _medians(self, state: RigNumbers, found: LobeSbrdf) -> Array:
+    def _medians(self, state: RigNumbers, found: Fitted) -> Array:
         """Logarithms of strengths by median ratios; 0, as given, where a photograph is black."""
         rig = self._test.lit(self._at(state)).rig
-        shown = found.predict(rig, threads=self._threads).astype(np.float64)
-        shown[..., found.status >= Status.DARK] = np.nan
+        shown = found.shown(rig, self._threads)
         ratios = log_ratios(self._test.samples, shown.mean(axis=1), rig.intensities)
         return np.where(np.isfinite(ratios), state.log + ratios, 0.0)
 
@@ -183,7 +181,7 @@ class BundleAdjustment:
     def _step(
         self,
         state: RigNumbers,
-        surfaces: list[LobeSbrdf],
+        surfaces: list[Fitted],
         axes: list[int],
         strengths: Kind,
         nearest: float,
@@ -195,14 +193,13 @@ class BundleAdjustment:
         places, lamps = len(axes), strengths != "given"
         numbers = places + len(state.log) * lamps
         matrix, right = np.zeros((numbers, numbers)), np.zeros(numbers)
-        squares, used = 0.0, 0
+        squares = 0.0
         for fold, found in enumerate(surfaces):
             held = _photographs(len(state.log), fold, len(surfaces))
             linear = self._linear(state, found, axes, held, lamps=lamps)
             product, by_error = eliminated(linear, held)
             matrix, right = matrix + product, right + by_error
             squares += float((linear.error[..., held] ** 2).sum())
-            used += int(np.count_nonzero(linear.error[..., held]))
         squared = np.diag(matrix)[places:]
         determined = (
             squared > _LEAST * np.median(squared) if lamps else np.ones(len(state.log), np.bool_)
@@ -211,8 +208,10 @@ class BundleAdjustment:
         use = np.r_[np.ones(places, np.bool_), determined] if lamps else np.ones(places, np.bool_)
         row = np.zeros(numbers)
         if lamps:
-            # Errors count twice: neighbouring photographs err alike.
-            prior = 2.0 * squares / max(used, 1) / _PRIOR**2
+            # What the model does not describe is alike in all pixels of a photograph: there are no
+            # more independent errors than photographs. Directions in which strengths do little
+            # would else take what the shape of a lobe leaves, times its inverse.
+            prior = squares / len(state.log) / _PRIOR**2
             each = np.arange(places, numbers)
             matrix[each, each] += prior
             right[each] -= prior * state.log
@@ -225,13 +224,13 @@ class BundleAdjustment:
             step = solved(matrix, right, row, use)
         return step, determined
 
-    def _held(self, step: Array, log: Array, found: LobeSbrdf, mean: Array) -> Array:
+    def _held(self, step: Array, log: Array, found: Fitted, mean: Array) -> Array:
         """The step without the gauge: tilt and fall-off stay, or return, where they are held.
 
         Taken from all lamps alike: as conditions on the step they would be met by the few lamps
         that photographs determine least.
         """
-        lights, now = self._directions, _mean_normal(found)
+        lights, now = self._directions, found.mean_normal
         tilts = [gauge(lights, mean, _TILT * way) / _TILT for way in np.eye(3)[:2]]
         ways = np.column_stack([np.ones(len(step)), *tilts])
         usual = np.abs(log + step) <= OUTLIER
@@ -243,18 +242,18 @@ class BundleAdjustment:
     def _linear(
         self,
         state: RigNumbers,
-        found: LobeSbrdf,
+        found: Fitted,
         axes: list[int],
         held: NDArray[np.bool_],
         *,
         lamps: bool,
     ) -> Linear:
         """Errors in codes, weighted, and their derivatives; those ``held`` are to be small."""
-        fine = found.status < Status.DARK
-        rig, surface = self._test.lit(self._at(state)).rig, found.surface()
+        fine = found.fine
+        rig, surface = self._test.lit(self._at(state)).rig, found.result.surface()
 
         def shown(one: Surface, rig: Rig = rig) -> Array:
-            light = one.predict(rig, threads=self._threads)[:, :, fine]
+            light = shown_by(one, found.profile, rig, self._threads)[:, :, fine]
             return np.ascontiguousarray(light.transpose(2, 1, 0), dtype=np.float64)
 
         light = shown(surface)
@@ -355,8 +354,3 @@ def _extrapolated(step: Array, before: Array) -> Array:
 def _photographs(count: int, fold: int, folds: int) -> NDArray[np.bool_]:
     """``(obs,)`` which photographs count: those of a fold."""
     return np.asarray(np.arange(count) % folds == fold)
-
-
-def _mean_normal(found: LobeSbrdf) -> Array:
-    mean = found.normal[:, found.status < Status.DARK].mean(axis=1, dtype=np.float64)
-    return np.asarray(mean / np.linalg.norm(mean))

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto.encoding import Encoding
 from impasto.fit.cross_validation import full_scale
+from impasto.fit.lobe_profile import Fitted, glossy, shaped
 from impasto.fit.lobes import LobeSbrdf, fit_lobes
 from impasto.fit.normals import fit_normals
 from impasto.fit.subsample import subsampled_to
 from impasto.rig import PointView, Rig
 from impasto.stack import Stack
-from impasto.status import Status
+
+Surfaces = Literal["plain", "coated", "shaped"]
+"""Diffuse light as Lambert says; under a varnish; lobes of a shape that the painting tells."""
 
 DIM = 0.2
 """Share of a pixel's mean light below which shadows affect a sample more than the lamp does."""
@@ -24,8 +27,8 @@ KEPT = 0.9
 """Share of the samples, those with the smallest errors, that the trimmed mean counts."""
 CODES = 255.0
 """Errors are in codes of 8 bits, whatever the files have."""
-_COATED = 0.02
-"""Share by which a varnish, or none, must lower the trimmed mean to be taken."""
+_SUITS = 0.02
+"""Share by which surfaces of the other kind must lower the trimmed mean to be taken."""
 ROUNDED = 0.3
 """Trimmed means up to this many steps of the files are rounding, which alone gives 0.22: nothing
 lowers them for a reason."""
@@ -110,8 +113,8 @@ class HeldOut:
     median of sample / predicted sample, is taken from it. What is compared is then the surface,
     with strengths of lamps that no rule predicts as well as with those of a dome.
 
-    ``coated``: whether the diffuse part of the surfaces that are fitted lies under a varnish. Wrong
-    strengths stand for what the varnish keeps back, and a wrong distance hides it.
+    ``surfaces``: which are fitted. Wrong strengths stand for what a varnish keeps back, and a wrong
+    distance hides it; where most light is in the lobes they stand for the shape of these.
     """
 
     def __init__(
@@ -121,9 +124,10 @@ class HeldOut:
         *,
         index: float,
         threads: int | None,
-        coated: bool = False,
+        surfaces: Surfaces = "plain",
     ) -> None:
-        self.coated = coated
+        self.surfaces: Surfaces = surfaces
+        self._others: tuple[Surfaces, Surfaces] = ("plain", "coated")
         kind = stack.samples.dtype
         fine = kind.itemsize > 1 and kind.kind in "iu"
         self.rounded = ROUNDED * (CODES / np.iinfo(kind).max if fine else 1.0)
@@ -151,17 +155,39 @@ class HeldOut:
         local = Rig(rig.seen_from(*self._middle), pitch_mm=self._few.rig.pitch_mm)
         return self._few._replace(rig=local)
 
+    @property
+    def coated(self) -> bool:
+        """Whether the diffuse part lies under a varnish."""
+        return self.surfaces == "coated"
+
     def otherwise(self) -> HeldOut:
-        """The same photographs with surfaces under a varnish instead of without, or back."""
-        other = copy(self)
-        other.coated = not self.coated
-        return other
+        """The same photographs with surfaces of the other kind.
+
+        That is under a varnish, or on metal with shaped lobes; or plain.
+        """
+        plain, other = self._others
+        return self.of(other if self.surfaces == plain else plain)
+
+    def of(self, surfaces: Surfaces) -> HeldOut:
+        """The same photographs with surfaces of some kind."""
+        one = copy(self)
+        one.surfaces = surfaces
+        return one
 
     def suited(self, rig: Rig, folds: int) -> HeldOut:
         """The better of this and :meth:`otherwise`, by what its surfaces predict under a rig."""
         other = self.otherwise()
         fall = other.errors(rig, folds).than(self.errors(rig, folds)).fall
-        return other if fall > _COATED else self
+        return other if fall > _SUITS else self
+
+    def for_metal(self, rig: Rig) -> HeldOut:
+        """The same; where most light is in the lobes, :meth:`otherwise` has shaped ones."""
+        lit = self.lit(rig)
+        if not glossy(self._fitted(lit), lit.rig, self._threads):
+            return self
+        one = copy(self)
+        one._others = ("plain", "shaped")
+        return one
 
     def rotated(self) -> HeldOut:
         """The photographs after half a turn under lamps and cameras that did not turn.
@@ -182,8 +208,13 @@ class HeldOut:
         other._middle = (-x - 2.0 * self._origin[0], -y - 2.0 * self._origin[1])
         return other
 
-    def surface(self, stack: Stack, lobes: int = 1) -> LobeSbrdf:
-        """The surface of (some photographs of) the sample."""
+    def surface(self, stack: Stack, lobes: int = 1) -> Fitted:
+        """The surface of (some photographs of) the sample; of several lobes none is shaped."""
+        if self.surfaces == "shaped" and lobes == 1:
+            return shaped(self._fitted, stack, self._threads)
+        return Fitted(self._fitted(stack, lobes))
+
+    def _fitted(self, stack: Stack, lobes: int = 1) -> LobeSbrdf:
         return fit_lobes(
             stack,
             fit_normals(stack, threads=self._threads),
@@ -208,8 +239,7 @@ class HeldOut:
             seen = np.setdiff1d(np.arange(count), held)
             rig = stack.rig.take(held)
             surface = self.surface(stack.take(seen), lobes)
-            shown = surface.predict(rig, threads=self._threads).astype(np.float64)
-            shown[..., surface.status >= Status.DARK] = np.nan
+            shown = surface.shown(rig, self._threads)
             own = log_ratios(self.samples[held], shown.mean(axis=1), rig.intensities)
             alike = shown * np.exp(np.where(np.isfinite(own), own, 0.0))[:, None, None, None]
             for errors, light in zip(coded, (alike, shown), strict=True):

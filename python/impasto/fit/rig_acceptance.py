@@ -61,7 +61,8 @@ def chosen(found: Sequence[Found], rounded: float) -> Found:
     if free is not None:
         # Against those with the same surfaces: that lamps differ is settled, and what is left
         # between the two kinds of surface may be less than tilt and fall-off are worth.
-        alike = [one for one in found if one.kind == "held" and one.test.coated == free.test.coated]
+        same = free.test.surfaces
+        alike = [one for one in found if one.kind == "held" and one.test.surfaces == same]
         usual = alike[0] if alike else held
         if free.errors.than(usual.errors).better(_DETERMINED, _PROBABLE):
             return free
@@ -72,7 +73,7 @@ def suited(first: Found) -> Callable[[Found], float]:
     """The trimmed error, in favour of surfaces of the same kind as the first."""
 
     def trim(one: Found) -> float:
-        share = 1.0 if one.test.coated == first.test.coated else 1.0 - _SUITS
+        share = 1.0 if one.test.surfaces == first.test.surfaces else 1.0 - _SUITS
         return one.errors.trim / share
 
     return trim

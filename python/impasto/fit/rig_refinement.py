@@ -20,7 +20,7 @@ from impasto._internal.checks import refractive_index, truth
 from impasto.errors import ArgumentError
 from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
 from impasto.fit.coordinate_search import coordinate_search
-from impasto.fit.held_out import Comparison, Errors, HeldOut
+from impasto.fit.held_out import Comparison, Errors, HeldOut, Surfaces
 from impasto.fit.rig_acceptance import (
     COARSE,
     FALL,
@@ -95,7 +95,8 @@ def refine_rig(
     distance also needs errors above twice those of rounding: below, errors fall for wrong reasons.
     What is not accepted stays as given, and all does unless photographs of other folds are
     predicted better by more than a standard error. Surfaces are under a varnish where that predicts
-    better. One ring of lamps, and less than 32 pixels, tell nothing.
+    better; on metal their lobes have a shape in common that the photographs tell. One ring
+    of lamps, and less than 32 pixels, tell nothing.
 
     Parameters
     ----------
@@ -229,7 +230,7 @@ class _Search:
         ]
         self._folds = _FOLDS if len(rig) >= _MANY else _FOLDS_OF_FEW
         self._test = HeldOut(stack, _PIXELS, index=index, threads=threads)
-        self._known: dict[tuple[bool, bytes, bytes], Errors] = {}
+        self._known: dict[tuple[Surfaces, bytes, bytes], Errors] = {}
         self._last: tuple[RigNumbers, Rig] | None = None
         self.report: Callable[[int, int], object] | None = None
         self._done = 0
@@ -261,7 +262,7 @@ class _Search:
 
     def errors(self, state: RigNumbers) -> Errors:
         """Errors of photographs held out."""
-        key = (self._test.coated, state.place.tobytes(), state.log.tobytes())
+        key = (self._test.surfaces, state.place.tobytes(), state.log.tobytes())
         if key not in self._known:
             self._known[key] = self._test.errors(self.at(state), self._folds)
             self._tick()
@@ -355,7 +356,8 @@ class _Search:
         found = self.explained()
         start = chosen(found, self._test.rounded).state
         self._test = first.otherwise()
-        found += self.explained(start)
+        # Where lobes of the wrong shape lead may be far from the rig that the right ones show.
+        found += self.explained(None if self._test.surfaces == "shaped" else start)
         return chosen(found, self._test.rounded)
 
     # --- the decision
@@ -371,7 +373,7 @@ class _Search:
         low, high = np.quantile(self._given.directions[:, 2], (0.1, 0.9))
         if high - low < _RING:
             return self._untouched("lamps of one elevation do not show it")
-        self._test = self._test.suited(self.at(nothing), self._folds)
+        self._test = self._test.for_metal(self.at(nothing)).suited(self.at(nothing), self._folds)
         trim = self.errors(nothing).trim
         if trim <= self._test.rounded:
             return self._untouched(f"errors of {trim:.2f} codes are those of rounding")
@@ -502,7 +504,7 @@ class _Search:
             _MANY_PIXELS,
             index=self._index,
             threads=self._threads,
-            coated=self._test.coated,
+            surfaces=self._test.surfaces,
         )
         adjustment = BundleAdjustment(many, self.at, self._given.directions, self._threads)
         found = adjustment.solve(state, free, kind, nearest=_NEAREST, folds=self._folds)
