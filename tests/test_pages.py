@@ -38,7 +38,7 @@ def test_the_accuracy_page_has_its_tables() -> None:
 
 
 def _rounded(value: Any) -> Any:
-    """Numbers to 12 digits: numpy's logarithms, exponentials and sums end differently per processor.
+    """Numbers to 12 digits: numpy's logarithms and sums end differently on other processors.
 
     Each is off by a few roundings of double precision, 2e-16, in means of a few dozen numbers.
     """
