@@ -78,15 +78,14 @@ impl Surroundings {
     ) -> Result<&'a Self> {
         let seen = facts.are_seen().then(|| view.direction());
         let serves = |one: &Self| Arc::ptr_eq(&one.environment, environment) && one.seen == seen;
-        let one = match there.take().filter(serves) {
-            Some(one) => one,
-            None => {
-                let (around, tables) = match maps {
-                    Maps::Here(surface) => uploaded(gpu, surface, environment, view, run)?,
-                    Maps::There(bands) => fetched(gpu, (facts, bands), environment, view, run)?,
-                };
-                Self { environment: Arc::clone(environment), seen, around, tables }
-            }
+        let one = if let Some(one) = there.take().filter(serves) {
+            one
+        } else {
+            let (around, tables) = match maps {
+                Maps::Here(surface) => uploaded(gpu, surface, environment, view, run)?,
+                Maps::There(bands) => fetched(gpu, (facts, bands), environment, view, run)?,
+            };
+            Self { environment: Arc::clone(environment), seen, around, tables }
         };
         Ok(there.insert(one))
     }
@@ -146,7 +145,9 @@ fn uploaded(
         *place = Widths { first, count, factor, narrowest: lobe.narrowest };
     }
     let prefiltered = tables.prefiltered();
-    prefiltered.iter().for_each(|&nodes| placed.add(nodes));
+    for &nodes in &prefiltered {
+        placed.add(nodes);
+    }
     let bright: Vec<[f32; VECTOR]> = tables
         .bright()
         .flat_map(|(direction, light)| [direction, light])

@@ -161,7 +161,7 @@ impl Shown {
         let mut lit = Lit::of(scene, self.model, background, display);
         let empty = gpu.checked(|gpu| gpu.buffer(16, BufferUsages::STORAGE))?;
         let throws = |lamp| plan.is_none_or(|plan| plan.needs(lamp, SHADED));
-        let shadows = relief.as_ref().filter(|_| (0..scene.lamps().len()).any(throws)).is_some();
+        let shadows = relief.is_some() && (0..scene.lamps().len()).any(throws);
         let visibility = match relief.as_deref_mut().filter(|_| shadows) {
             None => empty.clone(),
             Some(relief) => {

@@ -16,6 +16,7 @@ use crate::surface::SurfaceArguments;
 
 /// What `impasto.lighting.SceneArguments` holds.
 #[derive(FromPyObject)]
+#[allow(clippy::struct_excessive_bools, reason = "they are read by name from a Python object")]
 pub(crate) struct SceneArguments<'py> {
     pub(crate) rig: RigArguments<'py>,
     /// (light,).
