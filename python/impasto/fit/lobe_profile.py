@@ -132,11 +132,11 @@ def _learned(
     lobe, angle = _gloss(found.result.surface(), rig, threads)
     known = np.isfinite(linear) & np.isfinite(light) & np.isfinite(angle)[:, None]
     now = lobe if found.profile is None else lobe * found.profile.at(angle)[:, None]
-    told = known & (now > _SHARE * light) & (lobe > 0.0)
-    angles = np.broadcast_to(angle[:, None], lobe.shape)[told]
+    dominated = known & (now > _SHARE * light) & (lobe > 0.0)
+    angles = np.broadcast_to(angle[:, None], lobe.shape)[dominated]
     if len(angles) < _KNOTS:
         return None
-    ratio = (linear[told] - (light - now)[told]) / lobe[told]
+    ratio = (linear[dominated] - (light - now)[dominated]) / lobe[dominated]
     order = np.argsort(angles, kind="stable")
     parts = np.array_split(order, _KNOTS)
     knots = np.array([np.median(angles[part]) for part in parts])
