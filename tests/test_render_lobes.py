@@ -216,6 +216,23 @@ def test_coloured_lobes_have_spectra(kind: str, request: Any) -> None:
     assert np.nanmax(np.abs(lamp - day)) > 0.1 * np.nanmax(plain)
 
 
+def test_an_infinite_exponent_is_a_dark_lobe_under_lamps_of_any_size() -> None:
+    size = (4, 6)
+    normal = np.zeros((3, *size), np.float32)
+    normal[2] = 1.0
+    lobe = np.ones((1, *size), np.float32)
+    surface = impasto.Surface.lafortune(
+        normal, np.full((3, *size), 0.3), 0.5 * np.ones((1, 3, *size)), -lobe, lobe, np.inf * lobe
+    )
+    matte = impasto.Surface(normal, np.full((3, *size), 0.3))
+    for radius in (0.0, 0.1):
+        scene = Scene([DistantLight((0.1, 0.0, 1.0), radius=radius)], exposure=1.0)
+        shown = impasto.render(surface, scene, output="light")
+        expected = impasto.render(matte, scene, output="light")
+        assert (shown.coverage == 1.0).all()
+        np.testing.assert_allclose(shown.xyz, expected.xyz, rtol=1e-6)
+
+
 def test_wrong_surfaces_are_refused(lafortune: impasto.LafortuneSbrdf) -> None:
     maps = (lafortune.normal, lafortune.diffuse)
     shape = {name: getattr(lafortune, name) for name in lafortune.SHAPE}

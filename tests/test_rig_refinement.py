@@ -187,8 +187,22 @@ def test_lamps_keep_their_size(tmp_path: Path) -> None:
     assert moved == pytest.approx(500.0 * np.tan(0.05))
     assert far.at(near).radii == pytest.approx(np.arctan(20.0 / 500.0))
     assert far.at([(0.0, 0.0, 1.0)]).radii.tolist() == [0.0]
-    widest = near.at([DistantLight((0.0, 0.0, 1.0), radius=np.pi / 4)]).lights[0]
-    assert widest.radius == pytest.approx(250.0)
+    # The largest that there are, whose radii may round to either side of half their distance.
+    azimuths = np.linspace(0.0, 6.0, 50)
+    around = np.stack([np.cos(azimuths), np.sin(azimuths), 1.3 + azimuths], axis=1)
+    widest = near.at([DistantLight(tuple(one), radius=np.pi / 4) for one in around.tolist()])
+    assert widest.radii == pytest.approx(250.0)
+
+
+@pytest.mark.slow
+def test_distant_lamps_that_are_found_to_be_near_keep_their_size(near: Any) -> None:
+    _, stack, _, refined = near
+    given = [replace(light, radius=0.05) for light in stack.rig.lights]
+    found = impasto.refine_rig(stack._replace(rig=stack.rig.with_lights(given)))
+    assert found.vectors.tobytes() == refined.vectors.tobytes()
+    assert found.near.all()
+    far = np.linalg.norm(found.vectors, axis=1)
+    assert found.radii == pytest.approx(far * np.tan(0.05))
 
 
 def test_views_that_differ_have_no_new_lamps() -> None:

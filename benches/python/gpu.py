@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -21,7 +21,7 @@ import numpy as np
 from record import run_info, show, write
 
 import impasto
-from impasto import DistantLight, Scene, Surface, gpu
+from impasto import DistantLight, Environment, Scene, Surface, gpu
 
 SIDE = 1024
 THREADS = 2
@@ -53,11 +53,25 @@ def paintings() -> dict[str, Surface]:
     }
 
 
-def scenes(*, shadows: bool) -> list[Scene]:
-    """A lamp that turns."""
+def scenes(*, shadows: bool, radius: float = 0.0, room: bool = False) -> list[Scene]:
+    """A lamp that turns, as large as ``radius`` says, alone or in the gallery."""
     angles = np.linspace(0.1, 5.9, FRAMES)
-    lights = [(np.cos(a), np.sin(a), 0.8) for a in angles]
-    return [Scene([DistantLight(light)], shadows=shadows, exposure=0.8) for light in lights]
+    lamps = [DistantLight((np.cos(a), np.sin(a), 0.8), radius=radius) for a in angles]
+    around = Environment.named("gallery") if room else None
+    return [
+        Scene([lamp], environment=around, shadows=shadows, exposure=0.5 if room else 0.8)
+        for lamp in lamps
+    ]
+
+
+def cases() -> Iterator[tuple[str, Surface, list[Scene]]]:
+    """Surfaces and the scenes in which they are shown."""
+    surfaces = paintings()
+    for name, surface in surfaces.items():
+        yield name, surface, scenes(shadows=surface.height is not None)
+    glossy = "Torrance-Sparrow, one for all"
+    for what, options in (("a lamp of 6 degrees", {"radius": 0.05}), ("a gallery", {"room": True})):
+        yield f"{glossy}, {what}", surfaces[glossy], scenes(shadows=False, **options)
 
 
 def least(contenders: dict[str, Callable[[Scene], Any]], views: list[Scene]) -> dict[str, float]:
@@ -75,9 +89,8 @@ def least(contenders: dict[str, Callable[[Scene], Any]], views: list[Scene]) -> 
 def measured(adapter: str) -> list[dict[str, Any]]:
     """A row for each surface."""
     rows = []
-    for name, surface in paintings().items():
+    for name, surface, views in cases():
         shadows = surface.height is not None
-        views = scenes(shadows=shadows)
         renderer = gpu.Renderer(surface, shadows=shadows, adapter=adapter, threads=THREADS)
         on_card = renderer.frame
         on_cpu = drawn_by_cpu(surface)

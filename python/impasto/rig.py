@@ -368,12 +368,9 @@ class Rig:
         if self.near.all():
             log = np.log(np.linalg.norm(self.vectors, axis=1))
             places = towards * np.exp(over_directions(self.directions, log, towards))[:, None]
-            radii = np.tan(np.minimum(sizes, _WIDEST)) * np.linalg.norm(places, axis=1)
             lamps = [
-                PointLight((x, y, z), strength, bool(self.falloff[0]), radius)
-                for (x, y, z), strength, radius in zip(
-                    places.tolist(), strengths, radii.tolist(), strict=True
-                )
+                near_lamp(place, strength, bool(self.falloff[0]), size)
+                for place, strength, size in zip(places, strengths, sizes.tolist(), strict=True)
             ]
         else:
             lamps = [
@@ -553,8 +550,17 @@ def _vector(values: Any, name: str) -> NDArray[np.float64]:
     return vector
 
 
-_WIDEST = math.atan(0.5)
-"""Angular radius of the largest near lamp."""
+def near_lamp(
+    position: NDArray[np.float64], intensity: float, falloff: bool, angular_radius: float
+) -> PointLight:
+    """A lamp at a place in mm, as large as it seems from the middle of the painting, in radians.
+
+    No near lamp is wider than it is far.
+    """
+    far = float(np.linalg.norm(position))
+    radius = min(math.tan(min(angular_radius, math.pi / 4)) * far, far / 2)
+    x, y, z = position.tolist()
+    return PointLight((x, y, z), intensity, falloff, radius)
 
 
 def _angular_radii(rig: Rig) -> NDArray[np.float64]:

@@ -32,7 +32,7 @@ from impasto.fit.rig_acceptance import (
     suited,
 )
 from impasto.refinement import Estimate, RigRefinement
-from impasto.rig import DistantLight, Light, PointLight, PointView, Rig, Views
+from impasto.rig import DistantLight, Light, PointView, Rig, Views, near_lamp
 from impasto.stack import Stack, checked_stack
 
 _PIXELS = 576
@@ -249,8 +249,8 @@ class _Search:
         for light, factor in zip(self._given.lights, np.exp(state.log).tolist(), strict=True):
             strength = light.intensity * factor
             if isinstance(light, DistantLight) and w > 0.0:
-                x, y, z = (self._half / w * np.array(light.direction)).tolist()
-                lights.append(PointLight((x, y, z), strength, self._falloff))
+                position = self._half / w * np.array(light.direction)
+                lights.append(near_lamp(position, strength, self._falloff, light.radius))
             else:
                 lights.append(replace(light, intensity=strength))
         views: Views = self._given.viewpoints

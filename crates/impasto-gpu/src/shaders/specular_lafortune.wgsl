@@ -18,12 +18,13 @@ fn lafortune(lamp: Lamp, light: vec3f, shape: vec3f, spread: f32) -> f32 {
     var log = shape.z * log_base;
     var share = 1.0;
     if (SIZED_LAMPS) {
-        let exponent = shape.z / fma(shape.z, spread, 1.0);
+        let sharp = min(shape.z, 1e30);
+        let exponent = sharp / fma(sharp, spread, 1.0);
         let flat = shape.x * shape.x;
         let square = fma(fma(shape.y, shape.y, -flat), n_v * n_v, flat);
         let length = 0.5 * ln_in_range(clamp(square, smallest, 3e38));
-        log = fma(shape.z - exponent, length, exponent * log_base);
-        share = (exponent + 1.0) / (shape.z + 1.0);
+        log = fma(sharp - exponent, length, exponent * log_base);
+        share = (exponent + 1.0) / (sharp + 1.0);
     }
     let power = clamp(log, -60.0, 40.0);
     // No light from behind, no sight from behind.

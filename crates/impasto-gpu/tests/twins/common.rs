@@ -139,3 +139,21 @@ pub(crate) fn encoded_difference(one: &Picture, other: &Picture) -> f32 {
         .map(|(&a, &b)| (encoded(a) - encoded(b)).abs())
         .fold(0.0, f32::max)
 }
+
+/// The CPU's picture of a scene, from which the card's must not differ by more than `tolerance`.
+pub(crate) fn agreed(
+    gpu: &Gpu,
+    (name, number): (&str, usize),
+    surface: &Surface<'_>,
+    height: Option<&[f32]>,
+    scene: &Scene,
+    tolerance: f32,
+) -> Picture {
+    let expected = on_cpu(surface, height, scene, GRID);
+    let found = on_gpu(gpu, surface, height, scene, GRID);
+    let difference = encoded_difference(&expected, &found);
+    assert!(difference <= tolerance, "{name}, scene {number}: {difference:e}");
+    let lit = expected.light.iter().filter(|&&light| light > 0.01).count();
+    assert!(lit > PIXELS / 4, "{name}, scene {number}: too dark to tell, {lit}");
+    expected
+}

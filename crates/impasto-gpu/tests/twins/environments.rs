@@ -100,12 +100,7 @@ fn compared_within(
     ];
     for (number, (lights, view)) in scenes.into_iter().enumerate() {
         let scene = around(room, lights, view, 0.4);
-        let expected = on_cpu(surface, height, &scene, GRID);
-        let found = on_gpu(&gpu, surface, height, &scene, GRID);
-        let difference = encoded_difference(&expected, &found);
-        assert!(difference <= tolerance, "{name}, scene {number}: {difference:e}");
-        let lit = expected.light.iter().filter(|&&light| light > 0.01).count();
-        assert!(lit > PIXELS / 4, "{name}, scene {number}: too dark to tell, {lit}");
+        agreed(&gpu, (name, number), surface, height, &scene, tolerance);
     }
 }
 

@@ -34,10 +34,7 @@ fn compared(name: &str, surface: &Surface<'_>, height: Option<&[f32]>, tolerance
     ];
     for (number, (lights, view)) in scenes.into_iter().enumerate() {
         let scene = discs(lights, view);
-        let expected = on_cpu(surface, height, &scene, GRID);
-        let found = on_gpu(&gpu, surface, height, &scene, GRID);
-        let difference = encoded_difference(&expected, &found);
-        assert!(difference <= tolerance, "{name}, scene {number}: {difference:e}");
+        let expected = agreed(&gpu, (name, number), surface, height, &scene, tolerance);
         let points: Vec<_> = lights.iter().map(|&(light, _)| (light, 0.0)).collect();
         let hard = on_cpu(surface, height, &discs(&points, view), GRID);
         let changed = encoded_difference(&expected, &hard);

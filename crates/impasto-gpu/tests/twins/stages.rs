@@ -43,12 +43,7 @@ fn compared_within(tolerance: f32, name: &str, surface: &Surface<'_>, height: Op
     ];
     for (number, (lights, view)) in scenes.into_iter().enumerate() {
         let scene = scene(lights, view);
-        let expected = on_cpu(surface, height, &scene, GRID);
-        let found = on_gpu(&gpu, surface, height, &scene, GRID);
-        let difference = encoded_difference(&expected, &found);
-        assert!(difference <= tolerance, "{name}, scene {number}: {difference:e}");
-        let lit = expected.light.iter().filter(|&&light| light > 0.01).count();
-        assert!(lit > PIXELS / 4, "{name}, scene {number}: too dark to tell, {lit}");
+        agreed(&gpu, (name, number), surface, height, &scene, tolerance);
     }
 }
 

@@ -195,14 +195,17 @@ impl<R: Real> Lobe<R> {
         let (base, smallest) = (self.base(pair), R::of(BASE_MIN));
         let lit = base.gt(smallest);
         let one = R::one();
-        let exponent = self.exponent / self.exponent.mul_add(spread, one);
+        // An infinite exponent over itself would be no number; the lobe of either is dark.
+        let most = R::of(1e30);
+        let sharp = R::select(self.exponent.gt(most), most, self.exponent);
+        let exponent = sharp / sharp.mul_add(spread, one);
         let flat = self.cxy * self.cxy;
         let square = self.cz.mul_add(self.cz, -flat).mul_add(seen * seen, flat);
         let length = R::of(0.5) * ln_in_range(square.max(smallest));
         let log = exponent * ln_in_range(base.max(smallest));
-        let log = (self.exponent - exponent).mul_add(length, log);
+        let log = (sharp - exponent).mul_add(length, log);
         let log = log.max(R::of(LOG_POWER_MIN)).min(R::of(LOG_POWER_MAX));
-        let share = (exponent + one) / (self.exponent + one);
+        let share = (exponent + one) / (sharp + one);
         self.amplitude * share * R::keep(lit, exp_in_range(log))
     }
 
