@@ -237,6 +237,7 @@ def test_the_table_and_the_archive(painting: simulate.Painting) -> None:
     text = plan.explain()
     assert "blur" in text
     assert "on (3/3 tiles)" in text
+    assert "photograph 1: " in text
     assert text.splitlines()[-1] == "tolerance 0; left out of any sample: at most 0"
     recorded = json.loads(plan.to_json())
     assert recorded["tiles"] == 3

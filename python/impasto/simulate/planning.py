@@ -266,7 +266,9 @@ def _light(
                 )
                 for row in same
             ]
-            found[effects[0].name].append(_together(effects, max(row.tiles for row in effects)))
+            one = _together(effects, max(row.tiles for row in effects))
+            named = f"photograph {observation + 1}: {one.reason}" if len(light) > 1 else one.reason
+            found[one.name].append(replace(one, reason=named))
     merged = [
         _together(effects, sum(row.tiles for row in effects))
         for name, effects in found.items()
