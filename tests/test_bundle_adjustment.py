@@ -20,7 +20,10 @@ from impasto.fit.held_out import Comparison, HeldOut
 from impasto.fit.normal_equations import Linear, bounded, eliminated
 from test_rig_refinement import error, photographs
 
-PIXELS, BANDS, LIGHTS, OWN, PLACES = 7, 2, 9, 4, 2
+PIXELS, BANDS, LIGHTS, PLACES = 7, 2, 9, 2
+SHARED, OWN = 2, 2
+EACH = SHARED + BANDS * OWN
+"""Unknowns of a pixel."""
 
 
 @pytest.fixture
@@ -29,7 +32,8 @@ def linear() -> Linear:
     shape = (PIXELS, BANDS, LIGHTS)
     return Linear(
         error=rng.normal(size=shape),
-        pixel=rng.normal(size=(*shape, OWN)),
+        shared=rng.normal(size=(*shape, SHARED)),
+        own=rng.normal(size=(*shape, OWN)),
         place=rng.normal(size=(*shape, PLACES)),
         lamp=rng.uniform(0.5, 1.5, shape),
     )
@@ -40,11 +44,15 @@ def dense(linear: Linear) -> tuple[np.ndarray, np.ndarray]:
     assert linear.lamp is not None
     rig = np.zeros((*linear.error.shape, PLACES + LIGHTS))
     rig[..., :PLACES] = linear.place
-    own = np.zeros((*linear.error.shape, PIXELS * OWN))
+    own = np.zeros((*linear.error.shape, PIXELS * EACH))
     for light in range(LIGHTS):
         rig[:, :, light, PLACES + light] = linear.lamp[:, :, light]
     for pixel in range(PIXELS):
-        own[pixel, :, :, pixel * OWN : (pixel + 1) * OWN] = linear.pixel[pixel]
+        first = pixel * EACH
+        own[pixel, :, :, first : first + SHARED] = linear.shared[pixel]
+        for band in range(BANDS):
+            at = first + SHARED + band * OWN
+            own[pixel, band, :, at : at + OWN] = linear.own[pixel, band]
     return rig, own
 
 

@@ -127,14 +127,14 @@ class PointLight:
     radius: float = 0.0
 
     def __post_init__(self) -> None:
-        vector = _vector(self.position, "position")
-        if float(np.linalg.norm(vector)) < 1e-6:
+        vector = _vector(self.position, "position").tolist()
+        far = math.hypot(*vector)
+        if far < 1e-6:
             raise GeometryError(
                 f"position: a point light cannot be on the painting, found {self.position}"
             )
-        object.__setattr__(self, "position", tuple(float(v) for v in vector))
+        object.__setattr__(self, "position", tuple(vector))
         _check_intensity(self.intensity)
-        far = float(np.linalg.norm(vector))
         _check_radius(self.radius, far / 2, f"mm, at most half the distance of {far:g} mm")
 
     @property
@@ -149,11 +149,13 @@ class PointLight:
 
         Its intensity is the irradiance there.
         """
-        here = np.array(self.position)
-        there = here - (x, y, 0.0)
-        ratio = float((here @ here) / (there @ there)) if self.falloff else 1.0
-        radius = min(self.radius, float(np.linalg.norm(there)) / 2)
-        return PointLight(tuple(there.tolist()), self.intensity * ratio, self.falloff, radius)
+        right, up, front = self.position
+        there = (right - x, up - y, front)
+        here, far = math.hypot(*self.position), math.hypot(*there)
+        # A lamp that lies there has no distance: refused below, in words.
+        ratio = (here / far) ** 2 if self.falloff and far > 0.0 else 1.0
+        radius = min(self.radius, far / 2)
+        return PointLight(there, self.intensity * ratio, self.falloff, radius)
 
 
 Light: TypeAlias = DistantLight | PointLight
@@ -174,12 +176,12 @@ class PointView:
     position: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        vector = _vector(self.position, "position")
-        if float(np.linalg.norm(vector)) < 1e-6:
+        vector = _vector(self.position, "position").tolist()
+        if math.hypot(*vector) < 1e-6:
             raise GeometryError(
                 f"position: a camera cannot stand on the painting, found {self.position}"
             )
-        object.__setattr__(self, "position", tuple(float(v) for v in vector))
+        object.__setattr__(self, "position", tuple(vector))
 
 
 Views: TypeAlias = "ArrayLike | PointView | Sequence[PointView | tuple[float, float, float]]"
@@ -501,6 +503,8 @@ def viewpoints(directions: NDArray[np.float64], positions: NDArray[np.float64]) 
     near = np.isfinite(positions[:, 0])
     if not near.any():
         return directions
+    if (positions == positions[0]).all():
+        return PointView((*positions[0].tolist(),))
     return [
         PointView((*positions[i].tolist(),)) if near[i] else (*directions[i].tolist(),)
         for i in range(len(directions))
@@ -511,8 +515,9 @@ def _views(views: Views | None, count: int) -> tuple[NDArray[np.float64], NDArra
     """Unit directions from the middle of the painting, and positions, NaN where distant."""
     positions = np.full((count, 3), np.nan)
     if isinstance(views, PointView):
-        views = [views] * count
-    if isinstance(views, Sequence) and any(isinstance(view, PointView) for view in views):
+        positions[:] = views.position
+        views = views.position
+    elif isinstance(views, Sequence) and any(isinstance(view, PointView) for view in views):
         if len(views) != count:
             raise ArgumentError(f"views: expected one or {count}, found {len(views)}")
         for index, view in enumerate(views):
@@ -540,9 +545,9 @@ def _not_1(length: Any) -> Any:
 
 def _vector(values: Any, name: str) -> NDArray[np.float64]:
     vector = numbers(values, name, "three numbers")
-    if vector.shape != (3,) or not np.isfinite(vector).all():
+    if vector.shape != (3,) or not all(map(math.isfinite, vector.tolist())):
         raise ArgumentError(f"{name}: expected three finite numbers, found {values!r}")
-    if float(np.abs(vector).max()) > FARTHEST_MM:
+    if max(map(abs, vector.tolist())) > FARTHEST_MM:
         raise ArgumentError(
             f"{name}: expected numbers of at most {FARTHEST_MM:g}, found {values!r}; "
             "a light that far away is a DistantLight with a unit direction"
@@ -557,7 +562,7 @@ def near_lamp(
 
     No near lamp is wider than it is far.
     """
-    far = float(np.linalg.norm(position))
+    far = math.hypot(*position.tolist())
     radius = min(math.tan(min(angular_radius, math.pi / 4)) * far, far / 2)
     x, y, z = position.tolist()
     return PointLight((x, y, z), intensity, falloff, radius)

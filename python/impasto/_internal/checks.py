@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable
 from typing import Any, TypeGuard
 
@@ -49,7 +50,7 @@ def positive(
 ) -> float:
     """One positive number that single precision can carry through the computation."""
     found = number(value, name, expected)
-    if not (np.isfinite(found) and found > 0):
+    if not (math.isfinite(found) and found > 0):
         raise ArgumentError(f"{name}: expected {expected}, found {value!r}")
     if not least <= found <= most:
         raise ArgumentError(

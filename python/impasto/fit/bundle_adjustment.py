@@ -8,7 +8,7 @@ the other's error. The surfaces are fitted anew before every step.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -43,6 +43,8 @@ highlights no longer hold."""
 _WORSE, _NOISE = 2, 1.002
 """So many steps in a row that raise the error by more than this factor are the last; searches of
 single pixels scatter it by less."""
+_MET, _MET_LOG = 0.02, 0.05
+"""A path that comes so close to numbers found from another start ends there."""
 _LIKE = 0.8
 """The largest ratio of two steps in a row that is believed."""
 _RETURN = 3
@@ -69,6 +71,11 @@ class RigNumbers:
 
     place: Array
     log: Array
+
+    def meets(self, other: RigNumbers, place: float, log: float) -> bool:
+        """Whether no number differs by as much."""
+        far = np.abs(self.place - other.place).max(), np.abs(self.log - other.log).max()
+        return bool(far[0] < place and far[1] < log)
 
 
 class BundleAdjustment:
@@ -98,6 +105,7 @@ class BundleAdjustment:
         *,
         nearest: float,
         folds: int = 1,
+        known: Sequence[RigNumbers] = (),
     ) -> RigNumbers:
         """The numbers with the least trimmed error.
 
@@ -113,6 +121,8 @@ class BundleAdjustment:
             1: the error of the photographs that are fitted. Surfaces absorb a part of a wrong
             distance, so that cameras are found too far away. More: the error of photographs that
             are held out in turn, which takes so many times as long.
+        known
+            Numbers that were found from other starts: a path that meets one of them ends there.
         """
         axes = np.flatnonzero(free).tolist()
         if not axes and strengths == "given":
@@ -146,10 +156,13 @@ class BundleAdjustment:
                 log = log - np.median(log[determined])
                 if not determined.all():
                     log = np.where(determined, log, self._medians(state, surfaces[0]))
-            still = np.abs(place - state.place).max() < loose * _STILL
-            if still and np.abs(log - state.log).max() < loose * _STILL_LOG:
+            after = RigNumbers(place, log)
+            if after.meets(state, loose * _STILL, loose * _STILL_LOG):
                 break
-            state = RigNumbers(place, log)
+            for one in known:
+                if after.meets(one, _MET, _MET_LOG):
+                    return one
+            state = after
         return state if best is None else best
 
     # --- the surface under a rig
@@ -261,7 +274,6 @@ class BundleAdjustment:
             return np.ascontiguousarray(light.transpose(2, 1, 0), dtype=np.float64)
 
         light = shown(surface)
-        count, bands, lights = light.shape
         coded = self._test.coded(light)
         error = self._test.truth[:, :, fine].transpose(2, 1, 0) - coded
         size = np.abs(error)
@@ -272,13 +284,9 @@ class BundleAdjustment:
         by = _SLOPE * light + _DARK * self._test.white
         weight = np.where(used, (self._test.coded(light + by) - coded) / by, 0.0)[..., None]
 
-        pixel = np.zeros((count, bands, lights, 3 + 3 * bands))
-        pixel[..., :2] = _by_tilt(surface, fine, shown)
-        pixel[..., 2] = _by_width(surface, shown)
-        band = np.arange(bands)
-        for kind, linear in enumerate(_by_strength(surface, fine, shown)):
-            pixel[:, band, :, 3 + kind * bands + band] = linear.transpose(1, 0, 2)
-        place = np.zeros((count, bands, lights, len(axes)))
+        shared = np.stack([*_by_tilt(surface, fine, shown), _by_width(surface, shown)], axis=-1)
+        own = np.stack(_by_strength(surface, fine, shown), axis=-1)
+        place = np.zeros((*light.shape, len(axes)))
         for column, axis in enumerate(axes):
             near = state.place.copy()
             near[axis] += _PLACE
@@ -286,13 +294,16 @@ class BundleAdjustment:
             place[..., column] = (shown(surface, there) - light) / _PLACE
         return Linear(
             np.where(used, error, 0.0),
-            pixel * weight,
+            shared * weight,
+            own * weight,
             place * weight,
             light * weight[..., 0] if lamps else None,
         )
 
 
-def _by_tilt(surface: Surface, fine: NDArray[np.bool_], shown: Callable[[Surface], Array]) -> Array:
+def _by_tilt(
+    surface: Surface, fine: NDArray[np.bool_], shown: Callable[[Surface], Array]
+) -> list[Array]:
     """Derivatives by tilts of the normals along two axes of each."""
     normal = surface.normal.astype(np.float64)
     each = normal[:, fine].T
@@ -308,8 +319,7 @@ def _by_tilt(surface: Surface, fine: NDArray[np.bool_], shown: Callable[[Surface
         moved[:, fine] = (leaning / np.linalg.norm(leaning, axis=1, keepdims=True)).T
         return shown(replace(surface, normal=moved.astype(np.float32)))
 
-    found = [(tilted(_TILT * way) - tilted(-_TILT * way)) / (2.0 * _TILT) for way in frame]
-    return np.stack(found, axis=-1)
+    return [(tilted(_TILT * way) - tilted(-_TILT * way)) / (2.0 * _TILT) for way in frame]
 
 
 def _by_width(surface: Surface, shown: Callable[[Surface], Array]) -> Array:

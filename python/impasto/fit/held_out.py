@@ -136,7 +136,7 @@ class HeldOut:
         # A point view says where the middle of the subsample lies, and forbids to pack it.
         eye = PointView((0.0, 0.0, 1.0))
         probe = Rig(stack.rig.directions, views=eye, pitch_mm=pitch)
-        self._few = subsampled_to(stack._replace(rig=probe), pixels)
+        self._few = subsampled_to(stack._replace(rig=probe, sources=()), pixels)
         x, y, _ = self._few.rig.view_positions[0].tolist()
         self._middle = (-x, -y)
         self._origin = (pitch * stack.rig.origin[0], pitch * stack.rig.origin[1])

@@ -24,30 +24,32 @@ _BLOCK = 128
 class Linear:
     """Weighted errors of samples ``(n, band, obs)``, and their derivatives.
 
-    ``pixel`` ``(n, band, obs, p)`` by the unknowns of the pixel, ``place`` ``(n, band, obs, q)`` by
-    free inverse distances, ``lamp`` ``(n, band, obs)`` by the logarithm of the photograph's own
-    strength, None where strengths are given.
+    ``shared`` ``(n, band, obs, s)`` by unknowns of the pixel in all bands, ``own`` ``(n, band, obs,
+    o)`` by those of a band, ``place`` ``(n, band, obs, q)`` by free inverse distances, ``lamp``
+    ``(n, band, obs)`` by the logarithm of the photograph's own strength, None where strengths are
+    given. The unknowns of a pixel are the shared ones, then those of each band.
     """
 
     error: Array
-    pixel: Array
+    shared: Array
+    own: Array
     place: Array
     lamp: Array | None
 
     def of(self, pixels: slice, photographs: NDArray[np.bool_]) -> Linear:
         """Some pixels in some photographs."""
-        part = [
-            None if one is None else one[pixels][:, :, photographs]
-            for one in (self.error, self.pixel, self.place, self.lamp)
-        ]
-        return Linear(*part)  # type: ignore[arg-type]
+        use = slice(None) if photographs.all() else photographs
+        parts = (self.error, self.shared, self.own, self.place, self.lamp)
+        return Linear(*(None if one is None else one[pixels][:, :, use] for one in parts))  # type: ignore[arg-type]
 
     def weighted(self, weight: Array) -> Linear:
         """With a weight ``(n,)`` for each pixel."""
         root = np.sqrt(weight)[:, None, None]
         lamp = None if self.lamp is None else self.lamp * root
         wide = root[..., None]
-        return Linear(self.error * root, self.pixel * wide, self.place * wide, lamp)
+        return Linear(
+            self.error * root, self.shared * wide, self.own * wide, self.place * wide, lamp
+        )
 
     def squares(self, photographs: NDArray[np.bool_]) -> Array:
         """``(n, q)`` sums of squares of the derivatives of each pixel by numbers of the rig."""
@@ -64,28 +66,49 @@ class Linear:
         Numbers of the rig are the inverse distances, the strengths of all lamps, those of the
         ``photographs`` here among them, and the error as one more column.
         """
-        pixel = self.pixel.reshape(len(self.pixel), -1, self.pixel.shape[-1])
+        pixel = np.concatenate([self.shared, self.own], axis=-1)
+        along = pixel.swapaxes(2, 3)
+        by_pixel = self._arrow(along @ pixel)
         dense = np.concatenate([self.place, self.error[..., None]], axis=-1)
         flat = dense.reshape(len(pixel), -1, dense.shape[-1])
-        along = pixel.transpose(0, 2, 1)
-        by_rig, among = along @ flat, _sum_of_products(flat, flat)
+        by_rig, among = self._column(along @ dense), _sum_of_products(flat, flat)
         if self.lamp is None:
-            return along @ pixel, by_rig, among
+            return by_pixel, by_rig, among
         lamps = np.flatnonzero(photographs)
         places = self.place.shape[-1]
         at = places + lamps
         size = places + len(photographs) + 1
         ends = np.r_[0:places, size - 1]
-        both = np.zeros((len(pixel), pixel.shape[-1], size))
+        both = np.zeros((*by_rig.shape[:2], size))
         both[..., ends] = by_rig
         # A strength changes its own photograph alone.
-        both[..., at] = (self.pixel * self.lamp[..., None]).sum(axis=1).transpose(0, 2, 1)
+        both[..., at] = self._column(along * self.lamp[:, :, None])
         total = np.zeros((size, size))
         total[np.ix_(ends, ends)] = among
         total[at, at] = (self.lamp**2).sum(axis=(0, 1))
         cross = (dense * self.lamp[..., None]).sum(axis=(0, 1))
         total[np.ix_(at, ends)], total[np.ix_(ends, at)] = cross, cross.T
-        return along @ pixel, both, total
+        return by_pixel, both, total
+
+    def _column(self, products: Array) -> Array:
+        """``(n, band, s + o, k)``, the products in each band, for all unknowns of the pixel."""
+        shared = self.shared.shape[-1]
+        own = products[:, :, shared:].reshape(len(products), -1, products.shape[-1])
+        return np.concatenate([products[:, :, :shared].sum(axis=1), own], axis=1)
+
+    def _arrow(self, products: Array) -> Array:
+        """The same of the unknowns by each other: those of different bands have no product."""
+        count, bands, _, _ = products.shape
+        shared, own = self.shared.shape[-1], self.own.shape[-1]
+        size = shared + bands * own
+        matrix = np.zeros((count, size, size))
+        matrix[:, :shared, :shared] = products[:, :, :shared, :shared].sum(axis=1)
+        for band in range(bands):
+            at = slice(shared + band * own, shared + (band + 1) * own)
+            matrix[:, at, at] = products[:, band, shared:, shared:]
+            matrix[:, at, :shared] = products[:, band, shared:, :shared]
+            matrix[:, :shared, at] = products[:, band, :shared, shared:]
+        return matrix
 
 
 def eliminated(linear: Linear, held: NDArray[np.bool_]) -> tuple[Array, Array]:

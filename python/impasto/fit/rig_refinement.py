@@ -299,9 +299,11 @@ class _Search:
             log = np.zeros_like(one.log) if strengths == "given" else one.log
             start = RigNumbers(np.where(free, one.place, 0.0), log)
             distinct.setdefault(start.place.tobytes() + log.tobytes(), start)
-        found = []
+        found: list[RigNumbers] = []
         for start in distinct.values():
-            found.append(adjustment.solve(start, free, strengths, nearest=_NEAREST))
+            found.append(
+                adjustment.solve(start, free, strengths, nearest=_NEAREST, known=tuple(found))
+            )
             self._tick()
         return min(found, key=lambda state: self.errors(state).trim)
 

@@ -6,7 +6,7 @@
 
 use crate::geometry::Rig;
 use crate::maps::Status;
-use crate::math::real::Part;
+use crate::math::real::{Mask, Part};
 use crate::math::{Real, Vec3};
 
 use super::lights::Lights;
@@ -93,7 +93,11 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Neighbours<'_, R, L> {
             let own = at(k);
             let mut found = zero;
             for &other in others {
-                let both = used[k] & used[other] & found.lt(R::of(NEAREST));
+                let wanting = used[k] & found.lt(R::of(NEAREST));
+                if !wanting.any() {
+                    break;
+                }
+                let both = wanting & used[other];
                 found = found + R::keep(both, one);
                 let other = R::keep(both, at(other));
                 let own = R::keep(both, own);
