@@ -44,6 +44,8 @@ pub mod error;
 pub mod geometry;
 #[cfg(feature = "painting")]
 pub mod height;
+#[cfg(feature = "painting")]
+pub mod interreflections;
 #[cfg(feature = "lm")]
 pub mod lm;
 #[cfg(feature = "painting")]

@@ -166,9 +166,9 @@ class LearnedModel:
             maps = apply_lobes(
                 self.fit, near, stereo, inner=inner, threads=threads, progress=progress
             )
-            options = self.fit.options
-            lobes = maps.result(near[inner], stereo[inner], options.index, coated=options.coated)
-            return self._completed(lobes, photographs[inner])
+            options, there = self.fit.options, photographs[inner]
+            lobes = maps.result(there, stereo[inner], options.index, coated=options.coated)
+            return self._completed(lobes, there)
         if isinstance(self.fit, LearnedLobe):
             pooled = apply_pooled(self.fit, near, stereo, threads=threads, progress=progress)
             return self._completed(pooled_sbrdf(self.fit, pooled, near, stereo), photographs)
