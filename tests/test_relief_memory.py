@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -154,6 +154,25 @@ def test_a_tile_has_the_bits_of_the_whole() -> None:
     whole = impasto.fit_normals(relief.removed(stack), **options)
     for tile in (np.s_[:40, 13:90], np.s_[33:34, 50:51], np.s_[60:97, :]):
         same(impasto.fit_normals(relief.removed(stack[tile]), **options), whole[tile])
+
+
+def test_where_a_relief_has_no_surface_samples_stay() -> None:
+    """As outside the mask under which it was learned."""
+    stack, relief = photographs("uint8"), bowl()
+    known, first = np.ones((CELLS, CELLS), bool), 12
+    known[first:] = False
+    part = replace(
+        relief,
+        height=np.where(known, relief.height, np.float32(np.nan)),
+        diffuse=np.where(known, relief.diffuse, np.float32(0.0)),
+    )
+    # The first row of pixels beyond the middles of those cells.
+    row = round((first - 0.5 * (CELLS - 1)) * STEP - relief.origin[1] + 0.5 * (ROWS - 1)) + 1
+    direct = part.removed(stack)
+    for index in range(LIGHTS):
+        found, linear = direct.linear(index), stack.linear(index)
+        assert found[:, row:].tobytes() == linear[:, row:].tobytes()
+        assert (found < linear)[:, : row - 2 * STEP].any()
 
 
 @pytest.mark.parametrize("way", ["fit", "learn", "apply"])

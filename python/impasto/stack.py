@@ -257,8 +257,7 @@ class Stack:
             :, None, None
         ].astype(np.float32)
         if self.saturation is not None:
-            # In single precision, as the numerics compare: a float32 can stay below a number that it
-            # was clipped to.
+            # In single precision, as the numerics compare: 0.9 is less there.
             value[stored >= self.saturation[:, None, None].astype(np.float32)] = np.inf
         return np.asarray(value, dtype=np.float32)
 

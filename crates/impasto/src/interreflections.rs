@@ -106,3 +106,56 @@ fn without(sample: f32, around: f32) -> f32 {
     let (left, least) = (sample - around, if sample < 0.0 { sample } else { 0.0 });
     if left < least { least } else { left }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stack::{Decode, Samples, Shape, Stack};
+
+    const SHAPE: Shape = Shape { observations: 2, bands: 1, height: 2, width: 3 };
+    const ROWS: Places<'_> = Places { first: &[0, 0], share: &[0.25, 1.0] };
+    const COLUMNS: Places<'_> = Places { first: &[0, 0, 1], share: &[0.0, 0.5, 0.75] };
+    const LIGHT: Interreflections<'_> = Interreflections {
+        irradiance: &[0.0, 4.0, 8.0, 16.0, 0.0, 0.0, 0.0, 0.0],
+        cells: [2, 2],
+        albedo: &[0.5, 0.5, 0.5, 1.0, 1.0, 0.0],
+        rows: ROWS,
+        columns: COLUMNS,
+        black: &[2.0],
+        scale: &[0.5],
+        saturation: &[200.0],
+    };
+    /// Light of the first photograph as stored codes, of the second black and clipped ones.
+    const CODES: [u8; 12] = [22, 22, 22, 22, 22, 22, 2, 0, 200, 2, 2, 2];
+
+    #[test]
+    fn light_between_cells_is_bilinear_and_leaves_noise_and_clipped_samples() {
+        let decode = [Decode { gain: 2.0, offset: 0.0, saturation: f32::INFINITY }; 2];
+        let stack = Stack::new(Samples::U8(&CODES), SHAPE, &decode, None).unwrap();
+        let stack = stack.without(&LIGHT).unwrap();
+        // Stored 22 is 10. Of the cells (0 4 / 8 16) the first row of pixels has a quarter of the way
+        // to the second: 2 to 7, the other 8 to 16. The last column lies at the last cell.
+        let expected = [10.0 - 1.0, 10.0 - 2.25, 10.0 - 3.5, 10.0 - 8.0, 0.0, 10.0];
+        for start in 0..6 {
+            let mut out = [0.0; 6];
+            stack.read(0, 0, start, &mut out);
+            for (found, expected) in out.iter().zip(&expected[start..]) {
+                assert_eq!(*found, 2.0 * expected);
+            }
+        }
+        let mut out = [0.0; 3];
+        stack.read(1, 0, 0, &mut out);
+        assert_eq!(out, [0.0, -2.0, f32::INFINITY]);
+    }
+
+    #[test]
+    fn sizes_that_disagree_are_refused() {
+        let few = Interreflections { albedo: &[1.0; 5], ..LIGHT };
+        let beyond = Interreflections { rows: Places { first: &[0, 2], ..ROWS }, ..LIGHT };
+        for wrong in [few, beyond] {
+            assert!(wrong.check(2, 1, [2, 3]).is_err());
+        }
+        assert!(LIGHT.check(2, 1, [2, 3]).is_ok());
+        assert!(LIGHT.check(1, 1, [2, 3]).is_err());
+    }
+}
