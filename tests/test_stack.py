@@ -79,6 +79,12 @@ def test_black_and_scale_turn_stored_into_linear() -> None:
     np.testing.assert_allclose(linear, 0.5, rtol=2e-7)
 
 
+def test_a_sample_clipped_to_a_number_between_two_floats_is_clipped() -> None:
+    """0.9 is 0.89999998 in single precision, of which the fits have always said so."""
+    samples = np.full((3, 1, 1, 1), 0.9, np.float32)
+    assert np.isposinf(stack(samples, saturation=0.9).linear(0)).all()
+
+
 def test_take_keeps_names_lights_and_levels_together() -> None:
     whole = stack(names=["a", "b", "c"], saturation=0.9)
     part = whole.take([2, -3])

@@ -224,9 +224,16 @@ class Stack:
         """``stack[y0:y1, x0:x1]``: a part of the photographs, copied; near lights stay right."""
         size = self.shape[2:]
         rows, columns = part = window(key, size)
+        return self._at(rows, columns, rig=self.rig.part(*offset(part, size)))
+
+    def _at(self, rows: Any, columns: Any, **changes: Any) -> Stack:
+        """The stack of some pixels, by slices or by arrays of their numbers."""
         mask = None if self.mask is None else self.mask[rows, columns]
-        samples = wait_for(np.ascontiguousarray, self.samples[..., rows, columns])
-        return self._replace(samples=samples, rig=self.rig.part(*offset(part, size)), mask=mask)
+        samples = wait_for(self._samples_at, rows, columns)
+        return self._replace(**{"samples": samples, "mask": mask, **changes})
+
+    def _samples_at(self, rows: Any, columns: Any) -> NDArray[Any]:
+        return np.ascontiguousarray(self.samples[..., rows, columns])
 
     def rotated(self, quarter_turns: int = 1) -> Stack:
         """The photographs after quarter turns counterclockwise, with their lights and views.
@@ -250,7 +257,8 @@ class Stack:
             :, None, None
         ].astype(np.float32)
         if self.saturation is not None:
-            value[stored >= self.saturation[:, None, None]] = np.inf
+            # In single precision, as the numerics compare: 0.9 is less there.
+            value[stored >= self.saturation[:, None, None].astype(np.float32)] = np.inf
         return np.asarray(value, dtype=np.float32)
 
     @property

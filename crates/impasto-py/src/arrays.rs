@@ -8,6 +8,7 @@ use numpy::{
 use pyo3::prelude::*;
 
 use impasto::geometry::{Grid, Light, Rig, View};
+use impasto::interreflections::{Interreflections, Places};
 use impasto::maps::Status;
 use impasto::math::Vec3;
 use impasto::sbrdf::Start;
@@ -27,6 +28,36 @@ pub(crate) struct StackArguments<'py> {
     /// (y, x).
     mask: Option<PyReadonlyArray2<'py, bool>>,
     pub(crate) rig: RigArguments<'py>,
+    interreflections: Option<InterreflectionArguments<'py>>,
+}
+
+/// What `impasto._internal.direct_light.InterreflectionArguments` holds.
+#[derive(FromPyObject)]
+struct InterreflectionArguments<'py> {
+    /// (obs, band, `cell_y`, `cell_x`).
+    irradiance: PyReadonlyArray4<'py, f32>,
+    /// (band, y, x).
+    albedo: PyReadonlyArray3<'py, f32>,
+    rows: PlaceArguments<'py>,
+    columns: PlaceArguments<'py>,
+    /// (band,), like the next two.
+    black: PyReadonlyArray1<'py, f32>,
+    scale: PyReadonlyArray1<'py, f32>,
+    saturation: PyReadonlyArray1<'py, f32>,
+}
+
+/// What `impasto._internal.direct_light.Places` holds.
+#[derive(FromPyObject)]
+struct PlaceArguments<'py> {
+    first: PyReadonlyArray1<'py, u32>,
+    share: PyReadonlyArray1<'py, f32>,
+}
+
+/// How stored numbers become samples.
+pub(crate) struct Decoding<'a> {
+    /// One per (observation, band).
+    decode: Vec<Decode>,
+    interreflections: Option<Interreflections<'a>>,
 }
 
 /// What `impasto._internal.border.RigArguments` holds.
@@ -79,15 +110,19 @@ pub(crate) fn contiguous<T>(
 }
 
 impl StackArguments<'_> {
-    /// One decoding per (observation, band), which [`Self::stack`] borrows.
-    pub(crate) fn decode(&self) -> Vec<Decode> {
+    /// How stored numbers become samples, which [`Self::stack`] borrows.
+    pub(crate) fn decoding(&self) -> Result<Decoding<'_>> {
         let (gain, offset, saturation) =
             (self.gain.as_array(), self.offset.as_array(), self.saturation.as_array());
-        gain.iter()
+        let decode = gain
+            .iter()
             .zip(&offset)
             .zip(&saturation)
             .map(|((&gain, &offset), &saturation)| Decode { gain, offset, saturation })
-            .collect()
+            .collect();
+        let taken_off = self.interreflections.as_ref();
+        let interreflections = taken_off.map(InterreflectionArguments::borrowed).transpose()?;
+        Ok(Decoding { decode, interreflections })
     }
 
     pub(crate) fn shape(&self) -> Shape {
@@ -108,7 +143,7 @@ impl StackArguments<'_> {
     }
 
     /// The numerics' view of the stack.
-    pub(crate) fn stack<'a>(&'a self, decode: &'a [Decode]) -> Result<Stack<'a>> {
+    pub(crate) fn stack<'a>(&'a self, decoding: &'a Decoding<'a>) -> Result<Stack<'a>> {
         let samples = match &self.samples {
             SampleArray::U8(a) => Samples::U8(contiguous("samples", a.as_slice())?),
             SampleArray::U16(a) => Samples::U16(contiguous("samples", a.as_slice())?),
@@ -117,7 +152,33 @@ impl StackArguments<'_> {
         };
         let mask =
             self.mask.as_ref().map(|mask| contiguous("mask", mask.as_slice())).transpose()?;
-        Stack::new(samples, self.shape(), decode, mask)
+        let stack = Stack::new(samples, self.shape(), &decoding.decode, mask)?;
+        decoding.interreflections.as_ref().map_or(Ok(stack), |light| stack.without(light))
+    }
+}
+
+impl InterreflectionArguments<'_> {
+    fn borrowed(&self) -> Result<Interreflections<'_>> {
+        let (.., cell_rows, cell_columns) = self.irradiance.as_array().dim();
+        Ok(Interreflections {
+            irradiance: contiguous("irradiance", self.irradiance.as_slice())?,
+            cells: [cell_rows, cell_columns],
+            albedo: contiguous("albedo", self.albedo.as_slice())?,
+            rows: self.rows.borrowed()?,
+            columns: self.columns.borrowed()?,
+            black: contiguous("black", self.black.as_slice())?,
+            scale: contiguous("scale", self.scale.as_slice())?,
+            saturation: contiguous("saturation", self.saturation.as_slice())?,
+        })
+    }
+}
+
+impl PlaceArguments<'_> {
+    fn borrowed(&self) -> Result<Places<'_>> {
+        Ok(Places {
+            first: contiguous("first", self.first.as_slice())?,
+            share: contiguous("share", self.share.as_slice())?,
+        })
     }
 }
 

@@ -51,8 +51,8 @@ pub(crate) fn fit_lafortune<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<()> {
     let refuse = |error: Error| errors::to_python(py, &error);
-    let decode = stack.decode();
-    let samples = stack.stack(&decode).map_err(refuse)?;
+    let decoding = stack.decoding().map_err(refuse)?;
+    let samples = stack.stack(&decoding).map_err(refuse)?;
     let shape = samples.shape();
     let rig = stack.rig.rig(shape.height, shape.width).map_err(refuse)?;
     let start = start.start().map_err(refuse)?;

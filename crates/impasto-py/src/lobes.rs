@@ -101,8 +101,8 @@ pub(crate) fn fit_lobes<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Learned<'py>> {
     let refuse = |error| errors::to_python(py, &error);
-    let decode = stack.decode();
-    let samples = stack.stack(&decode).map_err(refuse)?;
+    let decoding = stack.decoding().map_err(refuse)?;
+    let samples = stack.stack(&decoding).map_err(refuse)?;
     let rig = stack.rig.rig(samples.shape().height, samples.shape().width).map_err(refuse)?;
     let start = start.start().map_err(refuse)?;
     let (model, options) = (options.model(), options.options().map_err(refuse)?);
@@ -127,8 +127,8 @@ pub(crate) fn learn_lobes<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Learned<'py>> {
     let refuse = |error| errors::to_python(py, &error);
-    let decode = stack.decode();
-    let samples = stack.stack(&decode).map_err(refuse)?;
+    let decoding = stack.decoding().map_err(refuse)?;
+    let samples = stack.stack(&decoding).map_err(refuse)?;
     let rig = stack.rig_in(extent).map_err(refuse)?;
     let start = start.start().map_err(refuse)?;
     let (model, options) = (options.model(), options.options().map_err(refuse)?);
@@ -155,8 +155,8 @@ pub(crate) fn apply_lobes<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<()> {
     let refuse = |error| errors::to_python(py, &error);
-    let decode = stack.decode();
-    let samples = stack.stack(&decode).map_err(refuse)?;
+    let decoding = stack.decoding().map_err(refuse)?;
+    let samples = stack.stack(&decoding).map_err(refuse)?;
     let rig = stack.rig_in(learned.extent).map_err(refuse)?;
     let start = start.start().map_err(refuse)?;
     let tile = rig.grid().tile([origin[1], origin[0]], size[1], size[0]).map_err(refuse)?;

@@ -125,8 +125,8 @@ pub(crate) fn learn_pooled(
         }
     };
     let options = PooledOptions { extraction, peak, joint, coated, index, pixels };
-    let decode = stack.decode();
-    let samples = stack.stack(&decode).map_err(refuse)?;
+    let decoding = stack.decoding().map_err(refuse)?;
+    let samples = stack.stack(&decoding).map_err(refuse)?;
     let rig = stack.rig.rig(samples.shape().height, samples.shape().width).map_err(refuse)?;
     let start = start.start().map_err(refuse)?;
     let maps = maps.as_mut().map(PooledMapArrays::maps).transpose()?;
@@ -160,8 +160,8 @@ pub(crate) fn apply_pooled(
         brightness: learned.brightness,
         noise: learned.noise.as_slice()?.to_vec(),
     };
-    let decode = stack.decode();
-    let samples = stack.stack(&decode).map_err(refuse)?;
+    let decoding = stack.decoding().map_err(refuse)?;
+    let samples = stack.stack(&decoding).map_err(refuse)?;
     let rig = stack.rig.rig(samples.shape().height, samples.shape().width).map_err(refuse)?;
     let start = start.start().map_err(refuse)?;
     let mut maps = maps.maps()?;

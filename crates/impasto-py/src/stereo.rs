@@ -64,8 +64,8 @@ pub(crate) fn fit_normals<'py>(
     let (scale, correlation) = learned;
     let options =
         StereoOptions { method, steps, selection, learned: Learned { scale, correlation } };
-    let decode = stack.decode();
-    let samples = stack.stack(&decode).map_err(refuse)?;
+    let decoding = stack.decoding().map_err(refuse)?;
+    let samples = stack.stack(&decoding).map_err(refuse)?;
     let shape = samples.shape();
     let rig = stack.rig.rig(shape.height, shape.width).map_err(refuse)?;
     let mut maps = NormalMaps {
@@ -98,8 +98,8 @@ pub(crate) fn learn_normals<'py>(
     let refuse = |error| errors::to_python(py, &error);
     let learned = Learned::default();
     let options = StereoOptions { method: Method::Robust, steps, selection, learned };
-    let decode = stack.decode();
-    let samples = stack.stack(&decode).map_err(refuse)?;
+    let decoding = stack.decoding().map_err(refuse)?;
+    let samples = stack.stack(&decoding).map_err(refuse)?;
     let shape = samples.shape();
     let rig = stack.rig.rig(shape.height, shape.width).map_err(refuse)?;
     let learned = run::call(py, threads, None, |run| {

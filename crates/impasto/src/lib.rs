@@ -5,7 +5,8 @@
 //!
 //! The tour, in the order of the data:
 //!
-//! 1. [`stack`] borrows the photographs, [`geometry`] says who lit and who looked;
+//! 1. [`stack`] borrows the photographs, less [`interreflections`] where a relief is known, and
+//!    [`geometry`] says who lit and who looked;
 //! 2. [`stereo`] estimates each pixel's normal and albedo, robust to highlight and shadow;
 //! 3. [`spectral`] builds estimators of reflectance from camera bands and applies them;
 //! 4. [`surface`] is what a painting is, normals and lobes of reflection models ([`brdf`]), and
@@ -44,6 +45,8 @@ pub mod error;
 pub mod geometry;
 #[cfg(feature = "painting")]
 pub mod height;
+#[cfg(feature = "painting")]
+pub mod interreflections;
 #[cfg(feature = "lm")]
 pub mod lm;
 #[cfg(feature = "painting")]

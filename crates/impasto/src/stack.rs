@@ -1,8 +1,11 @@
 //! Borrowed samples: the photographs as they lie in the caller's memory.
 
+use core::ops::Range;
+
 use half::f16;
 
 use crate::error::{Error, Result};
+use crate::interreflections::Interreflections;
 use crate::math::lanes::prefetch;
 
 /// Sizes of a stack.
@@ -62,6 +65,24 @@ impl Samples<'_> {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+
+    /// Some of them as linear light.
+    #[inline(always)]
+    fn convert(&self, range: Range<usize>, out: &mut [f32], linear: impl Fn(f32) -> f32) {
+        match self {
+            Self::U8(s) => fill(out, &s[range], |stored| linear(f32::from(stored))),
+            Self::U16(s) => fill(out, &s[range], |stored| linear(f32::from(stored))),
+            Self::F16(s) => fill(out, &s[range], |stored| linear(f16::to_f32(stored))),
+            Self::F32(s) => fill(out, &s[range], linear),
+        }
+    }
+}
+
+#[inline(always)]
+fn fill<T: Copy>(out: &mut [f32], stored: &[T], linear: impl Fn(T) -> f32) {
+    for (out, &stored) in out.iter_mut().zip(stored) {
+        *out = linear(stored);
+    }
 }
 
 /// How a stored number becomes a linear sample: `s * gain + offset`, and `+inf` from `saturation`
@@ -77,6 +98,13 @@ pub struct Decode {
 }
 
 impl Decode {
+    /// A stored number as linear light.
+    #[inline(always)]
+    fn linear(self, stored: f32) -> f32 {
+        let linear = stored.mul_add(self.gain, self.offset);
+        if stored >= self.saturation { f32::INFINITY } else { linear }
+    }
+
     /// The same sample in another unit: so many times as large.
     #[must_use]
     pub fn times(self, factor: f32) -> Self {
@@ -94,6 +122,7 @@ pub struct Stack<'a> {
     shape: Shape,
     decode: &'a [Decode],
     mask: Option<&'a [bool]>,
+    interreflections: Option<&'a Interreflections<'a>>,
 }
 
 impl<'a> Stack<'a> {
@@ -125,7 +154,18 @@ impl<'a> Stack<'a> {
         if mask.is_some_and(|mask| mask.len() != shape.pixels()) {
             return Err(Error::argument("mask", "its size is not that of the photographs"));
         }
-        Ok(Self { samples, shape, decode, mask })
+        Ok(Self { samples, shape, decode, mask, interreflections: None })
+    }
+
+    /// The same photographs without the light that pixels get from others. `decode` then counts in
+    /// linear light: what is left of a sample is its stored number.
+    ///
+    /// # Errors
+    /// If the lengths do not agree with the shape.
+    pub fn without(self, interreflections: &'a Interreflections<'a>) -> Result<Self> {
+        let Shape { observations, bands, height, width } = self.shape;
+        interreflections.check(observations, bands, [height, width])?;
+        Ok(Self { interreflections: Some(interreflections), ..self })
     }
 
     /// How stored numbers become linear samples, one entry per (observation, band).
@@ -142,7 +182,8 @@ impl<'a> Stack<'a> {
     where
         'a: 'b,
     {
-        Stack::new(self.samples, self.shape, decode, self.mask)
+        let stack: Stack<'b> = Stack::new(self.samples, self.shape, decode, self.mask)?;
+        Ok(Stack { interreflections: self.interreflections, ..stack })
     }
 
     /// Sizes.
@@ -198,22 +239,28 @@ impl<'a> Stack<'a> {
         let range = plane * pixels + start..plane * pixels + start + count;
         let decode = self.decode[plane];
         let (head, tail) = out.split_at_mut(count);
-        match self.samples {
-            Samples::U8(s) => convert(&s[range], head, decode, f32::from),
-            Samples::U16(s) => convert(&s[range], head, decode, f32::from),
-            Samples::F16(s) => convert(&s[range], head, decode, f16::to_f32),
-            Samples::F32(s) => convert(&s[range], head, decode, |v| v),
+        if let Some(interreflections) = self.interreflections {
+            self.read_without(interreflections, plane, range, head);
+            head.iter_mut().for_each(|sample| *sample = decode.linear(*sample));
+        } else {
+            self.samples.convert(range, head, |stored| decode.linear(stored));
         }
         tail.fill(f32::NAN);
     }
-}
 
-#[inline(always)]
-fn convert<T: Copy>(stored: &[T], out: &mut [f32], decode: Decode, number: impl Fn(T) -> f32) {
-    for (out, &stored) in out.iter_mut().zip(stored) {
-        let stored = number(stored);
-        let linear = stored.mul_add(decode.gain, decode.offset);
-        *out = if stored >= decode.saturation { f32::INFINITY } else { linear };
+    /// The samples of some pixels without light from others, before they are decoded. Not inlined:
+    /// few stacks need it, and it would be compiled for every instruction set.
+    #[inline(never)]
+    fn read_without(
+        &self,
+        interreflections: &Interreflections<'_>,
+        plane: usize,
+        range: Range<usize>,
+        out: &mut [f32],
+    ) {
+        let (band, start) = (plane % self.shape.bands, range.start - plane * self.shape.pixels());
+        self.samples.convert(range, out, |stored| interreflections.linear(band, stored));
+        interreflections.take_off(plane, start, out);
     }
 }
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.direct_light import DirectStack, InterreflectionArguments
 from impasto.rig import Rig
 from impasto.stack import Stack, checked_stack
 
@@ -51,6 +52,7 @@ class StackArguments:
     saturation: NDArray[np.float32]
     mask: NDArray[np.bool_] | None
     rig: RigArguments
+    interreflections: InterreflectionArguments | None
 
     @classmethod
     def of(cls, stack: Stack) -> StackArguments:
@@ -69,6 +71,7 @@ class StackArguments:
             ),
             mask=stack.mask,
             rig=RigArguments.of(rig),
+            interreflections=stack.interreflections if isinstance(stack, DirectStack) else None,
         )
 
 

@@ -166,9 +166,9 @@ class LearnedModel:
             maps = apply_lobes(
                 self.fit, near, stereo, inner=inner, threads=threads, progress=progress
             )
-            options = self.fit.options
-            lobes = maps.result(near[inner], stereo[inner], options.index, coated=options.coated)
-            return self._completed(lobes, photographs[inner])
+            options, there = self.fit.options, photographs[inner]
+            lobes = maps.result(there, stereo[inner], options.index, coated=options.coated)
+            return self._completed(lobes, there)
         if isinstance(self.fit, LearnedLobe):
             pooled = apply_pooled(self.fit, near, stereo, threads=threads, progress=progress)
             return self._completed(pooled_sbrdf(self.fit, pooled, near, stereo), photographs)
@@ -249,8 +249,9 @@ def learn_sbrdf(
     refine, residuals, relief, effort, threads, progress
         As in :func:`impasto.fit_sbrdf`. ``pooling="segment"`` has no learned model. A relief is
         learned from the whole painting only: from a part, with a larger ``extent``, there is none.
-        Outside the mask of the stack it has no surface. If the mask only marks a sample, say
-        ``relief=False``: shadows of the other pixels are not known.
+        Outside the mask of the stack it has no surface: a tile is fitted there as without a relief,
+        and within the mask it lacks shadows and light of what is outside. If the mask only marks a
+        sample, say ``relief=False``.
     normals
         The name of a method of :func:`impasto.fit_normals`; default: its own default.
     extent

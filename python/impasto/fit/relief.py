@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
+from impasto._internal.direct_light import DirectStack, Places
 from impasto._internal.waiting import wait_for
 from impasto._internal.windows import rotated_map
 from impasto.fit.normals import fit_normals
@@ -184,21 +185,17 @@ class Relief:
         """The photographs without the light that pixels get from others.
 
         The reflectance of a pixel is that of photometric stereo by ranks, which highlights and
-        shadows bias little and which depends on the pixel alone. The samples are a copy in float32;
-        without interreflections they are the stack's own.
+        shadows bias little and which depends on the pixel alone. No samples are copied: their light
+        is taken off as they are read. Without interreflections it is the stack itself.
         """
         if not self.interreflection:
             return stack
         albedo = fit_normals(stack, method="rank", threads=threads).albedo
         albedo = np.maximum(np.nan_to_num(albedo), 0.0)
-        samples = np.empty(stack.shape, np.float32)
-        for index, _, _, around in self._each(stack.rig):
-            assert around is not None
-            extra = albedo * self._at(around, albedo.shape[1:], stack.rig)
-            linear = stack.linear(index)
-            # Noise around black stays.
-            samples[index] = np.maximum(linear - extra, np.minimum(linear, 0.0))
-        return stack._replace(samples=samples, scale=1.0, black=0.0, saturation=None)
+        irradiance = np.array([around for *_, around in self._each(stack.rig)], np.float32)
+        origin = self._origin(stack.rig)
+        places = places_of(irradiance.shape[2:], self.step, albedo.shape[1:], origin)
+        return DirectStack(stack, irradiance, albedo, *places)
 
     def _each(self, rig: Rig) -> Iterator[tuple[int, float, Map, Map | None]]:
         """Number, intensity, visibility and irradiance by other cells of each light."""
@@ -224,8 +221,12 @@ class Relief:
 
     def _at(self, cells: Map, size: tuple[int, ...], rig: Rig) -> Map:
         """Maps of cells at the pixels of a picture."""
+        return finer(cells, self.step, size, self._origin(rig))
+
+    def _origin(self, rig: Rig) -> tuple[float, float]:
+        """How far right and up of the middle of the cells that of a picture lies, in pixels."""
         right, up = (np.array(rig.origin) - self.origin).tolist()
-        return finer(cells, self.step, size, (right, up))
+        return right, up
 
     @cached_property
     def _exchange(self) -> tuple[int, NDArray[np.float64]]:
@@ -315,17 +316,17 @@ def finer(cells: Map, step: int, size: tuple[int, ...], origin: tuple[float, flo
     Beyond the middles of the outermost cells there is their value. ``origin``: how far right and up
     of the middle of the cells that of the pixels lies, in pixels.
     """
+    rows, columns = places_of(cells.shape[-2:], step, size, origin)
+    return columns.between(rows.between(cells, -2), -1)
+
+
+def places_of(
+    cells: tuple[int, ...], step: int, size: tuple[int, ...], origin: tuple[float, float]
+) -> tuple[Places, Places]:
+    """Where the rows and columns of a picture lie between cells."""
     right, up = origin
-    for axis, shift in ((-2, -up), (-1, right)):
-        count, pixels = cells.shape[axis], size[axis]
-        # Half pixels are exact, and so a part gets the bits of the whole.
-        place = (np.arange(pixels) - (pixels - 1) / 2 + shift) / step + (count - 1) / 2
-        place = np.clip(place, 0.0, count - 1.0)
-        first = np.minimum(place.astype(np.intp), max(count - 2, 0))
-        second = np.minimum(first + 1, count - 1)
-        share = np.expand_dims((place - first).astype(np.float32), -1 if axis == -2 else 0)
-        cells = (1.0 - share) * np.take(cells, first, axis) + share * np.take(cells, second, axis)
-    return np.asarray(cells, np.float32)
+    rows = Places.of(size[0], cells[0], step, -up)
+    return rows, Places.of(size[1], cells[1], step, right)
 
 
 def relief_of(maps: SavedMaps, fields: dict[str, Any]) -> Relief:

@@ -253,8 +253,7 @@ def fit_sbrdf(
         came from other places is taken off the samples, and the fit is repeated
         (:doc:`models`). ``relief`` of the result is what :meth:`Sbrdf.predict` needs of it.
         Default: where ``pooling="auto"`` has chosen. Not with ``segments`` or normals that are
-        maps, and never from several views. Where interreflections are kept, the fit holds a copy
-        of all samples in float32.
+        maps, and never from several views.
     check
         Whether to refuse a stack whose lights are mirrored, rotated or exchanged, or that has a
         photograph twice (:func:`impasto.doctor.before_fit`); default: False. The command line

@@ -7,7 +7,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from impasto._internal.waiting import wait_for
 from impasto.rig import Rig
 from impasto.stack import Stack
 
@@ -107,11 +106,7 @@ def _cut(stack: Stack, window: Window) -> Stack:
     if pitch is not None:
         (up, right), stride = _middle(stack, window), window[0].step
         rig = Rig(rig.seen_from(right * pitch, up * pitch), pitch_mm=pitch * stride)
-    return stack._replace(
-        samples=wait_for(np.ascontiguousarray, stack.samples[(..., *window)]),
-        rig=rig,
-        mask=None if stack.mask is None else stack.mask[window],
-    )
+    return stack._at(*window, rig=rig)
 
 
 def _middle(stack: Stack, window: Window) -> tuple[float, float]:
@@ -132,7 +127,5 @@ def _packed(stack: Stack, window: Window) -> Stack:
     width = math.isqrt(there - 1) + 1
     # Copies fill the last row; they are outside the mask.
     places = np.minimum(np.arange(-(-there // width) * width), there - 1).reshape(-1, width)
-    return stack._replace(
-        samples=wait_for(stack.samples.__getitem__, (..., rows[places], columns[places])),
-        mask=(np.arange(places.size) < there).reshape(places.shape),
-    )
+    mask = (np.arange(places.size) < there).reshape(places.shape)
+    return stack._at(rows[places], columns[places], mask=mask)
