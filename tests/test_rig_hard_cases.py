@@ -7,15 +7,19 @@ that numpy warns of is left (pytest makes it an error). Samples: tests/oracles, 
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import impasto
-from impasto import DistantLight, GeometryError, Rig, Stack, Status
+from impasto import DistantLight, GeometryError, PointLight, Rig, Stack, Status
+from impasto.cli import main
+from impasto.doctor.before_fit import before_fit
 from impasto.fit.bundle_adjustment import BundleAdjustment, RigNumbers
 from impasto.fit.held_out import HeldOut
+from impasto.io import write_stack
 from oracles import forward as oracle
 from oracles.rigs import spiral
 
@@ -141,3 +145,33 @@ def test_samples_times_a_power_of_two_have_the_same_rig(power: int) -> None:
     assert one.refinement.strengths.accepted
     assert other.refinement == one.refinement
     assert other.intensities.tobytes() == one.intensities.tobytes()
+
+
+def test_views_from_behind_alone_fit_nothing() -> None:
+    behind = Stack(samples(), lights=LIGHTS, views=(0.1, 0.0, -0.9))
+    for fit in (impasto.refine_rig, impasto.fit_sbrdf, impasto.learn_sbrdf):
+        with pytest.raises(GeometryError, match="views: all 24 views lie behind the painting"):
+            fit(behind)
+
+
+@pytest.mark.parametrize("fault", ["black", "huge", "lamp on a pixel"])
+def test_the_check_before_a_fit(fault: str) -> None:
+    spoiled, lights = samples(side=16), [PointLight(tuple(40.0 * d)) for d in LIGHTS]
+    if fault == "black":
+        spoiled[::2] = 0.0
+    elif fault == "huge":
+        spoiled[3] = HUGE
+    else:
+        lights[3] = PointLight((0.5, 0.5, 0.0))
+    assert not before_fit(Stack(spoiled, lights=lights, pitch_mm=1.0)).findings
+
+
+def test_an_empty_mask_has_a_share_that_is_a_number(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nothing = Stack(samples()[:4], lights=LIGHTS[:4], mask=np.zeros((SIDE, SIDE), bool))
+    write_stack(tmp_path / "stack.npz", nothing)
+    assert main(["fit", str(tmp_path / "stack.npz"), "--out", str(tmp_path / "out")]) == 4
+    said = capsys.readouterr().err
+    assert "0.00 % of the pixels" in said
+    assert "nan" not in said

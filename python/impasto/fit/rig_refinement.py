@@ -32,7 +32,7 @@ from impasto.fit.rig_acceptance import (
     suited,
 )
 from impasto.refinement import Estimate, RigRefinement
-from impasto.rig import DistantLight, Light, PointView, Rig, Views, near_lamp
+from impasto.rig import DistantLight, Light, PointView, Rig, Views, near_lamp, seen_from_front
 from impasto.stack import Stack, checked_stack
 
 _PIXELS = 576
@@ -130,6 +130,8 @@ def refine_rig(
     ------
     ArgumentError
         Fewer than 10 photographs, or no pixel that can be fitted.
+    GeometryError
+        Lights that cannot determine normals, or views from behind alone.
 
     Notes
     -----
@@ -144,6 +146,7 @@ def refine_rig(
         truth(value, name)
     falloff = not stack.divided_by_board if falloff is None else truth(falloff, "falloff")
     index = refractive_index(index)
+    seen_from_front(stack.rig)
     if len(stack.rig) < _FEWEST_LIGHTS:
         raise ArgumentError(
             f"stack: a rig needs at least {_FEWEST_LIGHTS} photographs to be refined, "
