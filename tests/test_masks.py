@@ -149,3 +149,18 @@ def test_a_subsample_lies_inside_the_mask(pattern: str) -> None:
         assert few <= 1000
     dense = impasto.Stack(whole.samples, lights=np.eye(3))
     assert pixel_count(subsampled_to(dense, 1000)) <= 1000
+
+
+def test_a_mask_of_other_bytes_is_one_of_0_and_1() -> None:
+    samples, lights = photographs()
+    # What a file of 0 and 255 is when it is called bool: True for numpy, no bool for Rust.
+    codes = np.zeros(SHAPE, np.uint8)
+    codes[2:5, 3:9] = 255
+    for given in (codes.view(np.bool_), np.ascontiguousarray(codes.T).view(np.bool_).T):
+        mask = impasto.Stack(samples, lights=lights, mask=given).mask
+        assert mask is not None
+        assert mask.flags.c_contiguous
+        np.testing.assert_array_equal(mask.view(np.uint8), codes // 255)
+    for wrong in (np.full(SHAPE, "x"), np.full(SHAPE, None)):
+        with pytest.raises(impasto.ArgumentError, match="mask: expected bool, found dtype"):
+            impasto.Stack(samples, lights=lights, mask=wrong)

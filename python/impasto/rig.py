@@ -434,6 +434,22 @@ class Rig:
         )
 
 
+def seen_from_front(rig: Rig) -> None:
+    """Refuse a rig none of whose views shows the front of the painting: a fit needs one.
+
+    Raises
+    ------
+    GeometryError
+        All views lie behind the painting or in its plane.
+    """
+    highest = float(rig.views[:, 2].max())
+    if highest <= 0.0:
+        raise GeometryError(
+            f"views: all {len(rig)} views lie behind the painting (z <= 0, highest {highest:.3g}), "
+            "where no front is seen; z points to the viewer: check the sign of z"
+        )
+
+
 def quarter_turns_of(value: Any) -> int:
     """0 to 3 quarter turns counterclockwise, from any whole number."""
     if not is_whole(value):

@@ -336,7 +336,8 @@ _LEVELS = 8
 def _warn_of_codes(samples: NDArray[Any]) -> None:
     """Point out floats that are whole numbers, as the codes of a camera are."""
     flat = samples.reshape(-1)
-    some = np.asarray(flat[:: max(1, flat.size // 4096)], dtype=np.float32)
+    # The mean of two samples near the largest float32 must not overflow.
+    some = np.asarray(flat[:: max(1, flat.size // 4096)], dtype=np.float64)
     known = some[np.isfinite(some)]
     median = float(np.median(known)) if known.size else 0.0
     whole = median > CODES and bool((known == np.rint(known)).all())
@@ -357,7 +358,11 @@ def _mask(mask: ArrayLike | None, shape: tuple[int, int]) -> NDArray[np.bool_] |
     array = np.asarray(mask)
     if array.shape != shape:
         raise ArgumentError(f"mask: expected shape {shape}, found {array.shape}")
-    return np.ascontiguousarray(array.astype(np.bool_))
+    if array.dtype.kind not in "biuf":
+        raise ArgumentError(f"mask: expected bool, found dtype {array.dtype}")
+    # A bool that is a view of other bytes, as of a mask's 0 and 255, is still True for numpy, but
+    # no bool in Rust.
+    return np.ascontiguousarray(array != 0)
 
 
 def checked_stack(stack: Any) -> Stack:

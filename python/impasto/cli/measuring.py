@@ -73,5 +73,5 @@ def measured(
 def _share_estimated(status: NDArray[np.uint8]) -> str:
     """``99.8 %`` of the pixels inside the mask."""
     inside = status != Status.MASKED
-    share = float((status[inside] < Status.DARK).mean()) if inside.any() else float("nan")
+    share = float((status[inside] < Status.DARK).mean()) if inside.any() else 0.0
     return "100 %" if np.isclose(share, 1.0, rtol=0, atol=5e-5) else f"{100 * share:.2f} %"

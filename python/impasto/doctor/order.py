@@ -58,7 +58,8 @@ def order(sampled: SampledTiles) -> tuple[list[Finding], Order | None]:
 def _predicts_better(sampled: SampledTiles, to: Order) -> bool:
     """Whether held-out photographs are predicted better by this order than by the given one."""
     given, other = (held_out_errors(sampled, one) for one in (np.arange(len(to)), to))
-    gain = np.log(given / other)
+    with np.errstate(divide="ignore", invalid="ignore"):  # black photographs have no error
+        gain = np.log(given / other)
     gain = gain[np.isfinite(gain)]
     if len(gain) < _FEWEST:
         return False

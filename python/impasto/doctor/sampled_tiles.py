@@ -74,7 +74,7 @@ class SampledTiles:
         grey = np.empty((len(picked), len(at_y)), dtype=np.float32)
         for row, index in enumerate(picked):
             values = linear(stack, stack.samples[index][:, at_y, at_x])
-            with np.errstate(invalid="ignore"):
+            with np.errstate(invalid="ignore", over="ignore"):  # near the largest float32
                 mean = values.mean(axis=0) / np.float32(rig.intensities[row])
             mean[~(np.isfinite(mean) & inside)] = np.nan
             grey[row] = mean
@@ -150,6 +150,7 @@ def _lights(
         if isinstance(light, PointLight):
             towards = np.array(light.position) - points
             distance = np.linalg.norm(towards, axis=1, keepdims=True)
+            distance[distance == 0.0] = np.inf  # a lamp on the pixel itself does not light it
             lights[index] = towards / distance
             if light.falloff:
                 lights[index] *= (np.linalg.norm(light.position) / distance) ** 2

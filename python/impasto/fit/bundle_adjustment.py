@@ -129,12 +129,17 @@ class BundleAdjustment:
             return start
         mean = None
         if strengths == "held":
-            mean = self._fitted(replace(start, log=0.0 * start.log), folds)[0][0].mean_normal
+            first, _ = self._fitted(replace(start, log=0.0 * start.log), folds)
+            if not first[0].fine.any():
+                return start
+            mean = first[0].mean_normal
         state, best, least, worse = start, None, np.inf, 0
         before: Array | None = None
         loose = 4.0 if folds == 1 else 1.0
         for number in range(_ROUNDS):
             surfaces, error = self._fitted(state, folds)
+            if not all(found.fine.any() for found in surfaces):
+                break  # a lamp so weak that samples overflow when they are divided by it
             if mean is None or number >= _RETURN:
                 if error < _NOISE * least:
                     best, least, worse = state, min(error, least), 0

@@ -246,7 +246,7 @@ def choose(
             for fold in folds:
                 fitted = fit(fold.known, candidate)
                 for process, shown in shown_by_process(fitted, fold.rig).items():
-                    found = decibels(shown / top, fold.compared / top)
+                    found = decibels(shown, fold.compared, top)
                     errors.setdefault(process, []).append(found)
             # The model alone, and with the residuals that help most, if any do.
             ways = [np.concatenate(found) for found in errors.values()]
@@ -285,14 +285,16 @@ def shown_by_process(result: Any, rig: Rig) -> dict[tuple[float, float], NDArray
     return found
 
 
-def decibels(shown: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
+def decibels(shown: NDArray[Any], truth: NDArray[Any], top: float = 1.0) -> NDArray[np.float64]:
     """Peak signal-to-noise ratio of each photograph, both coded as sRGB.
 
     Parameters
     ----------
     shown, truth
-        ``(obs, band, y, x)`` linear light, full scale 1. A prediction that is NaN counts as black,
-        a clipped sample (+inf) as white; a sample of the truth that is NaN does not count.
+        ``(obs, band, y, x)`` linear light. A prediction that is NaN counts as black, a clipped
+        sample (+inf) as white; a sample of the truth that is NaN does not count.
+    top
+        Linear light of full scale.
 
     Returns
     -------
@@ -300,6 +302,8 @@ def decibels(shown: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
         ``(obs,)``; of the photographs that have a sample.
     """
     curve = Encoding("srgb", white=255.0)
+    with np.errstate(over="ignore"):  # samples near the largest float32: white
+        shown, truth = shown / top, truth / top
     shown = curve.encode(np.nan_to_num(shown, nan=0.0))
     real = curve.encode(np.nan_to_num(truth, nan=0.0, posinf=1.0))
     return psnr(shown, np.where(np.isnan(truth), np.nan, real))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from copy import copy
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.encoding import Encoding
+from impasto.errors import GeometryError
 from impasto.fit.cross_validation import full_scale
 from impasto.fit.lobe_profile import Fitted, glossy, shaped
 from impasto.fit.lobes import LobeSbrdf, fit_lobes
@@ -142,7 +144,14 @@ class HeldOut:
         self._origin = (pitch * stack.rig.origin[0], pitch * stack.rig.origin[1])
         self._index, self._threads = index, threads
         linear = np.array([self._few.linear(photograph) for photograph in range(len(probe))])
-        self.samples = linear.mean(axis=1)
+        if stack.encoding.curve == "linear":
+            # Single precision holds squares of residuals at 2^40 as little as at 2^-40.
+            unit = math.ldexp(1.0, -math.frexp(full_scale(linear))[1])
+            self._few = self._few._replace(scale=unit * self._few.scale)
+            linear *= np.float32(unit)
+        with np.errstate(over="ignore"):
+            # A sample near the largest float is as good as clipped.
+            self.samples = linear.mean(axis=1)
         """``(obs, y, x)`` linear light, mean of the bands; +inf where clipped."""
         self._curve, self.white = stack.encoding, 1.0
         if stack.encoding.curve == "linear":
@@ -208,6 +217,25 @@ class HeldOut:
         other._middle = (-x - 2.0 * self._origin[0], -y - 2.0 * self._origin[1])
         return other
 
+    def undetermined(self, rig: Rig, folds: int) -> str | None:
+        """Why the lights of the photographs without those of a fold determine no normal.
+
+        Raises
+        ------
+        GeometryError
+            Those of all photographs determine none, either.
+        """
+        stack, count = self.lit(rig), len(rig)
+        # Photometric stereo takes a millisecond and refuses what any fit would refuse.
+        fit_normals(stack, method="least-squares", threads=self._threads)
+        for fold in range(folds):
+            seen = np.flatnonzero(np.arange(count) % folds != fold)
+            try:
+                fit_normals(stack.take(seen), method="least-squares", threads=self._threads)
+            except GeometryError:
+                return f"the lights of {len(seen)} of the photographs determine no normal"
+        return None
+
     def surface(self, stack: Stack, lobes: int = 1) -> Fitted:
         """The surface of (some photographs of) the sample; of several lobes none is shaped."""
         if self.surfaces == "shaped" and lobes == 1:
@@ -248,7 +276,8 @@ class HeldOut:
 
     def coded(self, linear: NDArray[Any]) -> NDArray[np.float64]:
         """Linear light in codes of 8 bits."""
-        codes = self._curve.encode(linear / self.white)
+        with np.errstate(over="ignore"):  # of samples near the largest float
+            codes = self._curve.encode(linear / self.white)
         return np.asarray(codes, dtype=np.float64) * (CODES / self._curve.white)
 
 

@@ -206,7 +206,9 @@ def _matters(result: Any, threads: int | None) -> bool:
     model = result.surface().predict(result.rig, threads=threads)
     shown = result.modelled(result.rig, threads=threads)
     top = full_scale(model)
-    changed = curve.encode(np.nan_to_num(shown / top)) - curve.encode(np.nan_to_num(model / top))
+    with np.errstate(over="ignore"):  # samples near the largest float32: white
+        shown, scaled = shown / top, model / top
+    changed = curve.encode(np.nan_to_num(shown)) - curve.encode(np.nan_to_num(scaled))
     inside = np.isfinite(model)
     return bool(inside.any() and np.sqrt(np.mean(changed[inside] ** 2.0)) >= LEAST)
 
@@ -258,6 +260,6 @@ def _judged(fit: Fit, folds: Sequence[Fold]) -> NDArray[np.float64]:
         result = fit(known)
         result = replace(result, residuals=usual_residuals(known, result))
         for process, shown in shown_by_process(result, fold.rig).items():
-            found = decibels(shown / top, fold.compared / top)
+            found = decibels(shown, fold.compared, top)
             errors.setdefault(process, []).append(found)
     return max((np.concatenate(found) for found in errors.values()), key=np.mean)

@@ -152,7 +152,8 @@ class Residuals(LearnedResiduals):
             if whole:
                 # Where there is no model, the photographs alone are interpolated.
                 photograph[rows] = np.nan_to_num(photograph[rows], nan=0.0, posinf=np.inf)
-            model = _CURVE.encode(photograph[rows] / np.float32(unit))
+            with np.errstate(over="ignore"):  # samples near the largest float32: white
+                model = _CURVE.encode(photograph[rows] / np.float32(unit))
             codes = model.copy()
             for weight, plane in zip(weights, self.maps, strict=True):
                 codes += weight * plane[rows].astype(np.float32)
@@ -361,7 +362,8 @@ def _seen(stack: Stack, index: int, shown: NDArray[np.float32]) -> NDArray[np.fl
 def _top(stack: Stack) -> float:
     """Linear light of full scale, relative to the strength of the light."""
     lights = stack.rig.intensities.astype(np.float32)
-    return full_scale(stack.linear(index) / light for index, light in enumerate(lights))
+    with np.errstate(over="ignore"):  # then they are no number to be counted
+        return full_scale(stack.linear(index) / light for index, light in enumerate(lights))
 
 
 def _difference(
@@ -379,7 +381,8 @@ def _coded_by(photographs: NDArray[np.float32], units: NDArray[np.float64]) -> N
 
 def _coded(linear: NDArray[np.float32], unit: float) -> NDArray[np.float32]:
     """Codes of linear light; a clipped sample is white, a missing one black."""
-    light = np.nan_to_num(linear / np.float32(unit), nan=0.0, posinf=1.0)
+    with np.errstate(over="ignore"):  # samples near the largest float32: white
+        light = np.nan_to_num(linear / np.float32(unit), nan=0.0, posinf=1.0)
     step = np.sqrt(np.clip(light, 0.0, 1.0)) * np.float32(_STEPS) + np.float32(0.5)
     return np.asarray(_CODES[step.astype(np.int32)])
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.calls import ProgressCallback, reporting
-from impasto._internal.checks import refractive_index, truth
+from impasto._internal.checks import LEAST, MOST, refractive_index, truth
 from impasto.errors import ArgumentError
 from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
 from impasto.fit.coordinate_search import coordinate_search
@@ -32,7 +32,7 @@ from impasto.fit.rig_acceptance import (
     suited,
 )
 from impasto.refinement import Estimate, RigRefinement
-from impasto.rig import DistantLight, Light, PointView, Rig, Views, near_lamp
+from impasto.rig import DistantLight, Light, PointView, Rig, Views, near_lamp, seen_from_front
 from impasto.stack import Stack, checked_stack
 
 _PIXELS = 576
@@ -130,6 +130,8 @@ def refine_rig(
     ------
     ArgumentError
         Fewer than 10 photographs, or no pixel that can be fitted.
+    GeometryError
+        Lights that cannot determine normals, or views from behind alone.
 
     Notes
     -----
@@ -144,6 +146,7 @@ def refine_rig(
         truth(value, name)
     falloff = not stack.divided_by_board if falloff is None else truth(falloff, "falloff")
     index = refractive_index(index)
+    seen_from_front(stack.rig)
     if len(stack.rig) < _FEWEST_LIGHTS:
         raise ArgumentError(
             f"stack: a rig needs at least {_FEWEST_LIGHTS} photographs to be refined, "
@@ -246,8 +249,9 @@ class _Search:
     def _rig(self, state: RigNumbers) -> Rig:
         u, w = np.where(state.place < _DISTANT, 0.0, state.place).tolist()
         lights: list[Light] = []
-        for light, factor in zip(self._given.lights, np.exp(state.log).tolist(), strict=True):
-            strength = light.intensity * factor
+        # A photograph that is black but for 1e-40 asks for a lamp weaker than lamps may be.
+        strengths = np.clip(self._given.intensities * np.exp(state.log), LEAST, MOST).tolist()
+        for light, strength in zip(self._given.lights, strengths, strict=True):
             if isinstance(light, DistantLight) and w > 0.0:
                 position = self._half / w * np.array(light.direction)
                 lights.append(near_lamp(position, strength, self._falloff, light.radius))
@@ -367,9 +371,17 @@ class _Search:
     def rig(self) -> Rig:
         """The refined rig."""
         nothing = self.even()
-        if not np.isfinite(self.errors(nothing).trim):
+        for folds in (self._folds, self._folds + 1):
+            # Every second lamp stands in one plane.
+            if (why := self._test.undetermined(self._given, folds)) is not None:
+                return self._untouched(why)
+        errors = self.errors(nothing)
+        if not np.isfinite(errors.trim):
             raise ArgumentError("stack: no pixel can be fitted; impasto.doctor.examine says why")
-        fitted = self.errors(nothing).pixels(self._test.truth.shape[1])
+        if not np.isfinite([errors.fold(one, self._folds) for one in range(self._folds)]).all():
+            # Every second photograph is black.
+            return self._untouched("a part of the photographs alone fits no pixel")
+        fitted = errors.pixels(self._test.truth.shape[1])
         if fitted < _FEWEST_PIXELS:
             return self._untouched(f"{fitted} pixels that can be fitted are too few")
         low, high = np.quantile(self._given.directions[:, 2], (0.1, 0.9))

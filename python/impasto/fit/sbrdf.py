@@ -45,6 +45,7 @@ from impasto.fit.result import Sbrdf
 from impasto.fit.rig_refinement import refined
 from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
 from impasto.io.results import RESULT, read_maps
+from impasto.rig import seen_from_front
 from impasto.stack import Stack, checked_stack
 
 RESULTS: dict[str, type[Sbrdf]] = {
@@ -281,7 +282,7 @@ def fit_sbrdf(
         ``relief=True`` with segments or normals that are maps, normals of another size, segments
         that are no whole numbers ``(y, x)``, or with ``check`` a stack to be repaired first.
     GeometryError
-        Lights that cannot determine normals.
+        Lights that cannot determine normals, or views from behind alone.
 
     References
     ----------
@@ -455,6 +456,7 @@ def with_refined_rig(
     """The stack with the rig that a fit of one of these kinds uses; ``maps``: of given normals."""
     for kind in kinds:
         checked_options(kind, given)
+    seen_from_front(stack.rig)
     index = given.get("index")
     return refined(
         stack,
