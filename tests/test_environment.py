@@ -529,3 +529,19 @@ def test_a_scene_of_one_illuminant_can_be_brought_into_a_room() -> None:
     spectrum = (np.array([400.0, 700.0]), np.array([1.0, 2.0]))
     kept = Scene([(0, 0, 1)], illuminant=spectrum).changed(environment=room).illuminants
     assert kept == (spectrum, spectrum)
+
+
+def test_what_faces_away_is_not_lit_as_what_faces_the_eye() -> None:
+    """A normal straight away from the eye is none of the middle of the table of irradiance."""
+    room = impasto.Environment(np.full((3, 4, 8), 2.0), name="even")
+    scene = impasto.Scene(environment=room, exposure=1.0)
+    tilted = np.array([0.0, 1e-7, 1e-4, 3e-4, 1e-2])
+    normal = np.stack([tilted, np.zeros(5), -np.sqrt(1.0 - tilted**2)])[:, None, :]
+    surface = impasto.Surface(normal.astype(np.float32), np.full((3, 1, 5), 0.5))
+    away = impasto.render(surface, scene, output="light").xyz[1, 0]
+    front = impasto.Surface(np.array([0.0, 0.0, 1.0])[:, None, None], np.full((3, 1, 1), 0.5))
+    facing = impasto.render(front, scene, output="light").xyz[1, 0, 0]
+    # The table ends a degree below the horizon, which sees half of the room.
+    assert (away <= 0.51 * facing).all()
+    # Neighbours of the direction away are like it.
+    assert np.ptp(away) <= 0.02 * facing

@@ -220,6 +220,22 @@ def test_render_takes_a_card_and_falls_back_with_a_warning() -> None:
     assert lit.xyz.tobytes() == impasto.render(many, scene, output="light").xyz.tobytes()
 
 
+def test_what_is_clipped_whole_has_the_codes_of_a_card() -> None:
+    """The CPU does not light it, a card does."""
+    colour = np.array([0.9, -0.2, 0.7], np.float32)[:, None, None] * np.ones(SIZE, np.float32)
+    normal = np.zeros((3, *SIZE), np.float32)
+    normal[2] = 1.0
+    surface = Surface(normal, colour)
+    scene = Scene([DistantLight((0.1, 0.2, 1.0))], exposure=3.0)
+    plan = impasto.plan(surface, scene)
+    assert plan._native.clipped_whole == 1
+    expected = plan.render()
+    assert (expected.display == (255, 0, 255)).all()
+    found = plan.render(backend="gpu")
+    assert found.display.tobytes() == expected.display.tobytes()
+    assert (found.clipped, found.outside) == (expected.clipped, expected.outside)
+
+
 @pytest.mark.parametrize("shadows", [False, True])
 def test_rooms_and_discs_are_those_of_the_cpu(shadows: bool) -> None:
     """Frames of one renderer under rooms and lamps that change, and single pictures."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -178,6 +179,141 @@ def test_no_sample_is_farther_than_the_tolerance(
     assert plan.verify().codes <= plan.error + 1.0
 
 
+def walled(painting: simulate.Painting) -> tuple[simulate.Painting, Rig]:
+    """A wall across the painting, and a lamp whose light it keeps from a part of it."""
+    height = np.zeros(SIZE, np.float32)
+    height[:, 40:44] = 2.0
+    rig = Rig([DistantLight((1.0, 0.0, 0.5))], pitch_mm=painting.pitch_mm)
+    return replace(painting, height=height), rig
+
+
+@pytest.mark.parametrize("encoding", ["2.2", "3.0", "srgb"])
+@pytest.mark.parametrize("blur", [0.16, 0.17, 0.18, 0.2])
+def test_the_first_light_of_a_tone_curve_counts(
+    painting: simulate.Painting, encoding: str, blur: float
+) -> None:
+    """A billionth of light beside a shadow is many codes of a curve that rises steeply from 0."""
+    wall, rig = walled(painting)
+    options: dict[str, Any] = {"bits": 16, "noise": False, "exposure": 0.4, "shadows": True}
+    for limit in (0.1, 1.0, 5.0, 20.0, 100.0, 1e4):
+        plan = simulate.plan(
+            wall, rig, "rgb", optics=Optics(blur=blur), encoding=encoding,
+            tolerance=f"code:{limit}", **options,
+        )  # fmt: skip
+        assert plan.error <= limit
+        assert plan.verify().codes <= plan.error + 1.0
+    assert rows(plan)["blur"] == "bounded"
+
+
+def test_the_saturation_of_a_sensor(painting: simulate.Painting) -> None:
+    """A bound of light that no sample exceeds; noise has none."""
+    rig = Rig([DistantLight((0.2, 0.0, 1.0)), DistantLight((0.6, 0.3, 0.5))])
+    rig = Rig(rig, pitch_mm=painting.pitch_mm)
+    matte = replace(painting, beta=np.zeros_like(painting.beta))
+    bright = max(float(photographs(matte, rig).light(i, "forced").max()) for i in range(2))
+    assert 0.3 < bright < 1.2
+    found = []
+    for optics in (Optics(), Optics(distortion=(-0.05, 0.0), blur=0.5)):
+        for share in (0.3, 0.6, 0.99, 1.01):
+            plan = simulate.plan(
+                matte, rig, "rgb", noise=False, exposure=min(share / bright, 1.0), optics=optics
+            )
+            row = next(effect for effect in plan.effects if effect.name == "saturation")
+            stack = plan.capture().stack
+            clipped = float((stack.samples == 4095).mean())
+            found.append((row.decision, clipped > 0.0))
+            if row.decision == "no-op":
+                assert clipped == 0.0
+                assert "no light exceeds" in row.reason
+            else:
+                assert "stops too many" in row.reason
+            assert plan.verify().equal
+    assert ("no-op", False) in found
+    noisy = simulate.plan(matte, rig, "rgb", exposure=0.2 / bright)
+    row = next(effect for effect in noisy.effects if effect.name == "saturation")
+    assert row.decision == "on"
+    assert row.reason.startswith("noise without a bound; before it, photograph")
+
+
+def test_noise_that_is_not_there_is_absent_however_it_is_left_out(
+    painting: simulate.Painting,
+) -> None:
+    rig = Rig([DistantLight((1.0, 0.3, 0.5))], pitch_mm=painting.pitch_mm)
+    noise = simulate.Noise(full_well=1e9, read=0.0)
+    plan = simulate.plan(painting, rig, "rgb", bits=8, noise=noise, tolerance="code:1")
+    assert rows(plan)["shot noise"] == "bounded"
+    assert rows(plan)["read noise"] == rows(plan.forced())["read noise"] == "absent"
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (2, 2), (5, 3)])
+def test_a_lens_on_few_pixels(shape: tuple[int, int]) -> None:
+    """Blur that is wider than the picture, distortion of its only pixel."""
+    light = np.random.default_rng(0).random((2, *shape)).astype(np.float32)
+    wide = Optics(blur=40.0).blurred(light)
+    # A mean over all pixels, of weights of single precision: what mirrored copies make of it.
+    expected = ndimage.gaussian_filter(light.astype(float), (0, 40, 40), mode="mirror", truncate=4)
+    assert np.abs(wide - expected).max() < 1e-4
+    lens = Optics(vignetting=0.5, distortion=(-0.1, 0.0))
+    shown = lens.distorted(light)
+    assert np.isfinite(shown).all()
+    if shape == (1, 1):
+        assert np.array_equal(shown, light)
+        assert lens.flat(shape) == 1.0
+    assert np.abs(shown - light).max() <= lens.moved(shape) * light.max()
+
+
+def test_a_lens_that_is_accepted_finds_where_its_polynomial_says() -> None:
+    """Random lenses, many of which all but fold the corners."""
+    rng = np.random.default_rng(3)
+    accepted = 0
+    for _ in range(400):
+        k1 = rng.uniform(-0.6, 0.6)
+        k2 = rng.uniform(-0.4, 0.4)
+        try:
+            lens = Optics(distortion=(k1, k2))
+        except ArgumentError:
+            continue
+        accepted += 1
+        shape = (31, 40)
+        x, y = lens.sources(shape)
+        half = np.hypot(*shape) / 2
+        radius = np.hypot(x - 19.5, y - 15.0) / half
+        _, _, seen = radii(shape)
+        error = np.abs(radius * (1 + k1 * radius**2 + k2 * radius**4) - seen)
+        assert error.max() < 1e-9, (k1, k2)
+        # Farther places of the painting lie farther out: nothing is shown twice.
+        order = np.argsort(seen.ravel())
+        assert (np.diff(radius.ravel()[order]) > -1e-9).all(), (k1, k2)
+    assert accepted > 100
+
+
+@pytest.mark.parametrize(
+    "lamp", [PointLight((9.0, 1.0, 6.0)), PointLight((9.0, 1.0, 6.0), radius=1.5)]
+)
+@pytest.mark.parametrize("origin", [(0.0, 0.0), (20.0, -10.0)])
+def test_a_model_of_the_caller_has_the_same_shadows(
+    painting: simulate.Painting, lamp: PointLight, origin: tuple[float, float]
+) -> None:
+    """In a part of a painting, whose middle is not the rig's, and of a disc, too."""
+    wall, _ = walled(painting)
+    rig = Rig([lamp], pitch_mm=painting.pitch_mm, origin=origin)
+    lit, shaded = (photographs(wall, rig, shadows).light(0, "forced") for shadows in (False, True))
+
+    def even(normal: Any, diffuse: Any, *_: Any) -> Any:
+        return np.ones((1, *diffuse.shape))
+
+    options: dict[str, Any] = {"noise": False, "bits": None, "exposure": 0.1}
+    found = simulate.capture(wall, rig, "rgb", forward=even, shadows=True, **options)
+    visible = found.stack.linear(0)
+    dark = visible[0] == 0.0
+    assert 100 < dark.sum() < 0.5 * dark.size
+    # Where light arrives at all without the wall.
+    arrives = lit.min(axis=0) > 1e-6
+    assert np.array_equal(dark[arrives], (shaded.max(axis=0) == 0.0)[arrives])
+    partly = (visible[0] > 0.0) & (visible[0] < 0.99)
+    assert partly.any() == (lamp.radius > 0.0)
+
+
 def test_small_effects_are_left_out(painting: simulate.Painting) -> None:
     """The tolerance is used: what stays far below it is not simulated, what exceeds it is."""
     rig = Rig([DistantLight((1.0, 0.3, 0.5))], pitch_mm=painting.pitch_mm)
@@ -273,6 +409,7 @@ def test_lenses_that_are_none(options: dict[str, Any], named: str | None) -> Non
         ({"tolerance": "code:1", "bits": None}, "bits"),
         ({"tolerance": 3}, "tolerance"),
         ({"optics": 0.5}, "optics"),
+        ({"forward": lambda *maps: maps, "model": "lafortune"}, "forward"),
     ],
 )
 def test_captures_that_are_refused(

@@ -20,12 +20,15 @@ from impasto.colour import delta_e, lab_from_xyz
 from impasto.effects import Decision, PlannedEffect, checked_tolerance, names, records, table
 from impasto.fit.reflectance import Reflectance
 from impasto.illumination import MIXING_GRID
-from impasto.image import Image, Output, tone_table
+from impasto.image import Image, Output, columns_to_display, tone_table
 from impasto.level import Level
 from impasto.lighting import Prepared, prepare
 from impasto.picture import Backend, Fidelity, picture
 from impasto.scene import Scene
 from impasto.surface import Relightable
+
+_OF_DISPLAY = ("clipping", "gamut clipping")
+"""Effects that are part of the tone curve."""
 
 _REPEATS = 3
 """A time is the shortest of so many."""
@@ -128,7 +131,7 @@ class Plan:
         return self._again(scene, self)
 
     def verify(self, *, threads: int | None = None) -> Verification:
-        """Render both as planned and forced, and compare all pixels."""
+        """Render both as planned and forced, and compare all pixels: their light and codes."""
         planned, seconds, _ = _timed(lambda: self.render(output="light", threads=threads), 1)
         whole = self.forced()
         forced, all_seconds, _ = _timed(lambda: whole.render(output="light", threads=threads), 1)
@@ -140,7 +143,8 @@ class Plan:
         )
         differs = shown & (planned.xyz != forced.xyz).any(axis=0)
         colours = [lab_from_xyz(image.xyz[:, differs], white) for image in (planned, forced)]
-        codes = np.abs(planned.display.astype(np.int16) - forced.display)
+        painted = self.render(threads=threads).display
+        codes = np.abs(painted.astype(np.int16) - forced.display)
         return Verification(
             equal=equal,
             delta_e=float(delta_e(*colours).max(initial=0.0)),
@@ -161,13 +165,17 @@ class Plan:
         _, everything, scatter = _timed(lambda: forced.render(threads=threads), _REPEATS)
         effects = []
         for effect in self.effects:
-            saves = None
-            if effect.decision in {"no-op", "bounded"} or 0 < effect.tiles < self.tiles:
+            saves, core, share = None, None, 1.0 - effect.tiles / self.tiles
+            if effect.name in _OF_DISPLAY:
+                # They take no time; what they save is light on tiles that are clipped whole.
+                if effect.name == _OF_DISPLAY[0] and self._native.clipped_whole:
+                    core, share = forced._native.clipped_as(self._native), 1.0
+            elif effect.decision in {"no-op", "bounded"} or 0 < effect.tiles < self.tiles:
                 core = forced._native.without(effect.name)
+            if core is not None:
                 bare = replace(forced, _native=core)
                 _, rest, other = _timed(lambda bare=bare: bare.render(threads=threads), _REPEATS)  # type: ignore[misc]
                 gained = everything - rest
-                share = 1.0 - effect.tiles / self.tiles
                 saves = gained * share if gained > max(scatter, other) else 0.0
             effects.append(replace(effect, saves=saves))
         return replace(self, effects=tuple(effects))
@@ -261,6 +269,7 @@ def plan(
             statistics,
             prepared.arguments,
             tolerance=limit,
+            display=_display(other, prepared),
             more_light=kept,
             threads=workers,
         )
@@ -327,6 +336,14 @@ def _limit(tolerance: str | float, scene: Scene, prepared: Prepared) -> Any:
     slope = (np.diff(codes, axis=1) / np.diff(light))[:, 1:].max(axis=1)
     first = float(codes[:, 1].max())
     return max(limit - first, 0.0), matrix.tolist(), slope.tolist()
+
+
+def _display(scene: Scene, prepared: Prepared) -> list[list[float]] | None:
+    """Columns from XYZ to linear display light, where they are known before the picture."""
+    if prepared.from_picture:
+        return None
+    columns: list[list[float]] = columns_to_display(scene.display, prepared.exposure).tolist()
+    return columns
 
 
 def _effects(core: _core.Plan) -> tuple[PlannedEffect, ...]:

@@ -6,7 +6,7 @@ use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 
 use impasto::Error;
-use impasto::relight::plan::{self, Decision, Effect, Options};
+use impasto::relight::plan::{self, Decision, Effect, Options, Shown};
 use impasto::relight::statistics::Statistics;
 use impasto::relight::tolerance::Tolerance;
 
@@ -92,6 +92,8 @@ fn name(effect: Effect) -> String {
         Effect::Environment => "environment",
         Effect::SkyOcclusion => "sky occlusion",
         Effect::OneBounce => "one bounce",
+        Effect::Clipping => "clipping",
+        Effect::GamutClipping => "gamut clipping",
     };
     name.to_owned()
 }
@@ -112,9 +114,10 @@ impl Plan {
         plan::Plan::forced(&maps, grid, &scene, over).map(Self).map_err(refuse)
     }
 
-    /// What a scene calls for; without a `tolerance` no bit may change.
+    /// What a scene calls for; without a `tolerance` no bit may change. `display` holds columns from
+    /// light to linear display light, where that is known before the picture.
     #[new]
-    #[pyo3(signature = (surface, statistics, scene, *, tolerance, more_light, threads))]
+    #[pyo3(signature = (surface, statistics, scene, *, tolerance, display=None, more_light, threads))]
     #[allow(clippy::too_many_arguments, reason = "keywords")]
     fn new(
         py: Python<'_>,
@@ -122,15 +125,18 @@ impl Plan {
         statistics: PyRef<'_, SurfaceStatistics>,
         scene: SceneArguments<'_>,
         tolerance: Option<ToleranceArguments>,
+        display: Option<[[f64; 3]; 3]>,
         more_light: bool,
         threads: usize,
     ) -> PyResult<Self> {
         let refuse = |error: Error| to_python(py, &error);
-        let (grid, over) = (scene.grid(&surface), scene.over());
+        let (grid, over, background) = (scene.grid(&surface), scene.over(), scene.background);
         let (maps, scene) =
             (surface.surface().map_err(refuse)?, scene.scene(grid).map_err(refuse)?);
         let tolerance = tolerance.map_or(Tolerance::Exact, Tolerance::from);
-        let (options, statistics) = (Options { tolerance, over, more_light }, &statistics.0);
+        let display = display.map(|matrix| Shown { matrix, background });
+        let options = Options { tolerance, over, more_light, display };
+        let statistics = &statistics.0;
         run::call(py, threads, None, |run| {
             plan::Plan::new(&maps, statistics, grid, &scene, options, run)
         })
@@ -160,6 +166,17 @@ impl Plan {
         let rows = self.0.rows().iter().find(|row| name(row.effect) == effect);
         let plan = self.0.clone();
         Self(rows.map_or(plan.clone(), |row| plan.without(row.effect)))
+    }
+
+    /// How many tiles are clipped whole, so that their display codes need no light.
+    #[getter]
+    fn clipped_whole(&self) -> usize {
+        self.0.clipped_whole()
+    }
+
+    /// The plan with what another one for the same picture knows of clipping.
+    fn clipped_as(&self, other: PyRef<'_, Self>) -> Self {
+        Self(self.0.clone().clipped_as(&other.0))
     }
 
     /// The largest sum of bounds of what a tile does without.

@@ -1,11 +1,12 @@
-"""The options that every call has: ``threads=`` and ``progress=``."""
+"""What calls have in common: ``threads=``, ``progress=``, and the parameters of another call."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeAlias
+from inspect import signature
+from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from impasto._internal.checks import is_whole
 from impasto.errors import ArgumentError
@@ -14,6 +15,28 @@ ProgressCallback: TypeAlias = Callable[[int, int], object]
 """Called with (tiles done, tiles in all), at most about twenty times a second."""
 
 MOST_THREADS = 64
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+
+def with_parameters_of(
+    other: Callable[_P, object],
+) -> Callable[[Callable[..., _R]], Callable[_P, _R]]:
+    """Decorate a function that hands all its arguments on to another one.
+
+    Type checkers, ``help()`` and the documentation show the other's parameters and defaults, so
+    that they are written down once.
+    """
+
+    def decorated(function: Any) -> Callable[_P, _R]:
+        own = function.__annotations__["return"]
+        function.__signature__ = signature(other).replace(return_annotation=own)
+        function.__annotations__ = {**other.__annotations__, "return": own}
+        shown: Callable[_P, _R] = function
+        return shown
+
+    return decorated
 
 
 def thread_count(threads: int | None) -> int:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from impasto import _core
 from impasto._internal.border import RigArguments
 from impasto._internal.calls import thread_count
+from impasto.height import cast_shadows
 from impasto.lighting import SceneArguments
 from impasto.rig import PointLight, Rig
 from impasto.simulate.fields import Field
@@ -57,6 +58,9 @@ class Photographs:
         Whether the relief casts shadows.
     limit
         What a plan may leave out; default: nothing that changes a bit.
+    gain
+        ``(band,)``: what a sensor makes of light at most, as shares of full scale; None for no
+        sensor.
     """
 
     painting: Painting
@@ -65,6 +69,7 @@ class Photographs:
     lobes: Lobes | None
     shadows: bool
     limit: Limit = _exactly
+    gain: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.rig)
@@ -132,9 +137,19 @@ class Photographs:
             self._statistics,
             arguments,
             tolerance=self.limit(bands),
+            display=self._display(bands),
             more_light=False,
             threads=thread_count(None),
         )
+
+    def _display(self, bands: list[int]) -> list[list[float]] | None:
+        """A sensor as a display of some bands: columns to shares of full scale."""
+        if self.gain is None:
+            return None
+        columns: list[list[float]] = np.diag(
+            [*self.gain[bands], *np.zeros(_CHANNELS - len(bands))]
+        ).tolist()
+        return columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,10 +170,13 @@ class OtherPhotographs:
         p, one = self.painting, self.rig.take([observation])
         image = self.forward(p.normal, self.diffuse, p.beta, p.gamma, one)[0]
         if self.shadows:
-            lamp = one.lights[0]
+            # Relative to the middle of these pixels, as the height is.
+            (lamp,) = one.here.lights
             near = isinstance(lamp, PointLight)
             towards = lamp.position if isinstance(lamp, PointLight) else lamp.direction
-            image = image * _core.cast_shadows(p.height, p.pitch_mm, towards, near)
+            image = image * cast_shadows(
+                p.height, p.pitch_mm, towards, point=near, radius=lamp.radius
+            )
         return np.asarray(image, dtype=np.float32)
 
     def plans(self, observation: int, mode: Mode) -> list[_core.Plan]:

@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.calls import with_parameters_of
 from impasto._internal.checks import instance, is_whole, number, numbers, one_of, truth
 from impasto.bands import Camera
 from impasto.effects import checked_tolerance
@@ -29,93 +30,6 @@ from impasto.simulate.sensor import Noise, Sensor
 
 Model = Literal["torrance-sparrow", "lafortune"]
 MODELS: tuple[Model, ...] = get_args(Model)
-
-
-def capture(
-    painting: Painting,
-    rig: Rig | str = "tominaga-six-band-adaptation",
-    camera: Camera | str | None = None,
-    *,
-    model: Model | None = None,
-    noise: bool | Noise = True,
-    bits: int | None = 12,
-    exposure: float = 0.6,
-    sensitivity: Sequence[float] | None = None,
-    clip: bool = True,
-    falloff: bool | None = None,
-    shadows: bool = False,
-    encoding: str = "linear",
-    frames: int = 1,
-    seed: int | None = None,
-    optics: Optics | None = None,
-    tolerance: str | float = 0,
-    forward: Forward | None = None,
-) -> Capture:
-    """Photograph a painting under every light of a rig, from every view.
-
-    Photographs are made one at a time: memory holds the stack (770 of 512 x 512 pixels in three
-    bands of 12 bits take 1.2 GB) and one photograph. Effects are simulated where they change a
-    sample (:func:`plan`). Lamps with a radius are discs.
-
-    Parameters
-    ----------
-    painting
-        From :func:`impasto.simulate.painting`.
-    rig
-        A :class:`~impasto.Rig` or a name of :func:`impasto.simulate.rig`.
-    camera
-        A camera or a name; default: the camera of the named rig, else ``"rgb"``.
-    model
-        Model of the gloss: ``"torrance-sparrow"`` or ``"lafortune"``
-        (:class:`impasto.simulate.Lobes`); default: that of the named rig's paper, else the former.
-    noise
-        Shot and read noise (True: 30,000 electrons full well, 3 electrons read noise).
-    bits
-        Quantisation to integers, 1 to 16 bits; None: float32 samples.
-    exposure
-        Share of full scale that a white board facing a light of intensity 1 reaches.
-    sensitivity
-        Relative sensitivity of each band: the share of ``exposure`` that the white board reaches in
-        it, above 0 up to 1; default: 1 in every band. A less sensitive band clips later. Samples
-        are relative to the white board in any case.
-    clip
-        Whether light beyond full scale is clipped. False lowers ``exposure`` until the brightest
-        highlight stays below 95 % of full scale.
-    falloff
-        Whether near lights weaken with 1 / r^2; default: their own ``falloff``.
-    shadows
-        Whether the relief casts shadows.
-    encoding
-        ``"linear"``, ``"srgb"`` or a gamma such as ``"2.2"``. Coded photographs are decoded again,
-        so the samples keep the coarse quantisation of bright values; full scale is 1.0 and the
-        exposure is part of the intensities of the stack's lights.
-    frames
-        Exposures averaged before quantisation.
-    seed
-        Of the noise; default: the painting's.
-    optics
-        A lens with faults; default: none.
-    tolerance
-        What may be left out: 0, nothing that changes a sample; ``"code:0.5"``, so many codes of the
-        samples before rounding, for samples of ``bits``.
-    forward
-        Another Torrance-Sparrow model (for independent tests); default: that of impasto.
-
-    Returns
-    -------
-    Capture
-        ``.stack`` and ``.truth``.
-
-    Raises
-    ------
-    ArgumentError, GeometryError
-        An option is out of range or the rig has another pixel width than the painting.
-    """
-    return plan(
-        painting, rig, camera, model=model, noise=noise, bits=bits, exposure=exposure,
-        sensitivity=sensitivity, clip=clip, falloff=falloff, shadows=shadows, encoding=encoding,
-        frames=frames, seed=seed, optics=optics, tolerance=tolerance, forward=forward,
-    ).capture()  # fmt: skip
 
 
 def plan(
@@ -176,7 +90,11 @@ def plan(
     diffuse = painting.reflectance_in(camera)
     gloss = lobes(painting, diffuse) if model == "lafortune" else None
     light: Photographs | OtherPhotographs
-    if forward is None or gloss is not None:
+    if forward is not None and model != "torrance-sparrow":
+        raise ArgumentError(
+            'forward: it is another Torrance-Sparrow model, found model="lafortune"; leave one out'
+        )
+    if forward is None:
         light = Photographs(painting, rig, diffuse, gloss, shadows)
     else:
         light = OtherPhotographs(painting, rig, diffuse, shadows, forward)
@@ -188,6 +106,71 @@ def plan(
         light, optics, sensor, camera,
         tolerance=tolerance, limit=limit, shares=sensitivity is not None,
     )  # fmt: skip
+
+
+@with_parameters_of(plan)
+def capture(*arguments: Any, **options: Any) -> Capture:
+    """Photograph a painting under every light of a rig, from every view.
+
+    Photographs are made one at a time: memory holds the stack (770 of 512 x 512 pixels in three
+    bands of 12 bits take 1.2 GB) and one photograph. Effects are simulated where they change a
+    sample (:func:`plan`). Lamps with a radius are discs.
+
+    Parameters
+    ----------
+    painting
+        From :func:`impasto.simulate.painting`.
+    rig
+        A :class:`~impasto.Rig` or a name of :func:`impasto.simulate.rig`.
+    camera
+        A camera or a name; default: the camera of the named rig, else ``"rgb"``.
+    model
+        Model of the gloss: ``"torrance-sparrow"`` or ``"lafortune"``
+        (:class:`impasto.simulate.Lobes`); default: that of the named rig's paper, else the former.
+    noise
+        Shot and read noise (True: 30,000 electrons full well, 3 electrons read noise).
+    bits
+        Quantisation to integers, 1 to 16 bits; None: float32 samples.
+    exposure
+        Share of full scale that a white board facing a light of intensity 1 reaches.
+    sensitivity
+        Relative sensitivity of each band: the share of ``exposure`` that the white board reaches in
+        it, above 0 up to 1; default: 1 in every band. A less sensitive band clips later. Samples
+        are relative to the white board in any case.
+    clip
+        Whether light beyond full scale is clipped. False lowers ``exposure`` until the brightest
+        highlight stays below 95 % of full scale.
+    falloff
+        Whether near lights weaken with 1 / r^2; default: their own ``falloff``.
+    shadows
+        Whether the relief casts shadows.
+    encoding
+        ``"linear"``, ``"srgb"`` or a gamma such as ``"2.2"``. Coded photographs are decoded again,
+        so the samples keep the coarse quantisation of bright values; full scale is 1.0 and the
+        exposure is part of the intensities of the stack's lights.
+    frames
+        Exposures averaged before quantisation.
+    seed
+        Of the noise; default: the painting's.
+    optics
+        A lens with faults; default: none.
+    tolerance
+        What may be left out: 0, nothing that changes a sample; ``"code:0.5"``, so many codes of the
+        samples before rounding, for samples of ``bits``.
+    forward
+        Another Torrance-Sparrow model (for independent tests); default: that of impasto.
+
+    Returns
+    -------
+    Capture
+        ``.stack`` and ``.truth``.
+
+    Raises
+    ------
+    ArgumentError, GeometryError
+        An option is out of range or the rig has another pixel width than the painting.
+    """
+    return plan(*arguments, **options).capture()
 
 
 def default_capture(

@@ -21,9 +21,18 @@ from impasto.simulate.sensor import FAR, Sensor
 from impasto.stack import Stack
 
 _ELSEWHERE = frozenset(
-    {"slanted view", "parallax", "environment", "sky occlusion", "one bounce", "ambient"}
+    {
+        "slanted view",
+        "parallax",
+        "environment",
+        "sky occlusion",
+        "one bounce",
+        "ambient",
+        "gamut clipping",
+    }
 )
-"""Effects of pictures that no photograph of a simulated painting has: it is rectified."""
+"""Effects of pictures that no photograph of a simulated painting has: it is rectified, and no light
+of a band is below 0."""
 
 _NOISE = ("shot noise", "read noise")
 _STRENGTH: tuple[Decision, ...] = ("absent", "no-op", "bounded", "on")
@@ -216,13 +225,18 @@ def planned(
         larger *= OVERSHOOT
     if isinstance(light, Photographs):
         first, slope = sensor.steepness()
-        light = replace(light, limit=_Limit((left - first) / larger, slope, sensor.gain))
+        brightest = sensor.gain * np.float64(OVERSHOOT if optics.distorts else 1.0)
+        limits = _Limit((left - first) / larger, slope, sensor.gain)
+        light = replace(light, limit=limits, gain=brightest)
     lit, tiles, error = _light(light)
+    full = _saturation(lit, tiles, noise[0])
+    lit = [row for row in lit if row.name != "clipping"]
     after = [
         replace(row, tiles=tiles) if row.decision == "on" else row
         for row in (*lens, *noise, _rounding(sensor))
     ]
-    left_out = error * larger if error > 0.0 else 0.0
+    after.insert(-1, full)
+    left_out = error * larger + sensor.steepness()[0] if error > 0.0 else 0.0
     error = left_out + sum(row.error for row in after)
     return CapturePlan(
         (*lit, *after), tolerance, error, tiles, light, optics, dropped, sensor, camera, shares
@@ -292,12 +306,27 @@ def _noise(sensor: Sensor, left: float) -> list[PlannedEffect]:
     what = f"{FAR:g} deviations at full scale are {codes:.3g} codes"
     if 0.0 < codes <= left:
         reason = f"{what}, which one of 5e8 samples exceeds"
-        both = PlannedEffect("shot noise", "bounded", 0, reason, codes)
-        return [both, PlannedEffect("read noise", "bounded", 0, "within shot noise", 0.0)]
-    shot = PlannedEffect("shot noise", "on", 0, what, 0.0)
-    read = f"{noise.read:g} electrons of {noise.full_well:g}"
-    kind: Decision = "on" if noise.read > 0.0 else "absent"
-    return [shot, PlannedEffect("read noise", kind, 0, read, 0.0)]
+        shot = PlannedEffect("shot noise", "bounded", 0, reason, codes)
+        read = PlannedEffect("read noise", "bounded", 0, "within shot noise", 0.0)
+    else:
+        shot = PlannedEffect("shot noise", "on", 0, what, 0.0)
+        electrons = f"{noise.read:g} electrons of {noise.full_well:g}"
+        read = PlannedEffect("read noise", "on", 0, electrons, 0.0)
+    if noise.read == 0.0:
+        read = PlannedEffect("read noise", "absent", 0, "no electrons", 0.0)
+    return [shot, read]
+
+
+def _saturation(lit: list[PlannedEffect], tiles: int, noise: PlannedEffect) -> PlannedEffect:
+    """What is clipped at full scale: light has a bound, also through the lens; noise has none."""
+    bounds = [row for row in lit if row.name == "clipping"]
+    if not bounds:
+        return PlannedEffect("saturation", "on", tiles, "light without a bound", 0.0)
+    (bound,) = bounds
+    if bound.decision == "no-op" and noise.decision == "on":
+        reason = f"noise without a bound; before it, {bound.reason}"
+        return PlannedEffect("saturation", "on", tiles, reason, 0.0)
+    return replace(bound, name="saturation")
 
 
 def _lens(
@@ -311,13 +340,14 @@ def _lens(
         "blur": (optics.spread(), f"a pixel loses {optics.spread():.3g} of its light"),
         "vignetting": (optics.vignetting, f"corners lose {optics.vignetting:.3g} of their light"),
     }
-    slope = sensor.steepness()[1] * sensor.magnification()
+    first, slope = sensor.steepness()
+    slope *= sensor.magnification()
     # Light that reaches full scale decides whether the brightest light is looked for.
-    some = any(0.0 < share * slope <= left for share, _ in shares.values())
+    some = any(share > 0.0 and first + share * slope <= left for share, _ in shares.values())
     brightest = _brightest(light, sensor) * OVERSHOOT if some else np.inf
     rows = []
     for name, (share, what) in shares.items():
-        codes = share * slope * brightest if share > 0.0 else 0.0
+        codes = first + share * slope * brightest if share > 0.0 else 0.0
         if share == 0.0:
             rows.append(PlannedEffect(name, "absent", 0, "not there", 0.0))
         elif codes <= left:

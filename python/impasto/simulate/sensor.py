@@ -124,13 +124,17 @@ class Sensor:
     def steepness(self) -> tuple[float, float]:
         """Codes of the darkest light, and the most codes per share of full scale beyond it.
 
-        A concave tone curve is nowhere steeper than in a step towards the place where that begins;
-        the curve of a gamma below 1, which is convex, than at full scale.
+        A concave tone curve is nowhere steeper than in a step towards the place where that begins,
+        that of sRGB, which begins straight, than there; the curve of a gamma below 1, which is
+        convex, than at full scale.
         """
         if self.linear:
             return 0.0, self.full - self.black
         curve = self.encoding.curve
-        if curve != "srgb" and float(curve) < 1.0:
+        if curve == "srgb":
+            # Its two branches meet within 3e-8.
+            return 3e-8 * self.full, 12.92 * self.full
+        if float(curve) < 1.0:
             return 0.0, self.full / float(curve)
         dark = 2.0**-20
         at, before = self.encoding.encode(np.array([dark, dark / 2.0])).astype(np.float64)

@@ -64,6 +64,12 @@ impl Curve {
         &self.tables[channel.min(self.tables.len() - 1)]
     }
 
+    /// The code of 8 bits of what lies beyond the display: above its white, or below 0.
+    #[must_use]
+    pub(crate) fn end(&self, channel: usize, above: bool) -> u8 {
+        eight(self.channel(channel), if above { 1.0 } else { 0.0 }) as u8
+    }
+
     /// The curves of red, green and blue in codes of 8 bits, if they are no steeper than [`Steps`]
     /// can be.
     #[must_use]

@@ -32,6 +32,23 @@ pub struct Canvas<'a> {
     pub display: Display<'a>,
 }
 
+impl Canvas<'_> {
+    /// Shows some pixels that lie beyond the display in every channel: `above` its white or below 0.
+    pub(crate) fn fill(&mut self, above: [bool; 3], pixels: Range<usize>) -> Clipped {
+        let curve = self.display.curve;
+        let colour = [0, 1, 2].map(|channel| curve.end(channel, above[channel]));
+        let count = pixels.len() as u64;
+        for code in self.codes[3 * pixels.start..3 * pixels.end].chunks_exact_mut(3) {
+            code.copy_from_slice(&colour);
+        }
+        self.coverage[pixels].fill(1.0);
+        Clipped {
+            below: above.map(|above| if above { 0 } else { count }),
+            above: above.map(|above| if above { count } else { 0 }),
+        }
+    }
+}
+
 /// Where the codes go, three per pixel, interleaved as files want them.
 #[derive(Debug)]
 pub enum Codes<'a> {

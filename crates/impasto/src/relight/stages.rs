@@ -259,6 +259,14 @@ impl<M: LobeModel> Kernel for Shade<'_, '_, M> {
                 let count = BLOCK.min(grid.width - column);
                 let at = (self.first + row) * grid.width + column;
                 let parts = plan.parts(column, self.first + row);
+                if let Rows::Codes(canvas) = &mut self.target {
+                    let matrix = canvas.display.matrix;
+                    if let Some(above) = plan.all_beyond(column, self.first + row, matrix) {
+                        let start = row * grid.width + column;
+                        clipped = clipped.plus(canvas.fill(above, start..start + count));
+                        continue;
+                    }
+                }
                 block.begin();
                 let maps =
                     surface.normal.chunks_exact(size).chain(surface.diffuse.chunks_exact(size));

@@ -9,8 +9,10 @@ fn one_bounce(visible: f32, albedo: f32) -> f32 {
 fn left_of_sky() -> f32 {
     let number = frame.first + pixel.number;
     let code = share_code(sky[number / 2u], number);
-    // What sees all of the sky loses nothing, however long its normal.
-    let share = select(2.0 * share_of(code) / (1.0 + pixel.normal.z), 1.0, code == 65535u);
+    // What sees all of the sky loses nothing, however long its normal; what faces away from it has
+    // nothing to lose.
+    let whole = max(1.0 + pixel.normal.z, 1e-6);
+    let share = select(2.0 * share_of(code) / whole, 1.0, code == 65535u);
     return min(share, 1.0);
 }
 

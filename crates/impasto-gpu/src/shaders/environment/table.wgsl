@@ -3,7 +3,11 @@
 
 // Place of a unit vector in the projection.
 fn projected(direction: vec3f) -> vec2f {
-    let above = max(direction.z + 1.0, 1e-12);
+    let above = direction.z + 1.0;
+    if (above < 1e-6) {
+        // All of the rim is the direction away from the eye.
+        return vec2f(1.0, 0.0);
+    }
     return direction.xy * (1.0 / sqrt(above + above));
 }
 

@@ -33,6 +33,9 @@ pub(crate) struct Lit<'a> {
     sky: Option<Sky>,
 }
 
+/// Least `1 + n_z` of a normal, which may be longer than 1 by its rounding.
+const AWAY: f32 = 1e-6;
+
 /// Azimuths at which a pixel's horizon is looked for under an environment.
 const AZIMUTHS: usize = 16;
 
@@ -99,9 +102,10 @@ impl<'a> Lit<'a> {
         let mut left = [1.0; BLOCK];
         if let Some((codes, _)) = sky {
             for ((left, &code), z) in left.iter_mut().zip(codes).zip(pixels.normal[2]) {
-                // What sees all of the sky loses nothing, however long its normal.
-                let share =
-                    if code == u16::MAX { 1.0 } else { 2.0 * Shares::share(code) / (1.0 + z) };
+                // What sees all of the sky loses nothing, however long its normal; what faces away from
+                // it has nothing to lose.
+                let whole = (1.0 + z).max(AWAY);
+                let share = if code == u16::MAX { 1.0 } else { 2.0 * Shares::share(code) / whole };
                 *left = share.min(1.0);
             }
         }

@@ -1,11 +1,10 @@
 //! What the pixels of a tile need.
 
 use super::{Decided, LIT, NEAR, SHADED, Work, lobe_bit};
-use crate::geometry::Light;
 use crate::relight::bounds::{self, Seen};
 use crate::relight::scene::Colour;
 use crate::relight::statistics::{LobeRange, Range, TileStatistics};
-use crate::relight::tolerance::{Between, Tolerance};
+use crate::relight::tolerance::Between;
 use crate::surface::Strength;
 
 /// What a lobe and the directions of a near lamp cost, relative to each other.
@@ -13,12 +12,12 @@ const COST_OF_LOBE: f64 = 4.0;
 const COST_OF_NEAR: f64 = 2.0;
 
 /// A lamp as the pixels of a tile see it.
-struct LampSeen {
-    seen: Seen,
+pub(super) struct LampSeen {
+    pub(super) seen: Seen,
     /// Smallest and largest `N.L` over all of its points.
-    cosines: [f64; 2],
+    pub(super) cosines: [f64; 2],
     /// Most that each lobe of unit strength shows of it under unit irradiance.
-    lobes: Vec<f64>,
+    pub(super) lobes: Vec<f64>,
 }
 
 /// What is left out of a tile, and what it costs.
@@ -89,7 +88,8 @@ impl Work<'_> {
             parts.push(needs);
         }
         candidates.sort_by(|a, b| (a.error * b.cost).total_cmp(&(b.error * a.cost)));
-        let mut decided = Decided { parts, lost: Vec::new(), error: 0.0 };
+        let beyond = self.beyond(tile, place, &lamps);
+        let mut decided = Decided { parts, lost: Vec::new(), error: 0.0, beyond };
         for Candidate { lamp, bit, error, .. } in candidates {
             let left = options.tolerance.limit() - decided.error;
             // Directions of a lamp that lobes see are those of each pixel.
@@ -136,73 +136,5 @@ impl Work<'_> {
     fn reflected(&self, tile: &TileStatistics, colour: &Colour, between: &Between) -> f64 {
         let bands = tile.diffuse.iter().zip(&colour.diffuse);
         bands.map(|(range, w)| range.largest() * self.options.tolerance.error(*w, between)).sum()
-    }
-
-    /// What the light of a tile can be.
-    fn between(&self, tile: &TileStatistics, lamps: &[LampSeen]) -> Between {
-        let Self { surface, grid, scene, options, .. } = self;
-        if !matches!(options.tolerance, Tolerance::DeltaE { .. }) {
-            return Between::ANYTHING;
-        }
-        let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
-        for (lamp, LampSeen { seen, cosines, lobes }) in scene.lamps().iter().zip(lamps) {
-            let colour = &scene.colours()[lamp.colour];
-            // Those of its middle.
-            let [least, most] =
-                if lamp.has_size() { bounds::cosines(tile, &seen.towards) } else { *cosines };
-            let [darkest, brightest] = seen.irradiance;
-            // A near lamp may be taken for a distant one.
-            let taken = if lamp.light.is_distant() {
-                [least, most]
-            } else {
-                let middle = Light::Distant(lamp.light.direction());
-                bounds::cosines(tile, &bounds::light(middle, *grid, [0, 0]).towards)
-            };
-            let least = (least * darkest).min(taken[0]) * lamp.intensity;
-            let least = if surface.coated.is_none() { least } else { 0.0 };
-            let most = (most * brightest).max(taken[1]) * lamp.intensity;
-            for channel in 0..3 {
-                let mut ends = [0.0; 2];
-                for (range, column) in tile.diffuse.iter().zip(&colour.diffuse) {
-                    let products =
-                        [range.low, range.high].map(|value| f64::from(value) * column[channel]);
-                    ends[0] += products[0].min(products[1]);
-                    ends[1] += products[0].max(products[1]);
-                }
-                low[channel] += (ends[0] * least).min(ends[0] * most);
-                high[channel] += (ends[1] * most).max(0.0);
-                for (range, column) in tile.ambient.iter().zip(&colour.diffuse) {
-                    let products =
-                        [range.low, range.high].map(|value| f64::from(value) * column[channel]);
-                    low[channel] += products[0].min(products[1]) * lamp.intensity;
-                    high[channel] += products[0].max(products[1]) * lamp.intensity;
-                }
-            }
-            for ((lobe, ranges), bound) in surface.lobes.iter().zip(&tile.lobes).zip(lobes) {
-                for channel in 0..3 {
-                    let columns = match lobe.strength {
-                        Strength::Neutral(_) => core::slice::from_ref(&colour.interface),
-                        Strength::Tinted(_) => &colour.diffuse[..],
-                    };
-                    // Coefficients of spectra may be negative: a lobe may take light away.
-                    let (mut takes, mut adds) = (0.0_f64, 0.0_f64);
-                    for (range, column) in ranges.strength.iter().zip(columns) {
-                        for value in [range.low, range.high].map(f64::from) {
-                            takes = takes.min(0.0) + (value * column[channel]).min(0.0);
-                            adds = adds.max(0.0) + (value * column[channel]).max(0.0);
-                        }
-                    }
-                    let most = bound * brightest * lamp.intensity;
-                    low[channel] += if takes == 0.0 { 0.0 } else { takes * most };
-                    high[channel] += if adds == 0.0 { 0.0 } else { adds * most };
-                }
-            }
-        }
-        let more_light = options.more_light || scene.environment().is_some();
-        let dark = options.over.shadows || more_light;
-        let low = low.map(|value| if dark || value.is_nan() { 0.0 } else { value.max(0.0) });
-        let unknown = |value: f64| more_light || value.is_nan();
-        let high = high.map(|value| if unknown(value) { f64::INFINITY } else { value });
-        Between { low, high }
     }
 }

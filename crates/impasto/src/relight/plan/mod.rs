@@ -15,9 +15,14 @@ use super::statistics::{SIDE, Statistics};
 use super::tolerance::Tolerance;
 use super::view::Projection;
 
+mod clipping;
 mod decide;
+mod light;
 mod report;
 mod shadows;
+
+use clipping::{Beyond, Clipping};
+use light::Bounded;
 
 /// Something that a picture may need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +51,10 @@ pub enum Effect {
     SkyOcclusion,
     /// Light of an environment that the relief gives back to itself.
     OneBounce,
+    /// A display shows no more than its white.
+    Clipping,
+    /// A display shows no colour outside its gamut: one whose light is below 0 in a channel.
+    GamutClipping,
 }
 
 /// What is done about an effect.
@@ -90,6 +99,8 @@ pub struct Plan {
     projected: bool,
     /// Whether a relief moves what is seen.
     displaced: bool,
+    /// What its display clips, if that is known.
+    clipping: Option<Clipping>,
     /// The largest sum of bounds.
     error: f64,
 }
@@ -119,6 +130,8 @@ struct Decided {
     /// lamps behind them. Often there is none.
     lost: Vec<(usize, f64)>,
     error: f64,
+    /// What of its light lies beyond the display, where there is one.
+    beyond: Beyond,
 }
 
 impl Plan {
@@ -163,9 +176,23 @@ impl Plan {
         let hidden = environment.is_some() && shadows;
         row(Effect::SkyOcclusion, hidden, tiles);
         row(Effect::OneBounce, hidden && environment.is_some_and(|one| one.albedo > 0.0), tiles);
+        row(Effect::Clipping, true, tiles);
+        row(Effect::GamutClipping, true, tiles);
         let parts = vec![LIT | shaded | NEAR | lobes; tiles * lamps];
         let around = vec![if hidden { SKY | BOUNCE } else { 0 }; tiles];
-        Ok(Self { rows, parts, lamps, around, columns, tiles, projected, displaced, error: 0.0 })
+        let (clipping, error) = (None, 0.0);
+        Ok(Self {
+            rows,
+            parts,
+            lamps,
+            around,
+            columns,
+            tiles,
+            projected,
+            displaced,
+            clipping,
+            error,
+        })
     }
 
     /// Decides from the statistics of a surface, which hold a relief where shadows are wanted.
@@ -183,7 +210,8 @@ impl Plan {
         if !statistics.describe(surface, grid) {
             return Err(Error::argument("statistics", "they are those of another surface"));
         }
-        let work = Work { surface, statistics, grid, scene, options };
+        let bounded = Bounded::of(surface, scene, options.display.as_ref());
+        let work = Work { surface, statistics, grid, scene, options, bounded };
         let (columns, lamps) = (statistics.columns, scene.lamps().len());
         let slanted = slanted(scene, grid)?;
         // A piece of work is a row of tiles.
@@ -204,12 +232,37 @@ impl Plan {
         let shadows = work.shadows(&mut parts);
         let sky = work.sky();
         let moved = work.moved(slanted);
-        let rows = work.rows(&parts, &decided, shadows, (slanted, &moved), &sky);
+        let mut rows = work.rows(&parts, &decided, shadows, (slanted, &moved), &sky);
+        let clipping = options.display.map(|display| Clipping::new(&display, &decided, &parts));
+        rows.extend(work.rows_of_display(&decided, clipping.as_ref()));
         let error = decided.iter().map(|tile| tile.error).fold(0.0, f64::max);
         let (tiles, around) = (decided.len(), sky.0);
         let displaced = moved.decision == Decision::On;
         let projected = slanted > 0.0 || displaced;
-        Ok(Self { rows, parts, lamps, around, columns, tiles, projected, displaced, error })
+        Ok(Self {
+            rows,
+            parts,
+            lamps,
+            around,
+            columns,
+            tiles,
+            projected,
+            displaced,
+            clipping,
+            error,
+        })
+    }
+
+    /// How many tiles are clipped whole, so that their display codes need no light.
+    #[must_use]
+    pub fn clipped_whole(&self) -> usize {
+        self.clipping.as_ref().map_or(0, Clipping::whole)
+    }
+
+    /// The plan with what another one for the same picture knows of clipping.
+    #[must_use]
+    pub fn clipped_as(self, other: &Self) -> Self {
+        Self { clipping: other.clipping.clone(), ..self }
     }
 
     /// The plan without one effect, whatever that costs: what the effect takes is the difference.
@@ -220,7 +273,9 @@ impl Plan {
             | Effect::CoatedDiffuse
             | Effect::Ambient
             | Effect::NearView
-            | Effect::Environment => 0,
+            | Effect::Environment
+            | Effect::Clipping
+            | Effect::GamutClipping => 0,
             Effect::Lobe(lobe) => lobe_bit(lobe),
             Effect::CastShadows => SHADED,
             Effect::NearLight => NEAR,
@@ -293,6 +348,17 @@ impl Plan {
         &self.parts[tile * self.lamps..][..self.lamps]
     }
 
+    /// Where the pixels from a column and row on lie beyond a display, above its white or below 0, in
+    /// all channels whatever the light is in detail: whether each is above.
+    pub(super) fn all_beyond(
+        &self,
+        column: usize,
+        row: usize,
+        matrix: &[[f64; 3]],
+    ) -> Option<[bool; 3]> {
+        self.clipping.as_ref()?.all(row / SIDE * self.columns + column / SIDE, matrix)
+    }
+
     /// Whether a part of an environment may be hidden from a tile, by its column and row.
     #[must_use]
     pub fn hides_sky(&self, column: usize, row: usize) -> bool {
@@ -336,6 +402,17 @@ pub struct Options {
     pub over: Over,
     /// Whether light is added or taken afterwards, so that a tile may be darker than it seems.
     pub more_light: bool,
+    /// What shows the picture, if that is known before it.
+    pub display: Option<Shown>,
+}
+
+/// How a picture is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// Columns: linear display light, white 1, from the scene's output unit.
+    pub matrix: [[f64; 3]; 3],
+    /// The light where no painting is seen.
+    pub background: [f32; 3],
 }
 
 /// How far the slant of a view moves a pixel, in pixels: where it moves any, the picture may be of
@@ -360,4 +437,5 @@ struct Work<'a> {
     grid: Grid,
     scene: &'a Scene,
     options: Options,
+    bounded: Bounded,
 }
