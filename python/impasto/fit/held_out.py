@@ -111,7 +111,7 @@ class Errors:
 class HeldOut:
     """A sample of pixels spread over a painting, to compare rigs by photographs held out.
 
-    A photograph that is held out has, unless ``given``, a strength of its own: one number, the
+    A photograph that is held out has a strength of its own: one number, the
     median of sample / predicted sample, is taken from it. What is compared is then the surface,
     with strengths of lamps that no rule predicts as well as with those of a dome.
 
@@ -256,23 +256,17 @@ class HeldOut:
 
     def errors(self, rig: Rig, folds: int, lobes: int = 1) -> Errors:
         """Errors of every photograph when it was held out."""
-        return self.errors_of([self.lit(rig)] * folds, lobes)[0]
-
-    def errors_of(self, stacks: list[Stack], lobes: int = 1) -> tuple[Errors, Errors]:
-        """The same with a rig for each fold, as :meth:`lit` places it; own strengths, and given."""
-        count, folds = len(self.samples), len(stacks)
-        coded = np.full((2, count, self.truth[0].size), np.nan)
-        for fold, stack in enumerate(stacks):
+        stack, count = self.lit(rig), len(self.samples)
+        coded = np.full((count, self.truth[0].size), np.nan)
+        for fold in range(folds):
             held = np.arange(fold, count, folds)
             seen = np.setdiff1d(np.arange(count), held)
-            rig = stack.rig.take(held)
-            surface = self.surface(stack.take(seen), lobes)
-            shown = surface.shown(rig, self._threads)
-            own = log_ratios(self.samples[held], shown.mean(axis=1), rig.intensities)
-            alike = shown * np.exp(np.where(np.isfinite(own), own, 0.0))[:, None, None, None]
-            for errors, light in zip(coded, (alike, shown), strict=True):
-                errors[held] = (self.coded(light) - self.truth[held]).reshape(len(held), -1)
-        return Errors(coded[0]), Errors(coded[1])
+            new = stack.rig.take(held)
+            shown = self.surface(stack.take(seen), lobes).shown(new, self._threads)
+            own = log_ratios(self.samples[held], shown.mean(axis=1), new.intensities)
+            light = shown * np.exp(np.where(np.isfinite(own), own, 0.0))[:, None, None, None]
+            coded[held] = (self.coded(light) - self.truth[held]).reshape(len(held), -1)
+        return Errors(coded)
 
     def coded(self, linear: NDArray[Any]) -> NDArray[np.float64]:
         """Linear light in codes of 8 bits."""

@@ -1,4 +1,4 @@
-"""Alternation of surface and strengths of lamps, with or without the gauge held fixed.
+"""Strengths of lamps by medians of ratios, and what photographs leave open of them (the gauge).
 
 Semi-calibrated photometric stereo [@cho2020semicalibrated] leaves freedoms that photographs of a
 nearly flat, matte painting do not determine: ``g_k (n . l_k)`` stays when strengths take what a
@@ -18,10 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
-from impasto.fit.held_out import log_ratios
+from impasto.fit.held_out import HeldOut, log_ratios
 from impasto.rig import Rig
-from impasto.stack import Stack
-from impasto.status import Status
 
 UNKNOWNS = 6
 """Of a pixel: normal (2), brightness, ambient light, and one lobe's strength and width. The factor
@@ -35,125 +33,96 @@ _STILL = 0.005
 _RELAXATION = 1.5
 """The fitted surface absorbs part of a wrong strength, so each round finds only a fraction of the
 remaining error. Over-relaxation by less than 2 cannot diverge where this fraction is 0 to 1."""
-_MEMORY = 3
-"""Rounds that the acceleration uses: it removes as many slow modes at once."""
-_RIDGE = 1e-3
-"""Differences between rounds below this share of their mean square are noise."""
-_MATTE_ROUNDS = 6
-_CLEAR = 0.1
-"""A shorter step does not change which lamps are outliers."""
 _GRAZING = 0.05
 """Cosines below this count as this: the logarithm of a lamp at the horizon has no bound."""
 
-Fit = Callable[[Stack], tuple[Any, Any, Any]]
-"""Status ``(y, x)``, normal ``(3, y, x)`` and predicted samples ``(obs, band, y, x)`` of a fit."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
-    """Where an alternation ended.
+class Rounds:
+    """Where rounds ended.
 
     ``log`` ``(obs,)`` are the logarithms of the factors, median 0, 0 where not ``known``; ``step``
-    is the last step; ``normal`` the mean normal of the last fit.
+    is the last step.
     """
 
     log: NDArray[np.float64]
     known: NDArray[np.bool_]
     step: NDArray[np.float64]
-    normal: NDArray[np.float64]
 
     @property
     def converged(self) -> bool:
         """Whether the last step was short for every lamp."""
         return bool(np.abs(self.step).max() < _STILL)
 
-    @property
-    def factor(self) -> NDArray[np.float64]:
-        """``(obs,)`` factors, 1 where nothing is known."""
-        return np.asarray(np.where(self.known, np.exp(self.log), 1.0))
 
+class Medians:
+    """Rounds of medians: the surface under some strengths, then the strengths that it leaves.
 
-class Alternation:
-    """Alternation between the surface under some strengths and the strengths that it leaves.
+    Medians of sample / predicted sample count dim photographs and highlights that no lobe describes
+    as least squares do not. They move slowly, because the surface follows a wrong strength: bundle
+    adjustment says where to start.
 
     Parameters
     ----------
-    stack
-        The sample of pixels with its lights.
-    samples
-        ``(obs, y, x)`` linear light, mean of the bands.
-    glossy, matte
-        Fits of the surface; ``matte`` finds lamps that are off by more than a factor of two.
+    test
+        The sample of pixels.
+    rig
+        The lights as given.
+    lobes, threads
+        As for :func:`impasto.fit_sbrdf`.
     """
 
-    def __init__(
-        self, stack: Stack, samples: NDArray[Any], glossy: Fit, matte: Fit | None = None
-    ) -> None:
-        self._stack, self._samples = stack, samples
-        self._glossy, self._matte = glossy, matte
+    def __init__(self, test: HeldOut, rig: Rig, lobes: int, threads: int | None) -> None:
+        self._test, self._rig = test, rig
+        self._lobes, self._threads = lobes, threads
 
-    def outliers(self) -> NDArray[np.float64]:
-        """Logarithms of the factors of lamps that are far off; 0 for the others."""
-        search = _Search(np.zeros(len(self._samples)), relaxation=1.0)
-        assert self._matte is not None
-        for _ in range(_MATTE_ROUNDS):
-            left, _ = self._left(self._matte, search.log)
-            if np.abs(search.move(left)).max() < _CLEAR:
-                break
-        return np.where(np.abs(search.log) > OUTLIER, search.log, 0.0)
+    def known(self) -> NDArray[np.bool_]:
+        """``(obs,)`` lamps that some pixel determines.
 
-    def free(
-        self, start: NDArray[np.float64], rounds: int, report: Callable[[], None] | None = None
-    ) -> Found:
-        """Strengths with nothing held, accelerated (Anderson mixing [@anderson1965])."""
-        search = _Search(start, relaxation=_RELAXATION)
-        step, normal = np.zeros(len(start)), np.zeros(3)
-        for _ in range(rounds):
-            if report is not None:
-                report()
-            left, normal = self._left(self._glossy, search.log)
-            step = search.move(left)
-            if np.abs(step).max() < _STILL:
-                break
-        return Found(search.log, search.known, step, normal)
-
-    def held(
-        self, start: NDArray[np.float64], rounds: int, report: Callable[[], None] | None = None
-    ) -> Found:
-        """Strengths with the mean normal and the fall-off with elevation held as at the start.
-
-        Damped rounds without acceleration, which would run along what photographs do not determine.
+        Raises
+        ------
+        ArgumentError
+            Lamps or pixels are too few for strengths.
         """
-        lights = self._stack.rig.directions
+        return np.asarray(np.isfinite(self._left(np.zeros(len(self._rig)))[0]))
+
+    def rounds(
+        self, start: NDArray[np.float64], most: int, report: Callable[[], None], *, held: bool
+    ) -> Rounds:
+        """Strengths after rounds that end where a step is short.
+
+        Where the gauge is ``held``, the mean normal and the fall-off with elevation stay as they
+        are under the given strengths, but for lamps that are far off.
+        """
+        lights = self._rig.directions
         elevation = log_elevation(lights)
-        log, known = start - np.median(start), np.ones(len(start), dtype=np.bool_)
-        origin, usual = log, np.abs(log) <= OUTLIER
-        step, normal, first = np.zeros(len(start)), np.zeros(3), None
-        for _ in range(rounds):
-            if report is not None:
-                report()
-            left, normal = self._left(self._glossy, log)
+        usual = np.abs(start) <= OUTLIER
+        origin = np.where(usual, 0.0, start)
+        first = self._left(origin)[1] if held else np.zeros(3)
+        log, known, step = start, usual, np.zeros(len(start))
+        for _ in range(most):
+            report()
+            left, normal = self._left(log)
             known = np.isfinite(left)
-            first = normal if first is None else first
             new = log + _RELAXATION * np.where(known, left, 0.0)
-            new += log_cosine(lights, normal) - log_cosine(lights, first)
-            new -= fall_off(new - origin, elevation, known & usual)
-            new = np.where(known, new, 0.0)
-            new -= np.where(known, np.median(new[known]), 0.0)
+            if held:
+                new += log_cosine(lights, normal) - log_cosine(lights, first)
+                new -= fall_off(new - origin, elevation, known & usual)
+            new = np.where(known, new - np.median(new[known]), 0.0)
             step, log = new - log, new
             if np.abs(step).max() < _STILL:
                 break
-        return Found(log, known, step, normal)
+        return Rounds(log, known, np.where(known, step, 0.0))
 
-    def _left(self, fit: Fit, log: NDArray[np.float64]) -> tuple[Any, Any]:
+    def _left(self, log: NDArray[np.float64]) -> tuple[Any, Any]:
         """Logarithms of the factors that remain after a fit, and its mean normal."""
-        count = len(self._samples)
-        lit = self._stack._replace(rig=scaled(self._stack.rig, np.exp(log)))
-        status, normal, expected = fit(lit)
-        fine = status < Status.DARK
-        _check_enough(int(fine.sum()), count)
+        lit = self._test.lit(scaled(self._rig, np.exp(log)))
+        found = self._test.surface(lit, self._lobes)
+        pixels = int(found.fine.sum())
+        _check_enough(pixels, len(log))
+        shown = found.shown(lit.rig, self._threads).mean(axis=1)
         left = log_ratios(
-            self._samples[:, fine], expected.mean(axis=1)[:, fine], lit.rig.intensities
+            self._test.samples[:, found.fine], shown[:, found.fine], lit.rig.intensities
         )
         lamps = int(np.isfinite(left).sum())
         if lamps < FEWEST:
@@ -161,9 +130,8 @@ class Alternation:
                 f"stack: strengths need at least {FEWEST} lights that pixels determine, "
                 f"found {lamps}"
             )
-        _check_enough(int(fine.sum()), lamps)
-        mean = normal[:, fine].mean(axis=1, dtype=np.float64)
-        return left - np.nanmedian(left), mean / np.linalg.norm(mean)
+        _check_enough(pixels, lamps)
+        return left - np.nanmedian(left), found.mean_normal
 
 
 def log_cosine(lights: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -215,40 +183,6 @@ def fall_off(
     plane = np.column_stack([np.ones(len(log)), elevation])
     line = np.linalg.lstsq(plane[usual], log[usual], rcond=None)[0]
     return np.asarray((elevation - elevation[usual].mean()) * line[1])
-
-
-class _Search:
-    """Fixed-point search for the logarithms of strengths, with Anderson acceleration.
-
-    Anderson acceleration (D. G. Anderson, Journal of the ACM 12, 1965) takes the step that would
-    end the search if the remainders of the last rounds were linear in the strengths.
-    """
-
-    def __init__(self, log: NDArray[np.float64], relaxation: float) -> None:
-        self.log = log - np.median(log)
-        self.known = np.ones(len(log), dtype=np.bool_)
-        self._relaxation = relaxation
-        self._rounds: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
-
-    def move(self, left: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Take and return the step for the logarithms that a round ``left``.
-
-        NaN, no pixel determines this factor, takes no step; ``known`` is False there.
-        """
-        self.known = np.isfinite(left)
-        left = np.where(self.known, left, 0.0)
-        self._rounds = [*self._rounds[-_MEMORY:], (self.log, left)]
-        step = self._relaxation * left
-        if len(self._rounds) > 1:
-            ways, changes = (np.diff(each, axis=0).T for each in zip(*self._rounds, strict=True))
-            # Medians of pixels are noisy: two rounds in one direction must not weigh more than one.
-            normal = changes.T @ changes
-            normal += _RIDGE * np.trace(normal) / len(normal) * np.eye(len(normal))
-            mixed = np.linalg.lstsq(normal, changes.T @ left, rcond=None)[0]
-            step = step - (ways + self._relaxation * changes) @ mixed
-        before, self.log = self.log, self.log + step
-        self.log -= np.median(self.log)
-        return self.log - before
 
 
 def _check_enough(pixels: int, lights: int) -> None:

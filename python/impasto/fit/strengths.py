@@ -1,14 +1,15 @@
-"""Semi-calibrated photometric stereo [@cho2020semicalibrated], accelerated [@anderson1965].
+"""Strengths of lamps that were not measured: semi-calibrated photometric stereo.
 
-It estimates the strengths of lamps that were not measured, by alternation with Anderson
-acceleration.
+Cho et al. [@cho2020semicalibrated] alternate between surface and strengths. Here bundle adjustment
+[@triggs2000bundle] changes both together, rounds of medians of ratios follow, and photographs held
+out say what to keep.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,41 +18,25 @@ from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.checks import is_whole, one_of, refractive_index
 from impasto._internal.thin_plate import over_directions
 from impasto.errors import ArgumentError
-from impasto.fit.coordinate_search import coordinate_search
-from impasto.fit.held_out import Comparison, Errors, HeldOut, fold_count
-from impasto.fit.lobes import fit_lobes, lobe_count
-from impasto.fit.normals import fit_normals
-from impasto.fit.strength_search import (
-    FEWEST,
-    ROUNDS,
-    Alternation,
-    Found,
-    scaled,
-)
-from impasto.fit.strength_search import gauge as gauge_of
-from impasto.fit.subsample import subsampled_to
+from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
+from impasto.fit.held_out import Comparison, HeldOut, fold_count
+from impasto.fit.lobes import lobe_count
+from impasto.fit.rig_acceptance import Found, chosen, strengths_differ
+from impasto.fit.strength_search import FEWEST, ROUNDS, Medians, Rounds, scaled
 from impasto.rig import Light, Rig
 from impasto.stack import Stack, checked_stack
-from impasto.surface import Surface
 
 Gauge = Literal["auto", "held", "free"]
 """What is held while strengths are estimated."""
 
-_PIXELS = 10_000
-_TESTED = 1000
-"""Pixels of the test on photographs held out."""
+_PIXELS, _MANY_PIXELS = 576, 2304
+"""The samples: of bundle adjustment and test, and of the medians."""
 _FOLDS = 3
-_FALL, _ERRORS = 0.02, 2.0
-"""The trimmed error must fall by this share, and the gain exceed so many standard errors."""
-_DETERMINED = 0.1
-"""The same share where photographs determine tilt and fall-off: gloss lowers it by a fifth and
-more (simulated paintings, strengths 0.5 to 1.5), matte paint and a gilded icon by up to 5 %."""
-_PASSES, _FIRST, _LATER = 6, 0.01, 0.002
-"""Searches of tilt and fall-off, each followed by rounds, and by how much the first and each later
-one must help."""
-_STEPS = np.array([0.04, 0.04, 0.1])
-_FARTHEST = np.array([0.5, 0.5, 1.5])
-"""Tilts in radians and the exponent of the fall-off: steps and limits of their search."""
+_HELPS = 0.01
+"""Share by which rounds of medians must lower the trimmed error: on a gilded icon they do by 2 to
+10 %, on simulated paintings by nothing, while strengths drift along what is not determined."""
+_PLACED = np.zeros(2, dtype=np.bool_)
+"""No distance is free."""
 _CHANGED, _FEW = 0.01, 0.1
 """A few lamps that still change by more than one per cent do no harm: on the icon, where they are 4
 of 72, twelve more rounds change the normals by less than 0.1 degrees (median)."""
@@ -75,23 +60,21 @@ class Strengths:
     stack
         The photographs with these lights: what to fit.
     converged
-        Whether the last step, extrapolated from the rounds before it, changed every factor by less
-        than 0.5 %. The remaining error is then mostly that of the model, and it is larger with
-        fewer lamps. On simulated paintings with log-normal strengths (0.3) the worst lamp was off
-        by 1 to 10 % of 24 lamps, 5 to 23 % of twelve, and 12 to 45 % of seven to nine; with even
-        lamps by 0.5 to 2 %. Where it is False, see ``change``: a few lamps that have not converged
-        do little harm. If they are more than a tenth, give more ``rounds``, or call
-        :func:`fit_strengths` again with ``stack``, which continues from there.
+        Whether the last round of medians changed every factor by less than 0.5 %. The remaining
+        error is then mostly that of the model, and it is larger with fewer lamps. On simulated
+        paintings with log-normal strengths (0.3) the worst lamp was off by 1 % of 24 lamps, 1 to
+        2 % of twelve, and 2 to 3 % of eight. Where it is False, see ``change``: a few lamps that
+        have not converged do little harm. If they are more than a tenth, give more ``rounds``.
     change
-        ``(obs,)`` relative change of each factor in the last round: 0.01 is one per cent. NaN where
-        no pixel determines the factor.
+        ``(obs,)`` relative change of each factor in the last round, also where the rounds did not
+        help: 0.01 is one per cent. NaN where no pixel determines the factor.
     gauge
         What was found. ``"given"``: other strengths do not predict photographs that were held out
         better, every factor is 1. ``"held"``: strengths, with the mean normal and the fall-off with
         elevation as the given lamps say. ``"determined"``: gloss determined these as well.
-        ``"free"``: nothing was held and nothing tested.
+        ``"free"``: nothing was held, as asked for.
     held_out
-        The gain by strengths on photographs that were held out; None if there was no test.
+        The gain by strengths on photographs that were held out; None if nothing was to be decided.
     """
 
     factor: NDArray[np.float64]
@@ -193,11 +176,13 @@ def fit_strengths(
 
     Lamps of a dome differ, the distance of a lamp held by hand varies, and exposures are changed.
     The strength of a light is the factor that all pixels of its photograph have in common, relative
-    to what the surface should show. Two steps alternate: the surface is fitted under the current
-    lamps (lobes of each pixel's own, :func:`fit_sbrdf` with ``pooling="pixel"``), then the factor
-    of each lamp is the median of sample / predicted sample over the pixels that it lights without
-    clipping. About 10,000 pixels spread over the painting are used. Lamps that are off by more than
-    a factor of two are found first, with a matte surface.
+    to what the surface should show. Bundle adjustment, as in :func:`refine_rig`, changes strengths
+    and the surfaces of 576 pixels together. Rounds of medians follow: surfaces are fitted under
+    these strengths (lobes of each pixel's own, :func:`fit_sbrdf` with ``pooling="pixel"``), then
+    the factor of each lamp is the median of sample / predicted sample over the pixels that it
+    lights without clipping, 2304 spread over the painting. The rounds count only where they predict
+    photographs that are held out better by 1 %, as they do where the model does not describe the
+    highlights.
 
     Photographs of a matte, nearly flat painting do not separate strengths from a tilt of all its
     normals, nor from a fall-off with the elevation of lamps. By default these are held as the given
@@ -213,19 +198,17 @@ def fit_strengths(
     stack
         At least 7 photographs, better 24: see ``converged``.
     gauge
-        What is held. ``"auto"`` (default): the mean normal and the fall-off with elevation;
-        strengths are accepted if, in three folds, surfaces fitted under them predict photographs
-        that were held out better: the trimmed mean of the coded errors falls by 2 % or more, and
-        the mean gain in dB exceeds twice its standard error. The strength of each photograph held
-        out is its own median of sample / predicted sample, or else that of its neighbours
-        (:meth:`Strengths.at`). Then tilt and fall-off are searched with the former, and kept if
-        they lower the error by a tenth. ``"held"``: the same without any test. ``"free"``: nothing
-        is held or tested; each step is extrapolated from the last rounds.
+        What is held. ``"auto"`` (default): strengths are accepted as in :func:`refine_rig`, if in
+        three folds photographs that were held out are predicted better: the trimmed mean of the
+        coded errors falls by 2 % and the mean gain in dB exceeds three standard errors, or by 10 %
+        and one; or, where errors are near those of rounding, by 20 % and one. The mean normal and
+        the fall-off with elevation are held unless free ones lower the error by 10 % and one
+        standard error more. A photograph that is held out has a strength of its own, its median of
+        sample / predicted sample. ``"held"``, ``"free"``: one of them without this decision.
     lobes, index
         As for :func:`fit_sbrdf`.
     rounds
-        The most rounds, at least 1; one takes about as long as a fit of 10,000 pixels. The tests of
-        ``"auto"`` take about as long as the rounds.
+        The most rounds of medians, at least 1; one takes about as long as a fit of 2304 pixels.
     threads
         None means every allowed core; the result does not depend on it.
     progress
@@ -245,9 +228,9 @@ def fit_strengths(
 
     Notes
     -----
-    Semi-calibrated photometric stereo (Cho, Matsushita, Tai and Kweon, CVPR 2016) by alternation,
-    with highlights in the model and medians instead of sums; ``"free"`` is accelerated as by
-    Anderson (JACM 12, 1965).
+    Semi-calibrated photometric stereo (Cho, Matsushita, Tai and Kweon, CVPR 2016) by bundle
+    adjustment (Triggs, McLauchlan, Hartley and Fitzgibbon, 2000), with highlights in the model, and
+    medians instead of sums.
     """
     checked_stack(stack)
     one_of(gauge, get_args(Gauge), "gauge")
@@ -260,62 +243,8 @@ def fit_strengths(
             f"stack: strengths need at least {FEWEST} lights, found {count}; "
             "photograph a white board under each light (white=)"
         )
-    return strengths_of(
-        stack,
-        gauge,
-        lobes=lobes,
-        index=index,
-        rounds=rounds,
-        threads=threads,
-        progress=progress,
-    )
-
-
-def strengths_of(
-    stack: Stack,
-    gauge: Gauge,
-    *,
-    lobes: int = 2,
-    index: float,
-    rounds: int = ROUNDS,
-    threads: int | None,
-    progress: bool | ProgressCallback = False,
-) -> Strengths:
-    """:func:`fit_strengths` of checked arguments.
-
-    The surfaces are under a varnish where that predicts photographs held out better.
-    """
-    count = len(stack.rig)
-    folds = fold_count(count, FEWEST, _FOLDS) if gauge == "auto" else 0
-    test = HeldOut(stack, _TESTED, index=index, threads=threads)
-    if folds:
-        test = test.suited(stack.rig, folds)
-    few = subsampled_to(stack, _PIXELS)
-    samples = np.array([few.linear(photograph) for photograph in range(count)]).mean(axis=1)
-
-    def matte(lit: Stack) -> tuple[Any, Any, Any]:
-        found = fit_normals(lit, threads=threads)
-        surface = Surface(found.normal, found.albedo, index=index, origin=lit.rig.origin)
-        return found.status, found.normal, surface.predict(lit.rig, threads=threads)
-
-    def glossy(lit: Stack) -> tuple[Any, Any, Any]:
-        found = fit_lobes(
-            lit,
-            fit_normals(lit, threads=threads),
-            lobes=lobes,
-            ambient=True,
-            coated=test.coated,
-            index=index,
-            threads=threads,
-            progress=False,
-        )
-        return found.status, found.normal, found.predict(threads=threads)
-
-    alternation = Alternation(few, samples, glossy, matte)
-    start = alternation.outliers()
-    total = rounds * (folds + 1)
+    total, passed = (rounds + 1) * (2 if gauge == "auto" else 1), 0
     with reporting(progress, "strengths") as report:
-        passed = 0
 
         def tick() -> None:
             nonlocal passed
@@ -323,115 +252,107 @@ def strengths_of(
                 report(passed, total)
             passed += 1
 
-        if gauge == "free":
-            found, held_out, how = alternation.free(start, rounds, tick), None, "free"
-        else:
-            found, held_out, how = alternation.held(start, rounds, tick), None, "held"
-        if gauge == "auto":
-            trial = _Trial(test, stack.rig, glossy, lobes, folds, rounds, tick)
-            gains = trial.gains(start)
-            held_out = next((one for one in gains if one.better(_FALL, _ERRORS)), None)
-            how = "given" if held_out is None else "held"
-            if held_out is None and gains:
-                held_out = gains[0]
-            if how == "held":
-                moved = found
-                for pass_ in range(_PASSES):
-                    log = trial.gauge(moved, first=pass_ == 0)
-                    if log is None:
-                        break
-                    moved = alternation.held(log, rounds)
-                if trial.better(moved, found):
-                    how, found = "determined", moved
+        search = _Search(stack, lobes, index, threads, rounds, tick)
+        known = search.known()
+        best, gain = search.accepted() if gauge == "auto" else (search.found(gauge), None)
         if report is not None:
             report(total, total)
-    factor: NDArray[np.float64] = np.where(found.known, np.exp(found.log), np.nan)
+    how, log, step, converged = "given", np.zeros(count), np.zeros(count), True
+    if best is not None:
+        how = "determined" if gauge == "auto" and best.found.kind == "free" else best.found.kind
+        known, log = best.rounds.known, best.found.state.log
+        step, converged = best.rounds.step, best.rounds.converged
+    factor: NDArray[np.float64] = np.where(known, np.exp(log), np.nan)
     factor /= np.nanmedian(factor)
-    if how == "given":
-        factor = np.where(found.known, 1.0, np.nan)
-    rig = scaled(stack.rig, np.where(found.known, factor, 1.0))
+    rig = scaled(stack.rig, np.where(known, factor, 1.0))
     return Strengths(
         factor=factor,
         rig=rig,
         stack=stack._replace(rig=rig),
-        converged=found.converged or how == "given",
-        change=np.where(found.known, np.expm1(found.step), np.nan),
+        converged=converged,
+        change=np.where(known, np.expm1(step), np.nan),
         gauge=how,
-        held_out=held_out,
+        held_out=gain,
     )
 
 
-class _Trial:
-    """What photographs held out say about strengths."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    """Strengths, and the rounds of medians that led to them or did not help."""
+
+    found: Found
+    rounds: Rounds
+
+
+class _Search:
+    """Strengths under each hypothesis about their gauge.
+
+    Surfaces are under a varnish, or on metal have lobes of a shape of their own, where that
+    predicts photographs held out better.
+    """
 
     def __init__(
         self,
-        test: HeldOut,
-        rig: Rig,
-        glossy: Callable[[Stack], tuple[Any, Any, Any]],
+        stack: Stack,
         lobes: int,
-        folds: int,
+        index: float,
+        threads: int | None,
         rounds: int,
         tick: Callable[[], None],
     ) -> None:
-        self._test, self._rig, self._glossy = test, rig, glossy
-        self._lobes, self._folds, self._rounds, self._tick = lobes, folds, rounds, tick
+        rig = stack.rig
+        self._folds = fold_count(len(rig), FEWEST, _FOLDS)
+        test = HeldOut(stack, _PIXELS, index=index, threads=threads)
+        if self._folds:
+            test = test.for_metal(rig).suited(rig, self._folds)
+        many = HeldOut(stack, _MANY_PIXELS, index=index, threads=threads, surfaces=test.surfaces)
+        self._test, self._rig, self._lobes = test, rig, lobes
+        self._medians = Medians(many, rig, lobes, threads)
+        self._adjustment = BundleAdjustment(test, self._at, rig.directions, threads)
+        self._most, self._tick = rounds, tick
 
-    def gains(self, start: NDArray[np.float64]) -> list[Comparison]:
-        """Gains by strengths estimated from the other photographs; none with too few lights.
+    def known(self) -> NDArray[np.bool_]:
+        """``(obs,)`` lamps that some pixel determines; refuses what is too little."""
+        return self._medians.known()
 
-        The first where each photograph held out has a strength of its own, the second where it has
-        that of its neighbours: :meth:`Strengths.at`.
+    def found(self, kind: Kind) -> _Candidate:
+        """The strengths of one kind.
+
+        Rounds of medians count where they predict photographs held out better, or none can be
+        held out.
         """
-        if not self._folds:
-            return []
-        lit = self._test.lit(self._rig)
-        count, stacks = len(self._rig), []
-        for fold in range(self._folds):
-            held = np.arange(fold, count, self._folds)
-            seen = np.setdiff1d(np.arange(count), held)
-            part = Alternation(lit.take(seen), self._test.samples[seen], self._glossy)
-            try:
-                found = part.held(start[seen], self._rounds, self._tick)
-            except ArgumentError:  # too few pixels or lamps without these photographs
-                return []
-            log, towards = np.log(found.factor), self._rig.directions
-            factor = np.ones(count)
-            factor[seen] = found.factor
-            factor[held] = np.exp(over_directions(towards[seen], log, towards[held]))
-            stacks.append(lit._replace(rig=scaled(lit.rig, factor)))
-        before = self._test.errors_of([lit] * self._folds, self._lobes)
-        after = self._test.errors_of(stacks, self._lobes)
-        return [one.than(other) for one, other in zip(after, before, strict=True)]
-
-    def gauge(self, found: Found, *, first: bool) -> NDArray[np.float64] | None:
-        """Factors' logarithms with the tilt and fall-off that lower the error, or None.
-
-        Two folds: three numbers of the whole painting are chosen.
-        """
-        lights = self._rig.directions
-
-        def log(freedoms: NDArray[np.float64]) -> NDArray[np.float64]:
-            return found.log + gauge_of(lights, found.normal, freedoms)
-
-        def errors(freedoms: NDArray[np.float64]) -> Errors:
-            return self._errors(log(freedoms), found.known)
-
-        best, _ = coordinate_search(
-            lambda freedoms: errors(freedoms).trim,
-            np.zeros(3),
-            _STEPS if first else 0.25 * _STEPS,
-            low=-_FARTHEST,
-            high=_FARTHEST,
+        self._tick()
+        even = RigNumbers(np.zeros(2), np.zeros(len(self._rig)))
+        start = self._adjustment.solve(even, _PLACED, kind, nearest=0.0)
+        rounds = self._medians.rounds(start.log, self._most, self._tick, held=kind == "held")
+        before, after = (
+            self._judged(state, kind, self._test)
+            for state in (start, RigNumbers(start.place, rounds.log))
         )
-        gain = errors(best).than(errors(np.zeros(3)))
-        return log(best) if gain.fall > (_FIRST if first else _LATER) else None
+        helped = not self._folds or after.errors.than(before.errors).fall > _HELPS
+        return _Candidate(after if helped else before, rounds)
 
-    def better(self, moved: Found, found: Found) -> bool:
-        """Whether gloss determines the tilt and fall-off that were moved."""
-        after, before = (self._errors(one.log, one.known) for one in (moved, found))
-        return after.than(before).better(_DETERMINED, _ERRORS)
+    def accepted(self) -> tuple[_Candidate | None, Comparison | None]:
+        """What photographs held out accept, None for the strengths as given; and the gain."""
+        if not self._folds:
+            return None, None
+        nothing = RigNumbers(np.zeros(2), np.zeros(len(self._rig)))
+        even = [
+            self._judged(nothing, "given", test) for test in (self._test, self._test.otherwise())
+        ]
+        free = self.found("free")
+        gain = free.found.errors.than(even[0].errors)
+        if not strengths_differ(gain, self._test.rounded):
+            return None, gain
+        held = self.found("held")
+        best = chosen([*even, held.found, free.found], self._test.rounded)
+        for one in (held, free):
+            if one.found is best:
+                return one, best.errors.than(even[0].errors)
+        return None, held.found.errors.than(even[0].errors)
 
-    def _errors(self, log: NDArray[np.float64], known: NDArray[np.bool_]) -> Errors:
-        factor = np.where(known, np.exp(log), 1.0)
-        return self._test.errors(scaled(self._rig, factor), 2, self._lobes)
+    def _judged(self, state: RigNumbers, kind: Kind, test: HeldOut) -> Found:
+        return Found(state, kind, test, test.errors(self._at(state), self._folds, self._lobes))
+
+    def _at(self, state: RigNumbers) -> Rig:
+        return scaled(self._rig, np.exp(state.log))
