@@ -5,20 +5,27 @@ from __future__ import annotations
 import io
 import math
 import struct
+import tokenize
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.regular import RegularFile
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.regular import RegularFile
 from impasto.io.sources import Source
 
 MAGIC = b"\x93NUMPY"
-_LONGEST_HEADER = 1 << 16
+LONGEST_HEADER = 1 << 16
+"""Bytes in which the header of an array must end."""
+_DAMAGE = (
+    *(KeyError, EOFError, SyntaxError, RecursionError, OverflowError),
+    *(struct.error, tokenize.TokenError),
+)
+"""What numpy raises at headers that are none, besides ValueError."""
 _LOCAL_HEADER = 30
 """Bytes of the fixed part of a member's header in a zip archive."""
 
@@ -30,6 +37,7 @@ class StoredArray:
     offset: int
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
+    by_columns: bool
 
     @property
     def nbytes(self) -> int:
@@ -49,14 +57,18 @@ class ArraySource(Source):
     """
 
     def __init__(self, file: RegularFile, stored: StoredArray) -> None:
+        path, dtype = file.path, stored.dtype
         shape = stored.shape if len(stored.shape) == 3 else (1, *stored.shape)
         if len(shape) != 3 or 0 in shape:
             raise ArgumentError(
-                f"{file.path}: holds an array of shape {stored.shape}; expected (band, y, x) or "
-                "(y, x)"
+                f"{path}: holds an array of shape {stored.shape}; expected (band, y, x) or (y, x)"
             )
-        if stored.dtype.kind not in "uif" or stored.dtype.itemsize > 8:
-            raise ArgumentError(f"{file.path}: holds {stored.dtype}; expected numbers")
+        if dtype.kind not in "uif" or dtype.itemsize > 8:
+            raise ArgumentError(f"{path}: holds {dtype}; expected numbers of at most 64 bits")
+        if stored.by_columns:
+            raise ArgumentError(
+                f"{path}: its array is stored column by column; save numpy.ascontiguousarray(array)"
+            )
         self._file = file
         self._stored = stored
         self._shape = (shape[0], shape[1], shape[2])
@@ -96,20 +108,22 @@ class ArraySource(Source):
         return out
 
 
-def open_npy(file: RegularFile) -> ArraySource:
+def open_array(file: RegularFile) -> ArraySource:
     """The array of a ``.npy`` file."""
-    return ArraySource(file, stored_array(file, 0, file.size))
+    head = file.at(0, min(LONGEST_HEADER, file.size))
+    return ArraySource(file, array_in(file.path, head, 0, file.size))
 
 
-def open_member(path: str | Path, name: str) -> ArraySource:
-    """One array ``(band, y, x)`` or ``(y, x)`` of an ``.npz`` archive, without reading the others.
+def open_member(file: RegularFile, name: str, index: int | None = None) -> ArraySource:
+    """One array of an ``.npz`` archive as :func:`numpy.savez` writes it: not compressed.
 
     Parameters
     ----------
-    path
-        The archive, as :func:`numpy.savez` writes it: its arrays are not compressed.
     name
         Of the array.
+    index
+        Of one observation of an array ``(obs, band, y, x)``; None: an array ``(band, y, x)`` or
+        ``(y, x)``.
 
     Raises
     ------
@@ -118,16 +132,25 @@ def open_member(path: str | Path, name: str) -> ArraySource:
     CorruptInputError
         A damaged archive.
     """
-    path = Path(path)
-    file = RegularFile(path)
-    try:
-        return ArraySource(file, _member(file, name))
-    except BaseException:
-        file.close()
-        raise
+    stored = member(file, name)
+    if index is not None:
+        stored = observation(file.path, stored, index)
+    return ArraySource(file, stored)
 
 
-def _member(file: RegularFile, name: str) -> StoredArray:
+def observation(path: Path, stored: StoredArray, index: int) -> StoredArray:
+    """One of an array ``(obs, band, y, x)``."""
+    if len(stored.shape) != 4 or not 0 <= index < stored.shape[0]:
+        raise ArgumentError(
+            f"index: {index}, where {path} has an array {stored.shape}, not (obs, band, y, x) with "
+            "more observations"
+        )
+    size = stored.nbytes // stored.shape[0]
+    return replace(stored, offset=stored.offset + index * size, shape=stored.shape[1:])
+
+
+def member(file: RegularFile, name: str) -> StoredArray:
+    """Where an array of an archive lies; see :func:`open_member`."""
     try:
         with zipfile.ZipFile(file.handle) as archive:
             members = {
@@ -137,53 +160,50 @@ def _member(file: RegularFile, name: str) -> StoredArray:
         raise CorruptInputError(file.path, f"cannot be read as .npz ({error})") from error
     if name not in members:
         raise ArgumentError(f"{file.path}: has no array {name!r}, only {sorted(members)}")
-    member = members[name]
-    if member.compress_type != zipfile.ZIP_STORED:
+    found = members[name]
+    if found.compress_type != zipfile.ZIP_STORED:
         raise ArgumentError(
             f"{file.path}: its array {name!r} is compressed, so that no window can be read alone; "
             "write it with numpy.savez"
         )
-    local = file.at(member.header_offset, _LOCAL_HEADER)
+    local = file.at(found.header_offset, _LOCAL_HEADER)
     if local[:4] != b"PK\3\4":
         raise CorruptInputError(file.path, f"is damaged: no array {name!r} where it is listed")
     names, extra = struct.unpack_from("<HH", local, 26)
-    return stored_array(
-        file, member.header_offset + _LOCAL_HEADER + names + extra, member.file_size
-    )
+    start = found.header_offset + _LOCAL_HEADER + names + extra
+    head = file.at(start, min(LONGEST_HEADER, found.file_size))
+    return array_in(file.path, head, start, found.file_size)
 
 
-def stored_array(file: RegularFile, start: int, size: int) -> StoredArray:
-    """The array in ``.npy`` format in ``size`` bytes from ``start`` on.
+def array_in(path: Path, head: bytes, start: int, size: int) -> StoredArray:
+    """The array in ``.npy`` format whose ``size`` bytes begin with ``head`` at ``start``.
 
     Raises
     ------
     CorruptInputError
         No array, or one that does not fit in.
-    ArgumentError
-        An array of Python objects, or in Fortran's order.
     """
-    head = io.BytesIO(file.at(start, min(size, _LONGEST_HEADER, file.size - start)))
+    opened = io.BytesIO(head)
     try:
-        version = np.lib.format.read_magic(head)
+        version = np.lib.format.read_magic(opened)
         read = {
             (1, 0): np.lib.format.read_array_header_1_0,
             (2, 0): np.lib.format.read_array_header_2_0,
         }[version]
-        shape, in_fortran_order, dtype = read(head)
-    except (ValueError, KeyError, EOFError, SyntaxError, RecursionError) as error:
-        raise CorruptInputError(file.path, f"has a damaged header of an array ({error})") from error
-    if dtype.hasobject:
-        raise ArgumentError(f"{file.path}: holds Python objects, not numbers")
-    if in_fortran_order and len(shape) > 1:
-        raise ArgumentError(
-            f"{file.path}: its array is stored column by column; save "
-            "numpy.ascontiguousarray(array)"
+        shape, by_columns, dtype = read(opened)
+        stored = StoredArray(
+            start + opened.tell(),
+            tuple(int(n) for n in shape),
+            dtype,
+            by_columns and len(shape) > 1,
         )
-    stored = StoredArray(start + head.tell(), tuple(int(n) for n in shape), dtype)
-    if min(stored.shape, default=0) < 0 or head.tell() + stored.nbytes > size:
+    except (*_DAMAGE, ValueError) as error:
+        raise CorruptInputError(path, f"has a damaged header of an array ({error})") from error
+    left = size - opened.tell()
+    if min(stored.shape, default=0) < 0 or (not dtype.hasobject and stored.nbytes > left):
         raise CorruptInputError(
-            file.path,
+            path,
             f"is truncated: it claims an array {stored.shape} of {dtype}, {stored.nbytes} bytes, "
-            f"and has {size - head.tell()}",
+            f"and has {left}",
         )
     return stored

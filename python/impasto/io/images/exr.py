@@ -16,17 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.regular import RegularFile
 from impasto.errors import CorruptInputError
+from impasto.io.budget import check_claim
 from impasto.io.images.exr_channels import pick_channels
 from impasto.io.images.exr_structure import HALF, ExrPart, chunk_head
-from impasto.io.images.header import ImageHeader, check_claim
-from impasto.io.images.native_stderr import captured_lines
+from impasto.io.images.header import ImageHeader
+from impasto.io.images.native_stderr import NO_MEMORY, captured_lines
 from impasto.io.images.picture import Picture
-from impasto.io.regular import RegularFile
 
 _AT_ONCE = 1 << 26
 """Bytes of the pixels that are decoded at once, unless one row of chunks has more."""
-_NO_MEMORY = re.compile(r"bad_alloc|out of memory|unable to allocate|cannot allocate", re.I)
+_NO_MEMORY = re.compile(NO_MEMORY.decode())
 _COPIED = (
     *("channels", "compression", "lineOrder"),
     *("pixelAspectRatio", "screenWindowCenter", "screenWindowWidth"),

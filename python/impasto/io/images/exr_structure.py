@@ -12,17 +12,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.regular import RegularFile
 from impasto.errors import CorruptInputError
-from impasto.io.images.header import HARMLESS_BYTES, ImageHeader, truncated
-from impasto.io.regular import RegularFile
+from impasto.io.budget import HARMLESS_BYTES
+from impasto.io.images.header import ImageHeader, truncated
 
 HALF = 1
 _PIXEL_BYTES = {0: 4, HALF: 2, 2: 4}
 _ROWS_PER_CHUNK = {
     0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256, 10: 256, 11: 32, 12: 256,
-    13: 256,
+    13: 1,
 }  # fmt: skip
-"""By compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB, HTJ2K ..."""
+"""By compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB, HTJ2K256, HTJ2K32, LJ2K, ZSTD."""
 _LONGEST_HEADER = 1 << 24
 _HEADS = (1 << 16, 1 << 20, 1 << 26)
 """Bytes in which the header is looked for, one after the other; then the whole file."""

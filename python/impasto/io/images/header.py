@@ -13,14 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.budget import check_claim
 
 MAX_PIXELS = 1 << 31
 """Pictures with more pixels than this are refused (about 46 000 x 46 000)."""
-
-_RATIO = 1100
-"""Deflate expands by at most 1032; a header that claims more is a decompression bomb."""
-HARMLESS_BYTES = 1 << 26
-"""Claims below 64 MiB are decoded at any ratio: a flat picture compresses well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,16 +74,6 @@ def check_size(header: ImageHeader, file_bytes: int, max_pixels: int) -> None:
         raise ArgumentError(
             f"{header.path}: {claim} is more than max_pixels={max_pixels}; cut the picture into "
             "tiles, or raise max_pixels"
-        )
-
-
-def check_claim(path: Path, claimed_bytes: int, file_bytes: int, claim: str) -> None:
-    """Refuse a claim that only a decompression bomb of this length keeps."""
-    if claimed_bytes > max(HARMLESS_BYTES, _RATIO * file_bytes):
-        raise CorruptInputError(
-            path,
-            f"claims {claim} ({claimed_bytes / 1e9:.1f} GB) in a file of {file_bytes} bytes: "
-            "refused as damaged or hostile",
         )
 
 

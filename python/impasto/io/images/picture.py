@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.regular import RegularFile
 from impasto.io.images.header import ImageHeader
-from impasto.io.regular import RegularFile
 from impasto.io.sources import Source
 
 

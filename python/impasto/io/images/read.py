@@ -12,19 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.regular import RegularFile
 from impasto.errors import CorruptInputError
 from impasto.io.images.exr import ExrSource
 from impasto.io.images.exr_structure import exr_parts
 from impasto.io.images.header import MAX_PIXELS, ImageHeader, check_size, truncated
 from impasto.io.images.jpeg import jpeg_header
-from impasto.io.images.native_stderr import captured_lines
+from impasto.io.images.native_stderr import NO_MEMORY, captured_lines
 from impasto.io.images.picture import Picture, WholePicture
 from impasto.io.images.png import png_header
 from impasto.io.images.tiff import open_tiff
-from impasto.io.regular import RegularFile
 
 _DAMAGE_OF_JPEG = b"Corrupt JPEG data|Premature end of JPEG"
-_NO_MEMORY = b"[Ii]nsufficient memory|[Oo]ut of memory"
 IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr"})
 
 
@@ -155,13 +154,13 @@ def _decode(header: ImageHeader, data: bytes, bands: int) -> NDArray[Any]:
     path = header.path
     try:
         # libjpeg decodes as much as it can of a damaged file and reports that on stderr only.
-        with captured_lines(_DAMAGE_OF_JPEG + b"|" + _NO_MEMORY) as said:
+        with captured_lines(_DAMAGE_OF_JPEG + b"|" + NO_MEMORY) as said:
             decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         if error.code == cv2.Error.StsNoMem:
             raise MemoryError(f"{path}: {error}") from error
         raise CorruptInputError(path, f"cannot be decoded ({error})") from error
-    if said and re.search(_NO_MEMORY.decode(), said[0]):
+    if said and re.search(NO_MEMORY.decode(), said[0]):
         raise MemoryError(f"{path}: {said[0]}")
     if said:
         raise CorruptInputError(path, f"is damaged ({said[0]}); copy it again from the camera")

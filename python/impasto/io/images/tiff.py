@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from impasto._internal.regular import RegularFile
 from impasto.errors import CorruptInputError, ImpastoError
-from impasto.io.images.header import HARMLESS_BYTES, ImageHeader, truncated
+from impasto.io.budget import HARMLESS_BYTES
+from impasto.io.images.header import ImageHeader, truncated
 from impasto.io.images.profile import profile_curve
 from impasto.io.images.tiff_source import TiffSource, segment_size
-from impasto.io.regular import RegularFile
 
+_LIBRARY, _SILENT = logging.getLogger("tifffile"), logging.NullHandler()
 _DTYPES = frozenset({"uint8", "uint16", "float16", "float32", "float64"})
 _LARGEST_TILE = 4
 """How many times the picture a tile may hold."""
@@ -28,6 +31,8 @@ def open_tiff(file: RegularFile, check: Callable[[ImageHeader], None]) -> TiffSo
     """
     import tifffile
 
+    # What it says of odd files goes to a program's log, not to the terminal.
+    _LIBRARY.addHandler(_SILENT)
     path = file.path
     try:
         opened = tifffile.TiffFile(file.handle, offset=0)

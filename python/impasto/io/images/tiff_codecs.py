@@ -6,6 +6,7 @@ TIFF 6.0 (1992); Technical Note 3 (2005) for the predictor of floating-point num
 from __future__ import annotations
 
 import lzma
+import re
 import struct
 import zlib
 from dataclasses import dataclass
@@ -14,11 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.io.images.native_stderr import NO_MEMORY, captured_lines
+
 NONE, LZW, JPEG, PACKBITS = 1, 5, 7, 32773
 DEFLATE = frozenset({8, 32946})
 LZMA = 34925
 _PIECE = 1 << 22
 """Bytes that are decompressed at once where they are not wanted."""
+_DAMAGE = b"TIFF_Error|Corrupt JPEG data|Premature end of JPEG"
 _DIFFERENCES, _FLOATS = 2, 3
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
@@ -185,10 +189,12 @@ def _unpredicted(layout: Layout, raw: bytes, rows: int) -> NDArray[np.generic]:
 
 def _by_libtiff(layout: Layout, data: bytes, rows: int) -> bytes:
     """LZW and PackBits: OpenCV's libtiff decodes bytes, a picture of one strip of grey codes."""
-    picture = one_strip(
-        data, layout.row_bytes, rows, {258: 8, 259: layout.compression, 262: 1, 277: 1}
-    )
-    return decoded_by_opencv(picture).tobytes()
+    # Codes of 16 bits: those of 8 go through a picture with four times the bytes.
+    deep = layout.row_bytes % 2 == 0
+    width = layout.row_bytes // 2 if deep else layout.row_bytes
+    tags = {258: 16 if deep else 8, 259: layout.compression, 262: 1, 277: 1}
+    picture = decoded_by_opencv(one_strip(data, width, rows, tags))
+    return picture.astype("<u2" if deep else np.uint8, copy=False).tobytes()
 
 
 def one_strip(
@@ -220,11 +226,17 @@ def decoded_by_opencv(picture: bytes) -> NDArray[Any]:
     import cv2
 
     try:
-        decoded = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_UNCHANGED)
+        # libtiff decodes as much as it can of a damaged strip and reports that on stderr only.
+        with captured_lines(b"|".join((_DAMAGE, NO_MEMORY))) as said:
+            decoded = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         if error.code == cv2.Error.StsNoMem:
             raise MemoryError(str(error)) from error
         raise SegmentError(str(error)) from error
+    if said and re.search(NO_MEMORY.decode(), said[0]):
+        raise MemoryError(said[0])
+    if said:
+        raise SegmentError(said[0])
     if decoded is None:
         raise SegmentError("it cannot be decoded")
     array: NDArray[Any] = np.asarray(decoded)

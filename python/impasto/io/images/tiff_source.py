@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.regular import RegularFile
 from impasto.errors import CorruptInputError, ImpastoError
 from impasto.io.images.header import ImageHeader
 from impasto.io.images.picture import Picture
@@ -26,8 +27,9 @@ from impasto.io.images.tiff_codecs import (
     inflated,
     one_strip,
 )
-from impasto.io.regular import RegularFile
 
+_AT_ONCE = 1 << 24
+"""Bytes that are read at once where nothing is compressed."""
 _FEW = 4
 """Segments for which no threads are started."""
 
@@ -121,14 +123,15 @@ class _Page:
         def decode(task: tuple[int, int, int, NDArray[Any]]) -> None:
             index, y, x, target = task
             y0, x0 = y * self.length, x * self.width
-            rows = max(top - y0, 0), min(bottom - y0, self.length)
+            first, end = max(top - y0, 0), min(bottom - y0, self.length)
             columns = max(left - x0, 0), min(right - x0, self.width)
-            block = self._segment(index, y0, rows, columns)[..., : len(target)]
-            target[
-                :,
-                y0 + rows[0] - top : y0 + rows[1] - top,
-                x0 + columns[0] - left : x0 + columns[1] - left,
-            ] = block.transpose(2, 0, 1)
+            part = target[:, :, x0 + columns[0] - left : x0 + columns[1] - left]
+            # A whole picture may be one strip.
+            rows = max(1, _AT_ONCE // self.layout.row_bytes) if self.plain else self.length
+            for start in range(first, end, rows):
+                stop = min(start + rows, end)
+                block = self._segment(index, y0, (start, stop), columns)[..., : len(target)]
+                part[:, y0 + start - top : y0 + stop - top] = block.transpose(2, 0, 1)
 
         _run(decode, tasks, 1 if self.plain else workers())
 

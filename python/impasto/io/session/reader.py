@@ -135,9 +135,9 @@ def read_stack(
             "lights": lights, "images": images, "mask": mask, "saturation": saturation,
             "white": white, "dark": dark, "board_reflectance": board_reflectance,
             "intensities": intensities, "pattern": pattern, "bands": bands, "pitch_mm": pitch_mm,
-            "region": region, "layer": layer, "encoding": encoding,
+            "layer": layer, "encoding": encoding,
         }  # fmt: skip
-        return read_archive(path, given)
+        return read_archive(path, given, region)
     listed = listed_lights(path, lights, notebook)
     folder = Path(images) if images is not None else (path if path.is_dir() else path.parent)
     excluded = [

@@ -24,6 +24,8 @@ _KINDS = (
 )
 _NARROW = 4
 """A row of which less than a quarter is wanted is read alone."""
+_AT_ONCE = 1 << 24
+"""Bytes that are read together where only some are wanted."""
 
 
 class RegularFile:
@@ -66,14 +68,19 @@ class RegularFile:
 
     def rows(self, offset: int, stride: int, count: int, length: int) -> NDArray[np.uint8]:
         """``(count, length)`` bytes: of each row of ``stride`` bytes the first ``length``."""
-        if count > 1 and length * _NARROW >= stride:
-            whole = np.empty(((count - 1) * stride + length), np.uint8)
-            self._fill(offset, whole)
-            view = np.lib.stride_tricks.as_strided(whole, (count, length), (stride, 1))
-            return np.ascontiguousarray(view)
         found = np.empty((count, length), np.uint8)
-        for index, row in enumerate(found):
-            self._fill(offset + index * stride, row)
+        if length == stride:
+            self._fill(offset, found.reshape(-1))
+        elif length * _NARROW < stride:
+            for index, row in enumerate(found):
+                self._fill(offset + index * stride, row)
+        else:
+            block = max(1, _AT_ONCE // stride)
+            for first in range(0, count, block):
+                rows = found[first : first + block]
+                whole = np.empty((len(rows) - 1) * stride + length, np.uint8)
+                self._fill(offset + first * stride, whole)
+                rows[:] = np.lib.stride_tricks.as_strided(whole, rows.shape, (stride, 1))
         return found
 
     def close(self) -> None:
@@ -117,17 +124,19 @@ def unreadable(path: Path, error: OSError) -> ArgumentError:
 
 
 def check_regular(path: Path) -> None:
-    """Refuse a path that names no regular file, without opening it.
+    """Refuse a path that names something else than a file, without opening it.
+
+    Whether there is anything at all is left to whoever opens it.
 
     Raises
     ------
     ArgumentError
-        There is none, or it is a folder, a pipe, a device or a socket.
+        A folder, a pipe, a device or a socket, or a name that no file can have.
     """
     try:
         mode = path.stat().st_mode
-    except OSError as error:
-        raise unreadable(path, error) from error
+    except OSError:
+        return
     except ValueError as error:
         raise ArgumentError(f"{path}: is no name of a file: it contains a NUL character") from error
     _refuse(path, mode)
@@ -152,7 +161,4 @@ def _opened(path: Path) -> io.FileIO:
 def _refuse(path: Path, mode: int) -> None:
     for has_kind, words in _KINDS:
         if has_kind(mode):
-            raise ArgumentError(
-                f"{path}: is {words}, not a file; give the name of a file on a disk (of what a "
-                "program writes, save it first)"
-            )
+            raise ArgumentError(f"{path}: is {words}, not a file; give the name of a file")
