@@ -129,6 +129,36 @@ def test_tiff_lzw(tmp_path: Path, dtype: str, rows: int, predictor: int) -> None
     agrees(path, planes)
 
 
+def test_tiff_lzw_of_six_planes(tmp_path: Path) -> None:
+    """The strips of OpenCV's grey pictures, put together as planes."""
+    planes, strips = numbers("uint8", 6), []
+    for plane in planes:
+        cv2.imwrite(
+            str(tmp_path / "one.tif"),
+            plane,
+            [cv2.IMWRITE_TIFF_COMPRESSION, 5, cv2.IMWRITE_TIFF_ROWSPERSTRIP, 16],
+        )
+        with tifffile.TiffFile(tmp_path / "one.tif") as file:
+            page = file.pages[0]
+            predictor = int(page.predictor)
+            strips += [
+                file.filehandle.read_array("u1", count, offset=offset).tobytes()
+                for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True)
+            ]
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(
+        path, iter(strips), shape=planes.shape, dtype=np.uint8, photometric="minisblack",
+        planarconfig="separate", compression=8, rowsperstrip=16, predictor=predictor,
+    )  # fmt: skip
+    overwrite(path, Compression=5)
+    agrees(path, planes)
+    # libtiff returns what it can of a damaged strip.
+    with tifffile.TiffFile(path) as file:
+        damaged(path, file.pages[0].dataoffsets[0] + 100, 200)
+    with pytest.raises(impasto.CorruptInputError, match=r"a\.tif: is damaged: strip 0 cannot"):
+        read_image(path)
+
+
 @pytest.mark.parametrize("compression", ["packbits", "jpeg"])
 @pytest.mark.parametrize("mode", ["L", "RGB"])
 def test_tiff_by_libtiff_of_pillow(tmp_path: Path, compression: str, mode: str) -> None:

@@ -19,11 +19,8 @@ from impasto.io.images.header import ImageHeader, truncated
 
 HALF = 1
 _PIXEL_BYTES = {0: 4, HALF: 2, 2: 4}
-_ROWS_PER_CHUNK = {
-    0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256, 10: 256, 11: 32, 12: 256,
-    13: 1,
-}  # fmt: skip
-"""By compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB, HTJ2K256, HTJ2K32, LJ2K, ZSTD."""
+_ROWS_PER_CHUNK = (1, 1, 1, 16, 32, 16, 32, 32, 32, 256, 256, 32, 256, 1)
+"""None, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB, HTJ2K256, HTJ2K32, LJ2K, ZSTD."""
 _LONGEST_HEADER = 1 << 24
 _HEADS = (1 << 16, 1 << 20, 1 << 26)
 """Bytes in which the header is looked for, one after the other; then the whole file."""
@@ -214,7 +211,7 @@ def _chunk_count(path: Path, attributes: dict[str, tuple[str, bytes]]) -> tuple[
         (stated,) = struct.unpack("<i", attributes["chunkCount"][1])
     if "tiles" not in attributes:
         compression = attributes["compression"][1][0]
-        if compression not in _ROWS_PER_CHUNK:
+        if compression >= len(_ROWS_PER_CHUNK):
             raise CorruptInputError(
                 path,
                 f"has the OpenEXR compression {compression}, which is not known; save it with ZIP",
