@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from impasto import _core
 from impasto._internal.calls import thread_count
 from impasto._internal.checks import MOST, number, numbers, one_of, positive
+from impasto._internal.regular import RegularFile
 from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.gallery import gallery
 
@@ -250,16 +251,16 @@ def _picture(path: Path) -> NDArray[np.float32]:
         raise ArgumentError(f"environment: expected .exr or .hdr, found {path}")
     import cv2
 
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise ArgumentError(f"{path}: cannot be read ({error.strerror})") from error
+    with RegularFile(path) as file:
+        data = file.content()
     if not data.startswith((b"#?RADIANCE", b"#?RGBE")):
         raise CorruptInputError(path, "is not a Radiance picture")
     try:
         flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
+        if error.code == cv2.Error.StsNoMem:
+            raise MemoryError(f"{path}: {error}") from error
         raise CorruptInputError(
             path, "cannot be decoded: it is damaged, or claims too many pixels"
         ) from error

@@ -6,16 +6,25 @@ exception says what went wrong, the class here is also that builtin.
 
 import re
 
+from impasto._internal.printable import printable
+
 _NUMPY_SCALAR = re.compile(r"\bnp\.(?:float|int|uint|bool|str)_?\d*\(([^()]*)\)")
 """How numpy prints a number in a message that shows the caller's value."""
 
 
 class ImpastoError(Exception):
-    """Base class of all errors of impasto. Numbers in messages are plain: 0.5."""
+    """Base class of all errors of impasto.
+
+    Numbers in messages are plain: 0.5. Control characters, which names of files may hold, are
+    written as in source code, so that they do not reach a terminal.
+    """
 
     def __init__(self, *arguments: object) -> None:
         super().__init__(
-            *(_NUMPY_SCALAR.sub(r"\1", a) if isinstance(a, str) else a for a in arguments)
+            *(
+                printable(_NUMPY_SCALAR.sub(r"\1", a)) if isinstance(a, str) else a
+                for a in arguments
+            )
         )
 
 

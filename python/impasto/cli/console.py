@@ -15,7 +15,9 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+from rich.text import Text
 
+from impasto._internal.printable import printable
 from impasto.errors import ImpastoWarning
 from impasto.report import Timings
 
@@ -26,12 +28,27 @@ Advance = Callable[[int, int], None]
 """Progress of a stage: (done, total)."""
 
 
+class _Printable(Console):
+    """A console on which control characters of names are shown, not obeyed."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        super().print(*(_shown(one) for one in objects), **options)
+
+
+def _shown(one: Any) -> Any:
+    if isinstance(one, str):
+        return printable(one, lines=True)
+    if isinstance(one, Text) and (words := printable(one.plain, lines=True)) != one.plain:
+        return Text(words, style=one.style)
+    return one
+
+
 def stdout() -> Console:
     """The console for data."""
     return _Stdout(highlight=False, soft_wrap=True)
 
 
-class _Stdout(Console):
+class _Stdout(_Printable):
     def on_broken_pipe(self) -> None:
         # Called while the error is handled; Rich would exit with code 1.
         raise
@@ -39,7 +56,7 @@ class _Stdout(Console):
 
 def stderr() -> Console:
     """The console for progress and messages."""
-    return Console(stderr=True, highlight=False, soft_wrap=True)
+    return _Printable(stderr=True, highlight=False, soft_wrap=True)
 
 
 def make_output_safe() -> None:
@@ -56,7 +73,7 @@ def make_output_safe() -> None:
 
 def complain(message: str) -> None:
     """Print an error message in red."""
-    stderr().print(f"[bold red]impasto:[/] [red]{escape(message)}[/]")
+    stderr().print(f"[bold red]impasto:[/] [red]{escape(printable(message))}[/]")
 
 
 def hint(message: str) -> None:
@@ -80,7 +97,7 @@ class Stages:
 
     def __init__(self, *, quiet: bool = False) -> None:
         self.timings = Timings()
-        self._console = Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
+        self._console = _Printable(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
 
     def say(self, text: str) -> None:
         """Print one line of rich markup."""

@@ -16,6 +16,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from impasto._internal.regular import check_regular
 from impasto.colour.display import NAMED_PRIMARIES, Display
 from impasto.errors import ArgumentError, CorruptInputError
 
@@ -45,6 +46,7 @@ def read_display(path: str | Path) -> Display:
         No such file.
     """
     source = Path(path)
+    check_regular(source)
     try:
         content = json.loads(source.read_text(encoding="utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:

@@ -16,19 +16,23 @@ from impasto.io.labels import read_labels
 from impasto.io.lights import LightFile, read_lights
 from impasto.io.lights.write import write_lights
 from impasto.io.notes import Note
+from impasto.io.opening import open_source
 from impasto.io.session.archive import write_stack
 from impasto.io.session.reader import read_stack
 from impasto.io.session.tone import ToneEstimate, estimate_tone
+from impasto.io.sources import Source
 from impasto.io.spectra import read_spectra
 
 __all__ = [
     "ImageHeader",
     "LightFile",
     "Note",
+    "Source",
     "ToneEstimate",
     "atomic_bytes",
     "atomic_path",
     "estimate_tone",
+    "open_source",
     "read_camera",
     "read_header",
     "read_image",

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from impasto._internal.regular import check_regular
 from impasto.bands import Camera
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_bytes
@@ -42,6 +43,7 @@ def read_camera(path: str | os.PathLike[str], *, illuminant: Any = None) -> Came
     from impasto.colour import spectrum
 
     source = Path(path)
+    check_regular(source)
     try:
         text = source.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:

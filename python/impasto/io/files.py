@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from impasto._internal.regular import check_regular
 from impasto._internal.waiting import wait_for
 from impasto.errors import ArgumentError
 
@@ -73,6 +74,7 @@ def _sync(path: Path, flags: int) -> None:
 
 def read_text(path: Path) -> str:
     """A text file of unknown origin: UTF-8 with or without BOM, UTF-16 with BOM, else Latin-1."""
+    check_regular(path)
     try:
         data = path.read_bytes()
     except OSError as error:

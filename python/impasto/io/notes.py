@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from impasto._internal.printable import printable
 from impasto.errors import CorruptInputError
 
 LOG = logging.getLogger("impasto.io")
@@ -37,6 +38,11 @@ class Note:
     message: str
     repair: bool = True
     how: str = ""
+
+    def __post_init__(self) -> None:
+        # Logged and shown on terminals: names of files may hold control characters.
+        object.__setattr__(self, "where", printable(self.where))
+        object.__setattr__(self, "message", printable(self.message))
 
     def __str__(self) -> str:
         return f"{self.where}: {self.message}"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import lzma
+import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -11,11 +14,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.regular import RegularFile
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.arrays import LONGEST_HEADER, MAGIC, array_in
+from impasto.io.budget import check_claim
 from impasto.io.files import atomic_path
 
 DAMAGE = (
-    *(OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile, zlib.error),
+    *(
+        OSError,
+        ValueError,
+        EOFError,
+        AttributeError,
+        zipfile.BadZipFile,
+        zlib.error,
+        lzma.LZMAError,
+    ),
+    *(struct.error, KeyError, OverflowError, SyntaxError, RecursionError, tokenize.TokenError),
     RuntimeError,  # A flipped bit can mean: encrypted, or unknown compression.
 )
 """Exceptions of numpy and zipfile for a damaged archive."""
@@ -36,29 +51,44 @@ def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         np.savez(file, allow_pickle=False, **dict(arrays))
 
 
-def read_npz(path: Path) -> dict[str, NDArray[Any]]:
-    """All arrays of a file.
+def read_npz(path: Path, *, without: str = "") -> dict[str, NDArray[Any]]:
+    """All arrays of a file, but the one ``without``.
 
     Raises
     ------
     FileNotFoundError
         There is none.
+    ArgumentError
+        A folder, a pipe or a device.
     CorruptInputError
-        It is truncated, damaged or something else.
+        It is truncated, damaged or something else, or claims more than such a file can hold.
     """
-    if path.is_file() and not _has_content_of_zip(path):
-        raise CorruptInputError(path, "is no .npz file")
     try:
-        # Opened here: numpy leaves its own handle open if the archive is damaged.
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            return {key: file[key] for key in file.files}
-    except FileNotFoundError:
+        opened = RegularFile(path)
+    except ArgumentError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            raise error.__cause__ from None
         raise
-    except DAMAGE as error:
-        raise CorruptInputError(path, f"cannot be read as .npz ({error})") from error
+    with opened:
+        if opened.size < 2 or opened.at(0, 2) != b"PK":  # numpy takes any other for a pickle
+            raise CorruptInputError(path, "is no .npz file")
+        opened.handle.seek(0)
+        try:
+            # Opened here: numpy leaves its own handle open if the archive is damaged.
+            with np.load(opened.handle, allow_pickle=False) as file:
+                _check_claims(path, file.zip)
+                return {key: file[key] for key in file.files if key != without}
+        except CorruptInputError:
+            raise
+        except DAMAGE as error:
+            raise CorruptInputError(path, f"cannot be read as .npz ({error})") from error
 
 
-def _has_content_of_zip(path: Path) -> bool:
-    """Whether a file begins like an archive; numpy takes any other for a pickle."""
-    with path.open("rb") as file:
-        return file.read(2) == b"PK"
+def _check_claims(path: Path, archive: zipfile.ZipFile) -> None:
+    """No array is longer than its member, and no member longer than its bytes can become."""
+    for member in archive.infolist():
+        check_claim(path, member.file_size, member.compress_size, f"an array {member.filename!r}")
+        with archive.open(member) as file:
+            head = file.read(min(LONGEST_HEADER, member.file_size))
+        if head.startswith(MAGIC):
+            array_in(path, head, 0, member.file_size)

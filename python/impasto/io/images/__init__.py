@@ -3,10 +3,10 @@
 from impasto.io.images.header import MAX_PIXELS, ImageHeader
 from impasto.io.images.read import (
     IMAGE_SUFFIXES,
-    header_of,
     list_images,
     load_image,
     natural_key,
+    open_picture,
     read_header,
     read_image,
 )
@@ -23,10 +23,10 @@ __all__ = [
     "IMAGE_SUFFIXES",
     "MAX_PIXELS",
     "ImageHeader",
-    "header_of",
     "list_images",
     "load_image",
     "natural_key",
+    "open_picture",
     "read_header",
     "read_image",
     "write_exr",

@@ -1,232 +1,205 @@
-"""OpenEXR pictures: structure, decoding, layers."""
+"""OpenEXR pictures as sources: a window is decoded from the chunks that it touches.
+
+The library's binding reads files whole. It is given a smaller file: the header, with the window's
+size, and the window's chunks as they are.
+"""
 
 from __future__ import annotations
 
 import io
 import re
 import struct
+from collections.abc import Iterator
 from contextlib import redirect_stdout
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.images.header import ImageHeader, truncated
-from impasto.io.images.native_stderr import captured_lines
+from impasto._internal.regular import RegularFile
+from impasto.errors import CorruptInputError
+from impasto.io.budget import check_claim
+from impasto.io.images.exr_channels import pick_channels
+from impasto.io.images.exr_structure import HALF, ExrPart, chunk_head
+from impasto.io.images.header import ImageHeader
+from impasto.io.images.native_stderr import NO_MEMORY, captured_lines
+from impasto.io.images.picture import Picture
 
-_PIXEL_BYTES = {0: 4, 1: 2, 2: 4}
-_ROWS_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256, 10: 256}
-_LONGEST_HEADER = 1 << 24
+_AT_ONCE = 1 << 26
+"""Bytes of the pixels that are decoded at once, unless one row of chunks has more."""
+_NO_MEMORY = re.compile(NO_MEMORY.decode())
+_COPIED = (
+    *("channels", "compression", "lineOrder"),
+    *("pixelAspectRatio", "screenWindowCenter", "screenWindowWidth"),
+)
 
 
-@dataclass(frozen=True, slots=True)
-class _Part:
-    attributes: dict[str, tuple[str, bytes]]
+class ExrSource(Picture):
+    """The channels of one layer, which may lie in several parts.
+
+    float16 if every one of them is half, else float32.
+
+    Parameters
+    ----------
+    file
+        Closed by the source.
+    parts
+        All parts; only those with a wanted channel are read.
+    layer
+        Picks the channels ``layer.*``; None: R, G, B, else Y, else the only layer.
+    """
+
+    def __init__(
+        self, file: RegularFile, header: ImageHeader, parts: list[ExrPart], layer: str | None
+    ) -> None:
+        super().__init__(file, header)
+        place: dict[str, ExrPart] = {}
+        for part in parts:
+            for name in part.channels:
+                place.setdefault(name, part)
+        self._channels = [
+            (name, place[name]) for name in pick_channels(header.path, list(place), layer)
+        ]
+        used = [part for _, part in self._channels]
+        sizes = {
+            (part.width, part.height, part.channels[name].sampling) for name, part in self._channels
+        }
+        if len(sizes) != 1 or self._sampling != (1, 1):
+            names = ", ".join(name for name, _ in self._channels)
+            raise CorruptInputError(header.path, f"channels {names} differ in size")
+        for part in used:
+            check_claim(header.path, part.nbytes, file.size, f"{part.width} x {part.height} pixels")
+        half = all(part.channels[name].kind == HALF for name, part in self._channels)
+        self._dtype = np.dtype(np.float16 if half else np.float32)
+        self._whole = any(
+            channel.sampling != (1, 1) for part in used for channel in part.channels.values()
+        )
 
     @property
-    def window(self) -> tuple[int, int, int, int]:
-        x0, y0, x1, y1 = struct.unpack("<4i", self.attributes["dataWindow"][1])
-        return x0, y0, x1, y1
+    def shape(self) -> tuple[int, int, int]:
+        """See :class:`~impasto.io.Source`."""
+        return len(self._channels), self._part.height, self._part.width
 
     @property
-    def channels(self) -> dict[str, tuple[int, int, int]]:
-        """Pixel type (0 uint, 1 half, 2 float) and x, y sampling by name."""
-        data, at = self.attributes["channels"][1], 0
-        found: dict[str, tuple[int, int, int]] = {}
-        while data[at] != 0:
-            end = data.index(0, at)
-            kind, _, xs, ys = struct.unpack_from("<iiii", data, end + 1)
-            found[data[at:end].decode("utf-8", "replace")] = (kind, xs, ys)
-            at = end + 17
+    def dtype(self) -> np.dtype[Any]:
+        """Of the chosen channels."""
+        return self._dtype
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """A tile or a block of rows; the whole of a part that has channels of another size."""
+        return (self._part.height, self._part.width) if self._whole else self._part.block
+
+    @property
+    def _part(self) -> ExrPart:
+        return self._channels[0][1]
+
+    @property
+    def _sampling(self) -> tuple[int, int]:
+        name, part = self._channels[0]
+        return part.channels[name].sampling
+
+    def _read(self, top: int, bottom: int, left: int, right: int) -> NDArray[Any]:
+        out = np.empty((len(self._channels), bottom - top, right - left), self._dtype)
+        for part in {id(part): part for _, part in self._channels}.values():
+            wanted = [
+                (band, name) for band, (name, own) in enumerate(self._channels) if own is part
+            ]
+            for y0, x0, planes in self._decoded(part, top, bottom, left, right):
+                for band, name in wanted:
+                    plane = planes[name]
+                    a, b = max(top, y0), min(bottom, y0 + plane.shape[0])
+                    c, d = left - x0, right - x0
+                    out[band, a - top : b - top] = plane[a - y0 : b - y0, c:d]
+        return out
+
+    def _decoded(
+        self, part: ExrPart, top: int, bottom: int, left: int, right: int
+    ) -> Iterator[tuple[int, int, dict[str, NDArray[Any]]]]:
+        """Row and column of the first pixel, and all channels, of each group of chunks."""
+        rows, columns = (part.height, part.width) if self._whole else part.block
+        first_x, last_x = left // columns, (right - 1) // columns
+        across = (last_x - first_x + 1) * columns
+        group = max(1, _AT_ONCE // max(rows * across * part.pixel_bytes, 1))
+        for y in range(top // rows, -(-bottom // rows), group):
+            end = min(y + group, -(-bottom // rows))
+            y0, x0 = y * rows, first_x * columns
+            box = (y0, x0, min(end * rows, part.height), min((last_x + 1) * columns, part.width))
+            yield y0, x0, self._channels_of(part, _cut(self._file, part, box))
+
+    def _channels_of(self, part: ExrPart, data: bytes) -> dict[str, NDArray[Any]]:
+        import OpenEXR
+
+        path = self.header.path
+        try:
+            # The binding omits channels that it cannot decode, and warns on both streams.
+            with (
+                redirect_stdout(io.StringIO()),
+                captured_lines(b"EXR_ERR") as said,
+                OpenEXR.File(io.BytesIO(data), separate_channels=True) as file,
+            ):
+                found = {
+                    name: np.array(channel.pixels)
+                    for own in file.parts
+                    for name, channel in own.channels.items()
+                }
+        except MemoryError:
+            raise
+        except Exception as error:  # the binding raises bare RuntimeError, ValueError and others
+            if _NO_MEMORY.search(str(error)):
+                raise MemoryError(f"{path}: {error}") from error
+            raise CorruptInputError(path, f"cannot be read as OpenEXR ({error})") from error
+        missing = part.channels.keys() - found.keys()
+        if missing and any(_NO_MEMORY.search(line) for line in said):
+            raise MemoryError(f"{path}: {said[0]}")
+        if missing:
+            raise CorruptInputError(
+                path,
+                f"is damaged: its pixels (channels {', '.join(sorted(missing))}) cannot be decoded",
+            )
         return found
 
-    @property
-    def tiled(self) -> bool:
-        return "tiles" in self.attributes
 
-    def chunks(self) -> int:
-        """The number of chunks of the part."""
-        if "chunkCount" in self.attributes:
-            count: int = struct.unpack("<i", self.attributes["chunkCount"][1])[0]
-            return count
-        x0, y0, x1, y1 = self.window
-        width, height = x1 - x0 + 1, y1 - y0 + 1
-        if not self.tiled:
-            rows = _ROWS_PER_CHUNK.get(self.attributes["compression"][1][0], 1)
-            return -(-height // rows)
-        tile_x: int
-        tile_y: int
-        mode: int
-        tile_x, tile_y, mode = struct.unpack("<IIB", self.attributes["tiles"][1])
-        if mode & 0xF:
-            return -1  # mip or rip levels: the library counts them
-        return -(-width // max(tile_x, 1)) * -(-height // max(tile_y, 1))
-
-
-def exr_header(path: Path, data: bytes) -> ImageHeader:
-    """Sizes of the first part, and whether every chunk lies inside the file."""
-    try:
-        return _checked_header(path, data)
-    except (KeyError, ValueError) as error:
-        if isinstance(error, CorruptInputError):
-            raise
-        raise CorruptInputError(path, f"has a damaged OpenEXR header ({error})") from error
-
-
-def _checked_header(path: Path, data: bytes) -> ImageHeader:
-    parts, at, multipart = _parts(path, data)
-    part = parts[0]
-    x0, y0, x1, y1 = part.window
-    channels = part.channels
-    kinds = {kind for kind, _, _ in channels.values()}
-    if not channels or not kinds <= set(_PIXEL_BYTES):
-        raise CorruptInputError(path, "has a damaged OpenEXR channel list")
-    header = ImageHeader(
-        path,
-        "exr",
-        x1 - x0 + 1,
-        y1 - y0 + 1,
-        len(channels),
-        np.dtype(np.float16 if kinds == {1} else np.float32),
-    )
-    if header.width > 0 and header.height > 0:
-        _check_chunks(path, data, parts, at, multipart)
-    return header
+def _cut(file: RegularFile, part: ExrPart, box: tuple[int, int, int, int]) -> bytes:
+    """A file of one part with the chunks of a box: first row and column, last ones + 1."""
+    top, left, bottom, right = box
+    rows, columns = part.block
+    across = -(-part.width // columns)
+    chunks = []
+    head = chunk_head(part)
+    for y in range(top // rows, -(-bottom // rows)):
+        for x in range(left // columns, -(-right // columns)):
+            offset = int(part.chunks[y * across + x])
+            (count,) = struct.unpack("<i", file.at(offset + head - 4, 4))
+            chunk = file.at(offset, head + count)[4 * part.multipart :]
+            if part.tile is not None:
+                _check_place(file, chunk, (x, y, 0, 0))
+                place = struct.pack("<4i", x - left // columns, y - top // rows, 0, 0)
+                chunk = place + chunk[16:]
+            else:
+                _check_place(file, chunk, (part.window[1] + y * rows,))
+            chunks.append(chunk)
+    x0, y0 = part.window[0] + left, part.window[1] + top
+    window = struct.pack("<4i", x0, y0, x0 + right - left - 1, y0 + bottom - top - 1)
+    attributes = {key: part.attributes[key] for key in _COPIED if key in part.attributes}
+    attributes |= {"dataWindow": ("box2i", window), "displayWindow": ("box2i", window)}
+    if part.tile is not None:
+        size = struct.pack("<IIB", min(columns, right - left), min(rows, bottom - top), 0)
+        attributes["tiles"] = ("tiledesc", size)
+    # Bit 9: tiles; bit 10: names of up to 255 bytes.
+    header = [struct.pack("<II", 20000630, 2 | 0x400 | 0x200 * (part.tile is not None))]
+    for name, (kind, value) in attributes.items():
+        header.append(f"{name}\0{kind}\0".encode() + struct.pack("<i", len(value)) + value)
+    start = b"".join([*header, b"\0"])
+    sizes = [len(chunk) for chunk in chunks]
+    offsets = len(start) + 8 * len(chunks) + np.cumsum([0, *sizes[:-1]])
+    return b"".join([start, offsets.astype("<u8").tobytes(), *chunks])
 
 
-def _parts(path: Path, data: bytes) -> tuple[list[_Part], int, bool]:
-    version = struct.unpack_from("<I", data, 4)[0]
-    if version & 0x800:
-        raise CorruptInputError(path, "is a deep OpenEXR file, which holds no photograph")
-    multipart = bool(version & 0x1000)
-    at, parts = 8, []
-    while True:
-        attributes: dict[str, tuple[str, bytes]] = {}
-        while data[at] != 0:
-            name, at = _word(path, data, at)
-            kind, at = _word(path, data, at)
-            (size,) = struct.unpack_from("<i", data, at)
-            at += 4
-            if size < 0 or size > _LONGEST_HEADER or at + size > len(data):
-                raise truncated(path, f"its header (attribute {name!r})")
-            attributes[name] = (kind, data[at : at + size])
-            at += size
-        at += 1
-        if attributes:
-            parts.append(_Part(attributes))
-        if not multipart or not attributes:
-            break
-        if data[at] == 0:
-            at += 1
-            break
-    if not parts:
-        raise CorruptInputError(path, "is an OpenEXR file without a picture")
-    return parts, at, multipart
-
-
-def _word(path: Path, data: bytes, at: int) -> tuple[str, int]:
-    end = data.find(b"\0", at, at + 256)
-    if end < 0:
-        raise truncated(path, "its header")
-    return data[at:end].decode("utf-8", "replace"), end + 1
-
-
-def _check_chunks(path: Path, data: bytes, parts: list[_Part], at: int, multipart: bool) -> None:
-    for part in parts:
-        count = part.chunks()
-        if count < 0:
-            return
-        if count > len(data) // 8 or at + 8 * count > len(data):
-            raise truncated(path, "its table of chunks")
-        offsets = np.frombuffer(data, "<u8", count, at)
-        at += 8 * count
-        head = (16 if part.tiled else 4) + (4 if multipart else 0)
-        for offset in offsets.tolist():
-            if offset == 0:
-                raise CorruptInputError(
-                    path, "misses part of the picture: its writer did not finish"
-                )
-            if offset + head + 4 > len(data):
-                raise truncated(path, "the pixels")
-            (size,) = struct.unpack_from("<i", data, offset + head)
-            if size < 0 or offset + head + 4 + size > len(data):
-                raise truncated(path, "the pixels")
-
-
-def decode_exr(path: Path, data: bytes, layer: str | None = None) -> NDArray[Any]:
-    """Bands ``(band, y, x)``, float16 if every chosen channel is half, else float32.
-
-    ``layer`` picks the channels ``layer.*``; without it: R, G, B, else Y, else the only layer.
-    """
-    import OpenEXR
-
-    promised = {name for part in _parts(path, data)[0] for name in part.channels}
-    try:
-        channels: dict[str, NDArray[Any]] = {}
-        # The binding omits channels that it cannot decode, and warns on both streams.
-        with (
-            redirect_stdout(io.StringIO()),
-            captured_lines(b"EXR_ERR"),
-            OpenEXR.File(io.BytesIO(data), separate_channels=True) as file,
-        ):
-            for part in file.parts:
-                for name, channel in part.channels.items():
-                    channels.setdefault(name, np.array(channel.pixels))
-    except Exception as error:  # the binding raises bare RuntimeError, ValueError and others
-        raise CorruptInputError(path, f"cannot be read as OpenEXR ({error})") from error
-    missing = promised - channels.keys()
-    if missing:
+def _check_place(file: RegularFile, chunk: bytes, expected: tuple[int, ...]) -> None:
+    """The table and the chunk agree where the chunk lies."""
+    found = struct.unpack_from(f"<{len(expected)}i", chunk)
+    if found != expected:
         raise CorruptInputError(
-            path,
-            f"is damaged: its pixels (channels {', '.join(sorted(missing))}) cannot be decoded",
+            file.path, f"is damaged: a chunk is of {found} where {expected} is listed"
         )
-    names = pick_channels(path, list(channels), layer)
-    planes = [channels[name] for name in names]
-    shapes = {plane.shape for plane in planes}
-    if len(shapes) != 1:
-        raise CorruptInputError(path, f"channels {', '.join(names)} differ in size")
-    half = all(plane.dtype == np.float16 for plane in planes)
-    dtype = np.float16 if half else np.float32
-    return np.stack([plane.astype(dtype, copy=False) for plane in planes])
-
-
-_ALPHA = frozenset({"A", "AR", "AG", "AB"})
-
-
-def pick_channels(path: Path, names: list[str], layer: str | None) -> list[str]:
-    """The channels of one layer in band order: R, G, B first, then by number in the name."""
-    layers: dict[str, list[str]] = {}
-    for name in names:
-        prefix, _, last = name.rpartition(".")
-        # "T.380,000000nm" of spectral files: the layer is T and the rest a wavelength.
-        if last not in _ALPHA:
-            layers.setdefault(prefix, []).append(name)
-    if not layers:
-        raise CorruptInputError(path, "holds no channel but alpha")
-    if layer is None:
-        plain = set(layers.get("", ()))
-        if {"R", "G", "B"} <= plain:
-            return ["R", "G", "B"]
-        if "Y" in plain:
-            return ["Y"]
-        if len(layers) > 1:
-            raise ArgumentError(
-                f"{path}: holds the layers {sorted(name or '(unnamed)' for name in layers)}; "
-                "choose one with layer="
-            )
-        layer = next(iter(layers))
-    if layer not in layers:
-        raise ArgumentError(f"{path}: has no layer {layer!r}, only {sorted(layers)}")
-    return sorted(layers[layer], key=_band_order)
-
-
-def _band_order(name: str) -> tuple[Any, ...]:
-    last = name.rpartition(".")[2]
-    fixed = {"R": 0, "G": 1, "B": 2, "X": 0, "Y": 1, "Z": 2}.get(last.upper())
-    if fixed is not None:
-        return (0, fixed, name)
-    digits = re.sub(r"(\d),(\d)", r"\1.\2", name)
-    return (1, *[float(n) for n in re.findall(r"\d+(?:\.\d+)?", digits)], name)

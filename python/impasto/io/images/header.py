@@ -13,14 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.budget import check_claim
 
 MAX_PIXELS = 1 << 31
 """Pictures with more pixels than this are refused (about 46 000 x 46 000)."""
-
-_RATIO = 1100
-"""Deflate expands by at most 1032; a header that claims more is a decompression bomb."""
-_HARMLESS_BYTES = 1 << 26
-"""Claims below 64 MiB are decoded at any ratio: a flat picture compresses well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +55,6 @@ class ImageHeader:
         return self.width * self.height * self.channels * self.dtype.itemsize
 
 
-def read_bytes(path: Path) -> bytes:
-    """The file's bytes, with an error that names it."""
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise ArgumentError(f"{path}: cannot be read ({error.strerror or error})") from error
-
-
 def truncated(path: Path, what: str) -> CorruptInputError:
     """The error of a file that ends too early."""
     return CorruptInputError(
@@ -81,12 +69,7 @@ def check_size(header: ImageHeader, file_bytes: int, max_pixels: int) -> None:
             header.path, f"claims a size of {header.width} x {header.height} pixels"
         )
     claim = f"{header.width} x {header.height} x {header.channels} {header.dtype}"
-    if header.nbytes > _HARMLESS_BYTES and header.nbytes > _RATIO * file_bytes:
-        raise CorruptInputError(
-            header.path,
-            f"claims {claim} samples ({header.nbytes / 1e9:.1f} GB) in a file of {file_bytes} "
-            "bytes: refused as damaged or hostile",
-        )
+    check_claim(header.path, header.nbytes, file_bytes, f"{claim} samples")
     if header.width * header.height > max_pixels:
         raise ArgumentError(
             f"{header.path}: {claim} is more than max_pixels={max_pixels}; cut the picture into "

@@ -10,6 +10,11 @@ from contextlib import contextmanager, suppress
 from threading import Lock
 
 _STDERR = 2
+NO_MEMORY = (
+    b"[Ii]nsufficient memory|[Oo]ut of memory|[Nn]o space for|bad_alloc|unknown exception"
+    b"|(?:[Ff]ailed|[Uu]nable|[Cc]annot) to allocate"
+)
+"""What libraries say of memory that runs out; OpenCV knows the exception of C++ by no name."""
 _LOCK = Lock()
 """The descriptor is shared by the whole process: one decoder at a time."""
 

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.regular import RegularFile
 from impasto.errors import CorruptInputError
-from impasto.io.images.exr import decode_exr, exr_header
-from impasto.io.images.header import MAX_PIXELS, ImageHeader, check_size, read_bytes, truncated
+from impasto.io.images.exr import ExrSource
+from impasto.io.images.exr_structure import exr_parts
+from impasto.io.images.header import MAX_PIXELS, ImageHeader, check_size, truncated
 from impasto.io.images.jpeg import jpeg_header
-from impasto.io.images.native_stderr import captured_lines
+from impasto.io.images.native_stderr import NO_MEMORY, captured_lines
+from impasto.io.images.picture import Picture, WholePicture
 from impasto.io.images.png import png_header
-from impasto.io.images.tiff import decode_tiff, tiff_header
+from impasto.io.images.tiff import open_tiff
 
+_DAMAGE_OF_JPEG = b"Corrupt JPEG data|Premature end of JPEG"
 IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr"})
 
 
@@ -62,82 +68,114 @@ def read_header(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> ImageHeade
     CorruptInputError
         The file is empty, truncated, damaged or not an image of a known kind.
     ArgumentError
-        The file cannot be opened, or is larger than ``max_pixels`` allows.
+        The file cannot be opened, is none, or is larger than ``max_pixels`` allows.
     """
-    path = Path(path)
-    data = read_bytes(path)
-    return header_of(path, data, max_pixels=max_pixels)
+    with RegularFile(Path(path)) as file:
+        return _structure(file, max_pixels)[0]
 
 
-def header_of(path: Path, data: bytes, *, max_pixels: int = MAX_PIXELS) -> ImageHeader:
-    """As :func:`read_header`, for bytes already read."""
-    if not data:
-        raise CorruptInputError(path, "is empty (0 bytes): copy it again from the camera")
+def open_picture(
+    path: str | Path, *, layer: str | None = None, max_pixels: int = MAX_PIXELS
+) -> Picture:
+    """A picture file as a source of windows, for the same files as :func:`read_image`.
+
+    The structure of the file is checked to its end. What :meth:`~impasto.io.Source.read` returns
+    is bit for bit the same part of what :func:`read_image` returns: of TIFF and OpenEXR only the
+    strips, tiles or blocks of rows that a window touches are read and decoded; JPEG and PNG are
+    decoded whole, once.
+
+    Raises
+    ------
+    CorruptInputError
+        Truncated, damaged or no picture at all; damage of pixels is found when they are read.
+    ArgumentError
+        Not found, no file, too large, or a ``layer`` that is not there.
+    """
+    file = RegularFile(Path(path))
     try:
-        if data.startswith(b"\xff\xd8"):
-            header = jpeg_header(path, data)
-        elif data.startswith(b"\x89PNG\r\n\x1a\n"):
-            header = png_header(path, data)
-        elif data[:4] in {b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"}:
-            header = tiff_header(path, data, lambda h: check_size(h, len(data), max_pixels))
-        elif data.startswith(b"\x76\x2f\x31\x01"):
-            header = exr_header(path, data)
-        else:
-            raise CorruptInputError(
-                path,
-                "is not a JPEG, PNG, TIFF or OpenEXR picture (its first bytes are "
-                f"{data[:8].hex(' ')}); convert camera RAW to linear 16-bit TIFF first",
-            )
-    except (struct.error, IndexError) as error:
-        raise truncated(path, "its header") from error
-    check_size(header, len(data), max_pixels)
-    return header
+        return _structure(file, max_pixels)[1](layer)
+    except BaseException:
+        file.close()
+        raise
 
 
 def load_image(
     path: str | Path, *, layer: str | None = None, max_pixels: int = MAX_PIXELS
 ) -> tuple[ImageHeader, NDArray[Any]]:
     """As :func:`read_image`, with the header."""
-    path = Path(path)
-    data = read_bytes(path)
-    header = header_of(path, data, max_pixels=max_pixels)
-    if header.format == "exr":
-        planes = decode_exr(path, data, layer)
-    elif header.format == "tiff":
-        planes = decode_tiff(path, data)
-    else:
-        planes = _decode(path, data, grey=header.channels <= 2)
-    if planes.shape[1:] != (header.height, header.width):
-        raise CorruptInputError(
-            path,
-            f"is damaged: the header says {header.width} x {header.height}, "
-            f"{planes.shape[2]} x {planes.shape[1]} pixels were found",
-        )
-    if planes.dtype == np.float64:
-        planes = planes.astype(np.float32)
-    return header, planes
+    with open_picture(path, layer=layer, max_pixels=max_pixels) as picture:
+        return picture.header, picture.read()
 
 
-def _decode(path: Path, data: bytes, *, grey: bool) -> NDArray[Any]:
+def _structure(
+    file: RegularFile, max_pixels: int
+) -> tuple[ImageHeader, Callable[[str | None], Picture]]:
+    """The checked header, and what makes a source of it for a layer."""
+    path = file.path
+    if not file.size:
+        raise CorruptInputError(path, "is empty (0 bytes): copy it again from the camera")
+    first = file.at(0, min(8, file.size))
+
+    def check(header: ImageHeader) -> None:
+        check_size(header, file.size, max_pixels)
+
+    if first[:4] in {b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"}:
+        picture = open_tiff(file, check)
+        return picture.header, lambda layer: picture
+    try:
+        if first.startswith(b"\x76\x2f\x31\x01"):
+            parts, header = exr_parts(file)
+            check(header)
+            return header, lambda layer: ExrSource(file, header, parts, layer)
+        data = file.content()
+        if first.startswith(b"\xff\xd8"):
+            header = jpeg_header(path, data)
+        elif first.startswith(b"\x89PNG\r\n\x1a\n"):
+            header = png_header(path, data)
+        else:
+            raise CorruptInputError(
+                path,
+                "is not a JPEG, PNG, TIFF or OpenEXR picture (its first bytes are "
+                f"{first.hex(' ')}); convert camera RAW to linear 16-bit TIFF first",
+            )
+    except (struct.error, IndexError) as error:
+        raise truncated(path, "its header") from error
+    check(header)
+    bands = 1 if header.channels <= 2 else 3
+    return header, lambda layer: WholePicture(
+        file, header, bands, partial(_decode, header, data, bands)
+    )
+
+
+def _decode(header: ImageHeader, data: bytes, bands: int) -> NDArray[Any]:
     """JPEG and PNG by OpenCV; IMREAD_UNCHANGED also leaves the orientation alone."""
     import cv2
 
+    path = header.path
     try:
         # libjpeg decodes as much as it can of a damaged file and reports that on stderr only.
-        with captured_lines(b"Corrupt JPEG data|Premature end of JPEG") as damage:
+        with captured_lines(_DAMAGE_OF_JPEG + b"|" + NO_MEMORY) as said:
             decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
+        if error.code == cv2.Error.StsNoMem:
+            raise MemoryError(f"{path}: {error}") from error
         raise CorruptInputError(path, f"cannot be decoded ({error})") from error
-    if damage:
-        raise CorruptInputError(path, f"is damaged ({damage[0]}); copy it again from the camera")
+    if said and re.search(NO_MEMORY.decode(), said[0]):
+        raise MemoryError(f"{path}: {said[0]}")
+    if said:
+        raise CorruptInputError(path, f"is damaged ({said[0]}); copy it again from the camera")
     if decoded is None:
         raise CorruptInputError(path, "cannot be decoded: it is damaged; copy it again")
     array: NDArray[Any] = np.asarray(decoded)
-    if array.ndim == 2:
-        return np.ascontiguousarray(array[None])
-    # OpenCV converts grey with alpha to four channels, blue first.
-    order = [0] if grey else [2, 1, 0]
-    return np.ascontiguousarray(np.moveaxis(array[..., order], -1, 0))
+    if array.shape[:2] != (header.height, header.width):
+        raise CorruptInputError(
+            path,
+            f"is damaged: the header says {header.width} x {header.height}, "
+            f"{array.shape[1]} x {array.shape[0]} pixels were found",
+        )
+    # Blue first; OpenCV converts grey with alpha to four channels.
+    array = array.reshape(header.height, header.width, -1)[..., :3]
+    return np.moveaxis(array[..., ::-1] if bands == 3 else array[..., :1], -1, 0)
 
 
 def list_images(folder: Path) -> list[Path]:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.regular import RegularFile
+from impasto._internal.windows import offset
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
+from impasto.io.arrays import ArraySource, member, observation
 from impasto.io.npz import read_npz, write_npz
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
+from impasto.io.session.frames import check_region
 from impasto.stack import Stack, checked_stack
 
 
@@ -50,10 +54,13 @@ def write_stack(path: str | Path, stack: Stack) -> None:
     write_npz(Path(path), arrays)
 
 
-def read_archive(path: Path, given: Mapping[str, Any]) -> Stack:
-    """The stack of an ``.npz`` with at least ``samples`` and ``lights``.
+def read_archive(
+    path: Path, given: Mapping[str, Any], region: Sequence[int] | None = None
+) -> Stack:
+    """The stack of an ``.npz`` with at least ``samples`` and ``lights``, or a region of it.
 
-    ``given`` are options for photographs, None where nobody said any: a finished stack takes none.
+    Of a region only its samples are read, unless they are compressed. ``given`` are options for
+    photographs, None where nobody said any: a finished stack takes none.
     """
     for name, value in given.items():
         if value is not None:
@@ -61,19 +68,62 @@ def read_archive(path: Path, given: Mapping[str, Any]) -> Stack:
                 f"{name}: {path} holds a finished stack, to which this option does not apply; use "
                 "it when the photographs are read"
             )
-    arrays = read_npz(path)
+    part = None
+    arrays = read_npz(path, without="" if region is None else "samples")
+    if region is not None and "lights" in arrays:
+        part = _read_part(path, region, arrays)
     lost = [key for key in ("samples", "lights") if key not in arrays]
     if lost:
         raise CorruptInputError(
             path, f"has no array {lost[0]!r}, only {sorted(arrays)}: see impasto.io.write_stack"
         )
     try:
-        return _stack(arrays, path)
+        return _stack(arrays, path, part)
     except (ImpastoError, TypeError, ValueError) as error:
         raise CorruptInputError(path, f"holds arrays that are not a stack: {error}") from error
 
 
-def _stack(arrays: dict[str, NDArray[Any]], path: Path) -> Stack:
+def _read_part(
+    path: Path, region: Sequence[int], arrays: dict[str, NDArray[Any]]
+) -> tuple[float, float]:
+    """Add the samples of a region, crop the mask; by how many pixels right and up its centre is."""
+    with RegularFile(path) as file:
+        try:
+            stored = member(file, "samples")
+            shape = stored.shape
+        except CorruptInputError:
+            raise
+        except ArgumentError:  # compressed
+            whole = read_npz(path).get("samples")
+            if whole is None:
+                return 0.0, 0.0  # the caller says so
+            shape = whole.shape
+            rows, columns = _area(path, region, shape)
+            samples = whole[..., rows, columns].copy()
+        else:
+            rows, columns = _area(path, region, shape)
+            every = (ArraySource(file, observation(path, stored, i)) for i in range(shape[0]))
+            samples = np.stack([source.read(rows, columns) for source in every])
+    arrays["samples"] = samples
+    if "mask" in arrays:
+        if arrays["mask"].shape != shape[2:]:
+            raise CorruptInputError(
+                path, f"has a mask {arrays['mask'].shape} for photographs {shape[2:]}"
+            )
+        arrays["mask"] = arrays["mask"][rows, columns]
+    return offset((rows, columns), (shape[2], shape[3]))
+
+
+def _area(path: Path, region: Sequence[int], shape: tuple[int, ...]) -> tuple[slice, slice]:
+    if len(shape) != 4 or 0 in shape:
+        raise CorruptInputError(path, f"holds samples {shape}, not (obs, band, y, x)")
+    area = check_region(region, (shape[2], shape[3]))
+    assert area is not None
+    top, left, height, width = area
+    return slice(top, top + height), slice(left, left + width)
+
+
+def _stack(arrays: dict[str, NDArray[Any]], path: Path, part: tuple[float, float] | None) -> Stack:
     levels = arrays.get("saturation")
     encoding: Encoding | str = "linear"
     if "curve" in arrays:
@@ -81,10 +131,10 @@ def _stack(arrays: dict[str, NDArray[Any]], path: Path) -> Stack:
     optional: dict[str, Any] = {
         key: arrays[key] for key in ("mask", "scale", "black") if key in arrays
     }
-    samples = arrays["samples"]
+    rig = rig_of_arrays(arrays)
     return Stack(
-        samples,
-        lights=rig_of_arrays(arrays),
+        arrays["samples"],
+        lights=rig if part is None else rig.part(*part),
         bands=[str(band) for band in arrays["bands"]] if "bands" in arrays else None,
         names=[str(name) for name in arrays["names"]] if "names" in arrays else None,
         saturation=levels,

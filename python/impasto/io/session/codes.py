@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from impasto._internal.waiting import wait_for
 from impasto.errors import ArgumentError
-from impasto.io.images import ImageHeader, load_image
+from impasto.io.images import ImageHeader, open_picture
 from impasto.io.notes import Notebook
-from impasto.io.session.frames import Region, check_region, crop
+from impasto.io.session.frames import Region, check_region, read_region
 from impasto.io.session.observations import Observations
 
 
@@ -27,7 +27,7 @@ def read_codes(
     layer: str | None,
     max_pixels: int,
 ) -> tuple[NDArray[Any], ImageHeader, Region | None]:
-    """Decode every file of the observations into one array.
+    """Decode every file of the observations, or of each what a region needs, into one array.
 
     Returns
     -------
@@ -49,14 +49,15 @@ def read_codes(
     for index, files in enumerate(observations.files):
         band = 0
         for position, path in enumerate(files):
-            header, planes = wait_for(load_image, path, layer=layer, max_pixels=max_pixels)
-            headers.append(header)
-            if out is None and position == 0:
-                area = check_region(region, (header.height, header.width))
-            _same_camera(header, headers[0])
+            with wait_for(open_picture, path, layer=layer, max_pixels=max_pixels) as picture:
+                header = picture.header
+                headers.append(header)
+                if out is None and position == 0:
+                    area = check_region(region, (header.height, header.width))
+                _same_camera(header, headers[0])
+                planes = wait_for(read_region, picture, area)
             if index and len(planes) != widths[position]:
                 _refuse(header, headers[position], "number of bands", len(planes), widths[position])
-            planes = crop(planes, area)
             if index == 0:
                 # The first observation determines the number of bands.
                 widths.append(len(planes))

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.io.images import list_images, load_image
+from impasto.io.images import list_images, open_picture
 from impasto.io.notes import Notebook
 from impasto.io.session.match import match_names
+from impasto.io.sources import Source
 from impasto.rig import PointLight, Rig
 
 Region: TypeAlias = tuple[int, int, int, int]
@@ -27,6 +28,23 @@ def crop(planes: NDArray[Any], region: Region | None) -> NDArray[Any]:
         return planes
     top, left, height, width = region
     return planes[..., top : top + height, left : left + width]
+
+
+def read_region(source: Source, region: Region | None) -> NDArray[Any]:
+    """As :func:`crop` of the whole; only what the region touches is decoded."""
+    if region is None:
+        return source.read()
+    top, left, height, width = region
+    return source.read(slice(top, top + height), slice(left, left + width))
+
+
+def picture_codes(path: Path, layer: str | None, region: Region | None) -> NDArray[Any]:
+    """The codes of a picture, or of as much of the region as it has."""
+    with open_picture(path, layer=layer) as picture:
+        _, rows, columns = picture.shape
+        if region is not None and (region[0] + region[2] > rows or region[1] + region[3] > columns):
+            return crop(picture.read(), region)
+        return read_region(picture, region)
 
 
 def check_region(region: Sequence[int] | None, shape: tuple[int, int]) -> Region | None:
@@ -127,7 +145,7 @@ class Calibration:
             assert self.board is not None
             one_for_all = len(self.board) == 1
             path = self.board[0 if one_for_all else index]
-            codes = crop(load_image(path, layer=self.layer)[1], self.region)
+            codes = picture_codes(path, self.layer, self.region)
             if codes.shape != shape:
                 raise ArgumentError(
                     f"white: {path} has shape {codes.shape} (band, y, x), the photographs {shape}"
@@ -179,7 +197,7 @@ def read_dark(
     if paths is not None:
         total = np.zeros(shape, dtype=np.float64)
         for path in paths:
-            codes = crop(load_image(path, layer=layer)[1], region)
+            codes = picture_codes(path, layer, region)
             if codes.shape != shape:
                 raise ArgumentError(
                     f"dark: {path} has shape {codes.shape} (band, y, x), the photographs {shape}"

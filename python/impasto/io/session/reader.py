@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from impasto._internal.waiting import wait_for
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.io.images import MAX_PIXELS, read_image
+from impasto.io.images import MAX_PIXELS, open_picture
 from impasto.io.lights import LightFile
 from impasto.io.notes import Notebook
 from impasto.io.session.codes import read_codes
@@ -24,6 +24,7 @@ from impasto.io.session.frames import (
     crop,
     find_board,
     frame_paths,
+    picture_codes,
     read_dark,
 )
 from impasto.io.session.observations import Observations, find_observations
@@ -99,7 +100,9 @@ def read_stack(
     pitch_mm
         Width of a pixel on the painting in mm (needed by point lights).
     region
-        Only this part: ``(top, left, height, width)`` in pixels.
+        Only this part: ``(top, left, height, width)`` in pixels. Of TIFF and OpenEXR files only the
+        strips, tiles or blocks of rows that it touches are read; the samples are those of a crop of
+        the whole, bit for bit.
     layer
         The layer of OpenEXR files with several.
     strict
@@ -132,9 +135,9 @@ def read_stack(
             "lights": lights, "images": images, "mask": mask, "saturation": saturation,
             "white": white, "dark": dark, "board_reflectance": board_reflectance,
             "intensities": intensities, "pattern": pattern, "bands": bands, "pitch_mm": pitch_mm,
-            "region": region, "layer": layer, "encoding": encoding,
+            "layer": layer, "encoding": encoding,
         }  # fmt: skip
-        return read_archive(path, given)
+        return read_archive(path, given, region)
     listed = listed_lights(path, lights, notebook)
     folder = Path(images) if images is not None else (path if path.is_dir() else path.parent)
     excluded = [
@@ -259,9 +262,15 @@ def _mask(
     if mask is None:
         return None
     name = str(mask) if isinstance(mask, str | Path) else "the array"
-    array = read_image(mask).max(axis=0) if isinstance(mask, str | Path) else np.asarray(mask)
-    if array.shape != shape[1:]:
-        array = crop(array, area)
+    if isinstance(mask, str | Path):
+        with open_picture(mask) as picture:
+            # A mask of the region's size is one of the region.
+            fits = picture.shape[1:] == shape[1:]
+        array = picture_codes(Path(mask), None, None if fits else area).max(axis=0)
+    else:
+        array = np.asarray(mask)
+        if array.shape != shape[1:]:
+            array = crop(array, area)
     if array.shape != shape[1:]:
         raise ArgumentError(f"mask: {name} has shape {array.shape}, the photographs {shape[1:]}")
     chosen: NDArray[np.bool_] = array > 0

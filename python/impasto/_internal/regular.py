@@ -1,0 +1,164 @@
+"""A regular file, read at any place; everything else that a path may name is refused at once."""
+
+from __future__ import annotations
+
+import io
+import os
+import stat
+from pathlib import Path
+from threading import Lock
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.errors import ArgumentError, CorruptInputError
+
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+)
+_NARROW = 4
+"""A row of which less than a quarter is wanted is read alone."""
+_AT_ONCE = 1 << 24
+"""Bytes that are read together where only some are wanted."""
+
+
+class RegularFile:
+    """An open file; positions can be read from several threads.
+
+    Plain reads, no memory map: a map whose file shrinks or whose disk fails ends the process.
+
+    Raises
+    ------
+    ArgumentError
+        There is none, or the path names a folder, a pipe or a device.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.handle = _opened(path)
+        self.size = os.fstat(self.handle.fileno()).st_size
+        self._lock = Lock()
+
+    def content(self) -> bytes:
+        """The whole file."""
+        return self.at(0, self.size)
+
+    def at(self, offset: int, count: int) -> bytes:
+        """``count`` bytes from ``offset`` on."""
+        if offset < 0 or count < 0 or offset + count > self.size:
+            raise self._truncated()
+        with self._lock:
+            try:
+                self.handle.seek(offset)
+                found = self.handle.read(count)
+                while len(found) < count:  # the system reads 2 GiB at most at once
+                    more = self.handle.read(count - len(found))
+                    if not more:
+                        raise self._truncated()
+                    found += more
+            except OSError as error:
+                raise unreadable(self.path, error) from error
+        return found
+
+    def rows(self, offset: int, stride: int, count: int, length: int) -> NDArray[np.uint8]:
+        """``(count, length)`` bytes: of each row of ``stride`` bytes the first ``length``."""
+        found = np.empty((count, length), np.uint8)
+        if length == stride:
+            self._fill(offset, found.reshape(-1))
+        elif length * _NARROW < stride:
+            for index, row in enumerate(found):
+                self._fill(offset + index * stride, row)
+        else:
+            block = max(1, _AT_ONCE // stride)
+            for first in range(0, count, block):
+                rows = found[first : first + block]
+                whole = np.empty((len(rows) - 1) * stride + length, np.uint8)
+                self._fill(offset + first * stride, whole)
+                rows[:] = np.lib.stride_tricks.as_strided(whole, rows.shape, (stride, 1))
+        return found
+
+    def close(self) -> None:
+        """Close the file."""
+        self.handle.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _fill(self, offset: int, target: NDArray[np.uint8]) -> None:
+        view, at = target.data, 0
+        with self._lock:
+            try:
+                self.handle.seek(offset)
+                while at < len(view):
+                    got = self.handle.readinto(view[at:])
+                    if not got:
+                        raise self._truncated()
+                    at += got
+            except OSError as error:
+                raise unreadable(self.path, error) from error
+
+    def _truncated(self) -> CorruptInputError:
+        return CorruptInputError(
+            self.path,
+            "is truncated: the file ends inside the pixels; copy it again from the camera",
+        )
+
+
+def unreadable(path: Path, error: OSError) -> ArgumentError:
+    """The error of a file that the system does not give."""
+    return ArgumentError(f"{path}: cannot be read ({error.strerror or error})")
+
+
+def check_regular(path: Path) -> None:
+    """Refuse a path that names something else than a file, without opening it.
+
+    Whether there is anything at all is left to whoever opens it.
+
+    Raises
+    ------
+    ArgumentError
+        A folder, a pipe, a device or a socket, or a name that no file can have.
+    """
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return
+    except ValueError as error:
+        raise ArgumentError(f"{path}: is no name of a file: it contains a NUL character") from error
+    _refuse(path, mode)
+
+
+def _opened(path: Path) -> io.FileIO:
+    check_regular(path)
+    # Whatever takes the place of the file in between is opened without waiting for a writer.
+    extra = getattr(os, "O_NONBLOCK", 0)
+    try:
+        handle = io.FileIO(path, "rb", opener=lambda name, flags: os.open(name, flags | extra))
+    except OSError as error:
+        raise unreadable(path, error) from error
+    try:
+        _refuse(path, os.fstat(handle.fileno()).st_mode)
+    except ArgumentError:
+        handle.close()
+        raise
+    return handle
+
+
+def _refuse(path: Path, mode: int) -> None:
+    for has_kind, words in _KINDS:
+        if has_kind(mode):
+            raise ArgumentError(f"{path}: is {words}, not a file; give the name of a file")
