@@ -337,3 +337,27 @@ def test_nothing_else_is_decoded(tmp_path: Path, suffix: str) -> None:
             source.read(slice(31, 33), slice(31, 33))
     with pytest.raises(impasto.CorruptInputError, match=rf"a\{suffix}"):
         read_image(path)
+
+
+STACK = RNG.integers(0, 65536, (3, 3, 20, 30), dtype=np.uint16)
+
+
+@pytest.mark.parametrize("save_arrays", [np.savez, np.savez_compressed])
+def test_a_region_of_an_archive_is_a_part_of_its_stack(tmp_path: Path, save_arrays: Any) -> None:
+    lamps = [impasto.PointLight((100.0 * i, 50.0, 300.0)) for i in range(3)]
+    inside = RNG.random((20, 30)) < 0.7
+    stack = impasto.Stack(STACK, lights=impasto.Rig(lamps, pitch_mm=0.5), mask=inside)
+    impasto.io.write_stack(tmp_path / "s.npz", stack)
+    with np.load(tmp_path / "s.npz") as arrays:
+        save_arrays(tmp_path / "again.npz", **arrays)
+    expected = stack[3:14, 7:20]
+    found = impasto.read_stack(tmp_path / "again.npz", region=(3, 7, 11, 13))
+    np.testing.assert_array_equal(found.samples, expected.samples)
+    np.testing.assert_array_equal(found.mask, expected.mask)
+    assert found.rig.origin == expected.rig.origin != (0.0, 0.0)
+    np.testing.assert_array_equal(found.rig.vectors, expected.rig.vectors)
+    with pytest.raises(impasto.ArgumentError, match=r"^region: .*20 rows and 30 columns"):
+        impasto.read_stack(tmp_path / "again.npz", region=(3, 7, 18, 13))
+    np.savez(tmp_path / "lost.npz", lights=np.eye(3))
+    with pytest.raises(impasto.CorruptInputError, match="'samples'"):
+        impasto.read_stack(tmp_path / "lost.npz", region=(0, 0, 2, 2))

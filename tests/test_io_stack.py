@@ -271,27 +271,6 @@ def test_a_region_of_photographs_frames_and_board_is_that_of_the_whole(
     assert part.names == whole.names
 
 
-@pytest.mark.parametrize("save_arrays", [np.savez, np.savez_compressed])
-def test_a_region_of_an_archive_is_a_part_of_its_stack(tmp_path: Path, save_arrays: Any) -> None:
-    lamps = [PointLight((100.0 * i, 50.0, 300.0)) for i in range(COUNT)]
-    inside = RNG.random((HEIGHT, WIDTH)) < 0.7
-    stack = Stack(CODES16, lights=Rig(lamps, pitch_mm=0.5), mask=inside)
-    write_stack(tmp_path / "s.npz", stack)
-    with np.load(tmp_path / "s.npz") as arrays:
-        save_arrays(tmp_path / "again.npz", **arrays)
-    expected = stack[3:14, 7:20]
-    found = read_stack(tmp_path / "again.npz", region=(3, 7, 11, 13))
-    np.testing.assert_array_equal(found.samples, expected.samples)
-    np.testing.assert_array_equal(found.mask, expected.mask)
-    assert found.rig.origin == expected.rig.origin != (0.0, 0.0)
-    np.testing.assert_array_equal(found.rig.vectors, expected.rig.vectors)
-    with pytest.raises(impasto.ArgumentError, match=r"^region: .*20 rows and 30 columns"):
-        read_stack(tmp_path / "again.npz", region=(3, 7, 18, 13))
-    np.savez(tmp_path / "lost.npz", lights=LIGHTS)
-    with pytest.raises(impasto.CorruptInputError, match="'samples'"):
-        read_stack(tmp_path / "lost.npz", region=(0, 0, 2, 2))
-
-
 def test_region_moves_the_origin_of_point_lights(tmp_path: Path) -> None:
     session(tmp_path)
     rig = Rig([PointLight((10.0, 20.0, 300.0))] * COUNT, pitch_mm=0.5)

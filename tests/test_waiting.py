@@ -122,10 +122,14 @@ def test_what_is_done_to_labels_and_maps_is_waited_for(waited: list[str]) -> Non
     assert [segment.own for segment in found.segments].count(True) > 0
 
 
+READING = ("open_picture", "read_region", "copyto", "develop")
+"""What is done to each photograph."""
+
+
 def test_what_is_done_to_files_is_waited_for(waited: list[str], tmp_path: Path, data: Path) -> None:
     stack = impasto.read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb", region=(0, 0, 8, 8))
     count = len(stack.rig)
-    assert [waited.count(step) for step in ("load_image", "copyto", "develop")] == [count] * 3
+    assert [waited.count(step) for step in READING] == [count] * 4
     waited.clear()
     stack.take([0, 2, 5, 9])
     stereo = impasto.fit_normals(impasto.Stack(stack.samples.astype(np.float64), lights=stack.rig))

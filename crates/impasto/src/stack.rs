@@ -241,7 +241,9 @@ impl<'a> Stack<'a> {
         let (head, tail) = out.split_at_mut(count);
         if let Some(interreflections) = self.interreflections {
             self.read_without(interreflections, plane, range, head);
-            head.iter_mut().for_each(|sample| *sample = decode.linear(*sample));
+            for sample in head {
+                *sample = decode.linear(*sample);
+            }
         } else {
             self.samples.convert(range, head, |stored| decode.linear(stored));
         }

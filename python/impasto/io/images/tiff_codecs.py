@@ -22,7 +22,8 @@ DEFLATE = frozenset({8, 32946})
 LZMA = 34925
 _PIECE = 1 << 22
 """Bytes that are decompressed at once where they are not wanted."""
-_DAMAGE = b"TIFF_Error|Corrupt JPEG data|Premature end of JPEG"
+_SAID = b"global grfmt_tiff|global loadsave|JPEG data|end of JPEG"
+_DAMAGE = re.compile("TIFF_Error|can't read data|Corrupt JPEG data|Premature end of JPEG")
 _DIFFERENCES, _FLOATS = 2, 3
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
@@ -227,16 +228,16 @@ def decoded_by_opencv(picture: bytes) -> NDArray[Any]:
 
     try:
         # libtiff decodes as much as it can of a damaged strip and reports that on stderr only.
-        with captured_lines(b"|".join((_DAMAGE, NO_MEMORY))) as said:
+        with captured_lines(b"|".join((_SAID, NO_MEMORY))) as said:
             decoded = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         if error.code == cv2.Error.StsNoMem:
             raise MemoryError(str(error)) from error
         raise SegmentError(str(error)) from error
-    if said and re.search(NO_MEMORY.decode(), said[0]):
-        raise MemoryError(said[0])
-    if said:
-        raise SegmentError(said[0])
+    if short := [line for line in said if re.search(NO_MEMORY.decode(), line)]:
+        raise MemoryError(short[0])
+    if damage := [line for line in said if _DAMAGE.search(line)]:
+        raise SegmentError(damage[0])
     if decoded is None:
         raise SegmentError("it cannot be decoded")
     array: NDArray[Any] = np.asarray(decoded)

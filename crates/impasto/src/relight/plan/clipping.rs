@@ -124,9 +124,12 @@ impl Work<'_> {
             Row { effect, decision, tiles: clipped.len(), error: 0.0, reason }
         };
         let tiles = || decided.iter().map(|tile| &tile.beyond);
-        // Both are true of NaN.
-        let above: Vec<_> = tiles().filter(|tile| !(tile.light[1] <= 1.0)).collect();
-        let below: Vec<_> = tiles().filter(|tile| !(tile.light[0] >= 0.0)).collect();
+        // Light without a bound may lie anywhere.
+        let beyond = |end: f64, is: bool| is || end.is_nan();
+        let above: Vec<_> =
+            tiles().filter(|&&Beyond { light: [_, end], .. }| beyond(end, end > 1.0)).collect();
+        let below: Vec<_> =
+            tiles().filter(|&&Beyond { light: [end, _], .. }| beyond(end, end < 0.0)).collect();
         let pixels = self.grid.width * self.grid.height;
         let share = |clipped: &[&Beyond]| {
             let clipped: usize = clipped.iter().map(|tile| tile.pixels).sum();
