@@ -5,53 +5,11 @@
 //! and nothing of it is lit.
 
 use super::decide::LampSeen;
-use super::light::{Interval, either, plus};
-use super::{Decided, Decision, Effect, Row, SHADED, Shown, Work};
+use super::display::{Beyond, Clipping};
+use super::interval::{Interval, either, plus};
+use super::{Decided, Decision, Effect, Row, Shown, Work};
 use crate::relight::bounds;
 use crate::relight::statistics::{LobeRange, Range, SIDE, TileStatistics};
-
-/// Light of a tile beyond the display.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Beyond {
-    /// The darkest and the brightest of all channels: linear display light, white 1. NaN where nothing
-    /// is known.
-    light: Interval,
-    /// Pixels that show something.
-    pixels: usize,
-    /// Where all light lies beyond the display, whether each channel is above it; holds without
-    /// shadows.
-    all: Option<[bool; 3]>,
-}
-
-/// What is known of the light that a display shows.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Clipping {
-    matrix: [[f64; 3]; 3],
-    /// Per tile, as of [`Beyond`].
-    all: Vec<Option<[bool; 3]>>,
-}
-
-impl Clipping {
-    /// From the decisions and the parts of all tiles, of which a shadow may fall on some.
-    pub(super) fn new(display: &Shown, decided: &[Decided], parts: &[u32]) -> Self {
-        let lamps = parts.len() / decided.len().max(1);
-        let all = |(number, tile): (usize, &Decided)| {
-            let parts = &parts[number * lamps..][..lamps];
-            tile.beyond.all.filter(|_| parts.iter().all(|part| part & SHADED == 0))
-        };
-        Self { matrix: display.matrix, all: decided.iter().enumerate().map(all).collect() }
-    }
-
-    /// How many tiles have one colour.
-    pub(super) fn whole(&self) -> usize {
-        self.all.iter().flatten().count()
-    }
-
-    /// That of a tile; nothing is known of another display.
-    pub(super) fn all(&self, tile: usize, matrix: &[[f64; 3]]) -> Option<[bool; 3]> {
-        self.all[tile].filter(|_| self.matrix[..] == *matrix)
-    }
-}
 
 impl Work<'_> {
     /// What of a tile's light lies beyond the display.

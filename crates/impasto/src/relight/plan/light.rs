@@ -1,110 +1,16 @@
 //! What the light of a tile can be: interval arithmetic on the statistics of its maps, the cosines to its
 //! lamps and the bounds of its lobes.
 
+use super::Work;
 use super::decide::LampSeen;
-use super::{Shown, Work};
+use super::display::Weights;
+use super::interval::{Interval, either, plus, times};
 use crate::geometry::Light;
 use crate::relight::bounds;
-use crate::relight::scene::{Colour, Lamp, Scene};
+use crate::relight::scene::Lamp;
 use crate::relight::statistics::{Range, TileStatistics};
 use crate::relight::tolerance::{Between, Tolerance};
-use crate::surface::{CoatedDiffuse, Strength, Surface};
-
-/// A smallest and a largest value.
-pub(super) type Interval = [f64; 2];
-
-pub(super) fn plus([a, b]: Interval, [c, d]: Interval) -> Interval {
-    [a + c, b + d]
-}
-
-/// 0 times anything is 0: black reflects nothing of what has no bound. NaN says that nothing is known.
-pub(super) fn times([a, b]: Interval, [c, d]: Interval) -> Interval {
-    let product = |one: f64, other: f64| {
-        if (one == 0.0 && !other.is_nan()) || (other == 0.0 && !one.is_nan()) {
-            0.0
-        } else {
-            one * other
-        }
-    };
-    let ends = [product(a, c), product(a, d), product(b, c), product(b, d)];
-    // `min` and `max` would lose it.
-    if ends.iter().any(|end| end.is_nan()) {
-        return [f64::NAN; 2];
-    }
-    [
-        ends.into_iter().fold(f64::INFINITY, f64::min),
-        ends.into_iter().fold(-f64::INFINITY, f64::max),
-    ]
-}
-
-/// Everything from the smaller to the larger end of both.
-pub(super) fn either([a, b]: Interval, [c, d]: Interval) -> Interval {
-    if [a, b, c, d].iter().any(|end| end.is_nan()) {
-        return [f64::NAN; 2];
-    }
-    [a.min(c), b.max(d)]
-}
-
-/// A [`Colour`] whose weights are known within bounds.
-#[derive(Clone, Debug)]
-pub(super) struct Weights {
-    diffuse: Vec<[Interval; 3]>,
-    interface: [Interval; 3],
-}
-
-impl Weights {
-    fn exact(colour: &Colour) -> Self {
-        Self::by(colour, |column| column.map(|value| [value; 2]))
-    }
-
-    /// Those of linear display light, with the roundings of everything from maps to codes: a share of
-    /// the magnitudes that are summed up.
-    fn shown(colour: &Colour, matrix: &[[f64; 3]; 3], rounding: f64) -> Self {
-        Self::by(colour, |column| {
-            [0, 1, 2].map(|channel: usize| {
-                let terms = column.iter().zip(matrix).map(|(light, to)| light * to[channel]);
-                let (sum, size) =
-                    terms.fold((0.0, 0.0), |(sum, size), term| (sum + term, size + f64::abs(term)));
-                [sum - rounding * size, sum + rounding * size]
-            })
-        })
-    }
-
-    fn by(colour: &Colour, weigh: impl Fn(&[f64; 3]) -> [Interval; 3]) -> Self {
-        Self {
-            diffuse: colour.diffuse.iter().map(&weigh).collect(),
-            interface: weigh(&colour.interface),
-        }
-    }
-}
-
-/// The colours of a scene with bounds: in its output unit, and as a display shows them.
-#[derive(Clone, Debug)]
-pub(super) struct Bounded {
-    pub(super) light: Vec<Weights>,
-    pub(super) shown: Option<Vec<Weights>>,
-    /// What single precision adds to light that is shown, as a share of what it sums up.
-    pub(super) rounding: f64,
-}
-
-impl Bounded {
-    pub(super) fn of(surface: &Surface<'_>, scene: &Scene, display: Option<&Shown>) -> Self {
-        let (lamps, lobes) = (scene.lamps().len() as f64, surface.lobes.len() as f64);
-        let terms = scene.coefficients() as f64 + lamps * (2.0 + lobes);
-        // Constants, weights and products are rounded, too, and the averages of a slanted view or of a
-        // lens: less than sixty-four times besides the sums.
-        let rounding = (64.0 + terms) * 2.0_f64.powi(-23);
-        let shown = |display: &Shown| {
-            let weights = |colour| Weights::shown(colour, &display.matrix, rounding);
-            scene.colours().iter().map(weights).collect()
-        };
-        Self {
-            light: scene.colours().iter().map(Weights::exact).collect(),
-            shown: display.map(shown),
-            rounding,
-        }
-    }
-}
+use crate::surface::{CoatedDiffuse, Strength};
 
 impl Work<'_> {
     /// What the light of a tile can be, in the scene's output unit.
@@ -198,37 +104,5 @@ impl Work<'_> {
             |coated: CoatedDiffuse| if coated.index() > 3.7 { 0.5 * coated.scale() } else { 1.0 };
         let transmitted = surface.coated.map_or(1.0, all);
         times(ends, [lamp.intensity, lamp.intensity * transmitted * transmitted])
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_product_holds_every_product_of_its_factors() {
-        let intervals = [[-2.0, -1.0], [-1.0, 3.0], [0.0, 0.0], [0.0, 2.0], [0.5, 4.0]];
-        for one in intervals {
-            for other in intervals {
-                let [low, high] = times(one, other);
-                for i in 0..=10 {
-                    for j in 0..=10 {
-                        let at = |[low, high]: Interval, i: i32| {
-                            low + (high - low) * f64::from(i) / 10.0
-                        };
-                        let product = at(one, i) * at(other, j);
-                        assert!(low <= product && product <= high, "{one:?} {other:?}");
-                    }
-                }
-                // It is no wider than two of them.
-                let ends = one.map(|a| other.map(|b| a * b)).concat();
-                assert!(ends.contains(&low) && ends.contains(&high));
-            }
-        }
-        assert_eq!(times([0.0, 1.0], [1.0, f64::INFINITY]), [0.0, f64::INFINITY]);
-        assert_eq!(times([0.0, 0.0], [0.0, f64::INFINITY]), [0.0, 0.0]);
-        assert!(times([0.0, 1.0], [f64::NAN, 1.0])[1].is_nan());
-        assert_eq!(either([1.0, 2.0], [0.0; 2]), [0.0, 2.0]);
-        assert!(either([f64::NAN; 2], [0.0; 2])[0].is_nan());
     }
 }

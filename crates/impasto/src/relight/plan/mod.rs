@@ -17,12 +17,14 @@ use super::view::Projection;
 
 mod clipping;
 mod decide;
+mod display;
+mod interval;
 mod light;
 mod report;
 mod shadows;
 
-use clipping::{Beyond, Clipping};
-use light::Bounded;
+pub use display::Shown;
+use display::{Beyond, Bounded, Clipping};
 
 /// Something that a picture may need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -233,7 +235,12 @@ impl Plan {
         let sky = work.sky();
         let moved = work.moved(slanted);
         let mut rows = work.rows(&parts, &decided, shadows, (slanted, &moved), &sky);
-        let clipping = options.display.map(|display| Clipping::new(&display, &decided, &parts));
+        let clipping = options.display.map(|display| {
+            let shaded =
+                |tile: usize| parts[tile * lamps..][..lamps].iter().any(|part| part & SHADED != 0);
+            let tiles = decided.iter().enumerate();
+            Clipping::new(&display, tiles.map(|(number, tile)| (&tile.beyond, shaded(number))))
+        });
         rows.extend(work.rows_of_display(&decided, clipping.as_ref()));
         let error = decided.iter().map(|tile| tile.error).fold(0.0, f64::max);
         let (tiles, around) = (decided.len(), sky.0);
@@ -404,15 +411,6 @@ pub struct Options {
     pub more_light: bool,
     /// What shows the picture, if that is known before it.
     pub display: Option<Shown>,
-}
-
-/// How a picture is shown.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shown {
-    /// Columns: linear display light, white 1, from the scene's output unit.
-    pub matrix: [[f64; 3]; 3],
-    /// The light where no painting is seen.
-    pub background: [f32; 3],
 }
 
 /// How far the slant of a view moves a pixel, in pixels: where it moves any, the picture may be of
