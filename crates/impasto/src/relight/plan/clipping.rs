@@ -82,9 +82,8 @@ impl Work<'_> {
             Row { effect, decision, tiles: clipped.len(), error: 0.0, reason }
         };
         let tiles = || decided.iter().map(|tile| &tile.beyond);
-        // Both are true of NaN.
-        let above: Vec<_> = tiles().filter(|tile| !(tile.light[1] <= 1.0)).collect();
-        let below: Vec<_> = tiles().filter(|tile| !(tile.light[0] >= 0.0)).collect();
+        let above: Vec<_> = tiles().filter(|tile| !tile.is_below_white()).collect();
+        let below: Vec<_> = tiles().filter(|tile| !tile.is_above_black()).collect();
         let pixels = self.grid.width * self.grid.height;
         let share = |clipped: &[&Beyond]| {
             let clipped: usize = clipped.iter().map(|tile| tile.pixels).sum();

@@ -87,6 +87,18 @@ pub(super) struct Beyond {
     pub(super) all: Option<[bool; 3]>,
 }
 
+impl Beyond {
+    /// Whether no light exceeds the display's white; not where nothing is known.
+    pub(super) fn is_below_white(&self) -> bool {
+        self.light[1] <= 1.0
+    }
+
+    /// Whether no light is below 0; not where nothing is known.
+    pub(super) fn is_above_black(&self) -> bool {
+        self.light[0] >= 0.0
+    }
+}
+
 /// What is known of the light that a display shows.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Clipping {
