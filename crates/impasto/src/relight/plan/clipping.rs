@@ -6,23 +6,12 @@
 
 use super::decide::LampSeen;
 use super::display::{Beyond, Clipping};
-use super::intervals::{Interval, either, plus};
-use super::{Decided, Decision, Effect, Row, SHADED, Shown, Work};
+use super::interval::{Interval, either, plus};
+use super::{Decided, Decision, Effect, Row, Shown, Work};
 use crate::relight::bounds;
 use crate::relight::statistics::{LobeRange, Range, SIDE, TileStatistics};
 
 impl Work<'_> {
-    /// What the display clips, from the decisions and the parts of all tiles, of which a shadow may
-    /// fall on some.
-    pub(super) fn clipping(&self, display: &Shown, decided: &[Decided], parts: &[u32]) -> Clipping {
-        let lamps = self.scene.lamps().len();
-        let all = |(number, tile): (usize, &Decided)| {
-            let parts = &parts[number * lamps..][..lamps];
-            tile.beyond.all.filter(|_| parts.iter().all(|part| part & SHADED == 0))
-        };
-        Clipping { matrix: display.matrix, all: decided.iter().enumerate().map(all).collect() }
-    }
-
     /// What of a tile's light lies beyond the display.
     pub(super) fn beyond(
         &self,
@@ -93,12 +82,8 @@ impl Work<'_> {
             Row { effect, decision, tiles: clipped.len(), error: 0.0, reason }
         };
         let tiles = || decided.iter().map(|tile| &tile.beyond);
-        // Light without a bound may lie anywhere.
-        let beyond = |end: f64, is: bool| is || end.is_nan();
-        let above: Vec<_> =
-            tiles().filter(|&&Beyond { light: [_, end], .. }| beyond(end, end > 1.0)).collect();
-        let below: Vec<_> =
-            tiles().filter(|&&Beyond { light: [end, _], .. }| beyond(end, end < 0.0)).collect();
+        let above: Vec<_> = tiles().filter(|tile| !tile.is_below_white()).collect();
+        let below: Vec<_> = tiles().filter(|tile| !tile.is_above_black()).collect();
         let pixels = self.grid.width * self.grid.height;
         let share = |clipped: &[&Beyond]| {
             let clipped: usize = clipped.iter().map(|tile| tile.pixels).sum();

@@ -1,6 +1,6 @@
-//! What a display shows of light that is known within bounds, and what it clips.
+//! What shows a picture, what a plan knows of the colours that it shows, and what it clips.
 
-use super::intervals::Interval;
+use super::interval::Interval;
 use crate::relight::scene::{Colour, Scene};
 use crate::surface::Surface;
 
@@ -87,15 +87,36 @@ pub(super) struct Beyond {
     pub(super) all: Option<[bool; 3]>,
 }
 
+impl Beyond {
+    /// Whether no light exceeds the display's white; not where nothing is known.
+    pub(super) fn is_below_white(&self) -> bool {
+        self.light[1] <= 1.0
+    }
+
+    /// Whether no light is below 0; not where nothing is known.
+    pub(super) fn is_above_black(&self) -> bool {
+        self.light[0] >= 0.0
+    }
+}
+
 /// What is known of the light that a display shows.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Clipping {
-    pub(super) matrix: [[f64; 3]; 3],
+    matrix: [[f64; 3]; 3],
     /// Per tile, as of [`Beyond`].
-    pub(super) all: Vec<Option<[bool; 3]>>,
+    all: Vec<Option<[bool; 3]>>,
 }
 
 impl Clipping {
+    /// Of all tiles, and whether a shadow may fall on each.
+    pub(super) fn new<'a>(
+        display: &Shown,
+        tiles: impl Iterator<Item = (&'a Beyond, bool)>,
+    ) -> Self {
+        let all = tiles.map(|(tile, shaded)| tile.all.filter(|_| !shaded)).collect();
+        Self { matrix: display.matrix, all }
+    }
+
     /// How many tiles have one colour.
     pub(super) fn whole(&self) -> usize {
         self.all.iter().flatten().count()

@@ -4,7 +4,7 @@
 use super::Work;
 use super::decide::LampSeen;
 use super::display::Weights;
-use super::intervals::{Interval, either, plus, times};
+use super::interval::{Interval, either, plus, times};
 use crate::geometry::Light;
 use crate::relight::bounds;
 use crate::relight::scene::Lamp;

@@ -18,7 +18,7 @@ use super::view::Projection;
 mod clipping;
 mod decide;
 mod display;
-mod intervals;
+mod interval;
 mod light;
 mod report;
 mod shadows;
@@ -235,7 +235,12 @@ impl Plan {
         let sky = work.sky();
         let moved = work.moved(slanted);
         let mut rows = work.rows(&parts, &decided, shadows, (slanted, &moved), &sky);
-        let clipping = options.display.map(|display| work.clipping(&display, &decided, &parts));
+        let clipping = options.display.map(|display| {
+            let shaded =
+                |tile: usize| parts[tile * lamps..][..lamps].iter().any(|part| part & SHADED != 0);
+            let tiles = decided.iter().enumerate();
+            Clipping::new(&display, tiles.map(|(number, tile)| (&tile.beyond, shaded(number))))
+        });
         rows.extend(work.rows_of_display(&decided, clipping.as_ref()));
         let error = decided.iter().map(|tile| tile.error).fold(0.0, f64::max);
         let (tiles, around) = (decided.len(), sky.0);

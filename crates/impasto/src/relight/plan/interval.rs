@@ -1,4 +1,4 @@
-//! Interval arithmetic: what sums and products of numbers can be that are known within bounds.
+//! Interval arithmetic.
 
 /// A smallest and a largest value.
 pub(super) type Interval = [f64; 2];
