@@ -208,7 +208,9 @@ def test_each_effect_is_decided_and_says_why() -> None:
     assert "steepest rise towards light 1: 0.000; the light: 10.000" in text
     assert "on (1/2 tiles)" in text
     assert json.loads(plan.to_json())["effects"][0]["effect"] == "diffuse"
-    assert repr(plan) == "<Plan diffuse, lobe 1, without cast shadows, tolerance 0>"
+    assert repr(plan) == (
+        "<Plan diffuse, lobe 1, without cast shadows, clipping, gamut clipping, tolerance 0>"
+    )
 
 
 def test_a_lobe_that_is_out_of_sight_is_left_out_within_the_tolerance() -> None:

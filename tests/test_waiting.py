@@ -117,7 +117,8 @@ def test_what_is_done_to_labels_and_maps_is_waited_for(waited: list[str]) -> Non
     labels = (np.arange(width) * 2 // width) * np.ones((height, 1), int)
     found = impasto.fit_sbrdf(stack, pooling="segment", segments=labels, joint=False)
     # What belongs to the whole, then to each of two segments.
-    once, each = ["checked_labels", "_maps_of", "_known_labels"], ["equal", "_only", "_put"]
+    once = ["checked_labels", "_samples_at", "_maps_of", "_known_labels"]
+    each = ["equal", "_only", "_put"]
     assert waited == once + 2 * each
     assert [segment.own for segment in found.segments].count(True) > 0
 

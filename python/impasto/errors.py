@@ -19,10 +19,15 @@ class ImpastoError(Exception):
     written as in source code, so that they do not reach a terminal.
     """
 
+    _lines = False
+    """Whether a message may have several lines."""
+
     def __init__(self, *arguments: object) -> None:
         super().__init__(
             *(
-                printable(_NUMPY_SCALAR.sub(r"\1", a)) if isinstance(a, str) else a
+                printable(_NUMPY_SCALAR.sub(r"\1", a), lines=self._lines)
+                if isinstance(a, str)
+                else a
                 for a in arguments
             )
         )

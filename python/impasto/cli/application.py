@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from cyclopts import App
 from cyclopts.exceptions import CycloptsError, MissingArgumentError
 
+from impasto._internal.printable import printable
 from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
@@ -65,7 +66,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         console.complain(str(error))
         return Exit.CORRUPT_INPUT
     except InternalError as error:
-        console.complain(f"a defect in impasto, please report it: {error}")
+        console.complain(printable(f"a defect in impasto, please report it: {error}"))
         return Exit.DEFECT
     except BrokenPipeError:
         # The reader of stdout has ended (impasto info | head): write nothing more.
@@ -77,7 +78,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         console.complain(str(error) if by_nature else _in_options(str(error)))
         return Exit.USER_ERROR
     except OSError as error:
-        console.complain(_os_words(error))
+        console.complain(printable(_os_words(error)))
         return Exit.USER_ERROR
     except MemoryError:
         console.complain(

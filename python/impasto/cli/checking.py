@@ -35,7 +35,13 @@ def refuse_faults(
         diagnosis = before_fit(photographs)
         stage.note = diagnosis.verdict
     if diagnosis.findings:
-        raise ArgumentError(_refusal(diagnosis, photographs, path, reading, out))
+        raise _RefusedError(_refusal(diagnosis, photographs, path, reading, out))
+
+
+class _RefusedError(ArgumentError):
+    """Findings and commands, a line each."""
+
+    _lines = True
 
 
 def _refusal(

@@ -73,7 +73,7 @@ def make_output_safe() -> None:
 
 def complain(message: str) -> None:
     """Print an error message in red."""
-    stderr().print(f"[bold red]impasto:[/] [red]{escape(printable(message))}[/]")
+    stderr().print(f"[bold red]impasto:[/] [red]{escape(printable(message, lines=True))}[/]")
 
 
 def hint(message: str) -> None:
