@@ -28,7 +28,6 @@ from impasto import simulate
 REPEATS = 2
 SIMULATED = {
     "simulated, satin, 24 lamps": ("satin", 24),
-    "simulated, gloss, 48 lamps": ("gloss", 48),
 }
 ICON = "icon, 72 lamps"
 
