@@ -25,7 +25,7 @@ def run(program: str, *arguments: str, **variables: str) -> str:
         env=surroundings(**variables),
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
     )
     assert done.returncode == 0, done.stderr
