@@ -28,7 +28,7 @@ def open_source(
                           pixels alone
     OpenEXR               the tiles or blocks of rows that it touches, all channels of
                           the parts that hold the layer
-    ``.npy``, ``.npz``    its values alone (``.npz`` of :func:`numpy.savez`)
+    ``.npy``, ``.npz``    its values alone (``.npz`` of ``numpy.savez``)
     JPEG, PNG             one decoding of the whole, which the source keeps
     ====================  ===========================================================
 
