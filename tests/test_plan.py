@@ -147,6 +147,10 @@ def test_without_a_tolerance_a_planned_picture_has_the_bits_of_the_forced_one(
     assert planned.xyz.tobytes() == forced.xyz.tobytes()
     assert planned.coverage.tobytes() == forced.coverage.tobytes()
     assert planned.display.tobytes() == forced.display.tobytes()
+    assert (planned.clipped, planned.outside) == (forced.clipped, forced.outside)
+    clipped = {"clipping": planned.clipped, "gamut clipping": planned.outside}
+    for name, shares in clipped.items():
+        assert decisions(plan)[name][0] == "on" or max(shares.values()) == 0.0
     assert plan.error == 0.0
 
 
@@ -208,9 +212,8 @@ def test_each_effect_is_decided_and_says_why() -> None:
     assert "steepest rise towards light 1: 0.000; the light: 10.000" in text
     assert "on (1/2 tiles)" in text
     assert json.loads(plan.to_json())["effects"][0]["effect"] == "diffuse"
-    assert repr(plan) == (
-        "<Plan diffuse, lobe 1, without cast shadows, clipping, gamut clipping, tolerance 0>"
-    )
+    without = "cast shadows, clipping, gamut clipping"
+    assert repr(plan) == f"<Plan diffuse, lobe 1, without {without}, tolerance 0>"
 
 
 def test_a_lobe_that_is_out_of_sight_is_left_out_within_the_tolerance() -> None:

@@ -50,12 +50,20 @@ impl Work<'_> {
                 all = Some([red, green, blue]);
             }
         }
-        // What is seen from the side may be mixed with what is behind the painting.
-        if holes || scene.is_projected() && bounds::steepest_view(scene.view(), *grid) > 0.0 {
-            add(self.background(display));
+        let projected = scene.is_projected() && bounds::steepest_view(scene.view(), *grid) > 0.0;
+        let behind = self.background(display);
+        if holes || projected {
+            add(behind);
         }
-        let light =
+        let mut light =
             if unknown && tile.pixels > 0 { [f64::NAN; 2] } else { ends.unwrap_or([0.0; 2]) };
+        if projected {
+            // Mixed with what is behind the painting: shares of both sum up to 1 but for roundings, and
+            // a share of the background may be less than 0.
+            let [low, high] = behind.into_iter().fold([0.0; 2], either);
+            let rounding = bounded.rounding * low.abs().max(high);
+            light = plus(light, [-rounding, rounding]);
+        }
         Beyond { light, pixels: whole, all }
     }
 
