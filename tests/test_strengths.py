@@ -97,7 +97,7 @@ def test_given_intensities_are_where_the_search_starts(scene: Any) -> None:
 
 
 def test_any_number_of_threads_gives_the_same_bits(scene: Any) -> None:
-    again = impasto.fit_strengths(scene[1], threads=1, gauge="free")
+    again = impasto.fit_strengths(scene[1], threads=3, gauge="free")
     assert again.factor.tobytes() == scene[2].factor.tobytes()
 
 
@@ -159,9 +159,8 @@ def test_one_lamp_is_far_off(scene: Any, power: int) -> None:
     samples = stack.samples * factor[:, None, None, None].astype(np.float32)
     other = impasto.fit_strengths(impasto.Stack(samples, lights=lights()), gauge="free")
     assert other.converged
-    # As without it; the weight of a sample in codes grows with the light.
-    np.testing.assert_allclose(other.factor, factor * uneven(), rtol=0.02)
-    assert found.factor[17] == pytest.approx(other.factor[17] / factor[17], rel=0.01)
+    # Noise is scaled with the light: what differs is where the search starts, and ends.
+    np.testing.assert_allclose(other.factor, factor * found.factor, rtol=0.01)
 
 
 def test_the_number_of_rounds_is_limited(scene: Any) -> None:
@@ -288,9 +287,8 @@ def test_gloss_determines_tilt_and_fall_off(scene: Any) -> None:
     assert found.held_out.gain > 2.0 * found.held_out.scatter
     before = impasto.fit_sbrdf(stack, pooling="pixel").normal
     after = impasto.fit_sbrdf(found.stack, pooling="pixel").normal
-    # Rounds end where a step is below 0.5 %, the search of the tilt at 0.01 rad and a parabola.
     assert np.median(angle(after, normal)) < 0.25 * np.median(angle(before, normal))
-    again = impasto.fit_strengths(stack, threads=1)
+    again = impasto.fit_strengths(stack, threads=3)
     assert again.factor.tobytes() == found.factor.tobytes()
 
 

@@ -55,9 +55,12 @@ class Encoding:
             linear = magnitude ** float(self.curve)
         return np.asarray(np.copysign(linear, value), dtype=np.float32)
 
-    def encode(self, linear: ArrayLike) -> NDArray[np.float32]:
-        """Coded values from linear light, clipped to 0 .. ``white``, not rounded."""
-        value = np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0)
+    def encode(self, linear: ArrayLike, *, clip: bool = True) -> NDArray[np.float32]:
+        """Coded values from linear light, clipped to 0 .. ``white``, not rounded.
+
+        With ``clip=False`` light above full scale follows the curve beyond ``white``.
+        """
+        value = np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0 if clip else None)
         if self.curve == "srgb":
             value = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
         elif self.curve != "linear":

@@ -6,6 +6,7 @@ import hashlib
 import os
 import zipfile
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -251,7 +252,7 @@ def _picture(path: Path) -> NDArray[np.float32]:
         raise ArgumentError(f"environment: expected .exr or .hdr, found {path}")
     import cv2
 
-    with RegularFile(path) as file:
+    with closing(RegularFile(path)) as file:
         data = file.content()
     if not data.startswith((b"#?RADIANCE", b"#?RGBE")):
         raise CorruptInputError(path, "is not a Radiance picture")

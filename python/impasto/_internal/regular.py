@@ -7,8 +7,6 @@ import os
 import stat
 from pathlib import Path
 from threading import Lock
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,17 +84,6 @@ class RegularFile:
     def close(self) -> None:
         """Close the file."""
         self.handle.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _fill(self, offset: int, target: NDArray[np.uint8]) -> None:
         view, at = target.data, 0

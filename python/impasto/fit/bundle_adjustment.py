@@ -53,6 +53,9 @@ does not count."""
 _LEAST = 1e-3
 """A lamp has no equation if its squared derivatives are this small a share of the median lamp's:
 its strength is so wrong that all its samples are outliers, or its photograph is black."""
+_MOSTLY = 0.5
+"""Nor if it keeps less than this share of the samples that the median lamp keeps: where most are
+trimmed, those that are left agree with any strength, and a median is more robust."""
 _PRIOR = 0.7
 """Standard deviation of the logarithms of strengths before any photograph: lamps that are alike
 differ by a factor of two. Without it a lamp that no pixel shows has no equation."""
@@ -211,18 +214,19 @@ class BundleAdjustment:
         places, lamps = len(axes), strengths != "given"
         numbers = places + len(state.log) * lamps
         matrix, right = np.zeros((numbers, numbers)), np.zeros(numbers)
-        squares, used = 0.0, 0
+        squares, kept = 0.0, np.zeros(len(state.log), np.int64)
         for fold, found in enumerate(surfaces):
             held = _photographs(len(state.log), fold, len(surfaces))
             linear = self._linear(state, found, axes, held, lamps=lamps)
             product, by_error = eliminated(linear, held)
             matrix, right = matrix + product, right + by_error
             squares += float((linear.error[..., held] ** 2).sum())
-            used += int(np.count_nonzero(linear.error[..., held]))
+            kept[held] += np.count_nonzero(linear.error[..., held], axis=(0, 1))
         squared = np.diag(matrix)[places:]
-        determined = (
-            squared > _LEAST * np.median(squared) if lamps else np.ones(len(state.log), np.bool_)
-        )
+        determined = np.ones(len(state.log), np.bool_)
+        if lamps:
+            determined = squared > _LEAST * np.median(squared)
+            determined &= kept >= _MOSTLY * np.median(kept)
         matrix[np.diag_indices_from(matrix)] *= 1.0 + _DAMPING
         use = np.r_[np.ones(places, np.bool_), determined] if lamps else np.ones(places, np.bool_)
         row = np.zeros(numbers)
@@ -232,7 +236,7 @@ class BundleAdjustment:
             # errors than photographs. Directions in which strengths do little would else take it,
             # times its inverse. On matte paintings that weight would hold true strengths back.
             metal = self._test.surfaces == "shaped"
-            independent = len(state.log) if metal else 0.5 * max(used, 1)
+            independent = len(state.log) if metal else 0.5 * max(int(kept.sum()), 1)
             prior = squares / independent / _PRIOR**2
             each = np.arange(places, numbers)
             matrix[each, each] += prior

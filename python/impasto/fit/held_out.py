@@ -156,7 +156,7 @@ class HeldOut:
         self._curve, self.white = stack.encoding, 1.0
         if stack.encoding.curve == "linear":
             self._curve, self.white = Encoding("srgb"), full_scale(linear)
-        self.truth = self.coded(linear)
+        self.truth = np.where(np.isfinite(linear), self.coded(linear), np.nan)
         """``(obs, band, y, x)`` codes of 8 bits; not finite where clipped or unknown."""
 
     def lit(self, rig: Rig) -> Stack:
@@ -269,9 +269,12 @@ class HeldOut:
         return Errors(coded)
 
     def coded(self, linear: NDArray[Any]) -> NDArray[np.float64]:
-        """Linear light in codes of 8 bits."""
+        """Linear light in codes of 8 bits; what is brighter than white goes on above 255.
+
+        Clipped there, a strong lamp would tell nothing, and what is shown too bright be right.
+        """
         with np.errstate(over="ignore"):  # of samples near the largest float
-            codes = self._curve.encode(linear / self.white)
+            codes = self._curve.encode(linear / self.white, clip=False)
         return np.asarray(codes, dtype=np.float64) * (CODES / self._curve.white)
 
 

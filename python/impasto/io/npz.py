@@ -8,6 +8,7 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +70,7 @@ def read_npz(path: Path, *, without: str = "") -> dict[str, NDArray[Any]]:
         if isinstance(error.__cause__, FileNotFoundError):
             raise error.__cause__ from None
         raise
-    with opened:
+    with closing(opened):
         if opened.size < 2 or opened.at(0, 2) != b"PK":  # numpy takes any other for a pickle
             raise CorruptInputError(path, "is no .npz file")
         opened.handle.seek(0)

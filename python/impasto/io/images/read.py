@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -70,7 +71,7 @@ def read_header(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> ImageHeade
     ArgumentError
         The file cannot be opened, is none, or is larger than ``max_pixels`` allows.
     """
-    with RegularFile(Path(path)) as file:
+    with closing(RegularFile(Path(path))) as file:
         return _structure(file, max_pixels)[0]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +88,7 @@ def _read_part(
     path: Path, region: Sequence[int], arrays: dict[str, NDArray[Any]]
 ) -> tuple[float, float]:
     """Add the samples of a region, crop the mask; by how many pixels right and up its centre is."""
-    with RegularFile(path) as file:
+    with closing(RegularFile(path)) as file:
         try:
             stored = member(file, "samples")
             shape = stored.shape
