@@ -31,7 +31,9 @@ HALF = 24.0
 NOISE = 0.002
 
 
-def photographs(camera: float, lamps: float) -> tuple[Any, impasto.Stack, Rig]:
+def photographs(
+    camera: float, lamps: float, specular: float = 4.0
+) -> tuple[Any, impasto.Stack, Rig]:
     """Normals, photographs under the given, distant rig, and the rig that they were taken with.
 
     Distances are in halves of the side.
@@ -56,7 +58,7 @@ def photographs(camera: float, lamps: float) -> tuple[Any, impasto.Stack, Rig]:
         if isinstance(light, PointLight):
             direction, squared = oracle.to_light(SHAPE, PITCH, light.position)
             gain = (lamps * HALF) ** 2 / squared
-        images.append(gain * oracle.radiance(normal, diffuse, 4.0, 0.15, direction, towards))
+        images.append(gain * oracle.radiance(normal, diffuse, specular, 0.15, direction, towards))
     samples = np.array(images) + rng.normal(0.0, NOISE, (40, *diffuse.shape))
     view = None if math.isinf(camera) else PointView(eye)
     stack = impasto.Stack(samples.astype(np.float32), lights=Rig(given, pitch_mm=PITCH))

@@ -29,7 +29,7 @@ KEPT = 0.9
 """Share of the samples, those with the smallest errors, that the trimmed mean counts."""
 CODES = 255.0
 """Errors are in codes of 8 bits, whatever the files have."""
-_SUITS = 0.02
+SUITS = 0.02
 """Share by which surfaces of the other kind must lower the trimmed mean to be taken."""
 ROUNDED = 0.3
 """Trimmed means up to this many steps of the files are rounding, which alone gives 0.22: nothing
@@ -83,11 +83,6 @@ class Errors:
         """Trimmed mean over all photographs."""
         return _trimmed(self.coded)
 
-    @property
-    def rms(self) -> float:
-        """Root mean square over all photographs."""
-        return float(np.sqrt(np.nanmean(self.coded**2)))
-
     def pixels(self, bands: int) -> int:
         """How many pixels have an error in some photograph and band."""
         known = np.isfinite(self.coded).any(axis=0).reshape(bands, -1)
@@ -130,10 +125,6 @@ class HeldOut:
     ) -> None:
         self.surfaces: Surfaces = surfaces
         self._others: tuple[Surfaces, Surfaces] = ("plain", "coated")
-        kind = stack.samples.dtype
-        fine = kind.itemsize > 1 and kind.kind in "iu"
-        self.rounded = ROUNDED * (CODES / np.iinfo(kind).max if fine else 1.0)
-        """Trimmed mean up to which errors are those of rounding: of floats, to 8 bits."""
         pitch = 1.0 if stack.rig.pitch_mm is None else stack.rig.pitch_mm
         # A point view says where the middle of the subsample lies, and forbids to pack it.
         eye = PointView((0.0, 0.0, 1.0))
@@ -158,6 +149,8 @@ class HeldOut:
             self._curve, self.white = Encoding("srgb"), full_scale(linear)
         self.truth = np.where(np.isfinite(linear), self.coded(linear), np.nan)
         """``(obs, band, y, x)`` codes of 8 bits; not finite where clipped or unknown."""
+        self.rounded = ROUNDED * self._step(linear)
+        """Trimmed mean up to which errors are those of rounding."""
 
     def lit(self, rig: Rig) -> Stack:
         """The sample under a rig of the whole painting."""
@@ -187,7 +180,7 @@ class HeldOut:
         """The better of this and :meth:`otherwise`, by what its surfaces predict under a rig."""
         other = self.otherwise()
         fall = other.errors(rig, folds).than(self.errors(rig, folds)).fall
-        return other if fall > _SUITS else self
+        return other if fall > SUITS else self
 
     def for_metal(self, rig: Rig) -> HeldOut:
         """The same; where most light is in the lobes, :meth:`otherwise` has shaped ones."""
@@ -267,6 +260,15 @@ class HeldOut:
             light = shown * np.exp(np.where(np.isfinite(own), own, 0.0))[:, None, None, None]
             coded[held] = (self.coded(light) - self.truth[held]).reshape(len(held), -1)
         return Errors(coded)
+
+    def _step(self, linear: NDArray[np.float32]) -> float:
+        """One step of the files in codes: of the median sample, or 1 where samples are floats."""
+        if self._few.samples.dtype.kind not in "iu":
+            return 1.0
+        next_one = linear + self._few.scale[:, None, None]
+        steps = self.coded(next_one) - self.truth
+        known = steps[np.isfinite(steps)]
+        return float(np.median(known)) if known.size else 1.0
 
     def coded(self, linear: NDArray[Any]) -> NDArray[np.float64]:
         """Linear light in codes of 8 bits; what is brighter than white goes on above 255.

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from impasto.fit.bundle_adjustment import Kind, RigNumbers
-from impasto.fit.held_out import Comparison, Errors, HeldOut
+from impasto.fit.held_out import SUITS, Comparison, Errors, HeldOut
 
 FALL, _CERTAIN = 0.02, 3.0
 """What is estimated must lower the trimmed error by this share, and the gain exceed so many
@@ -20,8 +20,6 @@ MUCH, _LIKELY = 0.2, 1.0
 _DETERMINED, _PROBABLE = 0.1, 1.0
 """Or these, for strengths, which scatter more from photograph to photograph; and for their tilt and
 fall-off, which errors of the model mimic."""
-_SUITS = 0.02
-"""Share by which the other kind of surface, under a varnish or not, must lower the error."""
 COARSE = 2.0
 """Trimmed errors below this many times those of rounding show no camera and no strengths unless
 they fall by much: they fall while normals become worse."""
@@ -73,7 +71,7 @@ def suited(first: Found) -> Callable[[Found], float]:
     """The trimmed error, in favour of surfaces of the same kind as the first."""
 
     def trim(one: Found) -> float:
-        share = 1.0 if one.test.surfaces == first.test.surfaces else 1.0 - _SUITS
+        share = 1.0 if one.test.surfaces == first.test.surfaces else 1.0 - SUITS
         return one.errors.trim / share
 
     return trim

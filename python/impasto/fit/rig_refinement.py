@@ -439,6 +439,12 @@ class _Search:
                     without = other
             if not free[axis]:
                 self._test, state = without.test, without.state
+        if free[0] and self._free[1] and not free[1]:
+            # A camera that was accepted beside near lamps may mean nothing without them.
+            without = self.found([state, self.even()], free & False, kind)
+            free[0], reasons[0] = self._judge(0, state, without.state)
+            if not free[0]:
+                self._test, state = without.test, without.state
         return *_near(state, free), reasons
 
     def _judge(self, axis: int, state: RigNumbers, without: RigNumbers) -> tuple[bool, str]:
@@ -499,13 +505,13 @@ class _Search:
             rivals += [way(starts, free, "held") for way in (self.found, self.otherwise)]
         left = chosen(rivals, self._test.rounded)
         even = min(rivals[:2], key=suited(even))
-        gain, spread = uneven.errors.than(even.errors), _spread(state)
         if left.kind == "given":
-            return Estimate(spread, False, str(gain)), even
+            return Estimate(_spread(state), False, str(uneven.errors.than(even.errors))), even
+        gain, spread = left.errors.than(even.errors), _spread(left.state)
         if spread > _SPREAD and gain.fall < _VAST:
             why = f"they would differ by a factor of {spread:.0f}, more than lamps do"
             return Estimate(spread, False, why), even
-        return Estimate(_spread(left.state), True, str(gain)), left
+        return Estimate(spread, True, str(gain)), left
 
     def _final(
         self, state: RigNumbers, free: NDArray[np.bool_], kind: Kind
@@ -540,7 +546,8 @@ class _Search:
             found = replace(found, place=place)
         else:
             after = trim(found.place)
-        return _near(found if after <= before else state, free)
+        wild = _spread(found) > max(_SPREAD, _spread(state))
+        return _near(found if after <= before and not wild else state, free)
 
     def _total(self, state: RigNumbers) -> Comparison:
         """Gain over the rig as given: other folds, lobes as they are fitted."""

@@ -21,7 +21,7 @@ from impasto.errors import ArgumentError
 from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
 from impasto.fit.held_out import Comparison, HeldOut, fold_count
 from impasto.fit.lobes import lobe_count
-from impasto.fit.rig_acceptance import Found, chosen, strengths_differ
+from impasto.fit.rig_acceptance import Found, chosen, strengths_differ, suited
 from impasto.fit.strength_search import FEWEST, ROUNDS, Medians, Rounds, scaled
 from impasto.rig import Light, Rig
 from impasto.stack import Stack, checked_stack
@@ -340,16 +340,17 @@ class _Search:
         even = [
             self._judged(nothing, "given", test) for test in (self._test, self._test.otherwise())
         ]
+        rival = min(even, key=suited(even[0])).errors
         free = self.found("free")
-        gain = free.found.errors.than(even[0].errors)
+        gain = free.found.errors.than(rival)
         if not strengths_differ(gain, self._test.rounded):
             return None, gain
         held = self.found("held")
         best = chosen([*even, held.found, free.found], self._test.rounded)
         for one in (held, free):
             if one.found is best:
-                return one, best.errors.than(even[0].errors)
-        return None, held.found.errors.than(even[0].errors)
+                return one, best.errors.than(rival)
+        return None, held.found.errors.than(rival)
 
     def _judged(self, state: RigNumbers, kind: Kind, test: HeldOut) -> Found:
         return Found(state, kind, test, test.errors(self._at(state), self._folds, self._lobes))

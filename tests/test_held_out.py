@@ -1,0 +1,58 @@
+"""Photographs held out: what they are compared on, and which errors are those of rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from impasto import Stack
+from impasto.encoding import Encoding
+from impasto.fit.held_out import ROUNDED, HeldOut
+
+LIGHTS = np.array([[0.5, 0.1, 0.86], [-0.5, 0.2, 0.84], [0.1, -0.6, 0.79], [0.1, 0.6, 0.79]])
+LIGHTS /= np.linalg.norm(LIGHTS, axis=1)[:, None]
+
+
+def held_out(stack: Stack) -> HeldOut:
+    return HeldOut(stack, 4096, index=1.45, threads=1)
+
+
+def test_clipped_samples_are_not_compared() -> None:
+    samples = np.random.default_rng(1).uniform(0.0, 1.0, (4, 3, 16, 16)).astype(np.float32)
+    stack = Stack(samples, lights=LIGHTS, encoding=Encoding("srgb"), saturation=0.5)
+    test = held_out(stack)
+    np.testing.assert_array_equal(np.isnan(test.truth), samples >= 0.5)
+    assert (test.truth[samples < 0.5] < 200).all()
+
+
+def test_light_above_white_is_compared_as_it_is() -> None:
+    """A lamp of four times the strength of the others, in a file of floats."""
+    samples = np.full((4, 1, 8, 8), 0.2, np.float32)
+    samples[2] *= 8.0
+    stack = Stack(samples, lights=LIGHTS, encoding=Encoding("srgb"))
+    dim, strong = held_out(stack).truth[[0, 2], 0, 0, 0]
+    # IEC 61966-2-1: 255 (1.055 v^(1 / 2.4) - 0.055), whose rounding to single precision is 1e-7.
+    for found, value in ((dim, 0.2), (strong, 1.6)):
+        assert found == pytest.approx(255.0 * (1.055 * value ** (1 / 2.4) - 0.055), rel=1e-6)
+
+
+@pytest.mark.parametrize("bits", [8, 12, 16])
+def test_errors_of_rounding_are_steps_of_the_files(bits: int) -> None:
+    kind = np.uint8 if bits == 8 else np.uint16
+    light = np.random.default_rng(2).uniform(0.05, 0.95, (4, 3, 24, 24))
+    most = 2**bits - 1
+    stack = Stack((light * most).round().astype(kind), lights=LIGHTS, scale=1.0 / most)
+    test = held_out(stack)
+    # The sample has a unit of light of its own, a power of two.
+    unit = 2.0 ** np.round(np.log2(test.samples.max() / light.mean(axis=1).max()))
+    exact = test.coded(light * unit)
+    error = np.abs(test.truth - exact)
+    # Rounding of uniform light is off by a quarter of a step in the mean, and the trimmed mean of
+    # 90 % or so by less: `rounded` is above it, and by less than twice.
+    trimmed = np.sort(error, axis=None)[: int(0.9 * error.size)].mean()
+    assert trimmed < test.rounded < 2.0 * trimmed
+
+
+def test_errors_of_rounding_are_those_of_8_bits_for_floats() -> None:
+    samples = np.full((4, 1, 8, 8), 0.5, np.float32)
+    assert held_out(Stack(samples, lights=LIGHTS)).rounded == ROUNDED
