@@ -36,6 +36,15 @@ def patches() -> impasto.Stack:
     return photographs("patches", 24)
 
 
+@pytest.fixture(scope="module")
+def by_default(patches: impasto.Stack) -> impasto.Sbrdf:
+    return impasto.fit_sbrdf(patches)
+
+
+CHOICE: Any = {"refine": False, "relief": False}
+"""What is looked for before the choice, and takes longer."""
+
+
 def test_one_gloss_and_few_lights_ask_for_one_lobe() -> None:
     fitted = impasto.fit_sbrdf(photographs("gloss", 9))
     assert isinstance(fitted, impasto.PooledSbrdf)
@@ -44,8 +53,10 @@ def test_one_gloss_and_few_lights_ask_for_one_lobe() -> None:
     assert fitted.chosen.gain > 1.0
 
 
-def test_several_varnishes_ask_for_lobes_per_pixel(patches: impasto.Stack) -> None:
-    fitted = impasto.fit_sbrdf(patches)
+def test_several_varnishes_ask_for_lobes_per_pixel(
+    patches: impasto.Stack, by_default: impasto.Sbrdf
+) -> None:
+    fitted = by_default
     assert isinstance(fitted, impasto.LobeSbrdf)
     choice = fitted.chosen
     assert choice is not None
@@ -92,8 +103,8 @@ def test_the_simplest_of_what_is_about_as_good() -> None:
     assert chosen((30.0, 30.0, 1.0), (20.0, 20.0, flat), (30.6, 30.6, flat)) == most
 
 
-def test_the_choice_is_saved_and_reported(patches: impasto.Stack, tmp_path: Path) -> None:
-    fitted = impasto.fit_sbrdf(patches)
+def test_the_choice_is_saved_and_reported(by_default: impasto.Sbrdf, tmp_path: Path) -> None:
+    fitted = by_default
     fitted.save(tmp_path / "fit.npz")
     again = impasto.load_sbrdf(tmp_path / "fit.npz")
     assert again.chosen == fitted.chosen
@@ -112,7 +123,7 @@ def test_pixels_that_no_fit_can_predict_do_not_count(patches: impasto.Stack) -> 
     samples[:, :, :13] = np.nan
     lost = impasto.Stack(samples, lights=patches.rig.directions)
     part = impasto.Stack(samples[:, :, 13:], lights=patches.rig.directions)
-    chosen = [impasto.fit_sbrdf(stack).chosen for stack in (lost, part)]
+    chosen = [impasto.fit_sbrdf(stack, **CHOICE).chosen for stack in (lost, part)]
     assert chosen[0] is not None
     assert chosen[1] is not None
     assert chosen[0].best.options == chosen[1].best.options
@@ -138,7 +149,7 @@ def test_exposure_does_not_change_the_choice(patches: impasto.Stack) -> None:
     samples[~np.isfinite(samples)] = 1.0
     lights = patches.rig.directions
     one, other = (
-        impasto.fit_sbrdf(impasto.Stack(samples * scale, lights=lights)).chosen
+        impasto.fit_sbrdf(impasto.Stack(samples * scale, lights=lights), **CHOICE).chosen
         for scale in (np.float32(1.0), np.float32(2.0**-9))
     )
     assert one == other
@@ -233,9 +244,9 @@ def test_only_the_caller_knows_segments() -> None:
 
 
 def test_learned_and_applied_in_tiles_the_choice_is_the_same(
-    patches: impasto.Stack, tmp_path: Path
+    patches: impasto.Stack, by_default: impasto.Sbrdf, tmp_path: Path
 ) -> None:
-    whole = impasto.fit_sbrdf(patches)
+    whole = by_default
     learned = impasto.learn_sbrdf(patches)
     assert learned.chosen == whole.chosen
     learned.save(tmp_path / "learned.npz")

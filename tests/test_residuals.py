@@ -41,7 +41,7 @@ def stack() -> impasto.Stack:
 
 @pytest.fixture(scope="module")
 def fitted(stack: impasto.Stack) -> impasto.Sbrdf:
-    found = fit_sbrdf(stack, refine=False)
+    found = fit_sbrdf(stack, refine=False, relief=False)
     assert found.residuals is not None
     return found
 
@@ -84,7 +84,7 @@ def test_new_lights_look_more_like_photographs(stack: impasto.Stack) -> None:
     promised, came = [], []
     for first in (0, 3):
         held = np.arange(first, 48, 6)
-        known = fit_sbrdf(stack.take(np.setdiff1d(np.arange(48), held)), refine=False)
+        known = fit_sbrdf(stack.take(np.setdiff1d(np.arange(48), held)), refine=False, relief=False)
         assert known.residuals is not None
         truth = np.array([stack.linear(i) for i in held])
         rig = stack.take(held).rig
@@ -99,7 +99,7 @@ def test_new_lights_look_more_like_photographs(stack: impasto.Stack) -> None:
 
 
 def test_a_model_that_says_all_keeps_nothing() -> None:
-    assert fit_sbrdf(photographs("matte", 24), refine=False).residuals is None
+    assert fit_sbrdf(photographs("matte", 24), refine=False, relief=False).residuals is None
 
 
 def test_another_view_and_the_model_alone_leave_residuals_out(fitted: impasto.Sbrdf) -> None:
@@ -143,7 +143,7 @@ def test_what_no_model_explains_is_shown_as_photographed(stack: impasto.Stack) -
     dark = impasto.Stack(samples, lights=stack.rig.directions, pitch_mm=0.2)
     masked = np.ones(samples.shape[2:], np.bool_)
     masked[-4:, -4:] = False
-    found = fit_sbrdf(dark._replace(mask=masked), refine=False)
+    found = fit_sbrdf(dark._replace(mask=masked), refine=False, relief=False)
     assert (found.status[:4, :4] >= impasto.Status.DARK).all()
     shown = found.predict(NEW)
     known = found.predict(dark.rig.take([1]))[0, :, :4, :4]

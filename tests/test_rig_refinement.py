@@ -196,6 +196,13 @@ def test_lamps_keep_their_size(tmp_path: Path) -> None:
     assert widest.radii == pytest.approx(250.0)
 
 
+def test_new_lamps_fall_off_as_the_nearest() -> None:
+    places = [(-400.0, 10.0, 300.0), (-300.0, -200.0, 300.0), (400.0, 10.0, 300.0)]
+    lamps = [PointLight(place, falloff=place[0] > 0.0) for place in places]
+    rig = Rig(lamps, pitch_mm=1.0)
+    assert rig.at([(-0.6, 0.1, 0.7), (0.7, 0.0, 0.6)]).falloff.tolist() == [False, True]
+
+
 @pytest.mark.slow
 def test_distant_lamps_that_are_found_to_be_near_keep_their_size(near: Any) -> None:
     _, stack, _, refined = near

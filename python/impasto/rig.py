@@ -341,8 +341,8 @@ class Rig:
 
         Strengths are interpolated by a thin-plate spline over the stereographic coordinates
         ``(x, y) / (1 + z)`` of the directions, clipped to the range of this rig's; so are distances
-        if all lamps of this rig are near. This predicts what depends on the place of a lamp, not
-        lamps that flicker.
+        if all lamps of this rig are near; whether their light falls off is as of the nearest lamp.
+        This predicts what depends on the place of a lamp, not lamps that flicker.
 
         Parameters
         ----------
@@ -370,10 +370,9 @@ class Rig:
         if self.near.all():
             log = np.log(np.linalg.norm(self.vectors, axis=1))
             places = towards * np.exp(over_directions(self.directions, log, towards))[:, None]
-            lamps = [
-                near_lamp(place, strength, bool(self.falloff[0]), size)
-                for place, strength, size in zip(places, strengths, sizes.tolist(), strict=True)
-            ]
+            nearest = (towards @ self.directions.T).argmax(axis=1)
+            each = (places, strengths, self.falloff[nearest].tolist(), sizes.tolist())
+            lamps = [near_lamp(*lamp) for lamp in zip(*each, strict=True)]
         else:
             lamps = [
                 DistantLight((x, y, z), strength, radius)

@@ -42,6 +42,8 @@ AZIMUTHS = 32
 REMEMBERED = 128
 """Lights whose shadows are kept in memory: 34 MB for the largest relief in three bands, 8 MB more
 for each other band."""
+TOGETHER = 16
+"""Lights whose shadows are made at a time."""
 LOWEST = 0.01
 """Lowest elevation of a light that casts shadows, in radians. Lower ones have its shadows: along
 the painting everything is in shadow, and a lamp that sinks must not make the picture jump."""
@@ -199,21 +201,30 @@ class Relief:
 
     def _each(self, rig: Rig) -> Iterator[tuple[int, float, Map, Map | None]]:
         """Number, intensity, visibility and irradiance by other cells of each light."""
-        for index, light in enumerate(rig.intensities.tolist()):
-            yield index, light, *self._under(rig.take([index]))
+        intensities = rig.intensities.tolist()
+        for first in range(0, len(rig), TOGETHER):
+            some = range(first, min(first + TOGETHER, len(rig)))
+            for index, found in zip(some, self._under(rig.take(some)), strict=True):
+                yield index, intensities[index], *found
 
-    def _under(self, light: Rig) -> tuple[Map, Map | None]:
-        """Visibility and irradiance under one light; fits that are compared ask for them again."""
-        numbers = (light.vectors, light.near, light.falloff, light.intensities)
-        key = (light.pitch_mm, *(array.tobytes() for array in numbers))
-        found = self._known.get(key)
-        if found is None:
-            visible = self.visibility(light)
-            around = self.irradiance(light, visible)[0] if self.interreflection else None
-            found = visible[0], around
-            if len(self._known) < REMEMBERED:
-                self._known[key] = found
-        return found
+    def _under(self, lights: Rig) -> list[tuple[Map, Map | None]]:
+        """Visibility and irradiance under each; fits that are compared ask for them again."""
+        numbers = (lights.vectors, lights.near, lights.falloff, lights.intensities)
+        keys = [
+            (lights.pitch_mm, *(number.tobytes() for number in each))
+            for each in zip(*numbers, strict=True)
+        ]
+        found = {key: self._known[key] for key in keys if key in self._known}
+        new = [index for index, key in enumerate(keys) if key not in found]
+        if new:
+            rig = lights.take(new)
+            visible = self.visibility(rig)
+            around = self.irradiance(rig, visible) if self.interreflection else len(new) * [None]
+            for index, *both in zip(new, visible, around, strict=True):
+                found[keys[index]] = both[0], both[1]
+                if len(self._known) < REMEMBERED:
+                    self._known[keys[index]] = found[keys[index]]
+        return [found[key] for key in keys]
 
     @cached_property
     def _known(self) -> dict[Any, tuple[Map, Map | None]]:

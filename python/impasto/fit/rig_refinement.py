@@ -90,13 +90,14 @@ def refine_rig(
     more against the best rig without it, and the gain exceeds three standard errors; or by 20 % and
     one. Strengths need 10 % and one, and where they differ by more than a factor of 8 a fall by 80
     %; against the best rig with even ones, its surfaces under a varnish or not. A distance is
-    accepted only if also all folds improve and agree about it, and the opposite sign (all distances
-    behind the painting) does not do as well; the least is half of the longer side. A camera's
-    distance also needs errors above twice those of rounding: below, errors fall for wrong reasons.
-    What is not accepted stays as given, and all does unless photographs of other folds are
-    predicted better by more than a standard error. Surfaces are under a varnish where that predicts
-    better; on metal their lobes have a shape in common that the photographs tell. One ring
-    of lamps, and less than 32 pixels, tell nothing.
+    accepted only if also every fold improves by 1 % and agrees about it, and the opposite sign (all
+    distances behind the painting) does not gain half as much; the least is half of the longer side.
+    A camera's distance is judged again without the lamps' where that is not accepted. Errors below
+    twice those of rounding fall for wrong reasons: there, strengths and a camera's distance need a
+    fall by 20 %. What is not accepted stays as given, and all does unless photographs of other
+    folds are predicted better by more than a standard error. Surfaces are under a varnish where
+    that predicts better; on metal their lobes have a shape in common that the photographs tell. One
+    ring of lamps, and less than 32 pixels, tell nothing.
 
     Parameters
     ----------

@@ -1,10 +1,7 @@
-"""Strengths of lamps by medians of ratios, and what photographs leave open of them (the gauge).
+"""Strengths of lamps by medians of ratios, in semi-calibrated photometric stereo.
 
-Semi-calibrated photometric stereo [@cho2020semicalibrated] leaves freedoms that photographs of a
-nearly flat, matte painting do not determine: ``g_k (n . l_k)`` stays when strengths take what a
-tilt of all normals gives (the gauge; of the kind of the bas-relief ambiguity
-[@belhumeur1999basrelief]), and a fall-off with the elevation of a lamp passes for the shape of the
-reflectance.
+The freedoms that photographs leave open [@cho2020semicalibrated] are in
+:mod:`impasto.fit.gauge`.
 """
 
 from __future__ import annotations
@@ -18,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
+from impasto.fit.gauge import fall_off, log_cosine, log_elevation
 from impasto.fit.held_out import HeldOut, log_ratios
 from impasto.rig import Rig
 
@@ -33,8 +31,6 @@ _STILL = 0.005
 _RELAXATION = 1.5
 """The fitted surface absorbs part of a wrong strength, so each round finds only a fraction of the
 remaining error. Over-relaxation by less than 2 cannot diverge where this fraction is 0 to 1."""
-_GRAZING = 0.05
-"""Cosines below this count as this: the logarithm of a lamp at the horizon has no bound."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +103,7 @@ class Medians:
             new = log + _RELAXATION * np.where(known, left, 0.0)
             if held:
                 new += log_cosine(lights, normal) - log_cosine(lights, first)
-                new -= fall_off(new - origin, elevation, known & usual)
+                new -= fall_off(new - origin, elevation, known & usual, FEWEST)
             new = np.where(known, new - np.median(new[known]), 0.0)
             step, log = new - log, new
             if np.abs(step).max() < _STILL:
@@ -134,37 +130,6 @@ class Medians:
         return left - np.nanmedian(left), found.mean_normal
 
 
-def log_cosine(lights: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``(obs,)`` logarithm of the cosine of incidence on a plane."""
-    return np.log(np.maximum(lights @ normal, _GRAZING))
-
-
-def log_elevation(lights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``(obs,)`` logarithm of the sine of the elevation above the picture."""
-    return log_cosine(lights, np.array([0.0, 0.0, 1.0]))
-
-
-def gauge(
-    lights: NDArray[np.float64], normal: NDArray[np.float64], freedoms: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """``(obs,)`` logarithms of factors that photographs of a flat, matte painting leave open.
-
-    Parameters
-    ----------
-    lights
-        ``(obs, 3)`` directions.
-    normal
-        The mean normal that is tilted.
-    freedoms
-        Tilt along x and along y in radians, and the exponent of the fall-off with elevation.
-    """
-    tilted = normal + np.array([freedoms[0], freedoms[1], 0.0])
-    tilted = tilted / np.linalg.norm(tilted)
-    log = log_cosine(lights, tilted) - log_cosine(lights, normal)
-    log += freedoms[2] * log_elevation(lights)
-    return np.asarray(log - np.median(log))
-
-
 def scaled(rig: Rig, factor: NDArray[np.float64]) -> Rig:
     """The rig with intensities times ``factor``."""
     lights = [
@@ -172,17 +137,6 @@ def scaled(rig: Rig, factor: NDArray[np.float64]) -> Rig:
         for light, by in zip(rig.lights, factor, strict=True)
     ]
     return rig.with_lights(lights)
-
-
-def fall_off(
-    log: NDArray[np.float64], elevation: NDArray[np.float64], usual: NDArray[np.bool_]
-) -> NDArray[np.float64]:
-    """The part of ``log`` that is linear in the logarithm of the lamps' elevation."""
-    if usual.sum() < FEWEST:
-        return np.zeros(len(log))
-    plane = np.column_stack([np.ones(len(log)), elevation])
-    line = np.linalg.lstsq(plane[usual], log[usual], rcond=None)[0]
-    return np.asarray((elevation - elevation[usual].mean()) * line[1])
 
 
 def _check_enough(pixels: int, lights: int) -> None:
