@@ -46,7 +46,7 @@ CHOICE: Any = {"refine": False, "relief": False}
 
 
 def test_one_gloss_and_few_lights_ask_for_one_lobe() -> None:
-    fitted = impasto.fit_sbrdf(photographs("gloss", 9))
+    fitted = impasto.fit_sbrdf(photographs("gloss", 9), **CHOICE)
     assert isinstance(fitted, impasto.PooledSbrdf)
     assert fitted.chosen is not None
     assert fitted.chosen.best.pooling == "painting"
@@ -225,7 +225,7 @@ def test_matte_photographs_have_no_gloss() -> None:
     shown = np.maximum(lights @ normal, 0.0)[:, None] * rng.uniform(0.2, 0.8, (1, 3, 900))
     shown += rng.normal(0.0, 0.004, shown.shape)
     stack = impasto.Stack(shown.reshape(12, 3, 30, 30).astype(np.float32), lights=lights)
-    fitted = impasto.fit_sbrdf(stack, normals="least-squares")
+    fitted = impasto.fit_sbrdf(stack, normals="least-squares", **CHOICE)
     assert fitted.chosen is not None
     assert fitted.chosen.best.pooling == "none"
     assert "no gloss" in str(fitted.chosen)

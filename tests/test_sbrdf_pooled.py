@@ -152,6 +152,7 @@ for name in ("normal", "diffuse", "residual", "sigma", "misfit", "status"):
     digest.update(getattr(fitted, name).tobytes())
 print(impasto._core.build_info()["simd"], digest.hexdigest(), fitted.beta.hex(), fitted.gamma.hex())
 """
+_LEVEL = "import impasto; print(impasto._core.build_info()['simd'])"
 
 
 def fingerprint(fitted: impasto.PooledSbrdf) -> tuple[bytes, ...]:
@@ -171,14 +172,18 @@ def test_threads_change_no_bit() -> None:
 
 
 @pytest.mark.slow
-def test_instruction_sets_change_no_bit(tmp_path: Path) -> None:
-    np.save(tmp_path / "samples.npy", photographs())
+def test_instruction_sets_change_no_bit_of_the_default(tmp_path: Path) -> None:
+    # Few pixels: the baseline's emulated multiply-add is slow.
+    np.save(tmp_path / "samples.npy", photographs()[:, :, :9, :13])
     np.save(tmp_path / "lights.npy", oracle.lights())
-    answers = {}
+    arguments = [str(tmp_path / "samples.npy"), str(tmp_path / "lights.npy"), "2"]
+    answers: dict[str, list[str]] = {}
     for level in ("avx512", "avx2", "neon", "baseline"):
-        arguments = [str(tmp_path / "samples.npy"), str(tmp_path / "lights.npy"), "2"]
-        name, *answer = run(_SCRIPT, *arguments, IMPASTO_SIMD=level).split()
-        answers[name] = answer
+        # A level that this processor lacks is another one, and need not be tried twice.
+        if run(_LEVEL, IMPASTO_SIMD=level).strip() not in answers:
+            name, *answer = run(_SCRIPT, *arguments, IMPASTO_SIMD=level).split()
+            answers[name] = answer
+    assert len(answers) > 1
     assert len({tuple(answer) for answer in answers.values()}) == 1, answers
 
 
