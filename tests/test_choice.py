@@ -101,6 +101,10 @@ def test_the_simplest_of_what_is_about_as_good() -> None:
     # The last is better than the first by 0.4 standard errors, and by 0.6.
     assert chosen((30.0, 30.0, 1.0), (20.0, 20.0, flat), (30.4, 30.4, flat)) == simple
     assert chosen((30.0, 30.0, 1.0), (20.0, 20.0, flat), (30.6, 30.6, flat)) == most
+    # A single photograph tells nothing, however much is gained there: 1 dB in the mean.
+    once = np.where(np.arange(24) == 5, 24.0, 0.0)
+    alone = [(30.0 + gain, 30.0 + gain) for gain in (0.0 * once, once)]
+    assert simplest([simple, most], alone) == simple
 
 
 def test_the_choice_is_saved_and_reported(by_default: impasto.Sbrdf, tmp_path: Path) -> None:

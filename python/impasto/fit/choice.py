@@ -198,10 +198,11 @@ def choose(
 ) -> Choice:
     """The simplest candidate about as good as the best.
 
-    About as good: its mean over the photographs is worse by less than :data:`MARGIN`, or by less
-    than :data:`ERRORS` standard errors of that difference (the one-standard-error rule of
-    @breiman1984cart takes one). First with residuals, which are kept where they help; then, among
-    those that are about as good, of the model alone: what is interpolated hides wrong normals.
+    About as good: its mean over the photographs is worse by less than :data:`MARGIN`, or would be
+    without the photograph where it loses most; or by less than :data:`ERRORS` standard errors of
+    that difference (the one-standard-error rule of @breiman1984cart takes one). First with
+    residuals, which are kept where they help; then, among those that are about as good, of the
+    model alone: what is interpolated hides wrong normals.
 
     Parameters
     ----------
@@ -333,5 +334,9 @@ def _about_as_good(
 ) -> NDArray[np.bool_]:
     lost = best - photographs
     count = lost.shape[1]
-    error = lost.std(axis=1, ddof=1) / np.sqrt(count) if count > 1 else np.zeros(len(lost))
-    return np.asarray(lost.mean(axis=1) <= np.maximum(MARGIN, ERRORS * error))
+    if count == 1:
+        return np.asarray(lost[:, 0] <= MARGIN)
+    mean = lost.mean(axis=1)
+    error = lost.std(axis=1, ddof=1) / np.sqrt(count)
+    without = (count * mean - lost.max(axis=1)) / (count - 1)
+    return np.asarray((mean <= np.maximum(MARGIN, ERRORS * error)) | (without <= MARGIN))
