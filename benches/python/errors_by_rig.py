@@ -60,7 +60,6 @@ def _which() -> list[dict[str, Any]]:
     for ask, name in (
         (PIXEL, "impasto, own lobes per pixel"),
         ("nothing: the default", "impasto, the default call"),
-        ("nothing, after `fit_strengths`", "impasto, the default call, lamps' strengths estimated"),
     ):
         decibels = _one(relighting, method=name)["mean dB"]
         lines.append(_line("72 photographs", "gilded icon", ask, None, None, decibels))

@@ -31,7 +31,6 @@ OURS = "impasto, one lobe per painting"
 PIXEL = "impasto, own lobes per pixel"
 LAMPS = "impasto, own lobes per pixel, lamps' strengths estimated"
 DEFAULT = "impasto, the default call"
-BOTH = "impasto, the default call, lamps' strengths estimated"
 ROBUST = "Lambert, robust on linear light"
 STORED = {
     "Lambert": "9",
@@ -42,7 +41,6 @@ STORED = {
     PIXEL: "17",
     LAMPS: "17",
     DEFAULT: "89",
-    BOTH: "89",
 }
 """Numbers kept per pixel of three bands; a normal and an albedo per band count as 6, two lobes as 8
 and the ambient part as 3, 24 components of residuals per band as 72."""
@@ -93,11 +91,6 @@ def predictions(stack: impasto.Stack, train: np.ndarray, held: np.ndarray) -> An
     sbrdf = impasto.fit_sbrdf(stack.take(train))
     shown = stack.encode(np.nan_to_num(sbrdf.predict(stack.take(held).rig), nan=0.0))
     yield DEFAULT, time.perf_counter() - start, shown
-    start = time.perf_counter()
-    lamps = impasto.fit_strengths(stack.take(train))
-    sbrdf = impasto.fit_sbrdf(lamps.stack)
-    shown = stack.encode(np.nan_to_num(sbrdf.predict(lamps.at(stack.take(held).rig)), nan=0.0))
-    yield BOTH, time.perf_counter() - start, shown
 
 
 def study(
