@@ -217,8 +217,8 @@ def fit_strengths(
     Returns
     -------
     Strengths
-        Fit its ``stack``, with ``refine=False``: the default of :func:`fit_sbrdf` estimates strengths
-        by itself, and what :meth:`Strengths.at` says of new lamps would no longer be the result's.
+        Fit its ``stack``, with ``refine=False``: the default of :func:`fit_sbrdf` estimates
+        strengths by itself, and :meth:`Strengths.at` would not have those of the result.
 
     Raises
     ------
