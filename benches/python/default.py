@@ -96,7 +96,10 @@ def main() -> None:
         )
     show("Processor seconds, one thread", rows)
     if options.record:
-        write("default.json", {"run": run_info("default.py --record"), "rows": rows})
+        write(
+            "default.json",
+            {"run": run_info("python benches/python/default.py --record"), "rows": rows},
+        )
 
 
 if __name__ == "__main__":

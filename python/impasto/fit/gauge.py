@@ -39,9 +39,9 @@ def tilted(
     tilt
         Along x and along y, in radians.
     """
-    turned = normal + np.array([*tilt, 0.0])
-    turned = turned / np.linalg.norm(turned)
-    log = log_cosine(lights, turned) - log_cosine(lights, normal)
+    rotated = normal + np.array([*tilt, 0.0])
+    rotated = rotated / np.linalg.norm(rotated)
+    log = log_cosine(lights, rotated) - log_cosine(lights, normal)
     return np.asarray(log - np.median(log))
 
 
