@@ -130,7 +130,8 @@ normal[2] = 1.0
 inside, stop = threading.Event(), threading.Event()
 
 def watch(done, total):
-    inside.set()
+    if done < total:
+        inside.set()
 
 def work():
     while not stop.is_set():

@@ -26,7 +26,7 @@ def test_clipped_samples_are_not_compared() -> None:
 
 
 def test_light_above_white_is_compared_as_it_is() -> None:
-    """A lamp of four times the strength of the others, in a file of floats."""
+    """A lamp of eight times the strength of the others, in a file of floats."""
     samples = np.full((4, 1, 8, 8), 0.2, np.float32)
     samples[2] *= 8.0
     stack = Stack(samples, lights=LIGHTS, encoding=Encoding("srgb"))

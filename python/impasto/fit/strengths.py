@@ -201,7 +201,7 @@ def fit_strengths(
         What is held. ``"auto"`` (default): strengths are accepted as in :func:`refine_rig`, if in
         three folds photographs that were held out are predicted better: the trimmed mean of the
         coded errors falls by 2 % and the mean gain in dB exceeds three standard errors, or by 10 %
-        and one; or, where errors are near those of rounding, by 20 % and one. The mean normal and
+        and one; where errors are near those of rounding, only by 20 % and one. The mean normal and
         the fall-off with elevation are held unless free ones lower the error by 10 % and one
         standard error more. A photograph that is held out has a strength of its own, its median of
         sample / predicted sample. ``"held"``, ``"free"``: one of them without this decision.
@@ -217,8 +217,8 @@ def fit_strengths(
     Returns
     -------
     Strengths
-        Fit its ``stack``, with ``refine=False``: the default of :func:`fit_sbrdf` estimates
-        strengths by itself, and :meth:`Strengths.at` would not have those of the result.
+        Fit its ``stack``. From 24 photographs on the default of :func:`fit_sbrdf` refines the rig,
+        strengths included; ``refine=False`` keeps these, for which :meth:`Strengths.at` is right.
 
     Raises
     ------
