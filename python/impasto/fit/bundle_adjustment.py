@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.fit.gauge import fall_off, log_cosine, log_elevation, tilted
+from impasto.fit.gauge import fall_off, log_cosine, log_elevation, log_strengths_of_tilt
 from impasto.fit.held_out import KEPT, HeldOut, log_ratios
 from impasto.fit.lobe_profile import Fitted, shown_by
 from impasto.fit.normal_equations import Linear, eliminated, solved
@@ -251,7 +251,7 @@ class BundleAdjustment:
         that photographs determine least.
         """
         lights, now = self._directions, found.mean_normal
-        tilts = [tilted(lights, mean, _TILT * way) / _TILT for way in np.eye(2)]
+        tilts = [log_strengths_of_tilt(lights, mean, _TILT * way) / _TILT for way in np.eye(2)]
         ways = np.column_stack([np.ones(len(step)), *tilts])
         usual = np.abs(log + step) <= OUTLIER
         if usual.sum() >= FEWEST:

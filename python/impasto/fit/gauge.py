@@ -25,7 +25,7 @@ def log_elevation(lights: NDArray[np.float64]) -> NDArray[np.float64]:
     return log_cosine(lights, np.array([0.0, 0.0, 1.0]))
 
 
-def tilted(
+def log_strengths_of_tilt(
     lights: NDArray[np.float64], normal: NDArray[np.float64], tilt: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """``(obs,)`` logarithms of factors of strengths that a tilt of a flat, matte painting mimics.
