@@ -317,7 +317,7 @@ def test_what_it_cannot_be_beside(stack: impasto.Stack, beside: dict[str, Any]) 
         impasto.fit_sbrdf(stack, relief=True, **beside)
 
 
-@pytest.mark.parametrize("power", [-2, 3])
+@pytest.mark.parametrize("power", [-2, 1, 3])
 def test_exposure_changes_no_bit(stack: impasto.Stack, fitted: impasto.Sbrdf, power: int) -> None:
     factor = np.float32(2.0**power)
     scaled = impasto.Stack(stack.samples * factor, lights=stack.rig, saturation=4.0 * float(factor))
