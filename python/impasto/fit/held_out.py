@@ -32,8 +32,8 @@ CODES = 255.0
 SUITS = 0.02
 """Share by which surfaces of the other kind must lower the trimmed mean to be taken."""
 ROUNDED = 0.3
-"""Trimmed means up to this many steps of the files are rounding, which alone gives 0.22: nothing
-lowers them for a reason."""
+"""Trimmed means up to this many steps of the files, of 8 bits where samples are floats, are those
+of rounding, which alone gives 0.22: nothing lowers them for a reason."""
 _SMALLEST = 0.05
 """Least error in a ratio, in codes."""
 
