@@ -179,6 +179,33 @@ def test_strengths_that_are_held_do_not_run_away() -> None:
     strength = np.random.default_rng(7).uniform(0.6, 1.4, len(side))
     stack = stack.take(side)
     stack = stack._replace(samples=np.asarray(stack.samples) * strength[:, None, None, None])
+    test, adjustment, start = adjusting(stack)
+    found = adjustment.solve(start, np.zeros(2, dtype=np.bool_), "held", nearest=1.0)
+    assert np.ptp(found.log) < 1.5 * np.ptp(np.log(strength))
+    before, after = (test.errors(adjustment._at(one), 2).trim for one in (start, found))
+    assert after < before
+
+
+@pytest.mark.slow
+def test_a_lamp_of_which_most_samples_are_trimmed_has_no_equation() -> None:
+    """The few that agree with what is given would agree with any strength."""
+    _, stack, _ = photographs(math.inf, math.inf, specular=0.0)
+    samples = np.array(stack.samples)
+    # Every fourth pixel of two photographs is as it was; of one, three of four.
+    samples[[5, 9]] *= np.where(np.arange(samples.shape[3]) % 4 == 0, 1.0, 4.0)
+    samples[20] *= np.where(np.arange(samples.shape[3]) % 4 == 0, 4.0, 1.0)
+    _, adjustment, start = adjusting(stack._replace(samples=samples.astype(np.float32)))
+    surfaces, _ = adjustment._fitted(start)
+    step, determined = adjustment._step(start, surfaces, [], "free", 1.0)
+    assert np.flatnonzero(~determined).tolist() == [5, 9]
+    np.testing.assert_array_equal(step[[5, 9]], 0.0)
+    logs = adjustment._medians(start, surfaces[0])
+    # Three quarters of the samples are four times as bright, as is the median.
+    np.testing.assert_allclose(logs[[5, 9]], math.log(4.0), atol=0.05)
+
+
+def adjusting(stack: impasto.Stack) -> tuple[HeldOut, BundleAdjustment, RigNumbers]:
+    """Adjustment of the strengths of a stack's lamps alone, from those that are given."""
     test = HeldOut(stack, 576, index=1.45, threads=1)
 
     def at(state: RigNumbers) -> impasto.Rig:
@@ -188,12 +215,8 @@ def test_strengths_that_are_held_do_not_run_away() -> None:
             pitch_mm=stack.rig.pitch_mm,
         )
 
-    adjustment = BundleAdjustment(test, at, lights[side], 1)
-    start = RigNumbers(np.zeros(2), np.zeros(len(side)))
-    found = adjustment.solve(start, np.zeros(2, dtype=np.bool_), "held", nearest=1.0)
-    assert np.ptp(found.log) < 1.5 * np.ptp(np.log(strength))
-    before, after = (test.errors(at(one), 2).trim for one in (start, found))
-    assert after < before
+    start = RigNumbers(np.zeros(2), np.zeros(len(stack.rig)))
+    return test, BundleAdjustment(test, at, stack.rig.directions, 1), start
 
 
 def test_errors_below_the_smallest_do_not_fall() -> None:

@@ -56,3 +56,38 @@ def test_errors_of_rounding_are_steps_of_the_files(bits: int) -> None:
 def test_errors_of_rounding_are_those_of_8_bits_for_floats() -> None:
     samples = np.full((4, 1, 8, 8), 0.5, np.float32)
     assert held_out(Stack(samples, lights=LIGHTS)).rounded == ROUNDED
+
+
+def test_errors_of_rounding_do_not_depend_on_what_is_black() -> None:
+    """In the dark a step of a linear file is many codes; background and shadows are no measure."""
+    light = np.random.default_rng(5).uniform(0.3, 0.9, (4, 3, 24, 24))
+    stack = Stack((255 * light).round().astype(np.uint8), lights=LIGHTS, scale=1.0 / 255)
+    lit = held_out(stack).rounded
+    black = stack.samples.copy()
+    black[..., :16] = np.random.default_rng(6).integers(0, 2, (4, 3, 24, 16))
+    mask = np.arange(24)[None, :].repeat(24, axis=0) >= 16
+    masked = held_out(stack._replace(samples=black, mask=mask)).rounded
+    shadowed = stack.samples.copy()
+    shadowed[0, :, :, :16] = shadowed[1, :, :, 8:] = shadowed[2, :, :, ::2] = 1
+    # Samples are uniform: the median of those that are left scatters by 3 %, half of that of steps.
+    assert masked == pytest.approx(lit, rel=0.1)
+    assert held_out(stack._replace(samples=shadowed)).rounded == pytest.approx(lit, rel=0.1)
+    nothing = held_out(stack._replace(samples=np.zeros_like(black)))
+    assert nothing.rounded == ROUNDED
+
+
+def test_errors_of_rounding_of_codes_follow_from_full_scale() -> None:
+    """Samples decoded by a tone curve are floats, in files of 8 bits or of 16."""
+    samples = np.full((4, 1, 8, 8), 0.5, np.float32)
+    for white, steps in ((255.0, 1.0), (65535.0, 255.0 / 65535.0), (1.0, 1.0)):
+        stack = Stack(samples, lights=LIGHTS, encoding=Encoding("srgb", white=white))
+        assert held_out(stack).rounded == pytest.approx(ROUNDED * steps, rel=1e-12)
+
+
+def test_a_prediction_that_overflows_is_a_large_error() -> None:
+    """Not one that nobody knows, which would not count."""
+    test = held_out(Stack(np.full((4, 1, 8, 8), 0.5, np.float32), lights=LIGHTS))
+    known = test.coded(np.array([np.inf, 1e38, 1.0, np.nan], np.float32))
+    assert np.isfinite(known[:3]).all()
+    assert known[0] > known[1] > known[2]
+    assert np.isnan(known[3])

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
+from impasto.fit import rig_refinement
 from impasto.fit.bundle_adjustment import Kind, RigNumbers
 from impasto.fit.held_out import Comparison, Errors
 from impasto.fit.rig_acceptance import Found, chosen, convincing, strengths_differ
@@ -135,3 +138,133 @@ def test_strengths_need_less_certainty_than_a_camera() -> None:
 def test_tilt_and_fall_off_must_lower_the_error_by_a_tenth() -> None:
     assert taken(found("given", 2.0), found("held", 1.0), found("free", 0.95))[0] == "held"
     assert taken(found("given", 2.0), found("held", 1.0), found("free", 0.88))[0] == "free"
+
+
+Trims = Callable[[bool, bool, str], float]
+"""Trimmed error with a near camera or not, near lamps or not, on surfaces of a kind."""
+
+
+class Search(rig_refinement._Search):
+    """A search that finds every distance at once, with errors that are put in."""
+
+    def __init__(self, trims: Trims) -> None:
+        self._free, self._why = np.array([True, True]), ["", ""]
+        self._folds, self._trims = 2, trims
+        self._given: Any = np.zeros(LIGHTS)
+        self._test: Any = self.surfaces("plain")
+
+    def surfaces(self, kind: str) -> Any:
+        def otherwise() -> Any:
+            return self.surfaces("coated" if kind == "plain" else "plain")
+
+        return SimpleNamespace(surfaces=kind, otherwise=otherwise, rounded=ROUNDED)
+
+    def adjusted(
+        self, starts: Sequence[RigNumbers], free: np.ndarray, strengths: Kind
+    ) -> RigNumbers:
+        known = np.max([start.place for start in starts], axis=0)
+        return RigNumbers(np.where(free, known, 0.0), np.zeros(LIGHTS))
+
+    def errors(self, state: RigNumbers) -> Errors:
+        camera, lamps = (state.place > 0.0).tolist()
+        return found("given", self._trims(camera, lamps, self._test.surfaces)).errors
+
+    def _judge(self, axis: int, state: RigNumbers, without: RigNumbers) -> tuple[bool, str]:
+        gain = self.gain(state, without)
+        return convincing(gain), str(gain)
+
+
+def accepted(trims: Trims) -> tuple[bool, bool, str]:
+    """Whether camera and lamps are accepted as near, and on which surfaces."""
+    search = Search(trims)
+    state, free, _ = search._places(RigNumbers(np.array([0.5, 0.25]), np.zeros(LIGHTS)), "given")
+    np.testing.assert_array_equal(state.place, np.where(free, [0.5, 0.25], 0.0))
+    camera, lamps = free.tolist()
+    return camera, lamps, search._test.surfaces
+
+
+def test_a_distance_is_accepted_where_errors_are_larger_without_it() -> None:
+    def trims(camera: bool, lamps: bool, surfaces: str) -> float:
+        return 1.0 + (not camera) + 2.0 * (not lamps)
+
+    assert accepted(trims) == (True, True, "plain")
+    assert accepted(lambda camera, lamps, surfaces: 2.0 - camera) == (True, False, "plain")
+    assert accepted(lambda camera, lamps, surfaces: 2.0 - lamps) == (False, True, "plain")
+    assert accepted(lambda camera, lamps, surfaces: 2.0) == (False, False, "plain")
+
+
+def test_other_surfaces_that_make_up_for_a_distance_take_its_place() -> None:
+    def trims(camera: bool, lamps: bool, surfaces: str) -> float:
+        return 1.0 if camera or surfaces == "coated" else 2.0
+
+    assert accepted(trims) == (False, False, "coated")
+
+
+def test_a_camera_is_judged_again_without_lamps_that_are_not_accepted() -> None:
+    """Beside near lamps it seemed to help; alone it does not, or not more than a varnish."""
+
+    def nothing_alone(camera: bool, lamps: bool, surfaces: str) -> float:
+        return 2.0 if lamps and not camera else 1.0
+
+    assert accepted(nothing_alone) == (False, False, "plain")
+
+    def varnish_alone(camera: bool, lamps: bool, surfaces: str) -> float:
+        if lamps:
+            return 1.5 if camera else 2.0
+        return 1.5 if camera else (1.4 if surfaces == "coated" else 3.0)
+
+    assert accepted(varnish_alone) == (False, False, "coated")
+
+
+def test_a_camera_that_lamps_made_up_for_is_judged_again_without_them() -> None:
+    """Each of two small steps shows nothing; both together show the camera."""
+    trims = {(True, True): 1.0, (True, False): 1.0, (False, True): 1.01, (False, False): 1.025}
+    assert accepted(lambda camera, lamps, surfaces: trims[camera, lamps]) == (True, False, "plain")
+    trims[False, False] = 1.015
+    assert accepted(lambda camera, lamps, surfaces: trims[camera, lamps])[:2] == (False, False)
+
+
+def test_strengths_are_accepted_against_even_ones_on_either_surface() -> None:
+    """Strengths can stand for what a varnish keeps back of the diffuse light."""
+
+    def spread(trims: dict[tuple[bool, str], float]) -> tuple[float, str]:
+        search = Search(lambda camera, lamps, surfaces: 0.0)
+        search._strengths = True
+        search.errors = lambda state: (
+            found(  # type: ignore[method-assign]
+                "given", trims[bool(state.log.any()), search._test.surfaces]
+            ).errors
+        )
+        uneven = RigNumbers(np.zeros(2), np.log(np.linspace(1.0, 2.0, LIGHTS)))
+        strengths, left = search._lamps(uneven, np.zeros(2, np.bool_), "held")
+        np.testing.assert_allclose(strengths.found, 2.0)
+        assert strengths.accepted == (left.state.spread > 1.0)
+        return left.state.spread, left.test.surfaces
+
+    trims = {(False, "plain"): 2.0, (False, "coated"): 2.0, (True, "plain"): 1.0}
+    assert spread(trims) == (pytest.approx(2.0), "plain")
+    assert spread({**trims, (False, "coated"): 0.95}) == (1.0, "coated")
+
+
+@pytest.mark.parametrize(
+    ("accepted", "last", "kept"), [(2.0, 7.0, True), (2.0, 9.0, False), (10.0, 12.0, True)]
+)
+def test_the_last_steps_do_not_spread_strengths_without_limit(
+    accepted: float, last: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Strengths that differ by more than a factor of 8 need more reasons than these steps have."""
+
+    def numbers(spread: float) -> RigNumbers:
+        return RigNumbers(np.zeros(2), np.log(np.linspace(1.0, spread, LIGHTS)))
+
+    search = Search(lambda camera, lamps, surfaces: 0.0)
+    search._stack = search._index = search._threads = None  # type: ignore[assignment]
+    monkeypatch.setattr(Search, "at", lambda self, state: state)
+    # From more pixels, errors are smaller the wider strengths spread.
+    many: Any = SimpleNamespace(errors=lambda rig, folds: found("held", 1.0 / rig.spread).errors)
+    monkeypatch.setattr(rig_refinement, "HeldOut", lambda *_, **__: many)
+    wider: Any = SimpleNamespace(solve=lambda *_, **__: numbers(last))
+    monkeypatch.setattr(rig_refinement, "BundleAdjustment", lambda *_: wider)
+    search._given = SimpleNamespace(directions=None)  # type: ignore[assignment]
+    state, _ = search._final(numbers(accepted), np.zeros(2, np.bool_), "held")
+    assert state.spread == pytest.approx(last if kept else accepted)

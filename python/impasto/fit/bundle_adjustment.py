@@ -69,6 +69,11 @@ class RigNumbers:
     place: Array
     log: Array
 
+    @property
+    def spread(self) -> float:
+        """The largest strength divided by the smallest."""
+        return float(np.exp(np.ptp(self.log)))
+
     def meets(self, other: RigNumbers, place: float, log: float) -> bool:
         """Whether no number differs by as much."""
         far = np.abs(self.place - other.place).max(), np.abs(self.log - other.log).max()
@@ -211,11 +216,11 @@ class BundleAdjustment:
         squares, kept = 0.0, np.zeros(len(state.log), np.int64)
         for fold, found in enumerate(surfaces):
             held = _photographs(len(state.log), fold, len(surfaces))
-            linear = self._linear(state, found, axes, held, lamps=lamps)
+            linear, used = self._linear(state, found, axes, held, lamps=lamps)
             product, by_error = eliminated(linear, held)
             matrix, right = matrix + product, right + by_error
             squares += float((linear.error[..., held] ** 2).sum())
-            kept[held] += np.count_nonzero(linear.error[..., held], axis=(0, 1))
+            kept[held] += np.count_nonzero(used[..., held], axis=(0, 1))
         squared = np.diag(matrix)[places:]
         determined = np.ones(len(state.log), np.bool_)
         if lamps:
@@ -267,8 +272,11 @@ class BundleAdjustment:
         held: NDArray[np.bool_],
         *,
         lamps: bool,
-    ) -> Linear:
-        """Errors in codes, weighted, and their derivatives; those ``held`` are to be small."""
+    ) -> tuple[Linear, NDArray[np.bool_]]:
+        """Errors in codes, weighted, and their derivatives; those ``held`` are to be small.
+
+        And which samples are used: the others are unknown or trimmed.
+        """
         fine = found.fine
         rig, surface = self._test.lit(self._at(state)).rig, found.result.surface()
 
@@ -283,7 +291,8 @@ class BundleAdjustment:
         known = np.isfinite(size)
         # Least trimmed squares: samples that the model does not describe do not count.
         judged = size[..., held][known[..., held]]
-        used = known & (size <= np.quantile(judged, KEPT)) if judged.size else known & False
+        limit = np.quantile(judged, KEPT) if judged.size else -np.inf
+        used = known & (size <= limit)
         by = _SLOPE * light + _DARK * self._test.white
         weight = np.where(used, (self._test.coded(light + by) - coded) / by, 0.0)[..., None]
 
@@ -295,13 +304,14 @@ class BundleAdjustment:
             near[axis] += _PLACE
             there = self._test.lit(self._at(replace(state, place=near))).rig
             place[..., column] = (shown(surface, there) - light) / _PLACE
-        return Linear(
+        linear = Linear(
             np.where(used, error, 0.0),
             shared * weight,
             own * weight,
             place * weight,
             light * weight[..., 0] if lamps else None,
         )
+        return linear, used
 
 
 def _by_tilt(

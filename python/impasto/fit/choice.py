@@ -27,10 +27,6 @@ pooling on seven stacks: 9 to 72 photographs of the icon, 9 to 48 of a matte sim
 MARGIN = 0.1
 """dB by which a candidate must predict better than a simpler one; smaller differences change from
 sample to sample."""
-ERRORS = 0.5
-"""The same in standard errors of the difference. Few photographs under lamps of different strengths
-tell fits apart by chance. Not a whole one: fits with more unknowns lose most by the photographs
-that are held out."""
 Predicted = tuple[NDArray[np.float64], NDArray[np.float64]]
 """PSNR ``(obs,)`` of a candidate's photographs: of the model alone, and with residuals."""
 PROCESSES = ((0.3, 0.01), (0.15, 0.1), (1.2, 0.001))
@@ -196,13 +192,12 @@ def choose(
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Choice:
-    """The simplest candidate about as good as the best.
+    """The simplest candidate about as good as any other.
 
     About as good: its mean over the photographs is worse by less than :data:`MARGIN`, or would be
-    without the photograph where it loses most; or by less than :data:`ERRORS` standard errors of
-    that difference (the one-standard-error rule of @breiman1984cart takes one). First with
-    residuals, which are kept where they help; then, among those that are about as good, of the
-    model alone: what is interpolated hides wrong normals.
+    without the photograph where it loses most, because lamps that are wrong by themselves tell fits
+    apart by chance. First with residuals, which are kept where they help; then, among those that
+    are about as good, of the model alone: what is interpolated hides wrong normals.
 
     Parameters
     ----------
@@ -320,23 +315,21 @@ def psnr(shown: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def simplest(tried: Sequence[Candidate], each: Sequence[Predicted]) -> Candidate:
-    """The simplest candidate about as good as the best, as :func:`choose` says."""
+    """The simplest candidate about as good as any other, as :func:`choose` says."""
     good = np.ones(len(tried), np.bool_)
     for way in (1, 0):
         photographs = np.array([one[way] for one in each])
-        best = max(photographs[good], key=np.mean)
-        good &= _about_as_good(photographs, best)
+        # Not only as the best in the mean, which may be that by one photograph.
+        good &= np.all([_about_as_good(photographs, one) for one in photographs[good]], axis=0)
     return tried[int(np.argmax(good))]
 
 
 def _about_as_good(
-    photographs: NDArray[np.float64], best: NDArray[np.float64]
+    photographs: NDArray[np.float64], rival: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    lost = best - photographs
+    lost = rival - photographs
     count = lost.shape[1]
     if count == 1:
         return np.asarray(lost[:, 0] <= MARGIN)
-    mean = lost.mean(axis=1)
-    error = lost.std(axis=1, ddof=1) / np.sqrt(count)
-    without = (count * mean - lost.max(axis=1)) / (count - 1)
-    return np.asarray((mean <= np.maximum(MARGIN, ERRORS * error)) | (without <= MARGIN))
+    without = (lost.sum(axis=1) - lost.max(axis=1)) / (count - 1)
+    return np.asarray((lost.mean(axis=1) <= MARGIN) | (without <= MARGIN))

@@ -36,6 +36,8 @@ ROUNDED = 0.3
 of rounding, which alone gives 0.22: nothing lowers them for a reason."""
 _SMALLEST = 0.05
 """Least error in a ratio, in codes."""
+_LARGEST = 1e19
+"""Largest code: that of the largest light in single precision is 3e18 with the curve of sRGB."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,22 +264,29 @@ class HeldOut:
         return Errors(coded)
 
     def _step(self, linear: NDArray[np.float32]) -> float:
-        """One step of the files in codes: of the median sample, or 1 where samples are floats."""
+        """One step of the files in codes: of the median lit sample, or 1 of linear floats."""
         if self._few.samples.dtype.kind not in "iu":
-            return 1.0
+            # Decoded by a tone curve, they were codes of a file; full scale says of how many bits.
+            white = self._curve.white
+            return CODES / white if white > 1.0 else 1.0
         next_one = linear + self._few.scale[:, None, None]
         steps = self.coded(next_one) - self.truth
-        known = steps[np.isfinite(steps)]
-        return float(np.median(known)) if known.size else 1.0
+        # The steep foot of the curve makes steps of black background and shadows large.
+        lit = np.isfinite(steps) & (linear > DIM * np.ma.masked_invalid(linear).mean(axis=0))
+        if self._few.mask is not None:
+            lit &= self._few.mask
+        return float(np.median(steps[lit])) if lit.any() else 1.0
 
     def coded(self, linear: NDArray[Any]) -> NDArray[np.float64]:
         """Linear light in codes of 8 bits; what is brighter than white goes on above 255.
 
         Clipped there, a strong lamp would tell nothing, and what is shown too bright be right.
+        Light that overflows is a very large error, not an unknown one.
         """
         with np.errstate(over="ignore"):  # of samples near the largest float
             codes = self._curve.encode(linear / self.white, clip=False)
-        return np.asarray(codes, dtype=np.float64) * (CODES / self._curve.white)
+        eight_bits = np.asarray(codes, dtype=np.float64) * (CODES / self._curve.white)
+        return np.minimum(eight_bits, _LARGEST)
 
 
 def log_ratios(

@@ -54,6 +54,8 @@ _SPREAD = 8.0
 shows most lamps as black, wrong ones of 10 and more predict better by chance."""
 _VAST = 0.8
 """Unless the trimmed error falls by this share, which false strengths do not reach."""
+_WIDER = 1.25
+"""Factor by which the last steps, from more pixels, may widen a spread that was accepted."""
 _LAST = 0.02
 """First step of the last search for distances."""
 _MIRRORED = 0.5
@@ -413,7 +415,7 @@ class _Search:
             for axis, taken in enumerate(free)
         )
         if strengths.accepted:
-            strengths = replace(strengths, found=_spread(state))
+            strengths = replace(strengths, found=state.spread)
         report = RigRefinement(
             camera, lamps, strengths, self._half, total.gain, total.scatter, _open(kind)
         )
@@ -424,29 +426,38 @@ class _Search:
         self, state: RigNumbers, kind: Kind
     ) -> tuple[RigNumbers, NDArray[np.bool_], list[str]]:
         """The numbers without the distances that are not accepted, which those are, and why."""
-        free, reasons = self._free.copy(), list(self._why)
+        free, reasons, first = self._free.copy(), list(self._why), state
         for axis in np.flatnonzero(self._free).tolist():
             others = free.copy()
             others[axis] = False
-            starts = [state, self.even()]
-            without = self.found(starts, others, kind)
-            free[axis], reasons[axis] = self._judge(axis, state, without.state)
-            if free[axis]:
-                # Surfaces of the other kind may make up for the distance.
-                other = self.otherwise(starts, others, kind)
-                gain = self.errors(state).than(other.errors)
-                if not convincing(gain):
-                    free[axis], reasons[axis] = False, f"no better: {gain}"
-                    without = other
+            free[axis], reasons[axis], without = self._compared(axis, state, others, kind)
             if not free[axis]:
                 self._test, state = without.test, without.state
-        if free[0] and self._free[1] and not free[1]:
-            # A camera that was accepted beside near lamps may mean nothing without them.
-            without = self.found([state, self.even()], free & False, kind)
-            free[0], reasons[0] = self._judge(0, state, without.state)
-            if not free[0]:
+        if self._free.all() and not free[1]:
+            # A camera was judged beside near lamps, which may have given it its sense or taken it.
+            alone, nothing = np.array([True, False]), np.zeros(2, np.bool_)
+            near = state if free[0] else self.adjusted([state, first], alone, kind)
+            free[0], reasons[0], without = self._compared(0, near, nothing, kind)
+            if free[0]:
+                state = near
+            else:
                 self._test, state = without.test, without.state
         return *_near(state, free), reasons
+
+    def _compared(
+        self, axis: int, state: RigNumbers, others: NDArray[np.bool_], kind: Kind
+    ) -> tuple[bool, str, Found]:
+        """Whether a distance is accepted beside ``others``, why, and the best without it."""
+        starts = [state, self.even()]
+        without = self.found(starts, others, kind)
+        accepted, why = self._judge(axis, state, without.state)
+        if accepted:
+            # Surfaces of the other kind may make up for the distance.
+            other = self.otherwise(starts, others, kind)
+            gain = self.errors(state).than(other.errors)
+            if not convincing(gain):
+                return False, f"no better: {gain}", other
+        return accepted, why, without
 
     def _judge(self, axis: int, state: RigNumbers, without: RigNumbers) -> tuple[bool, str]:
         """Whether a distance is accepted against the best rig without it, and why."""
@@ -500,15 +511,15 @@ class _Search:
         even = self.found(starts, free, "given")
         if kind == "given":
             trial = self.adjusted([even.state], free, "held")
-            return Estimate(_spread(trial), False, str(self.gain(trial, even.state))), even
+            return Estimate(trial.spread, False, str(self.gain(trial, even.state))), even
         rivals = [even, self.otherwise(starts, free, "given"), uneven]
         if kind == "free":
             rivals += [way(starts, free, "held") for way in (self.found, self.otherwise)]
         left = chosen(rivals, self._test.rounded)
         even = min(rivals[:2], key=suited(even))
         if left.kind == "given":
-            return Estimate(_spread(state), False, str(uneven.errors.than(even.errors))), even
-        gain, spread = left.errors.than(even.errors), _spread(left.state)
+            return Estimate(state.spread, False, str(uneven.errors.than(even.errors))), even
+        gain, spread = left.errors.than(even.errors), left.state.spread
         if spread > _SPREAD and gain.fall < _VAST:
             why = f"they would differ by a factor of {spread:.0f}, more than lamps do"
             return Estimate(spread, False, why), even
@@ -547,7 +558,7 @@ class _Search:
             found = replace(found, place=place)
         else:
             after = trim(found.place)
-        wild = _spread(found) > max(_SPREAD, _spread(state))
+        wild = found.spread > max(_SPREAD, _WIDER * state.spread)
         return _near(found if after <= before and not wild else state, free)
 
     def _total(self, state: RigNumbers) -> Comparison:
@@ -571,10 +582,6 @@ def _near(state: RigNumbers, free: NDArray[np.bool_]) -> tuple[RigNumbers, NDArr
     """The numbers without distances that are none, and which of the free ones are left."""
     near = free & (state.place >= _FAR)
     return replace(state, place=np.where(near, state.place, 0.0)), near
-
-
-def _spread(state: RigNumbers) -> float:
-    return float(np.exp(np.ptp(state.log)))
 
 
 def _distance(state: RigNumbers, axis: int) -> float:
