@@ -9,14 +9,20 @@ plan promised.
 
 ``planning`` is the time of a plan when the statistics of the surface are there, for pictures of
 more and more tiles of 256 x 256 pixels; a picture of a billion pixels has 15 259.
+
+    python benches/python/plans.py --saved [--size 1024] [--record]
+
+What reading the file of a fit takes, and what the statistics of its maps.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -140,11 +146,42 @@ def planning() -> list[dict[str, Any]]:
     return rows
 
 
+def saved(size: int) -> list[dict[str, Any]]:
+    """Reading results of a fit, and the statistics of their maps."""
+    painting = simulate.painting(size=(size, size), varnish="satin")
+    lights = [light(azimuth, 45) for azimuth in range(0, 360, 45)] + [light(0, 90)]
+    rig = impasto.Rig(lights, pitch_mm=painting.pitch_mm)
+    fitted = impasto.fit_sbrdf(simulate.capture(painting, rig, "rgb").stack, pooling="painting")
+    prepared = impasto.plan(fitted, impasto.Scene([light(90, 30)]))._prepared
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "fit.npz"
+        fitted.save(path)
+        read = shortest(lambda: impasto.load_sbrdf(path), 9)
+    statistics = shortest(
+        lambda: impasto._core.SurfaceStatistics(prepared.surface, prepared.relief, 1), 9
+    )
+    megapixels = size * size / 1e6
+    return [
+        {"what": what, "ms": round(1e3 * seconds / megapixels, 1)}
+        for what, seconds in (("reading a result", read), ("statistics of its maps", statistics))
+    ]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--size", type=int, default=1024)
+    parser.add_argument("--saved", action="store_true", help="only what reading results takes")
     parser.add_argument("--record", action="store_true")
     options = parser.parse_args()
+    if options.saved:
+        rows = saved(options.size)
+        show("Milliseconds per megapixel", rows)
+        if options.record:
+            info = run_info(
+                f"python benches/python/plans.py --saved --size {options.size} --record"
+            )
+            write("statistics.json", {"run": info, "rows": rows})
+        return
     rows, times = planned_against_forced(options.size), planning()
     show("Planned against forced", rows)
     show("Planning, statistics at hand (the last line extrapolates)", times)

@@ -45,6 +45,7 @@ pub(crate) struct LobeArguments<'py> {
     coated: bool,
     brightness: f64,
     noise: PyReadonlyArray1<'py, f32>,
+    noise_floor: f64,
 }
 
 /// The numbers of an `impasto.fit.pooled.LearnedLobe`.
@@ -70,8 +71,16 @@ pub(crate) struct Learned {
 impl From<LearnedLobe> for Learned {
     fn from(learned: LearnedLobe) -> Self {
         let gamma = learned.lobe.gamma();
-        let PooledLobe { beta, log_sharpness, index, refined, coated, brightness, noise } =
-            learned.lobe;
+        let PooledLobe {
+            beta,
+            log_sharpness,
+            index,
+            refined,
+            coated,
+            brightness,
+            noise,
+            noise_floor,
+        } = learned.lobe;
         Self {
             beta,
             gamma,
@@ -81,7 +90,7 @@ impl From<LearnedLobe> for Learned {
             coated,
             brightness,
             noise,
-            noise_floor: learned.noise_floor,
+            noise_floor,
             covariance: learned.covariance,
             verdict: learned.verdict.name(),
             describes: learned.describes,
@@ -159,6 +168,7 @@ pub(crate) fn apply_pooled(
         coated: learned.coated,
         brightness: learned.brightness,
         noise: learned.noise.as_slice()?.to_vec(),
+        noise_floor: learned.noise_floor,
     };
     let decoding = stack.decoding().map_err(refuse)?;
     let samples = stack.stack(&decoding).map_err(refuse)?;

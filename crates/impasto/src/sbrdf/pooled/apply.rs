@@ -52,7 +52,7 @@ pub fn apply(
     let pairs = &Pairs::of_rig(TorranceSparrow { index: lobe.index }, rig);
     let photographs = &photographs(stack, rig, start, pairs, lobe.coated);
     let brightness = lobe.brightness / f64::from(unit);
-    let scale_reference = ScaleReference { brightness, noise_floor: 0.0 };
+    let scale_reference = ScaleReference { brightness, noise_floor: lobe.noise_floor };
     let application = Application {
         passes: Passes { photographs, run, scale_reference },
         begin: begin(start, unit),

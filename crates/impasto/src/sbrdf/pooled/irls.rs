@@ -29,6 +29,11 @@ const RIDGE: f64 = 1e-3;
 /// A pixel has converged when a step lowers its squared scale by less than this share.
 const CONVERGED: f64 = 2e-5;
 
+/// A path from another start that comes as near to a place that is known, rad, with less than this
+/// many times its squared scale, would end there.
+const MET: f64 = 1e-3;
+const MET_SCALE: f64 = 1.01;
+
 /// What the scales of pixels are compared with.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ScaleReference {
@@ -109,9 +114,9 @@ pub(super) struct Irls<'a, 'b> {
     pub(super) lobe: CommonLobe,
     /// Steps at most.
     pub(super) steps: usize,
-    /// Whether to start from two more normals, one that faces the viewer and the facet that mirrors
-    /// the brightest photograph: a highlight that photometric stereo took for the diffuse part turns
-    /// a normal far away, where no small step leads back.
+    /// Whether pixels that are not well described start from two more normals, one that faces the
+    /// viewer and the facet that mirrors the brightest photograph: a highlight that photometric
+    /// stereo took for the diffuse part turns a normal far away, where no small step leads back.
     pub(super) restart: bool,
     pub(super) scale_reference: ScaleReference,
 }
@@ -152,29 +157,37 @@ impl Kernel for Irls<'_, '_> {
                 *colour = load(tile.diffuse[band], at);
             }
             let start = tile.normal_at::<I::F32>(at);
-            let (mut normal, mut scale) = descend(&mut pixels, &mut colours, start, steps);
-            if restart {
+            let (mut normal, mut scale) = if self.lobe.beta > 0.0 {
+                descend::<_, true, 2>(&mut pixels, &mut colours, start, steps, None)
+            } else {
+                descend::<_, false, 0>(&mut pixels, &mut colours, start, steps, None)
+            };
+            let mut settled = pixels.visit::<true>(normal, &colours.best, Some(scale));
+            let described = pixels.described(settled, self.scale_reference.noise_floor);
+            if restart && !described.all() {
                 let up = Vec3::new(zero, zero, one);
                 for start in [up, pixels.brightest_facet()] {
                     colours.kept.copy_from_slice(&colours.best);
-                    let (other, other_scale) = descend(&mut pixels, &mut colours, start, steps);
-                    let better = other_scale.lt(scale);
+                    let known = Some((normal, scale));
+                    let (other, other_scale) =
+                        descend::<_, true, 2>(&mut pixels, &mut colours, start, steps, known);
+                    let better = other_scale.lt(scale) & !described;
                     normal = Vec3::select(better, other, normal);
                     scale = I::F32::select(better, other_scale, scale);
                     for (best, &kept) in colours.best.iter_mut().zip(&colours.kept) {
                         *best = I::F32::select(better, *best, kept);
                     }
                 }
+                settled = pixels.visit::<true>(normal, &colours.best, Some(scale));
             }
             let fine = scale.is_finite() & (normal.x + normal.y + normal.z).is_finite();
             out.write(at, normal, &colours.best, scale, fine);
 
-            let scale = pixels.visit(normal, &colours.best, Some(scale));
-            let sums = pixels.equations(normal, &colours.best, scale, &mut colours.pulls);
+            let sums = pixels.equations::<4>(normal, &colours.best, settled, &mut colours.pulls);
             let reduced = sums.reduced(&colours.best, &colours.pulls);
             let lobe = eliminate_tilts(&reduced);
             let values = [
-                scale,
+                settled,
                 pixels.floor,
                 pixels.used,
                 sums.square,
@@ -233,24 +246,26 @@ fn equations_of(values: [f64; 9], bands: usize, scale_reference: ScaleReference)
 }
 
 /// Steps down from `start` and `colours.best`; returns the best normal and its squared scale, with
-/// its colours in `colours.best`.
+/// its colours in `colours.best`. `GLOSS` and `SLOPES` as in [`Pixels::visit`] and
+/// [`Pixels::equations`]. A path that meets a `known` place ends there.
 #[inline(always)]
-fn descend<R: Real<Scalar = f32>>(
+fn descend<R: Real<Scalar = f32>, const GLOSS: bool, const SLOPES: usize>(
     pixels: &mut Pixels<'_, R>,
     colours: &mut Colours<R>,
     start: Vec3<R>,
     steps: usize,
+    known: Option<(Vec3<R>, R)>,
 ) -> (Vec3<R>, R) {
     let (zero, quarter) = (R::zero(), R::of(0.25));
     let mut best = start;
     let mut trial = start;
     colours.trial.copy_from_slice(&colours.best);
-    let mut least = pixels.visit(trial, &colours.trial, None);
+    let mut least = pixels.visit::<GLOSS>(trial, &colours.trial, None);
     let mut better = least.is_finite();
     let mut active = better;
     let mut step = [zero; 2];
     for pass in 0..steps {
-        let sums = pixels.equations(trial, &colours.trial, least, &mut colours.pulls);
+        let sums = pixels.equations::<SLOPES>(trial, &colours.trial, least, &mut colours.pulls);
         let fresh = step_of(&sums, &colours.trial, &colours.pulls);
         sums.follow(fresh, &colours.trial, &colours.pulls, &mut colours.fresh);
         // Lanes that did not get better go a quarter of their last step from where they were best.
@@ -267,7 +282,7 @@ fn descend<R: Real<Scalar = f32>>(
         {
             *trial = R::select(active, (best + change).max(zero), best);
         }
-        let scale = pixels.visit(trial, &colours.trial, Some(least));
+        let scale = pixels.visit::<GLOSS>(trial, &colours.trial, Some(least));
         let whole = better;
         better = active & scale.lt(least);
         // A lane stops on its own account: how many lanes share a register changes no result. The
@@ -276,6 +291,11 @@ fn descend<R: Real<Scalar = f32>>(
             & scale.lt(least * R::of(1.0 + CONVERGED))
             & scale.gt(least * R::of(1.0 - CONVERGED));
         active = active & !converged;
+        if let Some((normal, scale_there)) = known {
+            let met = (trial - normal).length_squared().lt(R::of(MET * MET))
+                & scale.lt(scale_there * R::of(MET_SCALE));
+            active = active & !met;
+        }
         best = Vec3::select(better, trial, best);
         least = R::select(better, scale, least);
         for (best, &trial) in colours.best.iter_mut().zip(&colours.trial) {

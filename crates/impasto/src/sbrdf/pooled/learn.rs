@@ -253,7 +253,6 @@ impl Passes<'_> {
             curve: histogram.curve(CURVE_POINTS),
             converged: estimate.converged,
             path: estimate.path,
-            noise_floor: self.scale_reference.noise_floor,
             lobe: PooledLobe {
                 beta: lobe.beta,
                 log_sharpness: lobe.log_sharpness,
@@ -262,6 +261,7 @@ impl Passes<'_> {
                 coated: application.passes.photographs.coated.is_some(),
                 brightness: self.scale_reference.brightness,
                 noise,
+                noise_floor: self.scale_reference.noise_floor,
             },
         })
     }

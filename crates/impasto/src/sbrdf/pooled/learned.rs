@@ -21,6 +21,8 @@ pub struct PooledLobe {
     pub brightness: f64,
     /// Standard deviation of a sample by class of brightness, in that unit; infinite where unknown.
     pub noise: Vec<f32>,
+    /// Squared scale of the residuals that is taken for noise, in that unit squared.
+    pub noise_floor: f64,
 }
 
 impl PooledLobe {
@@ -50,6 +52,4 @@ pub struct LearnedLobe {
     pub converged: bool,
     /// (beta, gamma) as they got better, the separate fit first.
     pub path: Vec<[f64; 2]>,
-    /// Squared scale of the residuals that is taken for noise, relative to the square of the unit.
-    pub noise_floor: f64,
 }

@@ -68,8 +68,8 @@ impl Kernel for Measure<'_, '_> {
                 *colour = load(tile.diffuse[band], at);
             }
             let normal = tile.normal_at::<I::F32>(at);
-            let scale = pixels.visit(normal, &colours, None);
-            let sums = pixels.equations(normal, &colours, scale, &mut pulls);
+            let scale = pixels.visit::<true>(normal, &colours, None);
+            let sums = pixels.equations::<4>(normal, &colours, scale, &mut pulls);
             let reduced = sums.reduced(&colours, &pulls);
             // Variance of one sample, were the noise normal.
             // As many samples as unknowns leave no residual to judge by (hard case 30).
@@ -102,7 +102,7 @@ impl Kernel for Measure<'_, '_> {
 
             // One Gauss-Newton step of the pixel's own beta. A highlight that the painting's lobe
             // does not describe would be an outlier; here it keeps its weight.
-            let sums = pixels.equations(normal, &colours, endless, &mut pulls);
+            let sums = pixels.equations::<4>(normal, &colours, endless, &mut pulls);
             let own = eliminate_tilts(&sums.reduced(&colours, &pulls));
             let information = own.matrix[0];
             let determined = information.gt(zero);

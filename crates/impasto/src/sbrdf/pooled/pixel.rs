@@ -44,6 +44,14 @@ const ROUNDING: f64 = 1.0 / (1_u64 << 40) as f64;
 /// still have a scale whose reciprocal is a number.
 const FAINTEST: f32 = 4.0 * f32::MIN_POSITIVE;
 
+/// Squared scales up to this many noise floors are noise: twice those that a quarter of the painting
+/// stays below.
+const NOISE: f64 = 8.0;
+
+/// A photograph with this many times the squared scale, which counts for a twenty-fifth, may be a
+/// highlight that is not explained.
+const FARTHEST: f64 = 4.0;
+
 /// Variance of a photograph's samples in units of the pixel's mean: proportional to their light
 /// (shot noise; errors of a tone curve and of the model grow with it, too), plus this share of the
 /// mean for what noise there is in the dark.
@@ -148,16 +156,27 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         facing
     }
 
-    /// Residuals at a place; returns the squared scale.
+    /// Residuals at a place; returns the squared scale. Without `GLOSS` under no lobe, whatever the
+    /// painting's.
     #[inline(always)]
-    pub(super) fn visit(&mut self, normal: Vec3<R>, colours: &[R], last: Option<R>) -> R {
+    pub(super) fn visit<const GLOSS: bool>(
+        &mut self,
+        normal: Vec3<R>,
+        colours: &[R],
+        last: Option<R>,
+    ) -> R {
         let bands = self.photographs.bands;
         let share = R::of(1.0 / bands as f64);
         for (i, (towards, irradiance, facet)) in self.geometry.iter().enumerate() {
             let cosine = self.photographs.diffuse(normal, *towards, facet) * *irradiance;
-            let glint = facet.on(normal);
-            let lobe = glint.lobe(self.sharpness);
-            let specular = self.beta * glint.weight * lobe * *irradiance;
+            self.seen[i].0 = cosine;
+            let mut specular = R::zero();
+            if GLOSS {
+                let glint = facet.on(normal);
+                let lobe = glint.lobe(self.sharpness);
+                specular = self.beta * glint.weight * lobe * *irradiance;
+                self.seen[i] = (cosine, glint, lobe);
+            }
             let usable = self.usable[i];
             let mut square = R::zero();
             let row = i * bands..(i + 1) * bands;
@@ -169,15 +188,25 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
                 square = residual.mul_add(*residual, square);
             }
             self.squares[i] = square * share * self.precision[i];
-            self.seen[i] = (cosine, glint, lobe);
         }
         squared_scale(&self.squares, self.used, self.floor, last)
     }
 
+    /// Whether the last place leaves no more than the noise of the painting, in any photograph: no
+    /// other place then has a reason to be better.
+    #[inline(always)]
+    pub(super) fn described(&self, scale: R, noise_floor: f64) -> R::Mask {
+        let farthest = self.squares.iter().fold(R::zero(), |most, &square| most.max(square));
+        farthest.lt(scale * R::of(FARTHEST)) & scale.lt(R::of(noise_floor * NOISE))
+    }
+
     /// The equations of a step from the place of the last [`Self::visit`].
+    ///
+    /// `SLOPES` is how many slopes of the specular part they have: all 4, only 2 of the tilts, or 0
+    /// under no lobe.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "several arrays share an index")]
-    pub(super) fn equations(
+    pub(super) fn equations<const SLOPES: usize>(
         &self,
         normal: Vec3<R>,
         colours: &[R],
@@ -193,16 +222,19 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
             let (cosine, glint, lobe) = self.seen[i];
             let lasting = weight(self.squares[i], scale, self.usable[i]);
             let weight = lasting * self.precision[i];
-            let slope = facet.slope(normal, glint, lobe, self.beta, self.sharpness);
             let lit = R::keep(cosine.gt(zero), *irradiance);
             let by_normal = self.photographs.diffuse_slope(normal, *towards, facet);
             let t = tilt.map(|tilt| tilt.dot(by_normal) * lit);
-            let g = [
-                tilt[0].dot(slope.normal) * *irradiance,
-                tilt[1].dot(slope.normal) * *irradiance,
-                slope.beta * *irradiance,
-                slope.log_sharpness * *irradiance,
-            ];
+            let mut g = [zero; 4];
+            if SLOPES > 0 {
+                let slope = facet.slope(normal, glint, lobe, self.beta, self.sharpness);
+                g = [
+                    tilt[0].dot(slope.normal) * *irradiance,
+                    tilt[1].dot(slope.normal) * *irradiance,
+                    slope.beta * *irradiance,
+                    slope.log_sharpness * *irradiance,
+                ];
+            }
             let heavy = weight * cosine;
             let (mut plain, mut coloured) = (zero, zero);
             for ((&residual, &colour), pull) in
@@ -218,7 +250,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
             let plain = weight * plain;
             let coloured = weight * coloured;
             let mut place = 0;
-            for row in 0..4 {
+            for row in 0..SLOPES {
                 sums.g[row] = heavy.mul_add(g[row], sums.g[row]);
                 sums.descent[row] = g[row].mul_add(plain, sums.descent[row]);
                 let left = weight * g[row];
@@ -232,7 +264,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
                 sums.t[row] = heavy.mul_add(t[row], sums.t[row]);
                 sums.descent[row] = t[row].mul_add(coloured, sums.descent[row]);
                 let left = weight * t[row];
-                for column in 0..4 {
+                for column in 0..SLOPES {
                     sums.tg[row][column] = left.mul_add(g[column], sums.tg[row][column]);
                 }
                 for column in 0..=row {
