@@ -70,6 +70,32 @@ def plain() -> impasto.PooledSbrdf:
     return impasto.fit_sbrdf(stack_of(photographs()), pooling="painting")
 
 
+@pytest.mark.parametrize("far", [20.0, 60.0])
+def test_normals_that_begin_far_away_end_where_the_others_do(
+    plain: impasto.PooledSbrdf, far: float
+) -> None:
+    """A highlight that was taken for shading, in a fifth of the pixels; the others begin well."""
+    stack = stack_of(photographs())
+    begin = impasto.fit_normals(stack)
+    lights = np.array(oracle.lights())
+    brightest = lights[np.argmax(stack.samples.mean(axis=1), axis=0)].transpose(2, 0, 1)
+    across = brightest - (brightest * begin.normal).sum(axis=0) * begin.normal
+    across /= np.linalg.norm(across, axis=0)
+    leaning = np.cos(np.radians(far)) * begin.normal + np.sin(np.radians(far)) * across
+    wrong = np.arange(ROWS * COLUMNS).reshape(SHAPE) % 5 == 0
+    normal = np.where(wrong, leaning, begin.normal).astype(np.float32)
+    fitted = impasto.fit_sbrdf(
+        stack, normals=dataclasses.replace(begin, normal=normal), pooling="painting"
+    )
+    # A search ends where a step lowers the squared scale by less than 2e-5 of it. The scale of some
+    # fifty samples rises by a fiftieth at one standard deviation of the normal, and by the square
+    # of the distance: what is left is sqrt(50 * 2e-5), a thirtieth of it, after the last step, and
+    # some times as much where steps shrink slowly.
+    apart = np.linalg.norm(fitted.normal - plain.normal, axis=0)
+    assert np.quantile(apart / plain.sigma, 0.99) < 0.1
+    assert (apart < plain.sigma).all()
+
+
 # Against SciPy ---------------------------------------------------------------------------------
 
 

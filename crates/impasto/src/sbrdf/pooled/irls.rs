@@ -157,23 +157,29 @@ impl Kernel for Irls<'_, '_> {
                 *colour = load(tile.diffuse[band], at);
             }
             let start = tile.normal_at::<I::F32>(at);
-            let (mut normal, mut scale) = if self.lobe.beta > 0.0 {
+            let first = if self.lobe.beta > 0.0 {
                 descend::<_, true, 2>(&mut pixels, &mut colours, start, steps, None)
             } else {
                 descend::<_, false, 0>(&mut pixels, &mut colours, start, steps, None)
             };
+            let Descent { mut normal, mut scale, .. } = first;
             let mut settled = pixels.visit::<true>(normal, &colours.best, Some(scale));
-            let described = pixels.described(settled, self.scale_reference.noise_floor);
+            let described =
+                pixels.described(settled, self.scale_reference.noise_floor) & first.converged;
             if restart && !described.all() {
                 let up = Vec3::new(zero, zero, one);
                 for start in [up, pixels.brightest_facet()] {
                     colours.kept.copy_from_slice(&colours.best);
-                    let known = Some((normal, scale));
-                    let (other, other_scale) =
-                        descend::<_, true, 2>(&mut pixels, &mut colours, start, steps, known);
-                    let better = other_scale.lt(scale) & !described;
-                    normal = Vec3::select(better, other, normal);
-                    scale = I::F32::select(better, other_scale, scale);
+                    let other = descend::<_, true, 2>(
+                        &mut pixels,
+                        &mut colours,
+                        start,
+                        steps,
+                        Some(&first),
+                    );
+                    let better = other.scale.lt(scale) & !described;
+                    normal = Vec3::select(better, other.normal, normal);
+                    scale = I::F32::select(better, other.scale, scale);
                     for (best, &kept) in colours.best.iter_mut().zip(&colours.kept) {
                         *best = I::F32::select(better, *best, kept);
                     }
@@ -245,17 +251,25 @@ fn equations_of(values: [f64; 9], bands: usize, scale_reference: ScaleReference)
     }
 }
 
+/// Where a path of steps ended.
+struct Descent<R: Real> {
+    normal: Vec3<R>,
+    scale: R,
+    /// Whether further steps would change nothing.
+    converged: R::Mask,
+}
+
 /// Steps down from `start` and `colours.best`; returns the best normal and its squared scale, with
 /// its colours in `colours.best`. `GLOSS` and `SLOPES` as in [`Pixels::visit`] and
-/// [`Pixels::equations`]. A path that meets a `known` place ends there.
+/// [`Pixels::equations`]. A path that meets the end of a `known` one ends there.
 #[inline(always)]
 fn descend<R: Real<Scalar = f32>, const GLOSS: bool, const SLOPES: usize>(
     pixels: &mut Pixels<'_, R>,
     colours: &mut Colours<R>,
     start: Vec3<R>,
     steps: usize,
-    known: Option<(Vec3<R>, R)>,
-) -> (Vec3<R>, R) {
+    known: Option<&Descent<R>>,
+) -> Descent<R> {
     let (zero, quarter) = (R::zero(), R::of(0.25));
     let mut best = start;
     let mut trial = start;
@@ -263,6 +277,7 @@ fn descend<R: Real<Scalar = f32>, const GLOSS: bool, const SLOPES: usize>(
     let mut least = pixels.visit::<GLOSS>(trial, &colours.trial, None);
     let mut better = least.is_finite();
     let mut active = better;
+    let mut ended = zero.lt(zero);
     let mut step = [zero; 2];
     for pass in 0..steps {
         let sums = pixels.equations::<SLOPES>(trial, &colours.trial, least, &mut colours.pulls);
@@ -290,11 +305,12 @@ fn descend<R: Real<Scalar = f32>, const GLOSS: bool, const SLOPES: usize>(
         let converged = whole
             & scale.lt(least * R::of(1.0 + CONVERGED))
             & scale.gt(least * R::of(1.0 - CONVERGED));
+        ended = ended | (active & converged);
         active = active & !converged;
-        if let Some((normal, scale_there)) = known {
-            let met = (trial - normal).length_squared().lt(R::of(MET * MET))
-                & scale.lt(scale_there * R::of(MET_SCALE));
-            active = active & !met;
+        if let Some(known) = known {
+            let met = (trial - known.normal).length_squared().lt(R::of(MET * MET))
+                & scale.lt(known.scale * R::of(MET_SCALE));
+            active = active & !(met & known.converged);
         }
         best = Vec3::select(better, trial, best);
         least = R::select(better, scale, least);
@@ -305,7 +321,7 @@ fn descend<R: Real<Scalar = f32>, const GLOSS: bool, const SLOPES: usize>(
             break;
         }
     }
-    (best, least)
+    Descent { normal: best, scale: least, converged: ended }
 }
 
 /// The tilt that solves the equations, not too long; none for too few samples (hard case 30).
