@@ -96,6 +96,7 @@ def test_the_card_s_renderer_sees_surfaces_and_scenes_alone() -> None:
         ("geometry.rs", {"error", "math"}),
         ("surface", {"surface", "geometry", "brdf", "math", "pixels", "error"}),
         ("height.rs", {"pixels", "math", "error"}),
+        ("radiosity.rs", {"pixels", "error"}),
         ("spectral", {"spectral", "maps", "pixels", "math", "error"}),
         ("stereo", {"stereo", "stack", "maps", "geometry", "pixels", "math", "error"}),
         ("relight", {"relight", "surface", "height", "geometry", "pixels", "math", "error"}),

@@ -235,6 +235,19 @@ class Environment:
     def lobes(self) -> NDArray[np.float32] | None: ...
     def irradiance(self, normal: tuple[float, float, float]) -> list[float]: ...
 
+# Light between the cells of a relief (crates/impasto-py/src/radiosity.rs)
+
+def form_factors(
+    height: NDArray[np.float32], normal: NDArray[np.float32], threads: int = 1
+) -> tuple[NDArray[np.uint64], NDArray[np.uint32], NDArray[np.float64]]: ...
+def gather(
+    first: NDArray[np.uint64],
+    cell: NDArray[np.uint32],
+    share: NDArray[np.float64],
+    sent: NDArray[np.float32],
+    threads: int = 1,
+) -> NDArray[np.float64]: ...
+
 # From maps to light (crates/impasto-py/src/relight.rs)
 
 @final

@@ -16,6 +16,7 @@ mod lafortune;
 mod lobes;
 mod plan;
 mod pooled;
+mod radiosity;
 mod relight;
 mod run;
 mod sbrdf;
@@ -48,6 +49,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     run::level();
     module.add_function(wrap_pyfunction!(build_info, module)?)?;
     module.add_function(wrap_pyfunction!(highlight::fit_highlight, module)?)?;
+    module.add_function(wrap_pyfunction!(radiosity::form_factors, module)?)?;
+    module.add_function(wrap_pyfunction!(radiosity::gather, module)?)?;
     module.add_function(wrap_pyfunction!(relight::cast_shadows, module)?)?;
     module.add_function(wrap_pyfunction!(relight::soft_shadows, module)?)?;
     module.add_function(wrap_pyfunction!(relight::sky_visibility, module)?)?;

@@ -13,7 +13,8 @@
 //!    which samples it would show;
 //! 5. [`sbrdf`] estimates it: separates the specular part and fits lobes to it by
 //!    Levenberg-Marquardt ([`lm`]);
-//! 6. [`height`] integrates normals, and [`relight`] lights a surface as a scene says.
+//! 6. [`height`] integrates normals, [`radiosity`] is the light that places of a relief send each
+//!    other, and [`relight`] lights a surface as a scene says.
 //!
 //! [`maps::Status`] states for every pixel why its result is what it is, [`pixels`] spreads the work
 //! over tiles and threads, and [`math`] holds the numbers that all of it is written in.
@@ -54,6 +55,8 @@ pub mod maps;
 pub mod math;
 #[cfg(feature = "painting")]
 pub mod pixels;
+#[cfg(feature = "painting")]
+pub mod radiosity;
 #[cfg(feature = "painting")]
 pub mod relight;
 #[cfg(feature = "painting")]

@@ -12,14 +12,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
 from impasto._internal.direct_light import DirectStack, Places
-from impasto._internal.waiting import wait_for
 from impasto._internal.windows import rotated_map
 from impasto.fit.normals import fit_normals
 from impasto.fit.saved import over
@@ -37,8 +36,6 @@ errors, and so have edges of shadows."""
 GATHERED = 48
 """Most cells a side among which light is exchanged. It varies slowly: 24 cells gave normals of a
 deep relief 0.35 degrees of error, 48 and 96 cells 0.32, none 0.97."""
-AZIMUTHS = 32
-"""Directions in which each cell looks for others."""
 REMEMBERED = 128
 """Lights whose shadows are kept in memory: 34 MB for the largest relief in three bands, 8 MB more
 for each other band."""
@@ -154,11 +151,9 @@ class Relief:
         right, up = (self.origin / self.step).tolist()
         lit = Surface(self.normal, self.diffuse, pitch_mm=pitch, origin=(right, up))
         radiosity = lit.predict(Rig(rig, pitch_mm=pitch), threads=1)
-        side, shares = self._exchange
+        side, factors = self._exchange
         sent = blocks(radiosity * visibility[:, None], side)
-        each = sent.reshape(-1, len(shares)).astype(np.float64)
-        # Not a product of matrices: the order of its sums depends on the number of BLAS threads.
-        received = np.einsum("kj,ij->ki", each, shares, optimize=False) / self.white
+        received = factors.gather(sent.reshape(-1, len(factors.first) - 1)) / self.white
         maps = received.astype(np.float32).reshape(sent.shape)
         return finer(maps, side, self.height.shape, (0.0, 0.0))
 
@@ -174,13 +169,14 @@ class Relief:
         rig
             The lights.
         """
-        size, most = shown.shape[-2:], np.finfo(np.float32).max
+        most = np.finfo(np.float32).max
+        places = places_of(self.height.shape, self.step, shown.shape[-2:], self._origin(rig))
         for index, light, visible, around in self._each(rig):
             picture = shown[index]
             everywhere = 0.0 if ambient is None else np.float32(light) * ambient
-            lit = self._at(visible, size, rig) * (picture - everywhere) + everywhere
+            lit = between(visible, *places) * (picture - everywhere) + everywhere
             if around is not None:
-                lit += diffuse * self._at(around, size, rig)
+                lit += diffuse * between(around, *places)
             picture[:] = np.minimum(lit, most)
 
     def removed(self, stack: Stack, *, threads: int | None = None) -> Stack:
@@ -230,77 +226,44 @@ class Relief:
     def _known(self) -> dict[Any, tuple[Map, Map | None]]:
         return {}
 
-    def _at(self, cells: Map, size: tuple[int, ...], rig: Rig) -> Map:
-        """Maps of cells at the pixels of a picture."""
-        return finer(cells, self.step, size, self._origin(rig))
-
     def _origin(self, rig: Rig) -> tuple[float, float]:
         """How far right and up of the middle of the cells that of a picture lies, in pixels."""
         right, up = (np.array(rig.origin) - self.origin).tolist()
         return right, up
 
     @cached_property
-    def _exchange(self) -> tuple[int, NDArray[np.float64]]:
-        """Side of the blocks of cells that exchange light, and the matrix of form factors."""
-        cells = -(-max(self.height.shape) // GATHERED)
-        return cells, wait_for(
-            form_factors,
-            blocks(self.height, cells) / (cells * self.step),
-            blocks(self.normal, cells),
-        )
+    def _exchange(self) -> tuple[int, FormFactors]:
+        """Side of the blocks of cells that exchange light, and their form factors."""
+        side = -(-max(self.height.shape) // GATHERED)
+        height = blocks(self.height, side) / (side * self.step)
+        return side, FormFactors.of(height, blocks(self.normal, side))
 
 
-def form_factors(height: Map, normal: Map) -> NDArray[np.float64]:
-    """``(n, n)``: the share of its radiosity by which each cell (column) lights another (row).
+class FormFactors(NamedTuple):
+    """The share of its radiosity by which each cell lights another, as compressed sparse rows.
 
-    Along each azimuth a cell sees those that rise above all before them, as horizon mapping
-    [@max1988horizon] finds the highest. The cosine law is integrated in closed form over the
-    elevations that a cell fills.
-
-    Parameters
-    ----------
-    height
-        ``(y, x)`` in sides of a cell; NaN where there is nothing.
-    normal
-        ``(3, y, x)``; of any length.
+    Most pairs of cells do not see each other. The numerics find them by horizon mapping
+    [@max1988horizon], along 32 azimuths.
     """
-    rows, columns = height.shape
-    number = np.arange(rows * columns)
-    row, column = np.divmod(number, columns)
-    start = height.ravel().astype(np.float64)
-    x, y, z = (normal / np.linalg.norm(normal, axis=0)).reshape(3, -1).astype(np.float64)
-    shares = np.zeros((len(number), len(number)))
-    for azimuth in (np.arange(AZIMUTHS) + 0.5) * (2.0 * np.pi / AZIMUTHS):
-        right, down = np.cos(azimuth), -np.sin(azimuth)
-        along = x * right - y * down
-        # Below this elevation a direction lies behind the surface.
-        highest = np.arctan2(-along, z)
-        for distance in range(1, rows + columns):
-            to_row = np.rint(row + distance * down).astype(np.intp)
-            to_column = np.rint(column + distance * right).astype(np.intp)
-            inside = (to_row >= 0) & (to_row < rows) & (to_column >= 0) & (to_column < columns)
-            if not inside.any():
-                break
-            one, other = number[inside], to_row[inside] * columns + to_column[inside]
-            # That of the cell, which is not exactly on the azimuth.
-            apart = np.hypot(to_row - row, to_column - column)[inside]
-            elevation = np.arctan((start[other] - start[one]) / apart)
-            # What is not a number is not above the horizon.
-            seen = elevation > highest[one]
-            one, other, elevation = one[seen], other[seen], elevation[seen]
-            upper = _below(elevation, along[one], z[one])
-            shares[one, other] += upper - _below(highest[one], along[one], z[one])
-            highest[one] = elevation
-    shares *= 2.0 / AZIMUTHS
-    return shares
 
+    first: NDArray[np.uint64]
+    """``(n + 1,)``: where the entries of each lit cell begin, and where the last ones end."""
+    cell: NDArray[np.uint32]
+    """Per entry the cell that lights it."""
+    share: NDArray[np.float64]
+    """Per entry the share."""
 
-def _below(
-    elevation: NDArray[np.float64], along: NDArray[np.float64], z: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Integral of ``(N.w) cos`` over the elevations of directions w up to this one."""
-    sine, cosine = np.sin(elevation), np.cos(elevation)
-    return np.asarray(0.5 * (along * (elevation + sine * cosine) + z * sine**2))
+    @classmethod
+    def of(cls, height: Map, normal: Map) -> FormFactors:
+        """Those of heights ``(y, x)``, in sides of a cell, and normals ``(3, y, x)`` of any length.
+
+        Heights that are NaN neither light others nor are lit.
+        """
+        return cls(*_core.form_factors(np.ascontiguousarray(height), np.ascontiguousarray(normal)))
+
+    def gather(self, sent: Map) -> NDArray[np.float64]:
+        """``(k, n)``: the light that cells get from each other when they send ``(k, n)``."""
+        return _core.gather(*self, np.ascontiguousarray(sent))
 
 
 def blocks(maps: NDArray[Any], side: int) -> Map:
@@ -327,7 +290,11 @@ def finer(cells: Map, step: int, size: tuple[int, ...], origin: tuple[float, flo
     Beyond the middles of the outermost cells there is their value. ``origin``: how far right and up
     of the middle of the cells that of the pixels lies, in pixels.
     """
-    rows, columns = places_of(cells.shape[-2:], step, size, origin)
+    return between(cells, *places_of(cells.shape[-2:], step, size, origin))
+
+
+def between(cells: Map, rows: Places, columns: Places) -> Map:
+    """Maps of cells at rows and columns of pixels, by bilinear interpolation."""
     return columns.between(rows.between(cells, -2), -1)
 
 
