@@ -272,10 +272,17 @@ def _enough(residual: NDArray[np.float32], basis: NDArray[np.float64]) -> int:
 
 
 def usual_residuals(stack: Stack, result: Any) -> Residuals:
-    """Residuals with usual numbers, for comparing fits that will have their own."""
+    """Residuals with usual numbers, for comparing fits that will have their own.
+
+    Of few pixels: codes of all photographs are held at once.
+    """
     top = _top(stack)
-    basis = principal_components(_residual_codes(stack, result, top))
-    return apply_residuals(LearnedResiduals(basis, *PROCESSES[0], top, 0.0), stack, result)
+    codes = _residual_codes(stack, result, top)
+    learned = LearnedResiduals(principal_components(codes), *PROCESSES[0], top, 0.0)
+    maps = np.zeros((len(learned.basis), *stack.shape[1:]), np.float32)
+    for index, photograph in enumerate(codes):
+        _project(maps, learned.basis[:, index], photograph)
+    return _residuals(learned, maps, result)
 
 
 def apply_residuals(learned: LearnedResiduals, stack: Stack, result: Any) -> Residuals:
@@ -288,11 +295,14 @@ def apply_residuals(learned: LearnedResiduals, stack: Stack, result: Any) -> Res
     stack, result
         The photographs of the tile and their fit.
     """
-    _, bands, height, width = stack.shape
-    maps = np.zeros((len(learned.basis), bands, height, width), np.float32)
+    maps = np.zeros((len(learned.basis), *stack.shape[1:]), np.float32)
     for index in range(len(stack.rig)):
         shown = np.nan_to_num(result.modelled(stack.rig.take([index]))[0], nan=0.0)
         wait_for(_accumulate, maps, learned, stack, index, shown)
+    return _residuals(learned, maps, result)
+
+
+def _residuals(learned: LearnedResiduals, maps: NDArray[np.float32], result: Any) -> Residuals:
     # A pixel that was not to be seen stays without a number.
     maps[..., result.status >= Status.INVALID_INPUT] = np.nan
     return Residuals(
@@ -333,12 +343,18 @@ def _accumulate(
 ) -> None:
     light = float(stack.rig.intensities[index])
     linear = _seen(stack, index, shown)
-    weights = learned.basis[:, index].astype(np.float32)
     for start in range(0, linear.shape[1], ROWS):
         rows = np.s_[:, start : start + ROWS]
         codes = _difference(linear[rows], shown[rows], light * learned.top)
-        for weight, plane in zip(weights, maps, strict=True):
-            plane[rows] += weight * codes
+        _project(maps[(slice(None), *rows)], learned.basis[:, index], codes)
+
+
+def _project(
+    maps: NDArray[np.float32], directions: NDArray[np.float64], codes: NDArray[np.float32]
+) -> None:
+    """Add the part of one photograph's residuals to the scores along each direction."""
+    for weight, plane in zip(directions.astype(np.float32), maps, strict=True):
+        plane += weight * codes
 
 
 def _residual_codes(stack: Stack, result: Any, top: float) -> NDArray[np.float32]:
