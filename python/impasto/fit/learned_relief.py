@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -95,11 +96,13 @@ def learn_white(few: Reduced, fit: Fit, *, threads: int | None) -> float | None:
     folds = _folds(few, threads)[:1]
     if not folds:
         return None
-    unit = WHITER * full_scale([fit(folds[0].known).diffuse])
+    # What is fitted to the photographs as they are is the same with every white.
+    first = cache(fit)
+    unit = WHITER * full_scale([first(folds[0].known).diffuse])
     tried: dict[float, float] = {}
 
     def judged(factor: float) -> float:
-        found = _judged(_with_its_own(fit, factor * unit, threads), folds)
+        found = _judged(_with_its_own(fit, first, factor * unit, threads), folds)
         tried[factor] = float(found.mean())
         return tried[factor]
 
@@ -156,8 +159,11 @@ def learn_relief(
     folds = _folds(few, threads)
     if not folds:
         return None
-    alone = _judged(fits[0], folds)
-    ways: list[tuple[Fit, float | None]] = [(fits[0], None), *((fit, white) for fit in fits)]
+    # All ways begin with the fit alone.
+    first = [cache(fit) for fit in fits]
+    alone = _judged(first[0], folds)
+    ways: list[tuple[Fit, Fit, float | None]] = [(fits[0], first[0], None)]
+    ways += [(*both, white) for both in zip(fits, first, strict=True)]
     gains = [_judged(_with_its_own(*way, threads), folds) - alone for way in ways]
     gained = max(gains, key=np.mean)
     count = len(gained)
@@ -165,10 +171,12 @@ def learn_relief(
     gain = float(gained.mean())
     if gain <= max(MARGIN, error):
         return None
-    way = next(way for way, one in zip(ways, gains, strict=True) if one is gained)
+    fit, _, own_white = next(way for way, one in zip(ways, gains, strict=True) if one is gained)
     whole = reduced(stack, KEPT)
-    found: Relief = with_relief(whole.stack, *way, step=whole.step, threads=threads).relief
-    return replace(found, gain=gain), way[0]
+    found: Relief = with_relief(
+        whole.stack, fit, own_white, step=whole.step, threads=threads
+    ).relief
+    return replace(found, gain=gain), fit
 
 
 def with_relief(
@@ -176,18 +184,22 @@ def with_relief(
     fit: Fit,
     white: float | None,
     *,
+    first: Fit | None = None,
     step: int = 1,
     threads: int | None,
 ) -> Any:
-    """A fit with its own relief, without ``white`` of shadows alone; a pixel is a cell."""
-    result = fit(stack)
+    """A fit with its own relief, without ``white`` of shadows alone; a pixel is a cell.
+
+    ``first``: the same fit, if it may remember what it found in the photographs as they are.
+    """
+    result = (first or fit)(stack)
     for _ in range(0 if white is None else PASSES):
         result = fit(Relief.of(result, 1, white).removed(stack, threads=threads))
     return replace(result, relief=Relief.of(result, step, white))
 
 
-def _with_its_own(fit: Fit, white: float | None, threads: int | None) -> Fit:
-    return lambda known: with_relief(known, fit, white, threads=threads)
+def _with_its_own(fit: Fit, first: Fit, white: float | None, threads: int | None) -> Fit:
+    return lambda known: with_relief(known, fit, white, first=first, threads=threads)
 
 
 def _folds(few: Reduced, threads: int | None) -> list[Fold]:
