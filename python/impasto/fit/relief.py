@@ -40,7 +40,8 @@ REMEMBERED = 128
 """Lights whose shadows are kept in memory: 34 MB for the largest relief in three bands, 8 MB more
 for each other band."""
 TOGETHER = 16
-"""Lights whose shadows are made at a time."""
+"""Lights whose shadows are made at a time. For 64 lights over 64 cells a side 1, 4, 16 or all at a
+time took 0.21, 0.11, 0.08 and 0.07 s and 5, 6, 10 and 22 MB at most."""
 LOWEST = 0.01
 """Lowest elevation of a light that casts shadows, in radians. Lower ones have its shadows: along
 the painting everything is in shadow, and a lamp that sinks must not make the picture jump."""
@@ -211,15 +212,16 @@ class Relief:
             for each in zip(*numbers, strict=True)
         ]
         found = {key: self._known[key] for key in keys if key in self._known}
-        new = [index for index, key in enumerate(keys) if key not in found]
+        new = {key: index for index, key in enumerate(keys) if key not in found}
         if new:
-            rig = lights.take(new)
+            rig = lights.take(new.values())
             visible = self.visibility(rig)
             around = self.irradiance(rig, visible) if self.interreflection else len(new) * [None]
-            for index, *both in zip(new, visible, around, strict=True):
-                found[keys[index]] = both[0], both[1]
+            for key, seen, received in zip(new, visible, around, strict=True):
+                found[key] = seen, received
                 if len(self._known) < REMEMBERED:
-                    self._known[keys[index]] = found[keys[index]]
+                    # Not views, each of which would keep the maps of all that were made together.
+                    self._known[key] = seen.copy(), None if received is None else received.copy()
         return [found[key] for key in keys]
 
     @cached_property
