@@ -159,19 +159,19 @@ def test_lights_that_are_alike_are_found_once(monkeypatch: pytest.MonkeyPatch) -
     lights = [DistantLight((0.6, 0.1 * i, 0.7)) for i in range(3)]
     rig = Rig([lights[i] for i in (0, 1, 0, 2, 1, 0)])
     one_by_one = np.concatenate([shown(hollow(), rig.take([index])) for index in range(len(rig))])
-    asked: list[int] = []
+    sizes: list[int] = []
     visibility = Relief.visibility
 
     def counted(self: Relief, rig: Rig) -> Array:
-        asked.append(len(rig))
+        sizes.append(len(rig))
         return visibility(self, rig)
 
     monkeypatch.setattr(Relief, "visibility", counted)
     relief = hollow()
     assert shown(relief, rig).tobytes() == one_by_one.tobytes()
-    assert asked == [3]
+    assert sizes == [3]
     assert shown(relief, rig.take([2, 5, 3])).tobytes() == one_by_one[[2, 5, 3]].tobytes()
-    assert asked == [3]
+    assert sizes == [3]
 
 
 def test_what_is_remembered_keeps_nothing_else_in_memory() -> None:

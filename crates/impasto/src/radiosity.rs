@@ -418,7 +418,7 @@ mod tests {
     }
 
     #[test]
-    fn both_stop_when_asked_to() {
+    fn both_stop_when_cancelled() {
         let size = [8, 6];
         let (height, normal) = bumps(size);
         let make = |run: &Run<'_>| FormFactors::new(&height, &normal, size, run);
