@@ -300,12 +300,17 @@ class Sbrdf(PixelMaps, Relightable):
         return replace(found, relief=self.relief.rotated(quarter_turns_of(quarter_turns)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an ``.npz`` for :func:`impasto.load_sbrdf`; it appears complete or not at all.
+        """Write a file for :func:`impasto.load_sbrdf`; it appears complete or not at all.
+
+        ``.npz`` is one file, ``.zarr`` a folder in Zarr v3 with an array for each map and a
+        checksum for each chunk. An older result of that name is replaced.
 
         Raises
         ------
         ArgumentError
-            Another suffix.
+            Another suffix, or a ``.zarr`` folder that is no result of impasto.
+        MissingExtraError
+            ``.zarr``, and zarr is not installed.
         """
         chosen = {} if self.chosen is None else self.chosen.arrays()
         write_maps(path, self.kind(), self._arrays() | chosen)

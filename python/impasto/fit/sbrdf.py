@@ -6,7 +6,6 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypedDict, Unpack, get_args, overload
 
 from numpy.typing import ArrayLike
@@ -44,7 +43,7 @@ from impasto.fit.residuals import (
 from impasto.fit.result import Sbrdf
 from impasto.fit.rig_refinement import refined
 from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
-from impasto.io.results import RESULT, read_maps
+from impasto.io.results import read_maps, result_file
 from impasto.rig import seen_from_front
 from impasto.stack import Stack, checked_stack
 
@@ -62,7 +61,7 @@ def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf:
     Parameters
     ----------
     path
-        The ``.npz``, or the folder that ``impasto fit`` made.
+        The ``.npz`` or ``.zarr``, or the folder that ``impasto fit`` made.
 
     Raises
     ------
@@ -70,8 +69,10 @@ def load_sbrdf(path: str | os.PathLike[str]) -> Sbrdf:
         A file that is truncated, damaged or holds something else; the array is named.
     FileNotFoundError
         There is none.
+    MissingExtraError
+        A ``.zarr``, and zarr is not installed.
     """
-    file = Path(path) / RESULT if Path(path).is_dir() else path
+    file = result_file(path)
     with read_maps(file, *RESULTS) as maps:
         return RESULTS[maps.kind].from_maps(maps)
 

@@ -47,14 +47,19 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-    if os.name == "posix":
-        _sync(path.parent, os.O_RDONLY)
+    sync_folder(path.parent)
 
 
 def atomic_bytes(path: str | Path, data: bytes) -> None:
     """Write ``data`` atomically: readers see the old file or the complete new one."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
+
+
+def sync_folder(path: Path) -> None:
+    """The names of the files in a folder reach the disk, where the system can say so."""
+    if os.name == "posix":
+        _sync(path, os.O_RDONLY)
 
 
 def _sync(path: Path, flags: int) -> None:

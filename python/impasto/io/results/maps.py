@@ -12,12 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import CorruptInputError, ImpastoError
-from impasto.io.results.store import store_of
+from impasto.io.results.store import STORES, store_of
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
 from impasto.rig import Rig
 
 RESULT = "sbrdf.npz"
 """The file of a result folder that holds the whole fit."""
+
+
+def result_file(path: str | os.PathLike[str]) -> Path:
+    """The file or store that holds a result: the path itself, or what a result folder has of it."""
+    target = Path(path)
+    stored = target.suffix.lower() in STORES
+    return target / RESULT if target.is_dir() and not stored else target
 
 
 class SavedMaps:

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from numpy.typing import NDArray
 
 from impasto.io.npz import read_npz, write_npz
+from impasto.io.results.zarr_store import ZarrStore
 
 
 class MapStore(Protocol):
@@ -36,7 +37,7 @@ class NpzStore:
         return read_npz(path)
 
 
-STORES: dict[str, MapStore] = {".npz": NpzStore()}
+STORES: dict[str, MapStore] = {".npz": NpzStore(), ".zarr": ZarrStore()}
 """By suffix."""
 
 

@@ -1,0 +1,194 @@
+"""Arrays of a Zarr v3 store as the bytes of their files.
+
+Maps ``(..., y, x)`` are cut into square tiles. A tile is a shard, one file; it holds small inner
+chunks that can be read alone, each with a checksum (crc32c). Nothing is compressed: noise hardly
+shrinks. The files are made by the zarr library in memory, so that whoever writes them decides
+where and how safely.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto._internal.extras import need
+
+TILE = 1024
+"""Rows and columns of a tile, if nobody says otherwise: some 4 MB of a map in single precision."""
+INNER = 128
+"""Most rows and columns of an inner chunk, unless no divisor of the tile is near."""
+LEAST_INNER = 32
+"""Fewest rows and columns of an inner chunk of a larger tile."""
+METADATA = "zarr.json"
+"""The file that describes an array or a group."""
+ABSENT = 2**64 - 1
+"""Place and length of an inner chunk that a shard does not hold."""
+
+
+def need_zarr() -> None:
+    """Refuse a store where zarr is not installed.
+
+    Raises
+    ------
+    MissingExtraError
+        It names the extra to install.
+    """
+    need("zarr", "scale", "a .zarr result")
+
+
+def inner_of(tile: int) -> int:
+    """Rows and columns of the inner chunks of a tile: its largest divisor of at most 128."""
+    if tile <= INNER:
+        return tile
+    divisors = (size for size in range(INNER, LEAST_INNER - 1, -1) if tile % size == 0)
+    return next(divisors, tile)
+
+
+def fill_of(dtype: np.dtype[Any]) -> Any:
+    """What other readers see where a file is lost: no number, or the largest code."""
+    if dtype.kind == "f":
+        return float("nan")
+    return False if dtype.kind == "b" else int(np.iinfo(dtype).max)
+
+
+@dataclass(frozen=True)
+class StoredArray:
+    """One array of a store.
+
+    Attributes
+    ----------
+    name
+        Of its folder.
+    shape
+        Of the whole array.
+    dtype
+        bool, integers or floating-point numbers.
+    tile
+        Rows and columns of the shards of a map; None: one chunk holds the array.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    tile: int | None = None
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Rows and columns of tiles; (1, 1) without."""
+        if self.tile is None:
+            return 1, 1
+        height, width = self.shape[-2:]
+        return -(-height // self.tile), -(-width // self.tile)
+
+    def window(self, row: int, column: int) -> tuple[slice, slice]:
+        """Rows and columns of a tile."""
+        assert self.tile is not None
+        rows, columns = (
+            slice(at * self.tile, min((at + 1) * self.tile, size))
+            for at, size in zip((row, column), self.shape[-2:], strict=True)
+        )
+        return rows, columns
+
+    def path(self, row: int = 0, column: int = 0) -> str:
+        """The file of a tile, or of the only chunk, in the store."""
+        if self.tile is None:
+            return "/".join([self.name, "c", *("0" for _ in self.shape)])
+        leading = ["0"] * (len(self.shape) - 2)
+        return "/".join([self.name, "c", *leading, str(row), str(column)])
+
+    def paths(self) -> Iterator[tuple[str, tuple[int, int]]]:
+        """Every file of the array's numbers, with the row and column of its tile."""
+        if self.tile is None and 0 in self.shape:
+            return
+        rows, columns = self.grid
+        for row in range(rows):
+            for column in range(columns):
+                yield self.path(row, column), (row, column)
+
+    @property
+    def metadata_path(self) -> str:
+        """The file that describes the array."""
+        return f"{self.name}/{METADATA}"
+
+    @property
+    def metadata(self) -> bytes:
+        """What is in that file."""
+        files, _ = self._memory
+        return bytes(files[self.metadata_path].to_bytes())
+
+    def encoded(self, part: NDArray[Any], row: int = 0, column: int = 0) -> bytes:
+        """The file of a tile, or of the only chunk, that holds these numbers."""
+        files, array = self._memory
+        where = ... if self.tile is None else (..., *self.window(row, column))
+        array[where] = part
+        return bytes(files.pop(self.path(row, column)).to_bytes())
+
+    def files(self, values: NDArray[Any]) -> Iterator[tuple[str, bytes]]:
+        """Every file of the array with its bytes."""
+        yield self.metadata_path, self.metadata
+        for path, (row, column) in self.paths():
+            part = values if self.tile is None else values[(..., *self.window(row, column))]
+            yield path, self.encoded(part, row, column)
+
+    def missing_chunks(self, path: Path, row: int, column: int) -> int:
+        """How many inner chunks of a tile its file does not hold.
+
+        Other readers take what is missing for fill values, without a word.
+        """
+        assert self.tile is not None
+        inner = inner_of(self.tile)
+        across = self.tile // inner
+        index_bytes = 16 * across * across
+        size = path.stat().st_size
+        if size < index_bytes + 4:
+            return across * across
+        with path.open("rb") as file:
+            file.seek(-index_bytes - 4, 2)
+            index = np.frombuffer(file.read(index_bytes), "<u8").reshape(across, across, 2)
+        rows, columns = (
+            -(-(part.stop - part.start) // inner) for part in self.window(row, column)
+        )
+        places, lengths = np.moveaxis(index[:rows, :columns], -1, 0)
+        lost = (places == ABSENT) | (lengths == ABSENT) | (places > size) | (lengths > size)
+        return int(np.count_nonzero(lost))
+
+    @cached_property
+    def _memory(self) -> tuple[dict[str, Any], Any]:
+        """Files by path, and the array that writes them."""
+        need_zarr()
+        import zarr
+        from zarr.codecs import Crc32cCodec
+        from zarr.storage import MemoryStore
+
+        chunks: tuple[int, ...] = tuple(max(1, size) for size in self.shape)
+        shards = None
+        if self.tile is not None:
+            leading, inner = self.shape[:-2], inner_of(self.tile)
+            chunks, shards = (*leading, inner, inner), (*leading, self.tile, self.tile)
+        files: dict[str, Any] = {}
+        array = zarr.create_array(
+            MemoryStore(files),
+            name=self.name,
+            shape=self.shape,
+            dtype=self.dtype,
+            chunks=chunks,
+            shards=shards,
+            filters=None,
+            compressors=Crc32cCodec(),
+            fill_value=fill_of(self.dtype),
+            zarr_format=3,
+            config={"write_empty_chunks": True},
+        )
+        return files, array
+
+
+def snapped(size: int) -> int:
+    """Rows and columns of the tiles of a small picture: as many inner chunks as it needs."""
+    return min(TILE, math.ceil(size / INNER) * INNER)
