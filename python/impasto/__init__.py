@@ -20,6 +20,7 @@ from impasto.errors import (
     ImpastoWarning,
     InternalError,
     MissingExtraError,
+    ResumeMismatchError,
 )
 from impasto.fit.gloss import Gloss
 from impasto.fit.highlight import HighlightFit, fit_highlight
@@ -39,6 +40,7 @@ from impasto.height import cast_shadows, integrate_normals, sky_visibility
 from impasto.highlights import reconstruct_highlights
 from impasto.image import Image
 from impasto.io import read_spectra, read_stack
+from impasto.jobs.run import run
 from impasto.level import Level, find_level
 from impasto.plan import Plan, Verification, plan
 from impasto.refinement import RigRefinement
@@ -82,6 +84,7 @@ __all__ = [
     "PointView",
     "PooledSbrdf",
     "Reflectance",
+    "ResumeMismatchError",
     "Rig",
     "RigRefinement",
     "Sbrdf",
@@ -116,6 +119,7 @@ __all__ = [
     "reconstruct_highlights",
     "refine_rig",
     "render",
+    "run",
     "sky_visibility",
     "suggest_effort",
     "systems",

@@ -45,6 +45,10 @@ class GeometryError(ArgumentError):
     """Lights, views or sizes that contradict each other or cannot determine the surface."""
 
 
+class ResumeMismatchError(ArgumentError):
+    """A job is to go on with other photographs or options; the message names the differences."""
+
+
 class CorruptInputError(ImpastoError, ValueError):
     """A file is truncated, damaged or of another type than its name says."""
 

@@ -312,8 +312,7 @@ class Sbrdf(PixelMaps, Relightable):
         MissingExtraError
             ``.zarr``, and zarr is not installed.
         """
-        chosen = {} if self.chosen is None else self.chosen.arrays()
-        write_maps(path, self.kind(), self._arrays() | chosen)
+        write_maps(path, self.kind(), self._saved())
 
     def to_xarray(self) -> Dataset:
         """Every map of the model over named dimensions, for xarray.
@@ -392,8 +391,12 @@ class Sbrdf(PixelMaps, Relightable):
         """All fields; ``shared`` are those that every result has and no array is."""
         return shared | reader.fields(cls)
 
+    def _saved(self) -> dict[str, NDArray[Any]]:
+        """Everything that a file holds."""
+        return self._arrays() | ({} if self.chosen is None else self.chosen.arrays())
+
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        """What is saved."""
+        """The arrays of all fields but ``chosen``."""
         return arrays_of(self)
 
     @abstractmethod

@@ -43,6 +43,18 @@ def arrays_of(
     return arrays
 
 
+def maps_of(result: Any, prefix: str = "") -> set[str]:
+    """The names that :func:`arrays_of` gives to arrays over the pixels ``(..., y, x)``."""
+    names: set[str] = set()
+    for field in fields(result):
+        name, value = prefix + field.name, getattr(result, field.name)
+        if is_dataclass(value) and not isinstance(value, Rig):
+            names |= maps_of(value, f"{name}.")
+        elif tuple(field.metadata.get("dims", ())[-2:]) == ("y", "x"):
+            names.add(name)
+    return names
+
+
 def columns_of(rows: Sequence[Any], kind: type[Any], prefix: str) -> dict[str, NDArray[Any]]:
     """Dataclasses of numbers as one array per field, a row for each."""
     return {

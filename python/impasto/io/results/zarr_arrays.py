@@ -59,7 +59,7 @@ def fill_of(dtype: np.dtype[Any]) -> Any:
 
 
 @dataclass(frozen=True)
-class StoredArray:
+class ZarrArray:
     """One array of a store.
 
     Attributes
@@ -152,9 +152,7 @@ class StoredArray:
         with path.open("rb") as file:
             file.seek(-index_bytes - 4, 2)
             index = np.frombuffer(file.read(index_bytes), "<u8").reshape(across, across, 2)
-        rows, columns = (
-            -(-(part.stop - part.start) // inner) for part in self.window(row, column)
-        )
+        rows, columns = (-(-(part.stop - part.start) // inner) for part in self.window(row, column))
         places, lengths = np.moveaxis(index[:rows, :columns], -1, 0)
         lost = (places == ABSENT) | (lengths == ABSENT) | (places > size) | (lengths > size)
         return int(np.count_nonzero(lost))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.folders import new_folder, write_synced
-from impasto.io.results.zarr_arrays import METADATA, StoredArray, need_zarr, snapped
+from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr, snapped
 
 FORMAT = 1
 """Version of the format; increased when an entry changes its meaning."""
@@ -48,7 +48,7 @@ class ZarrStore:
             )
         size = np.shape(arrays.get("status", 0))
         tile = snapped(max(size)) if len(size) == 2 else None
-        stored = stored_arrays(arrays, size, tile)
+        stored = zarr_arrays(arrays, size, tile)
         with new_folder(path) as folder:
             for array in stored:
                 for name, data in array.files(np.asarray(arrays[array.name])):
@@ -73,19 +73,19 @@ class ZarrStore:
         return {**text, **{array.name: _read(path, array) for array in stored}}
 
 
-def stored_arrays(
+def zarr_arrays(
     arrays: Mapping[str, NDArray[Any]], size: tuple[int, ...], tile: int | None
-) -> list[StoredArray]:
+) -> list[ZarrArray]:
     """How arrays that are no text are stored: those ``(..., *size)`` in tiles, if there are any."""
     found = []
     for name, array in sorted(arrays.items()):
         if array.dtype.kind not in "U":
             whole = tile is not None and array.ndim >= 2 and array.shape[-2:] == size
-            found.append(StoredArray(name, array.shape, array.dtype, tile if whole else None))
+            found.append(ZarrArray(name, array.shape, array.dtype, tile if whole else None))
     return found
 
 
-def group_metadata(arrays: Mapping[str, NDArray[Any]], stored: list[StoredArray]) -> bytes:
+def group_metadata(arrays: Mapping[str, NDArray[Any]], stored: list[ZarrArray]) -> bytes:
     """The ``zarr.json`` of a store: its arrays, and the values of those that are text."""
     content: dict[str, Any] = {
         "format": FORMAT,
@@ -93,16 +93,14 @@ def group_metadata(arrays: Mapping[str, NDArray[Any]], stored: list[StoredArray]
             one.name: {"dtype": one.dtype.name, "shape": list(one.shape), "tile": one.tile}
             for one in stored
         },
-        "text": {
-            name: array.tolist() for name, array in arrays.items() if array.dtype.kind == "U"
-        },
+        "text": {name: array.tolist() for name, array in arrays.items() if array.dtype.kind == "U"},
     }
     content["crc32"] = _checksum(content)
     group = {"zarr_format": 3, "node_type": "group", "attributes": {OWN: content}}
     return (json.dumps(group, indent=2, sort_keys=True) + "\n").encode()
 
 
-def contents(path: Path) -> tuple[dict[str, NDArray[Any]], list[StoredArray]]:
+def contents(path: Path) -> tuple[dict[str, NDArray[Any]], list[ZarrArray]]:
     """The texts of a store, and its arrays; no other file has been read.
 
     Raises
@@ -131,7 +129,7 @@ def contents(path: Path) -> tuple[dict[str, NDArray[Any]], list[StoredArray]]:
     return text, stored
 
 
-def check_files(path: Path, array: StoredArray) -> None:
+def check_files(path: Path, array: ZarrArray) -> None:
     """Every file of an array is there, and every shard holds all its chunks.
 
     Raises
@@ -161,7 +159,7 @@ def check_files(path: Path, array: StoredArray) -> None:
             raise CorruptInputError(path / name, f"is truncated: it lacks {lost} of its chunks")
 
 
-def _read(path: Path, array: StoredArray) -> NDArray[Any]:
+def _read(path: Path, array: ZarrArray) -> NDArray[Any]:
     """One array, all of whose checksums agree."""
     import zarr
 
@@ -178,23 +176,23 @@ def _read(path: Path, array: StoredArray) -> NDArray[Any]:
         raise CorruptInputError(folder, f"is damaged ({error})") from error
 
 
-def _layout(array: StoredArray) -> tuple[Any, ...]:
+def _layout(array: ZarrArray) -> tuple[Any, ...]:
     tile = array.tile
     shards = None if tile is None else (*array.shape[:-2], tile, tile)
     return array.shape, array.dtype, shards
 
 
-def _stored(name: str, entry: Mapping[str, Any]) -> StoredArray:
+def _stored(name: str, entry: Mapping[str, Any]) -> ZarrArray:
     shape, tile, dtype = entry["shape"], entry["tile"], np.dtype(entry["dtype"])
     fine = (
         NAME.fullmatch(name) is not None
         and dtype.kind in "biuf"
         and all(isinstance(size, int) and size >= 0 for size in shape)
-        and (tile is None or (isinstance(tile, int) and 0 < tile and len(shape) >= 2))
+        and (tile is None or (isinstance(tile, int) and tile > 0 and len(shape) >= 2))
     )
     if not fine:
         raise ValueError(f"an array {name!r} of {entry!r}")
-    return StoredArray(name, tuple(shape), dtype, tile)
+    return ZarrArray(name, tuple(shape), dtype, tile)
 
 
 def _own(path: Path) -> dict[str, Any] | None:

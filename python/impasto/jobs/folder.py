@@ -1,0 +1,159 @@
+"""The folder of a job: its names, what an earlier run left in it, and how it becomes a store."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from logging import getLogger
+from pathlib import Path
+
+from impasto.errors import ArgumentError, CorruptInputError, ResumeMismatchError
+from impasto.io.files import atomic_bytes
+from impasto.io.folders import PARTIAL, sync_folders
+from impasto.io.npz import read_npz
+from impasto.io.results.zarr_arrays import METADATA
+from impasto.io.results.zarr_store import group_metadata, zarr_arrays
+from impasto.jobs.grid import Grid
+from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
+from impasto.jobs.learning import LEARNED, digest_of
+from impasto.jobs.lock import LOCK, locked
+from impasto.jobs.record import JobRecord
+from impasto.jobs.tiles import KNOWN, MAP, NUMBERS, PACE, map_array
+
+LOG = getLogger("impasto.jobs")
+NOTES = "job"
+"""The group of a store that holds what the job needs: record, learned model and journal."""
+RECORD = "job.json"
+SUFFIX = ".zarr"
+EMPTY_GROUP = b'{\n  "attributes": {},\n  "node_type": "group",\n  "zarr_format": 3\n}\n'
+
+
+def checked_target(out: str | os.PathLike[str]) -> Path:
+    """The name of a store.
+
+    Raises
+    ------
+    ArgumentError
+        Another suffix, or a folder that does not exist.
+    """
+    target = Path(out)
+    if target.suffix.lower() != SUFFIX:
+        raise ArgumentError(
+            f"out: expected a name ending in {SUFFIX}, found {target.name!r}; "
+            f"name it {target.name or 'painting'}.impasto{SUFFIX}"
+        )
+    if not target.absolute().parent.is_dir():
+        raise ArgumentError(f"out: the folder {target.absolute().parent} does not exist")
+    return target
+
+
+def partial_of(target: Path) -> Path:
+    """The name of a store while its job runs."""
+    return target.with_name(target.name + PARTIAL)
+
+
+def refuse_differences(job: JobRecord, call: JobRecord, target: Path) -> None:
+    """A job goes on with the same photographs, options and version only."""
+    if found := job.differences(call):
+        more = f" and {len(found) - 3} more" if len(found) > 3 else ""
+        raise ResumeMismatchError(
+            f"out: {target} belongs to another job ({'; '.join(found[:3])}{more}); give another "
+            "name, or resume=False to begin anew"
+        )
+
+
+def earlier_record(target: Path, partial: Path, *, resume: bool) -> JobRecord | None:
+    """The record of a job of this name; the job is gone where it is not to go on."""
+    for folder in (target, partial):
+        if not folder.exists():
+            continue
+        file = folder / NOTES / RECORD
+        if not file.exists():
+            if folder == partial and not _used(folder):
+                continue  # killed before it began
+            raise ArgumentError(f"out: {folder} exists and is no job of impasto; give another name")
+        if resume:
+            return JobRecord.read(file)
+        if folder == target:
+            raise ArgumentError(
+                f"out: {target} is a finished job, which resume=False does not replace; give "
+                "another name"
+            )
+        with locked(folder / NOTES):
+            shutil.rmtree(folder)
+    return None
+
+
+def _used(folder: Path) -> bool:
+    """Whether a folder holds more than a job leaves that was killed before it began."""
+    return any(
+        p.is_file() and p.name != LOCK and not p.name.startswith(".") for p in folder.rglob("*")
+    )
+
+
+def clear(partial: Path) -> None:
+    """Remove what a killed run was writing."""
+    for path in partial.rglob(".*"):
+        if path.is_file():
+            path.unlink()
+
+
+def entries_of(partial: Path, grid: Grid) -> Entries:
+    """The journal of a job, without tiles whose files are not those that it wrote."""
+    notes = partial / NOTES
+    own = Entries(digest_of(notes / RECORD), digest_of(notes / LEARNED))
+    try:
+        found = read_journal(notes / JOURNAL)
+    except FileNotFoundError:
+        return own
+    except CorruptInputError:
+        if b"\n" in (notes / JOURNAL).read_bytes():
+            raise
+        return own  # torn in its first line
+    if (found.job, found.learned) != (own.job, own.learned):
+        raise CorruptInputError(
+            notes / JOURNAL, f"is the journal of another job than {RECORD} and {LEARNED} beside it"
+        )
+    places = set(grid)
+    for tile, entry in list(found.tiles.items()):
+        lost = [name for name, crc in entry.shards.items() if changed(partial / name, crc)]
+        if tile not in places or lost:
+            LOG.warning("tile %s is fitted again: not as it was written: %s", tile, lost)
+            del found.tiles[tile]
+    return found
+
+
+def changed(path: Path, crc: str) -> bool:
+    """Whether a file is missing or not as it was written."""
+    return not path.is_file() or checksum(path) != crc
+
+
+def finish(partial: Path, grid: Grid, entries: Entries) -> None:
+    """Describe all arrays, write those that are no maps, and close the journal.
+
+    Every step leaves a folder that can be resumed; the same steps then write the same bytes.
+    """
+    notes = partial / NOTES
+    numbers = read_npz(notes / NUMBERS)
+    maps = [
+        map_array(name.removeprefix(MAP), plane, grid)
+        for name, plane in numbers.items()
+        if name.startswith(MAP)
+    ]
+    numbers = {n: a for n, a in numbers.items() if not n.startswith(MAP) and n != KNOWN}
+    stored = zarr_arrays(numbers, (), None)
+    files: dict[str, bytes] = {f"{NOTES}/{METADATA}": EMPTY_GROUP}
+    for array in stored:
+        files |= array.files(numbers[array.name])
+    files |= {array.metadata_path: array.metadata for array in maps}
+    described = sorted([*stored, *maps], key=lambda array: array.name)
+    files[METADATA] = group_metadata(numbers, described)
+    for name, data in files.items():
+        (partial / name).parent.mkdir(parents=True, exist_ok=True)
+        atomic_bytes(partial / name, data)
+    own = [f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS)]
+    entries.files = {name: checksum(partial / name) for name in sorted([*files, *own])}
+    atomic_bytes(notes / JOURNAL, entries.to_bytes(grid))
+    for name in (PACE, LOCK):
+        (notes / name).unlink(missing_ok=True)
+    sync_folders(partial)

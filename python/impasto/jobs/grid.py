@@ -1,0 +1,199 @@
+"""How a painting is cut into tiles, and how large these may be in the memory that there is."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from impasto._internal.checks import is_whole
+from impasto._internal.windows import Window
+from impasto.errors import ArgumentError
+
+Tile: TypeAlias = tuple[int, int]
+"""Row and column of a tile in the grid."""
+
+STEP = 64
+"""Tiles that follow from the memory have multiples of so many rows and columns."""
+MOST = 1024
+"""Most rows and columns of such a tile: an interruption loses those in flight."""
+SMALLEST = 16
+"""Fewest rows and columns of a tile that a caller may ask for."""
+UNITS = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12} | {
+    "KIB": 2**10, "MIB": 2**20, "GIB": 2**30, "TIB": 2**40
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Square tiles over a painting; the last ones may be cut off by its border.
+
+    Attributes
+    ----------
+    rows, columns
+        Of the painting, in pixels.
+    tile
+        Rows and columns of a tile.
+    """
+
+    rows: int
+    columns: int
+    tile: int
+
+    def __len__(self) -> int:
+        down, across = self.shape
+        return down * across
+
+    def __iter__(self) -> Iterator[Tile]:
+        down, across = self.shape
+        return ((row, column) for row in range(down) for column in range(across))
+
+    @property
+    def shape(self) -> Tile:
+        """Rows and columns of tiles."""
+        return -(-self.rows // self.tile), -(-self.columns // self.tile)
+
+    def window(self, tile: Tile, halo: int = 0) -> Window:
+        """Rows and columns of a tile and of a border around it, as far as the painting reaches."""
+        rows, columns = (
+            slice(max(at * self.tile - halo, 0), min((at + 1) * self.tile + halo, size))
+            for at, size in zip(tile, (self.rows, self.columns), strict=True)
+        )
+        return rows, columns
+
+    def pixels(self, tile: Tile) -> int:
+        """Pixels of a tile."""
+        rows, columns = self.window(tile)
+        return int(rows.stop - rows.start) * int(columns.stop - columns.start)
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """Bytes of memory that a pixel takes.
+
+    Attributes
+    ----------
+    samples
+        All samples of a pixel as the fit takes them.
+    codes
+        The same as they stand in the files, while they are read.
+    bands
+        Number of bands.
+    held
+        Of the samples, what is in memory whether a job runs or not.
+    """
+
+    samples: int
+    codes: int
+    bands: int
+    held: int = 0
+
+    @property
+    def maps(self) -> int:
+        """At most, of the maps of a result with those of photometric stereo.
+
+        Three lobes in every band, sixteen components of residuals in single precision, and some
+        thirty single numbers.
+        """
+        return 120 + self.bands * 4 * (4 + 3 + 16)
+
+    @property
+    def fitted(self) -> int:
+        """Of a tile while it is fitted, written, and the next one is read.
+
+        Two tiles of samples and a copy without the border; maps and the files that are made of
+        them.
+        """
+        return 3 * self.samples + self.codes + 2 * self.maps
+
+    @property
+    def learned(self) -> int:
+        """Of the photographs from which a model is learned."""
+        return self.samples - self.held + self.codes + self.maps
+
+
+def tile_for(memory: int, pixel: Footprint, source: tuple[int, int]) -> int:
+    """Rows and columns of the tiles of a job.
+
+    Parameters
+    ----------
+    memory
+        Bytes.
+    pixel
+        What a pixel takes.
+    source
+        Rows and columns of what is decoded at once; tiles are multiples of both where that fits.
+    """
+    side = math.isqrt(memory // pixel.fitted)
+    if side < STEP:
+        raise ArgumentError(
+            f"memory: tiles of {STEP} x {STEP} pixels of these photographs need "
+            f"{_in_words(STEP * STEP * pixel.fitted)}, found {_in_words(memory)}"
+        )
+    side = min(side, MOST)
+    both = math.lcm(STEP, *source)
+    step = both if both <= side else STEP
+    return side // step * step
+
+
+def stride_for(memory: int, pixel: Footprint, size: tuple[int, int]) -> int:
+    """Of every how many rows and columns a model is learned: the smallest odd number that fits."""
+    stride = 1
+    while math.prod(-(-side // stride) for side in size) * pixel.learned > memory:
+        stride += 2
+    return stride
+
+
+def checked_tile(tile: Any) -> int:
+    """Rows and columns of a tile as a caller gave them.
+
+    Raises
+    ------
+    ArgumentError
+        No whole number from 16 on.
+    """
+    if not is_whole(tile) or tile < SMALLEST:
+        raise ArgumentError(f"tile: expected a whole number from {SMALLEST} on, found {tile!r}")
+    return int(tile)
+
+
+def checked_stride(stride: Any) -> int:
+    """Of every how many rows and columns a model is learned, as a caller gave it.
+
+    Raises
+    ------
+    ArgumentError
+        No odd whole number from 1 on.
+    """
+    if not is_whole(stride) or stride < 1 or stride % 2 == 0:
+        raise ArgumentError(
+            f"sample: expected an odd number from 1 on (every third pixel: 3), found {stride!r}"
+        )
+    return int(stride)
+
+
+def bytes_of(memory: Any) -> int:
+    """Bytes of ``"4GiB"``, ``"500 MB"`` or a number.
+
+    Raises
+    ------
+    ArgumentError
+        Something else, or nothing.
+    """
+    if is_whole(memory) and memory > 0:
+        return int(memory)
+    found = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*([A-Za-z]*)\s*", str(memory))
+    if found is None or found[2].upper() not in UNITS or isinstance(memory, bool):
+        raise ArgumentError(
+            f'memory: expected bytes, or a number with a unit such as "4GiB", found {memory!r}'
+        )
+    size = int(float(found[1]) * UNITS[found[2].upper()])
+    if size < 1:
+        raise ArgumentError(f"memory: expected more than nothing, found {memory!r}")
+    return size
+
+
+def _in_words(size: int) -> str:
+    return f"{size / 2**20:.3g} MiB"

@@ -1,0 +1,175 @@
+"""``journal.jsonl``: which tiles are on the disk, with a checksum of every file.
+
+A line is appended, and reaches the disk, after all files of its tile did. What is torn off at the
+end of the file is a tile that was not finished.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from impasto._internal.waiting import wait_for
+from impasto.errors import CorruptInputError
+from impasto.io.files import as_problem_of, sync_folder
+from impasto.jobs.grid import Grid, Tile
+
+JOURNAL = "journal.jsonl"
+CHUNK = 1 << 24
+"""Bytes of a file that are read at a time."""
+
+
+@dataclass(frozen=True)
+class TileEntry:
+    """A tile that is on the disk.
+
+    Attributes
+    ----------
+    estimated
+        Pixels whose normal is estimated.
+    shards
+        CRC-32 in hexadecimal digits of the file of each map, by its name in the store.
+    """
+
+    estimated: int
+    shards: Mapping[str, str]
+
+
+@dataclass
+class Entries:
+    """What a journal says.
+
+    Attributes
+    ----------
+    job, learned
+        SHA-256 of the record and of the learned model that it belongs to.
+    tiles
+        The tiles on the disk.
+    files
+        CRC-32 of all other files; None while the job runs.
+    length
+        Bytes of the file up to the end of its last whole line.
+    """
+
+    job: str
+    learned: str
+    tiles: dict[Tile, TileEntry] = field(default_factory=dict)
+    files: dict[str, str] | None = None
+    length: int = 0
+
+    def to_bytes(self, grid: Grid) -> bytes:
+        """The whole file, tiles in the order of the grid."""
+        lines = [_line({"job": self.job, "learned": self.learned})]
+        lines += [_tile_line(tile, self.tiles[tile]) for tile in grid if tile in self.tiles]
+        if self.files is not None:
+            lines.append(_line({"files": self.files}))
+        return b"".join(lines)
+
+
+def read_journal(path: Path) -> Entries:
+    """What a journal says; a last line without its end is left out.
+
+    Raises
+    ------
+    CorruptInputError
+        A file that is damaged or something else.
+    FileNotFoundError
+        There is none.
+    """
+    data = path.read_bytes()
+    whole = data[: data.rfind(b"\n") + 1]
+    found: Entries | None = None
+    for number, line in enumerate(whole.splitlines(), start=1):
+        try:
+            content = json.loads(line)
+            if found is None:
+                found = Entries(str(content["job"]), str(content["learned"]))
+            elif "files" in content:
+                found.files = _checksums(content["files"])
+            else:
+                row, column = (int(at) for at in content["tile"])
+                shards = _checksums(content["shards"])
+                found.tiles[row, column] = TileEntry(int(content["estimated"]), shards)
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise CorruptInputError(path, f"is damaged in line {number}") from error
+    if found is None:
+        raise CorruptInputError(path, "is no journal of a job")
+    found.length = len(whole)
+    return found
+
+
+class Journal:
+    """A journal that is being written; its file is open until :meth:`close`."""
+
+    def __init__(self, path: Path, entries: Entries) -> None:
+        """Go on with a journal, or begin one, and cut off what is torn."""
+        self.path = path
+        self.entries = entries
+        with as_problem_of(path):
+            self._file = path.open("ab")
+        try:
+            with as_problem_of(path):
+                self._file.truncate(entries.length)
+                if not entries.length:
+                    self._append(_line({"job": entries.job, "learned": entries.learned}))
+            sync_folder(path.parent)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def add(self, tile: Tile, entry: TileEntry) -> None:
+        """A tile all of whose files are on the disk."""
+        with as_problem_of(self.path):
+            self._append(_tile_line(tile, entry))
+        self.entries.tiles[tile] = entry
+
+    def close(self) -> None:
+        """Give the file back."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _append(self, line: bytes) -> None:
+        self._file.write(line)
+        self._file.flush()
+        wait_for(os.fsync, self._file.fileno())
+
+
+def checksum(path: Path) -> str:
+    """CRC-32 of a file in eight hexadecimal digits."""
+    found = 0
+    with path.open("rb") as file:
+        while data := file.read(CHUNK):
+            found = zlib.crc32(data, found)
+    return f"{found:08x}"
+
+
+def _checksums(content: Mapping[str, Any]) -> dict[str, str]:
+    """Files of a store with their checksums; a journal names no others."""
+    for name in content:
+        if ".." in name.split("/") or name.startswith("/"):
+            raise ValueError(f"a file outside of the store: {name!r}")
+    return {str(name): str(crc) for name, crc in content.items()}
+
+
+def _tile_line(tile: Tile, entry: TileEntry) -> bytes:
+    return _line({"tile": list(tile), "estimated": entry.estimated, "shards": dict(entry.shards)})
+
+
+def _line(content: Mapping[str, Any]) -> bytes:
+    return (json.dumps(content, sort_keys=True) + "\n").encode()

@@ -1,0 +1,129 @@
+"""The first pass of a job: what the fit of every tile must know of the whole painting."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, TypedDict, get_type_hints
+
+from impasto._internal.calls import ProgressCallback
+from impasto._internal.checks import one_of, suggestion, truth
+from impasto.effort import Effort, EffortLike, resolved
+from impasto.errors import ArgumentError
+from impasto.fit.learning import LearnedModel, learn_sbrdf, load_learned
+from impasto.fit.lobes import LearnedLobes
+from impasto.fit.normals import METHODS, Method
+from impasto.fit.options import Model, Pooling, fit_kinds
+from impasto.fit.pooled import Extraction
+from impasto.fit.sbrdf import checked_options
+from impasto.jobs.photographs import Photographs
+from impasto.jobs.record import plain
+from impasto.rig import Rig
+
+LEARNED = "learned.npz"
+
+
+class FitOptions(TypedDict, total=False):
+    """Options of :func:`impasto.fit_sbrdf` that a job takes: those of :func:`learn_sbrdf`."""
+
+    model: Model
+    pooling: Pooling
+    lobes: int | None
+    ambient: bool | None
+    coated: bool | None
+    extraction: Extraction | None
+    peak: bool | None
+    joint: bool | None
+    index: float | None
+    normals: Method | None
+    refine: bool | None
+    residuals: bool | None
+    relief: bool | None
+    effort: EffortLike
+
+
+NAMES = tuple(get_type_hints(FitOptions))
+"""Of these options."""
+OWN = ("lobes", "ambient", "coated", "extraction", "peak", "joint", "index")
+"""Those that only some fits have."""
+
+
+def checked_fit(given: Mapping[str, Any], sample: int) -> dict[str, Any]:
+    """Every option of a fit, with its default where it is not given, as a job keeps it.
+
+    Raises
+    ------
+    ArgumentError
+        An unknown option, or a value that the fit refuses.
+    """
+    for name in given:
+        if name not in NAMES:
+            raise ArgumentError(
+                f"{name}: a job has no such option{suggestion(name, NAMES)}; it knows "
+                f"{', '.join(NAMES)}"
+            )
+    options: dict[str, Any] = {name: given.get(name) for name in NAMES}
+    options["model"] = given.get("model", "torrance-sparrow")
+    options["pooling"] = given.get("pooling", "auto")
+    options["effort"] = asdict(resolved(given.get("effort", "standard")))
+    if options["pooling"] == "segment":
+        raise ArgumentError(
+            'pooling: "segment" cannot be learned from a sample, so that no job can fit it; fit '
+            'the whole by fit_sbrdf(stack, pooling="segment")'
+        )
+    own = {name: options[name] for name in OWN}
+    for kind in fit_kinds(options["model"], options["pooling"], own):
+        checked_options(kind, own)
+    if options["normals"] is not None:
+        one_of(options["normals"], METHODS, "normals")
+    for name in ("refine", "residuals", "relief"):
+        if options[name] is not None:
+            truth(options[name], name)
+    if options["relief"] and sample > 1:
+        raise ArgumentError(
+            "relief: every other pixel does not show what shades it; learn from all pixels "
+            "(sample=1, more memory), or leave relief out"
+        )
+    return {name: plain(value, name) for name, value in options.items()}
+
+
+def learned_model(
+    photographs: Photographs,
+    fit: Mapping[str, Any],
+    stride: int,
+    side: int,
+    path: Path,
+    *,
+    threads: int | None,
+    progress: bool | ProgressCallback,
+) -> LearnedModel:
+    """What a file has of an earlier run, or what is learned and written into it now."""
+    if not path.exists():
+        options = dict(fit) | {"effort": Effort(**fit["effort"])}
+        options |= {"threads": threads, "progress": progress is True}
+        if stride == 1:
+            model = learn_sbrdf(photographs.whole(), **options)
+        else:
+            few = photographs.strided(stride, side)
+            model = of_the_whole(
+                learn_sbrdf(few, **options | {"relief": False}), stride, photographs.size
+            )
+        model.save(path)
+    return load_learned(path)
+
+
+def of_the_whole(model: LearnedModel, stride: int, extent: tuple[int, int]) -> LearnedModel:
+    """A model of every ``stride``-th row and column as one of all pixels."""
+    fit, rig = model.fit, model.rig
+    if isinstance(fit, LearnedLobes):
+        fit = replace(fit, extent=extent)
+    if rig is not None and rig.pitch_mm is not None:
+        rig = Rig(rig, pitch_mm=rig.pitch_mm / stride)
+    return replace(model, extent=extent, fit=fit, rig=rig)
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 of a small file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()

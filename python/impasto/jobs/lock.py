@@ -1,0 +1,73 @@
+"""One job at a time in a folder."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from impasto.errors import ArgumentError, ImpastoError
+
+LOCK = "lock"
+TRIES, PAUSE = 10, 0.05
+"""Times, and seconds between them, that a lock is tried: :func:`holder` may have it for a moment.
+"""
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder; it ends with the process, however that ends.
+
+    Raises
+    ------
+    ArgumentError
+        Another process holds it.
+    ImpastoError
+        The system has no such locks.
+    """
+    try:
+        import fcntl
+    except ImportError as error:
+        raise ImpastoError("jobs need locks of POSIX systems, which this one has not") from error
+    path = folder / LOCK
+    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        for last in (*[False] * TRIES, True):
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except OSError as error:
+                if last:
+                    process = os.pread(handle, 32, 0).decode(errors="replace").strip()
+                    raise ArgumentError(
+                        f"out: {folder.parent} is in use by another job, process "
+                        f"{process or 'unknown'}; wait for it, or end it and resume"
+                    ) from error
+                time.sleep(PAUSE)
+        if not path.exists() or not os.path.samestat(os.fstat(handle), path.stat()):
+            raise ArgumentError(f"out: another job has just ended in {folder.parent}; try again")
+        os.truncate(handle, 0)
+        os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)
+        yield
+    finally:
+        os.close(handle)
+
+
+def holder(folder: Path) -> int | None:
+    """The process that holds the lock of a folder; None if there is none."""
+    import fcntl
+
+    try:
+        handle = os.open(folder / LOCK, os.O_RDWR)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        text = os.read(handle, 32).decode(errors="replace").strip()
+        return int(text) if text.isdecimal() else 0
+    finally:
+        os.close(handle)
+    return None

@@ -1,0 +1,313 @@
+"""The photographs of a job: windows of them, read when a tile needs them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto._internal.checks import suggestion
+from impasto.encoding import Encoding
+from impasto.errors import ArgumentError, ImpastoError
+from impasto.io.images import open_picture
+from impasto.io.opening import open_source
+from impasto.io.rig_arrays import arrays_of_rig
+from impasto.io.session.frames import picture_codes
+from impasto.io.session.reader import read_stack
+from impasto.io.sources import Source
+from impasto.jobs.grid import Footprint
+from impasto.report import file_entry
+from impasto.rig import Rig
+from impasto.stack import Stack
+
+MIDDLE = 1024
+"""Rows and columns in the middle of the photographs from which their tone curve is taken, if it is
+not given and the whole is not read."""
+ARCHIVE = ".npz"
+READING = (
+    "lights", "images", "encoding", "mask", "saturation", "white", "dark", "board_reflectance",
+    "intensities", "pattern", "bands", "pitch_mm", "layer", "strict", "max_pixels",
+)  # fmt: skip
+"""Options of :func:`impasto.read_stack` that a job takes."""
+CHUNK = 1 << 24
+"""Bytes of a stack in memory that are hashed at a time."""
+
+
+class Photographs(ABC):
+    """Photographs of which windows can be had one after another."""
+
+    @property
+    @abstractmethod
+    def shape(self) -> tuple[int, int, int, int]:
+        """Observations, bands, rows and columns."""
+
+    @property
+    @abstractmethod
+    def pixel(self) -> Footprint:
+        """What a pixel takes."""
+
+    @property
+    @abstractmethod
+    def source_grid(self) -> tuple[int, int]:
+        """Rows and columns of what is decoded at once."""
+
+    @property
+    @abstractmethod
+    def encoding(self) -> Encoding:
+        """Their tone curve."""
+
+    @abstractmethod
+    def inputs(self) -> list[dict[str, Any]]:
+        """Name, size and SHA-256 of what is read; all of it is read for this."""
+
+    @abstractmethod
+    def window(self, rows: slice, columns: slice) -> Stack:
+        """The photographs of a window; the stack knows where it lies."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.shape[2], self.shape[3]
+
+    def whole(self) -> Stack:
+        """All photographs at once."""
+        rows, columns = self.size
+        return self.window(slice(0, rows), slice(0, columns))
+
+    def strided(self, stride: int, side: int) -> Stack:
+        """Every ``stride``-th row and column, an odd number, about the middle of the painting.
+
+        Windows of ``side`` rows and columns are read one after another. The width of a pixel grows
+        by ``stride``, so that near lamps keep their places.
+        """
+        rows, columns = (range(_first(size, stride), size, stride) for size in self.size)
+        found: NDArray[Any] | None = None
+        mask = np.ones((len(rows), len(columns)), np.bool_)
+        first: Stack | None = None
+        for top in range(0, len(rows), max(1, side // stride)):
+            for left in range(0, len(columns), max(1, side // stride)):
+                down = rows[top : top + max(1, side // stride)]
+                across = columns[left : left + max(1, side // stride)]
+                part = self.window(*(slice(x[0], x[-1] + 1) for x in (down, across)))
+                first = part if first is None else first
+                if found is None:
+                    found = np.empty((*self.shape[:2], *mask.shape), part.samples.dtype)
+                place = np.s_[top : top + len(down), left : left + len(across)]
+                found[..., *place] = part.samples[..., ::stride, ::stride]
+                if part.mask is not None:
+                    mask[place] = part.mask[::stride, ::stride]
+        assert first is not None
+        assert found is not None
+        pitch = first.rig.pitch_mm
+        rig = Rig(first.rig, pitch_mm=None if pitch is None else pitch * stride, origin=(0.0, 0.0))
+        return first._replace(samples=found, rig=rig, mask=None if mask.all() else mask)
+
+
+class StackInMemory(Photographs):
+    """A stack, whose samples may be a memory map."""
+
+    def __init__(self, stack: Stack) -> None:
+        if stack.rig.origin != (0.0, 0.0):
+            raise ArgumentError(
+                "source: a job fits a whole painting, this stack is a part of one (rig.origin)"
+            )
+        self.stack = stack
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:  # noqa: D102
+        return self.stack.shape
+
+    @property
+    def pixel(self) -> Footprint:  # noqa: D102
+        observations, bands = self.shape[:2]
+        samples = observations * bands * self.stack.samples.dtype.itemsize
+        return Footprint(samples, 0, bands, 0 if _mapped(self.stack.samples) else samples)
+
+    @property
+    def source_grid(self) -> tuple[int, int]:  # noqa: D102
+        return 1, 1
+
+    @property
+    def encoding(self) -> Encoding:  # noqa: D102
+        return self.stack.encoding
+
+    def inputs(self) -> list[dict[str, Any]]:
+        """The samples, and everything else that a fit takes from the stack."""
+        stack, digest = self.stack, hashlib.sha256()
+        flat = stack.samples.reshape(-1).view(np.uint8)
+        for start in range(0, flat.size, CHUNK):
+            digest.update(np.ascontiguousarray(flat[start : start + CHUNK]).data)
+        others: dict[str, Any] = {
+            **arrays_of_rig(stack.rig), "bands": np.array(stack.bands), "scale": stack.scale,
+            "black": stack.black, "mask": stack.mask, "saturation": stack.saturation,
+        }  # fmt: skip
+        for name, array in sorted(others.items()):
+            if array is not None:
+                shape = json.dumps([name, array.dtype.str, array.shape])
+                digest.update(shape.encode() + np.ascontiguousarray(array).tobytes())
+        entry = {"dtype": str(stack.samples.dtype), "bytes": stack.samples.nbytes}
+        return [{"file": "a stack in memory", **entry, "sha256": digest.hexdigest()}]
+
+    def window(self, rows: slice, columns: slice) -> Stack:  # noqa: D102
+        height, width = self.size
+        if (rows, columns) == (slice(0, height), slice(0, width)):
+            return self.stack
+        return self.stack[rows, columns]
+
+
+class Files(Photographs):
+    """What :func:`impasto.read_stack` reads, window by window, or once if there is room for it."""
+
+    def __init__(
+        self, path: Path, reading: Mapping[str, Any], memory: int, encoding: Encoding | None
+    ) -> None:
+        self._path = path
+        self._reading = dict(reading)
+        # A finished stack takes no mask, and says so.
+        archive = path.suffix.lower() == ARCHIVE
+        self._mask = None if archive else self._reading.pop("mask", None)
+        one = self._read((0, 0, 1, 1))
+        with _any_picture(path, one, reading) as picture:
+            size = picture.shape[1:]
+            self._grid = picture.grid
+            codes = picture.dtype.itemsize
+        self._inputs = one.sources
+        observations, bands = one.shape[:2]
+        self._shape = (observations, bands, *size)
+        samples = one.samples.dtype.itemsize
+        self._pixel = Footprint(observations * bands * samples, observations * bands * codes, bands)
+        if self._mask is not None:
+            with open_picture(self._mask) as picture:
+                if picture.shape[1:] != size:
+                    raise ArgumentError(
+                        f"mask: {self._mask} has {picture.shape[1:]} pixels, the photographs {size}"
+                    )
+            self._inputs = (*one.sources, Path(self._mask))
+        self._stack: Stack | None = None
+        if size[0] * size[1] * self._pixel.learned <= memory:
+            self._stack = self._read(None, encoding)
+            self._encoding = self._stack.encoding
+        elif encoding is not None:
+            self._encoding = encoding
+        else:
+            height, width = (min(MIDDLE, side) for side in size)
+            middle = ((size[0] - height) // 2, (size[1] - width) // 2, height, width)
+            self._encoding = self._read(middle).encoding
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:  # noqa: D102
+        return self._shape
+
+    @property
+    def pixel(self) -> Footprint:  # noqa: D102
+        return self._pixel
+
+    @property
+    def source_grid(self) -> tuple[int, int]:  # noqa: D102
+        return self._grid
+
+    @property
+    def encoding(self) -> Encoding:  # noqa: D102
+        return self._encoding
+
+    @property
+    def in_memory(self) -> bool:
+        """Whether all photographs have been read."""
+        return self._stack is not None
+
+    def inputs(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [file_entry(path) for path in dict.fromkeys(p.resolve() for p in self._inputs)]
+
+    def window(self, rows: slice, columns: slice) -> Stack:  # noqa: D102
+        if self._stack is not None:
+            return StackInMemory(self._stack).window(rows, columns)
+        region = (rows.start, columns.start, rows.stop - rows.start, columns.stop - columns.start)
+        return self._read(region, self._encoding)
+
+    def _read(
+        self, region: tuple[int, int, int, int] | None, encoding: Encoding | None = None
+    ) -> Stack:
+        """A region, or all, with the mask, of which a region may lie outside."""
+        options = dict(self._reading)
+        if encoding is not None and self._path.suffix.lower() != ARCHIVE:
+            options["encoding"] = encoding
+        stack = read_stack(self._path, region=region, **options)
+        if self._mask is None or stack.shape[2:] == (1, 1):
+            return stack
+        planes = picture_codes(Path(self._mask), None, region)
+        return stack._replace(mask=planes.max(axis=0) > 0)
+
+
+def open_photographs(
+    source: Any, reading: Mapping[str, Any], memory: int, encoding: Encoding | None
+) -> Photographs:
+    """The photographs of a stack or of a path.
+
+    Parameters
+    ----------
+    source
+        A :class:`~impasto.Stack`, or what :func:`impasto.read_stack` takes.
+    reading
+        Its options, as :func:`checked_reading` gives them.
+    memory
+        Bytes up to which all photographs are read at once.
+    encoding
+        Their tone curve, if it is known from an earlier call.
+    """
+    if isinstance(source, Stack):
+        if reading:
+            raise ArgumentError(
+                f"reading: a stack is read already, found {next(iter(reading))}; give a path"
+            )
+        return StackInMemory(source)
+    return Files(Path(source), reading, memory, encoding)
+
+
+def checked_reading(reading: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Options of :func:`impasto.read_stack`, without those that are None.
+
+    Raises
+    ------
+    ArgumentError
+        An unknown one.
+    """
+    given = {name: value for name, value in (reading or {}).items() if value is not None}
+    for name in given:
+        if name not in READING:
+            raise ArgumentError(
+                f"reading: a job has no option {name!r} for photographs"
+                f"{suggestion(name, READING)}; it knows {', '.join(READING)}"
+            )
+    return given
+
+
+def _mapped(samples: Any) -> bool:
+    """Whether an array, or what it is a view of, is a memory map of a file."""
+    while samples is not None:
+        if isinstance(samples, np.memmap):
+            return True
+        samples = getattr(samples, "base", None)
+    return False
+
+
+def _first(size: int, stride: int) -> int:
+    """The first of every ``stride``-th pixel that leaves as many before it as after the last."""
+    return (size - 1) * ((stride + 1) // 2) % stride
+
+
+def _any_picture(path: Path, stack: Stack, reading: Mapping[str, Any]) -> Source:
+    """One of the photographs, open; all are of one size and type."""
+    if path.suffix.lower() == ARCHIVE:
+        return open_source(path, index=0)
+    for file in stack.sources:
+        try:
+            return open_source(file, layer=reading.get("layer"))
+        except ImpastoError:  # a light file
+            continue
+    raise ArgumentError(f"source: {path} has no photograph that can be opened")

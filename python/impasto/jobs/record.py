@@ -1,0 +1,149 @@
+"""``job.json``: everything that the bytes of a job's result depend on."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from impasto.encoding import Encoding
+from impasto.errors import ArgumentError, CorruptInputError
+from impasto.jobs.grid import Grid
+
+FORMAT = 1
+"""Version of the format; increased when an entry changes its meaning."""
+
+
+@dataclass(frozen=True)
+class JobRecord:
+    """What a job works on, and how.
+
+    Attributes
+    ----------
+    version
+        Of impasto.
+    source
+        The path for :func:`impasto.read_stack`; None for a stack in memory.
+    reading
+        Its options.
+    encoding
+        The tone curve of the photographs and its full scale.
+    inputs
+        Name, size in bytes and SHA-256 of every file that is read; of a stack in memory, of its
+        numbers.
+    fit
+        Options of the fit, defaults included.
+    shape
+        Observations, bands, rows and columns.
+    tile
+        Rows and columns of a tile.
+    sample
+        The model is learned from every so many rows and columns.
+    """
+
+    version: str
+    source: str | None
+    reading: Mapping[str, Any]
+    encoding: tuple[str, float]
+    inputs: Sequence[Mapping[str, Any]]
+    fit: Mapping[str, Any]
+    shape: tuple[int, int, int, int]
+    tile: int
+    sample: int
+    format: int = field(default=FORMAT)
+
+    @property
+    def grid(self) -> Grid:
+        """The tiles."""
+        return Grid(*self.shape[2:], self.tile)
+
+    @property
+    def curve(self) -> Encoding:
+        """The tone curve."""
+        return Encoding(*self.encoding)
+
+    def to_bytes(self) -> bytes:
+        """The file; the same for the same job, whenever and wherever it runs."""
+        text = json.dumps(asdict(self), indent=2, sort_keys=True, allow_nan=False)
+        return (text + "\n").encode()
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """The record in a file.
+
+        Raises
+        ------
+        CorruptInputError
+            A file that is damaged or something else.
+        """
+        try:
+            content = json.loads(path.read_bytes())
+            content["shape"] = tuple(int(size) for size in content["shape"])
+            curve, white = content["encoding"]
+            content["encoding"] = (str(curve), float(white))
+            found = cls(**content)
+            whole = len(found.shape) == 4 and min(*found.shape, found.tile, found.sample) > 0
+            named = all(isinstance(one["file"], str) for one in found.inputs)
+            if not (whole and named and isinstance(found.fit, dict)):
+                raise ValueError("an entry is of the wrong kind")
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+            raise CorruptInputError(path, f"is no record of a job ({error})") from error
+        if found.format != FORMAT:
+            raise CorruptInputError(
+                path, f"has the format {found.format}; this version of impasto reads {FORMAT}"
+            )
+        return found
+
+    def differences(self, other: JobRecord) -> list[str]:
+        """What another record has else, one line each."""
+        one, two = (dict(_flat(json.loads(record.to_bytes()))) for record in (self, other))
+        return [
+            f"{name}: the job has {_shown(one.get(name))}, this call {_shown(two.get(name))}"
+            for name in sorted(one.keys() | two.keys())
+            if one.get(name) != two.get(name)
+        ]
+
+
+def plain(value: Any, name: str) -> Any:
+    """An option as it stands in the file: paths as text, absolute; numbers as of Python.
+
+    Raises
+    ------
+    ArgumentError
+        An array or another object, which cannot be compared with that of a later call.
+    """
+    if isinstance(value, os.PathLike):
+        return str(Path(value).resolve())
+    if isinstance(value, Mapping):
+        return {str(key): plain(one, name) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one, name) for one in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise ArgumentError(
+        f"{name}: a job keeps its options in a file, which holds no {type(value).__name__}; give "
+        "a number, a text or the name of a file"
+    )
+
+
+def _flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Every number and text in nested lists and dictionaries, with its place."""
+    if isinstance(value, dict | list):
+        entries = value.items() if isinstance(value, dict) else enumerate(value)
+        yield name, f"{len(value)} entries"
+        for key, one in entries:
+            yield from _flat(one, f"{name}.{key}" if name else str(key))
+    else:
+        yield name, value
+
+
+def _shown(value: Any) -> str:
+    text = "nothing" if value is None else repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

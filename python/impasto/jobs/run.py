@@ -1,0 +1,220 @@
+"""Fits of any size: tile by tile into a Zarr store, resumable after anything."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Unpack
+
+from impasto import _core
+from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.checks import truth
+from impasto.errors import ArgumentError
+from impasto.io.files import atomic_bytes, sync_folder
+from impasto.io.results.zarr_arrays import need_zarr
+from impasto.jobs.folder import (
+    NOTES,
+    RECORD,
+    checked_target,
+    clear,
+    earlier_record,
+    entries_of,
+    finish,
+    partial_of,
+    refuse_differences,
+)
+from impasto.jobs.grid import bytes_of, checked_stride, checked_tile, stride_for, tile_for
+from impasto.jobs.journal import JOURNAL, Journal
+from impasto.jobs.learning import LEARNED, FitOptions, checked_fit, learned_model
+from impasto.jobs.lock import locked
+from impasto.jobs.photographs import Photographs, checked_reading, open_photographs
+from impasto.jobs.record import JobRecord, plain
+from impasto.jobs.tiles import PACE, TileWriter, fit_tiles
+from impasto.stack import Stack
+
+
+def run(
+    source: str | os.PathLike[str] | Stack,
+    out: str | os.PathLike[str],
+    *,
+    memory: str | int = "4GiB",
+    resume: bool = True,
+    tile: int | None = None,
+    sample: int | None = None,
+    reading: Mapping[str, Any] | None = None,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+    **fit: Unpack[FitOptions],
+) -> Path:
+    """Fit a painting tile by tile into a Zarr store, in a given memory, resumable after anything.
+
+    Two passes. *Learn*: what the fit must know of the whole painting is learned and saved
+    (:func:`impasto.learn_sbrdf`). *Apply*: tile after tile is read, fitted and written; a line in a
+    journal says so when all its files are on the disk. Until all tiles are done, the store is
+    called ``out`` and ``.partial``. After an interruption, also by SIGKILL or a full disk, the same
+    call goes on with the tiles that the journal does not have; at most the one being fitted is
+    lost. The files of the store are the same, byte for byte, whether a job was interrupted or not,
+    and for any number of threads. The numbers in it do not depend on the size of the tiles.
+
+    **Learning from all pixels needs all photographs at once.** Where these, with the maps of
+    photometric stereo, fit into half of ``memory``, the result is that of ``fit_sbrdf``, bit for
+    bit. Else the model is learned from every third (fifth, seventh ...) row and column, which is
+    the result of ``learn_sbrdf`` of these photographs; there is no relief then, and the tone curve,
+    if it must be estimated, is that of 1024 x 1024 pixels in the middle.
+
+    Parameters
+    ----------
+    source
+        What :func:`impasto.read_stack` takes, or a :class:`Stack`, whose samples may be a memory
+        map. Of TIFF, OpenEXR and uncompressed ``.npz`` every tile reads its window alone; of JPEG
+        and PNG it decodes whole photographs, unless all of them fit into the memory.
+    out
+        The store to make: a name that ends in ``.zarr``, which does not exist yet.
+    memory
+        Bytes, or a text such as ``"4GiB"``, for samples and maps; the program and its libraries
+        come on top. It decides the size of tiles and from how many pixels the model is learned. A
+        stack of arrays in memory is not counted.
+    resume
+        Whether to go on with a job of this name; False: an unfinished one is removed.
+    tile
+        Rows and columns of a tile; default: as ``memory`` allows, at most 1024. A job that is
+        resumed keeps its own.
+    sample
+        The model is learned from every so many rows and columns, an odd number; 1: from all pixels,
+        whatever memory that takes. Default: as ``memory`` allows.
+    reading
+        Options of :func:`impasto.read_stack` for a path: ``{"encoding": "srgb"}``. Arrays are
+        refused; give files. There is no ``region``.
+    threads
+        None means every allowed core. While a tile is fitted, one more thread reads the next.
+    progress
+        True: a bar on stderr; or a callable ``(done, total)`` in tiles.
+    **fit
+        Options of :func:`impasto.learn_sbrdf`: model, pooling, lobes, ambient, coated, extraction,
+        peak, joint, index, normals, refine, residuals, relief and effort.
+
+    Returns
+    -------
+    Path
+        The store, for :func:`impasto.load_sbrdf`, which loads all of it.
+
+    Raises
+    ------
+    ArgumentError
+        A value that cannot be used, ``out`` that is something else or in use by another job, or
+        memory for less than a tile of 64 x 64 pixels.
+    ResumeMismatchError
+        There is a job of this name with other photographs or options; the differences are named.
+    CorruptInputError
+        A damaged photograph, or a damaged file of the job that is resumed.
+    MissingExtraError
+        zarr is not installed.
+    """
+    target = checked_target(out)
+    need_zarr()
+    budget = bytes_of(memory)
+    thread_count(threads)
+    options = checked_reading(reading)
+    chosen = checked_fit(fit, 1 if sample is None else checked_stride(sample))
+    tile = None if tile is None else checked_tile(tile)
+    partial = partial_of(target)
+    earlier = earlier_record(target, partial, resume=truth(resume, "resume"))
+    photographs = open_photographs(
+        source, options, budget // 2, None if earlier is None else earlier.curve
+    )
+    if earlier is not None:
+        tile = earlier.tile if tile is None else tile
+        sample = earlier.sample if sample is None else sample
+    if tile is None:
+        tile = tile_for(budget // 2, photographs.pixel, photographs.source_grid)
+    if sample is None:
+        sample = 1
+        if not fit.get("relief"):
+            sample = stride_for(budget // 2, photographs.pixel, photographs.size)
+    path = None if isinstance(source, Stack) else plain(Path(source), "source")
+    curve = photographs.encoding
+    record = JobRecord(
+        version=_core.build_info()["version"],
+        source=path,
+        reading={name: plain(_as_path(name, value), name) for name, value in options.items()},
+        encoding=(curve.curve, float(curve.white)),
+        inputs=photographs.inputs(),
+        fit=chosen,
+        shape=photographs.shape,
+        tile=tile,
+        sample=sample,
+    )
+    return carry_out(record, photographs, target, earlier, threads=threads, progress=progress)
+
+
+def carry_out(
+    record: JobRecord,
+    photographs: Photographs,
+    target: Path,
+    earlier: JobRecord | None,
+    *,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> Path:
+    """Bring a job to its end, from wherever it is; see :func:`run`."""
+    if earlier is not None:
+        refuse_differences(earlier, record, target)
+    if target.exists():
+        return target
+    partial = partial_of(target)
+    notes = partial / NOTES
+    notes.mkdir(parents=True, exist_ok=True)
+    with locked(notes):
+        if target.exists():
+            raise ArgumentError(f"out: {target} has just been made by another job")
+        clear(partial)
+        if (notes / RECORD).exists():
+            refuse_differences(JobRecord.read(notes / RECORD), record, target)
+        else:
+            atomic_bytes(notes / RECORD, record.to_bytes())
+            sync_folder(partial)
+            sync_folder(partial.parent)
+        model = learned_model(
+            photographs,
+            record.fit,
+            record.sample,
+            max(record.tile, record.sample),
+            notes / LEARNED,
+            threads=threads,
+            progress=progress,
+        )
+        grid = record.grid
+        with (
+            Journal(notes / JOURNAL, entries_of(partial, grid)) as journal,
+            reporting(progress, "tiles") as callback,
+        ):
+            done = journal.entries.tiles
+
+            def report(count: int) -> None:
+                if callback is not None:
+                    callback(count, len(grid))
+
+            report(len(done))
+            fit_tiles(
+                photographs,
+                model,
+                grid,
+                [tile for tile in grid if tile not in done],
+                TileWriter(partial, notes, grid),
+                journal,
+                notes / PACE,
+                threads=threads,
+                report=report,
+            )
+            entries = journal.entries
+        finish(partial, grid, entries)
+        partial.rename(target)
+        sync_folder(target.parent)
+    return target
+
+
+def _as_path(name: str, value: Any) -> Any:
+    """Texts that name files, as paths: a job may go on in another folder."""
+    named = name in {"lights", "images", "mask", "white", "dark", "intensities"}
+    return Path(value) if named and isinstance(value, str) else value
