@@ -40,7 +40,7 @@ from impasto.height import cast_shadows, integrate_normals, sky_visibility
 from impasto.highlights import reconstruct_highlights
 from impasto.image import Image
 from impasto.io import read_spectra, read_stack
-from impasto.jobs.run import run
+from impasto.jobs.job import run
 from impasto.level import Level, find_level
 from impasto.plan import Plan, Verification, plan
 from impasto.refinement import RigRefinement

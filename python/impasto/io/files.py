@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
 from impasto._internal.regular import check_regular
 from impasto._internal.waiting import wait_for
 from impasto.errors import ArgumentError
+
+FLUSHED = 8
+"""Files whose data are on their way to the disk at a time."""
 
 
 @contextmanager
@@ -44,16 +48,53 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         os.umask(mask)
         temporary.chmod(0o666 & ~mask)
         temporary.replace(path)
-    except BaseException:
+    except BaseException as error:
         temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.errno and error.filename in {None, name}:
+            # A full disk names no file at all.
+            raise OSError(error.errno, error.strerror, str(path)) from error
         raise
-    sync_folder(path.parent)
+    with as_problem_of(path):
+        sync_folder(path.parent)
 
 
 def atomic_bytes(path: str | Path, data: bytes) -> None:
     """Write ``data`` atomically: readers see the old file or the complete new one."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
+
+
+def atomic_together(files: Mapping[Path, bytes]) -> None:
+    """Write files in folders that nobody else writes to; each appears complete or not at all.
+
+    The data of all reach the disk before any name does. Disks flush many files in little more time
+    than one.
+    """
+    temporary = {path: path.with_name(f".{path.name}.tmp") for path in files}
+    with ThreadPoolExecutor(FLUSHED, "impasto-flush") as pool:
+
+        def write(path: Path) -> None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with as_problem_of(path), temporary[path].open("wb") as file:
+                file.write(files[path])
+                file.flush()
+                os.fsync(file.fileno())
+
+        def sync(folder: Path) -> None:
+            with as_problem_of(folder):
+                sync_folder(folder)
+
+        try:
+            list(pool.map(write, files))
+            for path in files:
+                with as_problem_of(path):
+                    temporary[path].replace(path)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            for path in temporary.values():
+                path.unlink(missing_ok=True)
+            raise
+        list(pool.map(sync, sorted({path.parent for path in files})))
 
 
 def sync_folder(path: Path) -> None:

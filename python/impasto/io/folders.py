@@ -19,7 +19,7 @@ PARTIAL = ".partial"
 def new_folder(path: Path) -> Iterator[Path]:
     """A folder beside ``path`` that replaces it if the block ends without an error.
 
-    All files in it must have been written by :func:`write_synced`. An older folder of that name
+    All files in it must have been written by :func:`atomic_together`. An older folder of that name
     stays until the new one is whole on the disk; it is then moved aside, and removed when the new
     one has its name. After an error the new one is gone and the older untouched.
     """
@@ -52,15 +52,6 @@ def put_in_place(folder: Path, path: Path) -> None:
     sync_folder(path.parent)
     if older is not None:
         shutil.rmtree(older, ignore_errors=True)
-
-
-def write_synced(path: Path, data: bytes) -> None:
-    """Write a new file in a folder that is still private; its data reach the disk."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with as_problem_of(path), path.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def sync_folders(folder: Path) -> None:

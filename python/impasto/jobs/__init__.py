@@ -1,5 +1,7 @@
 """Fits of any size: tile by tile, in a given memory, resumable after anything."""
 
-from impasto.jobs.run import run
+from impasto.jobs.inspection import Finding, JobStatus, status, verify
+from impasto.jobs.job import run
+from impasto.jobs.repeat import rerun, resume
 
-__all__ = ["run"]
+__all__ = ["Finding", "JobStatus", "rerun", "resume", "run", "status", "verify"]

@@ -8,7 +8,7 @@ from logging import getLogger
 from pathlib import Path
 
 from impasto.errors import ArgumentError, CorruptInputError, ResumeMismatchError
-from impasto.io.files import atomic_bytes
+from impasto.io.files import as_problem_of, atomic_bytes, atomic_together
 from impasto.io.folders import PARTIAL, sync_folders
 from impasto.io.npz import read_npz
 from impasto.io.results.zarr_arrays import METADATA
@@ -148,12 +148,11 @@ def finish(partial: Path, grid: Grid, entries: Entries) -> None:
     files |= {array.metadata_path: array.metadata for array in maps}
     described = sorted([*stored, *maps], key=lambda array: array.name)
     files[METADATA] = group_metadata(numbers, described)
-    for name, data in files.items():
-        (partial / name).parent.mkdir(parents=True, exist_ok=True)
-        atomic_bytes(partial / name, data)
+    atomic_together({partial / name: data for name, data in files.items()})
     own = [f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS)]
     entries.files = {name: checksum(partial / name) for name in sorted([*files, *own])}
     atomic_bytes(notes / JOURNAL, entries.to_bytes(grid))
     for name in (PACE, LOCK):
         (notes / name).unlink(missing_ok=True)
-    sync_folders(partial)
+    with as_problem_of(partial):
+        sync_folders(partial)

@@ -118,7 +118,7 @@ class Journal:
                 self._file.truncate(entries.length)
                 if not entries.length:
                     self._append(_line({"job": entries.job, "learned": entries.learned}))
-            sync_folder(path.parent)
+                sync_folder(path.parent)
         except BaseException:
             self._file.close()
             raise
@@ -150,8 +150,13 @@ class Journal:
         wait_for(os.fsync, self._file.fileno())
 
 
+def crc_of(data: bytes) -> str:
+    """CRC-32 in eight hexadecimal digits."""
+    return f"{zlib.crc32(data):08x}"
+
+
 def checksum(path: Path) -> str:
-    """CRC-32 of a file in eight hexadecimal digits."""
+    """The same of a file."""
     found = 0
     with path.open("rb") as file:
         while data := file.read(CHUNK):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -17,11 +16,11 @@ from numpy.typing import NDArray
 from impasto.fit.learning import LearnedModel
 from impasto.fit.result import Sbrdf
 from impasto.fit.saved import maps_of
-from impasto.io.files import as_problem_of, atomic_bytes
+from impasto.io.files import as_problem_of, atomic_together
 from impasto.io.npz import read_npz, write_npz
 from impasto.io.results.zarr_arrays import ZarrArray
 from impasto.jobs.grid import Grid, Tile
-from impasto.jobs.journal import Journal, TileEntry
+from impasto.jobs.journal import Journal, TileEntry, crc_of
 from impasto.jobs.photographs import Photographs
 from impasto.rig import Rig
 from impasto.stack import Stack
@@ -61,16 +60,12 @@ class TileWriter:
         maps, numbers = split_result(result)
         estimated = int(result.estimated.sum())
         self._keep(maps, numbers, known=estimated > 0)
-        shards = {}
+        files = {}
         for name, plane in sorted(maps.items()):
             array = self._array(name, plane)
-            data = array.encoded(plane, *tile)
-            path = self._folder / array.path(*tile)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with as_problem_of(path):
-                atomic_bytes(path, data)
-            shards[array.path(*tile)] = f"{zlib.crc32(data):08x}"
-        return TileEntry(estimated, shards)
+            files[array.path(*tile)] = array.encoded(plane, *tile)
+        atomic_together({self._folder / name: data for name, data in files.items()})
+        return TileEntry(estimated, {name: crc_of(data) for name, data in files.items()})
 
     def _keep(
         self, maps: Mapping[str, NDArray[Any]], numbers: Mapping[str, NDArray[Any]], *, known: bool

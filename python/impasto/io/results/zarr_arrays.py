@@ -9,9 +9,10 @@ where and how safely.
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +114,10 @@ class ZarrArray:
                 yield self.path(row, column), (row, column)
 
     @property
+    def _encoder(self) -> _Encoder:
+        return _encoder(self.shape, self.dtype, self.tile)
+
+    @property
     def metadata_path(self) -> str:
         """The file that describes the array."""
         return f"{self.name}/{METADATA}"
@@ -120,15 +125,13 @@ class ZarrArray:
     @property
     def metadata(self) -> bytes:
         """What is in that file."""
-        files, _ = self._memory
-        return bytes(files[self.metadata_path].to_bytes())
+        return bytes(self._encoder.files[f"array/{METADATA}"].to_bytes())
 
     def encoded(self, part: NDArray[Any], row: int = 0, column: int = 0) -> bytes:
         """The file of a tile, or of the only chunk, that holds these numbers."""
-        files, array = self._memory
         where = ... if self.tile is None else (..., *self.window(row, column))
-        array[where] = part
-        return bytes(files.pop(self.path(row, column)).to_bytes())
+        place = self.path(row, column).removeprefix(self.name)
+        return self._encoder.written(f"array{place}", where, part)
 
     def files(self, values: NDArray[Any]) -> Iterator[tuple[str, bytes]]:
         """Every file of the array with its bytes."""
@@ -157,34 +160,59 @@ class ZarrArray:
         lost = (places == ABSENT) | (lengths == ABSENT) | (places > size) | (lengths > size)
         return int(np.count_nonzero(lost))
 
-    @cached_property
-    def _memory(self) -> tuple[dict[str, Any], Any]:
-        """Files by path, and the array that writes them."""
-        need_zarr()
-        import zarr
-        from zarr.codecs import Crc32cCodec
-        from zarr.storage import MemoryStore
 
-        chunks: tuple[int, ...] = tuple(max(1, size) for size in self.shape)
-        shards = None
-        if self.tile is not None:
-            leading, inner = self.shape[:-2], inner_of(self.tile)
-            chunks, shards = (*leading, inner, inner), (*leading, self.tile, self.tile)
-        files: dict[str, Any] = {}
-        array = zarr.create_array(
-            MemoryStore(files),
-            name=self.name,
-            shape=self.shape,
-            dtype=self.dtype,
-            chunks=chunks,
-            shards=shards,
-            filters=None,
-            compressors=Crc32cCodec(),
-            fill_value=fill_of(self.dtype),
-            zarr_format=3,
-            config={"write_empty_chunks": True},
-        )
-        return files, array
+@dataclass(frozen=True)
+class _Encoder:
+    """An array in memory that makes the files of all arrays of its shape and type.
+
+    Attributes
+    ----------
+    files
+        What zarr has written, by name.
+    array
+        The array of zarr, called ``array``.
+    lock
+        One thread at a time.
+    """
+
+    files: dict[str, Any]
+    array: Any
+    lock: threading.Lock
+
+    def written(self, name: str, where: Any, part: NDArray[Any]) -> bytes:
+        """The file that an assignment makes."""
+        with self.lock:
+            self.array[where] = part
+            return bytes(self.files.pop(name).to_bytes())
+
+
+@lru_cache(maxsize=64)
+def _encoder(shape: tuple[int, ...], dtype: np.dtype[Any], tile: int | None) -> _Encoder:
+    need_zarr()
+    import zarr
+    from zarr.codecs import Crc32cCodec
+    from zarr.storage import MemoryStore
+
+    chunks: tuple[int, ...] = tuple(max(1, size) for size in shape)
+    shards = None
+    if tile is not None:
+        leading, inner = shape[:-2], inner_of(tile)
+        chunks, shards = (*leading, inner, inner), (*leading, tile, tile)
+    files: dict[str, Any] = {}
+    array = zarr.create_array(
+        MemoryStore(files),
+        name="array",
+        shape=shape,
+        dtype=dtype,
+        chunks=chunks,
+        shards=shards,
+        filters=None,
+        compressors=Crc32cCodec(),
+        fill_value=fill_of(dtype),
+        zarr_format=3,
+        config={"write_empty_chunks": True},
+    )
+    return _Encoder(files, array, threading.Lock())
 
 
 def snapped(size: int) -> int:

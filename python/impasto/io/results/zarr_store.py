@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.folders import new_folder, write_synced
+from impasto.io.files import atomic_together
+from impasto.io.folders import new_folder
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr, snapped
 
 FORMAT = 1
@@ -51,9 +52,9 @@ class ZarrStore:
         stored = zarr_arrays(arrays, size, tile)
         with new_folder(path) as folder:
             for array in stored:
-                for name, data in array.files(np.asarray(arrays[array.name])):
-                    write_synced(folder / name, data)
-            write_synced(folder / METADATA, group_metadata(arrays, stored))
+                files = dict(array.files(np.asarray(arrays[array.name])))
+                atomic_together({folder / name: data for name, data in files.items()})
+            atomic_together({folder / METADATA: group_metadata(arrays, stored)})
 
     def read(self, path: Path) -> Mapping[str, NDArray[Any]]:
         """See :class:`~impasto.io.results.MapStore`.

@@ -11,7 +11,7 @@ from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
 from impasto.errors import ArgumentError
-from impasto.io.files import atomic_bytes, sync_folder
+from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
 from impasto.io.results.zarr_arrays import need_zarr
 from impasto.jobs.folder import (
     NOTES,
@@ -173,8 +173,9 @@ def carry_out(
             refuse_differences(JobRecord.read(notes / RECORD), record, target)
         else:
             atomic_bytes(notes / RECORD, record.to_bytes())
-            sync_folder(partial)
-            sync_folder(partial.parent)
+            with as_problem_of(partial):
+                sync_folder(partial)
+                sync_folder(partial.parent)
         model = learned_model(
             photographs,
             record.fit,
@@ -209,8 +210,9 @@ def carry_out(
             )
             entries = journal.entries
         finish(partial, grid, entries)
-        partial.rename(target)
-        sync_folder(target.parent)
+        with as_problem_of(target):
+            partial.rename(target)
+            sync_folder(target.parent)
     return target
 
 

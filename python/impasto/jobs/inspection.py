@@ -1,0 +1,267 @@
+"""What a job has done, how fast it is, and whether its files are as it wrote them."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.results.zarr_arrays import ZarrArray
+from impasto.io.results.zarr_store import contents
+from impasto.jobs.folder import NOTES, RECORD, partial_of
+from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
+from impasto.jobs.learning import LEARNED, digest_of
+from impasto.jobs.lock import LOCK, holder
+from impasto.jobs.record import JobRecord
+from impasto.jobs.tiles import NUMBERS, PACE
+from impasto.report import file_entry
+
+RECENT = 20
+"""Last tiles from which the pace of a job is taken."""
+
+
+@dataclass(frozen=True)
+class JobStatus:
+    """How far a job is.
+
+    Attributes
+    ----------
+    folder
+        The store, or while tiles are missing the folder that becomes it.
+    state
+        ``"running"``; ``"interrupted"``: no process works on it, it can be resumed;
+        ``"finished"``.
+    process
+        The process that works on it.
+    tiles_done, tiles
+        Tiles on the disk, and all.
+    pixels_done, pixels
+        The same in pixels.
+    pixels_per_second
+        Of the last tiles; None where none is known.
+    seconds_left
+        For the other pixels at this pace; None where it is not known, 0 of a finished job.
+    """
+
+    folder: Path
+    state: Literal["running", "interrupted", "finished"]
+    process: int | None
+    tiles_done: int
+    tiles: int
+    pixels_done: int
+    pixels: int
+    pixels_per_second: float | None
+    seconds_left: float | None
+
+
+def status(out: str | os.PathLike[str]) -> JobStatus:
+    """How far a job is, from its files alone; it is not disturbed.
+
+    Parameters
+    ----------
+    out
+        The ``out`` of :func:`impasto.run`.
+
+    Raises
+    ------
+    ArgumentError
+        There is no job of that name.
+    CorruptInputError
+        A damaged record or journal.
+    """
+    folder, whole = folder_of(out)
+    notes = folder / NOTES
+    grid = JobRecord.read(notes / RECORD).grid
+    entries = _entries(notes)
+    pixels = grid.rows * grid.columns
+    done = 0 if entries is None else sum(map(grid.pixels, entries.tiles))
+    process = None if whole else holder(notes)
+    pace = None if whole else _pace(notes / PACE)
+    left = None if pace is None else (pixels - done) / pace
+    return JobStatus(
+        folder,
+        "finished" if whole else "interrupted" if process is None else "running",
+        process,
+        0 if entries is None else len(entries.tiles),
+        len(grid),
+        done,
+        pixels,
+        pace,
+        0.0 if whole else left,
+    )
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A file that is not as a job wrote or read it.
+
+    Attributes
+    ----------
+    file
+        Its path.
+    problem
+        What is wrong.
+    """
+
+    file: str
+    problem: str
+
+    def __str__(self) -> str:
+        return f"{self.file}: {self.problem}"
+
+
+def verify(out: str | os.PathLike[str], *, inputs: bool = True) -> tuple[Finding, ...]:
+    """Compare every file of a job with its journal, and the photographs with its record.
+
+    Parameters
+    ----------
+    out
+        The ``out`` of :func:`impasto.run`, finished or not.
+    inputs
+        Whether to read the photographs, too. A stack in memory is not compared.
+
+    Returns
+    -------
+    tuple
+        A :class:`Finding` for every file that has changed, is missing, or does not belong to the
+        store; empty if all is well. A tile that is not done yet is none.
+
+    Raises
+    ------
+    ArgumentError
+        There is no job of that name.
+    """
+    folder, whole = folder_of(out)
+    return tuple(sorted(set(_findings(folder, whole, inputs)), key=str))
+
+
+def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
+    """The folder of a job, and whether it is finished.
+
+    Raises
+    ------
+    ArgumentError
+        There is no job of that name.
+    """
+    target = Path(out)
+    for folder, whole in ((target, True), (partial_of(target), False)):
+        if (folder / NOTES / RECORD).exists():
+            return folder, whole
+    raise ArgumentError(
+        f"out: {target} is no job: expected the name that impasto.run or impasto job run was given"
+    )
+
+
+def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
+    notes = folder / NOTES
+    try:
+        record = JobRecord.read(notes / RECORD)
+    except CorruptInputError as error:
+        yield Finding(str(error.path), error.problem)
+        return
+    if inputs and record.source is not None:
+        yield from _changed_inputs(record)
+    try:
+        entries = _entries(notes)
+    except CorruptInputError as error:
+        yield Finding(str(error.path), error.problem)
+        return
+    if entries is None:
+        if whole:
+            yield Finding(str(notes / JOURNAL), "is missing")
+        return
+    yield from _foreign(notes, entries)
+    known: dict[str, str] = dict(entries.files or {})
+    for entry in entries.tiles.values():
+        known |= entry.shards
+    for name, crc in known.items():
+        path = folder / name
+        if not path.is_file():
+            yield Finding(str(path), "is missing")
+        elif (found := checksum(path)) != crc:
+            yield Finding(str(path), f"has changed: its checksum is {found}, in the journal {crc}")
+    if not whole:
+        return
+    yield from _lacking(folder, record, entries, known)
+    own = {*known, f"{NOTES}/{JOURNAL}"}
+    for path in folder.rglob("*"):
+        name = path.relative_to(folder).as_posix()
+        if not path.is_dir() and name not in own:
+            yield Finding(str(path), "does not belong to the store")
+
+
+def _lacking(
+    folder: Path, record: JobRecord, entries: Entries, known: dict[str, str]
+) -> Iterator[Finding]:
+    """What the journal of a finished job does not have."""
+    journal = str(folder / NOTES / JOURNAL)
+    for tile in record.grid:
+        if tile not in entries.tiles:
+            yield Finding(journal, f"has no tile {tile[0]}, {tile[1]}")
+    try:
+        _, arrays = contents(folder)
+    except CorruptInputError as error:
+        yield Finding(str(error.path), error.problem)
+        return
+    for name in _all_files(arrays):
+        if name not in known:
+            yield Finding(journal, f"has no checksum of {name}")
+
+
+def _all_files(arrays: list[ZarrArray]) -> Iterator[str]:
+    for array in arrays:
+        yield array.metadata_path
+        yield from (name for name, _ in array.paths())
+    yield from (f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS))
+
+
+def _foreign(notes: Path, entries: Entries) -> Iterator[Finding]:
+    """Record and learned model that are not those of the journal."""
+    for name, digest in ((RECORD, entries.job), (LEARNED, entries.learned)):
+        path = notes / name
+        if not path.is_file():
+            yield Finding(str(path), "is missing")
+        elif digest_of(path) != digest:
+            yield Finding(str(path), f"is not what {JOURNAL} beside it belongs to")
+
+
+def _changed_inputs(record: JobRecord) -> Iterator[Finding]:
+    for entry in record.inputs:
+        path = Path(entry["file"])
+        if not path.is_file():
+            yield Finding(str(path), "is missing: a photograph or another input of the job")
+        elif file_entry(path)["sha256"] != entry["sha256"]:
+            yield Finding(str(path), "has changed since the job read it")
+
+
+def _entries(notes: Path) -> Entries | None:
+    """The journal; None where no tile can have been written."""
+    try:
+        return read_journal(notes / JOURNAL)
+    except FileNotFoundError:
+        return None
+    except CorruptInputError:
+        if (notes / LOCK).exists() and b"\n" not in (notes / JOURNAL).read_bytes():
+            return None  # killed while it was begun
+        raise
+
+
+def _pace(path: Path) -> float | None:
+    """Pixels per second of the last tiles."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()[-RECENT:]
+    except OSError:
+        return None
+    pixels = seconds = 0.0
+    for line in lines:
+        try:
+            entry = json.loads(line)
+            pixels += entry["pixels"]
+            seconds += entry["seconds"]
+        except (ValueError, KeyError, TypeError):
+            continue  # being written
+    return pixels / seconds if seconds > 0 else None

@@ -1,0 +1,144 @@
+"""Jobs that are known from their records: to be resumed, or made once more."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from impasto import _core
+from impasto._internal.calls import ProgressCallback
+from impasto.errors import ArgumentError
+from impasto.io.results.zarr_arrays import need_zarr
+from impasto.jobs.folder import NOTES, RECORD, checked_target, partial_of
+from impasto.jobs.grid import bytes_of
+from impasto.jobs.inspection import folder_of
+from impasto.jobs.job import carry_out
+from impasto.jobs.photographs import open_photographs
+from impasto.jobs.record import JobRecord
+from impasto.stack import Stack
+
+
+def resume(
+    out: str | os.PathLike[str],
+    *,
+    source: Stack | None = None,
+    memory: str | int = "4GiB",
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> Path:
+    """Go on with a job that was interrupted; nothing else need be known of it.
+
+    Parameters
+    ----------
+    out
+        The ``out`` of :func:`impasto.run`.
+    source
+        The stack, if the job is one of a stack in memory.
+    memory, threads, progress
+        As in :func:`impasto.run`; the tiles keep their size.
+
+    Returns
+    -------
+    Path
+        The store; at once if the job is finished.
+
+    Raises
+    ------
+    ArgumentError
+        There is no job of that name, or it is running; a stack is needed or one too many.
+    ResumeMismatchError
+        The photographs have changed, or this is another version of impasto.
+    CorruptInputError
+        A damaged photograph, or a damaged file of the job.
+    """
+    folder, _ = folder_of(out)
+    record = JobRecord.read(folder / NOTES / RECORD)
+    return _repeated(record, source, checked_target(out), memory, threads, progress)
+
+
+def rerun(
+    out: str | os.PathLike[str],
+    into: str | os.PathLike[str],
+    *,
+    source: Stack | None = None,
+    memory: str | int = "4GiB",
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> tuple[str, ...]:
+    """Make a finished store once more from its photographs, and compare the two byte by byte.
+
+    Parameters
+    ----------
+    out
+        The finished store.
+    into
+        The new one, which does not exist yet.
+    source, memory, threads, progress
+        As in :func:`resume`.
+
+    Returns
+    -------
+    tuple
+        The files that differ, or that only one of the two has; empty: the same bytes.
+
+    Raises
+    ------
+    ArgumentError
+        ``out`` is no finished job, or ``into`` exists.
+    ResumeMismatchError
+        The photographs have changed, or this is another version of impasto.
+    """
+    folder, whole = folder_of(out)
+    target = checked_target(into)
+    if not whole:
+        raise ArgumentError(f"out: {out} is not finished: resume it first")
+    if target.exists() or partial_of(target).exists():
+        raise ArgumentError(f"into: {target} exists already; give another name")
+    record = JobRecord.read(folder / NOTES / RECORD)
+    made = _repeated(record, source, target, memory, threads, progress)
+    names = {
+        path.relative_to(store).as_posix()
+        for store in (folder, made)
+        for path in store.rglob("*")
+        if not path.is_dir()
+    }
+    return tuple(sorted(name for name in names if _differ(folder / name, made / name)))
+
+
+def _repeated(
+    record: JobRecord,
+    source: Stack | None,
+    target: Path,
+    memory: str | int,
+    threads: int | None,
+    progress: bool | ProgressCallback,
+) -> Path:
+    """The job of a record, with the photographs as they are now."""
+    need_zarr()
+    if record.source is None and source is None:
+        raise ArgumentError(
+            "source: this job is one of a stack in memory, which its folder does not hold; give "
+            "the stack"
+        )
+    if record.source is not None and source is not None:
+        raise ArgumentError(f"source: this job reads {record.source}; leave source out")
+    photographs = open_photographs(
+        record.source if source is None else source,
+        record.reading,
+        bytes_of(memory) // 2,
+        record.curve,
+    )
+    curve = photographs.encoding
+    found = replace(
+        record,
+        version=_core.build_info()["version"],
+        encoding=(curve.curve, float(curve.white)),
+        inputs=photographs.inputs(),
+        shape=photographs.shape,
+    )
+    return carry_out(found, photographs, target, record, threads=threads, progress=progress)
+
+
+def _differ(one: Path, two: Path) -> bool:
+    return not (one.is_file() and two.is_file() and one.read_bytes() == two.read_bytes())

@@ -1,0 +1,413 @@
+"""Jobs: tile by tile, interrupted by anything, the result is that of the fit of the whole."""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import impasto
+from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
+from impasto.io import write_lights, write_tiff16
+from impasto.jobs.grid import Footprint, Grid, bytes_of, stride_for, tile_for
+from killed_jobs import OPTIONS, stack, tree
+from processes import run as run_program
+
+pytest.importorskip("fcntl", reason="jobs need POSIX")
+zarr = pytest.importorskip("zarr")
+
+PIXEL: dict[str, Any] = {"pooling": "pixel", "effort": "draft", "lobes": 1}
+
+
+def photographs(folder: Path, size: tuple[int, int] = (70, 90)) -> Path:
+    """A light file beside 16-bit TIFFs with a mask, of which the last tile has nothing."""
+    taken = stack(size)
+    names = [f"light{index}.tif" for index in range(len(taken.rig))]
+    for name, codes in zip(names, taken.samples, strict=True):
+        write_tiff16(folder / name, codes << 4)
+    write_lights(folder / "dirs.lp", taken.rig, names)
+    mask = np.full((3, *size), 255, np.uint8)
+    mask[:, 60:, 60:] = 0
+    from impasto.io import write_png8
+
+    write_png8(folder / "mask.png", np.moveaxis(mask, 0, -1))
+    return folder / "dirs.lp"
+
+
+def same(one: impasto.Sbrdf, two: impasto.Sbrdf) -> None:
+    """Every number of two results, bit for bit."""
+    assert type(one) is type(two)
+    first, second = one._saved(), two._saved()
+    assert first.keys() == second.keys()
+    for name, array in first.items():
+        assert array.dtype == second[name].dtype, name
+        assert array.shape == second[name].shape, name
+        assert array.tobytes() == second[name].tobytes(), name
+
+
+@pytest.fixture(scope="module")
+def whole() -> impasto.Sbrdf:
+    return impasto.fit_sbrdf(stack(), **PIXEL)
+
+
+@pytest.mark.parametrize(("tile", "threads"), [(64, 1), (64, 2), (100, 1), (100, 2), (33, 2)])
+def test_a_job_is_the_fit_of_the_whole(
+    tile: int, threads: int, whole: impasto.Sbrdf, tmp_path: Path
+) -> None:
+    seen: list[tuple[int, int]] = []
+    out = impasto.run(
+        stack(),
+        tmp_path / "painting.impasto.zarr",
+        tile=tile,
+        threads=threads,
+        progress=lambda done, total: seen.append((done, total)),
+        **PIXEL,
+    )
+    same(impasto.load_sbrdf(out), whole)
+    count = len(Grid(70, 90, tile))
+    assert seen == [(done, count) for done in range(count + 1)]
+    assert jobs.verify(out) == ()
+    found = zarr.open_group(out, mode="r")
+    assert {name for name, _ in found.arrays()} >= {"normal", "diffuse", "specular", "status"}
+    assert found["normal"].shards == (3, tile, tile)
+
+
+def test_the_bytes_of_a_store_do_not_depend_on_threads(tmp_path: Path) -> None:
+    one = impasto.run(stack(), tmp_path / "one.zarr", threads=1, **OPTIONS)
+    two = impasto.run(stack(), tmp_path / "two.zarr", threads=2, **OPTIONS)
+    assert tree(one) == tree(two)
+    # A finished job has nothing to do.
+    assert impasto.run(stack(), tmp_path / "two.zarr", **OPTIONS) == two
+
+
+@pytest.mark.parametrize("fit", ["painting", "none", "lafortune"])
+def test_every_fit_can_be_a_job(fit: str, tmp_path: Path) -> None:
+    """What is no map is that of the whole, also where the first tile has no pixel."""
+    mask = np.ones((70, 90), bool)
+    mask[:64, :64] = False
+    taken = stack()._replace(mask=mask)
+    options: dict[str, Any] = {"pooling": fit}
+    if fit == "lafortune":
+        options = {"model": "lafortune", "lobes": 1, "effort": "draft"}
+    out = impasto.run(taken, tmp_path / "painting.zarr", tile=64, **options)
+    same(impasto.load_sbrdf(out), impasto.fit_sbrdf(taken, **options))
+
+
+@pytest.mark.parametrize("memory", ["1GiB", "1MB"])
+def test_files_are_read_by_windows_where_they_do_not_fit(
+    memory: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = photographs(tmp_path)
+    reading = {"mask": "mask.png", "saturation": 65520}
+    monkeypatch.chdir(tmp_path)
+    out = impasto.run(
+        path, "painting.zarr", memory=memory, tile=32, sample=1, reading=reading, pooling="none"
+    )
+    expected = impasto.fit_sbrdf(impasto.read_stack(path, **reading), pooling="none")
+    same(impasto.load_sbrdf(out), expected)
+    record = json.loads((out / "job" / "job.json").read_text())
+    names = {Path(entry["file"]).name for entry in record["inputs"]}
+    assert names == {"dirs.lp", "mask.png", *(f"light{index}.tif" for index in range(12))}
+    assert jobs.rerun(out, tmp_path / "again.zarr", memory=memory) == ()
+
+
+def test_a_model_is_learned_from_as_many_pixels_as_fit(tmp_path: Path) -> None:
+    """Every third row and column about the middle; the apply pass still fits every pixel."""
+    path = photographs(tmp_path, (101, 112))
+    impasto.io.write_stack(tmp_path / "stack.npz", impasto.read_stack(path))
+    out = impasto.run(tmp_path / "stack.npz", tmp_path / "painting.zarr", memory="9MB", **PIXEL)
+    record = json.loads((out / "job" / "job.json").read_text())
+    assert (record["sample"], record["tile"]) == (3, 64)
+    taken = impasto.read_stack(path)
+    # As many pixels before the first as after the last: 2 and 2 of 101 rows, 0 and 0 of 112.
+    few = impasto.Stack(
+        taken.samples[..., 2::3, ::3], lights=taken.rig, saturation=taken.saturation
+    )
+    assert few.shape[2:] == (33, 38)
+    learned = impasto.learn_sbrdf(few, **PIXEL)
+    model = impasto.load_learned(out / "job" / "learned.npz")
+    assert model.extent == (101, 112)
+    assert isinstance(model.fit, type(learned.fit))
+    for name, array in learned.fit.to_arrays().items():  # type: ignore[union-attr]
+        if name != "extent":
+            assert array.tobytes() == model.fit.to_arrays()[name].tobytes(), name  # type: ignore[union-attr]
+    same(impasto.load_sbrdf(out), model.apply(taken))
+
+
+def test_a_killed_job_is_resumed_to_the_same_bytes(tmp_path: Path) -> None:
+    """Killed before the first and last flushes and renames, and between."""
+    steps = [1, 7, 60, 61, 62, 150, -120, -1]
+    program = (
+        "import sys, killed_jobs, pathlib\n"
+        "killed_jobs.at_steps(pathlib.Path(sys.argv[1]), [int(n) for n in sys.argv[2:]])"
+    )
+    found = json.loads(run_program(program, str(tmp_path), *map(str, steps)))
+    assert [one["step"] for one in found["seen"]] == steps
+    assert all(one["same"] for one in found["seen"])
+    done = [one["done"] for one in found["seen"]]
+    assert done[0] == 0
+    assert 0 < done[5] < done[-1]
+
+
+def interrupted(out: Path, after: int, **options: Any) -> None:
+    """A job that ends after some tiles, as by Ctrl-C."""
+
+    def stop(done: int, total: int) -> None:
+        if done == after:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        impasto.run(stack(), out, progress=stop, **OPTIONS | options)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("step", [3, 40, 90, 200])
+def test_a_full_disk_leaves_a_job_that_can_be_resumed(
+    step: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, steps, flush = tmp_path / "painting.zarr", itertools.count(1), os.fsync
+
+    def full(handle: int) -> None:
+        if next(steps) == step:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        flush(handle)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "fsync", full)
+        with pytest.raises(OSError, match="No space left") as error:
+            impasto.run(stack(), out, **OPTIONS)
+    assert error.value.filename is not None
+    assert not out.exists()
+    expected = impasto.run(stack(), tmp_path / "whole.zarr", **OPTIONS)
+    assert tree(impasto.run(stack(), out, **OPTIONS)) == tree(expected)
+
+
+def test_what_is_torn_or_lost_is_made_again(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    expected = tree(impasto.run(stack(), tmp_path / "whole.zarr", **OPTIONS))
+    out = tmp_path / "painting.zarr"
+    partial = tmp_path / "painting.zarr.partial"
+    interrupted(out, 3)
+    state = jobs.status(out)
+    assert (state.state, state.tiles_done, state.tiles) == ("interrupted", 3, 4)
+    assert state.pixels_done == 64 * 64 + 64 * 26 + 6 * 64
+    assert state.pixels_per_second is not None
+    assert state.seconds_left == pytest.approx(6 * 26 / state.pixels_per_second)
+    journal = partial / "job" / "journal.jsonl"
+    journal.write_bytes(journal.read_bytes() + b'{"estimated": 12, "sha')
+    shard = partial / "normal" / "c" / "0" / "0" / "1"
+    shard.write_bytes(shard.read_bytes()[:-9])
+    (partial / "normal" / "c" / "0" / "0" / ".1-abc").write_bytes(b"half")
+    assert [one.file for one in jobs.verify(out)] == [str(shard)]
+    assert tree(jobs.resume(out, source=stack())) == expected
+    assert "tile (0, 1) is fitted again" in caplog.text
+    assert jobs.status(out).state == "finished"
+
+
+def test_a_second_run_is_refused(tmp_path: Path) -> None:
+    out = tmp_path / "painting.zarr"
+    seen = []
+
+    def second(done: int, total: int) -> None:
+        if done == 2:
+            seen.append(jobs.status(out))
+            with pytest.raises(
+                ArgumentError, match=f"in use by another job, process {os.getpid()}"
+            ):
+                impasto.run(stack(), out, **OPTIONS)
+
+    impasto.run(stack(), out, progress=second, **OPTIONS)
+    assert [(one.state, one.process, one.tiles_done) for one in seen] == [
+        ("running", os.getpid(), 2)
+    ]
+    assert jobs.verify(out) == ()
+
+
+def test_a_job_goes_on_only_as_it_began(tmp_path: Path) -> None:
+    out = tmp_path / "painting.zarr"
+    interrupted(out, 1)
+    with pytest.raises(
+        ResumeMismatchError, match=r"fit\.effort\.rounds: the job has 2, this call 1"
+    ):
+        impasto.run(stack(), out, effort="draft", **OPTIONS)
+    with pytest.raises(ResumeMismatchError, match="tile: the job has 64, this call 32"):
+        impasto.run(stack(), out, **OPTIONS | {"tile": 32})
+    other = impasto.Stack(stack().samples[:, :, ::-1], lights=stack().rig)
+    with pytest.raises(ResumeMismatchError, match=r"inputs\.0\.sha256"):
+        impasto.run(other, out, **OPTIONS)
+    with pytest.raises(ArgumentError, match="give the stack"):
+        jobs.resume(out)
+    # The memory may be another, and the tile need not be said again.
+    impasto.run(stack(), out, memory="50MB", pooling="none")
+    with pytest.raises(ArgumentError, match="resume=False does not replace"):
+        impasto.run(stack(), out, resume=False, **OPTIONS)
+    with pytest.raises(ResumeMismatchError, match=r"fit\.index"):
+        impasto.run(stack(), out, index=1.6, pooling="painting", tile=64)
+
+
+def test_an_unfinished_job_can_be_begun_anew(tmp_path: Path) -> None:
+    out = tmp_path / "painting.zarr"
+    interrupted(out, 2)
+    impasto.run(stack(), out, resume=False, **OPTIONS | {"tile": 32})
+    assert json.loads((out / "job" / "job.json").read_text())["tile"] == 32
+
+
+@pytest.fixture(scope="module")
+def stores(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store of photographs in files, and one of other options."""
+    folder = tmp_path_factory.mktemp("stores")
+    path = photographs(folder)
+    for name, method in (("painting", None), ("other", "least-squares")):
+        impasto.run(path, folder / f"{name}.zarr", tile=64, pooling="none", normals=method)
+    return folder
+
+
+def flip(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 16
+    path.write_bytes(data)
+
+
+def swap(folder: Path) -> None:
+    one, two = folder / "diffuse/c/0/0/0", folder / "diffuse/c/0/0/1"
+    one.rename(folder / "x")
+    two.rename(one)
+    (folder / "x").rename(two)
+
+
+def shorten(path: Path) -> None:
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join(lines[:2] + lines[3:]))
+
+
+CHANGES: dict[str, tuple[Any, str]] = {
+    "a bit of a map": (lambda f, o: flip(f / "normal/c/0/1/0"), "normal/c/0/1/0: has changed"),
+    "a map deleted": (lambda f, o: (f / "status/c/0/1").unlink(), "status/c/0/1: is missing"),
+    "two tiles swapped": (lambda f, o: swap(f), "diffuse/c/0/0/1: has changed"),
+    "a bit of a number": (lambda f, o: flip(f / "beta/c"), "beta/c: has changed"),
+    "a bit of a description": (lambda f, o: flip(f / "normal/zarr.json"), "normal/zarr.json: has"),
+    "a bit of the group": (lambda f, o: flip(f / "zarr.json"), "zarr.json: has changed"),
+    "another journal": (
+        lambda f, o: shutil.copy(o / "job/journal.jsonl", f / "job/journal.jsonl"),
+        "job.json: is not what journal.jsonl beside it belongs to",
+    ),
+    "another record": (
+        lambda f, o: shutil.copy(o / "job/job.json", f / "job/job.json"),
+        "job.json: is not what",
+    ),
+    "a bit of the model": (lambda f, o: flip(f / "job/learned.npz"), "learned.npz: is not what"),
+    "no journal": (lambda f, o: (f / "job/journal.jsonl").unlink(), "journal.jsonl: is missing"),
+    "a line less": (lambda f, o: shorten(f / "job/journal.jsonl"), "has no tile 0, 1"),
+    "a file more": (lambda f, o: (f / "normal/c/0/0/2").touch(), "does not belong to the store"),
+    "a broken record": (
+        lambda f, o: (f / "job/job.json").write_text("{"),
+        "job.json: is no record of a job",
+    ),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_every_change_is_found(change: str, stores: Path, tmp_path: Path) -> None:
+    act, words = CHANGES[change]
+    folder = tmp_path / "painting.zarr"
+    shutil.copytree(stores / "painting.zarr", folder)
+    assert jobs.verify(folder) == ()
+    act(folder, stores / "other.zarr")
+    found = jobs.verify(folder, inputs=False)
+    assert any(words in str(one) for one in found), found
+
+
+def test_changed_photographs_are_found(tmp_path: Path) -> None:
+    path = photographs(tmp_path)
+    out = impasto.run(path, tmp_path / "painting.zarr", tile=64, pooling="none")
+    shutil.copy(tmp_path / "light2.tif", tmp_path / "light3.tif")
+    (found,) = jobs.verify(out)
+    assert str(found).endswith("light3.tif: has changed since the job read it")
+    with pytest.raises(ResumeMismatchError, match=r"inputs\.4\.sha256"):
+        jobs.rerun(out, tmp_path / "again.zarr")
+    assert jobs.verify(out, inputs=False) == ()
+    (tmp_path / "light3.tif").unlink()
+    assert "is missing" in str(jobs.verify(out)[0])
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"out": "painting.npz"}, r"out: expected a name ending in \.zarr"),
+        ({"out": "nowhere/painting.zarr"}, "does not exist"),
+        ({"memory": "much"}, "memory: expected bytes"),
+        ({"memory": "100kB"}, "memory: tiles of 64 x 64 pixels of these photographs need"),
+        ({"tile": 4}, "tile: expected a whole number from 16 on, found 4"),
+        ({"sample": 2}, "sample: expected an odd number"),
+        ({"sample": 3, "relief": True}, "relief: every other pixel"),
+        ({"pooling": "segment"}, 'pooling: "segment" cannot be learned'),
+        ({"pooling": "none", "lobes": 2}, "lobes: .*has no such option"),
+        ({"lobe": 2}, "lobe: a job has no such option; did you mean 'lobes'"),
+        ({"normals": "robst"}, "normals: expected .*did you mean 'robust'"),
+        ({"reading": {"encoding": "srgb"}}, "reading: a stack is read already"),
+        ({"reading": {"region": (0, 0, 9, 9)}}, "reading: a job has no option 'region'"),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_what_cannot_be_a_job_is_refused_at_once(
+    options: dict[str, Any], words: str, tmp_path: Path
+) -> None:
+    out = tmp_path / options.pop("out", "painting.zarr")
+    with pytest.raises(ArgumentError, match=words):
+        impasto.run(stack(), out, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_other_folders_are_left_alone(tmp_path: Path) -> None:
+    for name in ("a.zarr", "b.zarr.partial"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "precious").touch()
+        with pytest.raises(ArgumentError, match="exists and is no job of impasto"):
+            impasto.run(stack(), tmp_path / name.removesuffix(".partial"), **OPTIONS)
+        assert (tmp_path / name / "precious").exists()
+    with pytest.raises(ArgumentError, match="is no job"):
+        jobs.status(tmp_path / "a.zarr")
+
+
+def test_a_damaged_journal_is_named(tmp_path: Path) -> None:
+    out = tmp_path / "painting.zarr"
+    interrupted(out, 2)
+    journal = tmp_path / "painting.zarr.partial" / "job" / "journal.jsonl"
+    lines = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(lines[0] + b"{}\n" + lines[2])
+    with pytest.raises(CorruptInputError, match=r"journal\.jsonl: is damaged in line 2"):
+        impasto.run(stack(), out, **OPTIONS)
+
+
+def test_tiles_follow_from_the_memory() -> None:
+    pixel = Footprint(samples=192, codes=192, bands=6)  # 16 lights, 6 bands, 16 bits
+    # Three times 192, 192, and twice 120 + 6 * 4 * 23 bytes of maps: 2112 bytes a pixel.
+    assert pixel.fitted == 2112
+    side = tile_for(2**31, pixel, (1, 1))
+    assert side == 960
+    assert side**2 * pixel.fitted <= 2**31 < (side + 64) ** 2 * pixel.fitted
+    assert tile_for(2**31, pixel, (512, 512)) == 512
+    assert tile_for(2**31, pixel, (1, 8192)) == 960
+    assert tile_for(2**40, pixel, (1, 1)) == 1024
+    assert stride_for(2**31, pixel, (1000, 1000)) == 1
+    assert stride_for(2**31, pixel, (32768, 32768)) % 2 == 1
+    assert bytes_of("4GiB") == 2**32
+    assert bytes_of("1.5 MB") == 1_500_000
+    assert bytes_of(7) == 7
+
+
+def test_a_job_without_zarr_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    with pytest.raises(impasto.MissingExtraError, match=r"pip install 'impasto\[scale\]'"):
+        impasto.run(stack(), tmp_path / "painting.zarr", **OPTIONS)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,275 @@
+"""Results as Zarr stores: what was saved is loaded bit for bit, or a damaged file is named."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import impasto
+from impasto import ArgumentError, CorruptInputError
+from impasto.io.results.zarr_arrays import ZarrArray, inner_of
+from killed_jobs import stack, tree
+
+zarr = pytest.importorskip("zarr")
+
+FITS: dict[str, dict[str, Any]] = {
+    "none": {"pooling": "none"},
+    "painting": {"pooling": "painting", "residuals": True},
+    "pixel": {"pooling": "pixel", "effort": "draft"},
+    "segment": {"pooling": "segment", "segments": np.arange(70 * 90).reshape(70, 90) // 3200},
+    "lafortune": {"model": "lafortune", "lobes": 1, "effort": "draft"},
+}
+
+
+@pytest.fixture(scope="module")
+def result() -> impasto.Sbrdf:
+    return impasto.fit_sbrdf(stack(), pooling="none")
+
+
+@pytest.fixture(scope="module")
+def saved(result: impasto.Sbrdf, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("saved") / "painting.impasto.zarr"
+    result.save(path)
+    return path
+
+
+@pytest.fixture
+def store(saved: Path, tmp_path: Path) -> Path:
+    """A copy to be damaged."""
+    path = tmp_path / saved.name
+    shutil.copytree(saved, path)
+    return path
+
+
+def arrays(result: Any) -> dict[str, tuple[Any, ...]]:
+    return {
+        name: (array.dtype.kind, array.shape, array.tobytes())
+        for name, array in result._saved().items()
+    }
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_a_store_holds_what_a_file_holds(fit: str, tmp_path: Path) -> None:
+    found: Any = impasto.fit_sbrdf(stack(), **FITS[fit])
+    found.save(tmp_path / "fit.npz")
+    found.save(tmp_path / "fit.zarr")
+    one = impasto.load_sbrdf(tmp_path / "fit.npz")
+    two = impasto.load_sbrdf(tmp_path / "fit.zarr")
+    assert type(one) is type(two) is type(found)
+    assert arrays(one) == arrays(two) == arrays(found)
+
+
+def test_any_zarr_reads_the_maps(result: impasto.Sbrdf, saved: Path) -> None:
+    group = zarr.open_group(saved, mode="r")
+    assert group["normal"][...].tobytes() == result.normal.tobytes()
+    assert group["status"][3, 4] == result.status[3, 4]
+    assert np.isnan(group["normal"].fill_value)
+    assert group["status"].fill_value == 255
+    assert group["normal"].shards == (3, 128, 128)
+    assert len(list(group.arrays())) == len(json.loads((saved / "zarr.json").read_text())[
+        "attributes"]["impasto"]["arrays"])  # fmt: skip
+
+
+def test_saving_twice_gives_the_same_bytes(
+    result: impasto.Sbrdf, saved: Path, tmp_path: Path
+) -> None:
+    result.save(tmp_path / "again.zarr")
+    assert tree(tmp_path / "again.zarr") == tree(saved)
+    # An older result is replaced, and nothing is left beside it.
+    replace(result, diffuse=2.0 * result.diffuse).save(tmp_path / "again.zarr")
+    assert tree(tmp_path / "again.zarr") != tree(saved)
+    result.save(tmp_path / "again.zarr")
+    assert tree(tmp_path / "again.zarr") == tree(saved)
+    assert [path.name for path in tmp_path.iterdir()] == ["again.zarr"]
+
+
+def flip(path: Path, at: int = -1) -> None:
+    data = bytearray(path.read_bytes())
+    data[at if at >= 0 else len(data) // 2] ^= 1
+    path.write_bytes(data)
+
+
+def without_a_chunk(path: Path) -> None:
+    """The shard says that it does not hold its first chunk, as writers do for empty ones."""
+    index = np.full((1, 2), 2**64 - 1, "<u8").tobytes()
+    import google_crc32c
+
+    sum_ = google_crc32c.Checksum(index).digest()[::-1]
+    path.write_bytes(path.read_bytes()[: -len(index) - 4] + index + sum_)
+
+
+def attributes(path: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    group = json.loads(path.read_text())
+    change(group["attributes"]["impasto"])
+    path.write_text(json.dumps(group))
+
+
+DAMAGE: dict[str, tuple[Callable[[Path], object], str]] = {
+    "a bit of a map": (lambda s: flip(s / "normal/c/0/0/0"), "normal: is damaged"),
+    "a bit of an index": (lambda s: flip(s / "normal/c/0/0/0", -1 + (s / "normal/c/0/0/0").stat()
+        .st_size), "normal: is damaged"),
+    "a bit of a number": (lambda s: flip(s / "beta/c", 3), "beta: is damaged"),
+    "a bit of a rig": (lambda s: flip(s / "rig.lights/c/0/0"), "rig.lights: is damaged"),
+    "a map deleted": (lambda s: (s / "sigma/c/0/0").unlink(), "sigma/c/0/0: is missing"),
+    "a number deleted": (lambda s: (s / "gamma/c").unlink(), "gamma/c: is missing"),
+    "an array deleted": (lambda s: shutil.rmtree(s / "diffuse"), "diffuse/zarr.json: is missing"),
+    "a map truncated": (
+        lambda s: (s / "diffuse/c/0/0/0").write_bytes(b"\\0" * 9),
+        "diffuse/c/0/0/0: is truncated: it lacks 1 of its chunks",
+    ),
+    "a chunk that a shard does not hold": (
+        lambda s: without_a_chunk(s / "status/c/0/0"),
+        "status/c/0/0: is truncated: it lacks 1",
+    ),
+    "a number truncated": (lambda s: (s / "beta/c").write_bytes(b""), "beta/c: is truncated"),
+    "a link": (
+        lambda s: ((s / "beta/c").unlink(), (s / "beta/c").symlink_to("/dev/zero")),
+        "beta/c: is no file",
+    ),
+    "a description": (
+        lambda s: (s / "normal/zarr.json").write_text("{"),
+        "normal: is damaged",
+    ),
+    "another size": (
+        lambda s: (s / "normal/zarr.json").write_text(
+            (s / "normal/zarr.json").read_text().replace("70", "71")
+        ),
+        r"normal: is damaged \(float32 \(3, 71, 90\)",
+    ),
+    "no description": (lambda s: (s / "zarr.json").unlink(), "is no result of impasto"),
+    "text": (
+        lambda s: attributes(s / "zarr.json", lambda own: own["text"].update(verdict="fitted")),
+        "zarr.json: is damaged: its checksum does not agree",
+    ),
+    "one array less": (
+        lambda s: attributes(s / "zarr.json", lambda own: own["arrays"].pop("beta")),
+        "its checksum does not agree",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_damage_is_found_and_named(damage: str, store: Path) -> None:
+    act, words = DAMAGE[damage]
+    act(store)
+    with pytest.raises(CorruptInputError, match=words) as error:
+        impasto.load_sbrdf(store)
+    assert str(store) in str(error.value)
+
+
+@pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
+def test_other_stores_are_refused_and_left_alone(result: impasto.Sbrdf, tmp_path: Path) -> None:
+    foreign = tmp_path / "foreign.zarr"
+    zarr.open_group(foreign, mode="w", zarr_format=3).create_array("normal", data=np.eye(3))
+    before = tree(foreign)
+    with pytest.raises(CorruptInputError, match=r"foreign\.zarr: is no result of impasto"):
+        impasto.load_sbrdf(foreign)
+    with pytest.raises(ArgumentError, match="exists and is no result of impasto"):
+        result.save(foreign)
+    assert tree(foreign) == before
+    (tmp_path / "file.zarr").write_bytes(b"PK")
+    with pytest.raises(CorruptInputError, match="is no result of impasto"):
+        impasto.load_sbrdf(tmp_path / "file.zarr")
+    with pytest.raises(FileNotFoundError, match=r"nothing\.zarr"):
+        impasto.load_sbrdf(tmp_path / "nothing.zarr")
+
+
+def test_a_store_of_another_thing_is_refused(tmp_path: Path) -> None:
+    impasto.learn_sbrdf(stack(), pooling="none").save(tmp_path / "learned.zarr")
+    with pytest.raises(CorruptInputError, match=r"holds impasto\.LearnedModel, not"):
+        impasto.load_sbrdf(tmp_path / "learned.zarr")
+    assert impasto.load_learned(tmp_path / "learned.zarr").extent == (70, 90)
+
+
+@pytest.mark.parametrize("step", [1, 5, 30, 60])
+def test_an_error_while_saving_leaves_the_older_result(
+    step: int, result: impasto.Sbrdf, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever flush fails, also one of the last: the older store is there, or the new one."""
+    before, steps, flush = tree(store), [], os.fsync
+
+    def full(handle: int) -> None:
+        steps.append(handle)
+        if len(steps) == step:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        flush(handle)
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left") as error:
+        replace(result, diffuse=2.0 * result.diffuse).save(store)
+    assert error.value.filename is not None
+    assert tree(store) == before
+    assert [path.name for path in store.parent.iterdir()] == [store.name]
+
+
+def test_a_rename_that_fails_leaves_the_older_result(
+    result: impasto.Sbrdf, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before, rename = tree(store), os.rename
+
+    def refused(source: Any, target: Any, **options: Any) -> None:
+        if str(source).endswith(".partial"):
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        rename(source, target, **options)
+
+    monkeypatch.setattr(os, "rename", refused)
+    with pytest.raises(OSError, match="Input/output"):
+        replace(result, diffuse=2.0 * result.diffuse).save(store)
+    assert tree(store) == before
+    assert [path.name for path in store.parent.iterdir()] == [store.name]
+
+
+@pytest.mark.parametrize(
+    ("tile", "inner"),
+    [(33, 33), (64, 64), (100, 100), (192, 96), (1000, 125), (1024, 128), (131, 131)],
+)
+def test_inner_chunks_divide_a_tile(tile: int, inner: int) -> None:
+    assert inner_of(tile) == inner
+
+
+@pytest.mark.parametrize("dtype", ["float16", "float32", "uint8", "uint16", "bool", "int64"])
+def test_tiles_written_alone_are_those_of_the_whole(dtype: str, tmp_path: Path) -> None:
+    """Also with tiles of several chunks, and tiles cut off by the border."""
+    values = (np.arange(2 * 300 * 410) % 1999).reshape(2, 300, 410).astype(dtype)
+    array = ZarrArray("map", values.shape, values.dtype, 256)
+    (tmp_path / "map").mkdir()
+    (tmp_path / "map" / "zarr.json").write_bytes(array.metadata)
+    for name, (row, column) in reversed(list(array.paths())):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(array.encoded(values[(..., *array.window(row, column))], row, column))
+        assert array.missing_chunks(path, row, column) == 0
+    found = zarr.open_array(tmp_path / "map", mode="r")
+    assert found.dtype == values.dtype
+    assert found[...].tobytes() == values.tobytes()
+
+
+def test_importing_impasto_does_not_load_zarr() -> None:
+    script = "import sys, impasto, impasto.jobs; print('zarr' in sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "False"
+
+
+def test_a_store_without_zarr_says_so(
+    result: impasto.Sbrdf, saved: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    words = r"a \.zarr result needs zarr, which is not installed: pip install 'impasto\[scale\]'"
+    with pytest.raises(impasto.MissingExtraError, match=words):
+        result.save(tmp_path / "painting.zarr")
+    with pytest.raises(impasto.MissingExtraError, match=words):
+        impasto.load_sbrdf(saved)
+    assert list(tmp_path.iterdir()) == []
