@@ -11,14 +11,14 @@ from cyclopts import App
 from cyclopts.exceptions import CycloptsError, MissingArgumentError
 
 from impasto._internal.printable import printable
-from impasto.cli import console
+from impasto.cli import console, job
 from impasto.cli.codes import Exit
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
 ARGUMENTS = (
     "adaptation|bands|camera|dark|data|display|encoding|environment|estimator|exposure|illuminant|"
-    "images|index|intensities|lights|lobes|mask|method|out|pattern|pitch_mm|region|repeats|"
-    "saturation|seed|size|strict|threads|tolerance|view|white"
+    "images|index|intensities|into|lights|lobes|mask|memory|method|out|pattern|pitch_mm|region|"
+    "repeats|sample|saturation|seed|size|strict|threads|tile|tolerance|view|white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``."""
 
@@ -42,6 +42,7 @@ def application() -> App:
         help="Render a fitted painting as a film. "
         "One of --raking, --turntable and --adaptation is needed.",
     )
+    app.command(job.application())
     app.command("impasto.cli.doctor:doctor", help="Check photographs before a fit.")
     app.command("impasto.cli.study:study", help="Measure what accuracy costs in time.")
     app.command("impasto.cli.info:info", help="Show what is installed, or what a result contains.")

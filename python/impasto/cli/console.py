@@ -124,17 +124,19 @@ class Stages:
             SpinnerColumn(style="dim"),
             TextColumn(f"{name:<{NAME_WIDTH}}"),
             BarColumn(40, complete_style="cyan", finished_style="cyan", pulse_style="cyan"),
+            TextColumn("[dim]{task.fields[words]}"),
         )
         # A log file only gets the final lines.
         hidden = not self._console.is_terminal
         bars = Progress(*columns, console=self._console, transient=True, disable=hidden)
         with bars as progress, self.timings.stage(name):
-            task = progress.add_task(name, total=None)
+            task = progress.add_task(name, total=None, words="")
 
             def advance(done: int, total: int) -> None:
                 progress.update(task, completed=done, total=total)
 
             stage.advance = advance
+            stage.show = lambda words: progress.update(task, words=words)
             yield stage
         seconds = self.timings.seconds[name]
         words = escape(f"{stage.note:<{NOTE_WIDTH}}")
@@ -142,8 +144,9 @@ class Stages:
 
 
 class Stage:
-    """A running stage: its progress, and a note for its final line."""
+    """A running stage: its progress, words beside the bar, and a note for its final line."""
 
     def __init__(self, note: str) -> None:
         self.note = note
         self.advance: Advance = lambda done, total: None
+        self.show: Callable[[str], None] = lambda words: None

@@ -93,10 +93,15 @@ class Reading:
         """The stack at ``path``."""
         from impasto.io import read_stack
 
+        return read_stack(path, region=self.region, **self.options())
+
+    def options(self) -> dict[str, Any]:
+        """Arguments of :func:`impasto.read_stack` but the region."""
         arguments: dict[str, Any] = asdict(self)
+        del arguments["region"]
         arguments["pitch_mm"] = arguments.pop("pitch")
         arguments["dark"] = _dark(self.dark)
-        return read_stack(path, **arguments)
+        return arguments
 
     def paths(self, stack: Path) -> list[Path]:
         """The inputs: ``stack`` and the files and folders that these options name."""

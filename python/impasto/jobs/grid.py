@@ -101,12 +101,12 @@ class Footprint:
 
     @property
     def fitted(self) -> int:
-        """Of a tile while it is fitted, written, and the next one is read.
+        """Of a tile while it is fitted, the last one is written and the next one is read.
 
-        Two tiles of samples and a copy without the border; maps and the files that are made of
-        them.
+        Two tiles of samples and a copy without the border; two of maps and the files that are made
+        of one.
         """
-        return 3 * self.samples + self.codes + 2 * self.maps
+        return 3 * self.samples + self.codes + 3 * self.maps
 
     @property
     def learned(self) -> int:

@@ -135,13 +135,11 @@ def plain(value: Any, name: str) -> Any:
 
 def _flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
     """Every number and text in nested lists and dictionaries, with its place."""
-    if isinstance(value, dict | list):
-        entries = value.items() if isinstance(value, dict) else enumerate(value)
-        yield name, f"{len(value)} entries"
-        for key, one in entries:
-            yield from _flat(one, f"{name}.{key}" if name else str(key))
-    else:
+    if not isinstance(value, dict | list):
         yield name, value
+        return
+    for key, one in value.items() if isinstance(value, dict) else enumerate(value):
+        yield from _flat(one, f"{name}.{key}" if name else str(key))
 
 
 def _shown(value: Any) -> str:

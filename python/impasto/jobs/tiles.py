@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -123,7 +123,7 @@ def fit_tiles(
     threads: int | None,
     report: Callable[[int], object],
 ) -> None:
-    """Fit the tiles in their order; while one is fitted, the next is read.
+    """Fit the tiles in their order; meanwhile the next is read and the last one written.
 
     Parameters
     ----------
@@ -136,23 +136,31 @@ def fit_tiles(
     def read(tile: Tile) -> Stack:
         return photographs.window(*grid.window(tile, model.halo))
 
-    with ThreadPoolExecutor(1, "impasto-reader") as reader:
+    def write(tile: Tile, result: Sbrdf, start: float) -> None:
+        journal.add(tile, writer.write(tile, result))
+        seconds = time.monotonic() - start
+        _add_pace(pace, {"pixels": grid.pixels(tile), "seconds": round(seconds, 6)})
+
+    # Leaving them waits for what they are at: a tile that is being written is finished.
+    with (
+        ThreadPoolExecutor(1, "impasto-reader") as reader,
+        ThreadPoolExecutor(1, "impasto-writer") as scribe,
+    ):
         ahead = reader.submit(read, tiles[0]) if tiles else None
-        try:
-            for index, tile in enumerate(tiles):
-                start = time.monotonic()
-                assert ahead is not None
-                stack = ahead.result()
-                ahead = reader.submit(read, tiles[index + 1]) if index + 1 < len(tiles) else None
-                result = fitted(model, stack, grid, tile, threads)
-                del stack
-                journal.add(tile, writer.write(tile, result))
-                seconds = time.monotonic() - start
-                _add_pace(pace, {"pixels": grid.pixels(tile), "seconds": round(seconds, 6)})
+        behind: Future[None] | None = None
+        for index, tile in enumerate(tiles):
+            assert ahead is not None
+            stack, start = ahead.result(), time.monotonic()
+            ahead = reader.submit(read, tiles[index + 1]) if index + 1 < len(tiles) else None
+            result = fitted(model, stack, grid, tile, threads)
+            del stack
+            if behind is not None:
+                behind.result()
                 report(len(journal.entries.tiles))
-        finally:
-            if ahead is not None:
-                ahead.cancel()
+            behind = scribe.submit(write, tile, result, start)
+        if behind is not None:
+            behind.result()
+            report(len(journal.entries.tiles))
 
 
 def _add_pace(path: Path, entry: Mapping[str, Any]) -> None:

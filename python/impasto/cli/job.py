@@ -1,0 +1,415 @@
+"""``impasto job``: fits of any size, tile by tile, that survive interruptions."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, CycloptsError, Parameter
+
+from impasto.cli import console
+from impasto.cli.codes import Exit
+from impasto.cli.console import Stages
+from impasto.cli.options import Flag, SomeWhole, check_threads
+from impasto.cli.photographs import Reading
+from impasto.effort import Preset
+from impasto.fit.normals import Method
+from impasto.fit.options import Model, Pooling
+from impasto.fit.pooled import Extraction
+
+MEMORY = "4GiB"
+LABEL_WIDTH = 12
+
+
+def application() -> App:
+    """The commands below ``impasto job``."""
+    app = App(name="job", help="Fit a painting of any size, tile by tile, and resume it.")
+    for name in ("run", "status", "resume", "verify", "rerun"):
+        app.command(f"impasto.cli.job:{name}")
+    return app
+
+
+def run(
+    stack: Annotated[Path, Parameter(name=["STACK"])],
+    /,
+    *,
+    out: Path,
+    memory: str = MEMORY,
+    tile: SomeWhole = None,
+    sample: SomeWhole = None,
+    resume: Annotated[bool, Parameter(negative="--no-resume")] = True,
+    reading: Reading | None = None,
+    model: Model = "torrance-sparrow",
+    pooling: Pooling = "auto",
+    lobes: SomeWhole = None,
+    ambient: Annotated[bool | None, Parameter(negative="--no-ambient")] = None,
+    coated: Annotated[bool | None, Parameter(negative="--no-coated")] = None,
+    refine: Annotated[bool | None, Parameter(negative="--no-refine")] = None,
+    residuals: Annotated[bool | None, Parameter(negative="--no-residuals")] = None,
+    relief: Annotated[bool | None, Parameter(negative="--no-relief")] = None,
+    method: Method | None = None,
+    extraction: Extraction | None = None,
+    peak: Annotated[bool | None, Parameter(negative="--no-peak")] = None,
+    joint: Annotated[bool | None, Parameter(negative="--no-joint")] = None,
+    index: float | None = None,
+    effort: Preset = "standard",
+    threads: SomeWhole = None,
+    quiet: Flag = False,
+) -> int:
+    """Fit a painting tile by tile into a Zarr store, or go on with that after an interruption.
+
+    Exit code 4: the disk is full or refuses, 130: interrupted; the job can be resumed.
+
+    Parameters
+    ----------
+    stack
+        Light file (.lp) beside its photographs, a folder of both, or an .npz.
+    out
+        The store to make: painting.impasto.zarr.
+    memory
+        For samples and maps, without the program: 500MB, 4GiB.
+    tile
+        Rows and columns of a tile; default: as the memory allows.
+    sample
+        The model of the whole painting is learned from every so many rows and columns (odd); 1:
+        from all pixels. Default: as the memory allows.
+    resume
+        Go on with a job of this name; --no-resume removes an unfinished one.
+    model
+        The lobe of the first two papers, or Lafortune lobes.
+    pooling
+        One gloss for the painting, lobes per pixel, or none; auto: whichever predicts held-out
+        photographs best.
+    lobes
+        Lobes per pixel: how many at most.
+    ambient
+        Lobes per pixel: include ambient light in the model.
+    coated
+        Diffuse light crosses a varnish.
+    refine
+        First estimate distances of camera and lamps and strengths of lamps.
+    residuals
+        Keep what the model leaves of the photographs, for new lights.
+    relief
+        Model the painting's own shadows and the light between its parts.
+    method
+        How highlights and shadows are excluded from the fit of normals.
+    extraction
+        Which samples the first estimate of the gloss uses.
+    peak
+        The first estimate uses only samples near the peak of the highlight.
+    joint
+        Fit normals, colours and gloss together to all samples.
+    index
+        Index of refraction of the varnish.
+    effort
+        Accuracy against time.
+    threads
+        Default: every core.
+    quiet
+        No progress, only errors.
+    """
+    from impasto import jobs
+
+    check_threads(threads)
+    reading = Reading() if reading is None else reading
+    reading.check()
+    if reading.region is not None:
+        raise CycloptsError(msg="--region: a job fits the whole painting; leave it out")
+    options = {
+        "model": model, "pooling": pooling, "lobes": lobes, "ambient": ambient, "coated": coated,
+        "refine": refine, "residuals": residuals, "relief": relief, "normals": method,
+        "extraction": extraction, "peak": peak, "joint": joint, "index": index, "effort": effort,
+    }  # fmt: skip
+    return _worked(
+        out,
+        quiet,
+        lambda progress: jobs.run(
+            stack,
+            out,
+            memory=memory,
+            resume=resume,
+            tile=tile,
+            sample=sample,
+            reading=reading.options(),
+            threads=threads,
+            progress=progress,
+            **options,  # type: ignore[arg-type]
+        ),
+    )
+
+
+def resume(
+    out: Annotated[Path, Parameter(name=["OUT"])],
+    /,
+    *,
+    memory: str = MEMORY,
+    threads: SomeWhole = None,
+    quiet: Flag = False,
+) -> int:
+    """Go on with a job that was interrupted.
+
+    Parameters
+    ----------
+    out
+        The --out of impasto job run.
+    memory
+        For samples and maps, without the program; tiles keep their size.
+    threads
+        Default: every core.
+    quiet
+        No progress, only errors.
+    """
+    from impasto import jobs
+
+    check_threads(threads)
+    return _worked(
+        out,
+        quiet,
+        lambda progress: jobs.resume(out, memory=memory, threads=threads, progress=progress),
+    )
+
+
+def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = False) -> int:
+    """Show how far a job is, also from another terminal while it runs.
+
+    Parameters
+    ----------
+    out
+        The --out of impasto job run.
+    json
+        Print JSON for programs.
+    """
+    from impasto import jobs
+
+    found = jobs.status(out)
+    if json:
+        console.print_json(asdict(found) | {"folder": str(found.folder)})
+        return Exit.OK
+    share = 100.0 * found.pixels_done / found.pixels
+    rows = {
+        "state": found.state if found.process is None else f"running, process {found.process}",
+        "tiles": f"{found.tiles_done} of {found.tiles}, {share:.1f} % of the pixels",
+        "folder": str(found.folder),
+    }
+    if found.pixels_per_second is not None and found.seconds_left is not None:
+        rows["pace"] = _pace_words(found.pixels_per_second)
+        rows["left"] = _time_words(found.seconds_left)
+    if found.state == "interrupted":
+        rows["resume"] = _resume_words(out)
+    page = console.stdout()
+    for name, value in rows.items():
+        page.out(f"{name:<{LABEL_WIDTH}}{value}")
+    return Exit.OK
+
+
+def verify(
+    out: Annotated[Path, Parameter(name=["OUT"])],
+    /,
+    *,
+    inputs: Annotated[bool, Parameter(negative="--no-inputs")] = True,
+) -> int:
+    """Compare every file of a job with its journal, and the photographs with its record.
+
+    Prints a line for each file that is not as it was. Exit code 3: there is one; 4: all is well so
+    far, but tiles are missing.
+
+    Parameters
+    ----------
+    out
+        The --out of impasto job run.
+    inputs
+        Read the photographs, too.
+    """
+    from impasto import jobs
+
+    findings = jobs.verify(out, inputs=inputs)
+    page = console.stdout()
+    for finding in findings:
+        page.out(str(finding))
+    if findings:
+        console.complain(f"{out}: {_files_words(len(findings))} not as written or read")
+        return Exit.CORRUPT_INPUT
+    found = jobs.status(out)
+    if found.state != "finished":
+        page.out(f"{out}: as written, {found.tiles_done} of {found.tiles} tiles")
+        return Exit.PARTIAL
+    page.out(f"{out}: all files are as written" + " and all inputs as read" * inputs)
+    return Exit.OK
+
+
+def rerun(
+    out: Annotated[Path, Parameter(name=["OUT"])],
+    /,
+    *,
+    into: Path,
+    memory: str = MEMORY,
+    threads: SomeWhole = None,
+    quiet: Flag = False,
+) -> int:
+    """Make a finished store once more from its photographs, and compare the bytes.
+
+    Prints the files that differ. Exit code 3: there is one.
+
+    Parameters
+    ----------
+    out
+        The --out of impasto job run.
+    into
+        The new store.
+    memory
+        For samples and maps, without the program.
+    threads
+        Default: every core.
+    quiet
+        No progress, only errors.
+    """
+    from impasto import jobs
+
+    check_threads(threads)
+    differ: list[str] = []
+
+    def work(progress: Callable[[int, int], object]) -> Path:
+        differ.extend(jobs.rerun(out, into, memory=memory, threads=threads, progress=progress))
+        return into
+
+    code = _worked(into, quiet, work)
+    if code != Exit.OK:
+        return code
+    page = console.stdout()
+    for name in differ:
+        page.out(name)
+    if differ:
+        console.complain(f"{into}: {_files_words(len(differ))} not those of {out}")
+        return Exit.CORRUPT_INPUT
+    page.out(f"{into}: the same bytes as {out}")
+    return Exit.OK
+
+
+def _worked(out: Path, quiet: bool, work: Callable[[Callable[[int, int], object]], Path]) -> int:
+    """Do the work of a job, show its pace, and say how to go on where it ends early."""
+    stages = Stages(quiet=quiet)
+    try:
+        with _terminated_as_interrupted(), stages.stage("tiles", "learning") as stage:
+            pace = _Pace(out)
+
+            def progress(done: int, total: int) -> None:
+                stage.advance(done, total)
+                stage.show(pace.words(done, total))
+
+            work(progress)
+            stage.note = pace.summary(out)
+    except KeyboardInterrupt:
+        console.complain("interrupted")
+        _say_how_to_resume(out)
+        return Exit.INTERRUPTED
+    except OSError as error:
+        if not _is_resumable(out) or error.errno is None:
+            raise
+        where = "" if error.filename is None else f"{error.filename}: "
+        console.complain(f"{where}{error.strerror}")
+        _say_how_to_resume(out)
+        return Exit.PARTIAL
+    return Exit.OK
+
+
+class _Pace:
+    """Pixels per second, time left and memory of a running job, in words."""
+
+    def __init__(self, out: Path) -> None:
+        self._out = out
+        self._start: tuple[float, int] | None = None
+        self._pixels = 0.0
+
+    def words(self, done: int, total: int) -> str:
+        """After a tile."""
+        from impasto import jobs
+
+        now = time.monotonic()
+        if self._start is None:
+            self._start = now, done
+            found = jobs.status(self._out)
+            self._pixels = found.pixels / found.tiles
+        seconds, tiles = now - self._start[0], done - self._start[1]
+        words = f"{done} of {total}"
+        if tiles and seconds > 0:
+            words += f", {_pace_words(tiles * self._pixels / seconds)}"
+            words += f", {_time_words((total - done) * seconds / tiles)} left"
+        return words + _memory_words()
+
+    def summary(self, out: Path) -> str:
+        """At the end."""
+        from impasto import jobs
+
+        found = jobs.status(out)
+        return f"{found.tiles} of {found.tiles}, {found.pixels / 1e6:.3g} Mpx, {out}"
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM, as of a batch system, ends a job like Ctrl-C."""
+
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        before = signal.signal(signal.SIGTERM, interrupt)
+    except ValueError:  # not the main thread
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _is_resumable(out: Path) -> bool:
+    from impasto.errors import ImpastoError
+    from impasto.jobs import status
+
+    try:
+        return status(out).state != "finished"
+    except ImpastoError:
+        return False
+
+
+def _say_how_to_resume(out: Path) -> None:
+    if _is_resumable(out):
+        console.hint(f"go on with: {_resume_words(out)}")
+
+
+def _resume_words(out: Path) -> str:
+    return f"impasto job resume {shlex.quote(str(out))}"
+
+
+def _pace_words(pixels_per_second: float) -> str:
+    if pixels_per_second < 1e5:
+        return f"{pixels_per_second / 1e3:.3g} kpx/s"
+    return f"{pixels_per_second / 1e6:.3g} Mpx/s"
+
+
+def _time_words(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _memory_words() -> str:
+    """Memory of this process where the system says."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except (OSError, ValueError, IndexError):
+        return ""
+    return f", {pages * os.sysconf('SC_PAGE_SIZE') / 2**30:.2f} GiB"
+
+
+def _files_words(count: int) -> str:
+    return "1 file is" if count == 1 else f"{count} files are"
