@@ -180,7 +180,7 @@ def at_random(folder: Path, count: int, seed: int) -> None:
             if process == 0:
                 impasto.run(stack(), out, **OPTIONS)
                 os._exit(0)
-            time.sleep(rng.uniform(0.0, 0.6 * seconds))
+            time.sleep(rng.uniform(0.0, 1.2 * seconds))
             os.kill(process, signal.SIGKILL)
             _, state = os.waitpid(process, 0)
             kills += os.WIFSIGNALED(state)

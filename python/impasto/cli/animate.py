@@ -64,7 +64,7 @@ def animate(
     Parameters
     ----------
     result
-        The --out folder of impasto fit or demo, or an sbrdf.npz.
+        The --out folder of impasto fit or demo, an sbrdf.npz, or the .zarr of impasto job run.
     out
         The film: .png (animated), or .gif or .mp4, which need the extra video; without a suffix a
         folder of pictures frame-00.png, frame-01.png ... and report.json.

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from impasto.cli import console
 from impasto.cli.options import Flag
+from impasto.io.results import result_file
 
 LABEL_WIDTH = 26
 
@@ -24,8 +25,8 @@ def info(
     Parameters
     ----------
     result
-        The --out folder of impasto fit or demo, its report.json, or an sbrdf.npz; default: the
-        installation.
+        The --out folder of impasto fit or demo, its report.json, an sbrdf.npz, or the .zarr of
+        impasto job run; default: the installation.
     json
         Print JSON for programs.
     """
@@ -48,7 +49,7 @@ def _installation() -> dict[str, Any]:
 
 
 def _result(path: Path) -> dict[str, Any]:
-    if path.suffix.lower() == ".npz":
+    if path.suffix.lower() == ".npz" or (path.is_dir() and result_file(path) == path):
         return _archive(path)
     from impasto.cli.fit import band_words
     from impasto.cli.folder import REPORT, read_report

@@ -15,7 +15,7 @@ from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.result import PerPixelSbrdf
 from impasto.fit.segments import SegmentSbrdf
 from impasto.io import write_exr, write_png8, write_png16, write_tiff16
-from impasto.io.results import RESULT
+from impasto.io.results import RESULT, result_file
 
 SPECTRA = "reflectance.npz"
 
@@ -80,27 +80,31 @@ def load_result(folder: Path) -> tuple[Any, Any]:
     """
     import impasto
 
-    path = _fit_of(folder)
-    if not path.is_file() or path.suffix.lower() != ".npz":
+    path = result_file(folder)
+    if not path.is_dir() and (not path.is_file() or path.suffix.lower() != ".npz"):
         what = "does not exist" if not folder.exists() else f"has no {RESULT}"
         raise ArgumentError(
             f"{folder} {'is no result' if path.is_file() else what}: expected the --out folder of "
-            f"impasto fit or demo, or its {RESULT}"
+            f"impasto fit or demo, its {RESULT}, or the .zarr of impasto job run"
         )
-    spectra = path.with_name(SPECTRA)
-    reflectance = impasto.Reflectance.load(spectra) if spectra.is_file() else None
+    spectra = _spectra_of(path)
+    reflectance = None if spectra is None else impasto.Reflectance.load(spectra)
     return impasto.load_sbrdf(path), reflectance
 
 
 def result_files(folder: Path) -> list[Path]:
     """The files that :func:`load_result` reads."""
-    path = _fit_of(folder)
+    path = result_file(folder)
+    if path.is_dir():
+        return sorted(file for file in path.rglob("*") if file.is_file())
+    spectra = _spectra_of(path)
+    return [path] if spectra is None else [path, spectra]
+
+
+def _spectra_of(path: Path) -> Path | None:
+    """The spectra beside the fit of a result folder; a store has none."""
     spectra = path.with_name(SPECTRA)
-    return [path, spectra] if spectra.is_file() else [path]
-
-
-def _fit_of(folder: Path) -> Path:
-    return folder / RESULT if folder.is_dir() else folder
+    return spectra if path.is_file() and spectra.is_file() else None
 
 
 def _channels(sbrdf: Any) -> dict[str, NDArray[np.float32]]:

@@ -76,7 +76,7 @@ def render(
     Parameters
     ----------
     result
-        The --out folder of impasto fit or demo, or an sbrdf.npz.
+        The --out folder of impasto fit or demo, an sbrdf.npz, or the .zarr of impasto job run.
     out
         The picture: .png, .jpg or .tif (codes of the display), or .exr (linear light). With
         --system the folder for its pictures.

@@ -270,14 +270,19 @@ def open_photographs(
 
 
 def checked_reading(reading: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Options of :func:`impasto.read_stack`, without those that are None.
+    """Options of :func:`impasto.read_stack`, without those that have their default value.
 
     Raises
     ------
     ArgumentError
         An unknown one.
     """
-    given = {name: value for name, value in (reading or {}).items() if value is not None}
+    defaults = (None, False)
+    given = {
+        name: value
+        for name, value in (reading or {}).items()
+        if not any(value is default for default in defaults)
+    }
     for name in given:
         if name not in READING:
             raise ArgumentError(

@@ -23,7 +23,7 @@ RESULT = "sbrdf.npz"
 def result_file(path: str | os.PathLike[str]) -> Path:
     """The file or store that holds a result: the path itself, or what a result folder has of it."""
     target = Path(path)
-    stored = target.suffix.lower() in STORES
+    stored = target.suffix.lower() in STORES and not (target / RESULT).is_file()
     return target / RESULT if target.is_dir() and not stored else target
 
 

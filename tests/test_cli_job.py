@@ -1,0 +1,201 @@
+"""``impasto job``: run, look, verify and resume on the command line."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import impasto
+from command_line import complaint
+from impasto import jobs
+from impasto.cli import main
+from impasto.io import write_stack
+from killed_jobs import stack, tree
+from processes import surroundings
+
+pytest.importorskip("fcntl", reason="jobs need POSIX")
+pytest.importorskip("zarr")
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("stack") / "painting.npz"
+    write_stack(path, stack())
+    return path
+
+
+def job(source: Path, out: Path, *words: str) -> list[str]:
+    return [
+        "job",
+        "run",
+        str(source),
+        "--out",
+        str(out),
+        "--pooling",
+        "none",
+        "--tile",
+        "32",
+        *words,
+    ]
+
+
+def interrupted(source: Path, out: Path, after: int) -> None:
+    def stop(done: int, total: int) -> None:
+        if done == after:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        impasto.run(source, out, pooling="none", tile=32, progress=stop)
+
+
+def test_a_job_from_beginning_to_end(
+    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "painting.impasto.zarr"
+    assert main(job(source, out)) == 0
+    assert "9 of 9, 0.0063 Mpx" in capsys.readouterr().err
+    assert main(["job", "status", str(out), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["state"], found["tiles_done"], found["pixels"]) == ("finished", 9, 6300)
+    assert main(["job", "verify", str(out)]) == 0
+    assert "all files are as written and all inputs as read" in capsys.readouterr().out
+    assert main(["job", "rerun", str(out), "--into", str(tmp_path / "b.zarr"), "--quiet"]) == 0
+    assert "the same bytes as" in capsys.readouterr().out
+    assert main(["info", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["size"] == "90 x 70 pixels, 3 bands"
+    picture = tmp_path / "above.png"
+    assert main(["render", str(out), "--out", str(picture), "--quiet"]) == 0
+    assert picture.is_file()
+
+
+def test_an_interrupted_job_says_how_to_go_on(
+    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "painting.zarr"
+    interrupted(source, out, 4)
+    assert main(["job", "status", str(out)]) == 0
+    page = capsys.readouterr().out
+    assert "interrupted" in page
+    assert "4 of 9, " in page
+    assert f"impasto job resume {out}" in page
+    assert main(["job", "verify", str(out)]) == 4
+    assert "as written, 4 of 9 tiles" in capsys.readouterr().out
+    assert main(["job", "resume", str(out), "--quiet"]) == 0
+    assert main(job(source, tmp_path / "whole.zarr", "--quiet")) == 0
+    assert tree(out) == tree(tmp_path / "whole.zarr")
+
+
+def test_a_running_job_is_seen_and_ended_from_outside(source: Path, tmp_path: Path) -> None:
+    """SIGTERM, as of a batch system: exit code 130, the command that goes on, a whole journal."""
+    out = tmp_path / "painting.zarr"
+    # Every tile takes a while, so that it is surely running when it is looked at.
+    program = (
+        "import sys, time, impasto.jobs.tiles as tiles\n"
+        "fitted = tiles.fitted\n"
+        "def slow(*given):\n    time.sleep(0.2)\n    return fitted(*given)\n"
+        "tiles.fitted = slow\n"
+        "from impasto.cli import main\n"
+        "sys.exit(main(sys.argv[1:]))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, *job(source, out)],
+        env=surroundings(),
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        found = None
+        deadline = time.monotonic() + 60
+        while (found is None or found.tiles_done < 1) and time.monotonic() < deadline:
+            time.sleep(0.05)
+            if (tmp_path / "painting.zarr.partial" / "job" / "job.json").exists():
+                found = jobs.status(out)
+        assert found is not None
+        assert (found.state, found.process) == ("running", process.pid)
+        os.kill(process.pid, signal.SIGTERM)
+        _, said = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == 130
+    assert f"go on with: impasto job resume {out}" in said
+    assert "Traceback" not in said
+    assert jobs.verify(out) == ()
+    assert jobs.status(out).state == "interrupted"
+
+
+def test_a_full_disk_ends_with_a_job_to_resume(
+    source: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out, flush, steps = tmp_path / "painting.zarr", os.fsync, []
+
+    def full(handle: int) -> None:
+        steps.append(handle)
+        if len(steps) > 100:
+            raise OSError(28, os.strerror(28))
+        flush(handle)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "fsync", full)
+        assert main(job(source, out)) == 4
+    said = capsys.readouterr().err
+    assert "No space left on device" in said
+    assert f"impasto job resume {out}" in said
+    assert "Traceback" not in said
+    assert main(["job", "resume", str(out), "--quiet"]) == 0
+
+
+def test_changes_are_listed(
+    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "painting.zarr"
+    impasto.run(source, out, pooling="none", tile=64)
+    shard = out / "normal" / "c" / "0" / "1" / "1"
+    data = bytearray(shard.read_bytes())
+    data[5] ^= 4
+    shard.write_bytes(data)
+    assert main(["job", "verify", str(out), "--no-inputs"]) == 3
+    captured = capsys.readouterr()
+    assert captured.out.startswith(f"{shard}: has changed")
+    assert "1 file is not as written or read" in captured.err
+    assert main(["job", "rerun", str(out), "--into", str(tmp_path / "b.zarr"), "--quiet"]) == 3
+    assert capsys.readouterr().out == "normal/c/0/1/1\n"
+    assert main(["info", str(out)]) == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        ("job run {stack} --out {out}.npz", 1, "--out: expected a name ending in .zarr"),
+        ("job run {stack} --out {out}.zarr --memory x", 1, "--memory: expected bytes"),
+        ("job run {stack} --out {out}.zarr --tile 3", 1, "--tile: expected a whole number"),
+        ("job run {stack} --out {out}.zarr --region 0 0 9 9", 2, "--region: a job fits the whole"),
+        ("job run {stack} --out {out}.zarr --encoding srgb", 1, "--encoding"),
+        ("job run nowhere.lp --out {out}.zarr", 1, "nowhere.lp does not exist"),
+        ("job status {out}.zarr", 1, "is no job"),
+        ("job resume {out}.zarr", 1, "is no job"),
+        ("job verify {out}.zarr", 1, "is no job"),
+        ("job rerun {out}.zarr --into {out}2.zarr", 1, "is no job"),
+    ],
+)
+def test_wrong_uses_are_explained(
+    words: str,
+    code: int,
+    said: str,
+    source: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    filled = words.format(stack=source, out=tmp_path / "painting").split()
+    assert said in complaint(filled, code, capsys)
+    assert list(tmp_path.iterdir()) == []
