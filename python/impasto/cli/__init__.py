@@ -1,4 +1,4 @@
-"""The command line: ``impasto demo | fit | render | doctor | study | info``.
+"""The command line: ``impasto demo | fit | job | render | animate | doctor | study | info``.
 
 Data goes to stdout or into files, progress to stderr. Angles are in degrees. Exit codes:
 
