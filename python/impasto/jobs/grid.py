@@ -11,6 +11,8 @@ from typing import Any, TypeAlias
 from impasto._internal.checks import is_whole
 from impasto._internal.windows import Window
 from impasto.errors import ArgumentError
+from impasto.fit.lobes import MOST_LOBES
+from impasto.fit.residuals import COMPONENTS
 
 Tile: TypeAlias = tuple[int, int]
 """Row and column of a tile in the grid."""
@@ -79,34 +81,39 @@ class Footprint:
         All samples of a pixel as the fit takes them.
     codes
         The same as they stand in the files, while they are read.
-    bands
-        Number of bands.
+    observations, bands
+        Their numbers.
     held
         Of the samples, what is in memory whether a job runs or not.
     """
 
     samples: int
     codes: int
+    observations: int
     bands: int
     held: int = 0
 
     @property
     def maps(self) -> int:
-        """At most, of the maps of a result with those of photometric stereo.
+        """At most, of the maps of a result with those of photometric stereo, without residuals.
 
-        Three lobes in every band, sixteen components of residuals in single precision, and some
-        thirty single numbers.
+        Three lobes in every band, and some thirty single numbers.
         """
-        return 120 + self.bands * 4 * (4 + 3 + 16)
+        return 120 + 4 * self.bands * (4 + MOST_LOBES)
+
+    @property
+    def residuals(self) -> int:
+        """At most, of the components of residuals that are kept, in half precision."""
+        return 2 * self.bands * min(COMPONENTS[-1], self.observations)
 
     @property
     def fitted(self) -> int:
         """Of a tile while it is fitted, the last one is written and the next one is read.
 
         Two tiles of samples and a copy without the border; two of maps and the files that are made
-        of one.
+        of one. Residuals are computed in single precision.
         """
-        return 3 * self.samples + self.codes + 3 * self.maps
+        return 3 * self.samples + self.codes + 3 * self.maps + 5 * self.residuals
 
     @property
     def learned(self) -> int:

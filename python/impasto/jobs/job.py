@@ -83,7 +83,7 @@ def run(
         resumed keeps its own.
     sample
         The model is learned from every so many rows and columns, an odd number; 1: from all pixels,
-        whatever memory that takes. Default: as ``memory`` allows.
+        whatever memory that takes. Default: as ``memory`` allows; with ``relief=True`` it is 1.
     reading
         Options of :func:`impasto.read_stack` for a path: ``{"encoding": "srgb"}``. Arrays are
         refused; give files. There is no ``region``.

@@ -127,7 +127,8 @@ class StackInMemory(Photographs):
     def pixel(self) -> Footprint:  # noqa: D102
         observations, bands = self.shape[:2]
         samples = observations * bands * self.stack.samples.dtype.itemsize
-        return Footprint(samples, 0, bands, 0 if _mapped(self.stack.samples) else samples)
+        held = 0 if _mapped(self.stack.samples) else samples
+        return Footprint(samples, 0, observations, bands, held)
 
     @property
     def source_grid(self) -> tuple[int, int]:  # noqa: D102
@@ -181,7 +182,8 @@ class Files(Photographs):
         observations, bands = one.shape[:2]
         self._shape = (observations, bands, *size)
         samples = one.samples.dtype.itemsize
-        self._pixel = Footprint(observations * bands * samples, observations * bands * codes, bands)
+        each = observations * bands
+        self._pixel = Footprint(each * samples, each * codes, observations, bands)
         if self._mask is not None:
             with open_picture(self._mask) as picture:
                 if picture.shape[1:] != size:

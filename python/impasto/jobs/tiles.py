@@ -32,7 +32,7 @@ MAP = "map:"
 KNOWN = "estimated"
 """Whether the tile that the numbers are from has an estimated pixel."""
 PACE = "pace.jsonl"
-"""Seconds of every tile, for those who look on; gone when the job is done."""
+"""Pixels and seconds of every tile, for those who look on; gone when the job is done."""
 
 
 class TileWriter:
@@ -128,7 +128,7 @@ def fit_tiles(
     Parameters
     ----------
     pace
-        A file to which the seconds of every tile are added.
+        A file to which the seconds since the tile before are added for every tile.
     report
         Called after every tile with the number of those in the journal.
     """
@@ -136,10 +136,13 @@ def fit_tiles(
     def read(tile: Tile) -> Stack:
         return photographs.window(*grid.window(tile, model.halo))
 
-    def write(tile: Tile, result: Sbrdf, start: float) -> None:
+    last = time.monotonic()
+
+    def write(tile: Tile, result: Sbrdf) -> None:
+        nonlocal last
         journal.add(tile, writer.write(tile, result))
-        seconds = time.monotonic() - start
-        _add_pace(pace, {"pixels": grid.pixels(tile), "seconds": round(seconds, 6)})
+        before, last = last, time.monotonic()
+        _add_pace(pace, {"pixels": grid.pixels(tile), "seconds": round(last - before, 6)})
 
     # Leaving them waits for what they are at: a tile that is being written is finished.
     with (
@@ -150,14 +153,14 @@ def fit_tiles(
         behind: Future[None] | None = None
         for index, tile in enumerate(tiles):
             assert ahead is not None
-            stack, start = ahead.result(), time.monotonic()
+            stack = ahead.result()
             ahead = reader.submit(read, tiles[index + 1]) if index + 1 < len(tiles) else None
             result = fitted(model, stack, grid, tile, threads)
             del stack
             if behind is not None:
                 behind.result()
                 report(len(journal.entries.tiles))
-            behind = scribe.submit(write, tile, result, start)
+            behind = scribe.submit(write, tile, result)
         if behind is not None:
             behind.result()
             report(len(journal.entries.tiles))
