@@ -16,7 +16,7 @@ import impasto
 from command_line import complaint
 from impasto import jobs
 from impasto.cli import main
-from impasto.io import write_stack
+from impasto.io import write_lights, write_stack, write_tiff16
 from killed_jobs import stack, tree
 from processes import surroundings
 
@@ -153,6 +153,23 @@ def test_a_full_disk_ends_with_a_job_to_resume(
     assert f"impasto job resume {out}" in said
     assert "Traceback" not in said
     assert main(["job", "resume", str(out), "--quiet"]) == 0
+
+
+def test_missing_photographs_make_a_result_partial(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    taken = stack()
+    names = [f"light{index}.tif" for index in range(len(taken.rig))]
+    for name, codes in zip(names[1:], taken.samples[1:], strict=True):
+        write_tiff16(tmp_path / name, codes << 4)
+    write_lights(tmp_path / "dirs.lp", taken.rig, names)
+    out = tmp_path / "painting.zarr"
+    assert main(job(tmp_path / "dirs.lp", out)) == 4
+    said = capsys.readouterr().err
+    assert "light0.tif" in said
+    assert "listed photographs are missing" in said
+    assert ("missing",) in {note[:1] for note in jobs.status(out).notes}
+    assert jobs.verify(out) == ()
 
 
 def test_changes_are_listed(

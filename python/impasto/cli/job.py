@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
+from rich.markup import escape
 
 from impasto.cli import console
 from impasto.cli.codes import Exit
@@ -65,7 +66,8 @@ def run(
 ) -> int:
     """Fit a painting tile by tile into a Zarr store, or go on with that after an interruption.
 
-    Exit code 4: the disk is full or refuses, 130: interrupted; the job can be resumed.
+    Exit code 4: the disk is full or refuses, 130: interrupted; the job can be resumed. 4, too:
+    listed photographs are missing.
 
     Parameters
     ----------
@@ -281,7 +283,7 @@ def rerun(
         return into
 
     code = _worked(into, quiet, work)
-    if code != Exit.OK:
+    if not into.exists():
         return code
     page = console.stdout()
     for name in differ:
@@ -290,7 +292,7 @@ def rerun(
         console.complain(f"{into}: {_files_words(len(differ))} not those of {out}")
         return Exit.CORRUPT_INPUT
     page.out(f"{into}: the same bytes as {out}")
-    return Exit.OK
+    return code
 
 
 def _worked(out: Path, quiet: bool, work: Callable[[Callable[[int, int], object]], Path]) -> int:
@@ -317,7 +319,20 @@ def _worked(out: Path, quiet: bool, work: Callable[[Callable[[int, int], object]
         console.complain(f"{where}{error.strerror}")
         _say_how_to_resume(out)
         return Exit.PARTIAL
-    return Exit.OK
+    return _say_notes(stages, out)
+
+
+def _say_notes(stages: Stages, out: Path) -> int:
+    """What was repaired, left out or assumed; the code of a result without listed photographs."""
+    from impasto import jobs
+
+    notes = jobs.status(out).notes
+    for _, text in notes:
+        stages.say(f"  {'':14}[dim]{escape(text)}[/]")
+    if all(kind != "missing" for kind, _ in notes):
+        return Exit.OK
+    stages.say("[yellow]partial:[/] listed photographs are missing; the others were used")
+    return Exit.PARTIAL
 
 
 class _Pace:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from logging import getLogger
+from logging import NullHandler, getLogger
 from pathlib import Path
 
 from impasto.errors import ArgumentError, CorruptInputError, ResumeMismatchError
@@ -21,6 +21,7 @@ from impasto.jobs.record import JobRecord
 from impasto.jobs.tiles import KNOWN, MAP, NUMBERS, PACE, map_array
 
 LOG = getLogger("impasto.jobs")
+LOG.addHandler(NullHandler())
 NOTES = "job"
 """The group of a store that holds what the job needs: record, learned model and journal."""
 RECORD = "job.json"

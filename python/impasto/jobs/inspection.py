@@ -45,6 +45,8 @@ class JobStatus:
         Of the last tiles; None where none is known.
     seconds_left
         For the other pixels at this pace; None where it is not known, 0 of a finished job.
+    notes
+        What was repaired, left out or assumed while the photographs were read: kind and text.
     """
 
     folder: Path
@@ -56,6 +58,7 @@ class JobStatus:
     pixels: int
     pixels_per_second: float | None
     seconds_left: float | None
+    notes: tuple[tuple[str, str], ...]
 
 
 def status(out: str | os.PathLike[str]) -> JobStatus:
@@ -75,7 +78,8 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
     """
     folder, whole = folder_of(out)
     notes = folder / NOTES
-    grid = JobRecord.read(notes / RECORD).grid
+    record = JobRecord.read(notes / RECORD)
+    grid = record.grid
     entries = _entries(notes)
     pixels = grid.rows * grid.columns
     done = 0 if entries is None else sum(map(grid.pixels, entries.tiles))
@@ -92,6 +96,7 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
         pixels,
         pace,
         0.0 if whole else left,
+        tuple((str(kind), str(text)) for kind, text in record.notes),
     )
 
 

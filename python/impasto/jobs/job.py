@@ -116,13 +116,18 @@ def run(
     need_zarr()
     budget = bytes_of(memory)
     thread_count(threads)
-    options = checked_reading(reading)
+    given = checked_reading(reading)
+    options = {name: plain(_as_path(name, value), name) for name, value in given.items()}
+    path = None if isinstance(source, Stack) else plain(Path(source), "source")
     chosen = checked_fit(fit, 1 if sample is None else checked_stride(sample))
     tile = None if tile is None else checked_tile(tile)
     partial = partial_of(target)
     earlier = earlier_record(target, partial, resume=truth(resume, "resume"))
     photographs = open_photographs(
-        source, options, budget // 2, None if earlier is None else earlier.curve
+        source if path is None else path,
+        options,
+        budget // 2,
+        None if earlier is None else earlier.curve,
     )
     if earlier is not None:
         tile = earlier.tile if tile is None else tile
@@ -133,18 +138,18 @@ def run(
         sample = 1
         if not fit.get("relief"):
             sample = stride_for(budget // 2, photographs.pixel, photographs.size)
-    path = None if isinstance(source, Stack) else plain(Path(source), "source")
     curve = photographs.encoding
     record = JobRecord(
         version=_core.build_info()["version"],
         source=path,
-        reading={name: plain(_as_path(name, value), name) for name, value in options.items()},
+        reading=options,
         encoding=(curve.curve, float(curve.white)),
         inputs=photographs.inputs(),
         fit=chosen,
         shape=photographs.shape,
         tile=tile,
         sample=sample,
+        notes=photographs.notes,
     )
     return carry_out(record, photographs, target, earlier, threads=threads, progress=progress)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +61,11 @@ class Photographs(ABC):
     @abstractmethod
     def encoding(self) -> Encoding:
         """Their tone curve."""
+
+    @property
+    @abstractmethod
+    def notes(self) -> list[list[str]]:
+        """Kind and text of what was repaired, left out or assumed while they were read."""
 
     @abstractmethod
     def inputs(self) -> list[dict[str, Any]]:
@@ -138,6 +143,10 @@ class StackInMemory(Photographs):
     def encoding(self) -> Encoding:  # noqa: D102
         return self.stack.encoding
 
+    @property
+    def notes(self) -> list[list[str]]:  # noqa: D102
+        return _in_plain(self.stack.notes)
+
     def inputs(self) -> list[dict[str, Any]]:
         """The samples, and everything else that a fit takes from the stack."""
         stack, digest = self.stack, hashlib.sha256()
@@ -178,7 +187,7 @@ class Files(Photographs):
             size = picture.shape[1:]
             self._grid = picture.grid
             codes = picture.dtype.itemsize
-        self._inputs = one.sources
+        self._inputs, self._notes = one.sources, _in_plain(one.notes)
         observations, bands = one.shape[:2]
         self._shape = (observations, bands, *size)
         samples = one.samples.dtype.itemsize
@@ -219,9 +228,8 @@ class Files(Photographs):
         return self._encoding
 
     @property
-    def in_memory(self) -> bool:
-        """Whether all photographs have been read."""
-        return self._stack is not None
+    def notes(self) -> list[list[str]]:  # noqa: D102
+        return self._notes
 
     def inputs(self) -> list[dict[str, Any]]:  # noqa: D102
         return [file_entry(path) for path in dict.fromkeys(p.resolve() for p in self._inputs)]
@@ -292,6 +300,10 @@ def checked_reading(reading: Mapping[str, Any] | None) -> dict[str, Any]:
                 f"{suggestion(name, READING)}; it knows {', '.join(READING)}"
             )
     return given
+
+
+def _in_plain(notes: Iterable[Any]) -> list[list[str]]:
+    return [[str(getattr(note, "kind", "")), str(note)] for note in notes]
 
 
 def _mapped(samples: Any) -> bool:

@@ -44,6 +44,8 @@ class JobRecord:
         Rows and columns of a tile.
     sample
         The model is learned from every so many rows and columns.
+    notes
+        Kind and text of what was repaired, left out or assumed while the photographs were read.
     """
 
     version: str
@@ -55,6 +57,7 @@ class JobRecord:
     shape: tuple[int, int, int, int]
     tile: int
     sample: int
+    notes: Sequence[Sequence[str]]
     format: int = field(default=FORMAT)
 
     @property
@@ -89,6 +92,7 @@ class JobRecord:
             found = cls(**content)
             whole = len(found.shape) == 4 and min(*found.shape, found.tile, found.sample) > 0
             named = all(isinstance(one["file"], str) for one in found.inputs)
+            named = named and all(len(note) == 2 for note in found.notes)
             if not (whole and named and isinstance(found.fit, dict)):
                 raise ValueError("an entry is of the wrong kind")
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:

@@ -136,6 +136,7 @@ def _repeated(
         encoding=(curve.curve, float(curve.white)),
         inputs=photographs.inputs(),
         shape=photographs.shape,
+        notes=photographs.notes,
     )
     return carry_out(found, photographs, target, record, threads=threads, progress=progress)
 
