@@ -141,6 +141,7 @@ def test_a_model_is_learned_from_as_many_pixels_as_fit(tmp_path: Path) -> None:
     same(impasto.load_sbrdf(out), model.apply(taken))
 
 
+@pytest.mark.slow
 def test_a_killed_job_is_resumed_to_the_same_bytes(tmp_path: Path) -> None:
     """Killed before the first and last flushes and renames, and between."""
     steps = [1, 7, 60, 61, 62, 150, -120, -1]

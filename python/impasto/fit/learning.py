@@ -186,7 +186,7 @@ class LearnedModel:
         return replace(result, residuals=kept)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an ``.npz``, for :func:`load_learned`; it appears whole or not at all.
+        """Write an ``.npz`` or ``.zarr`` for :func:`load_learned`; it appears whole or not at all.
 
         Raises
         ------
