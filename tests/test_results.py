@@ -156,3 +156,12 @@ def test_only_estimated_pixels_count_as_without_lobes() -> None:
     lobes[0, :3] = 0
     # The first of the three is masked.
     assert replace(result, lobes=lobes).report()["lobes"] == [2, 17, 0]
+
+
+def test_lamps_of_a_file_have_their_size(tmp_path: Any) -> None:
+    result = flat(facets())
+    lights = [replace(light, radius=0.02) for light in result.rig.lights[:-1]]
+    rig = impasto.Rig([*lights, result.rig.lights[-1]], views=result.rig.viewpoints)
+    replace(result, rig=rig).save(tmp_path / "fit.npz")
+    np.testing.assert_array_equal(impasto.load_sbrdf(tmp_path / "fit.npz").rig.radii, rig.radii)
+    assert rig.radii[0] > 0.0

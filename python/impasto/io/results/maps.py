@@ -97,7 +97,7 @@ def rig_from_arrays(maps: SavedMaps) -> Rig:
     """The rig of the arrays of :func:`rig_arrays`."""
     names = ("lights", "near", "falloff", "intensities", "views")
     arrays = {name: maps.take(f"rig.{name}") for name in names}
-    for name in ("view_positions", "pitch_mm", "origin", "refinement"):
+    for name in ("radii", "view_positions", "pitch_mm", "origin", "refinement"):
         if f"rig.{name}" in maps.arrays:
             arrays[name] = maps.take(f"rig.{name}")
     return rig_of_arrays(arrays)
