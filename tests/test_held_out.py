@@ -58,8 +58,8 @@ def test_errors_of_rounding_are_those_of_8_bits_for_floats() -> None:
     assert held_out(Stack(samples, lights=LIGHTS)).rounded == ROUNDED
 
 
-def test_errors_of_rounding_do_not_depend_on_what_is_black() -> None:
-    """In the dark a step of a linear file is many codes; background and shadows are no measure."""
+def test_errors_of_rounding_do_not_depend_on_shadows_and_masked_pixels() -> None:
+    """In the dark a step of a linear file is many codes."""
     light = np.random.default_rng(5).uniform(0.3, 0.9, (4, 3, 24, 24))
     stack = Stack((255 * light).round().astype(np.uint8), lights=LIGHTS, scale=1.0 / 255)
     lit = held_out(stack).rounded

@@ -209,7 +209,8 @@ def test_instruction_sets_change_no_bit_of_the_default(tmp_path: Path) -> None:
         if run(_LEVEL, IMPASTO_SIMD=level).strip() not in answers:
             name, *answer = run(_SCRIPT, *arguments, IMPASTO_SIMD=level).split()
             answers[name] = answer
-    if list(answers) == ["baseline"]:
+    assert "baseline" in answers, answers
+    if len(answers) == 1:
         pytest.skip("this processor has no instruction set but the baseline")
     assert len({tuple(answer) for answer in answers.values()}) == 1, answers
 

@@ -12,6 +12,9 @@
 //!
 //! Slopes `t = tan e` are compared instead of elevations, with which `sin e cos e = t / (1 + t^2)`: an
 //! arc function is needed only for the few cells that are seen.
+//!
+//! Sines and arc functions are those of the platform: a few thousand calls in double precision, whose
+//! last bits another platform may round otherwise.
 
 use core::ops::Range;
 

@@ -271,7 +271,7 @@ class HeldOut:
             return CODES / white if white > 1.0 else 1.0
         next_one = linear + self._few.scale[:, None, None]
         steps = self.coded(next_one) - self.truth
-        # The steep foot of the curve makes steps of black background and shadows large.
+        # The steep foot of the curve makes steps of shadows large, and of what the mask leaves out.
         lit = np.isfinite(steps) & (linear > DIM * np.ma.masked_invalid(linear).mean(axis=0))
         if self._few.mask is not None:
             lit &= self._few.mask

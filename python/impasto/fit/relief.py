@@ -245,7 +245,7 @@ class FormFactors(NamedTuple):
     """The share of its radiosity by which each cell lights another, as compressed sparse rows.
 
     Most pairs of cells do not see each other. The numerics find them by horizon mapping
-    [@max1988horizon], along 32 azimuths.
+    [@max1988horizon].
     """
 
     first: NDArray[np.uint64]

@@ -114,9 +114,10 @@ pub(super) struct Irls<'a, 'b> {
     pub(super) lobe: CommonLobe,
     /// Steps at most.
     pub(super) steps: usize,
-    /// Whether pixels that are not well described start from two more normals, one that faces the
-    /// viewer and the facet that mirrors the brightest photograph: a highlight that photometric
-    /// stereo took for the diffuse part turns a normal far away, where no small step leads back.
+    /// Whether pixels that are not well described, or not in so many steps, start from two more
+    /// normals, one that faces the viewer and the facet that mirrors the brightest photograph: a
+    /// highlight that photometric stereo took for the diffuse part turns a normal far away, where no
+    /// small step leads back.
     pub(super) restart: bool,
     pub(super) scale_reference: ScaleReference,
 }
@@ -310,7 +311,7 @@ fn descend<R: Real<Scalar = f32>, const GLOSS: bool, const SLOPES: usize>(
         if let Some(known) = known {
             let met = (trial - known.normal).length_squared().lt(R::of(MET * MET))
                 & scale.lt(known.scale * R::of(MET_SCALE));
-            active = active & !(met & known.converged);
+            active = active & !(met & better & known.converged);
         }
         best = Vec3::select(better, trial, best);
         least = R::select(better, scale, least);
