@@ -122,9 +122,9 @@ def killed_and_resumed(out: Path, end: Callable[[], int]) -> tuple[int, dict[str
     No finished file is written again.
     """
     assert end() == signal.SIGKILL
-    assert not out.exists()
     partial = out.with_name(out.name + ".partial")
-    before = written(partial)
+    # Killed after it had its name, a store is whole.
+    before = written(out if out.exists() else partial)
     assert in_child(lambda: impasto.run(stack(), out, **OPTIONS)) == 0
     assert not partial.exists()
     for name, about in before.items():

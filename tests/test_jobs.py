@@ -15,8 +15,9 @@ import pytest
 
 import impasto
 from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
-from impasto.io import write_lights, write_tiff16
+from impasto.io import write_lights, write_png8, write_tiff16
 from impasto.jobs.grid import Footprint, Grid, bytes_of, stride_for, tile_for
+from impasto.jobs.journal import read_journal
 from killed_jobs import OPTIONS, stack, tree
 from processes import run as run_program
 
@@ -35,8 +36,6 @@ def photographs(folder: Path, size: tuple[int, int] = (70, 90)) -> Path:
     write_lights(folder / "dirs.lp", taken.rig, names)
     mask = np.full((3, *size), 255, np.uint8)
     mask[:, 60:, 60:] = 0
-    from impasto.io import write_png8
-
     write_png8(folder / "mask.png", np.moveaxis(mask, 0, -1))
     return folder / "dirs.lp"
 
@@ -143,8 +142,8 @@ def test_a_model_is_learned_from_as_many_pixels_as_fit(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_killed_job_is_resumed_to_the_same_bytes(tmp_path: Path) -> None:
-    """Killed before the first and last flushes and renames, and between."""
-    steps = [1, 7, 60, 61, 62, 150, -120, -1]
+    """Killed before the first and last flushes and renames, and between; -2 gives it its name."""
+    steps = [1, 7, 60, 61, 62, 150, -120, -2, -1]
     program = (
         "import sys, killed_jobs, pathlib\n"
         "killed_jobs.at_steps(pathlib.Path(sys.argv[1]), [int(n) for n in sys.argv[2:]])"
@@ -242,7 +241,7 @@ def test_a_job_goes_on_only_as_it_began(tmp_path: Path) -> None:
     with pytest.raises(ResumeMismatchError, match="tile: the job has 64, this call 32"):
         impasto.run(stack(), out, **OPTIONS | {"tile": 32})
     other = impasto.Stack(stack().samples[:, :, ::-1], lights=stack().rig)
-    with pytest.raises(ResumeMismatchError, match=r"inputs\.0\.sha256"):
+    with pytest.raises(ResumeMismatchError, match=r"inputs\.a stack in memory\.sha256"):
         impasto.run(other, out, **OPTIONS)
     with pytest.raises(ArgumentError, match="give the stack"):
         jobs.resume(out)
@@ -259,6 +258,85 @@ def test_an_unfinished_job_can_be_begun_anew(tmp_path: Path) -> None:
     interrupted(out, 2)
     impasto.run(stack(), out, resume=False, **OPTIONS | {"tile": 32})
     assert json.loads((out / "job" / "job.json").read_text())["tile"] == 32
+
+
+def test_a_call_that_fails_removes_no_job(tmp_path: Path) -> None:
+    out = tmp_path / "painting.zarr"
+    interrupted(out, 3)
+    for source, memory in ((tmp_path / "typo.lp", "1GiB"), (stack(), "1KB")):
+        with pytest.raises((ArgumentError, FileNotFoundError, CorruptInputError)):
+            impasto.run(source, out, resume=False, memory=memory, pooling="none")
+    assert jobs.status(out).tiles_done == 3
+
+
+def test_an_unfinished_job_is_no_result_whatever_its_name(tmp_path: Path) -> None:
+    out, partial = tmp_path / "painting.zarr", tmp_path / "painting.zarr.partial"
+    interrupted(out, 2)
+    # A shell completes the name of the folder that is there.
+    assert jobs.status(partial).state == "interrupted"
+    partial.rename(out)
+    assert jobs.status(out).state == "interrupted"
+    with pytest.raises(CorruptInputError, match="is not finished; rename it"):
+        jobs.resume(out, source=stack())
+    with pytest.raises(CorruptInputError):
+        impasto.load_sbrdf(out)
+    out.rename(partial)
+    assert jobs.resume(partial, source=stack()) == out
+
+
+def test_numbers_that_are_lost_are_found_again(tmp_path: Path) -> None:
+    expected = tree(impasto.run(stack(), tmp_path / "whole.zarr", **OPTIONS))
+    out = tmp_path / "painting.zarr"
+    interrupted(out, 3)
+    (tmp_path / "painting.zarr.partial" / "job" / "numbers.npz").unlink()
+    assert tree(impasto.run(stack(), out, **OPTIONS)) == expected
+
+
+def test_a_mask_counts_in_a_tile_of_one_pixel(tmp_path: Path) -> None:
+    path = photographs(tmp_path, (33, 33))
+    mask = np.full((33, 33, 3), 255, np.uint8)
+    mask[32, 32] = 0
+    write_png8(tmp_path / "mask.png", mask)
+    options: dict[str, Any] = {"sample": 1, "pooling": "none", "tile": 16}
+    reading = {"mask": tmp_path / "mask.png"}
+    out = impasto.run(path, tmp_path / "a.zarr", memory="100kB", reading=reading, **options)
+    assert impasto.load_sbrdf(out).status[32, 32] == impasto.Status.MASKED
+
+
+def test_a_photograph_that_changes_ends_the_job(tmp_path: Path) -> None:
+    path = photographs(tmp_path)
+
+    def change(done: int, total: int) -> None:
+        if done == 2:
+            shutil.copy(tmp_path / "light3.tif", tmp_path / "light2.tif")
+
+    out = tmp_path / "painting.zarr"
+    with pytest.raises(ResumeMismatchError, match=r"light2\.tif has changed while the job ran"):
+        impasto.run(path, out, tile=64, pooling="none", progress=change)
+    assert not out.exists()
+
+
+def test_links_to_photographs_are_followed_by_name(tmp_path: Path) -> None:
+    """As data sets have them that keep their files under their hashes."""
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "names").mkdir()
+    path = photographs(tmp_path / "kept")
+    for number, file in enumerate(sorted(path.parent.iterdir())):
+        file.rename(path.parent / f"{number}{file.suffix}")
+        (tmp_path / "names" / file.name).symlink_to(path.parent / f"{number}{file.suffix}")
+    out = impasto.run(tmp_path / "names/dirs.lp", tmp_path / "a.zarr", tile=64, pooling="none")
+    assert jobs.verify(out) == ()
+
+
+def test_a_link_to_nothing_is_no_place_for_a_store(tmp_path: Path) -> None:
+    (tmp_path / "a.zarr").symlink_to(tmp_path / "nowhere.zarr")
+    with pytest.raises(ArgumentError, match="is a link to nothing"):
+        impasto.run(stack(), tmp_path / "a.zarr", **OPTIONS)
+
+
+def test_tiles_are_no_larger_than_the_painting(tmp_path: Path) -> None:
+    out = impasto.run(stack((20, 20)), tmp_path / "a.zarr", tile=99991, pooling="none", sample=21)
+    assert json.loads((out / "job" / "job.json").read_text())["tile"] == 64
 
 
 @pytest.fixture(scope="module")
@@ -285,8 +363,21 @@ def swap(folder: Path) -> None:
 
 
 def shorten(path: Path) -> None:
-    lines = path.read_bytes().splitlines(keepends=True)
-    path.write_bytes(b"".join(lines[:2] + lines[3:]))
+    """A whole journal without one of its tiles."""
+    entries = read_journal(path)
+    del entries.tiles[0, 1]
+    path.write_bytes(entries.to_bytes(Grid(70, 90, 64)))
+
+
+def recount(path: Path) -> None:
+    text = path.read_text()
+    count = text.split('"estimated": ')[1].split(",")[0]
+    path.write_text(text.replace(f'"estimated": {count}', f'"estimated": {int(count) - 1}', 1))
+
+
+def link(path: Path) -> None:
+    path.rename(path.with_suffix(".moved"))
+    path.symlink_to(path.with_suffix(".moved").name)
 
 
 CHANGES: dict[str, tuple[Any, str]] = {
@@ -307,6 +398,8 @@ CHANGES: dict[str, tuple[Any, str]] = {
     "a bit of the model": (lambda f, o: flip(f / "job/learned.npz"), "learned.npz: is not what"),
     "no journal": (lambda f, o: (f / "job/journal.jsonl").unlink(), "journal.jsonl: is missing"),
     "a line less": (lambda f, o: shorten(f / "job/journal.jsonl"), "has no tile 0, 1"),
+    "another count": (lambda f, o: recount(f / "job/journal.jsonl"), "is damaged in line 6"),
+    "a link": (lambda f, o: link(f / "status/c/0/1"), "status/c/0/1: is a link"),
     "a file more": (lambda f, o: (f / "normal/c/0/0/2").touch(), "does not belong to the store"),
     "a broken record": (
         lambda f, o: (f / "job/job.json").write_text("{"),
@@ -332,7 +425,7 @@ def test_changed_photographs_are_found(tmp_path: Path) -> None:
     shutil.copy(tmp_path / "light2.tif", tmp_path / "light3.tif")
     (found,) = jobs.verify(out)
     assert str(found).endswith("light3.tif: has changed since the job read it")
-    with pytest.raises(ResumeMismatchError, match=r"inputs\.4\.sha256"):
+    with pytest.raises(ResumeMismatchError, match=r"light3\.tif\.sha256: the job has"):
         jobs.rerun(out, tmp_path / "again.zarr")
     assert jobs.verify(out, inputs=False) == ()
     (tmp_path / "light3.tif").unlink()
@@ -345,6 +438,9 @@ def test_changed_photographs_are_found(tmp_path: Path) -> None:
         ({"out": "painting.npz"}, r"out: expected a name ending in \.zarr"),
         ({"out": "nowhere/painting.zarr"}, "does not exist"),
         ({"memory": "much"}, "memory: expected bytes"),
+        ({"memory": "9" * 400 + "TB"}, "memory: expected 1 to"),
+        ({"memory": "100B", "tile": 64}, "memory: to learn from one pixel takes"),
+        ({"reading": "srgb"}, "reading: expected options by name"),
         ({"memory": "100kB"}, "memory: tiles of 64 x 64 pixels of these photographs need"),
         ({"tile": 4}, "tile: expected a whole number from 16 on, found 4"),
         ({"sample": 2}, "sample: expected an odd number"),

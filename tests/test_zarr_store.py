@@ -273,3 +273,16 @@ def test_a_store_without_zarr_says_so(
     with pytest.raises(impasto.MissingExtraError, match=words):
         impasto.load_sbrdf(saved)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_saving_removes_nothing_that_is_not_its_own(result: impasto.Sbrdf, tmp_path: Path) -> None:
+    path = tmp_path / "fit.zarr"
+    result.save(path)
+    (path / "notes.txt").write_text("of a conservator")
+    with pytest.raises(ArgumentError, match=r"holds notes\.txt, which saving would remove"):
+        result.save(path)
+    (path / "notes.txt").unlink()
+    (tmp_path / "link.zarr").symlink_to(path)
+    result.save(tmp_path / "link.zarr")
+    assert (tmp_path / "link.zarr").is_symlink()
+    assert impasto.load_sbrdf(path).normal.tobytes() == result.normal.tobytes()

@@ -276,14 +276,16 @@ def rerun(
     from impasto import jobs
 
     check_threads(threads)
-    differ: list[str] = []
+    differ: list[str] | None = None
 
     def work(progress: Callable[[int, int], object]) -> Path:
-        differ.extend(jobs.rerun(out, into, memory=memory, threads=threads, progress=progress))
+        nonlocal differ
+        found = jobs.rerun(out, into, memory=memory, threads=threads, progress=progress)
+        differ = list(found)
         return into
 
     code = _worked(into, quiet, work)
-    if not into.exists():
+    if differ is None:
         return code
     page = console.stdout()
     for name in differ:
@@ -364,7 +366,7 @@ class _Pace:
         from impasto import jobs
 
         found = jobs.status(out)
-        return f"{found.tiles} of {found.tiles}, {found.pixels / 1e6:.3g} Mpx, {out}"
+        return f"{found.tiles_done} of {found.tiles}, {found.pixels / 1e6:.3g} Mpx, {out}"
 
 
 @contextmanager

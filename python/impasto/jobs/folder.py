@@ -37,7 +37,7 @@ def checked_target(out: str | os.PathLike[str]) -> Path:
     ArgumentError
         Another suffix, or a folder that does not exist.
     """
-    target = Path(out)
+    target = store_name(out)
     if target.suffix.lower() != SUFFIX:
         raise ArgumentError(
             f"out: expected a name ending in {SUFFIX}, found {target.name!r}; "
@@ -45,6 +45,24 @@ def checked_target(out: str | os.PathLike[str]) -> Path:
         )
     if not target.absolute().parent.is_dir():
         raise ArgumentError(f"out: the folder {target.absolute().parent} does not exist")
+    if target.is_symlink() and not target.exists():
+        raise ArgumentError(f"out: {target} is a link to nothing; remove it or give another name")
+    return target
+
+
+def store_name(out: str | os.PathLike[str]) -> Path:
+    """The name of a store, also of one that is given by its name while its job runs.
+
+    Raises
+    ------
+    ArgumentError
+        No name of a file.
+    """
+    target = Path(out)
+    if "\0" in str(target):
+        raise ArgumentError(f"out: {str(target)!r} is no name of a file")
+    if target.name.lower().endswith(SUFFIX + PARTIAL):
+        target = target.with_name(target.name.removesuffix(PARTIAL))
     return target
 
 
@@ -59,12 +77,12 @@ def refuse_differences(job: JobRecord, call: JobRecord, target: Path) -> None:
         more = f" and {len(found) - 3} more" if len(found) > 3 else ""
         raise ResumeMismatchError(
             f"out: {target} belongs to another job ({'; '.join(found[:3])}{more}); give another "
-            "name, or resume=False to begin anew"
+            "name, or begin anew while it is not finished (resume=False, --no-resume)"
         )
 
 
 def earlier_record(target: Path, partial: Path, *, resume: bool) -> JobRecord | None:
-    """The record of a job of this name; the job is gone where it is not to go on."""
+    """The record of a job of this name, if it is to go on."""
     for folder in (target, partial):
         if not folder.exists():
             continue
@@ -80,9 +98,38 @@ def earlier_record(target: Path, partial: Path, *, resume: bool) -> JobRecord | 
                 f"out: {target} is a finished job, which resume=False does not replace; give "
                 "another name"
             )
-        with locked(folder / NOTES):
-            shutil.rmtree(folder)
     return None
+
+
+def remove_unfinished(partial: Path) -> None:
+    """Remove an earlier job that is not to go on, at once by its name."""
+    if not (partial / NOTES).exists():
+        return
+    real = partial.resolve()
+    aside = real.with_name(f".{real.name}-{os.getpid()}.old")
+    with locked(real / NOTES):
+        real.rename(aside)
+    if partial.is_symlink():
+        partial.unlink()
+    shutil.rmtree(aside)
+
+
+def check_finished(target: Path, grid: Grid) -> None:
+    """Refuse a store whose journal is not closed.
+
+    Raises
+    ------
+    CorruptInputError
+        An unfinished job under the name of a finished one, or a journal that is damaged or missing.
+    """
+    try:
+        entries = read_journal(target / NOTES / JOURNAL)
+    except FileNotFoundError as error:
+        raise CorruptInputError(target / NOTES / JOURNAL, "is missing") from error
+    if entries.files is None or len(entries.tiles) != len(grid):
+        raise CorruptInputError(
+            target, f"is not finished; rename it to {partial_of(target).name} and resume the job"
+        )
 
 
 def _used(folder: Path) -> bool:
@@ -115,6 +162,9 @@ def entries_of(partial: Path, grid: Grid) -> Entries:
         raise CorruptInputError(
             notes / JOURNAL, f"is the journal of another job than {RECORD} and {LEARNED} beside it"
         )
+    if found.tiles and not (notes / NUMBERS).exists():
+        LOG.warning("all tiles are fitted again: %s is missing", notes / NUMBERS)
+        found.tiles.clear()
     places = set(grid)
     for tile, entry in list(found.tiles.items()):
         lost = [name for name, crc in entry.shards.items() if changed(partial / name, crc)]
@@ -126,7 +176,7 @@ def entries_of(partial: Path, grid: Grid) -> Entries:
 
 def changed(path: Path, crc: str) -> bool:
     """Whether a file is missing or not as it was written."""
-    return not path.is_file() or checksum(path) != crc
+    return path.is_symlink() or not path.is_file() or checksum(path) != crc
 
 
 def finish(partial: Path, grid: Grid, entries: Entries) -> None:
@@ -153,7 +203,6 @@ def finish(partial: Path, grid: Grid, entries: Entries) -> None:
     own = [f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS)]
     entries.files = {name: checksum(partial / name) for name in sorted([*files, *own])}
     atomic_bytes(notes / JOURNAL, entries.to_bytes(grid))
-    for name in (PACE, LOCK):
-        (notes / name).unlink(missing_ok=True)
+    (notes / PACE).unlink(missing_ok=True)
     with as_problem_of(partial):
         sync_folders(partial)

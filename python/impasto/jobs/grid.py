@@ -21,6 +21,7 @@ STEP = 64
 """Tiles that follow from the memory have multiples of so many rows and columns."""
 MOST = 1024
 """Most rows and columns of such a tile: an interruption loses those in flight."""
+MOST_MEMORY = 2.0**63
 SMALLEST = 16
 """Fewest rows and columns of a tile that a caller may ask for."""
 UNITS = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12} | {
@@ -127,7 +128,7 @@ def tile_for(memory: int, pixel: Footprint, source: tuple[int, int]) -> int:
     Parameters
     ----------
     memory
-        Bytes.
+        Bytes, half of those that a job has.
     pixel
         What a pixel takes.
     source
@@ -137,7 +138,7 @@ def tile_for(memory: int, pixel: Footprint, source: tuple[int, int]) -> int:
     if side < STEP:
         raise ArgumentError(
             f"memory: tiles of {STEP} x {STEP} pixels of these photographs need "
-            f"{_in_words(STEP * STEP * pixel.fitted)}, found {_in_words(memory)}"
+            f"{_in_words(2 * STEP * STEP * pixel.fitted)}, found {_in_words(2 * memory)}"
         )
     side = min(side, MOST)
     both = math.lcm(STEP, *source)
@@ -150,6 +151,11 @@ def stride_for(memory: int, pixel: Footprint, size: tuple[int, int]) -> int:
     stride = 1
     while math.prod(-(-side // stride) for side in size) * pixel.learned > memory:
         stride += 2
+        if stride > max(size):
+            raise ArgumentError(
+                f"memory: to learn from one pixel takes {2 * pixel.learned} bytes, "
+                f"found {2 * memory}"
+            )
     return stride
 
 
@@ -196,9 +202,10 @@ def bytes_of(memory: Any) -> int:
         raise ArgumentError(
             f'memory: expected bytes, or a number with a unit such as "4GiB", found {memory!r}'
         )
-    size = int(float(found[1]) * UNITS[found[2].upper()])
+    wanted = float(found[1]) * UNITS[found[2].upper()]
+    size = int(wanted) if wanted < MOST_MEMORY else 0
     if size < 1:
-        raise ArgumentError(f"memory: expected more than nothing, found {memory!r}")
+        raise ArgumentError(f"memory: expected 1 to {MOST_MEMORY:g} bytes, found {memory!r}")
     return size
 
 

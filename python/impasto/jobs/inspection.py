@@ -12,7 +12,7 @@ from typing import Literal
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.results.zarr_arrays import ZarrArray
 from impasto.io.results.zarr_store import contents
-from impasto.jobs.folder import NOTES, RECORD, partial_of
+from impasto.jobs.folder import NOTES, RECORD, partial_of, store_name
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
 from impasto.jobs.lock import LOCK, holder
@@ -86,6 +86,7 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
     process = None if whole else holder(notes)
     pace = None if whole else _pace(notes / PACE)
     left = None if pace is None else (pixels - done) / pace
+    whole = whole and entries is not None and entries.files is not None
     return JobStatus(
         folder,
         "finished" if whole else "interrupted" if process is None else "running",
@@ -152,7 +153,7 @@ def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
     ArgumentError
         There is no job of that name.
     """
-    target = Path(out)
+    target = store_name(out)
     for folder, whole in ((target, True), (partial_of(target), False)):
         if (folder / NOTES / RECORD).exists():
             return folder, whole
@@ -187,6 +188,8 @@ def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
         path = folder / name
         if not path.is_file():
             yield Finding(str(path), "is missing")
+        elif path.is_symlink():
+            yield Finding(str(path), "is a link, not the file that was written")
         elif (found := checksum(path)) != crc:
             yield Finding(str(path), f"has changed: its checksum is {found}, in the journal {crc}")
     if not whole:

@@ -10,12 +10,13 @@ from typing import Any, Unpack
 from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
-from impasto.errors import ArgumentError
+from impasto.errors import ArgumentError, ResumeMismatchError
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
 from impasto.io.results.zarr_arrays import need_zarr
 from impasto.jobs.folder import (
     NOTES,
     RECORD,
+    check_finished,
     checked_target,
     clear,
     earlier_record,
@@ -23,11 +24,19 @@ from impasto.jobs.folder import (
     finish,
     partial_of,
     refuse_differences,
+    remove_unfinished,
 )
-from impasto.jobs.grid import bytes_of, checked_stride, checked_tile, stride_for, tile_for
+from impasto.jobs.grid import (
+    STEP,
+    bytes_of,
+    checked_stride,
+    checked_tile,
+    stride_for,
+    tile_for,
+)
 from impasto.jobs.journal import JOURNAL, Journal
 from impasto.jobs.learning import LEARNED, FitOptions, checked_fit, learned_model
-from impasto.jobs.lock import locked
+from impasto.jobs.lock import LOCK, locked
 from impasto.jobs.photographs import Photographs, checked_reading, open_photographs
 from impasto.jobs.record import JobRecord, plain
 from impasto.jobs.tiles import PACE, TileWriter, fit_tiles
@@ -79,7 +88,8 @@ def run(
     resume
         Whether to go on with a job of this name; False: an unfinished one is removed.
     tile
-        Rows and columns of a tile; default: as ``memory`` allows, at most 1024. A job that is
+        Rows and columns of a tile, no more than the painting needs; default: as ``memory`` allows,
+        at most 1024. A job that is
         resumed keeps its own.
     sample
         The model is learned from every so many rows and columns, an odd number; 1: from all pixels,
@@ -134,6 +144,7 @@ def run(
         sample = earlier.sample if sample is None else sample
     if tile is None:
         tile = tile_for(budget // 2, photographs.pixel, photographs.source_grid)
+    tile = min(tile, -(-max(photographs.size) // STEP) * STEP)
     if sample is None:
         sample = 1
         if not fit.get("relief"):
@@ -151,6 +162,8 @@ def run(
         sample=sample,
         notes=photographs.notes,
     )
+    if not resume:
+        remove_unfinished(partial)
     return carry_out(record, photographs, target, earlier, threads=threads, progress=progress)
 
 
@@ -167,6 +180,8 @@ def carry_out(
     if earlier is not None:
         refuse_differences(earlier, record, target)
     if target.exists():
+        check_finished(target, record.grid)
+        (target / NOTES / LOCK).unlink(missing_ok=True)  # of a process killed in its last step
         return target
     partial = partial_of(target)
     notes = partial / NOTES
@@ -215,9 +230,17 @@ def carry_out(
                 report=report,
             )
             entries = journal.entries
+        if changed := photographs.changed():
+            raise ResumeMismatchError(
+                f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
+                "begin anew (resume=False, --no-resume)"
+            )
         finish(partial, grid, entries)
         with as_problem_of(target):
             partial.rename(target)
+            # Not before: another process could take a lock of its own.
+            (target / NOTES / LOCK).unlink()
+            sync_folder(target / NOTES)
             sync_folder(target.parent)
     return target
 

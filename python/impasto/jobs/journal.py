@@ -68,7 +68,8 @@ class Entries:
         lines = [_line({"job": self.job, "learned": self.learned})]
         lines += [_tile_line(tile, self.tiles[tile]) for tile in grid if tile in self.tiles]
         if self.files is not None:
-            lines.append(_line({"files": self.files}))
+            before = crc_of(b"".join(lines))
+            lines.append(_line({"before": before, "files": self.files}))
         return b"".join(lines)
 
 
@@ -85,19 +86,23 @@ def read_journal(path: Path) -> Entries:
     data = path.read_bytes()
     whole = data[: data.rfind(b"\n") + 1]
     found: Entries | None = None
-    for number, line in enumerate(whole.splitlines(), start=1):
+    before = 0
+    for number, line in enumerate(whole.splitlines(keepends=True), start=1):
         try:
             content = json.loads(line)
             if found is None:
                 found = Entries(str(content["job"]), str(content["learned"]))
             elif "files" in content:
                 found.files = _checksums(content["files"])
+                if content["before"] != f"{before:08x}":
+                    raise ValueError("the checksum of the lines before does not agree")
             else:
                 row, column = (int(at) for at in content["tile"])
                 shards = _checksums(content["shards"])
                 found.tiles[row, column] = TileEntry(int(content["estimated"]), shards)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise CorruptInputError(path, f"is damaged in line {number}") from error
+        before = zlib.crc32(line, before)
     if found is None:
         raise CorruptInputError(path, "is no journal of a job")
     found.length = len(whole)

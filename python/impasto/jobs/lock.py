@@ -38,7 +38,7 @@ def locked(folder: Path) -> Iterator[None]:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 break
-            except OSError as error:
+            except BlockingIOError as error:
                 if last:
                     process = os.pread(handle, 32, 0).decode(errors="replace").strip()
                     raise ArgumentError(
@@ -46,6 +46,11 @@ def locked(folder: Path) -> Iterator[None]:
                         f"{process or 'unknown'}; wait for it, or end it and resume"
                     ) from error
                 time.sleep(PAUSE)
+            except OSError as error:
+                raise ImpastoError(
+                    f"out: the file system of {folder.parent} has no locks ({error.strerror}); "
+                    "give a folder of a local disk"
+                ) from error
         if not path.exists() or not os.path.samestat(os.fstat(handle), path.stat()):
             raise ArgumentError(f"out: another job has just ended in {folder.parent}; try again")
         os.truncate(handle, 0)
@@ -60,14 +65,16 @@ def holder(folder: Path) -> int | None:
     import fcntl
 
     try:
-        handle = os.open(folder / LOCK, os.O_RDWR)
+        handle = os.open(folder / LOCK, os.O_RDONLY)
     except OSError:
         return None
     try:
         fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:
+    except BlockingIOError:
         text = os.read(handle, 32).decode(errors="replace").strip()
         return int(text) if text.isdecimal() else 0
+    except OSError:  # no locks here
+        return None
     finally:
         os.close(handle)
     return None

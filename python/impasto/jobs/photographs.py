@@ -71,6 +71,10 @@ class Photographs(ABC):
     def inputs(self) -> list[dict[str, Any]]:
         """Name, size and SHA-256 of what is read; all of it is read for this."""
 
+    def changed(self) -> list[Path]:
+        """Files that are others than when :meth:`inputs` read them, by size, time and number."""
+        return []
+
     @abstractmethod
     def window(self, rows: slice, columns: slice) -> Stack:
         """The photographs of a window; the stack knows where it lies."""
@@ -182,7 +186,8 @@ class Files(Photographs):
         # A finished stack takes no mask, and says so.
         archive = path.suffix.lower() == ARCHIVE
         self._mask = None if archive else self._reading.pop("mask", None)
-        one = self._read((0, 0, 1, 1))
+        one = read_stack(path, region=(0, 0, 1, 1), **self._reading)
+        self._seen: dict[Path, tuple[int, int, int]] = {}
         with _any_picture(path, one, reading) as picture:
             size = picture.shape[1:]
             self._grid = picture.grid
@@ -232,7 +237,12 @@ class Files(Photographs):
         return self._notes
 
     def inputs(self) -> list[dict[str, Any]]:  # noqa: D102
-        return [file_entry(path) for path in dict.fromkeys(p.resolve() for p in self._inputs)]
+        paths = list(dict.fromkeys(path.absolute() for path in self._inputs))
+        self._seen = {path: _trace(path) for path in paths}
+        return [file_entry(path) for path in paths]
+
+    def changed(self) -> list[Path]:  # noqa: D102
+        return [path for path, trace in self._seen.items() if _trace(path) != trace]
 
     def window(self, rows: slice, columns: slice) -> Stack:  # noqa: D102
         if self._stack is not None:
@@ -248,7 +258,7 @@ class Files(Photographs):
         if encoding is not None and self._path.suffix.lower() != ARCHIVE:
             options["encoding"] = encoding
         stack = read_stack(self._path, region=region, **options)
-        if self._mask is None or stack.shape[2:] == (1, 1):
+        if self._mask is None:
             return stack
         planes = picture_codes(Path(self._mask), None, region)
         return stack._replace(mask=planes.max(axis=0) > 0)
@@ -287,6 +297,10 @@ def checked_reading(reading: Mapping[str, Any] | None) -> dict[str, Any]:
     ArgumentError
         An unknown one.
     """
+    if not isinstance(reading, Mapping | None):
+        raise ArgumentError(
+            f"reading: expected options by name ({{'encoding': 'srgb'}}), found {reading!r}"
+        )
     defaults = (None, False)
     given = {
         name: value
@@ -306,6 +320,15 @@ def _in_plain(notes: Iterable[Any]) -> list[list[str]]:
     return [[str(getattr(note, "kind", "")), str(note)] for note in notes]
 
 
+def _trace(path: Path) -> tuple[int, int, int]:
+    """What changes with a file; zeros of one that is gone."""
+    try:
+        found = path.stat()
+    except OSError:
+        return 0, 0, 0
+    return found.st_size, found.st_mtime_ns, found.st_ino
+
+
 def _mapped(samples: Any) -> bool:
     """Whether an array, or what it is a view of, is a memory map of a file."""
     while samples is not None:
@@ -317,7 +340,8 @@ def _mapped(samples: Any) -> bool:
 
 def _first(size: int, stride: int) -> int:
     """The first of every ``stride``-th pixel that leaves as many before it as after the last."""
-    return (size - 1) * ((stride + 1) // 2) % stride
+    first = (size - 1) * ((stride + 1) // 2) % stride
+    return first if first < size else (size - 1) // 2
 
 
 def _any_picture(path: Path, stack: Stack, reading: Mapping[str, Any]) -> Source:

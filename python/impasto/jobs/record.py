@@ -90,12 +90,13 @@ class JobRecord:
             curve, white = content["encoding"]
             content["encoding"] = (str(curve), float(white))
             found = cls(**content)
-            whole = len(found.shape) == 4 and min(*found.shape, found.tile, found.sample) > 0
-            named = all(isinstance(one["file"], str) for one in found.inputs)
+            numbers = (*found.shape, found.tile, found.sample)
+            whole = len(found.shape) == 4 and all(type(one) is int and one > 0 for one in numbers)
+            named = all(type(one[key]) is str for one in found.inputs for key in ("file", "sha256"))
             named = named and all(len(note) == 2 for note in found.notes)
             if not (whole and named and isinstance(found.fit, dict)):
                 raise ValueError("an entry is of the wrong kind")
-        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             raise CorruptInputError(path, f"is no record of a job ({error})") from error
         if found.format != FORMAT:
             raise CorruptInputError(
@@ -103,9 +104,15 @@ class JobRecord:
             )
         return found
 
+    def _by_file(self) -> dict[str, Any]:
+        """The record with its inputs by their names, not by their numbers."""
+        content: dict[str, Any] = json.loads(self.to_bytes())
+        content["inputs"] = {one.pop("file"): one for one in content["inputs"]}
+        return content
+
     def differences(self, other: JobRecord) -> list[str]:
         """What another record has else, one line each."""
-        one, two = (dict(_flat(json.loads(record.to_bytes()))) for record in (self, other))
+        one, two = (dict(_flat(record._by_file())) for record in (self, other))
         return [
             f"{name}: the job has {_shown(one.get(name))}, this call {_shown(two.get(name))}"
             for name in sorted(one.keys() | two.keys())
@@ -122,7 +129,8 @@ def plain(value: Any, name: str) -> Any:
         An array or another object, which cannot be compared with that of a later call.
     """
     if isinstance(value, os.PathLike):
-        return str(Path(value).resolve())
+        # Not resolved: what links lead to may lie without its neighbours.
+        return str(Path(value).absolute())
     if isinstance(value, Mapping):
         return {str(key): plain(one, name) for key, one in value.items()}
     if isinstance(value, list | tuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import stat
 import zlib
@@ -43,9 +44,14 @@ class ZarrStore:
             zarr is not installed.
         """
         need_zarr()
+        path = Path(os.path.realpath(path))
         if path.exists() and not _is_store(path):
             raise ArgumentError(
                 f"path: {path} exists and is no result of impasto; give another name"
+            )
+        if foreign := _foreign(path):
+            raise ArgumentError(
+                f"path: {path} holds {foreign}, which saving would remove; give another name"
             )
         size = np.shape(arrays.get("status", 0))
         tile = snapped(max(size)) if len(size) == 2 else None
@@ -208,6 +214,14 @@ def _own(path: Path) -> dict[str, Any] | None:
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
     return dict(own) if isinstance(own, dict) else None
+
+
+def _foreign(path: Path) -> str | None:
+    """Something in a store that is none of its arrays: notes of a job, or what people put there."""
+    if not path.exists():
+        return None
+    own = {METADATA, *((_own(path) or {}).get("arrays") or ())}
+    return next((one.name for one in sorted(path.iterdir()) if one.name not in own), None)
 
 
 def _is_store(path: Path) -> bool:

@@ -164,9 +164,9 @@ impl Kernel for Irls<'_, '_> {
                 descend::<_, false, 0>(&mut pixels, &mut colours, start, steps, None)
             };
             let Descent { mut normal, mut scale, .. } = first;
-            let mut settled = pixels.visit::<true>(normal, &colours.best, Some(scale));
+            let mut last_scale = pixels.visit::<true>(normal, &colours.best, Some(scale));
             let described =
-                pixels.described(settled, self.scale_reference.noise_floor) & first.converged;
+                pixels.described(last_scale, self.scale_reference.noise_floor) & first.converged;
             if restart && !described.all() {
                 let up = Vec3::new(zero, zero, one);
                 for start in [up, pixels.brightest_facet()] {
@@ -185,16 +185,16 @@ impl Kernel for Irls<'_, '_> {
                         *best = I::F32::select(better, *best, kept);
                     }
                 }
-                settled = pixels.visit::<true>(normal, &colours.best, Some(scale));
+                last_scale = pixels.visit::<true>(normal, &colours.best, Some(scale));
             }
             let fine = scale.is_finite() & (normal.x + normal.y + normal.z).is_finite();
             out.write(at, normal, &colours.best, scale, fine);
 
-            let sums = pixels.equations::<4>(normal, &colours.best, settled, &mut colours.pulls);
+            let sums = pixels.equations::<4>(normal, &colours.best, last_scale, &mut colours.pulls);
             let reduced = sums.reduced(&colours.best, &colours.pulls);
             let lobe = eliminate_tilts(&reduced);
             let values = [
-                settled,
+                last_scale,
                 pixels.floor,
                 pixels.used,
                 sums.square,
