@@ -106,12 +106,12 @@ def remove_unfinished(partial: Path) -> None:
     if not (partial / NOTES).exists():
         return
     real = partial.resolve()
-    aside = real.with_name(f".{real.name}-{os.getpid()}.old")
+    removed = real.with_name(f".{real.name}-{os.getpid()}.old")
     with locked(real / NOTES):
-        real.rename(aside)
+        real.rename(removed)
     if partial.is_symlink():
         partial.unlink()
-    shutil.rmtree(aside)
+    shutil.rmtree(removed)
 
 
 def check_finished(target: Path, grid: Grid) -> None:
