@@ -419,6 +419,25 @@ def test_every_change_is_found(change: str, stores: Path, tmp_path: Path) -> Non
     assert any(words in str(one) for one in found), found
 
 
+def test_a_repetition_goes_on_and_is_compared(stores: Path, tmp_path: Path) -> None:
+    out, again = stores / "painting.zarr", tmp_path / "again.zarr"
+
+    def stop(done: int, total: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        jobs.rerun(out, again, progress=stop)
+    assert jobs.status(again).tiles_done == 2
+    assert jobs.rerun(out, again) == ()
+    flip(again / "normal/c/0/1/0")
+    assert jobs.rerun(out, again) == ("normal/c/0/1/0",)
+    with pytest.raises(ArgumentError, match="is the store itself"):
+        jobs.rerun(out, out)
+    with pytest.raises(ResumeMismatchError, match=r"fit\.normals"):
+        jobs.rerun(out, stores / "other.zarr")
+
+
 def test_changed_photographs_are_found(tmp_path: Path) -> None:
     path = photographs(tmp_path)
     out = impasto.run(path, tmp_path / "painting.zarr", tile=64, pooling="none")

@@ -10,7 +10,14 @@ from impasto import _core
 from impasto._internal.calls import ProgressCallback
 from impasto.errors import ArgumentError
 from impasto.io.results.zarr_arrays import need_zarr
-from impasto.jobs.folder import NOTES, RECORD, checked_target, partial_of
+from impasto.jobs.folder import (
+    NOTES,
+    RECORD,
+    checked_target,
+    earlier_record,
+    partial_of,
+    refuse_differences,
+)
 from impasto.jobs.grid import bytes_of
 from impasto.jobs.inspection import folder_of
 from impasto.jobs.job import carry_out
@@ -73,7 +80,7 @@ def rerun(
     out
         The finished store.
     into
-        The new one, which does not exist yet.
+        The new one, which does not exist yet, or was begun by an earlier call.
     source, memory, threads, progress
         As in :func:`resume`.
 
@@ -85,7 +92,7 @@ def rerun(
     Raises
     ------
     ArgumentError
-        ``out`` is no finished job, or ``into`` exists.
+        ``out`` is no finished job, or ``into`` is something else than its repetition.
     ResumeMismatchError
         The photographs have changed, or this is another version of impasto.
     """
@@ -93,9 +100,13 @@ def rerun(
     target = checked_target(into)
     if not whole:
         raise ArgumentError(f"out: {out} is not finished: resume it first")
-    if target.exists() or partial_of(target).exists():
-        raise ArgumentError(f"into: {target} exists already; give another name")
+    if target.exists() and target.samefile(folder):
+        raise ArgumentError(f"into: {target} is the store itself; give another name")
     record = JobRecord.read(folder / NOTES / RECORD)
+    # One that was interrupted goes on.
+    earlier = earlier_record(target, partial_of(target), resume=True)
+    if earlier is not None:
+        refuse_differences(earlier, record, target)
     made = _repeated(record, source, target, memory, threads, progress)
     names = {
         path.relative_to(store).as_posix()
