@@ -180,8 +180,8 @@ def test_a_file_whose_maps_disagree_is_refused(fitted: impasto.PooledSbrdf, tmp_
 def test_other_formats_are_refused_with_what_works(
     fitted: impasto.PooledSbrdf, tmp_path: Path
 ) -> None:
-    with pytest.raises(impasto.ArgumentError, match=r"\.npz, found 'icon\.zarr'"):
-        fitted.save(tmp_path / "icon.zarr")
+    with pytest.raises(impasto.ArgumentError, match=r"\.npz or \.zarr, found 'icon\.mat'"):
+        fitted.save(tmp_path / "icon.mat")
     assert list(tmp_path.iterdir()) == []
 
 

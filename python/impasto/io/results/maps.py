@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.errors import CorruptInputError, ImpastoError
+from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.io.results.store import STORES, store_of
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
 from impasto.rig import Rig
@@ -67,8 +67,19 @@ class SavedMaps:
 
 
 def write_maps(path: str | os.PathLike[str], kind: str, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write a result atomically."""
+    """Write a result atomically.
+
+    Raises
+    ------
+    ArgumentError
+        A suffix of no format.
+    """
     target = Path(path)
+    if target.suffix.lower() not in STORES:
+        hint = f"; name it {target.stem}.npz" if target.name else ""
+        raise ArgumentError(
+            f"path: expected a name ending in {' or '.join(STORES)}, found {target.name!r}{hint}"
+        )
     store_of(target).write(target, {"kind": np.array(kind), **arrays})
 
 
