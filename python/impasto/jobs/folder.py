@@ -41,7 +41,7 @@ def checked_target(out: str | os.PathLike[str]) -> Path:
     if target.suffix.lower() != SUFFIX:
         raise ArgumentError(
             f"out: expected a name ending in {SUFFIX}, found {target.name!r}; "
-            f"name it {target.name or 'painting'}.impasto{SUFFIX}"
+            f"name it {target.stem or 'painting'}.impasto{SUFFIX}"
         )
     if not target.absolute().parent.is_dir():
         raise ArgumentError(f"out: the folder {target.absolute().parent} does not exist")
