@@ -21,7 +21,6 @@ from killed_jobs import stack, tree
 from processes import surroundings
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
-pytest.importorskip("zarr")
 
 
 @pytest.fixture(scope="module")

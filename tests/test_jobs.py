@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zarr
 
 import impasto
 from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
@@ -22,7 +23,6 @@ from killed_jobs import OPTIONS, stack, tree
 from processes import run as run_program
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
-zarr = pytest.importorskip("zarr")
 
 PIXEL: dict[str, Any] = {"pooling": "pixel", "effort": "draft", "lobes": 1}
 

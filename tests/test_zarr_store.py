@@ -15,13 +15,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zarr
 
 import impasto
 from impasto import ArgumentError, CorruptInputError
 from impasto.io.results.zarr_arrays import ZarrArray, inner_of
 from killed_jobs import stack, tree
-
-zarr = pytest.importorskip("zarr")
 
 FITS: dict[str, dict[str, Any]] = {
     "none": {"pooling": "none"},

@@ -308,7 +308,7 @@ class Sbrdf(PixelMaps, Relightable):
         Raises
         ------
         ArgumentError
-            Another suffix, or a ``.zarr`` folder that is no result of impasto.
+            Another suffix, or a ``.zarr`` folder that is no result or holds more than one.
         MissingExtraError
             ``.zarr``, and zarr is not installed.
         """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -208,7 +209,7 @@ def carry_out(
         )
         grid = record.grid
         with (
-            Journal(notes / JOURNAL, entries_of(partial, grid)) as journal,
+            closing(Journal(notes / JOURNAL, entries_of(partial, grid))) as journal,
             reporting(progress, "tiles") as callback,
         ):
             done = journal.entries.tiles
