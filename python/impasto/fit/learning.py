@@ -24,9 +24,9 @@ from impasto.fit.options import FitKind, Model, Pooling, fit_kind, fit_kinds
 from impasto.fit.pooled import Extraction, apply_pooled, learn_pooled, pooled_sbrdf, without_gloss
 from impasto.fit.relief import Relief
 from impasto.fit.residuals import LearnedResiduals, apply_residuals
-from impasto.fit.result import Sbrdf
 from impasto.fit.saved import arrays_of
-from impasto.fit.sbrdf import (
+from impasto.fit.stages import (
+    Fitted,
     checked_options,
     chosen_kind,
     learned_relief,
@@ -35,6 +35,7 @@ from impasto.fit.sbrdf import (
     start_normals,
     with_refined_rig,
 )
+from impasto.fit.subsample import checked_stride, every, stride_of
 from impasto.io.results import read_maps, write_maps
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
 from impasto.rig import Rig
@@ -110,6 +111,16 @@ class LearnedModel:
         seeds = isinstance(self.fit, LearnedLobes) and self.fit.options.start == "neighbours"
         return HALO if seeds else 0
 
+    def magnified(self, stride: int, extent: tuple[int, int]) -> LearnedModel:
+        """What was learned from every ``stride``-th row and column, for all of ``extent``."""
+        fit, rig, relief = self.fit, self.rig, self.relief
+        if isinstance(fit, LearnedLobes):
+            fit = replace(fit, extent=extent)
+        if rig is not None and rig.pitch_mm is not None:
+            rig = Rig(rig, pitch_mm=rig.pitch_mm / stride)
+        relief = None if relief is None else relief.magnified(stride)
+        return replace(self, extent=extent, fit=fit, rig=rig, relief=relief)
+
     def apply(
         self,
         stack: Stack,
@@ -118,7 +129,7 @@ class LearnedModel:
         *,
         threads: int | None = None,
         progress: bool | ProgressCallback = False,
-    ) -> Sbrdf:
+    ) -> Fitted:
         """Fit a tile. Its maps are bit-identical to those of the whole painting.
 
         Parameters
@@ -179,7 +190,7 @@ class LearnedModel:
         )
         return self._completed(fitted, photographs)
 
-    def _completed(self, result: Sbrdf, stack: Stack) -> Sbrdf:
+    def _completed(self, result: Fitted, stack: Stack) -> Fitted:
         """A tile's result with what was chosen, the relief and, if wanted, its residuals."""
         result = replace(result, chosen=self.chosen, relief=self.relief)
         kept = None if self.residuals is None else apply_residuals(self.residuals, stack, result)
@@ -230,6 +241,7 @@ def learn_sbrdf(
     residuals: bool | None = None,
     relief: bool | None = None,
     extent: tuple[int, int] | None = None,
+    sample: int | None = None,
     effort: EffortLike = "standard",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
@@ -239,6 +251,9 @@ def learn_sbrdf(
     It contains the pooled lobe, or the prior of lobes per pixel.
     ``learn_sbrdf(stack).apply(stack)`` is bit-identical to ``fit_sbrdf(stack)``, and so are its
     tiles.
+
+    A large painting is learned from a systematic sample, every third (fifth, seventh ...) row and
+    column: as many as leave two million pixels, and 2^28 samples, at most.
 
     Parameters
     ----------
@@ -256,12 +271,15 @@ def learn_sbrdf(
         The name of a method of :func:`impasto.fit_normals`; default: its own default.
     extent
         Rows and columns of the whole painting; default: those of the stack.
+    sample
+        The model is learned from every so many rows and columns, an odd number; 1: from all pixels.
+        Default: as above.
 
     Raises
     ------
     ArgumentError
         What :func:`impasto.fit_sbrdf` refuses; segments; an extent smaller than the stack;
-        ``relief=True`` with a larger one.
+        ``relief=True`` with a larger one; a sample that is no odd number from 1 on.
     """
     checked_stack(stack)
     relief = None if relief is None else truth(relief, "relief")
@@ -277,6 +295,7 @@ def learn_sbrdf(
             'pooling: "segment" cannot be learned from a sample; fit every part by '
             'fit_sbrdf(stack, pooling="segment"), or ask for "painting" or "pixel"'
         )
+    stride = stride_of(stack) if sample is None else checked_stride(sample)
     given = {
         "lobes": lobes,
         "ambient": ambient,
@@ -286,6 +305,9 @@ def learn_sbrdf(
         "joint": joint,
         "index": index,
     }
+    stack = every(stack, stride)
+    # Of a part the model is one of the whole; of every third pixel it becomes that.
+    learned_size = size if stride == 1 else stack.shape[2:]
     resolved_effort = resolved(effort)
     kinds = fit_kinds(model, pooling, given)
     before = stack.rig
@@ -307,11 +329,11 @@ def learn_sbrdf(
         known = learn_normals(stack, effort=resolved_effort, threads=threads)
     if kind.model != "lafortune" and kind.pooling != "none":
         stereo = start_normals(stack, normals, resolved_effort, threads, progress, known)
-        fit = _learned(stack, stereo, options, resolved_effort, size, threads, progress)
-    return LearnedModel(
+        fit = _learned(stack, stereo, options, resolved_effort, learned_size, threads, progress)
+    model_of_sample = LearnedModel(
         kind.model,
         kind.pooling,
-        size,
+        learned_size,
         stack.shape[1],
         normals,
         resolved_effort,
@@ -323,6 +345,7 @@ def learn_sbrdf(
         None if stack.rig is before else stack.rig,
         known,
     )
+    return model_of_sample.magnified(stride, size)
 
 
 def load_learned(path: str | os.PathLike[str]) -> LearnedModel:

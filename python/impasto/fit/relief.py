@@ -120,6 +120,15 @@ class Relief:
         """The relief in some of its bands, by number."""
         return replace(self, diffuse=np.take(self.diffuse, chosen, axis=0))
 
+    def magnified(self, factor: int) -> Relief:
+        """The relief of the same painting in pixels of which ``factor`` make one of today's."""
+        return replace(
+            self,
+            height=self.height * np.float32(factor),
+            step=self.step * factor,
+            origin=self.origin * factor,
+        )
+
     def rotated(self, turns: int) -> Relief:
         """The relief after quarter turns counterclockwise."""
         return replace(

@@ -1,12 +1,17 @@
-"""Regular subsamples of the pixels of a stack."""
+"""Regular subsamples of the pixels of a stack: systematic sampling [@cochran1977sampling]."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from impasto._internal.checks import is_whole
+from impasto.errors import ArgumentError
 from impasto.rig import Rig
 from impasto.stack import Stack
 
@@ -14,8 +19,88 @@ SPARSE = 4
 """A subsample with more pixels outside the mask than this multiple of the wanted ones is packed
 into a smaller picture: pixels outside the mask also take memory in every map of a fit."""
 
+LEARNED_PIXELS = 1 << 21
+"""Most pixels that a model of a painting is learned from: sixty thousand determine the width and
+the strength of one lobe to a thousandth, other numbers come from some thousands at most."""
+LEARNED_SAMPLES = 1 << 28
+"""Most samples of theirs, half a gigabyte of 16-bit codes."""
+
 Window: TypeAlias = tuple[slice, slice]
 """Rows and columns of a picture."""
+
+
+def learning_stride(inside: Callable[[int], int], planes: int) -> int:
+    """Of every how many rows and columns a model is learned, an odd number.
+
+    Parameters
+    ----------
+    inside
+        How many pixels within the mask are left of every so many rows and columns.
+    planes
+        Samples of a pixel.
+    """
+    most = max(1, min(LEARNED_PIXELS, LEARNED_SAMPLES // planes))
+    there = inside(1)
+    stride = 1
+    while stride**2 * most < there:
+        stride += 2
+    # The holes of a patterned mask may coincide with the stride.
+    while stride > 1 and 2 * stride**2 * inside(stride) < there:
+        stride -= 2
+    return stride
+
+
+def stride_of(stack: Stack) -> int:
+    """The same for a stack."""
+    observations, bands, *size = stack.shape
+    inside = partial(pixels_inside, stack.mask, size)
+    return learning_stride(inside, observations * bands)
+
+
+def pixels_inside(mask: NDArray[np.bool_] | None, size: Sequence[int], stride: int) -> int:
+    """How many pixels within the mask :func:`every` has."""
+    if mask is None:
+        return math.prod(-(-side // stride) for side in size)
+    return int(np.count_nonzero(mask[tuple(about_middle(side, stride) for side in size)]))
+
+
+def checked_stride(stride: Any) -> int:
+    """Of every how many rows and columns a model is learned, as a caller gave it.
+
+    Raises
+    ------
+    ArgumentError
+        No odd whole number from 1 on.
+    """
+    if not is_whole(stride) or stride < 1 or stride % 2 == 0:
+        raise ArgumentError(
+            f"sample: expected an odd number from 1 on (every third pixel: 3), found {stride!r}"
+        )
+    return int(stride)
+
+
+def about_middle(size: int, stride: int) -> slice:
+    """Every ``stride``-th of ``size`` pixels, an odd number: as many before as after them."""
+    first = (size - 1) * ((stride + 1) // 2) % stride
+    return slice(first if first < size else (size - 1) // 2, size, stride)
+
+
+def every(stack: Stack, stride: int) -> Stack:
+    """Every ``stride``-th row and column of a stack, an odd number, about its middle.
+
+    The width of a pixel grows by ``stride``, so that near lamps keep their places.
+    """
+    if stride == 1:
+        return stack
+    rows, columns = (about_middle(side, stride) for side in stack.shape[2:])
+    return stack._at(rows, columns, rig=rig_of_every(stack.rig, stride))
+
+
+def rig_of_every(rig: Rig, stride: int) -> Rig:
+    """The rig of every ``stride``-th row and column."""
+    right, up = rig.origin
+    pitch = None if rig.pitch_mm is None else rig.pitch_mm * stride
+    return Rig(rig, pitch_mm=pitch, origin=(right / stride, up / stride))
 
 
 def subsampled(stack: Stack, stride: int) -> Stack:

@@ -146,9 +146,12 @@ def tile_for(memory: int, pixel: Footprint, source: tuple[int, int]) -> int:
     return side // step * step
 
 
-def stride_for(memory: int, pixel: Footprint, size: tuple[int, int]) -> int:
-    """Of every how many rows and columns a model is learned: the smallest odd number that fits."""
-    stride = 1
+def stride_for(memory: int, pixel: Footprint, size: tuple[int, int], least: int) -> int:
+    """Of every how many rows and columns a model is learned.
+
+    The smallest odd number from ``least`` on whose sample fits into the memory.
+    """
+    stride = least
     while math.prod(-(-side // stride) for side in size) * pixel.learned > memory:
         stride += 2
         if stride > max(size):
@@ -170,21 +173,6 @@ def checked_tile(tile: Any) -> int:
     if not is_whole(tile) or tile < SMALLEST:
         raise ArgumentError(f"tile: expected a whole number from {SMALLEST} on, found {tile!r}")
     return int(tile)
-
-
-def checked_stride(stride: Any) -> int:
-    """Of every how many rows and columns a model is learned, as a caller gave it.
-
-    Raises
-    ------
-    ArgumentError
-        No odd whole number from 1 on.
-    """
-    if not is_whole(stride) or stride < 1 or stride % 2 == 0:
-        raise ArgumentError(
-            f"sample: expected an odd number from 1 on (every third pixel: 3), found {stride!r}"
-        )
-    return int(stride)
 
 
 def bytes_of(memory: Any) -> int:

@@ -12,6 +12,7 @@ from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
 from impasto.errors import ArgumentError, ResumeMismatchError
+from impasto.fit.subsample import checked_stride, learning_stride
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
 from impasto.io.results.zarr_arrays import need_zarr
 from impasto.jobs.folder import (
@@ -30,7 +31,6 @@ from impasto.jobs.folder import (
 from impasto.jobs.grid import (
     STEP,
     bytes_of,
-    checked_stride,
     checked_tile,
     stride_for,
     tile_for,
@@ -68,11 +68,10 @@ def run(
     was interrupted or not, and for any number of threads. The numbers in it do not depend on the
     size of the tiles.
 
-    **Learning from all pixels needs all photographs at once.** Where these, with the maps of
-    photometric stereo, fit into half of ``memory``, the result is that of ``fit_sbrdf``, bit for
-    bit. Else the model is learned from every third (fifth, seventh ...) row and column, which is
-    the result of ``learn_sbrdf`` of these photographs; there is no relief then, and the tone curve,
-    if it must be estimated, is that of 1024 x 1024 pixels in the middle.
+    **The result is that of** ``fit_sbrdf``, **bit for bit**, if the sample of pixels that
+    :func:`impasto.learn_sbrdf` learns from, two million at most, fits into half of ``memory``. Else
+    the sample is smaller: every so many rows and columns as fit. The tone curve, if it must be
+    estimated and not all photographs fit into memory, is that of 1024 x 1024 pixels in the middle.
 
     Parameters
     ----------
@@ -94,7 +93,8 @@ def run(
         resumed keeps its own.
     sample
         The model is learned from every so many rows and columns, an odd number; 1: from all pixels,
-        whatever memory that takes. Default: as ``memory`` allows; with ``relief=True`` it is 1.
+        whatever memory that takes. Default: that of :func:`impasto.learn_sbrdf`, or a larger one if
+        ``memory`` asks for it.
     reading
         Options of :func:`impasto.read_stack` for a path: ``{"encoding": "srgb"}``. Arrays are
         refused; give files. There is no ``region``.
@@ -130,7 +130,8 @@ def run(
     given = checked_reading(reading)
     options = {name: plain(_as_path(name, value), name) for name, value in given.items()}
     path = None if isinstance(source, Stack) else plain(Path(source), "source")
-    chosen = checked_fit(fit, 1 if sample is None else checked_stride(sample))
+    chosen = checked_fit(fit)
+    sample = None if sample is None else checked_stride(sample)
     tile = None if tile is None else checked_tile(tile)
     partial = partial_of(target)
     earlier = earlier_record(target, partial, resume=truth(resume, "resume"))
@@ -147,9 +148,9 @@ def run(
         tile = tile_for(budget // 2, photographs.pixel, photographs.source_grid)
     tile = min(tile, -(-max(photographs.size) // STEP) * STEP)
     if sample is None:
-        sample = 1
-        if not fit.get("relief"):
-            sample = stride_for(budget // 2, photographs.pixel, photographs.size)
+        observations, bands, *_ = photographs.shape
+        least = learning_stride(photographs.inside, observations * bands)
+        sample = stride_for(budget // 2, photographs.pixel, photographs.size, least)
     curve = photographs.encoding
     record = JobRecord(
         version=_core.build_info()["version"],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypedDict, get_type_hints
 
@@ -13,14 +13,12 @@ from impasto._internal.checks import one_of, suggestion, truth
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
 from impasto.fit.learning import LearnedModel, learn_sbrdf, load_learned
-from impasto.fit.lobes import LearnedLobes
 from impasto.fit.normals import METHODS, Method
 from impasto.fit.options import Model, Pooling, fit_kinds
 from impasto.fit.pooled import Extraction
-from impasto.fit.sbrdf import checked_options
+from impasto.fit.stages import checked_options
 from impasto.jobs.photographs import Photographs
 from impasto.jobs.record import plain
-from impasto.rig import Rig
 
 LEARNED = "learned.npz"
 
@@ -50,7 +48,7 @@ OWN = ("lobes", "ambient", "coated", "extraction", "peak", "joint", "index")
 """Those that only some fits have."""
 
 
-def checked_fit(given: Mapping[str, Any], sample: int) -> dict[str, Any]:
+def checked_fit(given: Mapping[str, Any]) -> dict[str, Any]:
     """Every option of a fit, with its default where it is not given, as a job keeps it.
 
     Raises
@@ -81,11 +79,6 @@ def checked_fit(given: Mapping[str, Any], sample: int) -> dict[str, Any]:
     for name in ("refine", "residuals", "relief"):
         if options[name] is not None:
             truth(options[name], name)
-    if options["relief"] and sample > 1:
-        raise ArgumentError(
-            "relief: every other pixel does not show what shades it; learn from all pixels "
-            "(sample=1, more memory), or leave relief out"
-        )
     return {name: plain(value, name) for name, value in options.items()}
 
 
@@ -103,25 +96,9 @@ def learned_model(
     if not path.exists():
         options = dict(fit) | {"effort": Effort(**fit["effort"])}
         options |= {"threads": threads, "progress": progress is True}
-        if stride == 1:
-            model = learn_sbrdf(photographs.whole(), **options)
-        else:
-            few = photographs.strided(stride, side)
-            model = of_the_whole(
-                learn_sbrdf(few, **options | {"relief": False}), stride, photographs.size
-            )
-        model.save(path)
+        few = learn_sbrdf(photographs.every(stride, side), sample=1, **options)
+        few.magnified(stride, photographs.size).save(path)
     return load_learned(path)
-
-
-def of_the_whole(model: LearnedModel, stride: int, extent: tuple[int, int]) -> LearnedModel:
-    """A model of every ``stride``-th row and column as one of all pixels."""
-    fit, rig = model.fit, model.rig
-    if isinstance(fit, LearnedLobes):
-        fit = replace(fit, extent=extent)
-    if rig is not None and rig.pitch_mm is not None:
-        rig = Rig(rig, pitch_mm=rig.pitch_mm / stride)
-    return replace(model, extent=extent, fit=fit, rig=rig)
 
 
 def digest_of(path: Path) -> str:

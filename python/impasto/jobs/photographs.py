@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from impasto._internal.checks import suggestion
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, ImpastoError
+from impasto.fit.subsample import about_middle, pixels_inside, rig_of_every
 from impasto.io.images import open_picture
 from impasto.io.opening import open_source
 from impasto.io.rig_arrays import arrays_of_rig
@@ -35,6 +37,8 @@ READING = (
     "intensities", "pattern", "bands", "pitch_mm", "layer", "strict", "max_pixels",
 )  # fmt: skip
 """Options of :func:`impasto.read_stack` that a job takes."""
+ROWS = 256
+"""Rows of a mask that are counted at a time."""
 CHUNK = 1 << 24
 """Bytes of a stack in memory that are hashed at a time."""
 
@@ -89,13 +93,19 @@ class Photographs(ABC):
         rows, columns = self.size
         return self.window(slice(0, rows), slice(0, columns))
 
-    def strided(self, stride: int, side: int) -> Stack:
-        """Every ``stride``-th row and column, an odd number, about the middle of the painting.
+    def inside(self, stride: int) -> int:
+        """How many pixels within the mask :meth:`every` has."""
+        return math.prod(-(-side // stride) for side in self.size)
 
-        Windows of ``side`` rows and columns are read one after another. The width of a pixel grows
-        by ``stride``, so that near lamps keep their places.
+    def every(self, stride: int, side: int) -> Stack:
+        """What :func:`impasto.fit.subsample.every` takes of all photographs.
+
+        Windows of ``side`` rows and columns are read one after another.
         """
-        rows, columns = (range(_first(size, stride), size, stride) for size in self.size)
+        if stride == 1:
+            return self.whole()
+        taken = (about_middle(size, stride).indices(size) for size in self.size)
+        rows, columns = (range(*indices) for indices in taken)
         found: NDArray[Any] | None = None
         mask = np.ones((len(rows), len(columns)), np.bool_)
         first: Stack | None = None
@@ -113,8 +123,7 @@ class Photographs(ABC):
                     mask[place] = part.mask[::stride, ::stride]
         assert first is not None
         assert found is not None
-        pitch = first.rig.pitch_mm
-        rig = Rig(first.rig, pitch_mm=None if pitch is None else pitch * stride, origin=(0.0, 0.0))
+        rig = rig_of_every(Rig(first.rig, origin=(0.0, 0.0)), stride)
         return first._replace(samples=found, rig=rig, mask=None if mask.all() else mask)
 
 
@@ -167,6 +176,9 @@ class StackInMemory(Photographs):
                 digest.update(shape.encode() + np.ascontiguousarray(array).tobytes())
         entry = {"dtype": str(stack.samples.dtype), "bytes": stack.samples.nbytes}
         return [{"file": "a stack in memory", **entry, "sha256": digest.hexdigest()}]
+
+    def inside(self, stride: int) -> int:  # noqa: D102
+        return pixels_inside(self.stack.mask, self.size, stride)
 
     def window(self, rows: slice, columns: slice) -> Stack:  # noqa: D102
         height, width = self.size
@@ -244,6 +256,18 @@ class Files(Photographs):
     def changed(self) -> list[Path]:  # noqa: D102
         return [path for path, trace in self._seen.items() if _trace(path) != trace]
 
+    def inside(self, stride: int) -> int:  # noqa: D102
+        if self._mask is None:
+            return super().inside(stride)
+        height, width = self.size
+        taken = about_middle(height, stride)
+        count = 0
+        for top in range(taken.start, height, stride * ROWS):
+            down = slice(top, min(top + stride * ROWS, height))
+            there = self._masked((down.start, 0, down.stop - down.start, width))
+            count += int(np.count_nonzero(there[::stride, about_middle(width, stride)]))
+        return count
+
     def window(self, rows: slice, columns: slice) -> Stack:  # noqa: D102
         if self._stack is not None:
             return StackInMemory(self._stack).window(rows, columns)
@@ -260,8 +284,12 @@ class Files(Photographs):
         stack = read_stack(self._path, region=region, **options)
         if self._mask is None:
             return stack
-        planes = picture_codes(Path(self._mask), None, region)
-        return stack._replace(mask=planes.max(axis=0) > 0)
+        return stack._replace(mask=self._masked(region))
+
+    def _masked(self, region: tuple[int, int, int, int] | None) -> NDArray[np.bool_]:
+        """The mask of a region, or all of it."""
+        planes: NDArray[Any] = picture_codes(Path(self._mask or ""), None, region)
+        return np.asarray(planes.max(axis=0) > 0)
 
 
 def open_photographs(
@@ -336,12 +364,6 @@ def _mapped(samples: Any) -> bool:
             return True
         samples = getattr(samples, "base", None)
     return False
-
-
-def _first(size: int, stride: int) -> int:
-    """The first of every ``stride``-th pixel that leaves as many before it as after the last."""
-    first = (size - 1) * ((stride + 1) // 2) % stride
-    return first if first < size else (size - 1) // 2
 
 
 def _any_picture(path: Path, stack: Stack, reading: Mapping[str, Any]) -> Source:

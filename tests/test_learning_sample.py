@@ -1,0 +1,137 @@
+"""A large painting is learned from a systematic sample: every so many rows and columns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import impasto
+from impasto import ArgumentError, DistantLight, PointLight, Rig, simulate
+from impasto.fit import subsample
+from impasto.fit.relief import Relief
+from impasto.fit.subsample import every, learning_stride, stride_of
+from killed_jobs import stack
+from test_jobs import photographs, same
+
+PIXEL: dict[str, Any] = {"pooling": "pixel", "effort": "draft", "lobes": 1}
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A painting of 125 x 142 pixels is a large one."""
+    monkeypatch.setattr(subsample, "LEARNED_PIXELS", 5000)
+
+
+def test_two_million_pixels_and_as_many_samples_as_fit_into_memory() -> None:
+    def square(side: int) -> Any:
+        return lambda stride: (-(-side // stride)) ** 2
+
+    assert learning_stride(square(1448), 36) == 1  # 1448 squared is just below 2^21
+    assert learning_stride(square(1449), 36) == 3
+    assert learning_stride(square(32768), 96) == 23
+    # 770 views in three bands: 2^28 samples are 116,000 pixels.
+    assert learning_stride(square(340), 2310) == 1
+    assert learning_stride(square(342), 2310) == 3
+
+
+def test_a_sample_has_pixels_of_the_mask(small: None) -> None:
+    """A mask may be a sample itself, whose holes coincide with the stride."""
+    size = (125, 142)
+    taken = stack(size)
+    assert stride_of(taken) == 3
+    few = np.zeros(size, bool)
+    few[::7, ::3] = True  # 864 pixels, few enough
+    assert stride_of(taken._replace(mask=few)) == 1
+    most = np.ones(size, bool)
+    most[2::3] = False  # all rows of every third
+    assert every(taken._replace(mask=most), 3).mask.any() is np.False_  # type: ignore[union-attr]
+    assert stride_of(taken._replace(mask=most)) == 1
+
+
+@pytest.mark.parametrize("size", [(125, 142), (7, 11), (10, 1)])
+@pytest.mark.parametrize("stride", [3, 5, 9])
+def test_the_sample_lies_about_the_middle(size: tuple[int, int], stride: int) -> None:
+    """Near lamps keep their places: a pixel of the sample sees the lamp that it saw before."""
+    lamp = PointLight((30.0, -20.0, 100.0))
+    rig = Rig([lamp, lamp, lamp], pitch_mm=0.5)
+    y, x = np.mgrid[: size[0], : size[1]].astype(np.uint8)
+    taken = impasto.Stack(np.array([[y], [x], [y]]), lights=rig)
+    some = every(taken, stride)
+    rows, columns = (some.samples[0, 0][:, 0].astype(int), some.samples[1, 0][0].astype(int))
+    for picked, length, width in ((rows, size[0], 0.5 * stride), (columns, size[1], 0.5 * stride)):
+        assert (np.diff(picked) == stride).all()
+        # Where the rig of the sample has its pixels, in millimetres from the middle, and where
+        # they were; all of it is whole or half pixels, without rounding.
+        has = (np.arange(len(picked)) - (len(picked) - 1) / 2) * width
+        assert has.tolist() == ((picked - (length - 1) / 2) * 0.5).tolist()
+    assert some.rig.pitch_mm == 0.5 * stride
+    assert some.rig.origin == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("fit", [PIXEL, {"pooling": "painting"}], ids=["pixel", "painting"])
+def test_a_fit_is_the_model_of_the_sample_applied_to_all(fit: dict[str, Any], small: None) -> None:
+    taken = stack((125, 142))
+    few = impasto.learn_sbrdf(every(taken, 3), **fit, sample=1)
+    learned = impasto.learn_sbrdf(taken, **fit)
+    assert learned.extent == (125, 142)
+    assert learned.stereo == few.stereo
+    whole = impasto.fit_sbrdf(taken, **fit)
+    same(whole, learned.apply(taken))
+    # It is another model than that of all pixels.
+    all_pixels = impasto.learn_sbrdf(taken, **fit, sample=1)
+    assert whole.normal.tobytes() != all_pixels.apply(taken).normal.tobytes()
+    with pytest.raises(ArgumentError, match="sample: expected an odd number"):
+        impasto.learn_sbrdf(taken, sample=4)
+
+
+@pytest.mark.parametrize("memory", ["1GiB", "15MB"])
+def test_a_job_in_little_memory_is_the_fit_of_the_whole(
+    memory: str, small: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also with a mask in a file, of which parts are read."""
+    path = photographs(tmp_path, (125, 142))
+    monkeypatch.chdir(tmp_path)
+    reading = {"mask": "mask.png"}
+    out = impasto.run(path, "painting.zarr", memory=memory, reading=reading, tile=64, **PIXEL)
+    whole = impasto.fit_sbrdf(impasto.read_stack(path, **reading), **PIXEL)
+    same(impasto.load_sbrdf(out), whole)
+
+
+def test_the_relief_of_a_sample_is_that_of_the_painting() -> None:
+    """In pixels a third as wide everything is three times as large, lamps too."""
+    rng = np.random.default_rng(5)
+    height = rng.normal(0.0, 1.0, (24, 20)).cumsum(axis=0).astype(np.float32)
+    normal = np.stack([-np.gradient(height, axis=1), np.gradient(height, axis=0), 1.0 + 0 * height])
+    normal = (normal / np.linalg.norm(normal, axis=0)).astype(np.float32)
+    diffuse = rng.random((3, 24, 20), dtype=np.float32)
+    few = Relief(height, normal, diffuse, 1, np.array([2.0, -1.5]), True)
+    lights = [DistantLight((0.6, 0.2, 0.5)), PointLight((9.0, -6.0, 14.0))]
+    ambient = 0.1 * diffuse
+    shown = rng.random((2, 3, 24, 20), dtype=np.float32)
+    wanted = shown.copy()
+    few.add_to(wanted, diffuse, ambient, Rig(lights, pitch_mm=0.6))
+    assert np.abs(wanted - shown).max() > 0.1
+    found = np.repeat(np.repeat(shown, 3, axis=-2), 3, axis=-1)
+    larger = [np.repeat(np.repeat(one, 3, axis=-2), 3, axis=-1) for one in (diffuse, ambient)]
+    few.magnified(3).add_to(found, *larger, Rig(lights, pitch_mm=0.6 / 3))
+    # Every third pixel lies in the middle of a cell. Lengths are rounded anew, once or twice: some
+    # units of 6e-8, which visibility, the slope of a horizon, may multiply by its steepness, 10.
+    np.testing.assert_allclose(found[..., 1::3, 1::3], wanted, atol=5e-6)
+
+
+def test_a_sample_is_enough_for_one_lobe(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From a ninth of the pixels the lobe is that of all, within its standard deviation."""
+    painting = simulate.painting(seed=3, size=(240, 260), varnish="gloss")
+    taken = simulate.capture(painting, "tominaga-six-band-adaptation", "rgb").stack
+    whole = impasto.fit_sbrdf(taken, pooling="painting")
+    monkeypatch.setattr(subsample, "LEARNED_PIXELS", 7000)
+    assert stride_of(taken) == 3
+    found = impasto.fit_sbrdf(taken, pooling="painting")
+    spread = np.sqrt(np.diag(found.covariance))
+    change = np.log([found.beta / whole.beta, found.gamma / whole.gamma])
+    # Three standard deviations of what a sample of this size leaves open.
+    assert (np.abs(change) < 3.0 * spread).all()
+    assert np.abs(change).max() > 0.0
