@@ -16,7 +16,7 @@ export PIP_QUIET := 1
 PYTEST := IMPASTO_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo test test-fast test-rust test-python lint docs wheel bench study pictures clean
+.PHONY: help build demo test test-fast rust-checks test-rust test-python lint docs wheel bench study pictures clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -26,7 +26,15 @@ build: $(VENV)/built  ## create .venv with a release build of impasto in it
 demo: $(VENV)/built  ## measure and relight a simulated painting; pictures in demo/
 	$(BIN)/impasto demo --out demo
 
-test: lint test-rust test-python docs  ## run every check: lint, Rust, Python, documentation
+test: $(VENV)/created  ## run every check: lint, Rust, Python, documentation
+	@$(MAKE) --no-print-directory --jobs 2 rust-checks $(VENV)/extras
+	@$(MAKE) --no-print-directory --jobs 2 lint test-rust
+	@$(MAKE) --no-print-directory test-python docs
+
+# The release build keeps one core busy for minutes: meanwhile the other compiles what the Rust checks need.
+rust-checks: $(VENV)/created
+	cargo clippy --quiet --workspace --all-targets -- -D warnings
+	cargo test --quiet --no-run
 
 # The renderer for graphics cards is tested as it is built for Python: what it needs is compiled once.
 test-rust: $(VENV)/built  ## run the Rust tests
