@@ -117,6 +117,42 @@ def test_files_are_read_by_windows_where_they_do_not_fit(
     assert jobs.rerun(out, tmp_path / "again.zarr", memory=memory) == ()
 
 
+def test_pictures_that_are_decoded_whole_are_decoded_seldom(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A PNG is decoded for as many rows of tiles as fit into the memory, not for every tile."""
+    taken = stack((70, 90))
+    names = [f"light{index}.png" for index in range(len(taken.rig))]
+    for name, codes in zip(names, taken.samples, strict=True):
+        write_png8(tmp_path / name, np.moveaxis(codes >> 4, 0, -1).astype(np.uint8))
+    path = tmp_path / "dirs.lp"
+    write_lights(path, taken.rig, names)
+    options: dict[str, Any] = {"pooling": "none", "normals": "least-squares"}
+    whole = impasto.fit_sbrdf(impasto.read_stack(path, encoding="srgb"), **options)
+    regions: list[Any] = []
+
+    def counted(*args: Any, region: Any = None, **others: Any) -> impasto.Stack:
+        regions.append(region)
+        return impasto.read_stack(*args, region=region, **others)
+
+    monkeypatch.setattr("impasto.jobs.photographs.read_stack", counted)
+    out = impasto.run(
+        path, tmp_path / "painting.zarr", memory="1.4MB", tile=16, sample=9,
+        reading={"encoding": "srgb"}, **options,
+    )  # fmt: skip
+    same(impasto.load_sbrdf(out), whole)
+    # Of 700 kB: 18,900 of a decoded picture, and rows of 90 x (12 x 3) x (4 + 1) bytes: 42. The
+    # sample begins in row 3 and takes every ninth one: from row 3, and from row 48. Then two rows of
+    # tiles from row 0, and the others from row 32.
+    assert regions == [
+        (0, 0, 1, 1),
+        (3, 0, 42, 90),
+        (48, 0, 22, 90),
+        (0, 0, 42, 90),
+        (32, 0, 38, 90),
+    ]
+
+
 def test_a_model_is_learned_from_as_many_pixels_as_fit(tmp_path: Path) -> None:
     """Every third row and column about the middle; the apply pass still fits every pixel."""
     path = photographs(tmp_path, (125, 142))

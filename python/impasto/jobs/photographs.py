@@ -218,11 +218,18 @@ class Files(Photographs):
                     )
             self._inputs = (*one.sources, Path(self._mask))
         self._stack: Stack | None = None
+        # Rows that are decoded across the whole picture are kept for the tiles beside each other.
+        decoded = math.prod(self._grid) * bands * codes
+        row = size[1] * (self._pixel.samples + self._pixel.codes)
+        self._rows = max(memory - decoded, 0) // row if self._grid[1] >= size[1] else 0
+        self._band: tuple[slice, Stack] | None = None
         if size[0] * size[1] * self._pixel.learned <= memory:
             self._stack = self._read(None, encoding)
             self._encoding = self._stack.encoding
         elif encoding is not None:
             self._encoding = encoding
+        elif reading.get("encoding") not in {None, "auto"}:
+            self._encoding = one.encoding
         else:
             height, width = (min(MIDDLE, side) for side in size)
             middle = ((size[0] - height) // 2, (size[1] - width) // 2, height, width)
@@ -271,8 +278,22 @@ class Files(Photographs):
     def window(self, rows: slice, columns: slice) -> Stack:  # noqa: D102
         if self._stack is not None:
             return StackInMemory(self._stack).window(rows, columns)
+        if self._rows > rows.stop - rows.start:
+            return self._banded(rows, columns)
         region = (rows.start, columns.start, rows.stop - rows.start, columns.stop - columns.start)
         return self._read(region, self._encoding)
+
+    def _banded(self, rows: slice, columns: slice) -> Stack:
+        """A window of a band of whole rows, as high as fits, which is read for many windows."""
+        band = self._band
+        if band is None or not band[0].start <= rows.start < rows.stop <= band[0].stop:
+            self._band = None  # before the next one is there
+            height, width = self.size
+            kept = slice(rows.start, min(rows.start + self._rows, height))
+            stack = self._read((kept.start, 0, kept.stop - kept.start, width), self._encoding)
+            band = self._band = kept, stack
+        within = slice(rows.start - band[0].start, rows.stop - band[0].start)
+        return band[1][within, columns]
 
     def _read(
         self, region: tuple[int, int, int, int] | None, encoding: Encoding | None = None
