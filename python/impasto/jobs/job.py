@@ -78,7 +78,7 @@ def run(
     source
         What :func:`impasto.read_stack` takes, or a :class:`Stack`, whose samples may be a memory
         map. Of TIFF, OpenEXR and uncompressed ``.npz`` every tile reads its window alone; of JPEG
-        and PNG it decodes whole photographs, unless all of them fit into the memory.
+        and PNG as many rows as fit into the memory are decoded at once.
     out
         The store to make: a name that ends in ``.zarr``, which does not exist yet.
     memory
