@@ -35,6 +35,7 @@ from impasto.fit.result import Sbrdf
 from impasto.fit.rig_refinement import refine_rig
 from impasto.fit.sbrdf import fit_sbrdf, load_sbrdf
 from impasto.fit.segments import Segment, SegmentSbrdf
+from impasto.fit.stored import StoredSbrdf, open_sbrdf
 from impasto.fit.strengths import Strengths, fit_strengths
 from impasto.height import cast_shadows, integrate_normals, sky_visibility
 from impasto.highlights import reconstruct_highlights
@@ -93,6 +94,7 @@ __all__ = [
     "SegmentSbrdf",
     "Stack",
     "Status",
+    "StoredSbrdf",
     "Strengths",
     "Suggestion",
     "Surface",
@@ -113,6 +115,7 @@ __all__ = [
     "learn_sbrdf",
     "load_learned",
     "load_sbrdf",
+    "open_sbrdf",
     "plan",
     "read_spectra",
     "read_stack",

@@ -151,9 +151,26 @@ def find_level(normal: ArrayLike, *, bend: bool = False) -> Level:
     planes = floats(normal)
     if planes.ndim != 3 or planes.shape[0] != 3 or 0 in planes.shape:
         raise ArgumentError(f"normal: expected shape (3, y, x), found {planes.shape}")
-    height, width = planes.shape[1:]
-    step = max(1, int(np.ceil(np.sqrt(height * width / _PIXELS))))
-    vectors = planes[:, ::step, ::step].astype(np.float64)
+    size = planes.shape[1], planes.shape[2]
+    step = sample_step(size)
+    return level_of_sample(planes[:, ::step, ::step], size, step, bend=bend)
+
+
+def sample_step(size: tuple[int, int]) -> int:
+    """Of every how many rows and columns of a painting :func:`find_level` takes a normal."""
+    height, width = size
+    return max(1, int(np.ceil(np.sqrt(height * width / _PIXELS))))
+
+
+def level_of_sample(
+    normal: NDArray[np.float32], size: tuple[int, int], step: int, *, bend: bool = False
+) -> Level:
+    """What :func:`find_level` finds, from every ``step`` rows and columns of a painting's normals.
+
+    ``size`` is that of the painting.
+    """
+    height, width = size
+    vectors = normal.astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         p, q = -vectors[0] / vectors[2], -vectors[1] / vectors[2]
     x, y = (place[::step, ::step] for place in _places(height, width))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,6 +14,8 @@ from impasto.cli.options import Flag
 from impasto.io.results import result_file
 
 LABEL_WIDTH = 26
+SAMPLED = 2**20
+"""Pixels of a store, about, of which medians are taken; its statuses are counted in all."""
 
 
 def info(
@@ -88,15 +92,31 @@ def _archive(path: Path) -> dict[str, Any]:
     from impasto.cli.fit import band_words
     from impasto.report import status_counts
 
-    sbrdf = impasto.load_sbrdf(path)
-    bands, rows, columns = sbrdf.diffuse.shape
+    facts: dict[str, Any] = {}
+    if path.is_dir():
+        stored = impasto.open_sbrdf(path)
+        rows, columns = stored.shape
+        statuses: Counter[str] = Counter()
+        for window in stored.windows():
+            statuses.update(status_counts(stored.map("status", *window)))
+        step = max(1, math.isqrt(rows * columns // SAMPLED))
+        sbrdf = stored.every(step)
+        if stored.factors:
+            facts["scales"] = ", ".join(f"1/{factor}" for factor in stored.factors)
+        if step > 1:
+            facts["medians"] = f"of every {step}th row and column"
+    else:
+        sbrdf = impasto.load_sbrdf(path)
+        rows, columns = sbrdf.shape
+        statuses = Counter(status_counts(sbrdf.status))
     return {
-        "size": f"{columns} x {rows} pixels, {band_words(bands)}",
+        "size": f"{columns} x {rows} pixels, {band_words(len(sbrdf.bands))}",
         "bands": ", ".join(sbrdf.bands),
         "lights": len(sbrdf.rig),
         "normals": sbrdf.normals.method,
-        "status": _counts(status_counts(sbrdf.status)),
+        "status": _counts(statuses),
         **_gloss(sbrdf.report()),
+        **facts,
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import CycloptsError, Parameter
@@ -34,9 +34,6 @@ from impasto.errors import ArgumentError
 from impasto.picture import Backend
 from impasto.systems import Name
 
-if TYPE_CHECKING:
-    from impasto.image import Image
-
 CLIPPED, DARK = 0.0005, 0.2
 """A message is printed above this share of clipped pixels, or below this brightness."""
 
@@ -64,6 +61,10 @@ def render(
     remove_varnish: VarnishName | None = None,
     level: Annotated[bool | None, Parameter(negative="--no-level")] = None,
     reduce: Whole = 1,
+    width: SomeWhole = None,
+    region: Annotated[
+        tuple[int, int, int, int] | None, Parameter(metavar="TOP LEFT HEIGHT WIDTH", negative="")
+    ] = None,
     tolerance: str | None = None,
     explain: Flag = False,
     backend: Backend = "cpu",
@@ -78,7 +79,8 @@ def render(
     result
         The --out folder of impasto fit or demo, an sbrdf.npz, or the .zarr of impasto job run.
     out
-        The picture: .png, .jpg or .tif (codes of the display), or .exr (linear light). With
+        The picture: .png, .jpg or .tif (codes of the display), or .exr (linear light); .tif of a
+        .zarr of more than 16 million pixels, which is rendered part by part without shadows. With
         --system the folder for its pictures.
     system
         Write the rendered figures of a paper, each in its own light and view, as fit --system and
@@ -128,6 +130,12 @@ def render(
     reduce
         How many pixels of the result, along a side, become one of the picture, whose gloss stays
         that of the whole.
+    width
+        An overview of at most so many pixels across; of a .zarr from the smaller scale that it
+        holds, without reading the whole.
+    region
+        A detail at full resolution, in pixels; of a .zarr nothing else is read. Shadows are those
+        of the detail alone.
     tolerance
         What may be left out where it cannot be seen: 0, code:1 or dE:0.5. Default: nothing.
     explain
@@ -143,7 +151,7 @@ def render(
         No progress, only errors.
     """
     import impasto
-    from impasto.cli.maps import load_result
+    from impasto.cli.scale import check_parts, render_parts, shown
     from impasto.image import checked_suffix
     from impasto.overview import visible
 
@@ -152,9 +160,10 @@ def render(
     if system is not None:
         others = (light, point, environment, environment_rotation, adaptation)
         more = (view, eye, lamp_size, exposure, level, tolerance, pitch, varnish, remove_varnish)
+        scale = (width, region)
         chosen = (illuminant, adaptation_mode, display, shadows, reduce, explain, backend)
         usual = ("D65", "planck", "srgb", False, 1, False, "cpu")
-        if any(value is not None for value in (*others, *more)) or chosen != usual:
+        if any(value is not None for value in (*others, *more, *scale)) or chosen != usual:
             raise CycloptsError(
                 msg="--system has its own lights, views and displays: give --out and --threads only"
             )
@@ -185,23 +194,34 @@ def render(
         shadows=shadows,
         varnish=film,
     )
-    sbrdf, reflectance = load_result(result)
-    check_spectra(result, reflectance, scene)
-    plane = panel(stages, sbrdf, wanted=shadows if level is None else level)
+    part = shown(result, region, width, reduce)
+    check_spectra(result, part.reflectance, scene)
+    if part.in_parts:
+        check_parts(part, out, scene, explain=explain)
+    if part.detail and shadows:
+        stages.say(f"  {'':14}[dim]what stands around the detail throws no shadow into it[/]")
+    plane = panel(stages, part.panel, wanted=shadows if level is None else level)
     options: dict[str, Any] = {
-        "reflectance": reflectance,
-        "pitch_mm": sbrdf.rig.pitch_mm if pitch is None else pitch,
+        "pitch_mm": None if pitch is None else part.factor * pitch,
         "level": plane,
-        "reduce": reduce,
         "threads": threads,
     }
-    shown = visible(sbrdf, reflectance)
+    if part.in_parts:
+        options |= {"tolerance": allowed, "backend": backend}
+        with stages.warned(), stages.stage("picture") as stage:
+            out.parent.mkdir(parents=True, exist_ok=True)
+            found = render_parts(part, scene, out, progress=stage.advance, **options)
+            stage.note = str(out)
+        _tell(stages, found.bright, found.exposure, found.clipped)
+        return
+    surface = visible(part.surface, part.reflectance)
+    options |= {"reflectance": part.reflectance, "reduce": part.reduce}
     if explain:
-        planned = impasto.plan(shown, scene, tolerance=allowed or 0, **options)
+        planned = impasto.plan(surface, scene, tolerance=allowed or 0, **options)
         stdout().print(planned.measured(threads=threads).explain(), markup=False)
     with stages.warned(), stages.stage("picture") as stage:
         image = impasto.render(
-            shown,
+            surface,
             scene,
             tolerance=allowed,
             # The message about the exposure needs linear light whatever the format.
@@ -213,7 +233,9 @@ def render(
         out.parent.mkdir(parents=True, exist_ok=True)
         image.save(out)
         stage.note = str(out)
-    _tell(stages, image)
+    if image.valid.any():
+        bright = float(np.percentile(image.linear.max(axis=0)[image.valid], 99.0))
+        _tell(stages, bright, image.exposure, image.clipped)
 
 
 def _figures(result: Path, system: Name, out: Path, stages: Stages, threads: int | None) -> None:
@@ -238,18 +260,16 @@ def _figures(result: Path, system: Name, out: Path, stages: Stages, threads: int
         stage.note = f"{out}: {', '.join(images)}"
 
 
-def _tell(stages: Stages, image: Image) -> None:
+def _tell(stages: Stages, bright: float, exposure: float, clipped: dict[str, float]) -> None:
     """Report clipped pixels, and a picture that leaves most of the display unused.
 
-    Both messages suggest the same exposure: 99 % of the pixels then reach up to 0.9 of the
-    display's light. Fewer clipped pixels are highlights, and no reason to change the exposure.
+    ``bright``: linear light that 99 % of the pixels do not exceed. Both messages suggest the same
+    exposure: 99 % of the pixels then reach up to 0.9 of the display's light. Fewer clipped pixels
+    are highlights, and no reason to change the exposure.
     """
-    if not image.valid.any():
-        return
-    bright = float(np.percentile(image.linear.max(axis=0)[image.valid], 99.0))
-    exposure = 0.9 * image.exposure / bright if bright > 0.0 else image.exposure
-    worst = max(image.clipped, key=lambda name: image.clipped[name])
-    share = image.clipped[worst]
+    exposure = 0.9 * exposure / bright if bright > 0.0 else exposure
+    worst = max(clipped, key=lambda name: clipped[name])
+    share = clipped[worst]
     if share > CLIPPED:
         advice = f"; --exposure {exposure:.2g} clips less than 1 %" if bright > 1.0 else ""
         stages.say(

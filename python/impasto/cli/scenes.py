@@ -136,7 +136,8 @@ def panel(stages: Stages, sbrdf: Any, *, wanted: bool) -> Any:
 
     if not wanted:
         return False
-    found = impasto.find_level(sbrdf.normal)
+    stored = isinstance(sbrdf, impasto.StoredSbrdf)
+    found = sbrdf.find_level() if stored else impasto.find_level(sbrdf.normal)
     plane = found if found.leans else False
     words = "; the lights shine on its own plane (--no-level: as it stood)" if plane else ""
     stages.say(f"  {'':14}[dim]{found}{words}[/]")

@@ -37,6 +37,11 @@ class PixelMaps:
         )
         return found
 
+    def placed(self, right: float, up: float) -> Self:
+        """The same maps as a part whose middle lies so many pixels from that of the painting."""
+        found: Self = _changed(self, lambda plane, _: plane, lambda rig: rig.part(right, up))
+        return found
+
     def rotated(self, quarter_turns: int = 1) -> Self:
         """The result with painting, lights and views rotated counterclockwise.
 

@@ -6,9 +6,9 @@ themselves stand in the file under their own name: ``normals.albedo``.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,18 @@ def maps_of(result: Any, prefix: str = "") -> set[str]:
         elif tuple(field.metadata.get("dims", ())[-2:]) == ("y", "x"):
             names.add(name)
     return names
+
+
+def map_names(kind: type[Any], prefix: str = "") -> Iterator[str]:
+    """The names that :func:`maps_of` gives to the maps of every result of a class."""
+    types = get_type_hints(kind)
+    for field in fields(kind):
+        name, type_ = prefix + field.name, types[field.name]
+        if tuple(field.metadata.get("dims", ())[-2:]) == ("y", "x"):
+            yield name
+        for one in (type_, *get_args(type_)):
+            if isinstance(one, type) and is_dataclass(one) and one is not Rig:
+                yield from map_names(one, f"{name}.")
 
 
 def columns_of(rows: Sequence[Any], kind: type[Any], prefix: str) -> dict[str, NDArray[Any]]:

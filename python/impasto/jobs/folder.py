@@ -8,14 +8,17 @@ from logging import NullHandler, getLogger
 from pathlib import Path
 
 from impasto.errors import ArgumentError, CorruptInputError, ResumeMismatchError
+from impasto.fit.stored import StoredSbrdf
 from impasto.io.files import as_problem_of, atomic_bytes, atomic_together
 from impasto.io.folders import PARTIAL, sync_folders
 from impasto.io.npz import read_npz
+from impasto.io.results.multiscales import multiscales_of, with_dims
 from impasto.io.results.zarr_arrays import METADATA
 from impasto.io.results.zarr_store import group_metadata, zarr_arrays
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
+from impasto.jobs.levels import write_levels
 from impasto.jobs.lock import LOCK, locked
 from impasto.jobs.record import JobRecord
 from impasto.jobs.tiles import KNOWN, MAP, NUMBERS, PACE, map_array
@@ -196,12 +199,17 @@ def finish(partial: Path, grid: Grid, entries: Entries) -> None:
     files: dict[str, bytes] = {f"{NOTES}/{METADATA}": EMPTY_GROUP}
     for array in stored:
         files |= array.files(numbers[array.name])
-    files |= {array.metadata_path: array.metadata for array in maps}
+    files |= {array.metadata_path: array.metadata for array in map(with_dims, maps)}
     described = sorted([*stored, *maps], key=lambda array: array.name)
-    files[METADATA] = group_metadata(numbers, described)
     atomic_together({partial / name: data for name, data in files.items()})
-    own = [f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS)]
-    entries.files = {name: checksum(partial / name) for name in sorted([*files, *own])}
+    text = {name: array for name, array in numbers.items() if array.dtype.kind == "U"}
+    tiles = StoredSbrdf(partial, text, described, {})
+    levels, crcs = write_levels(partial, tiles)
+    multiscales = multiscales_of(described, levels, tiles.pitch_mm)
+    last = {METADATA: group_metadata(numbers, described, levels, multiscales)}
+    atomic_together({partial / name: data for name, data in last.items()})
+    own = [*files, *last, *(f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS))]
+    entries.files = crcs | {name: checksum(partial / name) for name in own}
     atomic_bytes(notes / JOURNAL, entries.to_bytes(grid))
     (notes / PACE).unlink(missing_ok=True)
     with as_problem_of(partial):

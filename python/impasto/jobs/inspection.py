@@ -11,7 +11,7 @@ from typing import Literal
 
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.results.zarr_arrays import ZarrArray
-from impasto.io.results.zarr_store import contents
+from impasto.io.results.zarr_store import contents, levels_of
 from impasto.jobs.folder import NOTES, RECORD, partial_of, store_name
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
@@ -212,6 +212,8 @@ def _lacking(
             yield Finding(journal, f"has no tile {tile[0]}, {tile[1]}")
     try:
         _, arrays = contents(folder)
+        for smaller in levels_of(folder).values():
+            arrays += smaller
     except CorruptInputError as error:
         yield Finding(str(error.path), error.problem)
         return

@@ -3,6 +3,7 @@
 from impasto.io.results.maps import (
     RESULT,
     SavedMaps,
+    checked_maps,
     read_maps,
     result_file,
     rig_arrays,
@@ -16,6 +17,7 @@ __all__ = [
     "STORES",
     "MapStore",
     "SavedMaps",
+    "checked_maps",
     "read_maps",
     "result_file",
     "rig_arrays",

@@ -87,7 +87,15 @@ def write_maps(path: str | os.PathLike[str], kind: str, arrays: Mapping[str, NDA
 def read_maps(path: str | os.PathLike[str], *kinds: str) -> Iterator[SavedMaps]:
     """The arrays of a result; errors while they are read mean a damaged file."""
     target = Path(path)
-    arrays = store_of(target).read(target)
+    with checked_maps(target, store_of(target).read(target), *kinds) as maps:
+        yield maps
+
+
+@contextmanager
+def checked_maps(
+    target: Path, arrays: Mapping[str, NDArray[Any]], *kinds: str
+) -> Iterator[SavedMaps]:
+    """Arrays that were read from a file; errors while they are used mean a damaged file."""
     found = str(arrays.get("kind", "something else"))
     if found not in kinds:
         raise CorruptInputError(target, f"holds {found}, not {' or '.join(kinds)}")

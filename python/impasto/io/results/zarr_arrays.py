@@ -73,12 +73,15 @@ class ZarrArray:
         bool, integers or floating-point numbers.
     tile
         Rows and columns of the shards of a map; None: one chunk holds the array.
+    dims
+        Names of its dimensions for other readers; none if empty.
     """
 
     name: str
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
     tile: int | None = None
+    dims: tuple[str, ...] = ()
 
     @property
     def grid(self) -> tuple[int, int]:
@@ -115,7 +118,7 @@ class ZarrArray:
 
     @property
     def _encoder(self) -> _Encoder:
-        return _encoder(self.shape, self.dtype, self.tile)
+        return _encoder(self.shape, self.dtype, self.tile, self.dims)
 
     @property
     def metadata_path(self) -> str:
@@ -140,10 +143,20 @@ class ZarrArray:
             part = values if self.tile is None else values[(..., *self.window(row, column))]
             yield path, self.encoded(part, row, column)
 
-    def missing_chunks(self, path: Path, row: int, column: int) -> int:
+    def tiles(self, rows: slice, columns: slice) -> Iterator[tuple[int, int]]:
+        """Row and column of every tile that a window of the map touches."""
+        assert self.tile is not None
+        for row in range(rows.start // self.tile, -(-rows.stop // self.tile)):
+            for column in range(columns.start // self.tile, -(-columns.stop // self.tile)):
+                yield row, column
+
+    def missing_chunks(
+        self, path: Path, row: int, column: int, within: tuple[slice, slice] | None = None
+    ) -> int:
         """How many inner chunks of a tile its file does not hold.
 
-        Other readers take what is missing for fill values, without a word.
+        Other readers take what is missing for fill values, without a word. ``within``: a window of
+        the map; only chunks that it touches count.
         """
         assert self.tile is not None
         inner = inner_of(self.tile)
@@ -155,8 +168,15 @@ class ZarrArray:
         with path.open("rb") as file:
             file.seek(-index_bytes - 4, 2)
             index = np.frombuffer(file.read(index_bytes), "<u8").reshape(across, across, 2)
-        rows, columns = (-(-(part.stop - part.start) // inner) for part in self.window(row, column))
-        places, lengths = np.moveaxis(index[:rows, :columns], -1, 0)
+        tile = self.window(row, column)
+        rows, columns = (
+            slice(
+                (max(part.start, around.start) - part.start) // inner,
+                -(-(min(part.stop, around.stop) - part.start) // inner),
+            )
+            for part, around in zip(tile, within or tile, strict=True)
+        )
+        places, lengths = np.moveaxis(index[rows, columns], -1, 0)
         lost = (places == ABSENT) | (lengths == ABSENT) | (places > size) | (lengths > size)
         return int(np.count_nonzero(lost))
 
@@ -187,7 +207,9 @@ class _Encoder:
 
 
 @lru_cache(maxsize=64)
-def _encoder(shape: tuple[int, ...], dtype: np.dtype[Any], tile: int | None) -> _Encoder:
+def _encoder(
+    shape: tuple[int, ...], dtype: np.dtype[Any], tile: int | None, dims: tuple[str, ...]
+) -> _Encoder:
     need_zarr()
     import zarr
     from zarr.codecs import Crc32cCodec
@@ -209,6 +231,7 @@ def _encoder(shape: tuple[int, ...], dtype: np.dtype[Any], tile: int | None) -> 
         filters=None,
         compressors=Crc32cCodec(),
         fill_value=fill_of(dtype),
+        dimension_names=dims or None,
         zarr_format=3,
         config={"write_empty_chunks": True},
     )

@@ -8,9 +8,10 @@ import os
 import re
 import stat
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +27,12 @@ OWN = "impasto"
 """The attribute of the group that says what it holds."""
 LONGEST_METADATA = 1 << 24
 """Most bytes of a ``zarr.json``: those of a result have some thousands."""
-NAME = re.compile(r"[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)*")
+NAME = re.compile(r"(levels/[0-9]+/)?[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)*")
 """Names of arrays: they are names of folders, too."""
+OME = "ome"
+"""The attribute of the group in which readers of OME-NGFF look."""
+Levels: TypeAlias = dict[int, list[ZarrArray]]
+"""Smaller maps by how many pixels of the painting, along a side, are one of theirs."""
 
 
 class ZarrStore:
@@ -77,7 +82,7 @@ class ZarrStore:
         """
         text, stored = contents(path)
         need_zarr()
-        return {**text, **{array.name: _read(path, array) for array in stored}}
+        return {**text, **{array.name: read_array(path, array) for array in stored}}
 
 
 def zarr_arrays(
@@ -92,19 +97,34 @@ def zarr_arrays(
     return found
 
 
-def group_metadata(arrays: Mapping[str, NDArray[Any]], stored: list[ZarrArray]) -> bytes:
-    """The ``zarr.json`` of a store: its arrays, and the values of those that are text."""
+def group_metadata(
+    arrays: Mapping[str, NDArray[Any]],
+    stored: list[ZarrArray],
+    levels: Levels | None = None,
+    multiscales: Mapping[str, Any] | None = None,
+) -> bytes:
+    """The ``zarr.json`` of a store: its arrays, and the values of those that are text.
+
+    ``levels``: smaller maps of the same painting; ``multiscales``: what other readers know of them.
+    """
     content: dict[str, Any] = {
         "format": FORMAT,
-        "arrays": {
-            one.name: {"dtype": one.dtype.name, "shape": list(one.shape), "tile": one.tile}
-            for one in stored
-        },
+        "arrays": _entries(stored),
         "text": {name: array.tolist() for name, array in arrays.items() if array.dtype.kind == "U"},
     }
+    if levels:
+        content["levels"] = {str(factor): _entries(maps) for factor, maps in levels.items()}
     content["crc32"] = _checksum(content)
-    group = {"zarr_format": 3, "node_type": "group", "attributes": {OWN: content}}
+    attributes = {OWN: content} | ({OME: dict(multiscales)} if multiscales else {})
+    group = {"zarr_format": 3, "node_type": "group", "attributes": attributes}
     return (json.dumps(group, indent=2, sort_keys=True) + "\n").encode()
+
+
+def _entries(arrays: list[ZarrArray]) -> dict[str, Any]:
+    return {
+        one.name: {"dtype": one.dtype.name, "shape": list(one.shape), "tile": one.tile}
+        for one in arrays
+    }
 
 
 def contents(path: Path) -> tuple[dict[str, NDArray[Any]], list[ZarrArray]]:
@@ -117,6 +137,36 @@ def contents(path: Path) -> tuple[dict[str, NDArray[Any]], list[ZarrArray]]:
     CorruptInputError
         No store of impasto, or one whose list of arrays is damaged.
     """
+    own = _checked(path)
+    try:
+        text = {str(name): np.array(value, np.str_) for name, value in own["text"].items()}
+        stored = [_stored(name, entry) for name, entry in own["arrays"].items()]
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise CorruptInputError(path / METADATA, f"is damaged ({error})") from error
+    return text, stored
+
+
+def levels_of(path: Path) -> Levels:
+    """The smaller maps of a store, by how many pixels of the painting are one of theirs.
+
+    Raises
+    ------
+    FileNotFoundError, CorruptInputError
+        As :func:`contents`.
+    """
+    own = _checked(path)
+    try:
+        found = {
+            int(factor): [_stored(name, entry) for name, entry in maps.items()]
+            for factor, maps in own.get("levels", {}).items()
+        }
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise CorruptInputError(path / METADATA, f"is damaged ({error})") from error
+    return dict(sorted(found.items()))
+
+
+def _checked(path: Path) -> dict[str, Any]:
+    """What a store says of itself, unchanged since it was written."""
     if not path.exists():
         raise FileNotFoundError(2, "No such file or directory", str(path))
     own = _own(path)
@@ -128,12 +178,7 @@ def contents(path: Path) -> tuple[dict[str, NDArray[Any]], list[ZarrArray]]:
         raise CorruptInputError(
             path, f"has the format {own.get('format')}; this version of impasto reads {FORMAT}"
         )
-    try:
-        text = {str(name): np.array(value, np.str_) for name, value in own["text"].items()}
-        stored = [_stored(name, entry) for name, entry in own["arrays"].items()]
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise CorruptInputError(path / METADATA, f"is damaged ({error})") from error
-    return text, stored
+    return own
 
 
 def check_files(path: Path, array: ZarrArray) -> None:
@@ -144,16 +189,9 @@ def check_files(path: Path, array: ZarrArray) -> None:
     CorruptInputError
         It names the file.
     """
-    for name in (array.metadata_path, *(name for name, _ in array.paths())):
-        file = path / name
-        try:
-            mode = file.lstat().st_mode
-        except OSError as error:
-            raise CorruptInputError(file, "is missing") from error
-        if not stat.S_ISREG(mode):
-            raise CorruptInputError(file, "is no file")
-    if (path / array.metadata_path).stat().st_size > LONGEST_METADATA:
-        raise CorruptInputError(path / array.metadata_path, "is too long to describe an array")
+    _check_metadata(path, array)
+    for name, _ in array.paths():
+        _check_file(path / name)
     if array.tile is None:
         # Not to ask for more memory than there are numbers.
         wanted = math.prod(array.shape) * array.dtype.itemsize
@@ -166,17 +204,72 @@ def check_files(path: Path, array: ZarrArray) -> None:
             raise CorruptInputError(path / name, f"is truncated: it lacks {lost} of its chunks")
 
 
-def _read(path: Path, array: ZarrArray) -> NDArray[Any]:
-    """One array, all of whose checksums agree."""
+def check_window(path: Path, array: ZarrArray, rows: slice, columns: slice) -> None:
+    """The same of the shards and chunks alone that a window of a map touches."""
+    for row, column in array.tiles(rows, columns):
+        file = path / array.path(row, column)
+        _check_file(file)
+        if lost := array.missing_chunks(file, row, column, (rows, columns)):
+            raise CorruptInputError(file, f"is truncated: it lacks {lost} of its chunks")
+
+
+def _check_file(file: Path) -> None:
+    try:
+        mode = file.lstat().st_mode
+    except OSError as error:
+        raise CorruptInputError(file, "is missing") from error
+    if not stat.S_ISREG(mode):
+        raise CorruptInputError(file, "is no file")
+
+
+def _check_metadata(path: Path, array: ZarrArray) -> None:
+    file = path / array.metadata_path
+    _check_file(file)
+    if file.stat().st_size > LONGEST_METADATA:
+        raise CorruptInputError(file, "is too long to describe an array")
+
+
+def read_array(path: Path, array: ZarrArray) -> NDArray[Any]:
+    """One array of a store, all of whose checksums agree.
+
+    Raises
+    ------
+    CorruptInputError
+        It names the file or the array.
+    """
+    check_files(path, array)
+    with _damage_of(path / array.name):
+        return np.asarray(_opened(path, array)[...], dtype=array.dtype)
+
+
+def read_window(path: Path, array: ZarrArray, rows: slice, columns: slice) -> NDArray[Any]:
+    """A window ``(..., rows, columns)`` of a map; no other chunks are read.
+
+    Raises
+    ------
+    CorruptInputError
+        A chunk of the window whose checksum does not agree or that is missing; other chunks are not
+        looked at.
+    """
+    _check_metadata(path, array)
+    check_window(path, array, rows, columns)
+    with _damage_of(path / array.name):
+        return np.asarray(_opened(path, array)[..., rows, columns], dtype=array.dtype)
+
+
+def _opened(path: Path, array: ZarrArray) -> Any:
     import zarr
 
-    check_files(path, array)
-    folder = path / array.name
+    found = zarr.open_array(str(path / array.name), mode="r", zarr_format=3)
+    if (found.shape, found.dtype, found.shards) != _layout(array):
+        raise ValueError(f"{found.dtype} {found.shape} in shards {found.shards}")
+    return found
+
+
+@contextmanager
+def _damage_of(folder: Path) -> Iterator[None]:
     try:
-        found = zarr.open_array(str(folder), mode="r", zarr_format=3)
-        if (found.shape, found.dtype, found.shards) != _layout(array):
-            raise ValueError(f"{found.dtype} {found.shape} in shards {found.shards}")
-        return np.asarray(found[...], dtype=array.dtype)
+        yield
     except MemoryError:
         raise
     except Exception as error:  # zarr and its codecs raise whatever they stumble over

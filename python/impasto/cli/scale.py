@@ -1,0 +1,160 @@
+"""Which part of a result a command shows, and at what scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from cyclopts import CycloptsError
+
+from impasto.cli.maps import load_result
+from impasto.errors import ArgumentError
+from impasto.io.results import result_file
+
+WHOLE = 2**24
+"""Most pixels of a store that are loaded at once: some 2 GB of maps."""
+Region: TypeAlias = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What is to be rendered.
+
+    Attributes
+    ----------
+    surface
+        What :func:`impasto.render` takes; a :class:`impasto.StoredSbrdf` where it is too large.
+    reflectance
+        Its spectra, if there are any.
+    reduce
+        How many pixels of it, along a side, are one of the picture.
+    factor
+        How many pixels of the painting, along a side, are one of ``surface``.
+    window
+        The detail of ``surface`` that is meant, where that is a :class:`impasto.StoredSbrdf`.
+    panel
+        What knows the normals of the whole painting.
+    detail
+        Whether it is a part of the painting.
+    """
+
+    surface: Any
+    reflectance: Any
+    reduce: int = 1
+    factor: int = 1
+    window: tuple[slice, slice] | None = None
+    panel: Any = None
+    detail: bool = False
+
+    @property
+    def in_parts(self) -> bool:
+        """Whether it is rendered part by part."""
+        return self.window is not None
+
+
+def shown(result: Path, region: Region | None, width: int | None, reduce: int) -> Shown:
+    """What is shown of a result: of a store, as little as possible is loaded.
+
+    Raises
+    ------
+    ArgumentError
+        There is no result, or the region is not within the painting.
+    """
+    if sum((region is not None, width is not None, reduce != 1)) > 1:
+        raise CycloptsError(
+            msg="--region is a detail, --width and --reduce are smaller scales: give one of them"
+        )
+    if width is not None and width < 1:
+        raise ArgumentError(f"--width: expected a number of pixels from 1 on, found {width}")
+    path = result_file(result)
+    if path.suffix.lower() == ".zarr" and path.is_dir():
+        return _of_store(path, region, width, reduce)
+    sbrdf, reflectance = load_result(result)
+    if region is not None:
+        rows, columns = _window(region, sbrdf.shape)
+        if reflectance is not None:
+            reflectance = reflectance[rows, columns]
+        part = sbrdf[rows, columns]
+        return Shown(part, reflectance, panel=sbrdf, detail=True)
+    if width is not None:
+        reduce = _times(sbrdf.shape[1], width)
+    return Shown(sbrdf, reflectance, reduce, panel=sbrdf)
+
+
+def _of_store(path: Path, region: Region | None, width: int | None, reduce: int) -> Shown:
+    import impasto
+
+    stored = impasto.open_sbrdf(path)
+    rows, columns = stored.shape
+    if width is not None and width < columns:
+        fine = [one for one in stored.factors if columns // one <= width]
+        if stored.factors:
+            factor = fine[0] if fine else stored.factors[-1]
+            level = stored.level(factor)
+            times = _times(level.shape[1], width)
+            return Shown(level, None, times, factor, panel=level)
+        reduce = _times(columns, width)
+    window = slice(0, rows), slice(0, columns)
+    if region is not None:
+        window = _window(region, stored.shape)
+    pixels = (window[0].stop - window[0].start) * (window[1].stop - window[1].start)
+    if pixels <= WHOLE:
+        part = impasto.load_sbrdf(path) if region is None else stored[window]
+        whole = stored if region is not None else part
+        return Shown(part, None, reduce, panel=whole, detail=region is not None)
+    if reduce != 1:
+        factors = ", ".join(map(str, stored.factors)) or "no smaller scale"
+        raise ArgumentError(
+            f"--reduce: {path} is too large to be loaded ({columns} x {rows} pixels); give --width "
+            f"for one of the scales that it holds (1/{factors})"
+        )
+    return Shown(stored, None, window=window, panel=stored, detail=region is not None)
+
+
+def check_parts(part: Shown, out: Path, scene: Any, *, explain: bool) -> None:
+    """Refuse what a picture that is rendered part by part cannot be.
+
+    Raises
+    ------
+    ArgumentError
+        Another format than TIFF, effects that need the whole painting, or a plan to explain.
+    """
+    from impasto.large_picture import check_local
+
+    assert part.window is not None
+    rows, columns = (one.stop - one.start for one in part.window)
+    size, smaller = f"{columns} x {rows} pixels", "give --width for an overview or --region"
+    if out.suffix.lower() not in {".tif", ".tiff"}:
+        raise ArgumentError(
+            f"--out: a picture of {size} is written part by part, as .tif, found {out.name}; name "
+            f"it so, or {smaller} for a detail"
+        )
+    if explain:
+        raise ArgumentError(
+            f"--explain: a picture of {size} is planned part by part; {smaller} for a detail"
+        )
+    check_local(scene)
+
+
+def render_parts(part: Shown, scene: Any, out: Path, **options: Any) -> Any:
+    """Write a picture part by part, in bands that can be shown."""
+    count = len(part.surface.bands)
+    bands = None if count in {1, 3} else [count - 1, count // 2, 0]
+    return part.surface.render(scene, out, region=part.window, bands=bands, **options)
+
+
+def _times(columns: int, width: int) -> int:
+    return max(1, -(-columns // width))
+
+
+def _window(region: Region, shape: tuple[int, int]) -> tuple[slice, slice]:
+    top, left, height, width = region
+    rows, columns = shape
+    inside = 0 <= top < top + height <= rows and 0 <= left < left + width <= columns
+    if not (inside and height > 0 and width > 0):
+        raise ArgumentError(
+            "--region: expected TOP LEFT HEIGHT WIDTH within a painting of "
+            f"{rows} rows and {columns} columns, found {' '.join(map(str, region))}"
+        )
+    return slice(top, top + height), slice(left, left + width)
