@@ -87,11 +87,11 @@ def test_a_fit_is_the_model_of_the_sample_applied_to_all(fit: dict[str, Any], sm
         impasto.learn_sbrdf(taken, sample=4)
 
 
-@pytest.mark.parametrize("memory", ["1GiB", "15MB"])
+@pytest.mark.parametrize("memory", ["1GiB", "10.5MB"])
 def test_a_job_in_little_memory_is_the_fit_of_the_whole(
     memory: str, small: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also with a mask in a file, of which parts are read."""
+    """Also with a mask in a file, of which parts are read, and fits that look at neighbours."""
     path = photographs(tmp_path, (125, 142))
     monkeypatch.chdir(tmp_path)
     reading = {"mask": "mask.png"}

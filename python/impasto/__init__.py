@@ -41,6 +41,7 @@ from impasto.height import cast_shadows, integrate_normals, sky_visibility
 from impasto.highlights import reconstruct_highlights
 from impasto.image import Image
 from impasto.io import read_spectra, read_stack
+from impasto.jobs.ingest import ingest
 from impasto.jobs.job import run
 from impasto.level import Level, find_level
 from impasto.plan import Plan, Verification, plan
@@ -110,6 +111,7 @@ __all__ = [
     "fit_reflectance",
     "fit_sbrdf",
     "fit_strengths",
+    "ingest",
     "integrate_normals",
     "learn_normals",
     "learn_sbrdf",

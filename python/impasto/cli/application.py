@@ -42,6 +42,7 @@ def application() -> App:
         help="Render a fitted painting as a film. "
         "One of --raking, --turntable and --adaptation is needed.",
     )
+    app.command("impasto.cli.ingest:ingest", help="Write photographs into one store, by tiles.")
     app.command(job.application())
     app.command("impasto.cli.doctor:doctor", help="Check photographs before a fit.")
     app.command("impasto.cli.study:study", help="Measure what accuracy costs in time.")

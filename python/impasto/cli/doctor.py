@@ -43,7 +43,8 @@ def doctor(
     Parameters
     ----------
     stack
-        Light file (.lp) beside its photographs, a folder of both, or an .npz.
+        Light file (.lp) beside its photographs, a folder of both, an .npz, or the .zarr of
+        impasto ingest.
     write
         Write a light file (.lp; .csv with views) with corrected directions, without photographs
         that occur twice.

@@ -68,7 +68,8 @@ def fit(
     Parameters
     ----------
     stack
-        Light file (.lp) beside its photographs, a folder of both, or an .npz.
+        Light file (.lp) beside its photographs, a folder of both, an .npz, or the .zarr of
+        impasto ingest.
     out
         Folder for maps, overview and report.
     check

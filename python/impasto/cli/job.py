@@ -72,7 +72,8 @@ def run(
     Parameters
     ----------
     stack
-        Light file (.lp) beside its photographs, a folder of both, or an .npz.
+        Light file (.lp) beside its photographs, a folder of both, an .npz, or the .zarr of
+        impasto ingest.
     out
         The store to make: painting.impasto.zarr.
     memory

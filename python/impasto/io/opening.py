@@ -8,6 +8,7 @@ from impasto._internal.regular import RegularFile
 from impasto.errors import ArgumentError
 from impasto.io.arrays import MAGIC, open_array, open_member
 from impasto.io.images import MAX_PIXELS, open_picture
+from impasto.io.session.stored import SUFFIX, StoredObservation
 from impasto.io.sources import Source
 
 
@@ -30,6 +31,7 @@ def open_source(
                           the parts that hold the layer
     ``.npy``, ``.npz``    its values alone (``.npz`` of ``numpy.savez``)
     JPEG, PNG             one decoding of the whole, which the source keeps
+    ``.zarr``             the chunks that it touches, with all observations
     ====================  ===========================================================
 
     Parameters
@@ -41,7 +43,7 @@ def open_source(
     member
         The name of the array in an ``.npz``; default: ``samples``, as in :func:`write_stack`.
     index
-        The observation of an array ``(obs, band, y, x)`` in an ``.npz``.
+        The observation of an array ``(obs, band, y, x)`` in an ``.npz`` or of a ``.zarr``.
     max_pixels
         Larger pictures are refused.
 
@@ -62,6 +64,8 @@ def open_source(
     >>> with impasto.io.open_source("photo.tif") as source:      # doctest: +SKIP
     ...     tile = source.read(slice(0, 512), slice(1024, 1536))
     """
+    if Path(path).suffix.lower() == SUFFIX and Path(path).is_dir():
+        return StoredObservation(Path(path), 0 if index is None else index)
     file = RegularFile(Path(path))
     try:
         first = file.at(0, min(6, file.size))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.checks import suggestion
+from impasto._internal.windows import offset
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, ImpastoError
 from impasto.fit.subsample import about_middle, pixels_inside, rig_of_every
@@ -31,7 +32,8 @@ from impasto.stack import Stack
 MIDDLE = 1024
 """Rows and columns in the middle of the photographs from which their tone curve is taken, if it is
 not given and the whole is not read."""
-ARCHIVE = ".npz"
+FINISHED = {".npz", ".zarr"}
+"""Suffixes of what holds a finished stack, not photographs."""
 READING = (
     "lights", "images", "encoding", "mask", "saturation", "white", "dark", "board_reflectance",
     "intensities", "pattern", "bands", "pitch_mm", "layer", "strict", "max_pixels",
@@ -196,14 +198,16 @@ class Files(Photographs):
         self._path = path
         self._reading = dict(reading)
         # A finished stack takes no mask, and says so.
-        archive = path.suffix.lower() == ARCHIVE
-        self._mask = None if archive else self._reading.pop("mask", None)
+        finished = path.suffix.lower() in FINISHED
+        self._mask = None if finished else self._reading.pop("mask", None)
         one = read_stack(path, region=(0, 0, 1, 1), **self._reading)
         self._seen: dict[Path, tuple[int, int, int]] = {}
         with _any_picture(path, one, reading) as picture:
             size = picture.shape[1:]
             self._grid = picture.grid
             codes = picture.dtype.itemsize
+        # That of the whole painting: a region of files has the world's origin in its own middle.
+        self._rig = read_stack(path, region=_middle(size, (1, 1)), **self._reading).rig.here
         self._inputs, self._notes = one.sources, _in_plain(one.notes)
         observations, bands = one.shape[:2]
         self._shape = (observations, bands, *size)
@@ -231,9 +235,7 @@ class Files(Photographs):
         elif reading.get("encoding") not in {None, "auto"}:
             self._encoding = one.encoding
         else:
-            height, width = (min(MIDDLE, side) for side in size)
-            middle = ((size[0] - height) // 2, (size[1] - width) // 2, height, width)
-            self._encoding = self._read(middle).encoding
+            self._encoding = self._read(_middle(size, (MIDDLE, MIDDLE))).encoding
 
     @property
     def shape(self) -> tuple[int, int, int, int]:  # noqa: D102
@@ -300,9 +302,13 @@ class Files(Photographs):
     ) -> Stack:
         """A region, or all, with the mask, of which a region may lie outside."""
         options = dict(self._reading)
-        if encoding is not None and self._path.suffix.lower() != ARCHIVE:
+        if encoding is not None and self._path.suffix.lower() not in FINISHED:
             options["encoding"] = encoding
         stack = read_stack(self._path, region=region, **options)
+        if region is not None:
+            top, left, height, width = region
+            window = slice(top, top + height), slice(left, left + width)
+            stack = stack._replace(rig=self._rig.part(*offset(window, self.size)))
         if self._mask is None:
             return stack
         return stack._replace(mask=self._masked(region))
@@ -378,6 +384,14 @@ def _trace(path: Path) -> tuple[int, int, int]:
     return found.st_size, found.st_mtime_ns, found.st_ino
 
 
+def _middle(size: tuple[int, int], wanted: tuple[int, int]) -> tuple[int, int, int, int]:
+    """A region about the very middle, of so many rows and columns or one more."""
+    height, width = (
+        min(side, most + (side - most) % 2) for side, most in zip(size, wanted, strict=True)
+    )
+    return (size[0] - height) // 2, (size[1] - width) // 2, height, width
+
+
 def _mapped(samples: Any) -> bool:
     """Whether an array, or what it is a view of, is a memory map of a file."""
     while samples is not None:
@@ -389,7 +403,7 @@ def _mapped(samples: Any) -> bool:
 
 def _any_picture(path: Path, stack: Stack, reading: Mapping[str, Any]) -> Source:
     """One of the photographs, open; all are of one size and type."""
-    if path.suffix.lower() == ARCHIVE:
+    if path.suffix.lower() in FINISHED:
         return open_source(path, index=0)
     for file in stack.sources:
         try:

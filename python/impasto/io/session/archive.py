@@ -38,8 +38,12 @@ def write_stack(path: str | Path, stack: Stack) -> None:
     if not isinstance(path, str | os.PathLike):
         raise ArgumentError(f"path: expected the name of a file, found {type(path).__name__}")
     checked_stack(stack)
+    write_npz(Path(path), {"samples": stack.samples, **arrays_beside_samples(stack)})
+
+
+def arrays_beside_samples(stack: Stack) -> dict[str, NDArray[Any]]:
+    """All that a stack is besides its samples, by name."""
     arrays: dict[str, Any] = {
-        "samples": stack.samples,
         **arrays_of_rig(stack.rig),
         "bands": np.array(stack.bands),
         "names": np.array(stack.names),
@@ -52,7 +56,7 @@ def write_stack(path: str | Path, stack: Stack) -> None:
         arrays["mask"] = stack.mask
     if stack.saturation is not None:
         arrays["saturation"] = stack.saturation
-    write_npz(Path(path), arrays)
+    return {name: np.asarray(array) for name, array in arrays.items()}
 
 
 def read_archive(
@@ -63,23 +67,38 @@ def read_archive(
     Of a region only its samples are read, unless they are compressed. ``given`` are options for
     photographs, None where nobody said any: a finished stack takes none.
     """
+    refuse_options(path, given)
+    part = None
+    arrays = read_npz(path, without="" if region is None else "samples")
+    if region is not None and "lights" in arrays:
+        part = _read_part(path, region, arrays)
+    return stack_of_arrays(arrays, path, part, [path])
+
+
+def refuse_options(path: Path, given: Mapping[str, Any]) -> None:
+    """A finished stack takes no options for photographs."""
     for name, value in given.items():
         if value is not None:
             raise ArgumentError(
                 f"{name}: {path} holds a finished stack, to which this option does not apply; use "
                 "it when the photographs are read"
             )
-    part = None
-    arrays = read_npz(path, without="" if region is None else "samples")
-    if region is not None and "lights" in arrays:
-        part = _read_part(path, region, arrays)
+
+
+def stack_of_arrays(
+    arrays: Mapping[str, NDArray[Any]],
+    path: Path,
+    part: tuple[float, float] | None,
+    sources: Sequence[Path],
+) -> Stack:
+    """The stack of a file's arrays; ``part``: how far right and up the centre of a region lies."""
     lost = [key for key in ("samples", "lights") if key not in arrays]
     if lost:
         raise CorruptInputError(
             path, f"has no array {lost[0]!r}, only {sorted(arrays)}: see impasto.io.write_stack"
         )
     try:
-        return _stack(arrays, path, part)
+        return _stack(arrays, part, sources)
     except (ImpastoError, TypeError, ValueError) as error:
         raise CorruptInputError(path, f"holds arrays that are not a stack: {error}") from error
 
@@ -124,7 +143,9 @@ def _area(path: Path, region: Sequence[int], shape: tuple[int, ...]) -> tuple[sl
     return slice(top, top + height), slice(left, left + width)
 
 
-def _stack(arrays: dict[str, NDArray[Any]], path: Path, part: tuple[float, float] | None) -> Stack:
+def _stack(
+    arrays: Mapping[str, NDArray[Any]], part: tuple[float, float] | None, sources: Sequence[Path]
+) -> Stack:
     levels = arrays.get("saturation")
     encoding: Encoding | str = "linear"
     if "curve" in arrays:
@@ -140,6 +161,6 @@ def _stack(arrays: dict[str, NDArray[Any]], path: Path, part: tuple[float, float
         names=[str(name) for name in arrays["names"]] if "names" in arrays else None,
         saturation=levels,
         encoding=encoding,
-        sources=[path],
+        sources=sources,
         **optional,
     )

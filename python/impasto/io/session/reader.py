@@ -62,7 +62,8 @@ def read_stack(
     ----------
     path
         A light file (``.lp``, ``.relight``, ``.dome``, text, CSV, JSON) beside its photographs,
-        a folder of photographs, or an ``.npz`` written by :func:`impasto.io.write_stack`.
+        a folder of photographs, an ``.npz`` written by :func:`impasto.io.write_stack`, or a
+        ``.zarr`` made by :func:`impasto.ingest`.
     lights
         The lights, where ``path`` is a folder: a light file, ``(obs, 3)`` directions or a
         :class:`~impasto.Rig`; default: the folder's only light file.
@@ -122,22 +123,26 @@ def read_stack(
         A damaged file, named.
     ArgumentError
         Files or options that do not fit together, with both sides named; options for photographs
-        where ``path`` is an ``.npz``, which holds a finished stack.
+        where ``path`` is an ``.npz`` or ``.zarr``, which holds a finished stack.
     """
     path = Path(path)
     notebook = Notebook(strict)
     if not path.exists():
         raise ArgumentError(f"path: {path} does not exist")
-    if path.suffix.lower() == ".npz":
-        from impasto.io.session.archive import read_archive
-
+    if path.suffix.lower() in {".npz", ".zarr"}:
         given = {
             "lights": lights, "images": images, "mask": mask, "saturation": saturation,
             "white": white, "dark": dark, "board_reflectance": board_reflectance,
             "intensities": intensities, "pattern": pattern, "bands": bands, "pitch_mm": pitch_mm,
             "layer": layer, "encoding": encoding,
         }  # fmt: skip
-        return read_archive(path, given, region)
+        if path.suffix.lower() == ".npz":
+            from impasto.io.session.archive import read_archive
+
+            return read_archive(path, given, region)
+        from impasto.io.session.stored import read_stored
+
+        return read_stored(path, given, region)
     listed = listed_lights(path, lights, notebook)
     folder = Path(images) if images is not None else (path if path.is_dir() else path.parent)
     excluded = [

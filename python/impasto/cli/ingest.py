@@ -1,0 +1,56 @@
+"""``impasto ingest``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import CycloptsError, Parameter
+
+from impasto.cli.codes import Exit
+from impasto.cli.console import Stages
+from impasto.cli.options import Flag, SomeWhole
+from impasto.cli.photographs import Reading
+
+
+def ingest(
+    stack: Annotated[Path, Parameter(name=["STACK"])],
+    /,
+    *,
+    out: Path,
+    memory: str = "4GiB",
+    tile: SomeWhole = None,
+    reading: Reading | None = None,
+    quiet: Flag = False,
+) -> int:
+    """Write photographs into one store, tile by tile: impasto fit and impasto job run take it.
+
+    All observations of a tile lie in one file there. Nothing is lost or compressed. An interrupted
+    call leaves nothing.
+
+    Parameters
+    ----------
+    stack
+        Light file (.lp) beside its photographs, a folder of both, or an .npz.
+    out
+        The store to make: painting.stack.zarr.
+    memory
+        For samples, without the program: 500MB, 4GiB.
+    tile
+        Rows and columns of a tile; default: as the memory allows.
+    quiet
+        No progress, only errors.
+    """
+    from impasto.jobs import ingest as write
+
+    reading = Reading() if reading is None else reading
+    reading.check()
+    if reading.region is not None:
+        raise CycloptsError(msg="--region: a store holds whole photographs; leave it out")
+    stages = Stages(quiet=quiet)
+    with stages.stage("tiles", "reading") as stage:
+        write(
+            stack, out, memory=memory, tile=tile, reading=reading.options(), progress=stage.advance
+        )
+        stage.note = f"in {out}"
+    return Exit.OK

@@ -1,0 +1,187 @@
+"""Photographs of any kind as one store, in which all observations of a tile lie together."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from impasto._internal.calls import ProgressCallback, reporting
+from impasto.errors import ArgumentError, ResumeMismatchError
+from impasto.io.files import atomic_together
+from impasto.io.folders import new_folder
+from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr
+from impasto.io.results.zarr_store import group_metadata, zarr_arrays
+from impasto.io.session.stored import SAMPLES, SUFFIX, arrays_of_store
+from impasto.jobs.grid import MOST, STEP, Footprint, Grid, Tile, bytes_of, checked_tile
+from impasto.jobs.photographs import Photographs, checked_reading, open_photographs
+from impasto.stack import Stack
+
+COPIES = 6
+"""A tile of samples is in memory so often, at most: the one that is read, as codes and as samples,
+and the one that is written, with the copies that make its file."""
+
+
+def ingest(
+    source: str | os.PathLike[str] | Stack,
+    out: str | os.PathLike[str],
+    *,
+    memory: str | int = "4GiB",
+    tile: int | None = None,
+    reading: Mapping[str, Any] | None = None,
+    progress: bool | ProgressCallback = False,
+) -> Path:
+    """Write photographs into a Zarr store, in which all observations of a tile lie together.
+
+    A fit of tiles then reads one file for each, whatever the photographs were: hundreds of them,
+    JPEG or PNG, which have no windows, or compressed TIFF. Every file of photographs is decoded
+    once for as many rows as fit into the memory. The store holds what :func:`impasto.read_stack`
+    returns, without loss: ``samples (obs, band, y, x)`` in shards of a tile with chunks of at most
+    128 x 128 pixels, each with a checksum (crc32c) and not compressed, the mask, the numbers of
+    rig, bands and scale, and the SHA-256 of the files that were read. ``read_stack`` reads it,
+    whole or a region; so does :func:`impasto.run`.
+
+    Parameters
+    ----------
+    source
+        What :func:`impasto.read_stack` takes, or a :class:`Stack`, whose samples may be a memory
+        map.
+    out
+        The store to make: a name that ends in ``.zarr``, which does not exist yet.
+    memory
+        Bytes, or a text such as ``"4GiB"``, for samples; the program and its libraries come on top.
+    tile
+        Rows and columns of a tile; default: as ``memory`` allows, at most 1024.
+    reading
+        Options of :func:`impasto.read_stack` for a path, as for :func:`impasto.run`.
+    progress
+        True: a bar on stderr; or a callable ``(done, total)`` in tiles.
+
+    Returns
+    -------
+    Path
+        The store. It appears when it is whole; an interrupted call leaves nothing.
+
+    Raises
+    ------
+    ArgumentError
+        A value that cannot be used, ``out`` that exists, or memory for less than a tile of 64 x 64
+        pixels.
+    ResumeMismatchError
+        A photograph changed while it was read.
+    CorruptInputError
+        A damaged photograph.
+    MissingExtraError
+        zarr is not installed.
+    """
+    target = _checked_target(out)
+    need_zarr()
+    budget = bytes_of(memory)
+    given = checked_reading(reading)
+    photographs = open_photographs(
+        source if isinstance(source, Stack) else Path(source), given, budget // 2, None
+    )
+    if tile is None:
+        tile = _tile_for(budget // 2, photographs.pixel)
+    height, width = photographs.size
+    grid = Grid(height, width, min(checked_tile(tile), -(-max(height, width) // STEP) * STEP))
+    with (
+        reporting(progress, "tiles") as report,
+        new_folder(target) as folder,
+        ThreadPoolExecutor(1, "impasto-hashes") as pool,
+    ):
+        hashes = pool.submit(photographs.inputs)
+        for count, stack in enumerate(_written(folder, photographs, grid), start=1):
+            if count == len(grid):
+                _describe(folder, stack, grid, hashes.result())
+            if report is not None:
+                report(count, len(grid))
+        if changed := photographs.changed():
+            raise ResumeMismatchError(
+                f"source: {changed[0]} has changed while it was read; ingest once more"
+            )
+    return target
+
+
+def _written(folder: Path, photographs: Photographs, grid: Grid) -> Iterator[Stack]:
+    """Write every tile; meanwhile the next one is read."""
+
+    def read(tile: Tile) -> Stack:
+        return photographs.window(*grid.window(tile))
+
+    def write(tile: Tile, stack: Stack) -> None:
+        files = {}
+        for array, plane in _maps(stack, grid):
+            files[folder / array.path(*tile)] = array.encoded(plane, *tile)
+        atomic_together(files)
+
+    tiles = list(grid)
+    with (
+        ThreadPoolExecutor(1, "impasto-reader") as reader,
+        ThreadPoolExecutor(1, "impasto-writer") as scribe,
+    ):
+        ahead = reader.submit(read, tiles[0])
+        behind: Future[None] | None = None
+        for index, tile in enumerate(tiles):
+            stack = ahead.result()
+            if behind is not None:
+                behind.result()
+            if index + 1 < len(tiles):
+                ahead = reader.submit(read, tiles[index + 1])
+            behind = scribe.submit(write, tile, stack)
+            if index + 1 == len(tiles):
+                behind.result()
+            yield stack
+
+
+def _maps(stack: Stack, grid: Grid) -> Iterator[tuple[ZarrArray, Any]]:
+    """The samples, and the mask if there is one, with how they are stored."""
+    planes = {SAMPLES: stack.samples} | ({} if stack.mask is None else {"mask": stack.mask})
+    for name, plane in planes.items():
+        shape = (*plane.shape[:-2], grid.rows, grid.columns)
+        yield ZarrArray(name, shape, plane.dtype, grid.tile), plane
+
+
+def _describe(folder: Path, stack: Stack, grid: Grid, inputs: Sequence[Mapping[str, Any]]) -> None:
+    """Write what is no map, and the metadata of all arrays."""
+    files_read = [[str(one.get(key, "")) for key in ("file", "bytes", "sha256")] for one in inputs]
+    arrays = {**arrays_of_store(stack), "inputs": np.array(files_read)}
+    others = zarr_arrays(arrays, (), None)
+    maps = [array for array, _ in _maps(stack, grid)]
+    files: dict[str, bytes] = {}
+    for array in others:
+        files |= dict(array.files(arrays[array.name]))
+    files |= {array.metadata_path: array.metadata for array in maps}
+    files[METADATA] = group_metadata(arrays, sorted([*others, *maps], key=lambda one: one.name))
+    atomic_together({folder / name: data for name, data in files.items()})
+
+
+def _tile_for(memory: int, pixel: Footprint) -> int:
+    side = min(math.isqrt(memory // (COPIES * pixel.samples)), MOST)
+    if side < STEP:
+        raise ArgumentError(
+            f"memory: a tile of {STEP} x {STEP} pixels of these photographs needs "
+            f"{2 * COPIES * pixel.samples * STEP**2} bytes, found {2 * memory}"
+        )
+    return side // STEP * STEP
+
+
+def _checked_target(out: str | os.PathLike[str]) -> Path:
+    target = Path(out)
+    if "\0" in str(target):
+        raise ArgumentError(f"out: {str(target)!r} is no name of a file")
+    if target.suffix.lower() != SUFFIX:
+        raise ArgumentError(
+            f"out: expected a name ending in {SUFFIX}, found {target.name!r}; "
+            f"name it {target.stem or 'stack'}{SUFFIX}"
+        )
+    if target.exists() or target.is_symlink():
+        raise ArgumentError(f"out: {target} exists; give another name")
+    if not target.absolute().parent.is_dir():
+        raise ArgumentError(f"out: the folder {target.absolute().parent} does not exist")
+    return target

@@ -1,0 +1,187 @@
+"""Photographs as one store: what is read from it is what was read from the photographs."""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zarr
+
+import impasto
+from command_line import complaint
+from impasto import ArgumentError, CorruptInputError, PointLight, Rig
+from impasto.cli import main
+from impasto.io import open_source, write_lights, write_png8, write_stack
+from killed_jobs import stack
+from test_jobs import PIXEL, photographs, same
+
+
+def assert_same(found: impasto.Stack, wanted: impasto.Stack) -> None:
+    for name in ("samples", "scale", "black", "saturation", "mask"):
+        one, two = getattr(found, name), getattr(wanted, name)
+        if two is None:
+            assert one is None, name
+            continue
+        assert one.dtype == two.dtype, name
+        assert one.tobytes() == two.tobytes(), name
+    assert (found.bands, found.names, found.encoding) == (
+        wanted.bands,
+        wanted.names,
+        wanted.encoding,
+    )
+    for name in ("vectors", "near", "falloff", "intensities", "views"):
+        assert getattr(found.rig, name).tobytes() == getattr(wanted.rig, name).tobytes(), name
+    assert (found.rig.origin, found.rig.pitch_mm) == (wanted.rig.origin, wanted.rig.pitch_mm)
+
+
+@pytest.mark.parametrize("memory", ["4GiB", "4MB"])
+def test_a_store_is_the_photographs(memory: str, tmp_path: Path) -> None:
+    path = photographs(tmp_path, (150, 90))
+    reading = {"mask": str(tmp_path / "mask.png"), "saturation": 65520}
+    seen: list[tuple[int, int]] = []
+    out = impasto.ingest(
+        path,
+        tmp_path / "stack.zarr",
+        memory=memory,
+        tile=64,
+        reading=reading,
+        progress=lambda done, total: seen.append((done, total)),
+    )
+    assert seen == [(count, 6) for count in range(1, 7)]
+    whole = impasto.read_stack(path, **reading)
+    assert_same(impasto.read_stack(out), whole)
+    for top, left, height, width in [(0, 0, 1, 1), (60, 30, 70, 60), (149, 89, 1, 1)]:
+        part = whole[top : top + height, left : left + width]
+        assert_same(impasto.read_stack(out, region=(top, left, height, width)), part)
+    with open_source(out, index=7) as source:
+        assert (
+            source.read(slice(10, 140), slice(0, 90)).tobytes()
+            == whole.samples[7, :, 10:140].tobytes()
+        )
+        assert source.shape == (3, 150, 90)
+    # All observations of a tile in one file, for any reader of Zarr.
+    group = zarr.open_group(out, mode="r")
+    assert group["samples"].shards == (12, 3, 64, 64)
+    assert len([p for p in (out / "samples").rglob("*") if p.is_file()]) == 7
+    found = json.loads((out / "zarr.json").read_text())["attributes"]["impasto"]["text"]["inputs"]
+    assert {Path(name).name for name, *_ in found} >= {"dirs.lp", "mask.png", "light0.tif"}
+
+
+def test_near_lamps_keep_their_places(tmp_path: Path) -> None:
+    lamps = [PointLight((*(80.0 * one).tolist(),)) for one in stack().rig.directions]
+    near = stack()._replace(rig=Rig(lamps, pitch_mm=0.5))
+    out = impasto.ingest(near, tmp_path / "stack.zarr", tile=64)
+    assert_same(impasto.read_stack(out), near)
+    assert_same(impasto.read_stack(out, region=(3, 5, 40, 50)), near[3:43, 5:55])
+
+
+def test_a_job_of_a_store_is_that_of_the_photographs(tmp_path: Path) -> None:
+    out = impasto.ingest(stack(), tmp_path / "stack.zarr", tile=64)
+    fitted = impasto.run(
+        out, tmp_path / "painting.zarr", memory="1.5MB", tile=32, sample=1, **PIXEL
+    )
+    same(impasto.load_sbrdf(fitted), impasto.fit_sbrdf(stack(), **PIXEL))
+    assert impasto.jobs.verify(fitted) == ()
+    file = next(p for p in (out / "samples" / "c").rglob("*") if p.is_file())
+    content = bytearray(file.read_bytes())
+    content[100] ^= 1
+    file.write_bytes(content)
+    assert [finding.file for finding in impasto.jobs.verify(fitted)] == [str(file)]
+
+
+def test_pictures_that_are_decoded_whole_are_decoded_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = stack()
+    names = [f"light{index}.png" for index in range(len(taken.rig))]
+    for name, codes in zip(names, taken.samples, strict=True):
+        write_png8(tmp_path / name, np.moveaxis(codes >> 4, 0, -1).astype(np.uint8))
+    write_lights(tmp_path / "dirs.lp", taken.rig, names)
+    regions: list[Any] = []
+
+    def counted(*args: Any, region: Any = None, **others: Any) -> impasto.Stack:
+        regions.append(region)
+        return impasto.read_stack(*args, region=region, **others)
+
+    monkeypatch.setattr("impasto.jobs.photographs.read_stack", counted)
+    out = impasto.ingest(tmp_path / "dirs.lp", tmp_path / "stack.zarr", tile=16)
+    assert regions == [(0, 0, 1, 1), (34, 44, 2, 2), None]
+    assert_same(impasto.read_stack(out), impasto.read_stack(tmp_path / "dirs.lp"))
+
+
+def test_damage_is_found(tmp_path: Path) -> None:
+    out = impasto.ingest(stack(), tmp_path / "stack.zarr", tile=64)
+    whole = impasto.read_stack(out)
+    for file in [p for p in sorted(out.rglob("*")) if p.is_file()]:
+        content = file.read_bytes()
+        changed = bytearray(content)
+        changed[len(content) // 2] ^= 1
+        for bad in (bytes(changed), content[: len(content) // 2], b"", None):
+            file.unlink()
+            if bad is not None:
+                file.write_bytes(bad)
+            with suppress(CorruptInputError):
+                found = impasto.read_stack(out)
+                # A digit in a description may say the same; numbers have checksums.
+                assert found.samples.tobytes() == whole.samples.tobytes()
+                assert file.name == "zarr.json"
+            file.unlink(missing_ok=True)
+            file.write_bytes(content)
+
+
+def test_an_interrupted_call_leaves_nothing(tmp_path: Path) -> None:
+    def stop(done: int, total: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        impasto.ingest(stack(), tmp_path / "stack.zarr", tile=32, progress=stop)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"out": "stack.npz"}, r"out: expected a name ending in \.zarr, found 'stack\.npz'"),
+        ({"out": "none/stack.zarr"}, "out: the folder .* does not exist"),
+        ({"memory": "1kB"}, "memory: a tile of 64 x 64 pixels of these photographs needs"),
+        ({"tile": 3}, "tile: expected a whole number from 16 on"),
+        ({"reading": {"encoding": "srgb"}}, "reading: a stack is read already"),
+    ],
+    ids=["suffix", "folder", "memory", "tile", "reading"],
+)
+def test_what_cannot_be_is_refused(options: dict[str, Any], words: str, tmp_path: Path) -> None:
+    out = tmp_path / options.pop("out", "stack.zarr")
+    with pytest.raises(ArgumentError, match=words):
+        impasto.ingest(stack(), out, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_there_is_not_replaced(tmp_path: Path) -> None:
+    out = impasto.ingest(stack(), tmp_path / "stack.zarr")
+    with pytest.raises(ArgumentError, match=r"out: .*stack\.zarr exists"):
+        impasto.ingest(stack(), out)
+    with pytest.raises(CorruptInputError, match=r"holds impasto\.Stack, not"):
+        impasto.load_sbrdf(out)
+    sbrdf = impasto.fit_sbrdf(stack(), pooling="none", normals="least-squares")
+    sbrdf.save(tmp_path / "sbrdf.zarr")
+    with pytest.raises(CorruptInputError, match=r"holds impasto\.PooledSbrdf, not impasto\.Stack"):
+        impasto.read_stack(tmp_path / "sbrdf.zarr")
+    with pytest.raises(ArgumentError, match=r"encoding: .* holds a finished stack"):
+        impasto.read_stack(out, encoding="srgb")
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_stack(tmp_path / "stack.npz", stack())
+    words = ["ingest", str(tmp_path / "stack.npz"), "--out", str(tmp_path / "stack.zarr")]
+    assert main(words) == 0
+    assert capsys.readouterr().out == ""
+    assert_same(impasto.read_stack(tmp_path / "stack.zarr"), stack())
+    assert "--out: " in complaint(words, 1, capsys)
+    fit = ["fit", str(tmp_path / "stack.zarr"), "--out", str(tmp_path / "fit"), "--pooling", "none"]
+    assert main([*fit, "--method", "least-squares"]) == 0
+    assert (tmp_path / "fit" / "sbrdf.npz").exists()
