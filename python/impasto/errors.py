@@ -57,6 +57,10 @@ class CorruptInputError(ImpastoError, ValueError):
         self.path = path
         self.problem = problem
 
+    def __reduce__(self) -> tuple[type["CorruptInputError"], tuple[object, str]]:
+        """To another process, as a worker sends it."""
+        return type(self), (self.path, self.problem)
+
 
 class MissingExtraError(ImpastoError, ImportError):
     """A library that the call needs is not installed; the message names its extra."""
