@@ -13,6 +13,7 @@ from impasto.encoding import Encoding
 from impasto.environment import Environment
 from impasto.errors import (
     ArgumentError,
+    ClusterError,
     CorruptInputError,
     GeometryError,
     GpuUnavailableError,
@@ -57,6 +58,7 @@ from impasto.varnish import Varnish
 __all__ = [
     "ArgumentError",
     "Camera",
+    "ClusterError",
     "CorruptInputError",
     "DistantLight",
     "Effort",

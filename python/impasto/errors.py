@@ -70,5 +70,9 @@ class GpuUnavailableError(ImpastoError, RuntimeError):
     """No graphics card can make this picture; the message says why and what to do."""
 
 
+class ClusterError(ImpastoError, RuntimeError):
+    """The workers or the scheduler of a Dask cluster were lost; the job can be resumed."""
+
+
 class InternalError(ImpastoError, RuntimeError):
     """A defect in impasto itself (a panic of the numerics): please report it."""

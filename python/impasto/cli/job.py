@@ -22,6 +22,7 @@ from impasto.cli.console import Stages
 from impasto.cli.options import Flag, SomeWhole, check_threads
 from impasto.cli.photographs import Reading
 from impasto.effort import Preset
+from impasto.errors import ClusterError
 from impasto.fit.normals import Method
 from impasto.fit.options import Model, Pooling
 from impasto.fit.pooled import Extraction
@@ -71,8 +72,8 @@ def run(
 ) -> int:
     """Fit a painting tile by tile into a Zarr store, or go on with that after an interruption.
 
-    Exit code 4: the disk is full or refuses, 130: interrupted; the job can be resumed. 4, too:
-    listed photographs are missing.
+    Exit code 4: the disk is full or refuses, or a cluster is lost, 130: interrupted; the job can be
+    resumed. 4, too: listed photographs are missing.
 
     Parameters
     ----------
@@ -346,6 +347,10 @@ def _worked(
         console.complain("interrupted")
         _say_how_to_resume(out)
         return Exit.INTERRUPTED
+    except ClusterError as error:
+        console.complain(str(error))
+        _say_how_to_resume(out)
+        return Exit.PARTIAL
     except OSError as error:
         if not _is_resumable(out) or error.errno is None:
             raise

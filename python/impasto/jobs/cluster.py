@@ -11,11 +11,12 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from impasto._internal.extras import need
-from impasto.errors import ArgumentError, ImpastoError
+from impasto.errors import ArgumentError, ClusterError
 from impasto.jobs.grid import Tile
 from impasto.jobs.tiles import TileLog
 from impasto.jobs.worker import HELD, SharedJob, fit_tile
@@ -83,6 +84,8 @@ def connected(scheduler: str | None) -> Iterator[Client | None]:
 
     by = {"address" if "://" in scheduler else "scheduler_file": scheduler}
     try:
+        if "scheduler_file" in by:
+            Path(scheduler).stat()  # the client would wait for it to appear
         client = Client(**by, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ArgumentError(
@@ -98,7 +101,7 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
 
     Raises
     ------
-    ImpastoError
+    ClusterError
         A tile ended every worker that it was given to, or the scheduler was lost.
     """
     from distributed import as_completed
@@ -132,13 +135,13 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
             log.add(tile, written)
             log.report()
     except KilledWorker as error:
-        raise ImpastoError(
+        raise ClusterError(
             f"client: tile {tile} was given to {error.allowed_failures + 1} workers, and each of "
             "them died: most often of too little memory. Give the workers more, or the job less "
             "(memory=), and resume it"
         ) from error
     except CancelledError as error:
-        raise ImpastoError(
+        raise ClusterError(
             "client: the tiles were cancelled, or the scheduler is gone; resume the job with a "
             "new client"
         ) from error

@@ -136,7 +136,7 @@ def run(
         A damaged photograph, or a damaged file of the job that is resumed.
     MissingExtraError
         zarr is not installed.
-    ImpastoError
+    ClusterError
         A tile ended every worker that it was given to, or the scheduler was lost; the job can be
         resumed.
     """
