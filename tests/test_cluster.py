@@ -77,13 +77,17 @@ def test_workers_write_the_bytes_of_a_local_job(client: Any, tmp_path: Path) -> 
 def test_a_worker_that_is_killed_changes_no_byte(
     client: Any, source: Path, expected: dict[str, str], tmp_path: Path
 ) -> None:
+    """Nor does what it left half written."""
     processes = client.run(os.getpid)
     killed: list[int] = []
+    left = tmp_path / "a.zarr.partial" / "normal" / "c" / "0" / "0" / ".0-12ab.tmp"
 
     def kill(done: int, total: int) -> None:
         if done == 1:
             killed.append(next(iter(processes.values())))
             os.kill(killed[0], signal.SIGKILL)
+        if done == total:
+            left.write_bytes(b"half")
 
     out = impasto.run(source, tmp_path / "a.zarr", client=client, progress=kill, **NONE)
     assert tree(out) == expected
@@ -92,36 +96,20 @@ def test_a_worker_that_is_killed_changes_no_byte(
     assert killed[0] not in client.run(os.getpid).values()
 
 
-def test_what_a_dead_worker_left_is_cleared_away(
+def test_a_job_goes_on_with_a_client_or_without(
     client: Any, source: Path, expected: dict[str, str], tmp_path: Path
 ) -> None:
     out = tmp_path / "a.zarr"
-    left = tmp_path / "a.zarr.partial" / "normal" / "c" / "0" / "0" / ".0-12ab.tmp"
+    for until, by in ((2, client), (5, None)):
 
-    def leave(done: int, total: int) -> None:
-        if done == total:
-            left.write_bytes(b"half")
+        def stop(done: int, total: int, until: int = until) -> None:
+            if done == until:
+                raise KeyboardInterrupt
 
-    impasto.run(source, out, client=client, progress=leave, **NONE)
-    assert tree(out) == expected
-
-
-@pytest.mark.parametrize("first", ["here", "there"])
-def test_a_job_goes_on_with_a_client_or_without(
-    first: str, client: Any, source: Path, expected: dict[str, str], tmp_path: Path
-) -> None:
-    out = tmp_path / "a.zarr"
-
-    def stop(done: int, total: int) -> None:
-        if done == 3:
-            raise KeyboardInterrupt
-
-    clients = {"here": None, "there": client}
-    with pytest.raises(KeyboardInterrupt):
-        impasto.run(source, out, client=clients.pop(first), progress=stop, **NONE)
-    assert jobs.status(out).tiles_done == 3
-    (other,) = clients.values()
-    jobs.resume(out, client=other)
+        with pytest.raises(KeyboardInterrupt):
+            impasto.run(source, out, client=by, progress=stop, **NONE)
+        assert jobs.status(out).tiles_done == until
+    jobs.resume(out, client=client)
     assert tree(out) == expected
 
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Any, Literal, TypeAlias, TypedDict, Unpack, get_args, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict, Unpack, get_args, overload
 
 from numpy.typing import ArrayLike
 
@@ -18,6 +18,7 @@ from impasto._internal.waiting import wait_for
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
 from impasto.fit.choice import CANDIDATES, Candidate, Choice, choose
+from impasto.fit.deferred import Deferred
 from impasto.fit.lafortune import LafortuneSbrdf, fit_lafortune
 from impasto.fit.learned_relief import (
     JUDGED,
@@ -46,6 +47,9 @@ from impasto.fit.segments import SegmentSbrdf, checked_labels, fit_segments
 from impasto.io.results import read_maps, result_file
 from impasto.rig import seen_from_front
 from impasto.stack import Stack, checked_stack
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 RESULTS: dict[str, type[Sbrdf]] = {
     kind.kind(): kind for kind in (PooledSbrdf, SegmentSbrdf, LobeSbrdf, LafortuneSbrdf)
@@ -154,8 +158,12 @@ def fit_sbrdf(
     pooling: Literal["auto"] = ...,
     **options: Unpack[Auto],
 ) -> PooledSbrdf | SegmentSbrdf | LobeSbrdf: ...
+@overload
 def fit_sbrdf(
-    stack: Stack,
+    stack: Deferred, *, model: Model = ..., pooling: Pooling = ..., **options: Unpack[Auto]
+) -> Dataset: ...
+def fit_sbrdf(
+    stack: Stack | Deferred,
     *,
     model: Model = "torrance-sparrow",
     pooling: Pooling = "auto",
@@ -175,7 +183,7 @@ def fit_sbrdf(
     effort: EffortLike = "standard",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
-) -> PooledSbrdf | SegmentSbrdf | LobeSbrdf | LafortuneSbrdf:
+) -> PooledSbrdf | SegmentSbrdf | LobeSbrdf | LafortuneSbrdf | Dataset:
     """Estimate normals, diffuse colours and the gloss of a painting.
 
     The fit starts with photometric stereo. One (beta, gamma) for the painting is then fitted to the
@@ -203,7 +211,8 @@ def fit_sbrdf(
     Parameters
     ----------
     stack
-        Photographs with their lights.
+        Photographs with their lights. Of a :class:`LazyStack` the result is an
+        ``xarray.Dataset`` of lazy maps.
     model
         ``"torrance-sparrow"`` of the first two papers, or ``"lafortune"`` of the third.
     pooling
@@ -293,6 +302,9 @@ def fit_sbrdf(
     model for smooth dielectric surfaces, J. Opt. Soc. Am. A 11, 1994. E. Lafortune et al.,
     Non-linear approximation of reflectance functions, SIGGRAPH 1997.
     """
+    if isinstance(stack, Deferred):
+        given = {name: value for name, value in locals().items() if name != "stack"}
+        return stack.fitted_sbrdf(**given)
     checked_stack(stack)
     relief = None if relief is None else truth(relief, "relief")
     if truth(check, "check"):

@@ -67,6 +67,15 @@ def stride_index(shape: tuple[int, int], stride: int) -> Any:
     return (..., *_strided((slice(0, height, 1), slice(0, width, 1)), stride))
 
 
+def centred_start(size: int, stride: int) -> int:
+    """The first of every ``stride``-th pixel, an odd number, about the middle of ``size``.
+
+    As many pixels lie before it as after the last, so that the middle is no other.
+    """
+    first = (size - 1) * ((stride + 1) // 2) % stride
+    return first if first < size else (size - 1) // 2
+
+
 def _whole(stack: Stack) -> Window:
     height, width = stack.shape[2:]
     return slice(0, height, 1), slice(0, width, 1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypedDict, get_type_hints
 
@@ -12,15 +12,13 @@ from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import one_of, suggestion, truth
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
-from impasto.fit.learning import LearnedModel, learn_sbrdf, load_learned
-from impasto.fit.lobes import LearnedLobes
+from impasto.fit.learning import LearnedModel, learn_sbrdf, load_learned, of_the_whole
 from impasto.fit.normals import METHODS, Method
 from impasto.fit.options import Model, Pooling, fit_kinds
 from impasto.fit.pooled import Extraction
 from impasto.fit.sbrdf import checked_options
 from impasto.jobs.photographs import Photographs
 from impasto.jobs.record import plain
-from impasto.rig import Rig
 
 LEARNED = "learned.npz"
 
@@ -112,16 +110,6 @@ def learned_model(
             )
         model.save(path)
     return load_learned(path)
-
-
-def of_the_whole(model: LearnedModel, stride: int, extent: tuple[int, int]) -> LearnedModel:
-    """A model of every ``stride``-th row and column as one of all pixels."""
-    fit, rig = model.fit, model.rig
-    if isinstance(fit, LearnedLobes):
-        fit = replace(fit, extent=extent)
-    if rig is not None and rig.pitch_mm is not None:
-        rig = Rig(rig, pitch_mm=rig.pitch_mm / stride)
-    return replace(model, extent=extent, fit=fit, rig=rig)
 
 
 def digest_of(path: Path) -> str:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from impasto._internal.checks import suggestion
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, ImpastoError
+from impasto.fit.subsample import centred_start
 from impasto.io.images import open_picture
 from impasto.io.opening import open_source
 from impasto.io.rig_arrays import arrays_of_rig
@@ -95,7 +96,7 @@ class Photographs(ABC):
         Windows of ``side`` rows and columns are read one after another. The width of a pixel grows
         by ``stride``, so that near lamps keep their places.
         """
-        rows, columns = (range(_first(size, stride), size, stride) for size in self.size)
+        rows, columns = (range(centred_start(size, stride), size, stride) for size in self.size)
         found: NDArray[Any] | None = None
         mask = np.ones((len(rows), len(columns)), np.bool_)
         first: Stack | None = None
@@ -336,12 +337,6 @@ def _mapped(samples: Any) -> bool:
             return True
         samples = getattr(samples, "base", None)
     return False
-
-
-def _first(size: int, stride: int) -> int:
-    """The first of every ``stride``-th pixel that leaves as many before it as after the last."""
-    first = (size - 1) * ((stride + 1) // 2) % stride
-    return first if first < size else (size - 1) // 2
 
 
 def _any_picture(path: Path, stack: Stack, reading: Mapping[str, Any]) -> Source:
