@@ -244,7 +244,7 @@ def test_no_file_names_a_place_on_one_machine() -> None:
 
 def test_importing_impasto_loads_numpy_and_nothing_else() -> None:
     heavy = ["colour", "cv2", "OpenEXR", "tifffile", "rich", "cyclopts", "scipy", "zarr"]
-    heavy += ["matplotlib"]
+    heavy += ["matplotlib", "xarray", "dask", "distributed"]
     script = f"import sys, impasto; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True

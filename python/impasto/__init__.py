@@ -13,6 +13,7 @@ from impasto.encoding import Encoding
 from impasto.environment import Environment
 from impasto.errors import (
     ArgumentError,
+    ClusterError,
     CorruptInputError,
     GeometryError,
     GpuUnavailableError,
@@ -25,6 +26,7 @@ from impasto.errors import (
 from impasto.fit.gloss import Gloss
 from impasto.fit.highlight import HighlightFit, fit_highlight
 from impasto.fit.lafortune import LafortuneSbrdf
+from impasto.fit.lazy import LazyStack
 from impasto.fit.learning import LearnedModel, learn_sbrdf, load_learned
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import LearnedNormals, Normals, fit_normals, learn_normals
@@ -59,6 +61,7 @@ from impasto.varnish import Varnish
 __all__ = [
     "ArgumentError",
     "Camera",
+    "ClusterError",
     "CorruptInputError",
     "DistantLight",
     "Effort",
@@ -73,6 +76,7 @@ __all__ = [
     "ImpastoWarning",
     "InternalError",
     "LafortuneSbrdf",
+    "LazyStack",
     "LearnedModel",
     "LearnedNormals",
     "Level",

@@ -57,6 +57,10 @@ class CorruptInputError(ImpastoError, ValueError):
         self.path = path
         self.problem = problem
 
+    def __reduce__(self) -> tuple[type["CorruptInputError"], tuple[object, str]]:
+        """To another process, as a worker sends it."""
+        return type(self), (self.path, self.problem)
+
 
 class MissingExtraError(ImpastoError, ImportError):
     """A library that the call needs is not installed; the message names its extra."""
@@ -64,6 +68,10 @@ class MissingExtraError(ImpastoError, ImportError):
 
 class GpuUnavailableError(ImpastoError, RuntimeError):
     """No graphics card can make this picture; the message says why and what to do."""
+
+
+class ClusterError(ImpastoError, RuntimeError):
+    """The workers or the scheduler of a Dask cluster were lost; the job can be resumed."""
 
 
 class InternalError(ImpastoError, RuntimeError):

@@ -10,20 +10,25 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 from rich.markup import escape
 
+from impasto._internal.calls import ProgressCallback
 from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag, SomeWhole, check_threads
 from impasto.cli.photographs import Reading
 from impasto.effort import Preset
+from impasto.errors import ClusterError
 from impasto.fit.normals import Method
 from impasto.fit.options import Model, Pooling
 from impasto.fit.pooled import Extraction
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 MEMORY = "4GiB"
 LABEL_WIDTH = 12
@@ -61,13 +66,14 @@ def run(
     joint: Annotated[bool | None, Parameter(negative="--no-joint")] = None,
     index: float | None = None,
     effort: Preset = "standard",
+    scheduler: str | None = None,
     threads: SomeWhole = None,
     quiet: Flag = False,
 ) -> int:
     """Fit a painting tile by tile into a Zarr store, or go on with that after an interruption.
 
-    Exit code 4: the disk is full or refuses, 130: interrupted; the job can be resumed. 4, too:
-    listed photographs are missing.
+    Exit code 4: the disk is full or refuses, or a cluster is lost, 130: interrupted; the job can be
+    resumed. 4, too: listed photographs are missing.
 
     Parameters
     ----------
@@ -114,6 +120,9 @@ def run(
         Index of refraction of the varnish.
     effort
         Accuracy against time.
+    scheduler
+        Fit the tiles on the workers of a running Dask scheduler: tcp://10.0.0.5:8786, or its
+        scheduler file.
     threads
         Default: every core.
     quiet
@@ -134,9 +143,11 @@ def run(
     return _worked(
         out,
         quiet,
-        lambda progress: jobs.run(
+        scheduler,
+        lambda progress, client: jobs.run(
             stack,
             out,
+            client=client,
             memory=memory,
             resume=resume,
             tile=tile,
@@ -154,6 +165,7 @@ def resume(
     /,
     *,
     memory: str = MEMORY,
+    scheduler: str | None = None,
     threads: SomeWhole = None,
     quiet: Flag = False,
 ) -> int:
@@ -165,6 +177,8 @@ def resume(
         The --out of impasto job run.
     memory
         For samples and maps, without the program; tiles keep their size.
+    scheduler
+        Of a Dask cluster that fits the tiles; its address or its file.
     threads
         Default: every core.
     quiet
@@ -176,7 +190,10 @@ def resume(
     return _worked(
         out,
         quiet,
-        lambda progress: jobs.resume(out, memory=memory, threads=threads, progress=progress),
+        scheduler,
+        lambda progress, client: jobs.resume(
+            out, memory=memory, client=client, threads=threads, progress=progress
+        ),
     )
 
 
@@ -254,6 +271,7 @@ def rerun(
     *,
     into: Path,
     memory: str = MEMORY,
+    scheduler: str | None = None,
     threads: SomeWhole = None,
     quiet: Flag = False,
 ) -> int:
@@ -269,6 +287,8 @@ def rerun(
         The new store.
     memory
         For samples and maps, without the program.
+    scheduler
+        Of a Dask cluster that fits the tiles; its address or its file.
     threads
         Default: every core.
     quiet
@@ -279,13 +299,15 @@ def rerun(
     check_threads(threads)
     differ: list[str] | None = None
 
-    def work(progress: Callable[[int, int], object]) -> Path:
+    def work(progress: ProgressCallback, client: Client | None) -> Path:
         nonlocal differ
-        found = jobs.rerun(out, into, memory=memory, threads=threads, progress=progress)
+        found = jobs.rerun(
+            out, into, memory=memory, client=client, threads=threads, progress=progress
+        )
         differ = list(found)
         return into
 
-    code = _worked(into, quiet, work)
+    code = _worked(into, quiet, scheduler, work)
     if differ is None:
         return code
     page = console.stdout()
@@ -298,23 +320,38 @@ def rerun(
     return code
 
 
-def _worked(out: Path, quiet: bool, work: Callable[[Callable[[int, int], object]], Path]) -> int:
+def _worked(
+    out: Path,
+    quiet: bool,
+    scheduler: str | None,
+    work: Callable[[ProgressCallback, Client | None], Path],
+) -> int:
     """Do the work of a job, show its pace, and say how to go on where it ends early."""
+    from impasto.jobs.cluster import connected
+
     stages = Stages(quiet=quiet)
     try:
-        with _terminated_as_interrupted(), stages.stage("tiles", "learning") as stage:
+        with (
+            _terminated_as_interrupted(),
+            connected(scheduler) as client,
+            stages.stage("tiles", "learning") as stage,
+        ):
             pace = _Pace(out)
 
             def progress(done: int, total: int) -> None:
                 stage.advance(done, total)
                 stage.show(pace.words(done, total))
 
-            work(progress)
+            work(progress, client)
             stage.note = pace.summary(out)
     except KeyboardInterrupt:
         console.complain("interrupted")
         _say_how_to_resume(out)
         return Exit.INTERRUPTED
+    except ClusterError as error:
+        console.complain(str(error))
+        _say_how_to_resume(out)
+        return Exit.PARTIAL
     except OSError as error:
         if not _is_resumable(out) or error.errno is None:
             raise

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import Field, fields
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -26,22 +27,26 @@ def variable(of: Field[Any], values: Any, *first: str) -> Variable:
 
 def dataset_of(surface: Any) -> Dataset:
     """See :meth:`impasto.Sbrdf.to_xarray`; the result's own file imports this one."""
+    return labelled(surface, surface.rig, surface.bands, {"kind": surface.kind()})
+
+
+def labelled(result: Any, rig: Any, bands: Sequence[str], attributes: dict[str, Any]) -> Dataset:
+    """The maps of a result, which may be dask arrays, with its numbers after ``attributes``."""
     need("xarray", "scale", "to_xarray")
     import xarray
 
-    rig = surface.rig
     variables: dict[str, Any] = {
         "light": (("observation", "axis"), rig.vectors),
         "near": (("observation",), rig.near),
         "intensity": (("observation",), rig.intensities),
         "view": (("observation", "axis"), rig.views),
     }
-    numbers: dict[str, Any] = {"kind": surface.kind()}
-    for one in fields(surface):
+    numbers = dict(attributes)
+    for one in fields(result):
         dims = one.metadata.get("dims")
         if dims is None or one.name == "bands":
             continue
-        value = getattr(surface, one.name)
+        value = getattr(result, one.name)
         if not dims:
             numbers[one.name] = int(value) if isinstance(value, bool) else value
             continue
@@ -51,11 +56,11 @@ def dataset_of(surface: Any) -> Dataset:
         flag_values=np.array([int(status) for status in Status], dtype=np.uint8),
         flag_meanings=" ".join(status.name.lower() for status in Status),
     )
-    coordinates: dict[str, Any] = {"band": list(surface.bands), "axis": ["x", "y", "z"]}
-    if surface.pitch_mm is not None:
-        height, width = surface.shape
+    coordinates: dict[str, Any] = {"band": list(bands), "axis": ["x", "y", "z"]}
+    if rig.pitch_mm is not None:
+        height, width = result.shape
         x, y = rig.origin
-        across = (np.arange(width) - (width - 1) / 2 + x) * surface.pitch_mm
-        up = ((height - 1) / 2 - np.arange(height) + y) * surface.pitch_mm
+        across = (np.arange(width) - (width - 1) / 2 + x) * rig.pitch_mm
+        up = ((height - 1) / 2 - np.arange(height) + y) * rig.pitch_mm
         coordinates |= {"x": ("x", across, {"units": "mm"}), "y": ("y", up, {"units": "mm"})}
     return xarray.Dataset(variables, coords=coordinates, attrs=numbers)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from impasto._internal.windows import Window, window
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
 from impasto.fit.choice import Choice
+from impasto.fit.deferred import Deferred
 from impasto.fit.lafortune import fit_lafortune
 from impasto.fit.learned import LearnedLobe
 from impasto.fit.lobes import HALO, LearnedLobes, LobeOptions, apply_lobes, learn_lobes
@@ -40,6 +41,9 @@ from impasto.io.results import read_maps, write_maps
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
 from impasto.rig import Rig
 from impasto.stack import Stack, checked_stack
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 KIND = "impasto.LearnedModel"
 
@@ -121,22 +125,35 @@ class LearnedModel:
         relief = None if relief is None else relief.magnified(stride)
         return replace(self, extent=extent, fit=fit, rig=rig, relief=relief)
 
+    @overload
     def apply(
         self,
         stack: Stack,
+        rows: slice = ...,
+        columns: slice = ...,
+        *,
+        threads: int | None = ...,
+        progress: bool | ProgressCallback = ...,
+    ) -> Fitted: ...
+    @overload
+    def apply(self, stack: Deferred, *, threads: int | None = ...) -> Dataset: ...
+    def apply(
+        self,
+        stack: Stack | Deferred,
         rows: slice = slice(None),
         columns: slice = slice(None),
         *,
         threads: int | None = None,
         progress: bool | ProgressCallback = False,
-    ) -> Fitted:
+    ) -> Fitted | Dataset:
         """Fit a tile. Its maps are bit-identical to those of the whole painting.
 
         Parameters
         ----------
         stack
             Photographs of the painting, or of a part of it: ``stack[y0:y1, x0:x1]`` keeps its
-            position (``rig.origin``).
+            position (``rig.origin``). A :class:`LazyStack` is a whole painting: nothing is
+            computed now.
         rows, columns
             The tile, in pixels of the stack; default: all of it. The stack must contain a border
             of :attr:`halo` pixels around it, except at the edges of the painting.
@@ -146,7 +163,8 @@ class LearnedModel:
         Returns
         -------
         Sbrdf
-            Of the kind that :func:`impasto.fit_sbrdf` returns, of the size of the tile.
+            Of the kind that :func:`impasto.fit_sbrdf` returns, of the size of the tile. Of a
+            :class:`LazyStack` an ``xarray.Dataset`` of lazy maps, as ``to_xarray()`` makes it.
 
         Raises
         ------
@@ -155,6 +173,10 @@ class LearnedModel:
         GeometryError
             A stack that does not lie in the painting or does not reach far enough.
         """
+        if isinstance(stack, Deferred):
+            if (rows, columns) != (slice(None), slice(None)):
+                raise ArgumentError("rows, columns: a lazy stack has tiles of its own; slice maps")
+            return stack.applied(self, threads)
         checked_stack(stack)
         if stack.shape[1] != self.bands:
             raise ArgumentError(f"stack: expected {self.bands} bands, found {stack.shape[1]}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, get_args, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,15 @@ from impasto._internal.checks import instance, is_whole, one_of
 from impasto._internal.html import normal_thumbnail, share_of, table, thumbnail
 from impasto.effort import EffortLike, resolved
 from impasto.errors import ArgumentError, GeometryError
+from impasto.fit.deferred import Deferred
 from impasto.fit.pixel_maps import PixelMaps
 from impasto.fit.saved import over
 from impasto.fit.subsample import subsampled_to
 from impasto.stack import Stack
 from impasto.status import Status
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 Method = Literal[
     "robust", "least-squares", "threshold", "rank", "trimmed", "l1", "huber", "cauchy", "tukey"
@@ -137,8 +141,28 @@ class Normals(PixelMaps):
         return table("Normals", rows, pictures)
 
 
+class StereoOptions(TypedDict, total=False):
+    """Options of :func:`fit_normals`."""
+
+    method: Method
+    low: float
+    high: float
+    w1: float
+    w2: float
+    steps: int | None
+    selection: int | str | None
+    learned: LearnedNormals | None
+    effort: EffortLike
+    threads: int | None
+    progress: bool | ProgressCallback
+
+
+@overload
+def fit_normals(stack: Stack, **options: Unpack[StereoOptions]) -> Normals: ...
+@overload
+def fit_normals(stack: Deferred, **options: Unpack[StereoOptions]) -> Dataset: ...
 def fit_normals(
-    stack: Stack,
+    stack: Stack | Deferred,
     *,
     method: Method = "robust",
     low: float = 0.2,
@@ -151,7 +175,7 @@ def fit_normals(
     effort: EffortLike = "standard",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
-) -> Normals:
+) -> Normals | Dataset:
     """Fit the normal and the albedo of every pixel by photometric stereo.
 
     A matte surface reflects ``I_i = albedo (N . l_i)`` under light i (RGB-camera paper, eq. 2). The
@@ -162,7 +186,8 @@ def fit_normals(
     Parameters
     ----------
     stack
-        At least three photographs whose lights do not lie in one plane.
+        At least three photographs whose lights do not lie in one plane. Of a :class:`LazyStack`
+        the result is an ``xarray.Dataset`` of lazy maps.
     method
         How highlights and shadows are excluded, or weighted less:
 
@@ -216,6 +241,9 @@ def fit_normals(
     ArgumentError
         An option that is not valid; the message names it.
     """
+    if isinstance(stack, Deferred):
+        given = {name: value for name, value in locals().items() if name != "stack"}
+        return stack.fitted_normals(**given)
     one_of(method, METHODS, "method")
     steps = None if steps is None else _steps(steps)
     effort = resolved(effort)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
-from typing import Any, Literal, TypedDict, Unpack, overload
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, overload
 
 from numpy.typing import ArrayLike
 
@@ -13,6 +13,7 @@ from impasto._internal.checks import truth
 from impasto._internal.waiting import wait_for
 from impasto.effort import EffortLike, resolved
 from impasto.errors import ArgumentError
+from impasto.fit.deferred import Deferred
 from impasto.fit.lafortune import LafortuneSbrdf
 from impasto.fit.learning import learn_sbrdf
 from impasto.fit.lobes import LobeSbrdf
@@ -39,6 +40,9 @@ from impasto.fit.stages import (
 from impasto.fit.subsample import stride_of
 from impasto.io.results import read_maps, result_file
 from impasto.stack import Stack, checked_stack
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 RESULTS: dict[str, type[Sbrdf]] = {
     kind.kind(): kind for kind in (PooledSbrdf, SegmentSbrdf, LobeSbrdf, LafortuneSbrdf)
@@ -145,8 +149,12 @@ def fit_sbrdf(
     pooling: Literal["auto"] = ...,
     **options: Unpack[Auto],
 ) -> PooledSbrdf | SegmentSbrdf | LobeSbrdf: ...
+@overload
 def fit_sbrdf(
-    stack: Stack,
+    stack: Deferred, *, model: Model = ..., pooling: Pooling = ..., **options: Unpack[Auto]
+) -> Dataset: ...
+def fit_sbrdf(
+    stack: Stack | Deferred,
     *,
     model: Model = "torrance-sparrow",
     pooling: Pooling = "auto",
@@ -166,7 +174,7 @@ def fit_sbrdf(
     effort: EffortLike = "standard",
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
-) -> Fitted:
+) -> Fitted | Dataset:
     """Estimate normals, diffuse colours and the gloss of a painting.
 
     The fit starts with photometric stereo. One (beta, gamma) for the painting is then fitted to the
@@ -194,7 +202,8 @@ def fit_sbrdf(
     Parameters
     ----------
     stack
-        Photographs with their lights.
+        Photographs with their lights. Of a :class:`LazyStack` the result is an
+        ``xarray.Dataset`` of lazy maps.
     model
         ``"torrance-sparrow"`` of the first two papers, or ``"lafortune"`` of the third.
     pooling
@@ -286,6 +295,9 @@ def fit_sbrdf(
     model for smooth dielectric surfaces, J. Opt. Soc. Am. A 11, 1994. E. Lafortune et al.,
     Non-linear approximation of reflectance functions, SIGGRAPH 1997.
     """
+    if isinstance(stack, Deferred):
+        options = {name: value for name, value in locals().items() if name != "stack"}
+        return stack.fitted_sbrdf(**options)
     checked_stack(stack)
     relief = None if relief is None else truth(relief, "relief")
     if truth(check, "check"):

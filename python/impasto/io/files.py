@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 import tempfile
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -65,12 +66,13 @@ def atomic_bytes(path: str | Path, data: bytes) -> None:
 
 
 def atomic_together(files: Mapping[Path, bytes]) -> None:
-    """Write files in folders that nobody else writes to; each appears complete or not at all.
+    """Write files; each appears complete or not at all.
 
     The data of all reach the disk before any name does. Disks flush many files in little more time
-    than one.
+    than one. Temporary names are the call's own: others may write the same files.
     """
-    temporary = {path: path.with_name(f".{path.name}.tmp") for path in files}
+    own = secrets.token_hex(6)
+    temporary = {path: path.with_name(f".{path.name}-{own}.tmp") for path in files}
     with ThreadPoolExecutor(FLUSHED, "impasto-flush") as pool:
 
         def write(path: Path) -> None:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
@@ -15,6 +15,7 @@ from impasto.errors import ArgumentError, ResumeMismatchError
 from impasto.fit.subsample import checked_stride, learning_stride
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
 from impasto.io.results.zarr_arrays import need_zarr
+from impasto.jobs.cluster import checked_client, fit_tiles_on
 from impasto.jobs.folder import (
     NOTES,
     RECORD,
@@ -40,8 +41,12 @@ from impasto.jobs.learning import LEARNED, FitOptions, checked_fit, learned_mode
 from impasto.jobs.lock import LOCK, locked
 from impasto.jobs.photographs import Photographs, checked_reading, open_photographs
 from impasto.jobs.record import JobRecord, plain
-from impasto.jobs.tiles import PACE, TileWriter, fit_tiles
+from impasto.jobs.tiles import TileLog, fit_tiles
+from impasto.jobs.worker import SharedJob
 from impasto.stack import Stack
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 
 def run(
@@ -53,6 +58,7 @@ def run(
     tile: int | None = None,
     sample: int | None = None,
     reading: Mapping[str, Any] | None = None,
+    client: Client | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
     **fit: Unpack[FitOptions],
@@ -98,8 +104,16 @@ def run(
     reading
         Options of :func:`impasto.read_stack` for a path: ``{"encoding": "srgb"}``. Arrays are
         refused; give files. There is no ``region``.
+    client
+        A ``dask.distributed.Client``: tiles are read, fitted and written by the workers of its
+        cluster, and a tile whose worker dies is given to another one (:doc:`clusters`). The bytes
+        of the store are the same. Workers read ``source`` and write ``out`` under the paths that
+        they have here, on a file system that all share; ``memory`` is that of each worker. A stack
+        is refused: give its file.
     threads
-        None means every allowed core. While a tile is fitted, one more thread reads the next.
+        None means every allowed core. While a tile is fitted, one more thread reads the next. With
+        a ``client`` that counts for the first pass, in this process; a worker has the threads that
+        it was started with.
     progress
         True: a bar on stderr; or a callable ``(done, total)`` in tiles.
     **fit
@@ -114,17 +128,21 @@ def run(
     Raises
     ------
     ArgumentError
-        A value that cannot be used, ``out`` that is something else or in use by another job, or
-        memory for less than a tile of 64 x 64 pixels.
+        A value that cannot be used, ``out`` that is something else or in use by another job,
+        memory for less than a tile of 64 x 64 pixels, or files that a worker cannot see.
     ResumeMismatchError
         There is a job of this name with other photographs or options; the differences are named.
     CorruptInputError
         A damaged photograph, or a damaged file of the job that is resumed.
     MissingExtraError
         zarr is not installed.
+    ClusterError
+        A tile ended every worker that it was given to, or the scheduler was lost; the job can be
+        resumed.
     """
     target = checked_target(out)
     need_zarr()
+    client = checked_client(client, source)
     budget = bytes_of(memory)
     thread_count(threads)
     given = checked_reading(reading)
@@ -166,7 +184,10 @@ def run(
     )
     if not resume:
         remove_unfinished(partial)
-    return carry_out(record, photographs, target, earlier, threads=threads, progress=progress)
+    return carry_out(
+        record, photographs, target, earlier,
+        memory=budget, client=client, threads=threads, progress=progress,
+    )  # fmt: skip
 
 
 def carry_out(
@@ -175,6 +196,8 @@ def carry_out(
     target: Path,
     earlier: JobRecord | None,
     *,
+    memory: int,
+    client: Client | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Path:
@@ -220,17 +243,15 @@ def carry_out(
                     callback(count, len(grid))
 
             report(len(done))
-            fit_tiles(
-                photographs,
-                model,
-                grid,
-                [tile for tile in grid if tile not in done],
-                TileWriter(partial, notes, grid),
-                journal,
-                notes / PACE,
-                threads=threads,
-                report=report,
-            )
+            log = TileLog(notes, grid, journal, report)
+            missing = [tile for tile in grid if tile not in done]
+            if client is None:
+                fit_tiles(photographs, model, partial, grid, missing, log, threads=threads)
+            else:
+                own = journal.entries
+                job = SharedJob(partial.absolute(), own.job, own.learned, memory)
+                fit_tiles_on(client, job, missing, log)
+                clear(partial)  # of workers that died
             entries = journal.entries
         if changed := photographs.changed():
             raise ResumeMismatchError(

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from impasto import _core
 from impasto._internal.calls import ProgressCallback
 from impasto.errors import ArgumentError
 from impasto.io.results.zarr_arrays import need_zarr
+from impasto.jobs.cluster import checked_client
 from impasto.jobs.folder import (
     NOTES,
     RECORD,
@@ -25,12 +27,16 @@ from impasto.jobs.photographs import open_photographs
 from impasto.jobs.record import JobRecord
 from impasto.stack import Stack
 
+if TYPE_CHECKING:
+    from distributed import Client
+
 
 def resume(
     out: str | os.PathLike[str],
     *,
     source: Stack | None = None,
     memory: str | int = "4GiB",
+    client: Client | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Path:
@@ -42,8 +48,9 @@ def resume(
         The ``out`` of :func:`impasto.run`.
     source
         The stack, if the job is one of a stack in memory.
-    memory, threads, progress
-        As in :func:`impasto.run`; the tiles keep their size.
+    memory, client, threads, progress
+        As in :func:`impasto.run`, whether the job began with a client or not; the tiles keep
+        their size.
 
     Returns
     -------
@@ -61,7 +68,7 @@ def resume(
     """
     folder, _ = folder_of(out)
     record = JobRecord.read(folder / NOTES / RECORD)
-    return _repeated(record, source, checked_target(out), memory, threads, progress)
+    return _repeated(record, source, checked_target(out), memory, client, threads, progress)
 
 
 def rerun(
@@ -70,6 +77,7 @@ def rerun(
     *,
     source: Stack | None = None,
     memory: str | int = "4GiB",
+    client: Client | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> tuple[str, ...]:
@@ -81,7 +89,7 @@ def rerun(
         The finished store.
     into
         The new one, which does not exist yet, or was begun by an earlier call.
-    source, memory, threads, progress
+    source, memory, client, threads, progress
         As in :func:`resume`.
 
     Returns
@@ -107,7 +115,7 @@ def rerun(
     earlier = earlier_record(target, partial_of(target), resume=True)
     if earlier is not None:
         refuse_differences(earlier, record, target)
-    made = _repeated(record, source, target, memory, threads, progress)
+    made = _repeated(record, source, target, memory, client, threads, progress)
     names = {
         path.relative_to(store).as_posix()
         for store in (folder, made)
@@ -122,6 +130,7 @@ def _repeated(
     source: Stack | None,
     target: Path,
     memory: str | int,
+    client: Client | None,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Path:
@@ -134,10 +143,12 @@ def _repeated(
         )
     if record.source is not None and source is not None:
         raise ArgumentError(f"source: this job reads {record.source}; leave source out")
+    client = checked_client(client, source)
+    budget = bytes_of(memory)
     photographs = open_photographs(
         record.source if source is None else source,
         record.reading,
-        bytes_of(memory) // 2,
+        budget // 2,
         record.curve,
     )
     curve = photographs.encoding
@@ -149,7 +160,10 @@ def _repeated(
         shape=photographs.shape,
         notes=photographs.notes,
     )
-    return carry_out(found, photographs, target, record, threads=threads, progress=progress)
+    return carry_out(
+        found, photographs, target, record,
+        memory=budget, client=client, threads=threads, progress=progress,
+    )  # fmt: skip
 
 
 def _differ(one: Path, two: Path) -> bool:

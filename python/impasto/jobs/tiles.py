@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,54 +35,102 @@ PACE = "pace.jsonl"
 """Pixels and seconds of every tile, for those who look on; gone when the job is done."""
 
 
-class TileWriter:
-    """Writes the maps of tiles into the arrays of a store.
+@dataclass(frozen=True)
+class WrittenTile:
+    """A tile all of whose maps are on the disk.
+
+    Attributes
+    ----------
+    entry
+        Its line of the journal.
+    numbers
+        What is not a map, as :class:`TileLog` keeps it; None where nobody asked for it.
+    """
+
+    entry: TileEntry
+    numbers: dict[str, NDArray[Any]] | None
+
+
+class TileLog:
+    """Takes down what is on the disk: numbers that are no maps, the journal, the pace.
+
+    One process has it, wherever tiles are written.
+
+    Parameters
+    ----------
+    notes
+        The folder for what is not a map.
+    grid
+        The tiles.
+    journal
+        Gets a line for every tile.
+    report
+        Called after every tile with the number of those in the journal.
+    """
+
+    def __init__(
+        self, notes: Path, grid: Grid, journal: Journal, report: Callable[[int], object]
+    ) -> None:
+        self._notes = notes
+        self._grid = grid
+        self._journal = journal
+        self._report = report
+        path = notes / NUMBERS
+        self._known = bool(read_npz(path)[KNOWN]) if path.exists() else None
+        self._last = time.monotonic()
+
+    @property
+    def wants_numbers(self) -> bool:
+        """Whether there are none yet of a tile that has an estimated pixel."""
+        return not self._known
+
+    def add(self, tile: Tile, written: WrittenTile) -> None:
+        """A tile all of whose files are on the disk."""
+        self._keep(written.numbers)
+        self._journal.add(tile, written.entry)
+        before, self._last = self._last, time.monotonic()
+        seconds = round(self._last - before, 6)
+        _add_pace(self._notes / PACE, {"pixels": self._grid.pixels(tile), "seconds": seconds})
+
+    def report(self) -> None:
+        """Say how many tiles there are."""
+        self._report(len(self._journal.entries.tiles))
+
+    def _keep(self, numbers: Mapping[str, NDArray[Any]] | None) -> None:
+        """The numbers of the first tile, or of the first that has an estimated pixel."""
+        if numbers is None:
+            assert not self.wants_numbers
+            return
+        known = bool(numbers[KNOWN])
+        if self._known is None or (known and not self._known):
+            write_npz(self._notes / NUMBERS, dict(numbers))
+            self._known = known
+
+
+def write_tile(
+    folder: Path, grid: Grid, tile: Tile, result: Sbrdf, *, numbers: bool = True
+) -> WrittenTile:
+    """Every map of a tile, each in a file of its own that is on the disk when this returns.
 
     Parameters
     ----------
     folder
         The store, which is not whole yet.
-    notes
-        The folder for what is not a map.
-    grid
-        The tiles.
+    numbers
+        Whether what is not a map is returned, too.
     """
-
-    def __init__(self, folder: Path, notes: Path, grid: Grid) -> None:
-        self._folder = folder
-        self._notes = notes
-        self._grid = grid
-        self._arrays: dict[str, ZarrArray] = {}
-        self._kept: bool | None = None
-
-    def write(self, tile: Tile, result: Sbrdf) -> TileEntry:
-        """Every map of a tile, each in a file of its own that is on the disk when this returns."""
-        maps, numbers = split_result(result)
-        estimated = int(result.estimated.sum())
-        self._keep(maps, numbers, known=estimated > 0)
-        files = {}
-        for name, plane in sorted(maps.items()):
-            array = self._array(name, plane)
-            files[array.path(*tile)] = array.encoded(plane, *tile)
-        atomic_together({self._folder / name: data for name, data in files.items()})
-        return TileEntry(estimated, {name: crc_of(data) for name, data in files.items()})
-
-    def _keep(
-        self, maps: Mapping[str, NDArray[Any]], numbers: Mapping[str, NDArray[Any]], *, known: bool
-    ) -> None:
-        """The numbers of the first tile, or of the first that has an estimated pixel."""
-        path = self._notes / NUMBERS
-        if self._kept is None and path.exists():
-            self._kept = bool(read_npz(path)[KNOWN])
-        if self._kept is None or (known and not self._kept):
-            none = {f"{MAP}{name}": plane[..., :0, :0] for name, plane in maps.items()}
-            write_npz(path, {**numbers, **none, KNOWN: np.array(known)})
-            self._kept = known
-
-    def _array(self, name: str, plane: NDArray[Any]) -> ZarrArray:
-        if name not in self._arrays:
-            self._arrays[name] = map_array(name, plane, self._grid)
-        return self._arrays[name]
+    maps, others = split_result(result)
+    estimated = int(result.estimated.sum())
+    files = {}
+    for name, plane in sorted(maps.items()):
+        array = map_array(name, plane, grid)
+        files[array.path(*tile)] = array.encoded(plane, *tile)
+    atomic_together({folder / name: data for name, data in files.items()})
+    entry = TileEntry(estimated, {name: crc_of(data) for name, data in files.items()})
+    if not numbers:
+        return WrittenTile(entry, None)
+    none = {f"{MAP}{name}": plane[..., :0, :0] for name, plane in maps.items()}
+    return WrittenTile(entry, {**others, **none, KNOWN: np.array(estimated > 0)})
 
 
 def map_array(name: str, plane: NDArray[Any], grid: Grid) -> ZarrArray:
@@ -114,35 +162,20 @@ def fitted(model: LearnedModel, stack: Stack, grid: Grid, tile: Tile, threads: i
 def fit_tiles(
     photographs: Photographs,
     model: LearnedModel,
+    folder: Path,
     grid: Grid,
     tiles: Sequence[Tile],
-    writer: TileWriter,
-    journal: Journal,
-    pace: Path,
+    log: TileLog,
     *,
     threads: int | None,
-    report: Callable[[int], object],
 ) -> None:
-    """Fit the tiles in their order; meanwhile the next is read and the last one written.
-
-    Parameters
-    ----------
-    pace
-        A file to which the seconds since the tile before are added for every tile.
-    report
-        Called after every tile with the number of those in the journal.
-    """
+    """Fit the tiles in their order; meanwhile the next is read and the last one written."""
 
     def read(tile: Tile) -> Stack:
         return photographs.window(*grid.window(tile, model.halo))
 
-    last = time.monotonic()
-
     def write(tile: Tile, result: Sbrdf) -> None:
-        nonlocal last
-        journal.add(tile, writer.write(tile, result))
-        before, last = last, time.monotonic()
-        _add_pace(pace, {"pixels": grid.pixels(tile), "seconds": round(last - before, 6)})
+        log.add(tile, write_tile(folder, grid, tile, result, numbers=log.wants_numbers))
 
     # Leaving them waits for what they are at: a tile that is being written is finished.
     with (
@@ -159,11 +192,11 @@ def fit_tiles(
             del stack
             if behind is not None:
                 behind.result()
-                report(len(journal.entries.tiles))
+                log.report()
             behind = scribe.submit(write, tile, result)
         if behind is not None:
             behind.result()
-            report(len(journal.entries.tiles))
+            log.report()
 
 
 def _add_pace(path: Path, entry: Mapping[str, Any]) -> None:

@@ -1,0 +1,161 @@
+"""What a worker of a Dask cluster does for a job: one tile from its photographs to its files."""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from impasto import _core
+from impasto.errors import ArgumentError, ImpastoError
+from impasto.fit.learning import LearnedModel, load_learned
+from impasto.jobs.folder import NOTES, RECORD
+from impasto.jobs.grid import Tile
+from impasto.jobs.learning import LEARNED, digest_of
+from impasto.jobs.photographs import Photographs, open_photographs
+from impasto.jobs.record import JobRecord
+from impasto.jobs.tiles import WrittenTile, fitted, write_tile
+
+HELD = 3
+"""Tiles in the memory of a worker: one is read, one is fitted, one is written."""
+
+
+@dataclass(frozen=True)
+class SharedJob:
+    """A job as workers know it: everything else is in its folder.
+
+    Attributes
+    ----------
+    folder
+        The store, which is not whole yet, by the same absolute path for all.
+    record, learned
+        SHA-256 of the files of the record and of the learned model.
+    memory
+        Bytes for the samples and maps of a worker.
+    """
+
+    folder: Path
+    record: str
+    learned: str
+    memory: int
+
+
+@dataclass(frozen=True)
+class _Opened:
+    """What a worker keeps from tile to tile."""
+
+    record: JobRecord
+    photographs: Photographs
+    model: LearnedModel
+
+
+@dataclass(frozen=True)
+class _Room:
+    """What a worker has for tiles, whatever the number of its threads."""
+
+    held: threading.BoundedSemaphore = field(
+        default_factory=lambda: threading.BoundedSemaphore(HELD)
+    )
+    fitting: threading.Lock = field(default_factory=threading.Lock)
+
+
+_OPENING = threading.Lock()
+
+
+def fit_tile(job: SharedJob, tile: Tile, numbers: bool) -> WrittenTile:
+    """Read the photographs of a tile, fit them, and write the files of its maps.
+
+    A worker fits one tile at a time, with as many threads as it has; its other threads read the
+    next tile and write the last one.
+
+    Parameters
+    ----------
+    numbers
+        Whether what is not a map is returned, too.
+
+    Raises
+    ------
+    ArgumentError
+        The worker does not see the folder of the job or its photographs as the calling process
+        does.
+    """
+    from distributed import get_worker
+
+    worker = get_worker()
+    room = _room(worker.address)
+    with room.held:
+        _check_folder(job)
+        with _OPENING:
+            opened = _opened(job)
+        grid = opened.record.grid
+        stack = opened.photographs.window(*grid.window(tile, opened.model.halo))
+        with room.fitting:
+            result = fitted(opened.model, stack, grid, tile, worker.state.nthreads)
+        del stack
+        # A worker that was given up for lost may come to this after all.
+        _check_folder(job)
+        return write_tile(job.folder, grid, tile, result, numbers=numbers)
+
+
+@lru_cache(maxsize=64)
+def _room(address: str) -> _Room:
+    """Of one worker: there may be several in a process."""
+    return _Room()
+
+
+@lru_cache(maxsize=1)
+def _opened(job: SharedJob) -> _Opened:
+    record = JobRecord.read(job.folder / NOTES / RECORD)
+    version = _core.build_info()["version"]
+    if record.version != version:
+        raise ImpastoError(
+            f"client: {_here()} has impasto {version}, the job {record.version}; install the same "
+            "version everywhere"
+        )
+    _check_inputs(record)
+    photographs = open_photographs(record.source, record.reading, 0, record.curve)
+    if photographs.source_grid == photographs.size:
+        # Pictures that are decoded whole for every window are read once, if there is room.
+        photographs = open_photographs(record.source, record.reading, job.memory // 2, record.curve)
+    return _Opened(record, photographs, load_learned(job.folder / NOTES / LEARNED))
+
+
+def _check_folder(job: SharedJob) -> None:
+    notes = job.folder / NOTES
+    for name, digest in ((RECORD, job.record), (LEARNED, job.learned)):
+        try:
+            found = digest_of(notes / name)
+        except OSError as error:
+            raise ArgumentError(
+                f"out: {notes / name} cannot be read by {_here()} ({error.strerror}): all workers "
+                "write into the store; put it on a file system that they share, under one path"
+            ) from error
+        if found != digest:
+            raise ArgumentError(
+                f"out: {_here()} finds another job in {job.folder} than the one that is running; "
+                "put the store on a file system that all workers share"
+            )
+
+
+def _check_inputs(record: JobRecord) -> None:
+    """Photographs that a worker sees have the size of those that the calling process hashed."""
+    for entry in record.inputs:
+        path, size = Path(entry["file"]), entry["bytes"]
+        try:
+            found: Any = f"has {path.stat().st_size} bytes"
+        except OSError as error:
+            found = f"cannot be read ({error.strerror})"
+        if found != f"has {size} bytes":
+            raise ArgumentError(
+                f"source: {path} {found} on {_here()}, where the job expects {size} bytes: workers "
+                "read the photographs themselves; put them on a file system that all share, under "
+                "one path"
+            )
+
+
+def _here() -> str:
+    return f"the worker {os.getpid()} on {socket.gethostname()}"

@@ -1,0 +1,223 @@
+"""Jobs on the workers of a real Dask cluster: the bytes of a local job, whatever dies."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import impasto
+from impasto import ArgumentError, jobs
+from impasto.cli import main
+from impasto.io import write_stack
+from impasto.jobs import cluster as client_side
+from killed_jobs import stack, tree
+from test_jobs import photographs
+
+pytest.importorskip("fcntl", reason="jobs need POSIX")
+distributed = pytest.importorskip("distributed")
+
+pytestmark = pytest.mark.slow
+
+NONE: dict[str, Any] = {"pooling": "none", "tile": 32}
+"""Nine tiles."""
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """Two workers, each a process with one thread and a nanny that starts it again."""
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as made:
+        yield made
+
+
+@pytest.fixture
+def client(cluster: Any) -> Iterator[Any]:
+    with distributed.Client(cluster, set_as_default=False) as made:
+        made.wait_for_workers(2, timeout=60)
+        yield made
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("stack") / "painting.npz"
+    write_stack(path, stack())
+    return path
+
+
+@pytest.fixture(scope="module")
+def expected(source: Path) -> dict[str, str]:
+    """The bytes of a local job."""
+    return tree(impasto.run(source, source.parent / "local.zarr", **NONE))
+
+
+def test_workers_write_the_bytes_of_a_local_job(client: Any, tmp_path: Path) -> None:
+    """Photographs in TIFFs with a mask, one lobe for the painting, tiles of another order."""
+    path = photographs(tmp_path)
+    options: dict[str, Any] = {"tile": 48, "pooling": "painting", "effort": "draft"}
+    options["reading"] = {"mask": tmp_path / "mask.png", "saturation": 65520}
+    seen: list[tuple[int, int]] = []
+    there = impasto.run(
+        path,
+        tmp_path / "there.zarr",
+        client=client,
+        progress=lambda done, total: seen.append((done, total)),
+        **options,
+    )
+    assert tree(there) == tree(impasto.run(path, tmp_path / "here.zarr", **options))
+    assert seen == [(done, 4) for done in range(5)]
+    assert jobs.verify(there) == ()
+
+
+def test_a_worker_that_is_killed_changes_no_byte(
+    client: Any, source: Path, expected: dict[str, str], tmp_path: Path
+) -> None:
+    """Nor does what it left half written."""
+    processes = client.run(os.getpid)
+    killed: list[int] = []
+    left = tmp_path / "a.zarr.partial" / "normal" / "c" / "0" / "0" / ".0-12ab.tmp"
+
+    def kill(done: int, total: int) -> None:
+        if done == 1:
+            killed.append(next(iter(processes.values())))
+            os.kill(killed[0], signal.SIGKILL)
+        if done == total:
+            left.write_bytes(b"half")
+
+    out = impasto.run(source, tmp_path / "a.zarr", client=client, progress=kill, **NONE)
+    assert tree(out) == expected
+    assert jobs.verify(out) == ()
+    client.wait_for_workers(2, timeout=60)
+    assert killed[0] not in client.run(os.getpid).values()
+
+
+def test_a_job_goes_on_with_a_client_or_without(
+    client: Any, source: Path, expected: dict[str, str], tmp_path: Path
+) -> None:
+    out = tmp_path / "a.zarr"
+    for until, by in ((2, client), (5, None)):
+
+        def stop(done: int, total: int, until: int = until) -> None:
+            if done == until:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            impasto.run(source, out, client=by, progress=stop, **NONE)
+        assert jobs.status(out).tiles_done == until
+    jobs.resume(out, client=client)
+    assert tree(out) == expected
+
+
+def test_the_command_line_joins_a_running_scheduler(
+    cluster: Any,
+    source: Path,
+    expected: dict[str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "a.zarr"
+    words = ["job", "run", str(source), "--out", str(out), "--pooling", "none", "--tile", "32"]
+    assert main([*words, "--scheduler", cluster.scheduler_address, "--quiet"]) == 0
+    assert tree(out) == expected
+    monkeypatch.setattr(client_side, "PATIENCE", 0.5)
+    for scheduler in ("tcp://127.0.0.1:9", str(tmp_path / "none.json"), "xyz://"):
+        words[4] = str(tmp_path / "b.zarr")
+        assert main([*words, "--scheduler", scheduler, "--quiet"]) == 1
+        assert f"no Dask scheduler answers at {scheduler}" in " ".join(
+            capsys.readouterr().err.split()
+        )
+
+
+def full() -> None:
+    """On a worker: every flush from now on finds a full disk."""
+    import errno
+
+    def fsync(handle: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    os.kept = os.fsync  # type: ignore[attr-defined]
+    os.fsync = fsync
+
+
+def empty() -> None:
+    os.fsync = os.kept  # type: ignore[attr-defined]
+
+
+def test_errors_of_workers_end_a_job_that_can_be_resumed(
+    client: Any, source: Path, expected: dict[str, str], tmp_path: Path
+) -> None:
+    out = tmp_path / "a.zarr"
+    client.run(full)
+    try:
+        with pytest.raises(OSError, match="No space left") as error:
+            impasto.run(source, out, client=client, **NONE)
+    finally:
+        client.run(empty)
+    assert ".partial" in str(error.value.filename)
+    assert not out.exists()
+    assert tree(impasto.run(source, out, client=client, **NONE)) == expected
+
+
+def dying() -> None:
+    """On a worker: every fit ends it."""
+    import impasto.jobs.worker
+
+    impasto.jobs.worker.fitted = lambda *given: os._exit(1)
+
+
+def test_a_tile_that_ends_its_workers_is_named(
+    cluster: Any, client: Any, source: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "a.zarr"
+    allowed = cluster.scheduler.allowed_failures
+    cluster.scheduler.allowed_failures = 0
+    client.run(dying, workers=[next(iter(client.nthreads()))])
+    try:
+        with pytest.raises(impasto.ClusterError, match=r"tile \(\d, \d\) was given to 1 workers"):
+            impasto.run(source, out, client=client, **NONE)
+    finally:
+        cluster.scheduler.allowed_failures = allowed
+    assert jobs.status(out).state == "interrupted"
+
+
+def test_a_worker_that_sees_other_photographs_says_so(client: Any, tmp_path: Path) -> None:
+    path = photographs(tmp_path)
+    other = tmp_path / "light2.tif"
+
+    def shorten(done: int, total: int) -> None:
+        other.write_bytes(other.read_bytes()[:-1])
+
+    size = other.stat().st_size
+    words = rf"light2\.tif has {size - 1} bytes on the worker \d+ on .*expects {size} bytes"
+    with pytest.raises(ArgumentError, match=words):
+        impasto.run(path, tmp_path / "a.zarr", client=client, progress=shorten, **NONE)
+
+
+def test_a_damaged_photograph_is_named_by_the_worker_s_error(client: Any) -> None:
+    """Errors that have arguments of their own cross processes, too."""
+
+    def damaged() -> None:
+        raise impasto.CorruptInputError(Path("light2.tif"), "is truncated")
+
+    with pytest.raises(impasto.CorruptInputError, match=r"^light2\.tif: is truncated$"):
+        client.submit(damaged).result()
+
+
+def test_what_cannot_run_on_a_cluster_is_refused_at_once(
+    client: Any, source: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "a.zarr"
+    with pytest.raises(ArgumentError, match=r"client: expected a dask\.distributed\.Client"):
+        impasto.run(source, out, client="tcp://127.0.0.1:8786", **NONE)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match=r"source: the workers .*write_stack"):
+        impasto.run(stack(), out, client=client, **NONE)
+    client.close()
+    with pytest.raises(ArgumentError, match="client: is closed"):
+        impasto.run(source, out, client=client, **NONE)
+    assert list(tmp_path.iterdir()) == []
