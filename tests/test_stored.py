@@ -116,11 +116,10 @@ def test_a_handle_knows_what_is_no_map(stored: impasto.StoredSbrdf, whole: impas
 
 
 @pytest.mark.parametrize(
-    "scene",
-    [FAR, FAR.changed(exposure="maximum"), NEAR],
+    ("scene", "level"),
+    [(FAR, False), (FAR.changed(exposure="maximum"), True), (NEAR, False)],
     ids=["far", "maximum", "near"],
 )
-@pytest.mark.parametrize("level", [False, True])
 def test_a_picture_part_by_part_is_that_of_the_whole(
     scene: Scene, level: bool, stored: impasto.StoredSbrdf, whole: impasto.Sbrdf, tmp_path: Path
 ) -> None:

@@ -43,6 +43,7 @@ def application() -> App:
         "One of --raking, --turntable and --adaptation is needed.",
     )
     app.command(job.application())
+    app.command("impasto.cli.height:height", help="Integrate the normals to a map of the height.")
     app.command("impasto.cli.doctor:doctor", help="Check photographs before a fit.")
     app.command("impasto.cli.study:study", help="Measure what accuracy costs in time.")
     app.command("impasto.cli.info:info", help="Show what is installed, or what a result contains.")
