@@ -396,8 +396,11 @@ def test_the_command_shows_details_and_overviews(
     told = capsys.readouterr().out
     assert "205 x 150 pixels" in told
     assert "1/2, 1/4" in told
-    known = int((whole.status == impasto.Status.FITTED).sum())
-    assert f"({known})" in told
+    for status, count in zip(*np.unique(whole.status, return_counts=True), strict=True):
+        name = impasto.Status(int(status)).name.lower().replace("_", " ")
+        assert f"{name} {100 * count / whole.status.size:.2f} % ({count})" in told
+    assert main(["doctor", str(store)]) == 1
+    assert "impasto job verify" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -3,5 +3,15 @@
 from impasto.jobs.inspection import Finding, JobStatus, status, verify
 from impasto.jobs.job import run
 from impasto.jobs.repeat import rerun, resume
+from impasto.jobs.ro_crate import export_ro_crate
 
-__all__ = ["Finding", "JobStatus", "rerun", "resume", "run", "status", "verify"]
+__all__ = [
+    "Finding",
+    "JobStatus",
+    "export_ro_crate",
+    "rerun",
+    "resume",
+    "run",
+    "status",
+    "verify",
+]
