@@ -10,9 +10,10 @@ import pytest
 SLOW = {
     "test_advice", "test_before_fit", "test_calls", "test_inputs", "test_lafortune",
     "test_lafortune_covariance", "test_lafortune_few", "test_masks", "test_metamorphic",
-    "test_rig_refinement", "test_simulate", "test_simulate_capture", "test_strengths",
-    "test_study_costs", "test_study_excess", "test_study_journal", "test_study_own",
-    "test_study_recorded", "test_stubs", "test_suggestions", "test_systems", "test_tone",
+    "test_rig_refinement", "test_simulate", "test_simulate_capture", "test_stored",
+    "test_strengths", "test_study_costs", "test_study_excess", "test_study_journal",
+    "test_study_own", "test_study_recorded", "test_stubs", "test_suggestions", "test_systems",
+    "test_tone",
 }  # fmt: skip
 """Files of which most tests are slow; in other files each slow test has its own mark."""
 

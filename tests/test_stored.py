@@ -116,11 +116,10 @@ def test_a_handle_knows_what_is_no_map(stored: impasto.StoredSbrdf, whole: impas
 
 
 @pytest.mark.parametrize(
-    "scene",
-    [FAR, FAR.changed(exposure="maximum"), NEAR],
+    ("scene", "level"),
+    [(FAR, False), (FAR.changed(exposure="maximum"), True), (NEAR, False)],
     ids=["far", "maximum", "near"],
 )
-@pytest.mark.parametrize("level", [False, True])
 def test_a_picture_part_by_part_is_that_of_the_whole(
     scene: Scene, level: bool, stored: impasto.StoredSbrdf, whole: impasto.Sbrdf, tmp_path: Path
 ) -> None:
@@ -397,8 +396,11 @@ def test_the_command_shows_details_and_overviews(
     told = capsys.readouterr().out
     assert "205 x 150 pixels" in told
     assert "1/2, 1/4" in told
-    known = int((whole.status == impasto.Status.FITTED).sum())
-    assert f"({known})" in told
+    for status, count in zip(*np.unique(whole.status, return_counts=True), strict=True):
+        name = impasto.Status(int(status)).name.lower().replace("_", " ")
+        assert f"{name} {100 * count / whole.status.size:.2f} % ({count})" in told
+    assert main(["doctor", str(store)]) == 1
+    assert "impasto job verify" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The command line: ``impasto demo | fit | job | render | animate | doctor | study | info``.
+"""The command line: ``impasto demo | fit | job | render | animate | height ...``.
 
 Data goes to stdout or into files, progress to stderr. Angles are in degrees. Exit codes:
 

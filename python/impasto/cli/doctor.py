@@ -13,6 +13,7 @@ from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.photographs import Reading
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.results import result_file
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -55,6 +56,11 @@ def doctor(
     from impasto.io import write_lights
     from impasto.rig import Rig
 
+    if result_file(stack).suffix.lower() == ".zarr" and (stack / "zarr.json").is_file():
+        raise ArgumentError(
+            f"{stack} is a result, and doctor checks photographs before a fit; impasto job verify "
+            "checks the files of a job, and impasto info says what a result holds"
+        )
     if write is not None and write.exists():
         raise ArgumentError(f"--write: {write} already exists; choose another name")
     reading = Reading() if reading is None else reading

@@ -90,6 +90,7 @@ def _result(path: Path) -> dict[str, Any]:
 def _archive(path: Path) -> dict[str, Any]:
     import impasto
     from impasto.cli.fit import band_words
+    from impasto.fit.result import PerPixelSbrdf
     from impasto.report import status_counts
 
     facts: dict[str, Any] = {}
@@ -103,7 +104,7 @@ def _archive(path: Path) -> dict[str, Any]:
         sbrdf = stored.every(step)
         if stored.factors:
             facts["scales"] = ", ".join(f"1/{factor}" for factor in stored.factors)
-        if step > 1:
+        if step > 1 and isinstance(sbrdf, PerPixelSbrdf):
             facts["medians"] = f"of every {step}th row and column"
     else:
         sbrdf = impasto.load_sbrdf(path)

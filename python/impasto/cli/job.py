@@ -37,7 +37,7 @@ LABEL_WIDTH = 12
 def application() -> App:
     """The commands below ``impasto job``."""
     app = App(name="job", help="Fit a painting of any size, tile by tile, and resume it.")
-    for name in ("run", "status", "resume", "verify", "rerun"):
+    for name in ("run", "status", "resume", "verify", "rerun", "export"):
         app.command(f"impasto.cli.job:{name}")
     return app
 
@@ -262,6 +262,38 @@ def verify(
         page.out(f"{out}: as written, {found.tiles_done} of {found.tiles} tiles")
         return Exit.PARTIAL
     page.out(f"{out}: all files are as written" + " and all inputs as read" * inputs)
+    return Exit.OK
+
+
+def export(
+    out: Annotated[Path, Parameter(name=["OUT"])],
+    /,
+    *,
+    ro_crate: Path,
+    name: str | None = None,
+    description: str | None = None,
+    license: str | None = None,
+) -> int:
+    """Put a finished job into an RO-Crate for an archive, with what it was made of and how.
+
+    Parameters
+    ----------
+    out
+        The --out of impasto job run.
+    ro_crate
+        The folder to make: the store, as hard links where they can be, and ro-crate-metadata.json.
+        Photographs are named with their SHA-256, not copied.
+    name
+        Of the crate; default: that of the store.
+    description
+        What it is; default: the size of the painting and the number of photographs.
+    license
+        The address of a licence: https://creativecommons.org/licenses/by/4.0/.
+    """
+    from impasto.jobs import export_ro_crate
+
+    made = export_ro_crate(out, ro_crate, name=name, description=description, license=license)
+    console.stdout().out(str(made))
     return Exit.OK
 
 

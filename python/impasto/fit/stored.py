@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.calls import ProgressCallback
-from impasto._internal.checks import is_whole
+from impasto._internal.calls import ProgressCallback, reporting
+from impasto._internal.checks import is_whole, length_mm
 from impasto._internal.windows import Window, offset, window
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.fit.choice import Choice
@@ -21,18 +21,17 @@ from impasto.fit.relief import Relief
 from impasto.fit.result import Sbrdf
 from impasto.fit.saved import map_names
 from impasto.fit.sbrdf import RESULTS
+from impasto.io.images.bands_of_rows import TIFF_TILE, write_tiff_rows
 from impasto.io.results import checked_maps, result_file
 from impasto.io.results.zarr_arrays import ZarrArray, need_zarr
 from impasto.io.results.zarr_store import Levels, contents, levels_of, read_array, read_window
+from impasto.large_height import height_rows
 from impasto.large_picture import PictureFile, render_parts
 from impasto.level import Level, level_of_sample, sample_step
 from impasto.picture import Backend, Fidelity
 from impasto.rig import PointView, Rig
 from impasto.scene import Scene
 from impasto.surface import SHAPES, Lobe, Relightable, Surface
-
-BLOCK = 512
-"""Rows and columns that are read at a time where tiles need not be whole."""
 
 
 def open_sbrdf(path: str | os.PathLike[str]) -> StoredSbrdf:
@@ -290,6 +289,67 @@ class StoredSbrdf:
             threads=threads,
             progress=progress,
         )
+
+    def height(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        pitch_mm: float | None = None,
+        level: bool | Level = False,
+        threads: int | None = None,
+        progress: bool | ProgressCallback = False,
+    ) -> Path:
+        """Integrate the normals tile by tile into a tiled 32-bit TIFF of heights in mm.
+
+        What :func:`impasto.integrate_normals` does with the whole: a coarse height of the whole
+        painting, and overlapping tiles on it. Where the normals are those of a surface, both give
+        the same up to rounding; noise of one degree makes them differ by a tenth of what it does to
+        either.
+
+        Parameters
+        ----------
+        path
+            A name that ends in ``.tif``; a BigTIFF where it may exceed 4 GiB.
+        pitch_mm
+            Width of a pixel in mm; default: that of the result, otherwise 1.
+        level
+            True: heights about the plane of the panel, as :meth:`find_level` finds it; or that
+            plane, without its bending. Default: with the lean of the panel.
+        threads
+            None means every allowed core.
+        progress
+            True for a bar on stderr, or a callable ``(done, total)`` in pixels.
+
+        Raises
+        ------
+        ArgumentError
+            Another suffix, a wrong pitch, or a plane that bends.
+        CorruptInputError
+            Normals are missing or damaged; nothing is written.
+        """
+        pitch = self.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
+        plane = self.find_level() if level is True else level
+        if not isinstance(plane, bool) and any(plane.bend):
+            raise ArgumentError("level: the bending of a plane is not taken out tile by tile")
+
+        def normals(rows: slice, columns: slice) -> NDArray[np.float32]:
+            found = self._read(self._maps["normal"], (rows, columns))
+            return found if isinstance(plane, bool) else plane.rotated(found)
+
+        with reporting(progress, "integrating normals") as callback:
+            total, pixels = self.shape[0] * self.shape[1], 0
+
+            def done(count: int) -> None:
+                nonlocal pixels
+                pixels += count
+                if callback is not None:
+                    callback(pixels, total)
+
+            rows = height_rows(
+                normals, self.shape, pitch or 1.0, rows=TIFF_TILE, threads=threads, done=done
+            )
+            write_tiff_rows(Path(path), rows, self.shape, planes=1, dtype=np.float32)
+        return Path(path)
 
     def find_level(self) -> Level:
         """The plane of the panel, as :func:`impasto.find_level` finds it in all normals."""

@@ -4,5 +4,16 @@ from impasto.jobs.ingest import ingest
 from impasto.jobs.inspection import Finding, JobStatus, status, verify
 from impasto.jobs.job import run
 from impasto.jobs.repeat import rerun, resume
+from impasto.jobs.ro_crate import export_ro_crate
 
-__all__ = ["Finding", "JobStatus", "ingest", "rerun", "resume", "run", "status", "verify"]
+__all__ = [
+    "Finding",
+    "JobStatus",
+    "export_ro_crate",
+    "ingest",
+    "rerun",
+    "resume",
+    "run",
+    "status",
+    "verify",
+]

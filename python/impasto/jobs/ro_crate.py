@@ -1,0 +1,214 @@
+"""A finished job as an RO-Crate, for archives: what was made of what, by which program and how.
+
+The profile is Process Run Crate 0.5 of RO-Crate 1.1: one ``CreateAction`` whose ``object`` are the
+photographs and whose ``result`` is the store.
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import mimetypes
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from impasto.errors import ArgumentError
+from impasto.io.files import as_problem_of, atomic_bytes
+from impasto.io.folders import sync_folders
+from impasto.jobs.folder import NOTES, RECORD, check_finished
+from impasto.jobs.inspection import folder_of
+from impasto.jobs.record import JobRecord
+
+METADATA = "ro-crate-metadata.json"
+CRATE = "https://w3id.org/ro/crate/1.1"
+PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
+TERMS = "https://w3id.org/ro/terms/workflow-run/context"
+HOME = "https://pypi.org/project/impasto/"
+
+
+def export_ro_crate(
+    out: str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    *,
+    name: str | None = None,
+    description: str | None = None,
+    license: str | None = None,
+    published: datetime.date | None = None,
+) -> Path:
+    """Put a finished job into a new RO-Crate, with its provenance as linked data.
+
+    The crate holds the store, as hard links where the file system has them (no space is taken) and
+    as copies elsewhere. Photographs are named with their sizes and SHA-256, not copied.
+
+    Parameters
+    ----------
+    out
+        The ``out`` of :func:`impasto.run`.
+    folder
+        The crate to make, which does not exist yet.
+    name, description
+        Of the crate; default: the name of the store, and what it is.
+    license
+        Under which the result is published: an address, such as
+        ``"https://creativecommons.org/licenses/by/4.0/"``. Default: a sentence that none is given.
+    published
+        The date of the crate; default: today. All else in it is the same whenever it is made.
+
+    Returns
+    -------
+    Path
+        The crate.
+
+    Raises
+    ------
+    ArgumentError
+        No job of that name, one that is not finished, or a folder that exists.
+    CorruptInputError
+        A journal that is damaged.
+    """
+    store, whole = folder_of(out)
+    if not whole:
+        raise ArgumentError(f"out: {store} is not finished; impasto job resume goes on with it")
+    record = JobRecord.read(store / NOTES / RECORD)
+    check_finished(store, record.grid)
+    crate = Path(folder)
+    if crate.exists():
+        raise ArgumentError(f"folder: {crate} already exists; give another name")
+    if not crate.absolute().parent.is_dir():
+        raise ArgumentError(f"folder: the folder {crate.absolute().parent} does not exist")
+    partial = crate.with_name(f".{crate.name}.partial")
+    if partial.exists():
+        shutil.rmtree(partial)  # of an export that was killed
+    with as_problem_of(crate):
+        partial.mkdir()
+        try:
+            shutil.copytree(store, partial / store.name, copy_function=_linked, symlinks=True)
+            content = {
+                "@context": [f"{CRATE}/context", TERMS],
+                "@graph": list(
+                    _graph(
+                        record,
+                        store,
+                        name or store.name,
+                        description,
+                        license,
+                        published or datetime.date.today(),
+                    )
+                ),
+            }
+            text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+            atomic_bytes(partial / METADATA, (text + "\n").encode())
+            sync_folders(partial)
+            partial.rename(crate)
+        except BaseException:
+            shutil.rmtree(partial, ignore_errors=True)
+            raise
+    return crate
+
+
+def _linked(source: str, target: str) -> str:
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
+    return target
+
+
+def _graph(
+    record: JobRecord,
+    store: Path,
+    name: str,
+    description: str | None,
+    license: str | None,
+    published: datetime.date,
+) -> Iterator[dict[str, Any]]:
+    """The entities of the crate."""
+    result = f"{store.name}/"
+    observations, bands, rows, columns = record.shape
+    what = (
+        f"Normals, reflectance and gloss of a painting of {columns} x {rows} pixels from "
+        f"{observations} photographs in {bands} bands"
+    )
+    yield {
+        "@id": METADATA,
+        "@type": "CreativeWork",
+        "conformsTo": {"@id": CRATE},
+        "about": {"@id": "./"},
+    }
+    yield {
+        "@id": "./",
+        "@type": "Dataset",
+        "name": name,
+        "description": description or f"{what}, estimated by impasto {record.version}",
+        "datePublished": published.isoformat(),
+        "license": {"@id": license} if license else "No licence is given.",
+        "conformsTo": {"@id": PROFILE},
+        "hasPart": [
+            {"@id": result},
+            *({"@id": _id(one)} for one in record.inputs if _is_file(one)),
+        ],
+        "mentions": {"@id": "#fit"},
+    }
+    if license:
+        yield {"@id": license, "@type": "CreativeWork", "name": license}
+    yield {"@id": PROFILE, "@type": "CreativeWork", "name": "Process Run Crate", "version": "0.5"}
+    yield {
+        "@id": "#fit",
+        "@type": "CreateAction",
+        "name": "Fit of the photographs by impasto.run",
+        "description": f"{what}; {NOTES}/{RECORD} in the store has every option",
+        "instrument": {"@id": HOME},
+        "object": [
+            *({"@id": _id(one)} for one in record.inputs),
+            *({"@id": f"#{key}"} for key, _ in _options(record)),
+        ],
+        "result": {"@id": result},
+        "actionStatus": {"@id": "http://schema.org/CompletedActionStatus"},
+    }
+    yield {
+        "@id": HOME,
+        "@type": "SoftwareApplication",
+        "name": "impasto",
+        "url": HOME,
+        "softwareVersion": record.version,
+    }
+    yield {
+        "@id": result,
+        "@type": "Dataset",
+        "name": store.name,
+        "description": f"{what}: a group of Zarr v3 with an array for each map",
+        "encodingFormat": "application/vnd.zarr",
+    }
+    for one in record.inputs:
+        kind, _ = mimetypes.guess_type(one["file"])
+        yield {
+            "@id": _id(one),
+            "@type": "File" if _is_file(one) else "CreativeWork",
+            "name": Path(one["file"]).name,
+            "sha256": one["sha256"],
+            "contentSize": str(one["bytes"]),
+            "encodingFormat": kind or "application/octet-stream",
+        }
+    for key, value in _options(record):
+        yield {"@id": f"#{key}", "@type": "PropertyValue", "name": key, "value": value}
+
+
+def _options(record: JobRecord) -> Iterator[tuple[str, Any]]:
+    """Options that are not defaults of nothing, as numbers and texts."""
+    options = {**record.reading, **record.fit, "tile": record.tile, "sample": record.sample}
+    for key, value in sorted(options.items()):
+        if value is not None:
+            plain = isinstance(value, bool | int | float | str)
+            yield key, value if plain else json.dumps(value, sort_keys=True)
+
+
+def _is_file(entry: Mapping[str, Any]) -> bool:
+    """Whether an input is a file; a stack in memory is none."""
+    return Path(entry["file"]).is_absolute()
+
+
+def _id(entry: Mapping[str, Any]) -> str:
+    return Path(entry["file"]).as_uri() if _is_file(entry) else "#stack"
