@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from impasto._internal.damage import DAMAGE
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import as_problem_of
 
@@ -111,7 +112,7 @@ def _spare(out: Path, inputs: Iterable[Path]) -> None:
 def _report(path: Path) -> dict[str, Any] | None:
     try:
         content = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
+    except (*DAMAGE, OSError):
         return None
     return content if _is_report(content) else None
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.damage import DAMAGE
 from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.io.results.store import STORES, store_of
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
@@ -95,7 +96,7 @@ def read_maps(path: str | os.PathLike[str], *kinds: str) -> Iterator[SavedMaps]:
         yield SavedMaps(target, found, arrays)
     except CorruptInputError:
         raise
-    except (TypeError, ValueError, IndexError, ImpastoError) as error:
+    except (*DAMAGE, ImpastoError) as error:
         raise CorruptInputError(target, f"is damaged ({error})") from error
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.damage import DAMAGE
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder
@@ -131,7 +132,7 @@ def contents(path: Path) -> tuple[dict[str, NDArray[Any]], list[ZarrArray]]:
     try:
         text = {str(name): np.array(value, np.str_) for name, value in own["text"].items()}
         stored = [_stored(name, entry) for name, entry in own["arrays"].items()]
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except DAMAGE as error:
         raise CorruptInputError(path / METADATA, f"is damaged ({error})") from error
     return text, stored
 
@@ -211,7 +212,7 @@ def _own(path: Path) -> dict[str, Any] | None:
             return None
         group = json.loads(file.read_bytes())
         own = group["attributes"][OWN]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (*DAMAGE, OSError):
         return None
     return dict(own) if isinstance(own, dict) else None
 
