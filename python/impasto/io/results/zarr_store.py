@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from impasto._internal.damage import DAMAGE
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_together
-from impasto.io.folders import new_folder
+from impasto.io.folders import new_folder, recover
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr, snapped
 
 FORMAT = 1
@@ -76,6 +76,7 @@ class ZarrStore:
         MissingExtraError
             zarr is not installed.
         """
+        recover(path)
         text, stored = contents(path)
         need_zarr()
         return {**text, **{array.name: _read(path, array) for array in stored}}
