@@ -48,5 +48,5 @@ def damage_of(path: Path, what: str) -> Iterator[None]:
     except (*DAMAGE, OSError) as error:
         if isinstance(error, OSError) and error.errno not in {None, errno.EINVAL}:
             raise
-        told = str(error) or type(error).__name__
-        raise CorruptInputError(path, f"cannot be read as {what} ({told})") from error
+        problem = str(error) or type(error).__name__
+        raise CorruptInputError(path, f"cannot be read as {what} ({problem})") from error

@@ -119,8 +119,8 @@ def _in_options(message: str) -> str:
 def _defect_words(error: Exception) -> str:
     last = traceback.extract_tb(error.__traceback__)[-1]
     place = f"{Path(last.filename).name}, line {last.lineno}, {last.name}"
-    told = f"{type(error).__name__}: {error}"
-    return f"a defect in impasto, please report it: {told} ({place})"
+    words = f"{type(error).__name__}: {error}"
+    return f"a defect in impasto, please report it: {words} ({place})"
 
 
 def _os_words(error: OSError) -> str:

@@ -17,7 +17,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     """A folder beside ``path`` that replaces it if the block ends without an error.
 
     All files in it must have been written by :func:`atomic_together`. An older folder of that name
-    stays until the new one is whole on the disk; it is then moved aside, and removed when the new
+    stays until the new one is whole on the disk; it is then moved replaced, and removed when the new
     one has its name. After an error the new one is gone and the older untouched. What a killed
     process left goes with the next write of that name (:func:`recover`).
     """
@@ -41,18 +41,18 @@ def put_in_place(folder: Path, path: Path) -> None:
         folder.rename(path)
         sync_folder(path.parent)
         return
-    with temporary_beside(path, folder=True, ending=OLD) as aside:
-        older = aside / path.name
+    with temporary_beside(path, folder=True, ending=OLD) as replaced:
+        older = replaced / path.name
         try:
             path.rename(older)
             folder.rename(path)
         except BaseException:
             if older.exists():
                 older.rename(path)
-            aside.rmdir()
+            replaced.rmdir()
             raise
         sync_folder(path.parent)
-        shutil.rmtree(aside, ignore_errors=True)
+        shutil.rmtree(replaced, ignore_errors=True)
 
 
 def recover(path: Path) -> None:
@@ -60,14 +60,14 @@ def recover(path: Path) -> None:
 
     Leftovers of replacements are removed; what cannot be moved or removed stays.
     """
-    for aside in leftovers(path, ending=OLD):
-        older = aside / path.name
+    for replaced in leftovers(path, ending=OLD):
+        older = replaced / path.name
         with suppress(OSError):
             if older.exists() and not path.exists():
                 older.rename(path)
                 sync_folder(path.parent)
         if path.exists():
-            shutil.rmtree(aside, ignore_errors=True)
+            shutil.rmtree(replaced, ignore_errors=True)
 
 
 def sync_folders(folder: Path) -> None:
