@@ -18,6 +18,7 @@ from impasto.errors import CorruptInputError, ImpastoError
 DAMAGE = (
     *(ArithmeticError, AttributeError, EOFError, LookupError, SyntaxError, TypeError, ValueError),
     RuntimeError,  # brackets nested too deep; zip archives that claim to be encrypted
+    SystemError,  # characters that do not exist in texts of numpy
     *(csv.Error, struct.error, tokenize.TokenError),
     *(lzma.LZMAError, zipfile.BadZipFile, zlib.error),
 )

@@ -17,7 +17,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     """A folder beside ``path`` that replaces it if the block ends without an error.
 
     All files in it must have been written by :func:`atomic_together`. An older folder of that name
-    stays until the new one is whole on the disk; it is then moved replaced, and removed when the new
+    stays until the new one is whole on the disk; it is then moved aside, and removed when the new
     one has its name. After an error the new one is gone and the older untouched. What a killed
     process left goes with the next write of that name (:func:`recover`).
     """

@@ -59,7 +59,15 @@ def read_npz(path: Path, *, without: str = "") -> dict[str, NDArray[Any]]:
         # Opened here: numpy leaves its own handle open if the archive is damaged.
         with damage_of(path, ".npz"), np.load(opened.handle, allow_pickle=False) as file:
             _check_claims(path, file.zip)
-            return {key: file[key] for key in file.files if key != without}
+            return {key: _numbers(path, key, file[key]) for key in file.files if key != without}
+
+
+def _numbers(path: Path, name: str, array: Any) -> NDArray[Any]:
+    """An array of real numbers, truth values or text; numpy gives other members as bytes."""
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "biufU":
+        what = array.dtype if isinstance(array, np.ndarray) else "no array"
+        raise CorruptInputError(path, f"has an array {name!r} that holds {what}")
+    return array
 
 
 def _check_claims(path: Path, archive: zipfile.ZipFile) -> None:

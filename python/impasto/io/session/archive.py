@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.damage import DAMAGE, damage_of
 from impasto._internal.regular import RegularFile
 from impasto._internal.windows import offset
 from impasto.encoding import Encoding
@@ -72,7 +73,8 @@ def read_archive(
     part = None
     arrays = read_npz(path, without="" if region is None else "samples")
     if region is not None and "lights" in arrays:
-        part = _read_part(path, region, arrays)
+        with damage_of(path, "a stack"):
+            part = _read_part(path, region, arrays)
     lost = [key for key in ("samples", "lights") if key not in arrays]
     if lost:
         raise CorruptInputError(
@@ -80,7 +82,7 @@ def read_archive(
         )
     try:
         return _stack(arrays, path, part)
-    except (ImpastoError, TypeError, ValueError) as error:
+    except (ImpastoError, *DAMAGE) as error:
         raise CorruptInputError(path, f"holds arrays that are not a stack: {error}") from error
 
 
