@@ -1,10 +1,12 @@
 """Photographs of a painting in; a relightable, colour-true surface out."""
 
 import importlib as _importlib
+import os as _os
 import types as _types
 import typing as _typing
 import warnings as _warnings
 
+from impasto._internal import starting as _starting  # noqa: F401  # isort: skip
 from impasto import _core, colour, systems
 from impasto.bands import Camera
 from impasto.effects import PlannedEffect
@@ -145,6 +147,15 @@ if not _typing.TYPE_CHECKING:  # type checkers still report unknown names
 
 
 __version__ = _core.build_info()["version"]
+
+_level = _os.environ.get("IMPASTO_SIMD", "")
+if _level not in {"", _core.build_info()["simd"]}:
+    _warnings.warn(
+        f"IMPASTO_SIMD={_level!r} is not known, or this machine has it not; "
+        f"{_core.build_info()['simd']} is used (known are baseline, avx2 and avx512)",
+        ImpastoWarning,
+        stacklevel=2,
+    )
 
 if _core.build_info()["debug"]:
     _warnings.warn(

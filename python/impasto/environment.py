@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import zipfile
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from impasto import _core
 from impasto._internal.calls import thread_count
 from impasto._internal.checks import MOST, number, numbers, one_of, positive
+from impasto._internal.damage import DAMAGE
 from impasto._internal.regular import RegularFile
 from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.gallery import gallery
@@ -364,7 +364,7 @@ def _kept(key: str, build: Callable[[], NDArray[np.float32]]) -> NDArray[np.floa
         # A damaged file has another checksum.
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             return np.ascontiguousarray(file["lobes"], dtype=np.float32)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+    except (*DAMAGE, OSError):
         pass
     found = build()
     try:

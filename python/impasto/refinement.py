@@ -7,6 +7,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from impasto._internal.damage import DAMAGE
 from impasto.errors import ArgumentError
 
 
@@ -92,7 +93,7 @@ class RigRefinement:
             for name in ("camera", "lamps", "strengths"):
                 fields[name] = Estimate(**fields[name])
             return cls(**(fields | {"open": tuple(fields["open"])}))
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+        except DAMAGE as error:
             raise ArgumentError(
                 f"refinement: no saved refinement of a rig ({type(error).__name__}: {error})"
             ) from error

@@ -1,6 +1,6 @@
 //! The one map from Rust's errors to Python's exceptions.
 
-use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyRuntimeError};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 
@@ -10,6 +10,7 @@ use impasto::Error;
 pub(crate) fn to_python(py: Python<'_>, error: &Error) -> PyErr {
     let class = match error {
         Error::Cancelled => return PyKeyboardInterrupt::new_err(()),
+        Error::Memory { .. } => return PyMemoryError::new_err(error.to_string()),
         Error::Argument { .. } => "ArgumentError",
         Error::Geometry { .. } => "GeometryError",
     };

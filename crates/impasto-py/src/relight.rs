@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 use impasto::Error;
 use impasto::geometry::{Grid, Light};
 use impasto::math::Vec3;
+use impasto::pixels::zeros;
 use impasto::relight::curve::Curve;
 use impasto::relight::show::{Codes, Display, codes_from_planes, linear_from_planes};
 use impasto::relight::{self, Canvas, Relief};
@@ -109,7 +110,7 @@ pub(crate) fn linear_from_bands<'py>(
     let values = slice("planes", &planes).map_err(|error| to_python(py, &error))?;
     let [height, width] = [planes.shape()[1], planes.shape()[2]];
     let out = run::call(py, threads, None, |run| {
-        let mut out = vec![0.0; 3 * height * width];
+        let mut out = zeros(3 * height * width)?;
         linear_from_planes(values, &columns, &mut out, run)?;
         Ok(out)
     })?;
@@ -137,7 +138,7 @@ pub(crate) fn display_from_bands<'py>(
     macro_rules! shown {
         ($type:ty, $variant:ident) => {{
             let (codes, clipped) = run::call(py, threads, None, |run| {
-                let mut codes: Vec<$type> = vec![Default::default(); count];
+                let mut codes: Vec<$type> = zeros(count)?;
                 let clipped =
                     codes_from_planes(values, &columns, curve, Codes::$variant(&mut codes), run)?;
                 Ok((codes, clipped))

@@ -8,13 +8,17 @@ use std::time::Duration;
 
 use pyo3::prelude::*;
 
+use impasto::Error;
 use impasto::math::Level;
-use impasto::pixels::{Pool, Progress, Run};
+use impasto::pixels::{Pool, Progress, Run, check_room};
 
 use crate::errors;
 
 /// Ctrl-C and the progress callback are looked at this often.
 const HEARTBEAT: Duration = Duration::from_millis(50);
+
+/// Bytes of the stack of a thread.
+const STACK: usize = 2 << 20;
 
 /// The instruction set: the best there is, or a narrower one named by `IMPASTO_SIMD`.
 pub(crate) fn level() -> Level {
@@ -39,7 +43,9 @@ pub(crate) fn call<A: Send>(
     progress: Option<&Py<PyAny>>,
     work: impl FnOnce(&Run<'_>) -> impasto::Result<A> + Send,
 ) -> PyResult<A> {
-    let pool = pool(threads).map_err(|error| errors::to_python(py, &error))?;
+    let refused = |error: Error| errors::to_python(py, &error);
+    check_room::<u8>(0).map_err(refused)?;
+    let pool = pool(threads).map_err(refused)?;
     let cancel = AtomicBool::new(false);
     let tally = Progress::default();
     let mut interruption = None;
@@ -48,12 +54,18 @@ pub(crate) fn call<A: Send>(
             let (finished, wait) = channel();
             let run =
                 Run { pool: pool.as_deref(), level: level(), cancel: &cancel, progress: &tally };
-            let worker = scope.spawn(move || {
+            let worker = std::thread::Builder::new().spawn_scoped(scope, move || {
                 let outcome = catch_unwind(AssertUnwindSafe(|| work(&run)));
                 // Nobody listening only means that the caller no longer waits in steps.
                 let _ = finished.send(());
                 outcome
             });
+            // The system has no memory for its stack.
+            let worker = worker.map_err(|_| Error::Memory { bytes: STACK });
+            let worker = match worker {
+                Ok(worker) => worker,
+                Err(error) => return Ok(Err(error)),
+            };
             while wait.recv_timeout(HEARTBEAT) == Err(RecvTimeoutError::Timeout) {
                 if interruption.is_none()
                     && let Err(error) = heartbeat(progress, &tally)
@@ -125,7 +137,9 @@ fn pool(threads: usize) -> impasto::Result<Option<Arc<Pool>>> {
         return Ok(Some(Arc::clone(&kept.pool)));
     }
     // Threads are started without the lock, which is held for a moment only.
-    let pool = Arc::new(Pool::new(threads)?);
+    let Ok(pool) = Pool::new(threads).map(Arc::new) else {
+        return Ok(None); // the system starts no more threads: the results are the same on one
+    };
     let kept = Kept { process, threads, pool: Arc::clone(&pool) };
     let previous = last().and_then(|mut last| last.replace(kept));
     if let Some(previous) = previous

@@ -23,6 +23,8 @@ pub(crate) fn predict<'py>(
     let refuse = |error: Error| errors::to_python(py, &error);
     let [bands, height, width] = surface.shape();
     let rig = rig.rig(height, width).map_err(refuse)?;
+    impasto::pixels::check_room::<f32>(rig.observations() * bands * height * width)
+        .map_err(refuse)?;
     let samples = PyArray4::zeros(py, [rig.observations(), bands, height, width], false);
     let mut out = samples.readwrite();
     let (intensities, shown) = (intensities.as_slice()?, out.as_slice_mut()?);

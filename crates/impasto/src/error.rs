@@ -23,6 +23,13 @@ pub enum Error {
         /// What is wrong with it and what would be right.
         problem: String,
     },
+    /// There is no memory for something that is as large as the picture, or for the work on a part
+    /// of it.
+    #[error("not enough memory: {bytes} bytes are needed")]
+    Memory {
+        /// What was asked for, with what must stay free for small things.
+        bytes: usize,
+    },
     /// The caller asked the call to stop; its outputs are incomplete.
     #[error("cancelled")]
     Cancelled,

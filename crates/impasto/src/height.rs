@@ -18,7 +18,7 @@ use rustdct::algorithm::{Type2And3ConvertToFft, Type2And3SplitRadix};
 use rustdct::rustfft::{Fft, FftPlannerAvx, FftPlannerScalar};
 
 use crate::error::{Error, Result};
-use crate::pixels::{Run, TILE};
+use crate::pixels::{Run, TILE, zeros};
 
 /// Steepest slope that is used, tan 80 degrees.
 ///
@@ -64,7 +64,7 @@ pub fn integrate(
     transform(&mut field, height, &along_y, Direction::Back, run)?;
     let mut field = transposed(&field, height, width, run)?;
     transform(&mut field, width, &along_x, Direction::Back, run)?;
-    let mut heights = vec![0.0; pixels];
+    let mut heights = zeros(pixels)?;
     run.for_each(
         heights.chunks_mut(TILE).zip(field.chunks(TILE)).collect(),
         || (),
@@ -123,7 +123,7 @@ fn edge(first: Option<f64>, second: Option<f64>) -> f64 {
 /// What flows out of each pixel over its edges; none over the border.
 fn divergence(normal: &[f32], width: usize, height: usize, run: &Run<'_>) -> Result<Vec<f64>> {
     let pixels = width * height;
-    let mut field = vec![0.0; pixels];
+    let mut field = zeros(pixels)?;
     let rows: Vec<_> = field.chunks_mut(width * ROWS).enumerate().collect();
     run.for_each(
         rows,
@@ -195,7 +195,7 @@ pub(crate) fn transposed<T: Copy + Default + Send + Sync>(
     run: &Run<'_>,
 ) -> Result<Vec<T>> {
     const SIDE: usize = 32;
-    let mut out = vec![T::default(); field.len()];
+    let mut out = zeros(field.len())?;
     run.for_each(
         out.chunks_mut(height * SIDE).enumerate().collect(),
         || (),

@@ -105,6 +105,7 @@ impl Run<'_> {
     /// # Errors
     /// [`Error::Cancelled`] if the caller asked to stop.
     pub fn copied<T: Copy>(&self, map: &[T]) -> Result<Vec<T>> {
+        check_room::<T>(map.len())?;
         let mut copy = Vec::with_capacity(map.len());
         self.in_turn(map.chunks(TILE), |part| copy.extend_from_slice(part))?;
         Ok(copy)
@@ -115,6 +116,7 @@ impl Run<'_> {
     /// # Errors
     /// [`Error::Cancelled`] if the caller asked to stop.
     pub fn filled<T: Copy>(&self, value: T, pixels: usize) -> Result<Vec<T>> {
+        check_room::<T>(pixels)?;
         let mut map = Vec::with_capacity(pixels);
         self.in_turn(tiles(pixels), |(start, count)| map.resize(start + count, value))?;
         Ok(map)
@@ -125,7 +127,9 @@ impl Run<'_> {
     /// # Errors
     /// [`Error::Cancelled`] if the caller asked to stop.
     pub fn joined<T>(&self, parts: Vec<Vec<T>>) -> Result<Vec<T>> {
-        let mut whole = Vec::with_capacity(parts.iter().map(Vec::len).sum());
+        let count = parts.iter().map(Vec::len).sum();
+        check_room::<T>(count)?;
+        let mut whole = Vec::with_capacity(count);
         self.in_turn(parts, |part| whole.extend(part))?;
         Ok(whole)
     }
@@ -149,11 +153,15 @@ impl Run<'_> {
 
     /// Applies `body` to every tile and returns the answers in tile order.
     ///
+    /// Before each tile the room for what it may need is looked for, as answers and scratch are many
+    /// small things that add up to something as large as the picture.
+    ///
     /// A body that itself checks the flag may leave its tile when it is set: the results of a cancelled
     /// call are discarded.
     ///
     /// # Errors
-    /// [`Error::Cancelled`] if the caller asked to stop before the last tile's end.
+    /// [`Error::Cancelled`] if the caller asked to stop before the last tile's end, [`Error::Memory`]
+    /// if there is no room for a tile.
     pub fn map<T, S, A>(
         &self,
         tiles: Vec<T>,
@@ -168,11 +176,17 @@ impl Run<'_> {
         self.progress.total.fetch_add(tiles.len(), Ordering::Relaxed);
         let answers = Mutex::new(tiles.iter().map(|_| None).collect::<Vec<_>>());
         let queue = Mutex::new(tiles.into_iter().enumerate());
+        let full = Mutex::new(None);
         let worker = || {
             let mut memory = None;
             while let Some((index, tile)) = next(&queue)
                 && !self.cancelled()
+                && locked(&full).is_none()
             {
+                if let Err(error) = check_room::<u8>(0) {
+                    *locked(&full) = Some(error);
+                    break;
+                }
                 let answer = body(memory.get_or_insert_with(&scratch), tile);
                 self.progress.done.fetch_add(1, Ordering::Relaxed);
                 if self.cancelled() {
@@ -185,10 +199,40 @@ impl Run<'_> {
             Some(pool) => pool.on_every_thread(&worker),
             None => worker(),
         }
+        if let Some(error) = full.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            return Err(error);
+        }
         // What no worker has answered was cancelled.
         let answers = answers.into_inner().unwrap_or_else(PoisonError::into_inner);
         answers.into_iter().collect::<Option<_>>().ok_or(Error::Cancelled)
     }
+}
+
+/// Bytes that are to be free beside what is as large as the picture: scratch of workers, lists, stacks.
+///
+/// More than the largest threshold (32 MiB) from which the C library maps memory of its own: asking
+/// for it then touches none, and does not change that threshold.
+const HEADROOM: usize = 40 << 20;
+
+/// Whether so many numbers, and small things beside them, can be had.
+///
+/// A Rust program that gets no memory ends at once, with all that its caller holds. So whatever is as
+/// large as the picture is asked for here first, which is the one way that does not end it.
+///
+/// # Errors
+/// [`Error::Memory`] if not.
+pub fn check_room<T>(count: usize) -> Result<()> {
+    let bytes = count.saturating_mul(size_of::<T>()).saturating_add(HEADROOM);
+    Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| Error::Memory { bytes })
+}
+
+/// So many zeros, if there is room for them.
+///
+/// # Errors
+/// [`Error::Memory`] if there is not.
+pub fn zeros<T: Clone + Default>(count: usize) -> Result<Vec<T>> {
+    check_room::<T>(count)?;
+    Ok(vec![T::default(); count])
 }
 
 /// The next tile that nobody has taken.

@@ -27,7 +27,7 @@ def wait_for(step: Callable[Given, Found], *args: Given.args, **options: Given.k
 
     The step then goes on to its end with nobody to read what it finds: it must neither write to
     what others hold nor call the numerics, which listen to the thread that was asked for them. A
-    program that ends waits for it.
+    program that ends waits for it. Where no thread can be started, the caller's takes the step.
 
     Returns
     -------
@@ -45,7 +45,10 @@ def wait_for(step: Callable[Given, Found], *args: Given.args, **options: Given.k
         except BaseException as error:
             outcome.set_exception(error)
 
-    threading.Thread(target=work, name="impasto-step").start()
+    try:
+        threading.Thread(target=work, name="impasto-step").start()
+    except RuntimeError:  # the system has no memory for its stack
+        return step(*args, **options)
     while True:
         try:
             return outcome.result(HEARTBEAT)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import re
 import sys
+import traceback
 from collections.abc import Sequence
+from pathlib import Path
 
 from cyclopts import App
 from cyclopts.exceptions import CycloptsError, MissingArgumentError
@@ -91,6 +93,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         console.complain("interrupted")
         return Exit.INTERRUPTED
+    except Exception as error:  # no error of any library ends in a traceback
+        console.complain(printable(_defect_words(error)))
+        return Exit.DEFECT
 
 
 def _version() -> str:
@@ -111,6 +116,13 @@ def _in_options(message: str) -> str:
     message = re.sub(rf"^({ARGUMENTS}):", r"--\1:", message.removeprefix("path: "))
     message = message.replace(" or None, found", ", found")  # an option that is not given
     return re.sub(rf"\b({ARGUMENTS})=(?!\w)", r"--\1", message).replace("--pitch_mm", "--pitch")
+
+
+def _defect_words(error: Exception) -> str:
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    place = f"{Path(last.filename).name}, line {last.lineno}, {last.name}"
+    words = f"{type(error).__name__}: {error}"
+    return f"a defect in impasto, please report it: {words} ({place})"
 
 
 def _os_words(error: OSError) -> str:

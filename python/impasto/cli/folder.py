@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import tempfile
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
+from impasto._internal.damage import DAMAGE
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.files import as_problem_of
+from impasto.io.files import as_problem_of, sync_folder
+from impasto.io.folders import sync_folders
+from impasto.io.temporary import temporary_beside
 
 REPORT = "report.json"
 """The file that marks a result folder; it is written last."""
@@ -23,7 +25,9 @@ def result_folder(out: Path, *, inputs: Iterable[Path] = (), force: bool = False
     """A hidden folder beside ``out`` whose files become those of ``out`` if the block succeeds.
 
     After an error or Ctrl-C nothing has changed. In an existing folder, files of an earlier result
-    are replaced, or removed if the new result has no such file; all others stay.
+    are replaced, or removed if the new result has no such file and they are as that wrote them; all
+    others stay. Links to folders are not followed. A killed run leaves a hidden folder, which the
+    next one of this name removes.
 
     Parameters
     ----------
@@ -41,22 +45,27 @@ def result_folder(out: Path, *, inputs: Iterable[Path] = (), force: bool = False
         the inputs.
     """
     earlier = _earlier(out, force)
+    _refuse_links(out, earlier)
     _spare(out, inputs)
     out.parent.mkdir(parents=True, exist_ok=True)
-    with as_problem_of(out):
-        staging = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}-"))
-    try:
-        yield staging
-        made = sorted(p.relative_to(staging) for p in staging.rglob("*") if p.is_file())
-        if out.exists():
-            _move(staging, out, made)
-            for name in earlier - set(made):
-                (out / name).unlink(missing_ok=True)
-        else:
-            staging.chmod(_folder_mode())
-            staging.rename(out)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
+    with ExitStack() as held:
+        with as_problem_of(out):
+            staging = held.enter_context(temporary_beside(out, folder=True))
+        try:
+            yield staging
+            made = sorted(p.relative_to(staging) for p in staging.rglob("*") if p.is_file())
+            if out.exists():
+                _refuse_links(out, made)
+                _move(staging, out, made)
+                _remove(out, {name: earlier[name] for name in earlier.keys() - set(made)})
+            else:
+                staging.chmod(_folder_mode())
+                with as_problem_of(out):
+                    sync_folders(staging)
+                    staging.rename(out)
+                    sync_folder(out.parent)
+        finally:
+            shutil.rmtree(staging, ignore_errors=True)
 
 
 def read_report(folder: Path) -> dict[str, Any]:
@@ -82,22 +91,72 @@ def read_report(folder: Path) -> dict[str, Any]:
     return content
 
 
-def _earlier(out: Path, force: bool) -> set[Path]:
-    """The files of an earlier result in ``out``."""
+def check_listed(files: Iterable[Path]) -> None:
+    """Refuse files beside a report that are not those which it lists.
+
+    A run that is killed while it replaces an earlier result leaves files of two results.
+
+    Raises
+    ------
+    CorruptInputError
+        It names the file.
+    """
+    from impasto.report import file_entry
+
+    for path in files:
+        content = _report(path.with_name(REPORT))
+        if content is None:
+            continue
+        listed = {entry["file"]: entry["sha256"] for entry in content.get("outputs", [])}
+        if listed.get(path.name) != file_entry(path)["sha256"]:
+            raise CorruptInputError(
+                path,
+                f"is not the file that {REPORT} beside it lists: a run was ended while it replaced "
+                "an earlier result, or somebody changed the file; run impasto fit again, or move "
+                f"{path.name} into a folder of its own",
+            )
+
+
+def _earlier(out: Path, force: bool) -> dict[Path, str]:
+    """The files of an earlier result in ``out`` with their SHA-256."""
     if not out.exists():
-        return set()
+        return {}
     if not out.is_dir():
         raise ArgumentError(f"--out: {out} is a file; give a folder")
     content = _report(out / REPORT)
     if content is not None:
-        names = (Path(str(entry["file"])) for entry in content.get("outputs", []))
-        return {name for name in names if not name.is_absolute() and ".." not in name.parts}
+        listed = {Path(entry["file"]): entry["sha256"] for entry in content.get("outputs", [])}
+        return {
+            name: digest
+            for name, digest in listed.items()
+            if not name.is_absolute() and ".." not in name.parts
+        }
     if any(out.iterdir()) and not force:
         raise ArgumentError(
             f"--out: {out} contains files of other programs; give another folder, or use "
             "--force to write into it"
         )
-    return set()
+    return {}
+
+
+def _refuse_links(out: Path, names: Iterable[Path]) -> None:
+    """No file of a result is written or removed through a link to another folder."""
+    for folder in {out / parent for name in names for parent in name.parents if parent.parts}:
+        if folder.is_symlink():
+            raise ArgumentError(
+                f"--out: {folder} is a link to another folder, into which no result is written; "
+                "remove it, or give another folder"
+            )
+
+
+def _remove(out: Path, names: Mapping[Path, str]) -> None:
+    """Remove files of an earlier result, as far as they are as that wrote them."""
+    from impasto.report import file_entry
+
+    for name, digest in names.items():
+        path = out / name
+        if path.is_file() and not path.is_symlink() and file_entry(path)["sha256"] == digest:
+            path.unlink()
 
 
 def _spare(out: Path, inputs: Iterable[Path]) -> None:
@@ -111,7 +170,7 @@ def _spare(out: Path, inputs: Iterable[Path]) -> None:
 def _report(path: Path) -> dict[str, Any] | None:
     try:
         content = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
+    except (*DAMAGE, OSError):
         return None
     return content if _is_report(content) else None
 
@@ -161,10 +220,20 @@ def _shape(value: Any) -> bool:
 
 def _move(staging: Path, out: Path, made: list[Path]) -> None:
     # The report last: until then the folder still has the earlier result.
-    for name in sorted(made, key=lambda name: name == Path(REPORT)):
-        target = out / name
+    for name in made:
+        if name != Path(REPORT):
+            _replace(staging / name, out / name)
+    with as_problem_of(out):
+        sync_folders(out)
+        if Path(REPORT) in made:
+            _replace(staging / REPORT, out / REPORT)
+            sync_folder(out)
+
+
+def _replace(source: Path, target: Path) -> None:
+    with as_problem_of(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        (staging / name).replace(target)
+        source.replace(target)
 
 
 def _folder_mode() -> int:

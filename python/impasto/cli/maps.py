@@ -76,9 +76,10 @@ def load_result(folder: Path) -> tuple[Any, Any]:
     ArgumentError
         There is no result.
     CorruptInputError
-        The result is damaged.
+        The result is damaged, or of two runs.
     """
     import impasto
+    from impasto.cli.folder import check_listed
 
     path = result_file(folder)
     if not path.is_dir() and (not path.is_file() or path.suffix.lower() != ".npz"):
@@ -88,6 +89,8 @@ def load_result(folder: Path) -> tuple[Any, Any]:
             f"impasto fit or demo, its {RESULT}, or the .zarr of impasto job run"
         )
     spectra = _spectra_of(path)
+    if not path.is_dir():
+        check_listed([path] if spectra is None else [path, spectra])
     reflectance = None if spectra is None else impasto.Reflectance.load(spectra)
     return impasto.load_sbrdf(path), reflectance
 

@@ -16,6 +16,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from impasto._internal.damage import damage_of
 from impasto._internal.regular import check_regular
 from impasto.colour.display import NAMED_PRIMARIES, Display
 from impasto.errors import ArgumentError, CorruptInputError
@@ -47,10 +48,8 @@ def read_display(path: str | Path) -> Display:
     """
     source = Path(path)
     check_regular(source)
-    try:
+    with damage_of(source, "JSON"):
         content = json.loads(source.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise CorruptInputError(source, f"not a JSON file ({error})") from error
     if not isinstance(content, dict):
         raise CorruptInputError(source, "expected an object with the keys white and primaries")
     missing, unknown = {"white", "primaries"} - content.keys(), content.keys() - KEYS
@@ -64,8 +63,9 @@ def read_display(path: str | Path) -> Display:
         ramp = (ramp["codes"], ramp["readings"])
     arguments: dict[str, Any] = {"name": source.stem} | content
     try:
-        return Display.calibrated(ramp=ramp, **arguments)
-    except (ValueError, TypeError) as error:
+        with damage_of(source, "measurements of a display"):
+            return Display.calibrated(ramp=ramp, **arguments)
+    except ArgumentError as error:
         raise CorruptInputError(source, str(error)) from error
 
 

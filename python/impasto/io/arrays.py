@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 import struct
-import tokenize
 import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.damage import DAMAGE, damage_of
 from impasto._internal.regular import RegularFile
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.sources import Source
@@ -21,11 +21,6 @@ from impasto.io.sources import Source
 MAGIC = b"\x93NUMPY"
 LONGEST_HEADER = 1 << 16
 """Bytes in which the header of an array must end."""
-_DAMAGE = (
-    *(KeyError, EOFError, SyntaxError, RecursionError, OverflowError),
-    *(struct.error, tokenize.TokenError),
-)
-"""What numpy raises at headers that are none, besides ValueError."""
 _LOCAL_HEADER = 30
 """Bytes of the fixed part of a member's header in a zip archive."""
 
@@ -151,13 +146,8 @@ def observation(path: Path, stored: StoredArray, index: int) -> StoredArray:
 
 def member(file: RegularFile, name: str) -> StoredArray:
     """Where an array of an archive lies; see :func:`open_member`."""
-    try:
-        with zipfile.ZipFile(file.handle) as archive:
-            members = {
-                member.filename.removesuffix(".npy"): member for member in archive.infolist()
-            }
-    except (zipfile.BadZipFile, OSError, ValueError, struct.error) as error:
-        raise CorruptInputError(file.path, f"cannot be read as .npz ({error})") from error
+    with damage_of(file.path, ".npz"), zipfile.ZipFile(file.handle) as archive:
+        members = {member.filename.removesuffix(".npy"): member for member in archive.infolist()}
     if name not in members:
         raise ArgumentError(f"{file.path}: has no array {name!r}, only {sorted(members)}")
     found = members[name]
@@ -197,7 +187,7 @@ def array_in(path: Path, head: bytes, start: int, size: int) -> StoredArray:
             dtype,
             by_columns and len(shape) > 1,
         )
-    except (*_DAMAGE, ValueError) as error:
+    except DAMAGE as error:
         raise CorruptInputError(path, f"has a damaged header of an array ({error})") from error
     left = size - opened.tell()
     if min(stored.shape, default=0) < 0 or (not dtype.hasobject and stored.nbytes > left):

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from impasto._internal.damage import damage_of
 from impasto._internal.regular import check_regular
 from impasto.bands import Camera
 from impasto.errors import ArgumentError, CorruptInputError
@@ -44,11 +45,9 @@ def read_camera(path: str | os.PathLike[str], *, illuminant: Any = None) -> Came
 
     source = Path(path)
     check_regular(source)
-    try:
-        text = source.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise CorruptInputError(source, "is no text file") from error
-    rows = [row for row in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in row)]
+    with damage_of(source, "a table of text"):
+        lines = io.StringIO(source.read_text(encoding="utf-8-sig"))
+        rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
     names = [cell.strip() for cell in rows[0]] if rows else []
     if len(names) < 2 or not names[0].casefold().startswith("wavelength"):
         raise CorruptInputError(source, "expected a first line such as wavelength,red,green,blue")

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 import secrets
-import tempfile
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from impasto._internal.regular import check_regular
 from impasto._internal.waiting import wait_for
 from impasto.errors import ArgumentError
+from impasto.io.temporary import temporary_beside
 
 FLUSHED = 8
 """Files whose data are on their way to the disk at a time."""
@@ -32,29 +32,28 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     """A temporary path beside ``path`` that replaces it if the block ends without an error.
 
     The data reaches the disk before the name does: flush, fsync, rename, fsync of the folder.
-    After an error the temporary file is gone and an older file of that name is untouched.
+    After an error the temporary file is gone and an older file of that name is untouched. What a
+    killed process left goes with the next write of that name.
     """
     path = Path(path)
-    with as_problem_of(path):
-        handle, name = tempfile.mkstemp(
-            dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix or ".tmp"
-        )
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        _sync(temporary, os.O_RDWR)
-        # mkstemp makes private files; results get the default mode.
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        temporary.replace(path)
-    except BaseException as error:
-        temporary.unlink(missing_ok=True)
-        if isinstance(error, OSError) and error.errno and error.filename in {None, name}:
-            # A full disk names no file at all.
-            raise OSError(error.errno, error.strerror, str(path)) from error
-        raise
+    with ExitStack() as held:
+        with as_problem_of(path):
+            temporary = held.enter_context(temporary_beside(path, path.suffix or ".tmp"))
+        try:
+            yield temporary
+            _sync(temporary, os.O_RDWR)
+            # Temporary files are private; results get the default mode.
+            mask = os.umask(0)
+            os.umask(mask)
+            temporary.chmod(0o666 & ~mask)
+            temporary.replace(path)
+        except BaseException as error:
+            temporary.unlink(missing_ok=True)
+            names = {None, str(temporary)}
+            if isinstance(error, OSError) and error.errno and error.filename in names:
+                # A full disk names no file at all.
+                raise OSError(error.errno, error.strerror, str(path)) from error
+            raise
     with as_problem_of(path):
         sync_folder(path.parent)
 

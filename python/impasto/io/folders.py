@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from impasto.io.files import as_problem_of, sync_folder
-
-PARTIAL = ".partial"
-"""Ends the names of folders that are not whole yet."""
+from impasto.io.temporary import OLD, leftovers, temporary_beside
 
 
 @contextmanager
@@ -21,37 +18,56 @@ def new_folder(path: Path) -> Iterator[Path]:
 
     All files in it must have been written by :func:`atomic_together`. An older folder of that name
     stays until the new one is whole on the disk; it is then moved aside, and removed when the new
-    one has its name. After an error the new one is gone and the older untouched.
+    one has its name. After an error the new one is gone and the older untouched. What a killed
+    process left goes with the next write of that name (:func:`recover`).
     """
-    with as_problem_of(path):
-        made = tempfile.mkdtemp(dir=path.parent, prefix=f".{path.stem}-", suffix=PARTIAL)
-    folder = Path(made)
-    try:
-        yield folder
-        folder.chmod(0o777 & ~_umask())
-        sync_folders(folder)
-        put_in_place(folder, path)
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
+    recover(path)
+    with ExitStack() as held:
+        with as_problem_of(path):
+            folder = held.enter_context(temporary_beside(path, folder=True))
+        try:
+            yield folder
+            folder.chmod(0o777 & ~_umask())
+            sync_folders(folder)
+            put_in_place(folder, path)
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
 
 
 def put_in_place(folder: Path, path: Path) -> None:
     """Give a folder that is whole on the disk its name; an older one is removed afterwards."""
-    older = None
-    if path.exists():
-        older = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.stem}-", suffix=".old"))
-        path.rename(older / path.name)
-    try:
+    if not path.exists():
         folder.rename(path)
-    except BaseException:
-        if older is not None:
-            (older / path.name).rename(path)
-            older.rmdir()
-        raise
-    sync_folder(path.parent)
-    if older is not None:
-        shutil.rmtree(older, ignore_errors=True)
+        sync_folder(path.parent)
+        return
+    with temporary_beside(path, folder=True, ending=OLD) as replaced:
+        older = replaced / path.name
+        try:
+            path.rename(older)
+            folder.rename(path)
+        except BaseException:
+            if older.exists():
+                older.rename(path)
+            replaced.rmdir()
+            raise
+        sync_folder(path.parent)
+        shutil.rmtree(replaced, ignore_errors=True)
+
+
+def recover(path: Path) -> None:
+    """Give a folder its name back whose replacement was killed between its two renames.
+
+    Leftovers of replacements are removed; what cannot be moved or removed stays.
+    """
+    for replaced in leftovers(path, ending=OLD):
+        older = replaced / path.name
+        with suppress(OSError):
+            if older.exists() and not path.exists():
+                older.rename(path)
+                sync_folder(path.parent)
+        if path.exists():
+            shutil.rmtree(replaced, ignore_errors=True)
 
 
 def sync_folders(folder: Path) -> None:

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import lzma
-import struct
-import tokenize
 import zipfile
-import zlib
 from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
@@ -15,26 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.damage import damage_of
 from impasto._internal.regular import RegularFile
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.arrays import LONGEST_HEADER, MAGIC, array_in
 from impasto.io.budget import check_claim
 from impasto.io.files import atomic_path
-
-DAMAGE = (
-    *(
-        OSError,
-        ValueError,
-        EOFError,
-        AttributeError,
-        zipfile.BadZipFile,
-        zlib.error,
-        lzma.LZMAError,
-    ),
-    *(struct.error, KeyError, OverflowError, SyntaxError, RecursionError, tokenize.TokenError),
-    RuntimeError,  # A flipped bit can mean: encrypted, or unknown compression.
-)
-"""Exceptions of numpy and zipfile for a damaged archive."""
 
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -74,15 +56,18 @@ def read_npz(path: Path, *, without: str = "") -> dict[str, NDArray[Any]]:
         if opened.size < 2 or opened.at(0, 2) != b"PK":  # numpy takes any other for a pickle
             raise CorruptInputError(path, "is no .npz file")
         opened.handle.seek(0)
-        try:
-            # Opened here: numpy leaves its own handle open if the archive is damaged.
-            with np.load(opened.handle, allow_pickle=False) as file:
-                _check_claims(path, file.zip)
-                return {key: file[key] for key in file.files if key != without}
-        except CorruptInputError:
-            raise
-        except DAMAGE as error:
-            raise CorruptInputError(path, f"cannot be read as .npz ({error})") from error
+        # Opened here: numpy leaves its own handle open if the archive is damaged.
+        with damage_of(path, ".npz"), np.load(opened.handle, allow_pickle=False) as file:
+            _check_claims(path, file.zip)
+            return {key: _numbers(path, key, file[key]) for key in file.files if key != without}
+
+
+def _numbers(path: Path, name: str, array: Any) -> NDArray[Any]:
+    """An array of real numbers, truth values or text; numpy gives other members as bytes."""
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "biufU":
+        what = array.dtype if isinstance(array, np.ndarray) else "no array"
+        raise CorruptInputError(path, f"has an array {name!r} that holds {what}")
+    return array
 
 
 def _check_claims(path: Path, archive: zipfile.ZipFile) -> None:

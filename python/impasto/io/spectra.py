@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from impasto._internal.damage import damage_of
 from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import read_text
@@ -81,7 +82,8 @@ def read_spectra(
         A file that cannot be read; ``wavelengths`` that do not belong to it.
     """
     source = Path(path)
-    table = parse_spectra(read_text(source), source, bare=wavelengths is not None)
+    with damage_of(source, "a table of spectra"):
+        table = parse_spectra(read_text(source), source, bare=wavelengths is not None)
     if wavelengths is not None:
         given = np.asarray(wavelengths, dtype=np.float64)
         if given.shape != (len(table.values),):

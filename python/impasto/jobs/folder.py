@@ -10,11 +10,12 @@ from pathlib import Path
 from impasto.errors import ArgumentError, CorruptInputError, ResumeMismatchError
 from impasto.fit.stored import StoredSbrdf
 from impasto.io.files import as_problem_of, atomic_bytes, atomic_together
-from impasto.io.folders import PARTIAL, sync_folders
+from impasto.io.folders import sync_folders
 from impasto.io.npz import read_npz
 from impasto.io.results.multiscales import multiscales_of, with_dims
 from impasto.io.results.zarr_arrays import METADATA
 from impasto.io.results.zarr_store import group_metadata, zarr_arrays
+from impasto.io.temporary import OLD, PARTIAL, temporary_beside
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
@@ -109,12 +110,14 @@ def remove_unfinished(partial: Path) -> None:
     if not (partial / NOTES).exists():
         return
     real = partial.resolve()
-    removed = real.with_name(f".{real.name}-{os.getpid()}.old")
-    with locked(real / NOTES):
-        real.rename(removed)
-    if partial.is_symlink():
-        partial.unlink()
-    shutil.rmtree(removed)
+    with temporary_beside(real, folder=True, ending=OLD) as removed:
+        try:
+            with locked(real / NOTES):
+                real.rename(removed / real.name)
+            if partial.is_symlink():
+                partial.unlink()
+        finally:
+            shutil.rmtree(removed)
 
 
 def check_finished(target: Path, grid: Grid) -> None:

@@ -158,7 +158,8 @@ def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
         if (folder / NOTES / RECORD).exists():
             return folder, whole
     raise ArgumentError(
-        f"out: {target} is no job: expected the name that impasto.run or impasto job run was given"
+        f"{target} is no job of impasto: expected the name that impasto.run or impasto job run was "
+        "given as out"
     )
 
 

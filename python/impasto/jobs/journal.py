@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from impasto._internal.damage import DAMAGE
 from impasto._internal.waiting import wait_for
 from impasto.errors import CorruptInputError
 from impasto.io.files import as_problem_of, sync_folder
@@ -99,7 +100,7 @@ def read_journal(path: Path) -> Entries:
                 row, column = (int(at) for at in content["tile"])
                 shards = _checksums(content["shards"])
                 found.tiles[row, column] = TileEntry(int(content["estimated"]), shards)
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        except DAMAGE as error:
             raise CorruptInputError(path, f"is damaged in line {number}") from error
         before = zlib.crc32(line, before)
     if found is None:

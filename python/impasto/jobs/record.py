@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from impasto._internal.damage import DAMAGE
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.jobs.grid import Grid
@@ -96,7 +97,7 @@ class JobRecord:
             named = named and all(len(note) == 2 for note in found.notes)
             if not (whole and named and isinstance(found.fit, dict)):
                 raise ValueError("an entry is of the wrong kind")
-        except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+        except (*DAMAGE, OSError) as error:
             raise CorruptInputError(path, f"is no record of a job ({error})") from error
         if found.format != FORMAT:
             raise CorruptInputError(

@@ -9,7 +9,7 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::Grid;
-use crate::pixels::Run;
+use crate::pixels::{Run, zeros};
 use crate::surface::Surface;
 
 mod area;
@@ -67,14 +67,14 @@ pub fn render(
     let grid = relief.grid;
     let pixels = grid.width * grid.height;
     if plan.projected() {
-        let mut lit = vec![[0.0; 4]; pixels];
+        let mut lit = zeros(pixels)?;
         shaded(surface, relief, scene, plan, background, Target::Seen(&mut lit), run)?;
         let height = relief.height.filter(|_| plan.displaced());
         let (light, coverage, grid) =
             view::lit_seen_from(scene.view(), &lit, grid, height, background, run)?;
         return Ok(Picture { light, coverage, grid });
     }
-    let (mut light, mut coverage) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
+    let (mut light, mut coverage) = (zeros(3 * pixels)?, zeros(pixels)?);
     let target = Target::Light { light: &mut light, coverage: &mut coverage };
     shaded(surface, relief, scene, plan, background, target, run)?;
     Ok(Picture { light, coverage, grid })

@@ -6,7 +6,7 @@
 
 use crate::error::{Error, Result};
 use crate::math::Vec3;
-use crate::pixels::Run;
+use crate::pixels::{Run, check_room};
 
 use super::lobe::{Parameter, Strength};
 use super::lobe_model::{LobeModel, MAX_PARAMETERS};
@@ -70,6 +70,7 @@ pub fn reduced(
     let lines = surface.model.visit(Lines { group, width, height, run })?;
     // (row, x, plane) becomes (plane, y, x).
     let planes = lines.first().map_or(0, |line| line.len() / width);
+    check_room::<f32>(2 * planes * width * height)?;
     let mut all = vec![vec![0.0; width * height]; planes];
     for (row, line) in lines.iter().enumerate() {
         for (column, numbers) in line.chunks_exact(planes).enumerate() {

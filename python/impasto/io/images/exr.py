@@ -28,6 +28,12 @@ from impasto.io.images.picture import Picture
 _AT_ONCE = 1 << 26
 """Bytes of the pixels that are decoded at once, unless one row of chunks has more."""
 _NO_MEMORY = re.compile(NO_MEMORY.decode())
+_BLOCKS = frozenset({6, 7})
+"""B44 and B44A, which store all channels but half as they are."""
+_NO_ZEROS = frozenset({1, 4}) | _BLOCKS
+"""These, RLE and PIZ."""
+_ZEROS = 16
+"""Bytes at the end of a chunk: more than a block of B44. Writers leave one at most."""
 _COPIED = (
     *("channels", "compression", "lineOrder"),
     *("pixelAspectRatio", "screenWindowCenter", "screenWindowWidth"),
@@ -135,7 +141,7 @@ class ExrSource(Picture):
             # The binding omits channels that it cannot decode, and warns on both streams.
             with (
                 redirect_stdout(io.StringIO()),
-                captured_lines(b"EXR_ERR") as said,
+                captured_lines(b"EXR_ERR|ojph error") as said,
                 OpenEXR.File(io.BytesIO(data), separate_channels=True) as file,
             ):
                 found = {
@@ -178,6 +184,8 @@ def _cut(file: RegularFile, part: ExrPart, box: tuple[int, int, int, int]) -> by
                 chunk = place + chunk[16:]
             else:
                 _check_place(file, chunk, (part.window[1] + y * rows,))
+            shape = min(rows, part.height - y * rows), min(columns, part.width - x * columns)
+            _check_end(file, part, chunk, count, shape)
             chunks.append(chunk)
     x0, y0 = part.window[0] + left, part.window[1] + top
     window = struct.pack("<4i", x0, y0, x0 + right - left - 1, y0 + bottom - top - 1)
@@ -194,6 +202,27 @@ def _cut(file: RegularFile, part: ExrPart, box: tuple[int, int, int, int]) -> by
     sizes = [len(chunk) for chunk in chunks]
     offsets = len(start) + 8 * len(chunks) + np.cumsum([0, *sizes[:-1]])
     return b"".join([start, offsets.astype("<u8").tobytes(), *chunks])
+
+
+def _check_end(
+    file: RegularFile, part: ExrPart, chunk: bytes, count: int, shape: tuple[int, int]
+) -> None:
+    """A copy that was not finished has zeros at its end, which three compressions decode.
+
+    They never write that many: a run of equal bytes is a number in RLE, a run of equal codes one in
+    PIZ, and a block of zeros in B44 would be NaN, which it does not store.
+    """
+    compression = part.attributes["compression"][1][0]
+    own = part.channels.values()
+    raw = count >= shape[0] * shape[1] * part.pixel_bytes  # what does not shrink is not compressed
+    apart = any(channel.sampling != (1, 1) for channel in own)
+    apart |= compression in _BLOCKS and any(channel.kind != HALF for channel in own)
+    if compression not in _NO_ZEROS or raw or apart or count < _ZEROS:
+        return
+    if not any(chunk[-_ZEROS:]):
+        raise CorruptInputError(
+            file.path, "is damaged: its pixels end in zeros that no writer leaves; copy it again"
+        )
 
 
 def _check_place(file: RegularFile, chunk: bytes, expected: tuple[int, ...]) -> None:

@@ -209,13 +209,13 @@ def _chunk_count(path: Path, attributes: dict[str, tuple[str, bytes]]) -> tuple[
     stated = 0
     if "chunkCount" in attributes:
         (stated,) = struct.unpack("<i", attributes["chunkCount"][1])
+    compression = attributes["compression"][1][0]
+    if compression >= len(_ROWS_PER_CHUNK):
+        raise CorruptInputError(
+            path,
+            f"has the OpenEXR compression {compression}, which is not known; save it with ZIP",
+        )
     if "tiles" not in attributes:
-        compression = attributes["compression"][1][0]
-        if compression >= len(_ROWS_PER_CHUNK):
-            raise CorruptInputError(
-                path,
-                f"has the OpenEXR compression {compression}, which is not known; save it with ZIP",
-            )
         level = -(-height // _rows_per_chunk(attributes))
     else:
         tile_x, tile_y, _ = struct.unpack("<IIB", attributes["tiles"][1])

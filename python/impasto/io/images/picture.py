@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.damage import damage_of
 from impasto._internal.regular import RegularFile
 from impasto.io.images.header import ImageHeader
 from impasto.io.sources import Source
@@ -39,6 +40,13 @@ class Picture(Source):
         """float32 for numbers of 64 bits, otherwise the file's."""
         dtype = self.header.dtype
         return np.dtype(np.float32) if dtype == np.float64 else np.dtype(dtype)
+
+    def read(self, rows: slice | None = None, columns: slice | None = None) -> NDArray[Any]:
+        """See :class:`~impasto.io.Source`."""
+        if self._file.handle.closed:
+            raise ValueError(f"{self.name}: is closed")
+        with damage_of(self.header.path, "a picture"):
+            return super().read(rows, columns)
 
     def close(self) -> None:
         """See :class:`~impasto.io.Source`."""

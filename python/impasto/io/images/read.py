@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.damage import damage_of
 from impasto._internal.regular import RegularFile
 from impasto.errors import CorruptInputError
 from impasto.io.images.exr import ExrSource
@@ -94,7 +95,8 @@ def open_picture(
     """
     file = RegularFile(Path(path))
     try:
-        return _structure(file, max_pixels)[1](layer)
+        with damage_of(file.path, "a picture"):
+            return _structure(file, max_pixels)[1](layer)
     except BaseException:
         file.close()
         raise

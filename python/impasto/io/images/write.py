@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import re
 import struct
 import zlib
 from collections.abc import Mapping
@@ -14,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto.errors import ArgumentError
 from impasto.io.files import atomic_bytes, atomic_path
+from impasto.io.images.native_stderr import NO_MEMORY
 
 _APP2_BYTES = 65519
 """Most bytes of a profile in one segment of a JPEG."""
@@ -76,7 +80,19 @@ def write_exr(
         header[key] = value if isinstance(value, str) else float(value)
     _check_suffix(path, "OpenEXR")
     with atomic_path(path) as temporary:
-        OpenEXR.File(header, channels).write(str(temporary))
+        try:
+            OpenEXR.File(header, channels).write(str(temporary))
+        except RuntimeError as error:
+            raise _system_error(error) from error
+
+
+def _system_error(error: RuntimeError) -> Exception:
+    """The error of the system in one of OpenEXR, which only has its words."""
+    words = str(error)
+    if re.search(NO_MEMORY.decode(), words):
+        return MemoryError(words)
+    number = next((n for n in errno.errorcode if os.strerror(n) in words), errno.EIO)
+    return OSError(number, os.strerror(number))
 
 
 def write_png8(path: str | Path, picture: ArrayLike, *, icc: bytes | None = None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -138,7 +139,8 @@ def finish(
         )
     if names is not None:
         folded = [name.replace("\\", "/").casefold() for name in names]
-        twice = sorted({names[i] for i, name in enumerate(folded) if name in folded[:i]})
+        spelled = dict(zip(folded, names, strict=True))
+        twice = sorted(spelled[name] for name, count in Counter(folded).items() if count > 1)
         if twice:
             notebook.warn("duplicate", path, f"lists these more than once: {few(twice)}; kept")
     return LightFile(

@@ -10,6 +10,9 @@ from impasto.errors import CorruptInputError
 from impasto.io.lights.light_file import LightFile, comma_numbers, finish, number
 from impasto.io.notes import Notebook
 
+_LONGEST_COUNT = 9
+"""Digits: more photographs than that have never been taken."""
+
 
 def parse_lp(text: str, path: Path, notebook: Notebook) -> LightFile:
     """Read the text of an ``.lp`` file.
@@ -58,7 +61,9 @@ def parse_lp(text: str, path: Path, notebook: Notebook) -> LightFile:
 
 def _count(line: str) -> int | None:
     tokens = line.split()
-    return int(tokens[0]) if len(tokens) == 1 and tokens[0].isdigit() else None
+    if len(tokens) != 1 or not (tokens[0].isascii() and tokens[0].isdigit()):
+        return None
+    return int(tokens[0]) if len(tokens[0]) <= _LONGEST_COUNT else None
 
 
 def _entry(line: str, index: int, path: Path) -> tuple[str, list[float], bool]:

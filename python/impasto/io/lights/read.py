@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Literal
 
+from impasto._internal.damage import damage_of
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import read_text
 from impasto.io.lights.light_file import LightFile
@@ -50,14 +51,15 @@ def read_lights(
     notebook = Notebook(strict)
     text = read_text(path)
     suffix = path.suffix.lower()
-    if suffix == ".lp":
-        return parse_lp(text, path, notebook)
-    if suffix in {".dome", ".relight", ".json"}:
-        return _parse_json(text, path, notebook)
-    if suffix == ".csv":
-        return parse_csv(text, path, notebook, layout)
-    if suffix == ".txt":
-        return parse_text(text, path, notebook, layout)
+    with damage_of(path, "a light file"):
+        if suffix == ".lp":
+            return parse_lp(text, path, notebook)
+        if suffix in {".dome", ".relight", ".json"}:
+            return _parse_json(text, path, notebook)
+        if suffix == ".csv":
+            return parse_csv(text, path, notebook, layout)
+        if suffix == ".txt":
+            return parse_text(text, path, notebook, layout)
     raise ArgumentError(
         f"lights: {path} is not a light file of a known format (one of {', '.join(LIGHT_SUFFIXES)})"
     )

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.damage import DAMAGE
 from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
+from impasto.io.folders import recover
 from impasto.io.results.store import STORES, store_of
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
 from impasto.rig import Rig
@@ -23,6 +25,8 @@ RESULT = "sbrdf.npz"
 def result_file(path: str | os.PathLike[str]) -> Path:
     """The file or store that holds a result: the path itself, or what a result folder has of it."""
     target = Path(path)
+    if target.suffix.lower() in STORES:
+        recover(target)
     stored = target.suffix.lower() in STORES and not (target / RESULT).is_file()
     return target / RESULT if target.is_dir() and not stored else target
 
@@ -103,7 +107,7 @@ def checked_maps(
         yield SavedMaps(target, found, arrays)
     except CorruptInputError:
         raise
-    except (TypeError, ValueError, IndexError, ImpastoError) as error:
+    except (*DAMAGE, ImpastoError) as error:
         raise CorruptInputError(target, f"is damaged ({error})") from error
 
 

@@ -16,9 +16,10 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.damage import DAMAGE
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_together
-from impasto.io.folders import new_folder
+from impasto.io.folders import new_folder, recover
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr, snapped
 
 FORMAT = 1
@@ -80,6 +81,7 @@ class ZarrStore:
         MissingExtraError
             zarr is not installed.
         """
+        recover(path)
         text, stored = contents(path)
         need_zarr()
         return {**text, **{array.name: read_array(path, array) for array in stored}}
@@ -141,7 +143,7 @@ def contents(path: Path) -> tuple[dict[str, NDArray[Any]], list[ZarrArray]]:
     try:
         text = {str(name): np.array(value, np.str_) for name, value in own["text"].items()}
         stored = [_stored(name, entry) for name, entry in own["arrays"].items()]
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except DAMAGE as error:
         raise CorruptInputError(path / METADATA, f"is damaged ({error})") from error
     return text, stored
 
@@ -160,7 +162,7 @@ def levels_of(path: Path) -> Levels:
             int(factor): [_stored(name, entry) for name, entry in maps.items()]
             for factor, maps in own.get("levels", {}).items()
         }
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except DAMAGE as error:
         raise CorruptInputError(path / METADATA, f"is damaged ({error})") from error
     return dict(sorted(found.items()))
 
@@ -304,7 +306,7 @@ def _own(path: Path) -> dict[str, Any] | None:
             return None
         group = json.loads(file.read_bytes())
         own = group["attributes"][OWN]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (*DAMAGE, OSError):
         return None
     return dict(own) if isinstance(own, dict) else None
 

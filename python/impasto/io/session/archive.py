@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.damage import DAMAGE, damage_of
 from impasto._internal.regular import RegularFile
 from impasto._internal.windows import offset
 from impasto.encoding import Encoding
@@ -71,7 +72,8 @@ def read_archive(
     part = None
     arrays = read_npz(path, without="" if region is None else "samples")
     if region is not None and "lights" in arrays:
-        part = _read_part(path, region, arrays)
+        with damage_of(path, "a stack"):
+            part = _read_part(path, region, arrays)
     return stack_of_arrays(arrays, path, part, [path])
 
 
@@ -99,7 +101,7 @@ def stack_of_arrays(
         )
     try:
         return _stack(arrays, part, sources)
-    except (ImpastoError, TypeError, ValueError) as error:
+    except (ImpastoError, *DAMAGE) as error:
         raise CorruptInputError(path, f"holds arrays that are not a stack: {error}") from error
 
 

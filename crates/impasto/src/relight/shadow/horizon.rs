@@ -14,7 +14,7 @@ use super::{SIDE, Shares, span};
 use crate::error::{Error, Result};
 use crate::geometry::{Grid, Light};
 use crate::math::{Level, Vec3};
-use crate::pixels::Run;
+use crate::pixels::{Run, zeros};
 use crate::relight::area::disc;
 use crate::relight::scene::Lamp;
 
@@ -152,7 +152,7 @@ impl Horizons {
             let size = [SIDE.min(width - left), SIDE.min(height - top)];
             self.tile(relief, grid, span, ([left, top], size), (scratch, run.level))
         })?;
-        let mut map = vec![0.0; relief.len()];
+        let mut map = zeros(relief.len())?;
         run.in_turn(tiles.into_iter().zip(parts), |((left, top), part)| {
             let columns = SIDE.min(width - left);
             for (row, values) in part.chunks_exact(columns).enumerate() {
@@ -242,7 +242,7 @@ pub fn soft_shadows(
         let problem = format!("expected mm below the lamp's distance, found {radius}");
         return Err(Error::argument("radius", problem));
     }
-    let mut sum = vec![0.0; relief.len()];
+    let mut sum = zeros(relief.len())?;
     // What lies behind the painting's own plane lights nothing.
     for point in disc(position, radius, POINTS).filter(|point| point.z > 0.0) {
         let light = Light::Point { position: point, falloff: true };

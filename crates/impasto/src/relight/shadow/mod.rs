@@ -9,7 +9,7 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::{Grid, Light};
-use crate::pixels::{Run, TILE};
+use crate::pixels::{Run, TILE, zeros};
 
 pub mod bits;
 mod distant;
@@ -39,7 +39,7 @@ pub fn cast_shadows(relief: &[f32], grid: Grid, light: &Light, run: &Run<'_>) ->
         return point::near(relief, grid, position, run);
     }
     let bits = visible(relief, grid, light, run)?;
-    let mut map = vec![0.0; relief.len()];
+    let mut map = zeros(relief.len())?;
     run.for_each(
         map.chunks_exact_mut(grid.width).enumerate().collect(),
         || (),

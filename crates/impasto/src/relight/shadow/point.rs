@@ -10,7 +10,7 @@ use super::lines::ABYSS;
 use crate::error::Result;
 use crate::geometry::Grid;
 use crate::math::{Real, Vec3};
-use crate::pixels::{Run, TILE};
+use crate::pixels::{Run, TILE, zeros};
 
 /// Pixels of one piece of work from which the relief is walked towards a near light, each over up
 /// to as many pixels as the picture is wide.
@@ -89,7 +89,7 @@ pub(super) fn near(
     run: &Run<'_>,
 ) -> Result<Vec<f32>> {
     let highest = Highest::new(relief, grid, run)?;
-    let mut visible = vec![0.0; relief.len()];
+    let mut visible = zeros(relief.len())?;
     run.for_each(
         visible.chunks_mut(WALKS).enumerate().collect(),
         || (),

@@ -24,7 +24,7 @@ pub use projection::Projection;
 use crate::error::Result;
 use crate::geometry::{Grid, View};
 use crate::math::{Isa, Kernel, Real};
-use crate::pixels::{Run, TILE};
+use crate::pixels::{Run, TILE, zeros};
 
 use march::{Heights, INDICES, Line, March, SIDE, WHOLE};
 
@@ -38,7 +38,7 @@ pub(super) type Lit = [f32; 4];
 
 /// Pixels from planes of light `(3, y, x)` and coverage; what is not covered may hold any background.
 fn lit_from_planes(light: &[f32], coverage: &[f32], run: &Run<'_>) -> Result<Vec<Lit>> {
-    let mut pixels = vec![[0.0; 4]; coverage.len()];
+    let mut pixels = zeros(coverage.len())?;
     let tiles = pixels.chunks_mut(TILE).enumerate().collect();
     run.for_each(
         tiles,
@@ -72,7 +72,7 @@ impl Projection {
     ) -> Result<(Vec<f32>, Vec<f32>)> {
         let Grid { width, height, .. } = self.picture;
         let pixels = width * height;
-        let (mut seen, mut covered) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
+        let (mut seen, mut covered) = (zeros(3 * pixels)?, zeros(pixels)?);
         let strip = SIDE * width;
         let mut planes: Vec<_> = seen.chunks_mut(pixels).map(|p| p.chunks_mut(strip)).collect();
         let strips = covered.chunks_mut(strip).enumerate().map(|(index, covered)| {

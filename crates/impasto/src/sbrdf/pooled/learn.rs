@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::geometry::Rig;
 use crate::lm::{self, Outcome};
-use crate::pixels::{Run, TILE};
+use crate::pixels::{Run, TILE, zeros};
 use crate::sbrdf::Start;
 use crate::stack::Stack;
 use crate::surface::{Pairs, TorranceSparrow};
@@ -59,14 +59,14 @@ pub fn learn(
     run: &Run<'_>,
 ) -> Result<LearnedLobe> {
     let (pixels, bands) = (stack.shape().pixels(), stack.shape().bands);
-    let map = |planes: usize| vec![0.0; planes * pixels];
+    let map = |planes: usize| zeros(planes * pixels);
     let mut out = PooledMapsMut {
-        normal: &mut map(3),
-        diffuse: &mut map(bands),
-        residual: &mut map(1),
-        sigma: &mut map(1),
-        misfit: &mut map(1),
-        status: &mut vec![0; pixels],
+        normal: &mut map(3)?,
+        diffuse: &mut map(bands)?,
+        residual: &mut map(1)?,
+        sigma: &mut map(1)?,
+        misfit: &mut map(1)?,
+        status: &mut zeros(pixels)?,
     };
     fit(stack, rig, start, options, &mut out, run)
 }

@@ -1,7 +1,7 @@
 //! Passes over the pixels, tile by tile; sums over tiles are taken in tile order.
 
 use crate::error::Result;
-use crate::pixels::{Run, tiles};
+use crate::pixels::{Run, check_room, tiles};
 
 use super::extract::{Extract, Extraction, Sink, Tempered};
 use super::histogram::Histogram;
@@ -116,6 +116,7 @@ impl Passes<'_> {
 
     /// Sum over the bands of the diffuse colours.
     pub(super) fn brightness(&self, state: &State) -> Result<Vec<f32>> {
+        check_room::<f32>(state.scale.len())?;
         let mut light = Vec::with_capacity(state.scale.len());
         self.run.in_turn(tiles(state.scale.len()), |(start, count)| {
             light.extend((start..start + count).map(|pixel| state.brightness(pixel)));

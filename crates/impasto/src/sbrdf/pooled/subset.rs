@@ -5,7 +5,7 @@
 //! subset is all of them.
 
 use crate::error::Result;
-use crate::pixels::{Run, TILE, tiles};
+use crate::pixels::{Run, TILE, tiles, zeros};
 use crate::stack::{Decode, Samples, Shape, Stack};
 
 use super::samples::{Begin, Photographs};
@@ -39,7 +39,7 @@ impl Subset {
     ) -> Result<Self> {
         let picks = pick(photographs, most, run)?;
         let shape = Shape { height: 1, width: picks.len(), ..photographs.stack.shape() };
-        let mut samples = vec![0.0; shape.samples()];
+        let mut samples = zeros(shape.samples())?;
         let planes = samples.chunks_mut(picks.len().max(1)).enumerate().collect();
         run.for_each(
             planes,

@@ -1,0 +1,464 @@
+"""A mutation fuzzer for every reader: ``python tests/fuzz_readers.py --cases 100000 exr tiff``.
+
+Small good files, made by the writers themselves, are damaged at random and read. The outcome must
+be a result, or an :class:`impasto.ImpastoError`, ``OSError`` or ``MemoryError``, in two seconds and
+200 MB. Everything else is a fault: another exception or warning, a crash, a wait. A case
+is made of the seed, the reader and its number alone; ``--only NUMBER`` repeats it.
+
+Cases run in a process of their own, so that a crash is a fault like others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import random
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+import zipfile
+import zlib
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import OpenEXR
+import tifffile
+
+import impasto
+from impasto import io
+from impasto.cli.folder import read_report
+from impasto.colour.session import read_display
+from impasto.io.results.zarr_store import ZarrStore
+from impasto.jobs.journal import read_journal
+from impasto.jobs.record import JobRecord
+
+SECONDS = 2.0
+"""A reader of files of a few kilobytes that takes longer waits for something."""
+MEGABYTES = 200
+"""64 MiB may be decoded at any ratio; libraries hold a copy or two of it."""
+BATCH = 20_000
+"""Cases of one process."""
+
+SIZE = (10, 12)
+LIGHTS = [(0.5, 0, 0.9), (0, 0.5, 0.9), (-0.5, 0, 0.9), (0, -0.5, 0.9), (0, 0, 1)]
+NUMBERS = (0, 1, 2, 3, 7, 8, 127, 255, 256, 32767, 65535, 2**24, 2**31 - 1, 2**31, 2**32 - 1)
+WORDS = (
+    *(bytes([code]) for code in b'\0\r\n\t"\\,;:# []{}\xff'),
+    *(b"nan", b"NaN", b"inf", b"1e999", b"-1e999", b"-1", b"0", b"1e-320", b"1_0", b"0x1f"),
+    *(b"null", b"true", b'""', b"[]", b"{}", b"[" * 3000, b'{"a":' * 3000, b"../../x"),
+    *(b"\xef\xbb\xbf", b"\xff\xfe", "²".encode(), b"9" * 400, b"9" * 5000, b"a" * 140_000),
+)
+VALUES: tuple[Any, ...] = (
+    *(0, 1, -1, 255, 2**40, 0.5, -1.0, 1e-320, 1e308, float("nan"), float("inf"), True, "", "a"),
+    *("9" * 400, "{", "[" * 3000, [], [0.0], [[1.0, 2.0, 3.0]], [["a"]], 1j, b"x"),
+)
+"""Arrays that nobody expects."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Good files, how to read one, and whether they are text."""
+
+    suffix: str
+    seeds: list[bytes]
+    read: Callable[[Path], Any]
+    text: bool = False
+    repair: Callable[[bytes, list[bytes], random.Random], bytes] = lambda data, seeds, chance: data
+    """Makes checksums right again, so that what they protect is reached, too."""
+
+
+@dataclass
+class Tally:
+    """What came of a number of cases."""
+
+    outcomes: Counter[str] = field(default_factory=Counter)
+    faults: list[str] = field(default_factory=list)
+
+
+def mutated(seeds: list[bytes], chance: random.Random, *, text: bool) -> bytes:
+    """One of the good files with one to six changes."""
+    data = bytearray(chance.choice(seeds))
+    for _ in range(chance.choice((1, 1, 1, 2, 3, 6))):
+        at = chance.randrange(len(data) + 1)
+        # Headers decide more than pixels do.
+        at = min(at, chance.randrange(256)) if chance.random() < 0.3 else at
+        end = min(len(data), at + chance.choice((1, 2, 4, 16, 256)))
+        kind = chance.randrange(9)
+        if kind == 0 and at < len(data):
+            data[at] ^= 1 << chance.randrange(8)
+        elif kind == 1 and at < len(data):
+            data[at] = chance.choice((0, 1, 0x7F, 0x80, 0xFF, chance.randrange(256)))
+        elif kind == 2:
+            del data[at:end]
+        elif kind == 3:
+            data[at:at] = data[at:end]
+        elif kind == 4:
+            del data[at:]
+        elif kind == 5:
+            size = chance.choice((2, 4, 8))
+            number = chance.choice(NUMBERS) % (1 << 8 * size)
+            data[at : at + size] = number.to_bytes(size, chance.choice(("little", "big")))
+        elif kind == 6:
+            other = chance.choice(seeds)
+            start = chance.randrange(len(other) + 1)
+            data[at:end] = other[start : start + end - at]
+        elif kind == 7 and text:
+            data[at:at] = chance.choice(WORDS)
+        elif kind == 8 and text:
+            data[at:end] = chance.choice(WORDS)
+        else:
+            data[at:end] = bytes(end - at)
+    return bytes(data)
+
+
+def run(reader: Reader, name: str, seed: int, numbers: Iterator[int], path: Path) -> Tally:
+    """Read damaged files; ``path`` is where each lies while it is read."""
+    tally = Tally()
+    for good in reader.seeds:
+        path.write_bytes(good)
+        reader.read(path)
+    for number in numbers:
+        chance = random.Random(f"{seed}/{name}/{number}")
+        data = mutated(reader.seeds, chance, text=reader.text)
+        path.write_bytes(reader.repair(data, reader.seeds, chance))
+        before, began = _peak(), time.perf_counter()
+        outcome = _outcome(reader, path)
+        seconds, grown = time.perf_counter() - began, _peak() - before
+        if seconds > SECONDS:
+            outcome = f"fault: {seconds:.1f} seconds ({outcome})"
+        elif grown > MEGABYTES:
+            outcome = f"fault: {grown} MB ({outcome})"
+        if outcome.startswith("fault"):
+            tally.faults.append(f"{name} --seed {seed} --only {number}: {outcome}")
+        tally.outcomes[outcome.split(":")[0]] += 1
+    return tally
+
+
+def _outcome(reader: Reader, path: Path) -> str:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warnings.simplefilter("ignore", impasto.ImpastoWarning)
+            reader.read(path)
+    except impasto.InternalError as error:
+        return f"fault: {error}"
+    except (impasto.ImpastoError, OSError, MemoryError) as error:
+        return type(error).__name__
+    except Exception as error:
+        return f"fault: {type(error).__name__}: {error}"[:300]
+    return "read"
+
+
+def _peak() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+
+
+# --- good files
+
+
+def readers(folder: Path) -> dict[str, Reader]:
+    """All readers by name, with good files that are made in ``folder``."""
+    return {**_pictures(folder), **_texts(folder), **_archives(folder), **_jobs(folder)}
+
+
+def _all(folder: Path, suffix: str) -> list[bytes]:
+    return [path.read_bytes() for path in sorted(folder.glob(f"*{suffix}"))]
+
+
+def _pictures(folder: Path) -> dict[str, Reader]:
+    codes = np.random.default_rng(1).integers(0, 65536, (*SIZE, 3), dtype=np.uint16)
+    planes = {name: np.float32(codes[..., i]) / 65535 for i, name in enumerate("RGB")}
+    bands = np.moveaxis(codes, -1, 0)
+    io.write_png16(folder / "a.png", codes)
+    io.write_png8(folder / "b.png", np.uint8(codes[..., 0] >> 8))
+    io.write_jpeg(folder / "a.jpg", np.uint8(codes >> 8))
+    io.write_jpeg(folder / "b.jpg", np.uint8(codes[..., 0] >> 8))
+    io.write_tiff16(folder / "a.tif", codes)
+    io.write_tiff32(folder / "b.tif", np.float32(bands), attributes={"a": 1})
+    tifffile.imwrite(folder / "c.tif", codes, tile=(16, 16), photometric="rgb")
+    tifffile.imwrite(folder / "d.tif", codes, rowsperstrip=3, predictor=2, compression=8)
+    tifffile.imwrite(folder / "e.tif", bands, photometric="minisblack", bigtiff=True)
+    cv2.imwrite(str(folder / "f.tif"), codes, [cv2.IMWRITE_TIFF_COMPRESSION, 5])
+    io.write_exr(folder / "a.exr", planes)
+    for name in ("PIZ", "B44", "DWAA", "RLE", "PXR24", "HTJ2K32", "ZIPS"):
+        tile = OpenEXR.TileDescription()
+        tile.xSize = tile.ySize = 8
+        kind = OpenEXR.tiledimage if name in {"PIZ", "RLE"} else OpenEXR.scanlineimage
+        header = {"type": kind, "compression": getattr(OpenEXR, f"{name}_COMPRESSION")}
+        header |= {"tiles": tile} if kind == OpenEXR.tiledimage else {}
+        half = {key: np.float16(plane) for key, plane in planes.items()}
+        OpenEXR.File(header, half).write(str(folder / f"{name}.exr"))
+    parts = [
+        OpenEXR.Part({"type": OpenEXR.scanlineimage, "name": name}, {f"{name}.Y": plane})
+        for name, plane in planes.items()
+    ]
+    OpenEXR.File(parts).write(str(folder / "parts.exr"))
+    wide = np.full((8, 16, 3), 0.5, np.float32)
+    cv2.imwrite(str(folder / "a.hdr"), wide)
+    return {
+        "png": Reader(".png", _all(folder, ".png"), io.read_image, repair=_chunks_repaired),
+        "jpeg": Reader(".jpg", _all(folder, ".jpg"), io.read_image),
+        "tiff": Reader(".tif", _all(folder, ".tif"), io.read_image),
+        "exr": Reader(".exr", _all(folder, ".exr"), _every_layer),
+        "hdr": Reader(".hdr", _all(folder, ".hdr"), impasto.Environment.read),
+    }
+
+
+def _chunks_repaired(data: bytes, seeds: list[bytes], chance: random.Random) -> bytes:
+    """Most PNG files with right checksums."""
+    found, at = bytearray(data), 8
+    while at + 12 <= len(found) and chance.random() < 0.93:
+        end = at + 8 + int.from_bytes(found[at : at + 4], "big")
+        found[end : end + 4] = zlib.crc32(found[at + 4 : end]).to_bytes(4, "big")
+        at = end + 4
+    return bytes(found)
+
+
+def _members_changed(data: bytes, seeds: list[bytes], chance: random.Random) -> bytes:
+    """Three of four archives are whole, with one to three members that are not."""
+    if chance.random() < 0.25:
+        return data
+    with zipfile.ZipFile(BytesIO(chance.choice(seeds))) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    for _ in range(chance.choice((1, 1, 1, 2, 3))):
+        name = chance.choice(sorted(members))
+        kind = chance.randrange(8)
+        if kind == 0 and len(members) > 1:
+            del members[name]
+        elif kind == 1:
+            members[name] = chance.choice(list(members.values()))
+        elif kind == 2:
+            content = BytesIO()
+            np.save(content, np.array(chance.choice(VALUES)))
+            members[name] = content.getvalue()
+        else:
+            members[name] = mutated([members[name]], chance, text=False)
+    target = BytesIO()
+    with zipfile.ZipFile(target, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    return target.getvalue()
+
+
+def _every_layer(path: Path) -> None:
+    try:
+        io.read_image(path)
+    except impasto.ArgumentError as error:
+        if "layer" not in str(error):
+            raise
+        io.read_image(path, layer="R")
+
+
+def _texts(folder: Path) -> dict[str, Reader]:
+    rows = [" ".join(map(str, light)) for light in LIGHTS]
+    named = "".join(f"{i}.png {row}\n" for i, row in enumerate(rows))
+    lists = [list(light) for light in LIGHTS]
+    dome = {"directions": lists, "imageWidth": 300, "domeDiameter": 600, "verticalOffset": 1.5}
+    ball = {"lightConfiguration": "spherical", "ledAdjust": [{"r": 1, "g": 1, "b": 1}] * 5}
+    images = [{"filename": f"{i}.png", "direction": one} for i, one in enumerate(lists)]
+    lights = {f"{i}": {"direction": one, "intensity": [1, 1, 1]} for i, one in enumerate(lists)}
+    places = {"positions3d": lists, "imageWidth": 3, "lightConfiguration": "lights3d"}
+
+    def read_rows(path: Path) -> None:
+        with contextlib.suppress(impasto.ArgumentError):
+            io.read_lights(path)
+        io.read_lights(path, layout="columns")
+
+    table = "wavelength,red,green,illuminant\n400,0.1,0.5,90\n500,0.4,0.6,100\n600,0.8,0.1,99\n"
+    spectra = "nm,one,two\n" + "".join(f"{n},0.{n % 7}1,0.{n % 5}\n" for n in range(400, 720, 20))
+    columns = zip(*(row.split(",") for row in spectra.split()), strict=True)
+    transposed = "\n".join(" ; ".join(column) for column in columns)
+    viewed = named.replace(" ", ",").replace("\n", ",0,0,1\n")
+    screen = {
+        "white": [55.9, 61.0, 67.3],
+        "primaries": [[24.9, 13.7, 1.7], [19.8, 42.4, 8.5], [11.8, 5.5, 57.9]],
+        "black": [0.31, 0.33, 0.36],
+        "curve": 2.2,
+    }
+
+    def reader(suffix: str, read: Any, *texts: Any) -> Reader:
+        seeds = [t if isinstance(t, str) else json.dumps(t, indent=1) for t in texts]
+        return Reader(suffix, [seed.encode() for seed in seeds], read, text=True)
+
+    return {
+        "lp": reader(".lp", io.read_lights, f"5\n{named}", named),
+        "txt": reader(".txt", read_rows, "\n".join(rows), f"5\n{rows[0]}\n{rows[1]}\n{rows[2]}"),
+        "csv": reader(".csv", io.read_lights, named.replace(" ", ","), viewed,
+                      "n;x;y;z\n" + named.replace(" ", ";")),
+        "dome": reader(".dome", io.read_lights, dome, dome | ball, places),
+        "relight": reader(".relight", io.read_lights, {"images": images, "pixelSize": 0.1},
+                          {"images": [{"filename": "a"}] * 5, "dome": dome}),
+        "alicevision": reader(".json", io.read_lights, {"lights": lights}),
+        "camera": reader(".csv", io.read_camera, table),
+        "spectra": reader(".csv", io.read_spectra, spectra, transposed, spectra.replace(",", "\t")),
+        "display": reader(".json", read_display, screen),
+        "report": reader(".json", _report, {
+            "schema": 1, "command": "fit", "versions": {"impasto": "1"}, "notes": [],
+            "inputs": [{"file": "a", "sha256": "0", "bytes": 1}], "timings_s": {"a": 1.0},
+            "outputs": [], "results": {"shape": [5, 3, 8, 8], "status": {"fitted": 64}},
+        }),
+    }  # fmt: skip
+
+
+def _report(path: Path) -> None:
+    """A report is known by its name."""
+    named = path.with_name("report.json")
+    path.rename(named)
+    try:
+        read_report(named.parent)
+    finally:
+        named.unlink()
+
+
+def _archives(folder: Path) -> dict[str, Reader]:
+    samples = np.random.default_rng(2).random((5, 3, *SIZE)).astype(np.float32)
+    stack = impasto.Stack(samples, lights=LIGHTS, mask=np.ones(SIZE, bool))
+    io.write_stack(folder / "stack.npz", stack)
+    impasto.learn_sbrdf(stack, pooling="painting").save(folder / "learned.npz")
+    results = []
+    for number, options in enumerate(
+        ({"pooling": "painting"}, {"pooling": "none"}, {"model": "lafortune"})
+    ):
+        file = folder / f"result{number}.npz"
+        impasto.fit_sbrdf(stack, check=False, **options).save(file)
+        results.append(file.read_bytes())
+
+    def part(path: Path) -> None:
+        impasto.read_stack(path, region=(2, 2, 4, 4))
+
+    stacks = [(folder / "stack.npz").read_bytes()]
+    learned = [(folder / "learned.npz").read_bytes()]
+    return {
+        "stack": Reader(".npz", stacks, impasto.read_stack, repair=_members_changed),
+        "region": Reader(".npz", stacks, part, repair=_members_changed),
+        "result": Reader(".npz", results, impasto.load_sbrdf, repair=_members_changed),
+        "learned": Reader(".npz", learned, impasto.load_learned, repair=_members_changed),
+    }
+
+
+def _jobs(folder: Path) -> dict[str, Reader]:
+    """Records and journals of jobs, and the list of arrays of a store."""
+    arrays = {"kind": np.array("a"), "status": np.zeros(SIZE, np.uint8), "x": np.ones(3)}
+    ZarrStore().write(folder / "a.zarr", arrays)
+    samples = np.random.default_rng(2).random((5, 1, *SIZE)).astype(np.float32)
+    stack = impasto.Stack(samples, lights=LIGHTS)
+    notes = impasto.run(stack, folder / "job.zarr", pooling="painting") / "job"
+
+    def store(path: Path) -> None:
+        """A list of arrays is known by its name, and so is the file of an array."""
+        listed = folder / "a.zarr" / "zarr.json"
+        before = listed.read_bytes()
+        try:
+            listed.write_bytes(path.read_bytes())
+            ZarrStore().read(listed.parent)
+        finally:
+            listed.write_bytes(before)
+
+    def array(path: Path) -> None:
+        listed = folder / "a.zarr" / "x" / "zarr.json"
+        before = listed.read_bytes()
+        try:
+            listed.write_bytes(path.read_bytes())
+            ZarrStore().read(listed.parents[1])
+        finally:
+            listed.write_bytes(before)
+
+    def reader(file: Path, read: Any) -> Reader:
+        return Reader(file.suffix, [file.read_bytes()], read, text=True)
+
+    return {
+        "record": reader(notes / "job.json", JobRecord.read),
+        "journal": reader(notes / "journal.jsonl", read_journal),
+        "store": reader(folder / "a.zarr" / "zarr.json", store),
+        "array": reader(folder / "a.zarr" / "x" / "zarr.json", array),
+    }
+
+
+# --- by hand
+
+
+def _work(names: list[str], seed: int, first: int, count: int, progress: Path) -> None:
+    """A batch in this process; the last line of stdout says what came of it."""
+    with tempfile.TemporaryDirectory() as name, progress.open("wb", buffering=0) as mark:
+        folder = Path(name)
+        known = readers(folder)
+        (folder / "case").mkdir()
+
+        def marked(reader: str) -> Iterator[int]:
+            for number in range(first, first + count):
+                os.pwrite(mark.fileno(), f"{reader} --only {number:12}".encode(), 0)
+                yield number
+
+        found = {}
+        for one in names:
+            path = folder / "case" / f"a{known[one].suffix}"
+            began = time.perf_counter()
+            tally = run(known[one], one, seed, marked(one), path)
+            found[one] = (tally.outcomes, tally.faults, time.perf_counter() - began)
+    sys.stdout.write("\n" + json.dumps(found) + "\n")
+
+
+def main() -> int:
+    """Fuzz the readers that are named, or all; 1 if there is a fault."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("readers", nargs="*", help="default: all")
+    options.add_argument("--cases", type=int, default=1000, help="of each reader")
+    options.add_argument("--seed", type=int, default=1)
+    options.add_argument("--only", type=int, help="one case")
+    options.add_argument("--work", type=Path, help=argparse.SUPPRESS)
+    options.add_argument("--first", type=int, default=0, help="number of the first case")
+    chosen = options.parse_args()
+    if chosen.work is not None:
+        _work(chosen.readers, chosen.seed, chosen.first, chosen.cases, chosen.work)
+        return 0
+    if chosen.only is not None:
+        chosen.first, chosen.cases = chosen.only, 1
+    with tempfile.TemporaryDirectory() as name:
+        known = readers(Path(name))
+    failed = False
+    for one in chosen.readers or known:
+        tally, seconds = Tally(), 0.0
+        last = chosen.first + chosen.cases
+        for first in range(chosen.first, last, BATCH):
+            seconds += _batch(one, chosen.seed, first, min(BATCH, last - first), tally)
+        counts = ", ".join(f"{count} {what}" for what, count in tally.outcomes.most_common())
+        print(f"{one}: {chosen.cases} cases, {seconds:.0f} s: {counts}", flush=True)  # noqa: T201
+        for fault in tally.faults[:20]:
+            print(f"  {fault}", flush=True)  # noqa: T201
+        failed |= bool(tally.faults)
+    return int(failed)
+
+
+def _batch(reader: str, seed: int, first: int, count: int, tally: Tally) -> float:
+    """A process of its own; the seconds that it took."""
+    with tempfile.NamedTemporaryFile() as progress:
+        words = [sys.executable, __file__, reader, "--seed", seed, "--first", first]
+        words += ["--cases", count, "--work", progress.name]
+        began = time.perf_counter()
+        done = subprocess.run(
+            list(map(str, words)), capture_output=True, text=True, errors="replace", check=False
+        )
+        if done.returncode:
+            last = " ".join(Path(progress.name).read_text().split())
+            tally.faults.append(f"{last}: ended with {done.returncode}: {done.stderr[-300:]}")
+            tally.outcomes["crash"] += 1
+            return time.perf_counter() - began
+    ((outcomes, faults, seconds),) = json.loads(done.stdout.splitlines()[-1]).values()
+    tally.outcomes.update(outcomes)
+    tally.faults += faults
+    return float(seconds)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

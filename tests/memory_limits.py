@@ -1,0 +1,141 @@
+"""Memory that runs out, everywhere: ``python tests/memory_limits.py --limits 60``.
+
+Each call is made in children whose memory is limited (``RLIMIT_AS``) to more and more beside what
+the program has: from nothing to more than the call needs. A child must end with a result or with
+``MemoryError``. What ends a process (an allocation of Rust that fails, a thread that has no stack)
+or another exception is a fault.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import impasto
+from impasto import io
+
+RESULT, REFUSED, FAULT = 0, 1, 2
+"""Exit codes of a child."""
+SPARE = 48 << 20
+"""Bytes that the last limit is above what the call took: what must stay free beside a map."""
+
+
+def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
+    """Calls on square pictures of so many rows, whose inputs are made here."""
+    lights = [
+        (0.5, 0, 0.9),
+        (0, 0.5, 0.9),
+        (-0.5, 0, 0.9),
+        (0, -0.5, 0.9),
+        (0, 0, 1),
+        (0.3, 0.3, 1),
+    ]
+    random = np.random.default_rng(1)
+    samples = random.uniform(0.2, 0.9, (len(lights), 3, size, size)).astype(np.float32)
+    stack = impasto.Stack(samples, lights=lights)
+    normals = impasto.fit_normals(stack, method="least-squares", threads=1)
+    sbrdf = impasto.fit_sbrdf(stack, pooling="painting", check=False, threads=1)
+    height = random.uniform(0.0, 0.3, (size, size)).astype(np.float32)
+    scene = impasto.Scene(lights=[impasto.DistantLight((0.5, 0, 0.9))])
+    light = impasto.DistantLight((0.8, 0.1, 0.3))
+    io.write_tiff16(folder / "a.tif", samples[0])
+    io.write_exr(folder / "a.exr", {"Y": samples[0, 0]})
+    part = stack[: size // 4, : size // 4]
+    return {
+        "integrate_normals": lambda: impasto.integrate_normals(normals, pitch_mm=0.1, threads=2),
+        "fit_normals": lambda: impasto.fit_normals(stack, threads=2),
+        "fit_sbrdf": lambda: impasto.fit_sbrdf(stack, pooling="painting", check=False, threads=2),
+        "fit_lobes": lambda: impasto.fit_sbrdf(part, pooling="pixel", check=False, threads=2),
+        "render": lambda: impasto.render(sbrdf, scene, threads=2),
+        "cast_shadows": lambda: impasto.cast_shadows(height, light, pitch_mm=0.1, threads=2),
+        "predict": lambda: sbrdf.predict([light], threads=2),
+        "read_image": lambda: (io.read_image(folder / "a.tif"), io.read_image(folder / "a.exr")),
+    }
+
+
+def limited(call: Callable[[], Any], room: int | None) -> tuple[int, int]:
+    """How a call ends in a child with so many bytes to spare, and how many it took at most."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)
+        _child(call, room, writing)
+    os.close(writing)
+    with os.fdopen(reading) as told:
+        taken = told.read()
+    _, status = os.waitpid(child, 0)
+    return os.waitstatus_to_exitcode(status), int(taken or 0)
+
+
+def _child(call: Callable[[], Any], room: int | None, writing: int) -> None:
+    ending = FAULT
+    try:
+        before = _bytes("VmSize")
+        if room is not None:
+            resource.setrlimit(resource.RLIMIT_AS, (before + room, resource.RLIM_INFINITY))
+        try:
+            call()
+            ending = RESULT
+        except MemoryError:
+            ending = REFUSED
+        except BaseException as error:
+            os.write(2, f"  {type(error).__name__}: {error}\n".encode()[:400])
+        resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY,) * 2)
+        os.write(writing, str(_bytes("VmPeak") - before).encode())
+    finally:
+        os._exit(ending)
+
+
+def _bytes(name: str) -> int:
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    (found,) = (line.split()[1] for line in lines if line.startswith(f"{name}:"))
+    return 1024 * int(found)
+
+
+def sweep(call: Callable[[], Any], limits: int) -> Counter[int]:
+    """How a call ends under so many limits."""
+    ending, needed = limited(call, None)
+    if ending != RESULT:
+        raise RuntimeError(f"it ends with {ending} where memory is not limited")
+    found: Counter[int] = Counter()
+    for step in range(limits):
+        room = (needed + SPARE) * (step + 1) // limits
+        ending, _ = limited(call, room)
+        if ending not in {RESULT, REFUSED}:
+            os.write(2, f"  {ending} with {room >> 20} of {needed >> 20} MB\n".encode())
+        found[ending] += 1
+    return found
+
+
+def main() -> int:
+    """Try all calls, or those that are named; 1 if there is a fault."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("calls", nargs="*", help="default: all")
+    options.add_argument("--limits", type=int, default=60)
+    options.add_argument("--size", type=int, default=640)
+    chosen = options.parse_args()
+    faults = 0
+    with tempfile.TemporaryDirectory() as name:
+        known = calls(chosen.size, Path(name))
+        for one in chosen.calls or known:
+            found = sweep(known[one], chosen.limits)
+            wrong = sum(count for ending, count in found.items() if ending not in {RESULT, REFUSED})
+            faults += wrong
+            sys.stdout.write(
+                f"{one}: {found[RESULT]} results, {found[REFUSED]} MemoryError, {wrong} faults\n"
+            )
+            sys.stdout.flush()
+    return int(faults > 0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
