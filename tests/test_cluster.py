@@ -31,7 +31,7 @@ NONE: dict[str, Any] = {"pooling": "none", "tile": 32}
 def cluster() -> Iterator[Any]:
     """Two workers, each a process with one thread and a nanny that starts it again."""
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
     ) as made:
         yield made
 
