@@ -3,12 +3,14 @@
 from impasto.jobs.ingest import ingest
 from impasto.jobs.inspection import Finding, JobStatus, status, verify
 from impasto.jobs.job import run
+from impasto.jobs.photographs import Photographs
 from impasto.jobs.repeat import rerun, resume
 from impasto.jobs.ro_crate import export_ro_crate
 
 __all__ = [
     "Finding",
     "JobStatus",
+    "Photographs",
     "export_ro_crate",
     "ingest",
     "rerun",

@@ -18,6 +18,7 @@ from uuid import uuid4
 from impasto._internal.extras import need
 from impasto.errors import ArgumentError, ClusterError
 from impasto.jobs.grid import Tile
+from impasto.jobs.photographs import Photographs
 from impasto.jobs.tiles import TileLog
 from impasto.jobs.worker import HELD, SharedJob, fit_tile
 from impasto.stack import Stack
@@ -56,7 +57,7 @@ def checked_client(client: Any, source: Any) -> Client | None:
         )
     if client.status != "running":
         raise ArgumentError(f"client: is {client.status}; make a new one")
-    if isinstance(source, Stack):
+    if isinstance(source, Stack | Photographs):
         raise ArgumentError(
             "source: the workers of a client read the photographs themselves, and this stack is in "
             "the memory of one process; write it by impasto.io.write_stack('painting.npz', stack) "

@@ -28,7 +28,7 @@ and the one that is written, with the copies that make its file."""
 
 
 def ingest(
-    source: str | os.PathLike[str] | Stack,
+    source: str | os.PathLike[str] | Stack | Photographs,
     out: str | os.PathLike[str],
     *,
     memory: str | int = "4GiB",
@@ -49,8 +49,8 @@ def ingest(
     Parameters
     ----------
     source
-        What :func:`impasto.read_stack` takes, or a :class:`Stack`, whose samples may be a memory
-        map.
+        What :func:`impasto.read_stack` takes, a :class:`Stack`, whose samples may be a memory
+        map, or a :class:`impasto.jobs.Photographs`.
     out
         The store to make: a name that ends in ``.zarr``, which does not exist yet.
     memory
@@ -84,7 +84,10 @@ def ingest(
     budget = bytes_of(memory)
     given = checked_reading(reading)
     photographs = open_photographs(
-        source if isinstance(source, Stack) else Path(source), given, budget // 2, None
+        source if isinstance(source, Stack | Photographs) else Path(source),
+        given,
+        budget // 2,
+        None,
     )
     if tile is None:
         tile = _tile_for(budget // 2, photographs.pixel)

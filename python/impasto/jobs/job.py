@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    source: str | os.PathLike[str] | Stack,
+    source: str | os.PathLike[str] | Stack | Photographs,
     out: str | os.PathLike[str],
     *,
     memory: str | int = "4GiB",
@@ -82,9 +82,10 @@ def run(
     Parameters
     ----------
     source
-        What :func:`impasto.read_stack` takes, or a :class:`Stack`, whose samples may be a memory
-        map. Of TIFF, OpenEXR and uncompressed ``.npz`` every tile reads its window alone; of JPEG
-        and PNG as many rows as fit into the memory are decoded at once.
+        What :func:`impasto.read_stack` takes, a :class:`Stack`, whose samples may be a memory
+        map, or a :class:`impasto.jobs.Photographs`. Of TIFF, OpenEXR and uncompressed ``.npz``
+        every tile reads its window alone; of JPEG and PNG as many rows as fit into the memory are
+        decoded at once.
     out
         The store to make: a name that ends in ``.zarr``, which does not exist yet.
     memory
@@ -147,7 +148,7 @@ def run(
     thread_count(threads)
     given = checked_reading(reading)
     options = {name: plain(_as_path(name, value), name) for name, value in given.items()}
-    path = None if isinstance(source, Stack) else plain(Path(source), "source")
+    path = None if isinstance(source, Stack | Photographs) else plain(Path(source), "source")
     chosen = checked_fit(fit)
     sample = None if sample is None else checked_stride(sample)
     tile = None if tile is None else checked_tile(tile)

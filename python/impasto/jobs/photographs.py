@@ -46,7 +46,11 @@ CHUNK = 1 << 24
 
 
 class Photographs(ABC):
-    """Photographs of which windows can be had one after another."""
+    """Photographs of one painting of which windows can be had one after another.
+
+    A source of another kind is a class with these members, and goes to :func:`impasto.run` and
+    :func:`impasto.ingest` in place of a path.
+    """
 
     @property
     @abstractmethod
@@ -327,7 +331,7 @@ def open_photographs(
     Parameters
     ----------
     source
-        A :class:`~impasto.Stack`, or what :func:`impasto.read_stack` takes.
+        A :class:`~impasto.Stack`, a :class:`Photographs`, or what :func:`impasto.read_stack` takes.
     reading
         Its options, as :func:`checked_reading` gives them.
     memory
@@ -335,12 +339,12 @@ def open_photographs(
     encoding
         Their tone curve, if it is known from an earlier call.
     """
-    if isinstance(source, Stack):
+    if isinstance(source, Stack | Photographs):
         if reading:
             raise ArgumentError(
                 f"reading: a stack is read already, found {next(iter(reading))}; give a path"
             )
-        return StackInMemory(source)
+        return source if isinstance(source, Photographs) else StackInMemory(source)
     return Files(Path(source), reading, memory, encoding)
 
 

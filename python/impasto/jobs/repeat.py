@@ -23,7 +23,7 @@ from impasto.jobs.folder import (
 from impasto.jobs.grid import bytes_of
 from impasto.jobs.inspection import folder_of
 from impasto.jobs.job import carry_out
-from impasto.jobs.photographs import open_photographs
+from impasto.jobs.photographs import Photographs, open_photographs
 from impasto.jobs.record import JobRecord
 from impasto.stack import Stack
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 def resume(
     out: str | os.PathLike[str],
     *,
-    source: Stack | None = None,
+    source: Stack | Photographs | None = None,
     memory: str | int = "4GiB",
     client: Client | None = None,
     threads: int | None = None,
@@ -75,7 +75,7 @@ def rerun(
     out: str | os.PathLike[str],
     into: str | os.PathLike[str],
     *,
-    source: Stack | None = None,
+    source: Stack | Photographs | None = None,
     memory: str | int = "4GiB",
     client: Client | None = None,
     threads: int | None = None,
@@ -127,7 +127,7 @@ def rerun(
 
 def _repeated(
     record: JobRecord,
-    source: Stack | None,
+    source: Stack | Photographs | None,
     target: Path,
     memory: str | int,
     client: Client | None,

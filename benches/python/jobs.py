@@ -1,0 +1,204 @@
+"""Jobs of any size: memory, pace, and what a job costs beside the fit in memory.
+
+    python benches/python/jobs.py [--scale 4 67 268] [--overhead 4] [--folder FOLDER] [--record]
+
+``--scale``: megapixels of virtual paintings under 16 lights in six bands of 16 bits: windows of
+them are made of one piece of noise, so that no photographs lie on the disk. Photometric stereo by
+least squares, tiles of 1024, a budget of 1 GiB, one process for each size; ``peak`` is the largest
+resident memory of the process, ``over`` what it exceeds the budget by. The store takes about 55
+bytes per pixel of the disk.
+
+``--overhead``: megapixels of a painting in 16 tiled TIFFs of three bands of 16 bits, read and
+fitted whole, and by a job with tiles of 1024, in processes of their own, one after the other:
+processor and wall-clock seconds of the call, the least of two.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tifffile
+from record import run_info, show, write
+from rigs import dome
+
+import impasto
+from impasto.encoding import Encoding
+from impasto.io import write_lights
+from impasto.jobs import Photographs
+from impasto.jobs.grid import Footprint
+
+BUDGET = 1 << 30
+LIGHTS, BANDS = 16, 6
+PIECE = 512
+STEREO: dict[str, Any] = {"pooling": "none", "normals": "least-squares"}
+FITS: dict[str, dict[str, Any]] = {
+    "stereo, robust": {"pooling": "none"},
+    "one lobe, draft": {"pooling": "painting", "effort": "draft"},
+    "one lobe": {"pooling": "painting"},
+}
+ROUNDS = 2
+
+
+def piece(bands: int, side: int) -> impasto.Stack:
+    """A matte surface with waves, in shot noise."""
+    rng = np.random.default_rng(7)
+    y, x = np.mgrid[:side, :side] * (2.0 * np.pi / side)
+    normal = np.stack([0.2 * np.sin(5 * x), 0.2 * np.cos(3 * y + x), np.ones((side, side))])
+    normal /= np.linalg.norm(normal, axis=0)
+    lights = dome(LIGHTS)
+    albedo = rng.uniform(0.2, 0.7, (bands, 1, 1)) * (1.0 + 0.3 * np.sin(7 * x + 2 * y))
+    light = albedo * np.maximum(np.tensordot(lights, normal, 1), 0.0)[:, None]
+    codes = rng.normal(4e4 * light, np.sqrt(20.0 * 4e4 * light))
+    samples = np.clip(np.rint(codes), 0, 65535).astype(np.uint16)
+    return impasto.Stack(samples, lights=lights, scale=1 / 4e4, saturation=65535)
+
+
+class Virtual(Photographs):
+    """A painting of any size, whose every piece is the same."""
+
+    def __init__(self, size: tuple[int, int]) -> None:
+        self._piece = piece(BANDS, PIECE)
+        self._size = size
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        return LIGHTS, BANDS, *self._size
+
+    @property
+    def pixel(self) -> Footprint:
+        return Footprint(2 * LIGHTS * BANDS, 0, LIGHTS, BANDS)
+
+    @property
+    def source_grid(self) -> tuple[int, int]:
+        return 1, 1
+
+    @property
+    def encoding(self) -> Encoding:
+        return Encoding("linear")
+
+    @property
+    def notes(self) -> list[list[str]]:
+        return []
+
+    def inputs(self) -> list[dict[str, Any]]:
+        return [{"file": "a virtual painting", "sha256": ""}]
+
+    def window(self, rows: slice, columns: slice) -> impasto.Stack:
+        down, across = (np.arange(part.start, part.stop) % PIECE for part in (rows, columns))
+        samples = self._piece.samples.take(down, axis=2).take(across, axis=3)
+        height, width = self._size
+        right = (columns.start + columns.stop - width) / 2
+        up = (height - rows.start - rows.stop) / 2
+        return self._piece._replace(samples=samples, rig=self._piece.rig.part(right, up))
+
+
+def scaled(megapixels: float, folder: Path) -> dict[str, Any]:
+    """One job in this process."""
+    side = round(math.sqrt(megapixels * 1e6) / 1024) * 1024 or 1024
+    out = folder / "virtual.zarr"
+    start, used = time.perf_counter(), time.process_time()
+    impasto.run(Virtual((side, side)), out, memory=BUDGET, tile=1024, **STEREO)
+    wall, processor = time.perf_counter() - start, time.process_time() - used
+    written = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return {
+        "megapixels": side**2 / 1e6,
+        "peak MiB": peak,
+        "over MiB": peak - BUDGET / 2**20,
+        "seconds": wall,
+        "Mpx/s": side**2 / 1e6 / wall,
+        "Mpx/s and core": side**2 / 1e6 / processor,
+        "written MB/s": written / 1e6 / wall,
+        "GB": written / 1e9,
+    }
+
+
+def overhead(way: str, fit: str, folder: Path) -> dict[str, Any]:
+    """The fit in memory, or the job, in this process."""
+    start, used = time.perf_counter(), time.process_time()
+    if way == "memory":
+        impasto.fit_sbrdf(impasto.read_stack(folder / "dirs.lp"), **FITS[fit])
+    else:
+        out = folder / "job.zarr"
+        shutil.rmtree(out, ignore_errors=True)
+        impasto.run(folder / "dirs.lp", out, tile=1024, **FITS[fit])
+    return {"seconds": time.perf_counter() - start, "processor": time.process_time() - used}
+
+
+def in_own_process(*words: str) -> dict[str, Any]:
+    command = [sys.executable, str(Path(__file__)), "--call", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def photographs(megapixels: float, folder: Path) -> None:
+    """Tiled TIFFs of three bands and their lights."""
+    side = round(math.sqrt(megapixels * 1e6) / PIECE) * PIECE
+    small = piece(3, PIECE)
+    names = [f"light{index:02}.tif" for index in range(LIGHTS)]
+    for name, codes in zip(names, small.samples, strict=True):
+        picture = np.tile(np.moveaxis(codes, 0, -1), (side // PIECE, side // PIECE, 1))
+        tifffile.imwrite(folder / name, picture, tile=(PIECE, PIECE), photometric="rgb")
+    write_lights(folder / "dirs.lp", small.rig, names)
+
+
+def compared(megapixels: float, folder: Path) -> list[dict[str, Any]]:
+    photographs(megapixels, folder)
+    rows = []
+    for fit in FITS:
+        best: dict[str, dict[str, float]] = {}
+        for _ in range(ROUNDS):
+            for way in ("memory", "job"):
+                found = in_own_process("overhead", way, fit, str(folder))
+                before = best.get(way, found)
+                best[way] = {name: min(before[name], found[name]) for name in found}
+        row: dict[str, Any] = {"fit": fit}
+        for name in ("processor", "seconds"):
+            row |= {f"{name}, memory": best["memory"][name], f"{name}, job": best["job"][name]}
+            row[f"{name}, ratio"] = best["job"][name] / best["memory"][name]
+        rows.append(row)
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scale", type=float, nargs="*", default=[])
+    parser.add_argument("--overhead", type=float)
+    parser.add_argument("--folder", type=Path)
+    parser.add_argument("--record", action="store_true")
+    parser.add_argument("--call", nargs="+", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.call:
+        what, *words, folder = options.call
+        call = scaled(float(words[0]), Path(folder)) if what == "scale" else None
+        print(json.dumps(call or overhead(*words, Path(folder))))
+        return
+    tables: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory(dir=options.folder) as name:
+        for megapixels in options.scale:
+            row = in_own_process("scale", str(megapixels), name)
+            tables.setdefault("scale", []).append(row)
+            shutil.rmtree(Path(name) / "virtual.zarr")
+        if options.overhead:
+            tables["overhead"] = compared(options.overhead, Path(name))
+    for title, rows in tables.items():
+        show(title, rows)
+    if options.record:
+        words = " ".join(sys.argv[1:])
+        write("jobs.json", {"run": run_info(f"benches/python/jobs.py {words}"), **tables})
+
+
+if __name__ == "__main__":
+    main()
