@@ -77,6 +77,10 @@ def test_a_part_is_that_of_the_whole(fit: str, tmp_path: Path) -> None:
     shown = impasto.render(opened[part], FAR, output="light").xyz
     expected = impasto.render(result, FAR, output="light").xyz[:, *part]
     assert shown.tobytes() == np.ascontiguousarray(expected).tobytes()
+    # What pictures do not show is not read for them.
+    shown = impasto.render(opened.visible(*part), FAR, output="light").xyz
+    assert shown.tobytes() == np.ascontiguousarray(expected).tobytes()
+    assert not opened.visible(*part).normals.normal.any()
     assert bits(opened.every(7)) == bits(impasto.load_sbrdf(tmp_path / "a.zarr")) | {
         name: (array.dtype, picked.shape, picked.tobytes())
         for name, array in result._saved().items()
