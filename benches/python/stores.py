@@ -27,6 +27,7 @@ from record import run_info, show, write
 from sources import highest
 
 import impasto
+from impasto.jobs.levels import write_levels
 from impasto.large_height import height_rows
 
 SCENE = impasto.Scene([impasto.DistantLight((0.3, 0.2, 0.9))])
@@ -37,6 +38,7 @@ WAYS = {
     "picture, loaded": "whole",
     "detail of 512 x 512": "detail",
     "overview": "overview",
+    "smaller scales, as a job makes them": "scales",
     "height, tile by tile": "height",
     "height, loaded": "whole height",
 }
@@ -99,6 +101,9 @@ def done(way: str, store: Path, out: Path) -> dict[str, Any]:
         impasto.render(stored[DETAIL], SCENE, threads=1).save(out)
     elif way == "overview":
         impasto.render(stored.level(stored.factors[-1]), SCENE, threads=1).save(out)
+    elif way == "scales":
+        with tempfile.TemporaryDirectory() as scratch:
+            write_levels(Path(scratch), stored)
     elif way == "height":
         stored.height(out, threads=1)
     else:
