@@ -33,6 +33,7 @@ FITS: dict[str, dict[str, Any]] = {
 }
 PART = np.s_[30:101, 55:140]
 FAR = Scene([DistantLight((0.3, 0.2, 0.9)), DistantLight((-0.4, 0.1, 0.6), 0.5)])
+ROOM = Scene(environment=impasto.Environment(np.linspace(0.1, 2.0, 384).reshape(3, 8, 16)))
 NEAR = Scene([PointLight((30.0, 20.0, 90.0))])
 
 
@@ -74,9 +75,14 @@ def test_a_part_is_that_of_the_whole(fit: str, tmp_path: Path) -> None:
     assert bits(opened[part]) == bits(result[part])
     if fit == "painting":
         assert result.residuals is not None
-    shown = impasto.render(opened[part], FAR, output="light").xyz
-    expected = impasto.render(result, FAR, output="light").xyz[:, *part]
+    for scene in (ROOM, FAR):
+        shown = impasto.render(opened[part], scene, output="light").xyz
+        expected = impasto.render(result, scene, output="light").xyz[:, *part]
+        assert shown.tobytes() == np.ascontiguousarray(expected).tobytes()
+    # What pictures do not show is not read for them.
+    shown = impasto.render(opened.visible(*part), FAR, output="light").xyz
     assert shown.tobytes() == np.ascontiguousarray(expected).tobytes()
+    assert not opened.visible(*part).normals.normal.any()
     assert bits(opened.every(7)) == bits(impasto.load_sbrdf(tmp_path / "a.zarr")) | {
         name: (array.dtype, picked.shape, picked.tobytes())
         for name, array in result._saved().items()
@@ -245,6 +251,12 @@ def test_what_is_no_store_is_refused(whole: impasto.Sbrdf, tmp_path: Path) -> No
         impasto.open_sbrdf(tmp_path / "a.npz")
     with pytest.raises(FileNotFoundError):
         impasto.open_sbrdf(tmp_path / "none.zarr")
+
+
+def test_a_handle_is_no_surface(stored: impasto.StoredSbrdf) -> None:
+    whole: Any = stored
+    with pytest.raises(ArgumentError, match=r"surface: .*a part of what impasto\.open_sbrdf"):
+        impasto.render(whole, FAR)
 
 
 def test_smaller_scales_look_like_reduced_pictures(

@@ -40,7 +40,7 @@ class Parts(Protocol):
     def tile(self) -> int:
         """Rows and columns of what is best read together."""
 
-    def __getitem__(self, key: Any) -> Any:
+    def visible(self, rows: slice, columns: slice) -> Any:
         """A part, as :func:`impasto.render` takes it."""
 
 
@@ -101,7 +101,7 @@ def render_parts(
 
         def images(shown: Scene, window: Window) -> Iterator[tuple[Window, Image]]:
             for part in _parts(painting, window):
-                surface = painting[part]
+                surface = painting.visible(*part)
                 surface = surface if bands is None else surface.with_bands(list(bands))
                 yield part, render(surface, shown, output="light", **lit)
                 done.add(part)

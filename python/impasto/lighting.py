@@ -122,7 +122,10 @@ def prepare(
         A point light without the width of a pixel.
     """
     instance(scene, Scene, "scene", "an impasto.Scene, as in Scene([DistantLight((0, 1, 1))])")
-    made_by = "what impasto.fit_sbrdf or impasto.load_sbrdf returns, or an impasto.Surface"
+    made_by = (
+        "what impasto.fit_sbrdf or impasto.load_sbrdf returns, a part of what impasto.open_sbrdf "
+        "returns, or an impasto.Surface"
+    )
     instance(surface, Relightable, "surface", made_by)
     if reflectance is not None:
         spectral = ("coefficients", "basis", "wavelengths")

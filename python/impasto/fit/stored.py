@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -32,6 +33,9 @@ from impasto.picture import Backend, Fidelity
 from impasto.rig import PointView, Rig
 from impasto.scene import Scene
 from impasto.surface import SHAPES, Lobe, Relightable, Surface
+
+UNSEEN = re.compile(r"normals\..*|residual|sigma|misfit|\w+_sigma")
+"""Maps that no picture shows."""
 
 
 def open_sbrdf(path: str | os.PathLike[str]) -> StoredSbrdf:
@@ -164,7 +168,20 @@ class StoredSbrdf:
             A chunk of the part is missing or damaged.
         """
         part = window(key, self.shape)
-        arrays = {name: self._read(one, part) for name, one in self._maps.items()}
+        return self._part(part, {name: self._read(one, part) for name, one in self._maps.items()})
+
+    def visible(self, rows: slice, columns: slice) -> Sbrdf:
+        """A part as pictures need it: errors and photometric stereo are not read, but 0."""
+        part = window((rows, columns), self.shape)
+        arrays = {
+            name: np.zeros((*one.shape[:-2], *(p.stop - p.start for p in part)), one.dtype)
+            if UNSEEN.fullmatch(name)
+            else self._read(one, part)
+            for name, one in self._maps.items()
+        }
+        return self._part(part, arrays)
+
+    def _part(self, part: Window, arrays: dict[str, NDArray[Any]]) -> Sbrdf:
         with checked_maps(self.path, self._numbers | arrays, *RESULTS) as maps:
             found = self._class.from_maps(maps)
         if found.relief is not None:

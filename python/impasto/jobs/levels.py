@@ -45,7 +45,7 @@ def write_levels(folder: Path, stored: StoredSbrdf) -> tuple[Levels, dict[str, s
     size, factor = stored.shape, 1
 
     def painting(rows: slice, columns: slice) -> Surface:
-        return stored[rows, columns].surface()
+        return stored.visible(rows, columns).surface()
 
     above: Callable[[slice, slice], Surface] = painting
     while max(size) > stored.tile:
