@@ -230,17 +230,22 @@ def test_a_rename_that_fails_leaves_the_older_result(
 
 
 @pytest.mark.parametrize(
-    ("tile", "inner"),
-    [(33, 33), (64, 64), (100, 100), (192, 96), (1000, 125), (1024, 128), (131, 131)],
+    ("tile", "pixel", "inner"),
+    [
+        *[(33, 4, 33), (192, 4, 192), (1000, 4, 500), (1024, 4, 512), (1024, 1, 1024)],
+        *[(1024, 12, 256), (1024, 192, 128), (192, 192, 96), (1000, 192, 125), (131, 192, 131)],
+    ],
 )
-def test_inner_chunks_divide_a_tile(tile: int, inner: int) -> None:
-    assert inner_of(tile) == inner
+def test_inner_chunks_divide_a_tile(tile: int, pixel: int, inner: int) -> None:
+    """They hold a megabyte at most, or 128 x 128 pixels."""
+    assert inner_of(tile, pixel) == inner
+    assert tile % inner == 0
 
 
 @pytest.mark.parametrize("dtype", ["float16", "float32", "uint8", "uint16", "bool", "int64"])
 def test_tiles_written_alone_are_those_of_the_whole(dtype: str, tmp_path: Path) -> None:
     """Also with tiles of several chunks, and tiles cut off by the border."""
-    values = (np.arange(2 * 300 * 410) % 1999).reshape(2, 300, 410).astype(dtype)
+    values = (np.arange(17 * 300 * 410) % 1999).reshape(17, 300, 410).astype(dtype)
     array = ZarrArray("map", values.shape, values.dtype, 256)
     (tmp_path / "map").mkdir()
     (tmp_path / "map" / "zarr.json").write_bytes(array.metadata)

@@ -41,10 +41,10 @@ def ingest(
     A fit of tiles then reads one file for each, whatever the photographs were: hundreds of them,
     JPEG or PNG, which have no windows, or compressed TIFF. Every file of photographs is decoded
     once for as many rows as fit into the memory. The store holds what :func:`impasto.read_stack`
-    returns, without loss: ``samples (obs, band, y, x)`` in shards of a tile with chunks of at most
-    128 x 128 pixels, each with a checksum (crc32c) and not compressed, the mask, the numbers of
-    rig, bands and scale, and the SHA-256 of the files that were read. ``read_stack`` reads it,
-    whole or a region; so does :func:`impasto.run`.
+    returns, without loss: ``samples (obs, band, y, x)`` in shards of a tile, with chunks of about
+    a megabyte or of 128 x 128 pixels, each with a checksum (crc32c) and not compressed; the mask;
+    the numbers of rig, bands and scale; and the SHA-256 of the files that were read. ``read_stack``
+    reads it, whole or a region; so does :func:`impasto.run`.
 
     Parameters
     ----------

@@ -22,11 +22,15 @@ from numpy.typing import NDArray
 from impasto._internal.extras import need
 
 TILE = 1024
-"""Rows and columns of a tile, if nobody says otherwise: some 4 MB of a map in single precision."""
+"""Rows and columns of a tile, if nobody says otherwise: 4 MiB of a map in single precision."""
+CHUNK = 1 << 20
+"""Bytes of an inner chunk, about. The zarr library takes some 0.2 ms of processor time for each,
+whatever its size: with chunks of 128 x 128 pixels that was more than photometric stereo takes."""
 INNER = 128
-"""Most rows and columns of an inner chunk, unless no divisor of the tile is near."""
+"""Rows and columns of an inner chunk at least, unless the tile is smaller: of many planes a detail
+reads more than a megabyte."""
 LEAST_INNER = 32
-"""Fewest rows and columns of an inner chunk of a larger tile."""
+"""Fewest rows and columns of an inner chunk where no divisor of the tile is near."""
 METADATA = "zarr.json"
 """The file that describes an array or a group."""
 ABSENT = 2**64 - 1
@@ -44,11 +48,20 @@ def need_zarr() -> None:
     need("zarr", "scale", "a .zarr result")
 
 
-def inner_of(tile: int) -> int:
-    """Rows and columns of the inner chunks of a tile: its largest divisor of at most 128."""
-    if tile <= INNER:
+def inner_of(tile: int, pixel: int) -> int:
+    """Rows and columns of the inner chunks of a tile: a divisor of it.
+
+    Parameters
+    ----------
+    tile
+        Rows and columns of the tile.
+    pixel
+        Bytes of a pixel in all planes.
+    """
+    most = max(INNER, math.isqrt(CHUNK // max(pixel, 1)))
+    if tile <= most:
         return tile
-    divisors = (size for size in range(INNER, LEAST_INNER - 1, -1) if tile % size == 0)
+    divisors = (size for size in range(most, LEAST_INNER - 1, -1) if tile % size == 0)
     return next(divisors, tile)
 
 
@@ -90,6 +103,12 @@ class ZarrArray:
             return 1, 1
         height, width = self.shape[-2:]
         return -(-height // self.tile), -(-width // self.tile)
+
+    @property
+    def inner(self) -> int:
+        """Rows and columns of the chunks of a tile."""
+        assert self.tile is not None
+        return inner_of(self.tile, math.prod(self.shape[:-2]) * self.dtype.itemsize)
 
     def window(self, row: int, column: int) -> tuple[slice, slice]:
         """Rows and columns of a tile."""
@@ -159,7 +178,7 @@ class ZarrArray:
         the map; only chunks that it touches count.
         """
         assert self.tile is not None
-        inner = inner_of(self.tile)
+        inner = self.inner
         across = self.tile // inner
         index_bytes = 16 * across * across
         size = path.stat().st_size
@@ -218,7 +237,8 @@ def _encoder(
     chunks: tuple[int, ...] = tuple(max(1, size) for size in shape)
     shards = None
     if tile is not None:
-        leading, inner = shape[:-2], inner_of(tile)
+        leading = shape[:-2]
+        inner = inner_of(tile, math.prod(leading) * dtype.itemsize)
         chunks, shards = (*leading, inner, inner), (*leading, tile, tile)
     files: dict[str, Any] = {}
     array = zarr.create_array(

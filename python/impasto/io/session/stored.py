@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.windows import Window, offset
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.results.zarr_arrays import METADATA, ZarrArray, inner_of, need_zarr
+from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr
 from impasto.io.results.zarr_store import contents, read_array, read_window
 from impasto.io.session.archive import arrays_beside_samples, refuse_options, stack_of_arrays
 from impasto.io.session.frames import check_region
@@ -118,7 +118,7 @@ class StoredObservation(Source):
     @property
     def grid(self) -> tuple[int, int]:
         """A chunk, which holds all observations."""
-        side = inner_of(self._stored.tile)
+        side = self._stored.samples.inner
         return side, side
 
     def close(self) -> None:
