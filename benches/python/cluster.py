@@ -33,7 +33,7 @@ from impasto import simulate
 from impasto.io import write_stack
 
 SMALL, TILES = 32, 16
-ROUNDS = 5
+ROUNDS = 3
 LARGE: dict[str, Any] = {"pooling": "pixel", "tile": 128, "threads": 1}
 SIZE = (512, 512)
 """Sixteen tiles of 128 x 128 pixels."""
@@ -83,7 +83,8 @@ def wrapper() -> list[dict[str, Any]]:
         def on_worker() -> None:
             from distributed import wait
 
-            wait(client.persist(model.apply(near)))
+            with client.as_current():
+                wait(client.persist(model.apply(near)))
 
         ways: dict[str, Callable[[], object]] = {
             "apply": alone,
