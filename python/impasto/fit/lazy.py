@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
@@ -202,13 +203,15 @@ class LazyStack(Deferred):
         tiles = _Tiles(self._pixel, self._size, rows, columns, halo, fit)
         first = tiles.of_a_flat_pixel()
         results = dask.array.map_blocks(
-            tiles,
+            _fitted_block,
             samples,
             *([] if mask is None else [mask[None, None]]),
             drop_axis=[0, 1],
             chunks=((1,) * len(rows), (1,) * len(columns)),
             dtype=object,
             meta=np.empty((0, 0), object),
+            # A task of its own: it goes to a worker once, not with every tile.
+            tiles=dask.delayed(tiles, name=f"impasto-model-{uuid4().hex}", traverse=False),
         )
         maps: dict[str, Any] = {
             name: _taken(results, name, plane, rows, columns)
@@ -251,8 +254,8 @@ class _Tiles:
     def __call__(
         self,
         samples: NDArray[Any],
-        mask: NDArray[Any] | None = None,
-        block_id: tuple[int, int] = (0, 0),
+        mask: NDArray[Any] | None,
+        block_id: tuple[int, int],
     ) -> NDArray[Any]:
         """One block: its maps by name, alone in an array of objects."""
         tile = self.rows[block_id[0]], self.columns[block_id[1]]
@@ -293,6 +296,16 @@ def _maps_of(result: Any) -> dict[str, NDArray[Any]]:
         for one in fields(result)
         if tuple(one.metadata.get("dims", ())[-2:]) == ("y", "x")
     }
+
+
+def _fitted_block(
+    samples: NDArray[Any],
+    mask: NDArray[Any] | None = None,
+    *,
+    tiles: _Tiles,
+    block_id: tuple[int, int],
+) -> NDArray[Any]:
+    return tiles(samples, mask, block_id)
 
 
 def _taken(

@@ -1,0 +1,178 @@
+"""What Dask costs per tile, and what a second worker brings.
+
+    python benches/python/cluster.py [--record]
+
+Wrapper: a painting of 256 tiles of 32 x 32 pixels, of which photometric stereo takes a few
+milliseconds each, is fitted tile by tile by ``LearnedModel.apply``, and lazily with all maps
+computed together, by dask on one thread of this process and by distributed on one worker of one
+thread. The difference of wall-clock times over the number of tiles is what dask costs. Rounds
+alternate; the median counts. Large tiles cost the same each.
+
+Workers: the second pass of a job with lobes per pixel, some seconds per tile, on a cluster of one
+worker and on one of two, of one thread each. Rounds alternate; the median of the ratios of
+wall-clock times counts. ``load`` is the load of the machine before that, in cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+from record import run_info, show, write
+
+import impasto
+from impasto import simulate
+from impasto.io import write_stack
+
+SMALL, TILES = 32, 16
+ROUNDS = 3
+LARGE: dict[str, Any] = {"pooling": "pixel", "tile": 128, "threads": 1}
+SIZE = (512, 512)
+"""Sixteen tiles of 128 x 128 pixels."""
+
+
+def photographs(size: tuple[int, int]) -> impasto.Stack:
+    return simulate.default_capture("tominaga-six-band-adaptation", size=size).stack
+
+
+def seconds(work: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def workers(count: int) -> Any:
+    from distributed import LocalCluster
+
+    return LocalCluster(
+        n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None
+    )
+
+
+def wrapper() -> list[dict[str, Any]]:
+    """Milliseconds per tile beyond those of the fit alone."""
+    import dask.array
+    from distributed import Client
+
+    side = SMALL * TILES
+    stack = photographs((side, side))
+    model = impasto.learn_sbrdf(stack, pooling="none")
+    samples = dask.array.from_array(stack.samples, chunks=(-1, -1, SMALL, SMALL))
+    about = {"scale": stack.scale, "black": stack.black, "saturation": stack.saturation}
+    lazy = impasto.LazyStack(samples, lights=stack.rig, **about)
+    starts = range(0, side, SMALL)
+
+    def alone() -> None:
+        for top in starts:
+            for left in starts:
+                part = slice(top, top + SMALL), slice(left, left + SMALL)
+                model.apply(stack, *part, threads=1)
+
+    with workers(1) as cluster, Client(cluster, set_as_default=False) as client:
+        # Samples lie in the worker's memory, as they would come from its files.
+        near = impasto.LazyStack(client.persist(samples), lights=stack.rig, **about)
+
+        def on_worker() -> None:
+            from distributed import wait
+
+            with client.as_current():
+                wait(client.persist(model.apply(near)))
+
+        ways: dict[str, Callable[[], object]] = {
+            "apply": alone,
+            "building the graph": lambda: model.apply(lazy),
+            "dask, one thread": lambda: model.apply(lazy).compute(
+                scheduler="threads", num_workers=1
+            ),
+            "distributed, one worker": on_worker,
+        }
+        times: dict[str, list[float]] = {name: [] for name in ways}
+        for _ in range(ROUNDS):
+            for name, work in ways.items():
+                times[name].append(seconds(work))
+    count, fit = TILES**2, times.pop("apply")
+    rows = [{"way": "apply", "ms per tile": 1e3 * median(fit) / count, "beyond the fit, ms": 0.0}]
+    for name, found in times.items():
+        beyond = found if "graph" in name else [a - b for a, b in zip(found, fit, strict=True)]
+        rows.append(
+            {
+                "way": name,
+                "ms per tile": 1e3 * median(found) / count,
+                "beyond the fit, ms": 1e3 * median(beyond) / count,
+            }
+        )
+    return rows
+
+
+def second_pass(folder: Path, client: Any, name: str) -> float:
+    """Seconds from the first tile handed out to the last one written."""
+    times: list[float] = []
+    impasto.run(
+        folder / "painting.npz",
+        folder / f"{name}.zarr",
+        client=client,
+        progress=lambda done, total: times.append(time.perf_counter()),
+        **LARGE,
+    )
+    return times[-1] - times[0]
+
+
+def two_workers() -> list[dict[str, Any]]:
+    """Seconds of a job on one worker and on two."""
+    from distributed import Client
+
+    found: dict[int, list[float]] = {1: [], 2: []}
+    loads: list[float] = []
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        write_stack(folder / "painting.npz", photographs(SIZE))
+        with (
+            workers(1) as single,
+            Client(single, set_as_default=False) as one,
+            workers(2) as double,
+            Client(double, set_as_default=False) as two,
+        ):
+            # The first job imports and opens.
+            for count, client in ((1, one), (2, two)):
+                second_pass(folder, client, f"warm-{count}")
+            for index in range(ROUNDS):
+                for count, client in ((1, one), (2, two)):
+                    loads.append(os.getloadavg()[0])
+                    found[count].append(second_pass(folder, client, f"{index}-{count}"))
+    ratios = [a / b for a, b in zip(found[1], found[2], strict=True)]
+    return [
+        {
+            "tiles": 16,
+            "one worker, s": median(found[1]),
+            "two workers, s": median(found[2]),
+            "one / two": median(ratios),
+            "from": min(ratios),
+            "to": max(ratios),
+            "load": median(loads),
+        }
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--record", action="store_true")
+    record = parser.parse_args().record
+    costs = wrapper()
+    show("What dask costs per tile", costs)
+    jobs = two_workers()
+    show("A second worker", jobs)
+    if record:
+        info = run_info("python benches/python/cluster.py --record")
+        write("cluster.json", {"run": info, "wrapper": costs, "workers": jobs})
+
+
+if __name__ == "__main__":
+    main()

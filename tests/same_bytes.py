@@ -1,0 +1,140 @@
+"""One hash of all maps, whatever fits them: threads x tiles x numpy, dask and the command line.
+
+``python tests/same_bytes.py`` prints a line for every way and says how many hashes there are.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import impasto
+from impasto.io import write_stack
+from killed_jobs import stack
+from processes import surroundings
+
+SIZE = (150, 170)
+"""Nine tiles of 64, four of 100, one of 256 pixels."""
+THREADS, TILES = (1, 2, 3), (64, 100, 256)
+OPTIONS: dict[str, Any] = {"pooling": "pixel", "lobes": 2}
+"""Lobes per pixel, whose searches start from neighbours: tiles need a border."""
+
+
+def digest(maps: dict[str, np.ndarray]) -> str:
+    """SHA-256 of maps by name."""
+    found = hashlib.sha256()
+    for name, array in sorted(maps.items()):
+        found.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()[:16]
+
+
+def maps_of(dataset: Any) -> dict[str, np.ndarray]:
+    """The maps ``(..., y, x)`` of a dataset."""
+    return {
+        str(name): one.values
+        for name, one in dataset.data_vars.items()
+        if one.dims[-2:] == ("y", "x")
+    }
+
+
+def by_numpy(threads: int, tile: int) -> dict[str, np.ndarray]:
+    """Tile after tile, put together."""
+    taken = stack(SIZE)
+    model = impasto.learn_sbrdf(taken, threads=threads, **OPTIONS)
+    assert model.halo, "the fit needs no border, which is what tiles are most likely to get wrong"
+    whole: dict[str, np.ndarray] = {}
+    for top in range(0, SIZE[0], tile):
+        for left in range(0, SIZE[1], tile):
+            part = slice(top, top + tile), slice(left, left + tile)
+            maps = maps_of(model.apply(taken, *part, threads=threads).to_xarray())
+            for name, array in maps.items():
+                if name not in whole:
+                    whole[name] = np.empty((*array.shape[:-2], *SIZE), array.dtype)
+                whole[name][..., *part] = array
+    return whole
+
+
+def lazily(tile: int) -> Any:
+    import dask.array
+
+    taken = stack(SIZE)
+    samples = dask.array.from_array(taken.samples, chunks=(-1, -1, tile, tile))
+    about = {"scale": taken.scale, "saturation": taken.saturation}
+    return impasto.fit_sbrdf(impasto.LazyStack(samples, lights=taken.rig, **about), **OPTIONS)
+
+
+def of_store(path: Path) -> dict[str, np.ndarray]:
+    return maps_of(impasto.load_sbrdf(path).to_xarray())
+
+
+def by_command_line(source: Path, out: Path, threads: int, tile: int) -> dict[str, np.ndarray]:
+    words = ["job", "run", str(source), "--out", str(out), "--quiet"]
+    words += ["--pooling", "pixel", "--lobes", "2", "--tile", str(tile), "--threads", str(threads)]
+    subprocess.run([sys.executable, "-m", "impasto", *words], env=surroundings(), check=True)
+    return of_store(out)
+
+
+def ways(folder: Path, client: Any, threads: int, tile: int) -> Iterator[tuple[str, Any]]:
+    """Every way to fit the painting, by name; ``client`` has workers of so many threads."""
+    source, name = folder / "painting.npz", f"{threads}-{tile}"
+
+    def on_cluster() -> dict[str, np.ndarray]:
+        out = folder / f"cluster-{name}.zarr"
+        return of_store(impasto.run(source, out, client=client, tile=tile, **OPTIONS))
+
+    yield "numpy", lambda: by_numpy(threads, tile)
+    yield (
+        "dask threads",
+        lambda: maps_of(lazily(tile).compute(scheduler="threads", num_workers=threads)),
+    )
+    yield "distributed, lazy", lambda: maps_of(lazily(tile).compute(scheduler=client))
+    yield "distributed, job", on_cluster
+    yield (
+        "command line",
+        lambda: by_command_line(source, folder / f"line-{name}.zarr", threads, tile),
+    )
+
+
+def main() -> int:
+    from distributed import Client, LocalCluster
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--threads", type=int, nargs="+", default=THREADS)
+    parser.add_argument("--tiles", type=int, nargs="+", default=TILES)
+    given = parser.parse_args()
+    found: list[str] = []
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        write_stack(folder / "painting.npz", stack(SIZE))
+        for threads in given.threads:
+            workers = {"n_workers": 2, "threads_per_worker": threads}
+            with (
+                LocalCluster(**workers, processes=True, dashboard_address=None) as cluster,
+                Client(cluster, set_as_default=False) as client,
+            ):
+                for tile in given.tiles:
+                    for name, fit in ways(folder, client, threads, tile):
+                        start = time.monotonic()
+                        found.append(digest(fit()))
+                        seconds = time.monotonic() - start
+                        sys.stdout.write(
+                            f"{threads} threads, tile {tile:3d}, {name:17}  {found[-1]}  "
+                            f"{seconds:.1f} s\n"
+                        )
+                        sys.stdout.flush()
+    sys.stdout.write(f"{len(found)} ways, {len(set(found))} hash: {' '.join(sorted(set(found)))}\n")
+    return int(len(set(found)) != 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
