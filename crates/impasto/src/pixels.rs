@@ -223,7 +223,12 @@ const HEADROOM: usize = 40 << 20;
 /// [`Error::Memory`] if not.
 pub fn check_room<T>(count: usize) -> Result<()> {
     let bytes = count.saturating_mul(size_of::<T>()).saturating_add(HEADROOM);
-    Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| Error::Memory { bytes })
+    let refused = |_| Error::Memory { bytes };
+    // With the first small thing of a thread the C library takes 64 MiB of addresses for all others.
+    let mut small = Vec::<u8>::new();
+    small.try_reserve_exact(1).map_err(refused)?;
+    std::hint::black_box(&small);
+    Vec::<u8>::new().try_reserve_exact(bytes).map_err(refused)
 }
 
 /// So many zeros, if there is room for them.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.damage import DAMAGE
+from impasto._internal.damage import DAMAGE, damage_of
 from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.io.folders import recover
 from impasto.io.results.store import STORES, store_of
@@ -92,7 +92,8 @@ def read_maps(path: str | os.PathLike[str], *kinds: str) -> Iterator[SavedMaps]:
     """The arrays of a result; errors while they are read mean a damaged file."""
     target = Path(path)
     arrays = store_of(target).read(target)
-    found = str(arrays.get("kind", "something else"))
+    with damage_of(target, "a result"):
+        found = str(arrays.get("kind", "something else"))
     if found not in kinds:
         raise CorruptInputError(target, f"holds {found}, not {' or '.join(kinds)}")
     try:
