@@ -171,6 +171,7 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.slow
 def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path: Path) -> None:
     killed(tmp_path, IN_A_FILE)
     (left,) = (name for name in names(tmp_path) if name.startswith("."))
@@ -185,6 +186,7 @@ def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path: Path) -> N
     assert names(tmp_path) == [".b-original.npz", "a.zarr", "b.npz"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("next_step", ["load", "save"])
 def test_a_store_whose_replacement_was_killed_is_found_again(
     tmp_path: Path, next_step: str
@@ -299,6 +301,7 @@ def tree(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", ["fsync", "rename", "replace", "open", "mkdir"])
 @pytest.mark.parametrize("kind", ["png", "exr", "tif", "zarr", "folder"])
 def test_a_step_that_fails_leaves_the_old_or_the_new(

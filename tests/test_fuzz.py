@@ -12,7 +12,7 @@ pytestmark = pytest.mark.slow
 
 CASES = {"csv": 40, "camera": 30, "txt": 60, "result": 40, "learned": 40, "region": 50, "array": 40}
 """Fewer where fields of 140,000 characters or many arrays take their time."""
-OTHERS = 100
+OTHERS = 70
 READERS = (
     *("png", "jpeg", "tiff", "exr", "hdr", "lp", "txt", "csv", "dome", "relight", "alicevision"),
     *("camera", "spectra", "display", "report", "stack", "region", "result", "learned"),
