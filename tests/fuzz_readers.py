@@ -49,6 +49,8 @@ MEGABYTES = 200
 """64 MiB may be decoded at any ratio; libraries hold a copy or two of it."""
 BATCH = 20_000
 """Cases of one process."""
+WAIT = 1800.0
+"""Seconds after which one of its cases waits for ever."""
 
 SIZE = (10, 12)
 LIGHTS = [(0.5, 0, 0.9), (0, 0.5, 0.9), (-0.5, 0, 0.9), (0, -0.5, 0.9), (0, 0, 1)]
@@ -132,9 +134,9 @@ def run(reader: Reader, name: str, seed: int, numbers: Iterator[int], path: Path
         chance = random.Random(f"{seed}/{name}/{number}")
         data = mutated(reader.seeds, chance, text=reader.text)
         path.write_bytes(reader.repair(data, reader.seeds, chance))
-        before, began = _peak(), time.perf_counter()
+        before, began = _peak(), time.process_time()
         outcome = _outcome(reader, path)
-        seconds, grown = time.perf_counter() - began, _peak() - before
+        seconds, grown = time.process_time() - began, _peak() - before
         if seconds > SECONDS:
             outcome = f"fault: {seconds:.1f} seconds ({outcome})"
         elif grown > MEGABYTES:
@@ -446,9 +448,20 @@ def _batch(reader: str, seed: int, first: int, count: int, tally: Tally) -> floa
         words = [sys.executable, __file__, reader, "--seed", seed, "--first", first]
         words += ["--cases", count, "--work", progress.name]
         began = time.perf_counter()
-        done = subprocess.run(
-            list(map(str, words)), capture_output=True, text=True, errors="replace", check=False
-        )
+        try:
+            done = subprocess.run(
+                list(map(str, words)),
+                capture_output=True,
+                text=True,
+                errors="replace",
+                check=False,
+                timeout=WAIT,
+            )
+        except subprocess.TimeoutExpired:
+            last = " ".join(Path(progress.name).read_text().split())
+            tally.faults.append(f"{last}: waits")
+            tally.outcomes["wait"] += 1
+            return time.perf_counter() - began
         if done.returncode:
             last = " ".join(Path(progress.name).read_text().split())
             tally.faults.append(f"{last}: ended with {done.returncode}: {done.stderr[-300:]}")

@@ -31,14 +31,8 @@ SPARE = 48 << 20
 
 def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
     """Calls on square pictures of so many rows, whose inputs are made here."""
-    lights = [
-        (0.5, 0, 0.9),
-        (0, 0.5, 0.9),
-        (-0.5, 0, 0.9),
-        (0, -0.5, 0.9),
-        (0, 0, 1),
-        (0.3, 0.3, 1),
-    ]
+    directions = [(0.5, 0, 0.9), (0, 0.5, 0.9), (-0.5, 0, 0.9), (0, -0.5, 0.9), (0, 0, 1)]
+    lights = [*directions, (0.3, 0.3, 1)]
     random = np.random.default_rng(1)
     samples = random.uniform(0.2, 0.9, (len(lights), 3, size, size)).astype(np.float32)
     stack = impasto.Stack(samples, lights=lights)
@@ -46,18 +40,19 @@ def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
     sbrdf = impasto.fit_sbrdf(stack, pooling="painting", check=False, threads=1)
     height = random.uniform(0.0, 0.3, (size, size)).astype(np.float32)
     scene = impasto.Scene(lights=[impasto.DistantLight((0.5, 0, 0.9))])
-    light = impasto.DistantLight((0.8, 0.1, 0.3))
     io.write_tiff16(folder / "a.tif", samples[0])
     io.write_exr(folder / "a.exr", {"Y": samples[0, 0]})
     part = stack[: size // 4, : size // 4]
     return {
-        "integrate_normals": lambda: impasto.integrate_normals(normals, pitch_mm=0.1, threads=2),
+        "integrate_normals": lambda: impasto.integrate_normals(
+            normals.normal, pitch_mm=0.1, threads=2
+        ),
         "fit_normals": lambda: impasto.fit_normals(stack, threads=2),
         "fit_sbrdf": lambda: impasto.fit_sbrdf(stack, pooling="painting", check=False, threads=2),
         "fit_lobes": lambda: impasto.fit_sbrdf(part, pooling="pixel", check=False, threads=2),
         "render": lambda: impasto.render(sbrdf, scene, threads=2),
-        "cast_shadows": lambda: impasto.cast_shadows(height, light, pitch_mm=0.1, threads=2),
-        "predict": lambda: sbrdf.predict([light], threads=2),
+        "cast_shadows": lambda: impasto.cast_shadows(height, 0.1, (0.8, 0.1, 0.3), threads=2),
+        "predict": lambda: sbrdf.predict(scene.lights, threads=2),
         "read_image": lambda: (io.read_image(folder / "a.tif"), io.read_image(folder / "a.exr")),
     }
 

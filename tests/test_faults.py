@@ -31,7 +31,10 @@ from impasto.io import (
     read_lights,
     read_spectra,
     write_exr,
+    write_png16,
+    write_tiff32,
 )
+from impasto.io.results.zarr_store import ZarrStore
 from impasto.report import report, write_report
 
 LIGHTS = [(0.5, 0, 0.9), (0, 0.5, 0.9), (-0.5, 0, 0.9), (0, -0.5, 0.9), (0, 0, 1)]
@@ -168,6 +171,7 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.slow
 def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path: Path) -> None:
     killed(tmp_path, IN_A_FILE)
     (left,) = (name for name in names(tmp_path) if name.startswith("."))
@@ -182,6 +186,7 @@ def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path: Path) -> N
     assert names(tmp_path) == [".b-original.npz", "a.zarr", "b.npz"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("next_step", ["load", "save"])
 def test_a_store_whose_replacement_was_killed_is_found_again(
     tmp_path: Path, next_step: str
@@ -271,6 +276,77 @@ def test_a_killed_run_leaves_a_folder_that_the_next_one_removes(tmp_path: Path) 
     assert len(names(tmp_path)) == 1
     made(tmp_path / "out", a_png=b"1")
     assert names(tmp_path) == ["out"]
+
+
+# --- every step fails once
+
+
+def written(kind: str, folder: Path, factor: float) -> None:
+    """A file or a folder of one name, which depends on the factor."""
+    plane = np.full((8, 8), 0.25 * factor, np.float32)
+    if kind == "png":
+        write_png16(folder / "a.png", plane)
+    elif kind == "exr":
+        write_exr(folder / "a.exr", {"Y": plane})
+    elif kind == "tif":
+        write_tiff32(folder / "a.tif", plane)
+    elif kind == "folder":
+        made(folder / "a", sbrdf_npz=bytes([int(factor)]), maps__b_png=bytes([int(factor)]))
+    else:
+        ZarrStore().write(folder / "a.zarr", {"status": np.zeros((8, 8), np.uint8), "x": plane})
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("step", ["fsync", "rename", "replace", "open", "mkdir"])
+@pytest.mark.parametrize("kind", ["png", "exr", "tif", "zarr", "folder"])
+def test_a_step_that_fails_leaves_the_old_or_the_new(
+    tmp_path: Path, kind: str, step: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The n-th call of a function of the system fails, for every n that there is."""
+    if kind == "zarr":
+        pytest.importorskip("zarr")
+    (tmp_path / "new").mkdir()
+    written(kind, tmp_path / "new", 2.0)
+    old = tmp_path / "old"
+    old.mkdir()
+    written(kind, old, 1.0)
+    before, after = tree(old), tree(tmp_path / "new")
+    own = getattr(os, step)
+    for number in range(1, 60):
+        calls: list[object] = []
+
+        def fails(*given: Any, **options: Any) -> Any:
+            calls.append(given)  # noqa: B023
+            if len(calls) == number:  # noqa: B023
+                raise OSError(errno.EIO, os.strerror(errno.EIO))
+            return own(*given, **options)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, step, fails)
+            failed = False
+            try:
+                written(kind, old, 2.0)
+            except OSError as error:
+                failed = error.errno == errno.EIO
+        found = tree(old)
+        if failed and kind == "folder":
+            # Its files are replaced one by one, the report last.
+            assert found.keys() == before.keys()
+            assert all(data in {before[name], after[name]} for name, data in found.items())
+        elif failed:
+            assert found in (before, after)
+        if len(calls) < number:
+            break
+        written(kind, old, 1.0)
+        assert tree(old) == before
+    else:
+        pytest.fail("there are more than 60 of them")
+    assert tree(old) == after
 
 
 # --- the system

@@ -20,6 +20,10 @@ const HEARTBEAT: Duration = Duration::from_millis(50);
 /// Bytes of the stack of a thread.
 const STACK: usize = 2 << 20;
 
+/// Bytes of addresses that a thread takes: its stack, and what the C library keeps for what it
+/// allocates. A thread that does not get them may end the process.
+const ADDRESSES: usize = STACK + (64 << 20);
+
 /// The instruction set: the best there is, or a narrower one named by `IMPASTO_SIMD`.
 pub(crate) fn level() -> Level {
     static LEVEL: OnceLock<Level> = OnceLock::new();
@@ -44,7 +48,7 @@ pub(crate) fn call<A: Send>(
     work: impl FnOnce(&Run<'_>) -> impasto::Result<A> + Send,
 ) -> PyResult<A> {
     let refused = |error: Error| errors::to_python(py, &error);
-    check_room::<u8>(0).map_err(refused)?;
+    check_room::<u8>(ADDRESSES).map_err(refused)?;
     let pool = pool(threads).map_err(refused)?;
     let cancel = AtomicBool::new(false);
     let tally = Progress::default();
@@ -137,8 +141,9 @@ fn pool(threads: usize) -> impasto::Result<Option<Arc<Pool>>> {
         return Ok(Some(Arc::clone(&kept.pool)));
     }
     // Threads are started without the lock, which is held for a moment only.
-    let Ok(pool) = Pool::new(threads).map(Arc::new) else {
-        return Ok(None); // the system starts no more threads: the results are the same on one
+    let room = check_room::<u8>((threads + 1).saturating_mul(ADDRESSES));
+    let Ok(pool) = room.and_then(|()| Pool::new(threads)).map(Arc::new) else {
+        return Ok(None); // there is no room for more threads: the results are the same on one
     };
     let kept = Kept { process, threads, pool: Arc::clone(&pool) };
     let previous = last().and_then(|mut last| last.replace(kept));

@@ -51,8 +51,10 @@ def put_in_place(folder: Path, path: Path) -> None:
                 older.rename(path)
             replaced.rmdir()
             raise
-        sync_folder(path.parent)
-        shutil.rmtree(replaced, ignore_errors=True)
+        try:
+            sync_folder(path.parent)
+        finally:
+            shutil.rmtree(replaced, ignore_errors=True)
 
 
 def recover(path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import zipfile
 from collections.abc import Mapping
 from contextlib import closing
@@ -67,6 +68,11 @@ def _numbers(path: Path, name: str, array: Any) -> NDArray[Any]:
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "biufU":
         what = array.dtype if isinstance(array, np.ndarray) else "no array"
         raise CorruptInputError(path, f"has an array {name!r} that holds {what}")
+    if array.dtype.kind == "U":
+        # numpy makes texts of any numbers, and Python stumbles over them later.
+        kind = np.dtype(np.uint32).newbyteorder(array.dtype.byteorder)
+        if np.frombuffer(array.tobytes(), kind).max(initial=0) > sys.maxunicode:
+            raise CorruptInputError(path, f"has an array {name!r} of characters that do not exist")
     return array
 
 

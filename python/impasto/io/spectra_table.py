@@ -24,6 +24,9 @@ MICROMETRES = (0.15, 5.0)
 LEAST = 3
 """Fewer numbers in a row are no wavelengths."""
 
+LONGEST = 64
+"""Characters of a number; patterns take their time with more."""
+
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?(\d*,\d+)([eE][+-]?\d+)?")
 _MISSING = {"", "nan", "n/a", "na", "-", "--", "null", "none"}
@@ -84,12 +87,15 @@ class Row:
 
     def wavelengths(self, limits: tuple[float, float]) -> tuple[int, list[float]] | None:
         """How many cells come first, and the wavelengths that all others are."""
-        found = [_wavelength(cell, comma=self.comma) for cell in self.cells]
-        for lead in range(len(found) - LEAST + 1):
-            grid = [value for value in found[lead:] if value is not None]
-            if len(grid) == len(found) - lead and _along(grid, limits):
-                return lead, grid
-        return None
+        grid: list[float] = []  # from the last on
+        for cell in reversed(self.cells):
+            value = _wavelength(cell, comma=self.comma)
+            if value is None or not limits[0] <= value <= limits[1] or value in grid[-1:]:
+                break
+            if len(grid) > 1 and (value > grid[-1]) != (grid[-1] > grid[-2]):
+                break
+            grid.append(value)
+        return (len(self.cells) - len(grid), grid[::-1]) if len(grid) >= LEAST else None
 
 
 def parse_spectra(text: str, source: Path, *, bare: bool) -> SpectraTable:
@@ -126,6 +132,8 @@ def _number(cell: str, *, comma: bool) -> float | None:
     """A number, NaN for a missing one, None for anything else."""
     if cell.casefold() in _MISSING:
         return float("nan")
+    if len(cell) > LONGEST:
+        return None
     if _POINT.fullmatch(cell):
         value = float(cell)
     elif comma and _COMMA.fullmatch(cell):
@@ -136,7 +144,7 @@ def _number(cell: str, *, comma: bool) -> float | None:
 
 
 def _wavelength(cell: str, *, comma: bool) -> float | None:
-    found = _AXIS.fullmatch(cell)
+    found = _AXIS.fullmatch(cell) if len(cell) <= LONGEST else None
     if found is None or ("," in found[1] and not comma):
         return None
     return float(found[1].replace(",", "."))

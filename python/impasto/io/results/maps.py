@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.damage import DAMAGE
+from impasto._internal.damage import DAMAGE, damage_of
 from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.io.folders import recover
 from impasto.io.results.store import STORES, store_of
@@ -100,7 +100,8 @@ def checked_maps(
     target: Path, arrays: Mapping[str, NDArray[Any]], *kinds: str
 ) -> Iterator[SavedMaps]:
     """Arrays that were read from a file; errors while they are used mean a damaged file."""
-    found = str(arrays.get("kind", "something else"))
+    with damage_of(target, "a result"):
+        found = str(arrays.get("kind", "something else"))
     if found not in kinds:
         raise CorruptInputError(target, f"holds {found}, not {' or '.join(kinds)}")
     try:
