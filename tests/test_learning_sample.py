@@ -124,10 +124,10 @@ def test_the_relief_of_a_sample_is_that_of_the_painting() -> None:
 
 def test_a_sample_is_enough_for_one_lobe(monkeypatch: pytest.MonkeyPatch) -> None:
     """From a ninth of the pixels the lobe is that of all, within its standard deviation."""
-    painting = simulate.painting(seed=3, size=(240, 260), varnish="gloss")
+    painting = simulate.painting(seed=3, size=(150, 160), varnish="gloss")
     taken = simulate.capture(painting, "tominaga-six-band-adaptation", "rgb").stack
     whole = impasto.fit_sbrdf(taken, pooling="painting")
-    monkeypatch.setattr(subsample, "LEARNED_PIXELS", 7000)
+    monkeypatch.setattr(subsample, "LEARNED_PIXELS", 3000)
     assert stride_of(taken) == 3
     found = impasto.fit_sbrdf(taken, pooling="painting")
     spread = np.sqrt(np.diag(found.covariance))
