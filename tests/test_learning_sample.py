@@ -13,6 +13,7 @@ from impasto import ArgumentError, DistantLight, PointLight, Rig, simulate
 from impasto.fit import subsample
 from impasto.fit.relief import Relief
 from impasto.fit.subsample import every, learning_stride, stride_of
+from impasto.io import write_stack
 from killed_jobs import stack
 from test_jobs import photographs, same
 
@@ -29,12 +30,14 @@ def test_two_million_pixels_and_as_many_samples_as_fit_into_memory() -> None:
     def square(side: int) -> Any:
         return lambda stride: (-(-side // stride)) ** 2
 
-    assert learning_stride(square(1448), 36) == 1  # 1448 squared is just below 2^21
-    assert learning_stride(square(1449), 36) == 3
-    assert learning_stride(square(32768), 96) == 23
-    # 770 views in three bands: 2^28 samples are 116,000 pixels.
-    assert learning_stride(square(340), 2310) == 1
-    assert learning_stride(square(342), 2310) == 3
+    # 1448 squared is just below 2^21; 770 views in three bands: 2^28 samples are 116,000 pixels.
+    cases = [(1448, 36, 1), (1449, 36, 3), (32768, 96, 23), (340, 2310, 1), (342, 2310, 3)]
+    for side, planes, stride in cases:
+        assert learning_stride(square(side), (side, side), planes) == stride
+    # A narrow picture keeps all of its rows.
+    assert learning_stride(lambda stride: -(-60_000_000 // stride), (1, 60_000_000), 36) == 29
+    # Ten thousand pixels of a mask, far apart: at most four times two million are taken.
+    assert learning_stride(lambda stride: 10_000 // stride**2, (32768, 32768), 36) == 13
 
 
 def test_a_sample_has_pixels_of_the_mask(small: None) -> None:
@@ -43,7 +46,7 @@ def test_a_sample_has_pixels_of_the_mask(small: None) -> None:
     taken = stack(size)
     assert stride_of(taken) == 3
     few = np.zeros(size, bool)
-    few[::7, ::3] = True  # 864 pixels, few enough
+    few[::7, ::3] = True  # 864 pixels, few enough, in a picture that is not much larger
     assert stride_of(taken._replace(mask=few)) == 1
     most = np.ones(size, bool)
     most[2::3] = False  # all rows of every third
@@ -98,6 +101,32 @@ def test_a_job_in_little_memory_is_the_fit_of_the_whole(
     out = impasto.run(path, "painting.zarr", memory=memory, reading=reading, tile=64, **PIXEL)
     whole = impasto.fit_sbrdf(impasto.read_stack(path, **reading), **PIXEL)
     same(impasto.load_sbrdf(out), whole)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".zarr"])
+def test_the_mask_of_a_finished_stack_counts(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(subsample, "LEARNED_PIXELS", 1900)
+    mask = np.zeros((125, 142), bool)
+    mask[20:110, 20:120] = True
+    taken = stack((125, 142))._replace(mask=mask)
+    assert (stride_of(taken), stride_of(stack((125, 142)))) == (3, 5)
+    path = tmp_path / f"stack{suffix}"
+    if suffix == ".npz":
+        write_stack(path, taken)
+    else:
+        impasto.ingest(taken, path, tile=64)
+    out = impasto.run(path, tmp_path / "painting.zarr", memory="10.5MB", tile=64, **PIXEL)
+    same(impasto.load_sbrdf(out), impasto.fit_sbrdf(taken, **PIXEL))
+
+
+def test_a_part_of_a_painting_is_fitted_by_itself(small: None) -> None:
+    part = stack((125, 142))[6:120, 20:138]
+    assert part.rig.origin != (0.0, 0.0)
+    assert stride_of(part) == 3
+    found = impasto.fit_sbrdf(part, **PIXEL)
+    assert (found.status == impasto.Status.FITTED).mean() > 0.5
 
 
 def test_the_relief_of_a_sample_is_that_of_the_painting() -> None:

@@ -206,8 +206,9 @@ def test_only_the_chunks_of_a_part_are_read(store: Path, tmp_path: Path) -> None
 
 
 def test_chunks_that_a_shard_lacks_count_where_a_window_touches_them(tmp_path: Path) -> None:
-    array = ZarrArray("a", (256, 256), np.dtype(np.float32), 256)
-    plane = np.ones((256, 256), np.float32)
+    array = ZarrArray("a", (17, 256, 256), np.dtype(np.float32), 256)
+    assert array.inner == 128
+    plane = np.ones((17, 256, 256), np.float32)
     data = bytearray(array.encoded(plane))
     # The index: four chunks of place and length, before its checksum. The last one is lost.
     data[-4 - 16 : -4] = b"\xff" * 16

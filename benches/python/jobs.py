@@ -40,8 +40,7 @@ import impasto
 from impasto import simulate
 from impasto.encoding import Encoding
 from impasto.io import write_lights
-from impasto.jobs import Photographs
-from impasto.jobs.grid import Footprint
+from impasto.jobs import Footprint, Photographs
 
 BUDGET = 1 << 30
 LIGHTS, BANDS = 16, 6

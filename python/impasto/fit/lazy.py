@@ -94,6 +94,10 @@ class LazyStack(Deferred):
             one = array[..., :1, :1].copy(data=one)
         # Everything but the samples.
         self._pixel = Stack(one, **options)
+        if self.rig.origin != (0.0, 0.0):
+            raise ArgumentError(
+                "lights: a lazy stack is a whole painting, this rig is of a part of one (origin)"
+            )
         lazy = lazy if lazy.ndim == 4 else lazy[:, None]
         self._samples = lazy.rechunk({0: -1, 1: -1})
         size = self._samples.shape[2:]
@@ -143,7 +147,7 @@ class LazyStack(Deferred):
             rows, columns = (about_middle(side, stride) for side in self._size)
             return int((self._mask[rows, columns] != 0).sum().compute())
 
-        return learning_stride(inside, math.prod(self.shape[:2]))
+        return learning_stride(inside, self._size, math.prod(self.shape[:2]))
 
     def fitted_sbrdf(self, **options: Any) -> Dataset:
         """See :func:`impasto.fit_sbrdf`."""

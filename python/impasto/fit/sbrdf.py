@@ -213,7 +213,9 @@ def fit_sbrdf(
         ``coated`` for one of the first two.
         With fewer than 8 photographs it is ``"painting"``. Of a painting of more than two million
         pixels everything that all of them share is learned from every third (fifth, seventh ...)
-        row and column, as by :func:`learn_sbrdf`.
+        row and column, as by :func:`learn_sbrdf`, unless there are segments, the normals are maps,
+        or the stack is a part of another; ``learn_sbrdf(stack, sample=1).apply(stack)`` learns from
+        all pixels.
         ``"none"``: photometric stereo alone, no gloss.
         ``"painting"``: one Torrance-Sparrow lobe for all pixels. ``"segment"``: one for
         each part in ``segments``; a part whose pixels do not determine a lobe has the painting's
@@ -319,7 +321,8 @@ def fit_sbrdf(
     if maps:
         checked_normals(normals, stack)
     kinds = fit_kinds(model, pooling, given)
-    if not maps and segments is None and pooling != "segment" and stride_of(stack) > 1:
+    whole = segments is None and pooling != "segment" and stack.rig.origin == (0.0, 0.0)
+    if whole and not maps and stride_of(stack) > 1:
         del given["segments"]
         given |= {"normals": normals, "refine": refine, "residuals": residuals, "relief": relief}
         given |= {"effort": effort, "threads": threads, "progress": progress}

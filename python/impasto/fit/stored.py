@@ -22,7 +22,7 @@ from impasto.fit.relief import Relief
 from impasto.fit.result import Sbrdf
 from impasto.fit.saved import map_names
 from impasto.fit.sbrdf import RESULTS
-from impasto.io.images.bands_of_rows import TIFF_TILE, write_tiff_rows
+from impasto.io.images.bands_of_rows import TIFF_TILE, check_suffix, write_tiff_rows
 from impasto.io.results import checked_maps, result_file
 from impasto.io.results.zarr_arrays import ZarrArray, need_zarr
 from impasto.io.results.zarr_store import Levels, contents, levels_of, read_array, read_window
@@ -291,6 +291,7 @@ class StoredSbrdf:
         CorruptInputError
             A part of the store is missing or damaged; no picture is written.
         """
+        check_suffix(Path(path))
         return render_parts(
             self,
             scene,

@@ -29,13 +29,15 @@ Window: TypeAlias = tuple[slice, slice]
 """Rows and columns of a picture."""
 
 
-def learning_stride(inside: Callable[[int], int], planes: int) -> int:
+def learning_stride(inside: Callable[[int], int], size: Sequence[int], planes: int) -> int:
     """Of every how many rows and columns a model is learned, an odd number.
 
     Parameters
     ----------
     inside
         How many pixels within the mask are left of every so many rows and columns.
+    size
+        Rows and columns.
     planes
         Samples of a pixel.
     """
@@ -47,6 +49,9 @@ def learning_stride(inside: Callable[[int], int], planes: int) -> int:
     # The holes of a patterned mask may coincide with the stride.
     while stride > 1 and 2 * stride**2 * inside(stride) < there:
         stride -= 2
+    # Narrow pictures, and pixels outside the mask, which take memory too.
+    while pixels_inside(None, size, stride) > (most if there == math.prod(size) else SPARSE * most):
+        stride += 2
     return stride
 
 
@@ -54,7 +59,7 @@ def stride_of(stack: Stack) -> int:
     """The same for a stack."""
     observations, bands, *size = stack.shape
     inside = partial(pixels_inside, stack.mask, size)
-    return learning_stride(inside, observations * bands)
+    return learning_stride(inside, size, observations * bands)
 
 
 def pixels_inside(mask: NDArray[np.bool_] | None, size: Sequence[int], stride: int) -> int:

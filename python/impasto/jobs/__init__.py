@@ -1,5 +1,6 @@
 """Fits of any size: tile by tile, in a given memory, resumable after anything."""
 
+from impasto.jobs.grid import Footprint
 from impasto.jobs.ingest import ingest
 from impasto.jobs.inspection import Finding, JobStatus, status, verify
 from impasto.jobs.job import run
@@ -9,6 +10,7 @@ from impasto.jobs.ro_crate import export_ro_crate
 
 __all__ = [
     "Finding",
+    "Footprint",
     "JobStatus",
     "Photographs",
     "export_ro_crate",

@@ -58,7 +58,9 @@ def ingest(
     tile
         Rows and columns of a tile; default: as ``memory`` allows, at most 1024.
     reading
-        Options of :func:`impasto.read_stack` for a path, as for :func:`impasto.run`.
+        Options of :func:`impasto.read_stack` for a path, as for :func:`impasto.run`. A tone curve
+        that is to be estimated is that of 1024 x 1024 pixels in the middle, unless all photographs
+        fit into half of ``memory``.
     progress
         True: a bar on stderr; or a callable ``(done, total)`` in tiles.
 
@@ -130,8 +132,12 @@ def _written(folder: Path, photographs: Photographs, grid: Grid) -> Iterator[Sta
     ):
         ahead = reader.submit(read, tiles[0])
         behind: Future[None] | None = None
+        masked: bool | None = None
         for index, tile in enumerate(tiles):
             stack = ahead.result()
+            masked = stack.mask is not None if masked is None else masked
+            if masked != (stack.mask is not None):
+                raise ArgumentError("source: has a mask in some of its windows only")
             if behind is not None:
                 behind.result()
             if index + 1 < len(tiles):

@@ -47,6 +47,9 @@ class JobStatus:
         For the other pixels at this pace; None where it is not known, 0 of a finished job.
     notes
         What was repaired, left out or assumed while the photographs were read: kind and text.
+    reads_files
+        Whether the photographs are files, which :func:`verify` compares; False for those that were
+        in the memory of the process.
     """
 
     folder: Path
@@ -59,6 +62,7 @@ class JobStatus:
     pixels_per_second: float | None
     seconds_left: float | None
     notes: tuple[tuple[str, str], ...]
+    reads_files: bool
 
 
 def status(out: str | os.PathLike[str]) -> JobStatus:
@@ -98,6 +102,7 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
         pace,
         0.0 if whole else left,
         tuple((str(kind), str(text)) for kind, text in record.notes),
+        record.source is not None,
     )
 
 

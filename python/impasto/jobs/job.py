@@ -168,7 +168,7 @@ def run(
     tile = min(tile, -(-max(photographs.size) // STEP) * STEP)
     if sample is None:
         observations, bands, *_ = photographs.shape
-        least = learning_stride(photographs.inside, observations * bands)
+        least = learning_stride(photographs.inside, photographs.size, observations * bands)
         sample = stride_for(budget // 2, photographs.pixel, photographs.size, least)
     curve = photographs.encoding
     record = JobRecord(

@@ -7,7 +7,9 @@ import json
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -19,10 +21,12 @@ from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, ImpastoError
 from impasto.fit.subsample import about_middle, pixels_inside, rig_of_every
 from impasto.io.images import open_picture
+from impasto.io.npz import read_npz
 from impasto.io.opening import open_source
 from impasto.io.rig_arrays import arrays_of_rig
 from impasto.io.session.frames import picture_codes
 from impasto.io.session.reader import read_stack
+from impasto.io.session.stored import SUFFIX, StoredStack
 from impasto.io.sources import Source
 from impasto.jobs.grid import Footprint
 from impasto.report import file_entry
@@ -87,7 +91,10 @@ class Photographs(ABC):
 
     @abstractmethod
     def window(self, rows: slice, columns: slice) -> Stack:
-        """The photographs of a window; the stack knows where it lies."""
+        """The photographs of a window; the stack knows where it lies (``rig.origin``).
+
+        There is a mask in all windows, or in none. It is called from another thread than the rest.
+        """
 
     @property
     def size(self) -> tuple[int, int]:
@@ -104,7 +111,7 @@ class Photographs(ABC):
         return math.prod(-(-side // stride) for side in self.size)
 
     def every(self, stride: int, side: int) -> Stack:
-        """What :func:`impasto.fit.subsample.every` takes of all photographs.
+        """Every ``stride``-th row and column, an odd number, about the middle, of all photographs.
 
         Windows of ``side`` rows and columns are read one after another.
         """
@@ -231,6 +238,7 @@ class Files(Photographs):
         row = size[1] * (self._pixel.samples + self._pixel.codes)
         self._rows = max(memory - decoded, 0) // row if self._grid[1] >= size[1] else 0
         self._band: tuple[slice, Stack] | None = None
+        self._reading_band = Lock()
         if size[0] * size[1] * self._pixel.learned <= memory:
             self._stack = self._read(None, encoding)
             self._encoding = self._stack.encoding
@@ -270,14 +278,17 @@ class Files(Photographs):
         return [path for path, trace in self._seen.items() if _trace(path) != trace]
 
     def inside(self, stride: int) -> int:  # noqa: D102
-        if self._mask is None:
-            return super().inside(stride)
+        if self._stack is not None:
+            return pixels_inside(self._stack.mask, self.size, stride)
         height, width = self.size
+        if self._masked((0, 0, 1, 1)) is None:
+            return super().inside(stride)
         taken = about_middle(height, stride)
         count = 0
         for top in range(taken.start, height, stride * ROWS):
             down = slice(top, min(top + stride * ROWS, height))
             there = self._masked((down.start, 0, down.stop - down.start, width))
+            assert there is not None
             count += int(np.count_nonzero(there[::stride, about_middle(width, stride)]))
         return count
 
@@ -285,7 +296,8 @@ class Files(Photographs):
         if self._stack is not None:
             return StackInMemory(self._stack).window(rows, columns)
         if self._rows > rows.stop - rows.start:
-            return self._banded(rows, columns)
+            with self._reading_band:
+                return self._banded(rows, columns)
         region = (rows.start, columns.start, rows.stop - rows.start, columns.stop - columns.start)
         return self._read(region, self._encoding)
 
@@ -317,10 +329,24 @@ class Files(Photographs):
             return stack
         return stack._replace(mask=self._masked(region))
 
-    def _masked(self, region: tuple[int, int, int, int] | None) -> NDArray[np.bool_]:
-        """The mask of a region, or all of it."""
-        planes: NDArray[Any] = picture_codes(Path(self._mask or ""), None, region)
-        return np.asarray(planes.max(axis=0) > 0)
+    def _masked(self, region: tuple[int, int, int, int] | None) -> NDArray[np.bool_] | None:
+        """The mask of a region, or all of it; None where there is none."""
+        top, left, height, width = region or (0, 0, *self.size)
+        rows, columns = slice(top, top + height), slice(left, left + width)
+        if self._path.suffix.lower() == SUFFIX:
+            return StoredStack(self._path).mask(rows, columns)
+        mask = self._whole_mask
+        return None if mask is None else mask[rows, columns]
+
+    @cached_property
+    def _whole_mask(self) -> NDArray[np.bool_] | None:
+        """A byte for each pixel: a picture would be decoded for every window."""
+        if self._mask is not None:
+            return np.asarray(picture_codes(Path(self._mask), None, None).max(axis=0) > 0)
+        if self._path.suffix.lower() == ".npz":
+            found = read_npz(self._path, without="samples").get("mask")
+            return None if found is None else np.asarray(found, np.bool_)
+        return None
 
 
 def open_photographs(

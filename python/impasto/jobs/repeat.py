@@ -15,6 +15,7 @@ from impasto.jobs.cluster import checked_client
 from impasto.jobs.folder import (
     NOTES,
     RECORD,
+    check_finished,
     checked_target,
     earlier_record,
     partial_of,
@@ -66,8 +67,11 @@ def resume(
     CorruptInputError
         A damaged photograph, or a damaged file of the job.
     """
-    folder, _ = folder_of(out)
+    folder, whole = folder_of(out)
     record = JobRecord.read(folder / NOTES / RECORD)
+    if whole:
+        check_finished(folder, record.grid)
+        return folder
     return _repeated(record, source, checked_target(out), memory, client, threads, progress)
 
 

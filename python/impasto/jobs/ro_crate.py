@@ -14,6 +14,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from impasto.errors import ArgumentError
 from impasto.io.files import as_problem_of, atomic_bytes
@@ -79,6 +80,8 @@ def export_ro_crate(
         raise ArgumentError(f"folder: {crate} already exists; give another name")
     if not crate.absolute().parent.is_dir():
         raise ArgumentError(f"folder: the folder {crate.absolute().parent} does not exist")
+    if crate.resolve().is_relative_to(store.resolve()):
+        raise ArgumentError(f"folder: {crate} lies in the store itself; give another place")
     partial = crate.with_name(f".{crate.name}.partial")
     if partial.exists():
         shutil.rmtree(partial)  # of an export that was killed
@@ -126,7 +129,7 @@ def _graph(
     published: datetime.date,
 ) -> Iterator[dict[str, Any]]:
     """The entities of the crate."""
-    result = f"{store.name}/"
+    result = f"{quote(store.name)}/"
     observations, bands, rows, columns = record.shape
     what = (
         f"Normals, reflectance and gloss of a painting of {columns} x {rows} pixels from "

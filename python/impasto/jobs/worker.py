@@ -118,8 +118,8 @@ def _opened(job: SharedJob) -> _Opened:
         )
     _check_inputs(record)
     photographs = open_photographs(record.source, record.reading, 0, record.curve)
-    if photographs.source_grid == photographs.size:
-        # Pictures that are decoded whole for every window are read once, if there is room.
+    if photographs.source_grid[1] >= photographs.size[1]:
+        # What is decoded in whole rows is read once for as many as there is room for.
         photographs = open_photographs(record.source, record.reading, job.memory // 2, record.curve)
     return _Opened(record, photographs, load_learned(job.folder / NOTES / LEARNED))
 

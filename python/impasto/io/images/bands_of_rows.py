@@ -53,8 +53,7 @@ def write_tiff_rows(
     """
     import tifffile
 
-    if Path(path).suffix.lower() not in {".tif", ".tiff"}:
-        raise ArgumentError(f"path: expected a name ending in .tif, found {path}")
+    check_suffix(path)
     height, width = shape
     pixels = (height, width, planes) if planes > 1 else (height, width)
     size = height * width * planes * np.dtype(dtype).itemsize
@@ -75,6 +74,18 @@ def write_tiff_rows(
             iccprofile=icc,
             maxworkers=1,
         )
+
+
+def check_suffix(path: str | Path) -> None:
+    """Refuse the name of another format, before hours of work.
+
+    Raises
+    ------
+    ArgumentError
+        It does not end in ``.tif`` or ``.tiff``.
+    """
+    if Path(path).suffix.lower() not in {".tif", ".tiff"}:
+        raise ArgumentError(f"path: expected a name ending in .tif, found {path}")
 
 
 def _tiles(rows: Iterable[NDArray[Any]], planes: int) -> Iterator[NDArray[Any]]:

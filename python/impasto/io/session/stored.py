@@ -75,6 +75,12 @@ class StoredStack:
         about = [METADATA, *(array.metadata_path for array in self._arrays.values())]
         return [self._path / name for name in sorted([*inner, *about])]
 
+    def mask(self, rows: slice, columns: slice) -> NDArray[np.bool_] | None:
+        """A window of the mask; None where there is none."""
+        if "mask" not in self._arrays:
+            return None
+        return np.asarray(read_window(self._path, self._arrays["mask"], rows, columns), np.bool_)
+
     def read(self, window: Window | None) -> dict[str, NDArray[Any]]:
         """Every array; of the samples and the mask a window alone, all of it if there is none."""
         found = dict(self._text)
