@@ -47,9 +47,8 @@ pub(crate) fn call<A: Send>(
     progress: Option<&Py<PyAny>>,
     work: impl FnOnce(&Run<'_>) -> impasto::Result<A> + Send,
 ) -> PyResult<A> {
-    let refused = |error: Error| errors::to_python(py, &error);
-    check_room::<u8>(ADDRESSES).map_err(refused)?;
-    let pool = pool(threads).map_err(refused)?;
+    check_room::<u8>(ADDRESSES).map_err(|error| errors::to_python(py, &error))?;
+    let pool = pool(threads);
     let cancel = AtomicBool::new(false);
     let tally = Progress::default();
     let mut interruption = None;
@@ -116,7 +115,7 @@ fn report(py: Python<'_>, progress: Option<&Py<PyAny>>, tally: &Progress) -> PyR
 ///
 /// The child also inherits the lock, locked if another thread of the parent held it during the fork.
 /// Nobody waits for it: who does not get it at once works on a pool of its own.
-fn pool(threads: usize) -> impasto::Result<Option<Arc<Pool>>> {
+fn pool(threads: usize) -> Option<Arc<Pool>> {
     struct Kept {
         process: u32,
         threads: usize,
@@ -130,7 +129,7 @@ fn pool(threads: usize) -> impasto::Result<Option<Arc<Pool>>> {
     };
 
     if threads <= 1 {
-        return Ok(None);
+        return None;
     }
     let process = std::process::id();
     if let Some(last) = last()
@@ -138,12 +137,12 @@ fn pool(threads: usize) -> impasto::Result<Option<Arc<Pool>>> {
         && kept.process == process
         && kept.threads == threads
     {
-        return Ok(Some(Arc::clone(&kept.pool)));
+        return Some(Arc::clone(&kept.pool));
     }
     // Threads are started without the lock, which is held for a moment only.
     let room = check_room::<u8>((threads + 1).saturating_mul(ADDRESSES));
     let Ok(pool) = room.and_then(|()| Pool::new(threads)).map(Arc::new) else {
-        return Ok(None); // there is no room for more threads: the results are the same on one
+        return None; // there is no room for more threads: the results are the same on one
     };
     let kept = Kept { process, threads, pool: Arc::clone(&pool) };
     let previous = last().and_then(|mut last| last.replace(kept));
@@ -152,5 +151,5 @@ fn pool(threads: usize) -> impasto::Result<Option<Arc<Pool>>> {
     {
         std::mem::forget(previous);
     }
-    Ok(Some(pool))
+    Some(pool)
 }
