@@ -81,7 +81,7 @@ def test_noise_makes_less_of_a_difference_than_it_does_to_the_whole(degrees: flo
     without = impasto.integrate_normals(normals(truth))
     error = float((expected - without).std())
     assert 0.005 < error < 1.0
-    # The scaffold's least squares over blocks of pixels weigh the same slopes otherwise. Both
+    # The coarse grid's least squares over blocks of pixels weigh the same slopes otherwise. Both
     # solutions have nearly the same error (a tenth of it apart here).
     assert float((found - expected).std()) < 0.2 * error
     assert float((found - without).std()) < 1.05 * error
@@ -99,7 +99,7 @@ def test_gaps_are_bridged_as_in_the_whole() -> None:
     found = by_tiles(normal, tile=64)
     assert np.isfinite(found).all()
     # A hole of 80 x 110 pixels makes slopes that no surface has: heights that span 25 are off by
-    # some 0.5 there, in the whole's, too. Scaffold and whole weigh them alike but for short waves.
+    # some 0.5 there, in the whole's, too. Coarse grid and whole weigh all but short waves alike.
     assert float((found - expected).std()) < 0.02
     assert abs(found - expected).max() < 0.1
 
@@ -110,7 +110,7 @@ def test_slopes_that_no_surface_has_do_not_matter_much() -> None:
     normal = np.stack([0.3 * np.sin(x), 0.3 * np.cos(x + y), np.ones(SIZE)]).astype(np.float32)
     expected = impasto.integrate_normals(normal)
     found = by_tiles(normal, tile=64)
-    # They are as short as three blocks, which the scaffold alone would take wrongly by a tenth:
+    # They are as short as three blocks, which the coarse grid alone would take wrongly by a tenth:
     # tiles have them from their own pixels.
     assert float((found - expected).std()) < 3e-3 * float(expected.std())
 
@@ -150,7 +150,7 @@ def test_a_store_s_height_is_a_tiled_file(tmp_path: Path) -> None:
     assert seen[-1] == (150 * 205, 150 * 205)
     expected = impasto.integrate_normals(whole.normal, 0.5)
     difference = tifffile.imread(file) - expected
-    # The waves of above, of 11 blocks: scaffold and whole weigh what no surface has alike.
+    # The waves of above, of 11 blocks: coarse grid and whole weigh what no surface has alike.
     assert 0.0 < float(difference.std()) < 0.02 * float(expected.std())
     plane = impasto.find_level(whole.normal)
     level = tifffile.imread(stored.height(tmp_path / "b.tif", level=True, pitch_mm=1.0))
@@ -175,7 +175,7 @@ def test_the_command_writes_a_height(
     np.testing.assert_array_equal(tifffile.imread(tmp_path / "whole.tif"), expected)
     monkeypatch.setattr("impasto.cli.scale.WHOLE", 3000)
     assert main([*words, str(tmp_path / "tiles.tif")]) == 0
-    # These waves are no surface, and 11 blocks long: as long as what the scaffold decides.
+    # These waves are no surface, and 11 blocks long: as long as what the coarse grid decides.
     difference = tifffile.imread(tmp_path / "tiles.tif") - expected
     assert 0.0 < float(difference.std()) < 0.05 * float(expected.std())
     assert main([*words, str(tmp_path / "a.png")]) == 1

@@ -1,4 +1,4 @@
-"""Height of a painting of any size: a scaffold of the whole, and overlapping tiles on it.
+"""Height of a painting of any size: a coarse grid of the whole, and overlapping tiles on it.
 
 A tile integrated alone (:func:`impasto.integrate_normals`) has the fine relief of the whole; what
 it lacks solves Laplace's equation within the tile, and is smooth away from its borders: an offset,
@@ -8,8 +8,8 @@ whole by the cosine transform [@simchony1990poisson], every tile for itself, and
 their means over blocks, interpolated, is added to the tile. Neighbouring tiles are blended.
 
 The difference between the means of two blocks is a weighted sum of the slopes between them, the
-same that the tiles take. So where slopes are those of a surface, scaffold and tiles are exact, and
-so is the result, up to rounding; where they are not, it differs from the least squares over the
+same that the tiles take. So where slopes are those of a surface, coarse grid and tiles are exact,
+and so is the result, up to rounding; where they are not, it differs from the least squares over the
 whole by a part of what no surface explains.
 """
 
@@ -30,7 +30,7 @@ Normals = Callable[[slice, slice], NDArray[np.float32]]
 """Reads a window ``(3, rows, columns)`` of a painting's normals."""
 
 CELLS = 2**20
-"""Most blocks of a scaffold, about: 8 MB of a map in double precision."""
+"""Most blocks of a coarse grid, about: 8 MB of a map in double precision."""
 FINEST = 16
 """Fewest rows and columns of a block: a sixteenth of the normals' memory."""
 HALO = 12
@@ -61,7 +61,7 @@ class Blocks:
 
     @classmethod
     def of(cls, shape: tuple[int, int]) -> Blocks:
-        """Blocks as small as a scaffold allows."""
+        """Blocks as small as a coarse grid allows."""
         rows, columns = shape
         return cls(shape, max(FINEST, math.isqrt(rows * columns // CELLS) + 1))
 
@@ -79,7 +79,7 @@ class Blocks:
         return np.asarray(np.moveaxis(np.moveaxis(sums, axis, -1) / counts, -1, axis))
 
 
-def scaffold(normals: Normals, blocks: Blocks, pitch_mm: float) -> Floats:
+def coarse_height(normals: Normals, blocks: Blocks, pitch_mm: float) -> Floats:
     """Means ``(y, x)`` of the height over blocks, mm; their mean is 0.
 
     The normals are read once, some rows of blocks at a time.
@@ -135,14 +135,14 @@ def height_rows(
         Of a band; the last one has what is left.
     tile
         Rows and columns that are integrated at a time, about, without the border around them;
-        default: 768, or 32 blocks of the scaffold.
+        default: 768, or 32 blocks of the coarse grid.
     threads
         None means every allowed core.
     done
         Called with the number of pixels of every tile.
     """
     blocks = Blocks.of(shape)
-    coarse = scaffold(normals, blocks, pitch_mm)
+    coarse = coarse_height(normals, blocks, pitch_mm)
     counts = [np.diff(np.append(np.arange(0, s, blocks.side), s)) for s in shape]
     coarse = coarse - np.average(coarse, weights=np.outer(*counts))
     tile = max(TILE, TILE_BLOCKS * blocks.side) if tile is None else tile
@@ -184,7 +184,7 @@ def _tile(
     pitch_mm: float,
     threads: int | None,
 ) -> Floats:
-    """Height of a window that begins with a block, on the scaffold."""
+    """Height of a window that begins with a block, on the coarse grid."""
     own = integrate_normals(normals(*window), pitch_mm, threads=threads).astype(np.float64)
     if own.shape == blocks.shape:
         return own
@@ -198,7 +198,7 @@ def _smoothed(cells: Floats) -> Floats:
     """Weighted means over neighbours (Hann's window), mirrored at the borders.
 
     What a tile lacks is harmonic, and a harmonic function is the mean of its surroundings: it stays
-    as it is. What is as short as a few blocks, the tile knows better than the scaffold.
+    as it is. What is as short as a few blocks, the tile knows better than the coarse grid.
     """
     reach = HALO // 2
     weights = np.hanning(2 * reach + 3)[1:-1]

@@ -53,6 +53,24 @@ def offset(part: Window, shape: tuple[int, int]) -> tuple[float, float]:
     return right, up
 
 
+def widened(tile: Window, size: tuple[int, int], halo: int) -> Window:
+    """A tile with a border of so many pixels around it, as far as the picture reaches."""
+    rows, columns = (
+        slice(max(part.start - halo, 0), min(part.stop + halo, length))
+        for part, length in zip(tile, size, strict=True)
+    )
+    return rows, columns
+
+
+def within(tile: Window, wide: Window) -> Window:
+    """Where a tile lies in the part that was cut around it."""
+    rows, columns = (
+        slice(part.start - around.start, part.stop - around.start)
+        for part, around in zip(tile, wide, strict=True)
+    )
+    return rows, columns
+
+
 def rotated_map(plane: NDArray[Any], turns: int, axis: int | None = None) -> NDArray[Any]:
     """A map ``(..., y, x)`` after quarter turns counterclockwise.
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.extras import need
 from impasto._internal.named import in_order, is_named
-from impasto._internal.windows import Window, offset
+from impasto._internal.windows import Window, offset, widened, within
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.dataset import dataset_of, labelled
 from impasto.fit.deferred import Deferred
@@ -270,17 +270,10 @@ class _Tiles:
 
     def result(self, tile: Window, samples: NDArray[Any], mask: NDArray[Any] | None) -> Any:
         """The result of a tile from its samples and those of the border around it."""
-        wide = tuple(
-            slice(max(part.start - self.halo, 0), min(part.stop + self.halo, length))
-            for part, length in zip(tile, self.size, strict=True)
-        )
-        rig = self.pixel.rig.part(*offset((wide[0], wide[1]), self.size))
+        wide = widened(tile, self.size, self.halo)
+        rig = self.pixel.rig.part(*offset(wide, self.size))
         stack = self.pixel._replace(samples=samples, mask=mask, rig=rig)
-        rows, columns = (
-            slice(part.start - around.start, part.stop - around.start)
-            for part, around in zip(tile, wide, strict=True)
-        )
-        return self.fit(stack, rows, columns)
+        return self.fit(stack, *within(tile, wide))
 
     def of_a_flat_pixel(self) -> Any:
         """The result of one matte pixel in the corner, for the kinds of its maps."""

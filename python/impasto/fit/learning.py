@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import instance, truth
-from impasto._internal.windows import Window, window
+from impasto._internal.windows import widened, window, within
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
 from impasto.fit.choice import Choice
@@ -188,13 +188,13 @@ class LearnedModel:
             stack = stack._replace(rig=Rig(self.rig, origin=stack.rig.origin))
         size = stack.shape[2:]
         tile = window((rows, columns), size)
-        wide = _widened(tile, size, self.halo)
+        wide = widened(tile, size, self.halo)
         photographs = stack[wide]
         near = photographs
         if self.relief is not None:
             near = self.relief.removed(photographs, threads=threads)
         stereo = start_normals(near, self.method, self.effort, threads, progress, self.stereo)
-        inner = _within(tile, wide)
+        inner = within(tile, wide)
         if isinstance(self.fit, LearnedLobes):
             maps = apply_lobes(
                 self.fit, near, stereo, inner=inner, threads=threads, progress=progress
@@ -428,24 +428,6 @@ def _extent(extent: tuple[int, int] | None, stack: Stack) -> tuple[int, int]:
         raise ArgumentError(
             f"extent: expected at least the {height} x {width} pixels of the stack, found {extent}"
         )
-    return rows, columns
-
-
-def _widened(tile: Window, size: tuple[int, int], halo: int) -> Window:
-    """A tile with its halo, as far as the stack reaches."""
-    rows, columns = (
-        slice(max(part.start - halo, 0), min(part.stop + halo, length))
-        for part, length in zip(tile, size, strict=True)
-    )
-    return rows, columns
-
-
-def _within(tile: Window, wide: Window) -> Window:
-    """Where a tile lies in the part that was cut around it."""
-    rows, columns = (
-        slice(part.start - around.start, part.stop - around.start)
-        for part, around in zip(tile, wide, strict=True)
-    )
     return rows, columns
 
 

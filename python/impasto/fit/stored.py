@@ -223,12 +223,24 @@ class StoredSbrdf:
         return self._read(self._maps[name], window((rows, columns), self.shape))
 
     def every(self, step: int) -> Sbrdf:
-        """Every so many rows and columns, for statistics; where it lies is not meant.
+        """Every so many rows and columns, for statistics.
 
         Parameters
         ----------
         step
-            1 loads the whole.
+            Of so many rows and columns one; 1 loads the whole.
+
+        Returns
+        -------
+        Sbrdf
+            Its ``rig`` and position are not those of the painting.
+
+        Raises
+        ------
+        ArgumentError
+            No whole number from 1 to the smaller side.
+        CorruptInputError
+            A chunk is missing or damaged.
         """
         if not is_whole(step) or not 1 <= step <= min(self.shape):
             raise ArgumentError(
@@ -449,12 +461,12 @@ class StoredLevel(Relightable):
     ----------
     maps
         The surface.
-    stands
+    view
         From where pictures show it.
     """
 
     maps: Surface
-    stands: tuple[float, float, float] | PointView
+    view: tuple[float, float, float] | PointView
 
     def surface(self) -> Surface:
         """The maps, ready to be lit."""
@@ -462,7 +474,7 @@ class StoredLevel(Relightable):
 
     def eye(self) -> tuple[float, float, float] | PointView:
         """From where pictures show it unless a scene says so."""
-        return self.stands
+        return self.view
 
     @property
     def diffuse(self) -> NDArray[np.float32]:

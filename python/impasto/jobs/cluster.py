@@ -112,7 +112,7 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
     left = iter(tiles)
     ahead: dict[Any, Tile] = {}
     done: Any = as_completed(loop=client.loop)
-    room = _Room(client)
+    limit = _HandedOut(client)
 
     def hand_out() -> None:
         for tile in left:
@@ -121,7 +121,7 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
             future = client.submit(fit_tile, job, tile, log.wants_numbers, key=key, pure=False)
             ahead[future] = tile
             done.add(future)
-            if len(ahead) >= room.tiles():
+            if len(ahead) >= limit.tiles():
                 return
 
     try:
@@ -131,7 +131,7 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
             future = next(done)
             tile = ahead.pop(future)
             written = future.result()
-            if len(ahead) < room.tiles():
+            if len(ahead) < limit.tiles():
                 hand_out()
             log.add(tile, written)
             log.report()
@@ -151,8 +151,8 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
             client.cancel(list(ahead))
 
 
-class _Room:
-    """How many tiles are handed out at a time: as many as workers hold, and one more."""
+class _HandedOut:
+    """How many tiles are handed out at a time: as many as the workers hold, eight at least."""
 
     def __init__(self, client: Client) -> None:
         self._client = client

@@ -14,7 +14,7 @@ from impasto.io.folders import sync_folders
 from impasto.io.npz import read_npz
 from impasto.io.results.multiscales import multiscales_of, with_dims
 from impasto.io.results.zarr_arrays import METADATA
-from impasto.io.results.zarr_store import group_metadata, zarr_arrays
+from impasto.io.results.zarr_store import EMPTY_GROUP, group_metadata, zarr_arrays
 from impasto.io.temporary import OLD, PARTIAL, temporary_beside
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
@@ -30,7 +30,6 @@ NOTES = "job"
 """The group of a store that holds what the job needs: record, learned model and journal."""
 RECORD = "job.json"
 SUFFIX = ".zarr"
-EMPTY_GROUP = b'{\n  "attributes": {},\n  "node_type": "group",\n  "zarr_format": 3\n}\n'
 
 
 def checked_target(out: str | os.PathLike[str]) -> Path:

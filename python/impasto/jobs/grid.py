@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from impasto._internal.checks import is_whole
-from impasto._internal.windows import Window
+from impasto._internal.windows import Window, widened
 from impasto.errors import ArgumentError
 from impasto.fit.lobes import MOST_LOBES
 from impasto.fit.residuals import COMPONENTS
@@ -61,10 +61,10 @@ class Grid:
     def window(self, tile: Tile, halo: int = 0) -> Window:
         """Rows and columns of a tile and of a border around it, as far as the painting reaches."""
         rows, columns = (
-            slice(max(at * self.tile - halo, 0), min((at + 1) * self.tile + halo, size))
+            slice(at * self.tile, min((at + 1) * self.tile, size))
             for at, size in zip(tile, (self.rows, self.columns), strict=True)
         )
-        return rows, columns
+        return widened((rows, columns), (self.rows, self.columns), halo)
 
     def pixels(self, tile: Tile) -> int:
         """Pixels of a tile."""

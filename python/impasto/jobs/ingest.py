@@ -128,7 +128,7 @@ def _written(folder: Path, photographs: Photographs, grid: Grid) -> Iterator[Sta
     tiles = list(grid)
     with (
         ThreadPoolExecutor(1, "impasto-reader") as reader,
-        ThreadPoolExecutor(1, "impasto-writer") as scribe,
+        ThreadPoolExecutor(1, "impasto-writer") as writer,
     ):
         ahead = reader.submit(read, tiles[0])
         behind: Future[None] | None = None
@@ -142,7 +142,7 @@ def _written(folder: Path, photographs: Photographs, grid: Grid) -> Iterator[Sta
                 behind.result()
             if index + 1 < len(tiles):
                 ahead = reader.submit(read, tiles[index + 1])
-            behind = scribe.submit(write, tile, stack)
+            behind = writer.submit(write, tile, stack)
             if index + 1 == len(tiles):
                 behind.result()
             yield stack

@@ -21,12 +21,11 @@ from impasto.fit.stored import StoredSbrdf, maps_of_level, surface_of_level
 from impasto.io.files import atomic_together
 from impasto.io.results.multiscales import with_dims
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray
-from impasto.io.results.zarr_store import Levels, read_window
+from impasto.io.results.zarr_store import EMPTY_GROUP, Levels, read_window
 from impasto.jobs.journal import crc_of
 from impasto.lighting import reduced
 from impasto.surface import Surface
 
-GROUP = b'{\n  "attributes": {},\n  "node_type": "group",\n  "zarr_format": 3\n}\n'
 BLOCK = 256
 """Rows and columns of a smaller map that are made at a time, an even number."""
 
@@ -57,8 +56,8 @@ def write_levels(folder: Path, stored: StoredSbrdf) -> tuple[Levels, dict[str, s
         crcs |= files
         above = _reader(folder, arrays, template)
     if levels:
-        groups = {f"levels/{METADATA}": GROUP}
-        groups |= {f"levels/{factor}/{METADATA}": GROUP for factor in levels}
+        groups = {f"levels/{METADATA}": EMPTY_GROUP}
+        groups |= {f"levels/{factor}/{METADATA}": EMPTY_GROUP for factor in levels}
         crcs |= _written(folder, groups)
     return levels, crcs
 

@@ -200,7 +200,7 @@ def _graph(
 
 
 def _options(record: JobRecord) -> Iterator[tuple[str, Any]]:
-    """Options that are not defaults of nothing, as numbers and texts."""
+    """Options that are set, as numbers and texts."""
     options = {**record.reading, **record.fit, "tile": record.tile, "sample": record.sample}
     for key, value in sorted(options.items()):
         if value is not None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.windows import within
 from impasto.fit.learning import LearnedModel
 from impasto.fit.result import Sbrdf
 from impasto.fit.saved import maps_of
@@ -151,12 +152,8 @@ def split_result(result: Sbrdf) -> tuple[dict[str, NDArray[Any]], dict[str, NDAr
 
 def fitted(model: LearnedModel, stack: Stack, grid: Grid, tile: Tile, threads: int | None) -> Sbrdf:
     """The result of a tile, from its photographs and those of the border around it."""
-    inner, wide = grid.window(tile), grid.window(tile, model.halo)
-    rows, columns = (
-        slice(part.start - around.start, part.stop - around.start)
-        for part, around in zip(inner, wide, strict=True)
-    )
-    return model.apply(stack, rows, columns, threads=threads)
+    part = within(grid.window(tile), grid.window(tile, model.halo))
+    return model.apply(stack, *part, threads=threads)
 
 
 def fit_tiles(
@@ -180,7 +177,7 @@ def fit_tiles(
     # Leaving them waits for what they are at: a tile that is being written is finished.
     with (
         ThreadPoolExecutor(1, "impasto-reader") as reader,
-        ThreadPoolExecutor(1, "impasto-writer") as scribe,
+        ThreadPoolExecutor(1, "impasto-writer") as writer,
     ):
         ahead = reader.submit(read, tiles[0]) if tiles else None
         behind: Future[None] | None = None
@@ -193,7 +190,7 @@ def fit_tiles(
             if behind is not None:
                 behind.result()
                 log.report()
-            behind = scribe.submit(write, tile, result)
+            behind = writer.submit(write, tile, result)
         if behind is not None:
             behind.result()
             log.report()

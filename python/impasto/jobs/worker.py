@@ -54,7 +54,7 @@ class _Opened:
 
 
 @dataclass(frozen=True)
-class _Room:
+class _Slots:
     """What a worker has for tiles, whatever the number of its threads."""
 
     held: threading.BoundedSemaphore = field(
@@ -86,14 +86,14 @@ def fit_tile(job: SharedJob, tile: Tile, numbers: bool) -> WrittenTile:
     from distributed import get_worker
 
     worker = get_worker()
-    room = _room(worker.address)
-    with room.held:
+    slots = _slots(worker.address)
+    with slots.held:
         _check_folder(job)
         with _OPENING:
             opened = _opened(job)
         grid = opened.record.grid
         stack = opened.photographs.window(*grid.window(tile, opened.model.halo))
-        with room.fitting:
+        with slots.fitting:
             result = fitted(opened.model, stack, grid, tile, worker.state.nthreads)
         del stack
         # A worker that was given up for lost may come to this after all.
@@ -102,9 +102,9 @@ def fit_tile(job: SharedJob, tile: Tile, numbers: bool) -> WrittenTile:
 
 
 @lru_cache(maxsize=64)
-def _room(address: str) -> _Room:
+def _slots(address: str) -> _Slots:
     """Of one worker: there may be several in a process."""
-    return _Room()
+    return _Slots()
 
 
 @lru_cache(maxsize=1)

@@ -32,6 +32,8 @@ NAME = re.compile(r"(levels/[0-9]+/)?[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)*")
 """Names of arrays: they are names of folders, too."""
 OME = "ome"
 """The attribute of the group in which readers of OME-NGFF look."""
+EMPTY_GROUP = b'{\n  "attributes": {},\n  "node_type": "group",\n  "zarr_format": 3\n}\n'
+"""The ``zarr.json`` of a group that says nothing of itself."""
 Levels: TypeAlias = dict[int, list[ZarrArray]]
 """Smaller maps by how many pixels of the painting, along a side, are one of theirs."""
 
