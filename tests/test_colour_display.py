@@ -264,12 +264,12 @@ def test_a_bad_file_is_named(tmp_path, changes, words):
 
 def test_files_that_are_no_measurements(tmp_path):
     path = tmp_path / "crt.json"
-    for text, words in (("{", "not a JSON file"), ("[]", "expected an object"), ("{}", "lacks")):
+    for text, words in (("{", "cannot be read as JSON"), ("[]", "expected an object"), ("{}", "lacks")):
         path.write_text(text, encoding="utf-8")
         with pytest.raises(CorruptInputError, match=words):
             read_display(path)
     path.write_bytes(bytes([255, 254, 0]))
-    with pytest.raises(CorruptInputError, match="not a JSON file"):
+    with pytest.raises(CorruptInputError, match="cannot be read as JSON"):
         read_display(path)
     with pytest.raises(FileNotFoundError):
         read_display(tmp_path / "none.json")
