@@ -264,7 +264,11 @@ def test_a_bad_file_is_named(tmp_path, changes, words):
 
 def test_files_that_are_no_measurements(tmp_path):
     path = tmp_path / "crt.json"
-    for text, words in (("{", "cannot be read as JSON"), ("[]", "expected an object"), ("{}", "lacks")):
+    for text, words in (
+        ("{", "cannot be read as JSON"),
+        ("[]", "expected an object"),
+        ("{}", "lacks"),
+    ):
         path.write_text(text, encoding="utf-8")
         with pytest.raises(CorruptInputError, match=words):
             read_display(path)
