@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import distributed
 import pytest
 
 import impasto
@@ -19,7 +20,6 @@ from killed_jobs import stack, tree
 from test_jobs import photographs
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
-distributed = pytest.importorskip("distributed")
 
 pytestmark = pytest.mark.slow
 

@@ -191,7 +191,6 @@ def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path: Path) -> N
 def test_a_store_whose_replacement_was_killed_is_found_again(
     tmp_path: Path, next_step: str
 ) -> None:
-    pytest.importorskip("zarr")
     killed(tmp_path, BETWEEN_RENAMES)
     path = tmp_path / "a.zarr"
     assert not path.exists(), "killed between the two renames"
@@ -308,8 +307,6 @@ def test_a_step_that_fails_leaves_the_old_or_the_new(
     tmp_path: Path, kind: str, step: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The n-th call of a function of the system fails, for every n that there is."""
-    if kind == "zarr":
-        pytest.importorskip("zarr")
     (tmp_path / "new").mkdir()
     written(kind, tmp_path / "new", 2.0)
     old = tmp_path / "old"

@@ -22,7 +22,6 @@ READERS = (
 
 @pytest.fixture(scope="module")
 def known(tmp_path_factory: pytest.TempPathFactory) -> dict[str, fuzz_readers.Reader]:
-    pytest.importorskip("zarr")
     return fuzz_readers.readers(tmp_path_factory.mktemp("seeds"))
 
 

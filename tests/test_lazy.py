@@ -7,16 +7,15 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+import dask.array as da
 import numpy as np
 import pytest
+import xarray
 
 import impasto
 from impasto import ArgumentError, GeometryError, LazyStack
 from killed_jobs import stack
 from processes import surroundings
-
-da = pytest.importorskip("dask.array")
-xarray = pytest.importorskip("xarray")
 
 CHUNKS = (5, 2, 33, 40)
 """Nine tiles, cut off by the border, and chunks along photographs and bands."""

@@ -333,7 +333,7 @@ class StoredSbrdf:
 
         What :func:`impasto.integrate_normals` does with the whole: a coarse height of the whole
         painting, and overlapping tiles on it. Where the normals are those of a surface, both give
-        the same up to rounding; noise of one degree makes them differ by a tenth of what it does to
+        the same up to rounding; noise of one degree makes them differ by a twentieth of what it does to
         either.
 
         Parameters

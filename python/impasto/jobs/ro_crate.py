@@ -27,7 +27,8 @@ METADATA = "ro-crate-metadata.json"
 CRATE = "https://w3id.org/ro/crate/1.1"
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 TERMS = "https://w3id.org/ro/terms/workflow-run/context"
-HOME = "https://pypi.org/project/impasto/"
+SOFTWARE = "#impasto"
+"""The program, within the crate."""
 
 
 def export_ro_crate(
@@ -163,7 +164,7 @@ def _graph(
         "@type": "CreateAction",
         "name": "Fit of the photographs by impasto.run",
         "description": f"{what}; {NOTES}/{RECORD} in the store has every option",
-        "instrument": {"@id": HOME},
+        "instrument": {"@id": SOFTWARE},
         "object": [
             *({"@id": _id(one)} for one in record.inputs),
             *({"@id": f"#{key}"} for key, _ in _options(record)),
@@ -172,10 +173,9 @@ def _graph(
         "actionStatus": {"@id": "http://schema.org/CompletedActionStatus"},
     }
     yield {
-        "@id": HOME,
+        "@id": SOFTWARE,
         "@type": "SoftwareApplication",
         "name": "impasto",
-        "url": HOME,
         "softwareVersion": record.version,
     }
     yield {
