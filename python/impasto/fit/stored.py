@@ -333,8 +333,8 @@ class StoredSbrdf:
 
         What :func:`impasto.integrate_normals` does with the whole: a coarse height of the whole
         painting, and overlapping tiles on it. Where the normals are those of a surface, both give
-        the same up to rounding; noise of one degree makes them differ by a twentieth of what it does to
-        either.
+        the same up to rounding; noise of one degree makes them differ by a twentieth of what it
+        does to either.
 
         Parameters
         ----------
