@@ -194,7 +194,7 @@ def test_changes_are_listed(
     [
         ("job run {stack} --out {out}.npz", 1, "--out: expected a name ending in .zarr"),
         ("job run {stack} --out {out}.zarr --memory x", 1, "--memory: expected bytes"),
-        ("job run {stack} --out {out}.zarr --tile 3", 1, "--tile: expected a whole number"),
+        ("job run {stack} --out {out}.zarr --tile 3", 1, "--tile: expected an even number"),
         ("job run {stack} --out {out}.zarr --region 0 0 9 9", 2, "--region: a job fits the whole"),
         ("job run {stack} --out {out}.zarr --encoding srgb", 1, "--encoding"),
         ("job run nowhere.lp --out {out}.zarr", 1, "nowhere.lp does not exist"),

@@ -31,6 +31,10 @@ FITS: dict[str, dict[str, Any]] = {
 }
 
 
+SAME = ("albedo", "normal", "residual", "sigma", "status")
+"""Maps of photometric stereo that are those of a result without a lobe."""
+
+
 @pytest.fixture(scope="module")
 def result() -> impasto.Sbrdf:
     return impasto.fit_sbrdf(stack(), pooling="none")
@@ -76,8 +80,49 @@ def test_any_zarr_reads_the_maps(result: impasto.Sbrdf, saved: Path) -> None:
     assert np.isnan(group["normal"].fill_value)
     assert group["status"].fill_value == 255
     assert group["normal"].shards == (3, 128, 128)
-    assert len(list(group.arrays())) == len(json.loads((saved / "zarr.json").read_text())[
-        "attributes"]["impasto"]["arrays"])  # fmt: skip
+    listed = json.loads((saved / "zarr.json").read_text())["attributes"]["impasto"]["arrays"]
+    own = {name for name, entry in listed.items() if "same_as" not in entry}
+    assert {name for name, _ in group.arrays()} == own
+    # Without a lobe the result is that of photometric stereo, and is there once.
+    assert listed.keys() - own == {f"normals.{n}" for n in SAME}
+
+
+def test_maps_that_are_others_are_stored_once(result: impasto.Sbrdf, saved: Path) -> None:
+    found = impasto.load_sbrdf(saved)
+    assert found.normals.albedo.tobytes() == result.normals.albedo.tobytes() != b""
+    part = impasto.open_sbrdf(saved)[3:20, 5:60]
+    assert part.normals.normal.tobytes() == result.normals.normal[:, 3:20, 5:60].tobytes()
+    # Only what is the same array: like numbers may be a coincidence.
+    alike = replace(result, diffuse=result.diffuse.copy())
+    alike.save(saved.with_name("alike.zarr"))
+    assert (saved.with_name("alike.zarr") / "normals.albedo").is_dir()
+
+
+def chunks_of(file: bytes, across: int) -> list[bytes | None]:
+    """Inner chunks of a shard by its index, as the specification of sharding_indexed has it."""
+    index = np.frombuffer(file[-16 * across * across - 4 : -4], "<u8").reshape(-1, 2)
+    absent = 2**64 - 1
+    return [
+        None if place == absent else file[place : place + length]
+        for place, length in index.tolist()
+    ]
+
+
+@pytest.mark.parametrize("size", [(256, 256), (100, 130), (1, 256)])
+@pytest.mark.parametrize("dtype", ["float32", "uint8", "float64"])
+def test_shards_hold_what_the_zarr_library_puts_into_them(
+    size: tuple[int, int], dtype: str, tmp_path: Path
+) -> None:
+    values = (np.arange(17 * 256 * 256) % 199).reshape(17, 256, 256)[:, : size[0], : size[1]]
+    values = values.astype(dtype)
+    array = ZarrArray("map", values.shape, values.dtype, 256)
+    (tmp_path / "map").mkdir()
+    (tmp_path / "map" / "zarr.json").write_bytes(array.metadata)
+    zarr.open_array(tmp_path / "map", mode="r+", config={"write_empty_chunks": True})[...] = values
+    theirs = chunks_of((tmp_path / array.path(0, 0)).read_bytes(), 256 // array.inner)
+    ours = chunks_of(bytes(array.encoded(values)), 256 // array.inner)
+    assert ours == theirs
+    assert ours[0] is not None
 
 
 def test_saving_twice_gives_the_same_bytes(

@@ -19,8 +19,8 @@ from impasto.errors import CorruptInputError, GeometryError, ImpastoError, Inter
 
 ARGUMENTS = (
     "adaptation|bands|camera|dark|data|display|encoding|environment|estimator|exposure|illuminant|"
-    "images|index|intensities|into|lights|lobes|mask|memory|method|out|pattern|pitch_mm|region|"
-    "repeats|sample|saturation|seed|size|strict|threads|tile|tolerance|view|white"
+    "images|index|intensities|into|lights|lobes|mask|memory|method|out|pattern|pitch_mm|precision|"
+    "region|repeats|sample|saturation|seed|size|strict|threads|tile|tolerance|view|white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``."""
 

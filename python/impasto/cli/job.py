@@ -26,6 +26,7 @@ from impasto.errors import ClusterError
 from impasto.fit.normals import Method
 from impasto.fit.options import Model, Pooling
 from impasto.fit.pooled import Extraction
+from impasto.io.results.precision import Precision
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -50,6 +51,7 @@ def run(
     memory: str = MEMORY,
     tile: SomeWhole = None,
     sample: SomeWhole = None,
+    precision: Precision = "single",
     resume: Annotated[bool, Parameter(negative="--no-resume")] = True,
     reading: Reading | None = None,
     model: Model = "torrance-sparrow",
@@ -85,10 +87,13 @@ def run(
     memory
         For samples and maps, without the program: 500MB, 4GiB.
     tile
-        Rows and columns of a tile; default: as the memory allows.
+        Rows and columns of a tile, an even number; default: as the memory allows.
     sample
         The model of the whole painting is learned from every so many rows and columns (odd); 1:
         from all pixels. Default: as the memory allows.
+    precision
+        Of normals, colours and lobes in the store; half takes half the space, and changes colours
+        by 0.05 % at most.
     resume
         Go on with a job of this name; --no-resume removes an unfinished one.
     model
@@ -152,6 +157,7 @@ def run(
             resume=resume,
             tile=tile,
             sample=sample,
+            precision=precision,
             reading=reading.options(),
             threads=threads,
             progress=progress,

@@ -168,7 +168,9 @@ class StoredSbrdf:
             A chunk of the part is missing or damaged.
         """
         part = window(key, self.shape)
-        return self._part(part, {name: self._read(one, part) for name, one in self._maps.items()})
+        own = {name: self._read(one, part) for name, one in self._maps.items() if not one.same_as}
+        same = {name: own[one.same_as] for name, one in self._maps.items() if one.same_as}
+        return self._part(part, own | same)
 
     def visible(self, rows: slice, columns: slice) -> Sbrdf:
         """A part as pictures need it: errors and photometric stereo are not read, but 0."""
@@ -428,7 +430,7 @@ class StoredSbrdf:
     def _every(self, one: ZarrArray, step: int) -> NDArray[Any]:
         height, width = self.shape
         size = -(-height // step), -(-width // step)
-        found = np.empty((*one.shape[:-2], *size), one.dtype)
+        found: NDArray[Any] | None = None
         for rows, columns in self.windows():
             first = [-(-part.start // step) for part in (rows, columns)]
             starts = [
@@ -436,7 +438,10 @@ class StoredSbrdf:
             ]
             picked = self._read(one, (rows, columns))[..., starts[0] :: step, starts[1] :: step]
             down, across = picked.shape[-2:]
+            if found is None:
+                found = np.empty((*one.shape[:-2], *size), picked.dtype)
             found[..., first[0] : first[0] + down, first[1] : first[1] + across] = picked
+        assert found is not None
         return found
 
     @cached_property

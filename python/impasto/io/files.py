@@ -64,7 +64,7 @@ def atomic_bytes(path: str | Path, data: bytes) -> None:
         temporary.write_bytes(data)
 
 
-def atomic_together(files: Mapping[Path, bytes]) -> None:
+def atomic_together(files: Mapping[Path, bytes | memoryview]) -> None:
     """Write files; each appears complete or not at all.
 
     The data of all reach the disk before any name does. Disks flush many files in little more time

@@ -12,17 +12,18 @@ from impasto.fit.stored import StoredSbrdf
 from impasto.io.files import as_problem_of, atomic_bytes, atomic_together
 from impasto.io.folders import sync_folders
 from impasto.io.npz import read_npz
-from impasto.io.results.multiscales import multiscales_of, with_dims
+from impasto.io.results.multiscales import multiscales_of
+from impasto.io.results.precision import Precision
 from impasto.io.results.zarr_arrays import METADATA
 from impasto.io.results.zarr_store import EMPTY_GROUP, group_metadata, zarr_arrays
 from impasto.io.temporary import OLD, PARTIAL, temporary_beside
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
-from impasto.jobs.levels import write_levels
+from impasto.jobs.levels import HALF_SCALE, write_levels
 from impasto.jobs.lock import LOCK, locked
 from impasto.jobs.record import JobRecord
-from impasto.jobs.tiles import KNOWN, MAP, NUMBERS, PACE, map_array
+from impasto.jobs.tiles import NUMBERS, PACE, arrays_of_tiles, no_maps
 
 LOG = getLogger("impasto.jobs")
 LOG.addHandler(NullHandler())
@@ -184,30 +185,28 @@ def changed(path: Path, crc: str) -> bool:
     return path.is_symlink() or not path.is_file() or checksum(path) != crc
 
 
-def finish(partial: Path, grid: Grid, entries: Entries) -> None:
+def finish(partial: Path, grid: Grid, entries: Entries, precision: Precision) -> None:
     """Describe all arrays, write those that are no maps, and close the journal.
 
     Every step leaves a folder that can be resumed; the same steps then write the same bytes.
     """
     notes = partial / NOTES
-    numbers = read_npz(notes / NUMBERS)
-    maps = [
-        map_array(name.removeprefix(MAP), plane, grid)
-        for name, plane in numbers.items()
-        if name.startswith(MAP)
-    ]
-    numbers = {n: a for n, a in numbers.items() if not n.startswith(MAP) and n != KNOWN}
+    found = read_npz(notes / NUMBERS)
+    numbers = no_maps(found)
+    tiles = arrays_of_tiles(found, grid)
+    maps = [one for one in tiles if not one.name.startswith(HALF_SCALE)]
+    half = [one for one in tiles if one.name.startswith(HALF_SCALE)]
     stored = zarr_arrays(numbers, (), None)
-    files: dict[str, bytes] = {f"{NOTES}/{METADATA}": EMPTY_GROUP}
+    files: dict[str, bytes | memoryview] = {f"{NOTES}/{METADATA}": EMPTY_GROUP}
     for array in stored:
         files |= array.files(numbers[array.name])
-    files |= {array.metadata_path: array.metadata for array in map(with_dims, maps)}
+    files |= {array.metadata_path: array.metadata for array in tiles}
     described = sorted([*stored, *maps], key=lambda array: array.name)
     atomic_together({partial / name: data for name, data in files.items()})
     text = {name: array for name, array in numbers.items() if array.dtype.kind == "U"}
-    tiles = StoredSbrdf(partial, text, described, {})
-    levels, crcs = write_levels(partial, tiles)
-    multiscales = multiscales_of(described, levels, tiles.pitch_mm)
+    painting = StoredSbrdf(partial, text, described, {})
+    levels, crcs = write_levels(partial, painting, half, precision)
+    multiscales = multiscales_of(described, levels, painting.pitch_mm)
     last = {METADATA: group_metadata(numbers, described, levels, multiscales)}
     atomic_together({partial / name: data for name, data in last.items()})
     own = [*files, *last, *(f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS))]

@@ -58,6 +58,11 @@ class Grid:
         """Rows and columns of tiles."""
         return -(-self.rows // self.tile), -(-self.columns // self.tile)
 
+    @property
+    def half(self) -> Grid:
+        """The same tiles over the painting at half its scale."""
+        return Grid(self.rows // 2, self.columns // 2, self.tile // 2)
+
     def window(self, tile: Tile, halo: int = 0) -> Window:
         """Rows and columns of a tile and of a border around it, as far as the painting reaches."""
         rows, columns = (
@@ -168,10 +173,10 @@ def checked_tile(tile: Any) -> int:
     Raises
     ------
     ArgumentError
-        No whole number from 16 on.
+        No even number from 16 on.
     """
-    if not is_whole(tile) or tile < SMALLEST:
-        raise ArgumentError(f"tile: expected a whole number from {SMALLEST} on, found {tile!r}")
+    if not is_whole(tile) or tile < SMALLEST or tile % 2:
+        raise ArgumentError(f"tile: expected an even number from {SMALLEST} on, found {tile!r}")
     return int(tile)
 
 

@@ -162,9 +162,9 @@ def _describe(folder: Path, stack: Stack, grid: Grid, inputs: Sequence[Mapping[s
     arrays = {**arrays_of_store(stack), "inputs": np.array(files_read)}
     others = zarr_arrays(arrays, (), None)
     maps = [array for array, _ in _maps(stack, grid)]
-    files: dict[str, bytes] = {}
+    files: dict[str, bytes | memoryview] = {}
     for array in others:
-        files |= dict(array.files(arrays[array.name]))
+        files |= array.files(arrays[array.name])
     files |= {array.metadata_path: array.metadata for array in maps}
     files[METADATA] = group_metadata(arrays, sorted([*others, *maps], key=lambda one: one.name))
     atomic_together({folder / name: data for name, data in files.items()})

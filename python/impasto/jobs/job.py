@@ -14,6 +14,7 @@ from impasto._internal.checks import truth
 from impasto.errors import ArgumentError, ResumeMismatchError
 from impasto.fit.subsample import checked_stride, learning_stride
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
+from impasto.io.results.precision import Precision, checked_precision
 from impasto.io.results.zarr_arrays import need_zarr
 from impasto.jobs.cluster import checked_client, fit_tiles_on
 from impasto.jobs.folder import (
@@ -57,6 +58,7 @@ def run(
     resume: bool = True,
     tile: int | None = None,
     sample: int | None = None,
+    precision: Precision = "single",
     reading: Mapping[str, Any] | None = None,
     client: Client | None = None,
     threads: int | None = None,
@@ -95,13 +97,17 @@ def run(
     resume
         Whether to go on with a job of this name; False: an unfinished one is removed.
     tile
-        Rows and columns of a tile, no more than the painting needs; default: as ``memory`` allows,
-        at most 1024. A job that is
-        resumed keeps its own.
+        Rows and columns of a tile, an even number, no more than the painting needs; default: as
+        ``memory`` allows, at most 1024. A job that is resumed keeps its own.
     sample
         The model is learned from every so many rows and columns, an odd number; 1: from all pixels,
         whatever memory that takes. Default: that of :func:`impasto.learn_sbrdf`, or a larger one if
         ``memory`` asks for it.
+    precision
+        ``"half"``: normals, colours, strengths and widths of lobes, residuals and predicted errors
+        are stored in half precision. Colours then differ by 0.05 % at most, normals by 0.03
+        degrees; :func:`impasto.load_sbrdf` gives them in single precision. Default ``"single"``:
+        bit for bit.
     reading
         Options of :func:`impasto.read_stack` for a path: ``{"encoding": "srgb"}``. Arrays are
         refused; give files. There is no ``region``.
@@ -181,6 +187,7 @@ def run(
         shape=photographs.shape,
         tile=tile,
         sample=sample,
+        precision=checked_precision(precision),
         notes=photographs.notes,
     )
     if not resume:
@@ -247,7 +254,10 @@ def carry_out(
             log = TileLog(notes, grid, journal, report)
             missing = [tile for tile in grid if tile not in done]
             if client is None:
-                fit_tiles(photographs, model, partial, grid, missing, log, threads=threads)
+                fit_tiles(
+                    photographs, model, partial, grid, missing, log,
+                    precision=record.precision, threads=threads,
+                )  # fmt: skip
             else:
                 own = journal.entries
                 job = SharedJob(partial.absolute(), own.job, own.learned, memory)
@@ -259,7 +269,7 @@ def carry_out(
                 f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
                 "begin anew (resume=False, --no-resume)"
             )
-        finish(partial, grid, entries)
+        finish(partial, grid, entries, record.precision)
         with as_problem_of(target):
             partial.rename(target)
             # Not before: another process could take a lock of its own.

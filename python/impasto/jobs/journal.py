@@ -144,7 +144,7 @@ class Journal:
         wait_for(os.fsync, self._file.fileno())
 
 
-def crc_of(data: bytes) -> str:
+def crc_of(data: bytes | memoryview) -> str:
     """CRC-32 in eight hexadecimal digits."""
     return f"{zlib.crc32(data):08x}"
 

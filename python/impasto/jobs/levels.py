@@ -2,64 +2,90 @@
 
 A smaller map is what pictures need, and looks from afar as the painting does (``reduce=`` of
 :func:`impasto.render`): the mean colour of what is known, normals of unit length, and lobes that
-their scatter has widened. Each scale is made of the one before, until a single tile holds all.
+their scatter has widened. Half the scale is made of every tile while it is in memory, in tiles of
+half the size; each further one of the one before, until a single tile holds all.
 Variances add, so that this is what a step from the painting itself gives, up to terms of the square
 of the scatter.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.windows import Window
+from impasto.fit.result import Sbrdf
 from impasto.fit.stored import StoredSbrdf, maps_of_level, surface_of_level
 from impasto.io.files import atomic_together
 from impasto.io.results.multiscales import with_dims
+from impasto.io.results.precision import Precision, to_store
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray
 from impasto.io.results.zarr_store import EMPTY_GROUP, Levels, read_window
+from impasto.jobs.grid import Grid
 from impasto.jobs.journal import crc_of
 from impasto.lighting import reduced
 from impasto.surface import Surface
 
 BLOCK = 256
 """Rows and columns of a smaller map that are made at a time, an even number."""
+HALF_SCALE = "levels/2/"
+"""Begins the names of the maps at half the scale."""
 
 
-def write_levels(folder: Path, stored: StoredSbrdf) -> tuple[Levels, dict[str, str]]:
-    """Make all smaller maps of a store whose tiles are whole.
+def half_scale(result: Sbrdf, grid: Grid) -> dict[str, NDArray[np.float32]]:
+    """The maps of a tile at half its scale by their names in the store; none of a single tile."""
+    if len(grid) == 1 or 0 in (grid.half.rows, grid.half.columns):
+        return {}
+    surface = result.surface()
+    rows, columns = surface.shape
+    # What fills no group is left out: of a single row nothing is left but the names of its maps.
+    small, _ = reduced(surface, None, 2 if min(rows, columns) > 1 else 1)
+    return {
+        f"{HALF_SCALE}{name}": plane[..., : rows // 2, : columns // 2]
+        for name, plane in maps_of_level(small).items()
+    }
+
+
+def write_levels(
+    folder: Path, stored: StoredSbrdf, half: list[ZarrArray], precision: Precision
+) -> tuple[Levels, dict[str, str]]:
+    """Make the smaller maps of a store from those of half the scale.
+
+    Parameters
+    ----------
+    folder
+        The store.
+    stored
+        The same, whose tiles are whole.
+    half
+        The maps of half the scale; none of a painting that a tile holds.
+    precision
+        That of the maps.
 
     Returns
     -------
     tuple
-        The maps by factor, and CRC-32 in hexadecimal digits of every file by its name.
+        The maps by factor, and CRC-32 in hexadecimal digits of every new file by its name.
     """
+    if not half:
+        return {}, {}
     template = stored[:1, :1].surface()
-    levels: Levels = {}
+    levels: Levels = {2: sorted(half, key=lambda array: array.name)}
     crcs: dict[str, str] = {}
-    size, factor = stored.shape, 1
-
-    def painting(rows: slice, columns: slice) -> Surface:
-        return stored.visible(rows, columns).surface()
-
-    above: Callable[[slice, slice], Surface] = painting
+    size, factor = half[0].shape[-2:], 2
     while max(size) > stored.tile:
         size, factor = (size[0] // 2, size[1] // 2), 2 * factor
         if 0 in size:
             break
-        arrays, files = _level(folder, above, size, factor, stored.tile)
-        levels[factor] = arrays
+        above = _reader(folder, levels[factor // 2], template)
+        levels[factor], files = _level(folder, above, size, factor, stored.tile, precision)
         crcs |= files
-        above = _reader(folder, arrays, template)
-    if levels:
-        groups = {f"levels/{METADATA}": EMPTY_GROUP}
-        groups |= {f"levels/{factor}/{METADATA}": EMPTY_GROUP for factor in levels}
-        crcs |= _written(folder, groups)
-    return levels, crcs
+    groups = {f"levels/{METADATA}": EMPTY_GROUP}
+    groups |= {f"levels/{factor}/{METADATA}": EMPTY_GROUP for factor in levels}
+    return levels, crcs | _written(folder, groups)
 
 
 def _reader(
@@ -82,6 +108,7 @@ def _level(
     size: tuple[int, int],
     factor: int,
     tile: int,
+    precision: Precision,
 ) -> tuple[list[ZarrArray], dict[str, str]]:
     """Every file of the maps at one scale: a shard is made of those of the scale before."""
     arrays: dict[str, ZarrArray] = {}
@@ -91,9 +118,15 @@ def _level(
             slice(row * tile, min((row + 1) * tile, size[0])),
             slice(column * tile, min((column + 1) * tile, size[1])),
         )
-        maps = _shard(above, window)
+        maps = {
+            name: to_store(name, plane, precision)
+            for name, plane in _shard(above, window, f"levels/{factor}/").items()
+        }
         if not arrays:
-            arrays = {name: _array(name, plane, size, factor, tile) for name, plane in maps.items()}
+            arrays = {
+                name: with_dims(ZarrArray(name, (*plane.shape[:-2], *size), plane.dtype, tile))
+                for name, plane in maps.items()
+            }
             crcs |= _written(folder, {a.metadata_path: a.metadata for a in arrays.values()})
         crcs |= _written(
             folder,
@@ -106,7 +139,7 @@ def _level(
 
 
 def _shard(
-    above: Callable[[slice, slice], Surface], window: Window
+    above: Callable[[slice, slice], Surface], window: Window, prefix: str
 ) -> dict[str, NDArray[np.float32]]:
     """A part of all maps, from twice as many rows and columns of the scale before."""
     found: dict[str, NDArray[np.float32]] = {}
@@ -119,9 +152,9 @@ def _shard(
         )
         small, _ = reduced(surface, None, 2)
         for name, plane in maps_of_level(small).items():
-            if name not in found:
-                found[name] = np.empty((*plane.shape[:-2], *size), np.float32)
-            found[name][..., down, across] = plane
+            if prefix + name not in found:
+                found[prefix + name] = np.empty((*plane.shape[:-2], *size), np.float32)
+            found[prefix + name][..., down, across] = plane
     return found
 
 
@@ -131,13 +164,6 @@ def _blocks(size: tuple[int, int]) -> Iterator[Window]:
             yield slice(top, min(top + BLOCK, size[0])), slice(left, min(left + BLOCK, size[1]))
 
 
-def _array(
-    name: str, plane: NDArray[Any], size: tuple[int, int], factor: int, tile: int
-) -> ZarrArray:
-    shape = (*plane.shape[:-2], *size)
-    return with_dims(ZarrArray(f"levels/{factor}/{name}", shape, plane.dtype, tile))
-
-
-def _written(folder: Path, files: dict[str, bytes]) -> dict[str, str]:
+def _written(folder: Path, files: Mapping[str, bytes | memoryview]) -> dict[str, str]:
     atomic_together({folder / name: data for name, data in files.items()})
     return {name: crc_of(data) for name, data in files.items()}

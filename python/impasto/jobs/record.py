@@ -14,6 +14,7 @@ import numpy as np
 from impasto._internal.damage import DAMAGE
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.results.precision import Precision, checked_precision
 from impasto.jobs.grid import Grid
 
 FORMAT = 1
@@ -45,6 +46,8 @@ class JobRecord:
         Rows and columns of a tile.
     sample
         The model is learned from every so many rows and columns.
+    precision
+        Of the maps in the store: ``"single"`` or ``"half"``.
     notes
         Kind and text of what was repaired, left out or assumed while the photographs were read.
     """
@@ -58,6 +61,7 @@ class JobRecord:
     shape: tuple[int, int, int, int]
     tile: int
     sample: int
+    precision: Precision
     notes: Sequence[Sequence[str]]
     format: int = field(default=FORMAT)
 
@@ -97,6 +101,7 @@ class JobRecord:
             named = named and all(len(note) == 2 for note in found.notes)
             if not (whole and named and isinstance(found.fit, dict)):
                 raise ValueError("an entry is of the wrong kind")
+            checked_precision(found.precision)
         except (*DAMAGE, OSError) as error:
             raise CorruptInputError(path, f"is no record of a job ({error})") from error
         if found.format != FORMAT:

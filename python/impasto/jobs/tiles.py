@@ -19,9 +19,13 @@ from impasto.fit.result import Sbrdf
 from impasto.fit.saved import maps_of
 from impasto.io.files import as_problem_of, atomic_together
 from impasto.io.npz import read_npz, write_npz
+from impasto.io.results.multiscales import with_dims
+from impasto.io.results.precision import Precision, to_store
 from impasto.io.results.zarr_arrays import ZarrArray
+from impasto.io.results.zarr_store import same_arrays
 from impasto.jobs.grid import Grid, Tile
 from impasto.jobs.journal import Journal, TileEntry, crc_of
+from impasto.jobs.levels import HALF_SCALE, half_scale
 from impasto.jobs.photographs import Photographs
 from impasto.rig import Rig
 from impasto.stack import Stack
@@ -30,6 +34,8 @@ NUMBERS = "numbers.npz"
 """What is not a map, the same for every tile with an estimated pixel; and maps without pixels."""
 MAP = "map:"
 """Begins the names of these."""
+SAME = "same:"
+"""Begins the names of maps that are others, whose names these are."""
 KNOWN = "estimated"
 """Whether the tile that the numbers are from has an estimated pixel."""
 PACE = "pace.jsonl"
@@ -109,35 +115,78 @@ class TileLog:
 
 
 def write_tile(
-    folder: Path, grid: Grid, tile: Tile, result: Sbrdf, *, numbers: bool = True
+    folder: Path,
+    grid: Grid,
+    tile: Tile,
+    result: Sbrdf,
+    precision: Precision,
+    *,
+    numbers: bool = True,
 ) -> WrittenTile:
     """Every map of a tile, each in a file of its own that is on the disk when this returns.
+
+    Those of half the scale are made of it, too, while the maps are in memory.
 
     Parameters
     ----------
     folder
         The store, which is not whole yet.
+    precision
+        That of the maps.
     numbers
         Whether what is not a map is returned, too.
     """
     maps, others = split_result(result)
+    same = same_arrays(maps)
     estimated = int(result.estimated.sum())
+    stored = {
+        name: to_store(name, plane, precision)
+        for name, plane in sorted((maps | half_scale(result, grid)).items())
+        if name not in same
+    }
     files = {}
-    for name, plane in sorted(maps.items()):
+    for name, plane in stored.items():
         array = map_array(name, plane, grid)
-        files[array.path(*tile)] = array.encoded(plane, *tile)
+        if 0 not in plane.shape:
+            files[array.path(*tile)] = array.encoded(plane, *tile)
     atomic_together({folder / name: data for name, data in files.items()})
     entry = TileEntry(estimated, {name: crc_of(data) for name, data in files.items()})
     if not numbers:
         return WrittenTile(entry, None)
-    none = {f"{MAP}{name}": plane[..., :0, :0] for name, plane in maps.items()}
-    return WrittenTile(entry, {**others, **none, KNOWN: np.array(estimated > 0)})
+    none = {f"{MAP}{name}": plane[..., :0, :0] for name, plane in stored.items()}
+    shared = {f"{SAME}{name}": np.array(other) for name, other in same.items()}
+    return WrittenTile(entry, {**others, **none, **shared, KNOWN: np.array(estimated > 0)})
+
+
+def arrays_of_tiles(numbers: Mapping[str, NDArray[Any]], grid: Grid) -> list[ZarrArray]:
+    """How all maps are stored, those of half the scale too, from what a tile has left of them."""
+    own = {
+        name.removeprefix(MAP): map_array(name.removeprefix(MAP), plane, grid)
+        for name, plane in numbers.items()
+        if name.startswith(MAP)
+    }
+    same = [
+        replace(own[str(other)], name=name.removeprefix(SAME), same_as=str(other))
+        for name, other in numbers.items()
+        if name.startswith(SAME)
+    ]
+    return [*own.values(), *same]
+
+
+def no_maps(numbers: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """What is not a map of what a tile has left."""
+    return {
+        name: array
+        for name, array in numbers.items()
+        if not name.startswith((MAP, SAME)) and name != KNOWN
+    }
 
 
 def map_array(name: str, plane: NDArray[Any], grid: Grid) -> ZarrArray:
     """How a map is stored, from its part ``(..., y, x)`` in any tile."""
-    shape = (*plane.shape[:-2], grid.rows, grid.columns)
-    return ZarrArray(name, shape, plane.dtype, grid.tile)
+    place = grid.half if name.startswith(HALF_SCALE) else grid
+    shape = (*plane.shape[:-2], place.rows, place.columns)
+    return with_dims(ZarrArray(name, shape, plane.dtype, place.tile))
 
 
 def split_result(result: Sbrdf) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
@@ -164,6 +213,7 @@ def fit_tiles(
     tiles: Sequence[Tile],
     log: TileLog,
     *,
+    precision: Precision,
     threads: int | None,
 ) -> None:
     """Fit the tiles in their order; meanwhile the next is read and the last one written."""
@@ -172,7 +222,7 @@ def fit_tiles(
         return photographs.window(*grid.window(tile, model.halo))
 
     def write(tile: Tile, result: Sbrdf) -> None:
-        log.add(tile, write_tile(folder, grid, tile, result, numbers=log.wants_numbers))
+        log.add(tile, write_tile(folder, grid, tile, result, precision, numbers=log.wants_numbers))
 
     # Leaving them waits for what they are at: a tile that is being written is finished.
     with (

@@ -98,7 +98,7 @@ def fit_tile(job: SharedJob, tile: Tile, numbers: bool) -> WrittenTile:
         del stack
         # A worker that was given up for lost may come to this after all.
         _check_folder(job)
-        return write_tile(job.folder, grid, tile, result, numbers=numbers)
+        return write_tile(job.folder, grid, tile, result, opened.record.precision, numbers=numbers)
 
 
 @lru_cache(maxsize=64)

@@ -2,8 +2,8 @@
 
 Maps ``(..., y, x)`` are cut into square tiles. A tile is a shard, one file; it holds small inner
 chunks that can be read alone, each with a checksum (crc32c). Nothing is compressed: noise hardly
-shrinks. The files are made by the zarr library in memory, so that whoever writes them decides
-where and how safely.
+shrinks. The files are made in memory, so that whoever writes them decides where and how safely:
+shards by :mod:`~impasto.io.results.shards`, all else by the zarr library.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.extras import need
+from impasto.io.results.shards import missing_chunks, shard_of
 
 TILE = 1024
 """Rows and columns of a tile, if nobody says otherwise: 4 MiB of a map in single precision."""
@@ -33,8 +34,6 @@ LEAST_INNER = 32
 """Fewest rows and columns of an inner chunk where no divisor of the tile is near."""
 METADATA = "zarr.json"
 """The file that describes an array or a group."""
-ABSENT = 2**64 - 1
-"""Place and length of an inner chunk that a shard does not hold."""
 
 
 def need_zarr() -> None:
@@ -88,6 +87,8 @@ class ZarrArray:
         Rows and columns of the shards of a map; None: one chunk holds the array.
     dims
         Names of its dimensions for other readers; none if empty.
+    same_as
+        Another array of the store, whose files hold the same numbers; empty: it has its own.
     """
 
     name: str
@@ -95,6 +96,12 @@ class ZarrArray:
     dtype: np.dtype[Any]
     tile: int | None = None
     dims: tuple[str, ...] = ()
+    same_as: str = ""
+
+    @property
+    def folder(self) -> str:
+        """Where its files lie in the store."""
+        return self.same_as or self.name
 
     @property
     def grid(self) -> tuple[int, int]:
@@ -122,9 +129,9 @@ class ZarrArray:
     def path(self, row: int = 0, column: int = 0) -> str:
         """The file of a tile, or of the only chunk, in the store."""
         if self.tile is None:
-            return "/".join([self.name, "c", *("0" for _ in self.shape)])
+            return "/".join([self.folder, "c", *("0" for _ in self.shape)])
         leading = ["0"] * (len(self.shape) - 2)
-        return "/".join([self.name, "c", *leading, str(row), str(column)])
+        return "/".join([self.folder, "c", *leading, str(row), str(column)])
 
     def paths(self) -> Iterator[tuple[str, tuple[int, int]]]:
         """Every file of the array's numbers, with the row and column of its tile."""
@@ -142,20 +149,23 @@ class ZarrArray:
     @property
     def metadata_path(self) -> str:
         """The file that describes the array."""
-        return f"{self.name}/{METADATA}"
+        return f"{self.folder}/{METADATA}"
 
     @property
     def metadata(self) -> bytes:
         """What is in that file."""
         return bytes(self._encoder.files[f"array/{METADATA}"].to_bytes())
 
-    def encoded(self, part: NDArray[Any], row: int = 0, column: int = 0) -> bytes:
+    def encoded(self, part: NDArray[Any], row: int = 0, column: int = 0) -> bytes | memoryview:
         """The file of a tile, or of the only chunk, that holds these numbers."""
-        where = ... if self.tile is None else (..., *self.window(row, column))
-        place = self.path(row, column).removeprefix(self.name)
-        return self._encoder.written(f"array{place}", where, part)
+        if self.tile is None:
+            return self._encoder.written(f"array{self.path().removeprefix(self.folder)}", part)
+        window = self.window(row, column)
+        assert part.shape[-2:] == tuple(one.stop - one.start for one in window)
+        numbers = np.asarray(part, self.dtype.newbyteorder("<"))
+        return shard_of(numbers, self.tile, self.inner, fill_of(self.dtype))
 
-    def files(self, values: NDArray[Any]) -> Iterator[tuple[str, bytes]]:
+    def files(self, values: NDArray[Any]) -> Iterator[tuple[str, bytes | memoryview]]:
         """Every file of the array with its bytes."""
         yield self.metadata_path, self.metadata
         for path, (row, column) in self.paths():
@@ -174,19 +184,10 @@ class ZarrArray:
     ) -> int:
         """How many inner chunks of a tile its file does not hold.
 
-        Other readers take what is missing for fill values, without a word. ``within``: a window of
-        the map; only chunks that it touches count.
+        ``within``: a window of the map; only chunks that it touches count.
         """
         assert self.tile is not None
         inner = self.inner
-        across = self.tile // inner
-        index_bytes = 16 * across * across
-        size = path.stat().st_size
-        if size < index_bytes + 4:
-            return across * across
-        with path.open("rb") as file:
-            file.seek(-index_bytes - 4, 2)
-            index = np.frombuffer(file.read(index_bytes), "<u8").reshape(across, across, 2)
         tile = self.window(row, column)
         rows, columns = (
             slice(
@@ -195,9 +196,7 @@ class ZarrArray:
             )
             for part, around in zip(tile, within or tile, strict=True)
         )
-        places, lengths = np.moveaxis(index[rows, columns], -1, 0)
-        lost = (places == ABSENT) | (lengths == ABSENT) | (places > size) | (lengths > size)
-        return int(np.count_nonzero(lost))
+        return missing_chunks(path, self.tile // inner, rows, columns)
 
 
 @dataclass(frozen=True)
@@ -218,10 +217,10 @@ class _Encoder:
     array: Any
     lock: threading.Lock
 
-    def written(self, name: str, where: Any, part: NDArray[Any]) -> bytes:
-        """The file that an assignment makes."""
+    def written(self, name: str, values: NDArray[Any]) -> bytes:
+        """The file that holds all values of the array."""
         with self.lock:
-            self.array[where] = part
+            self.array[...] = values
             return bytes(self.files.pop(name).to_bytes())
 
 

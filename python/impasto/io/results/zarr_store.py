@@ -10,6 +10,7 @@ import stat
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -20,6 +21,7 @@ from impasto._internal.damage import DAMAGE
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder, recover
+from impasto.io.results.precision import from_store
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr, snapped
 
 FORMAT = 1
@@ -66,6 +68,8 @@ class ZarrStore:
         stored = zarr_arrays(arrays, size, tile)
         with new_folder(path) as folder:
             for array in stored:
+                if array.same_as:
+                    continue
                 files = dict(array.files(np.asarray(arrays[array.name])))
                 atomic_together({folder / name: data for name, data in files.items()})
             atomic_together({folder / METADATA: group_metadata(arrays, stored)})
@@ -86,7 +90,8 @@ class ZarrStore:
         recover(path)
         text, stored = contents(path)
         need_zarr()
-        return {**text, **{array.name: read_array(path, array) for array in stored}}
+        own = {one.name: read_array(path, one) for one in stored if not one.same_as}
+        return {**text, **own, **{one.name: own[one.same_as] for one in stored if one.same_as}}
 
 
 def zarr_arrays(
@@ -94,10 +99,27 @@ def zarr_arrays(
 ) -> list[ZarrArray]:
     """How arrays that are no text are stored: those ``(..., *size)`` in tiles, if there are any."""
     found = []
+    same = same_arrays(arrays)
     for name, array in sorted(arrays.items()):
         if array.dtype.kind not in "U":
             whole = tile is not None and array.ndim >= 2 and array.shape[-2:] == size
-            found.append(ZarrArray(name, array.shape, array.dtype, tile if whole else None))
+            one = ZarrArray(name, array.shape, array.dtype, tile if whole else None)
+            found.append(replace(one, same_as=same.get(name, "")) if whole else one)
+    return found
+
+
+def same_arrays(arrays: Mapping[str, NDArray[Any]]) -> dict[str, str]:
+    """Names of arrays that are another one, not only its like, with the name of that.
+
+    Photometric stereo alone gives its normals as those of the result: they are stored once.
+    """
+    names: dict[Any, str] = {}
+    found = {}
+    for name in sorted(arrays, key=lambda name: ("." in name, name)):
+        array = arrays[name]
+        place = array.__array_interface__["data"][0], array.shape, array.strides, array.dtype.str
+        if array.size and names.setdefault(place, name) != name:
+            found[name] = names[place]
     return found
 
 
@@ -127,6 +149,7 @@ def group_metadata(
 def _entries(arrays: list[ZarrArray]) -> dict[str, Any]:
     return {
         one.name: {"dtype": one.dtype.name, "shape": list(one.shape), "tile": one.tile}
+        | ({"same_as": one.same_as} if one.same_as else {})
         for one in arrays
     }
 
@@ -145,6 +168,10 @@ def contents(path: Path) -> tuple[dict[str, NDArray[Any]], list[ZarrArray]]:
     try:
         text = {str(name): np.array(value, np.str_) for name, value in own["text"].items()}
         stored = [_stored(name, entry) for name, entry in own["arrays"].items()]
+        by_name = {one.name: one for one in stored}
+        for one in stored:
+            if one.same_as and by_name[one.same_as] != replace(one, name=one.same_as, same_as=""):
+                raise ValueError(f"{one.name} is not like {one.same_as}")
     except DAMAGE as error:
         raise CorruptInputError(path / METADATA, f"is damaged ({error})") from error
     return text, stored
@@ -234,7 +261,7 @@ def _check_metadata(path: Path, array: ZarrArray) -> None:
 
 
 def read_array(path: Path, array: ZarrArray) -> NDArray[Any]:
-    """One array of a store, all of whose checksums agree.
+    """One array of a store, all of whose checksums agree; a map in single precision.
 
     Raises
     ------
@@ -242,8 +269,9 @@ def read_array(path: Path, array: ZarrArray) -> NDArray[Any]:
         It names the file or the array.
     """
     check_files(path, array)
-    with _damage_of(path / array.name):
-        return np.asarray(_opened(path, array)[...], dtype=array.dtype)
+    with _damage_of(path / array.folder):
+        found = np.asarray(_opened(path, array)[...], dtype=array.dtype)
+    return from_store(array.name, found)
 
 
 def read_window(path: Path, array: ZarrArray, rows: slice, columns: slice) -> NDArray[Any]:
@@ -257,14 +285,15 @@ def read_window(path: Path, array: ZarrArray, rows: slice, columns: slice) -> ND
     """
     _check_metadata(path, array)
     check_window(path, array, rows, columns)
-    with _damage_of(path / array.name):
-        return np.asarray(_opened(path, array)[..., rows, columns], dtype=array.dtype)
+    with _damage_of(path / array.folder):
+        found = np.asarray(_opened(path, array)[..., rows, columns], dtype=array.dtype)
+    return from_store(array.name, found)
 
 
 def _opened(path: Path, array: ZarrArray) -> Any:
     import zarr
 
-    found = zarr.open_array(str(path / array.name), mode="r", zarr_format=3)
+    found = zarr.open_array(str(path / array.folder), mode="r", zarr_format=3)
     if (found.shape, found.dtype, found.shards) != _layout(array):
         raise ValueError(f"{found.dtype} {found.shape} in shards {found.shards}")
     return found
@@ -288,15 +317,17 @@ def _layout(array: ZarrArray) -> tuple[Any, ...]:
 
 def _stored(name: str, entry: Mapping[str, Any]) -> ZarrArray:
     shape, tile, dtype = entry["shape"], entry["tile"], np.dtype(entry["dtype"])
+    same_as = entry.get("same_as", "")
     fine = (
         NAME.fullmatch(name) is not None
+        and isinstance(same_as, str)
         and dtype.kind in "biuf"
         and all(isinstance(size, int) and size >= 0 for size in shape)
         and (tile is None or (isinstance(tile, int) and tile > 0 and len(shape) >= 2))
     )
     if not fine:
         raise ValueError(f"an array {name!r} of {entry!r}")
-    return ZarrArray(name, tuple(shape), dtype, tile)
+    return ZarrArray(name, tuple(shape), dtype, tile, same_as=same_as)
 
 
 def _own(path: Path) -> dict[str, Any] | None:
