@@ -1,6 +1,9 @@
-"""One hash of all maps, whatever fits them: threads x tiles x numpy, dask and the command line.
+"""One hash of all maps, whatever fits them: instruction sets x threads x tiles x numpy, dask and the
+command line.
 
-``python tests/same_bytes.py`` prints a line for every way and says how many hashes there are.
+``python tests/same_bytes.py`` prints a line for every way and says how many hashes there are. The
+instruction set is chosen when impasto is loaded, so that each has a process of its own, whose
+workers and commands take it over.
 """
 
 from __future__ import annotations
@@ -18,13 +21,16 @@ from typing import Any
 import numpy as np
 
 import impasto
+from impasto import _core
 from impasto.io import write_stack
 from killed_jobs import stack
 from processes import surroundings
 
 SIZE = (150, 170)
 """Nine tiles of 64, four of 100, one of 256 pixels."""
-THREADS, TILES = (1, 2, 3), (64, 100, 256)
+THREADS, TILES = (1, 2, 3, 5, 8), (64, 100, 256, 1024)
+SETS = ("baseline", "avx2", "avx512")
+"""Those that the processor does not have are left out."""
 OPTIONS: dict[str, Any] = {"pooling": "pixel", "lobes": 2}
 """Lobes per pixel, whose searches start from neighbours: tiles need a border."""
 
@@ -105,33 +111,62 @@ def ways(folder: Path, client: Any, threads: int, tile: int) -> Iterator[tuple[s
     )
 
 
-def main() -> int:
+def hashes(threads: list[int], tiles: list[int]) -> Iterator[str]:
+    """A hash for every way in this process, printed as soon as it is known."""
     from distributed import Client, LocalCluster
 
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--threads", type=int, nargs="+", default=THREADS)
-    parser.add_argument("--tiles", type=int, nargs="+", default=TILES)
-    given = parser.parse_args()
-    found: list[str] = []
+    simd = _core.build_info()["simd"]
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         write_stack(folder / "painting.npz", stack(SIZE))
-        for threads in given.threads:
-            workers = {"n_workers": 2, "threads_per_worker": threads}
+        for count in threads:
+            workers = {"n_workers": 2, "threads_per_worker": count}
             with (
                 LocalCluster(**workers, processes=True, dashboard_address=None) as cluster,
                 Client(cluster, set_as_default=False) as client,
             ):
-                for tile in given.tiles:
-                    for name, fit in ways(folder, client, threads, tile):
+                for tile in tiles:
+                    for name, fit in ways(folder, client, count, tile):
                         start = time.monotonic()
-                        found.append(digest(fit()))
+                        found = digest(fit())
                         seconds = time.monotonic() - start
                         sys.stdout.write(
-                            f"{threads} threads, tile {tile:3d}, {name:17}  {found[-1]}  "
+                            f"{simd}, {count} threads, tile {tile:4d}, {name:17}  {found}  "
                             f"{seconds:.1f} s\n"
                         )
                         sys.stdout.flush()
+                        yield found
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--threads", type=int, nargs="+", default=THREADS)
+    parser.add_argument("--tiles", type=int, nargs="+", default=TILES)
+    parser.add_argument("--sets", nargs="+", default=SETS, choices=SETS)
+    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.here:
+        return len(list(hashes(given.threads, given.tiles))) == 0
+    found: list[str] = []
+    for simd in given.sets:
+        words = ["--here", "--threads", *map(str, given.threads), "--tiles", *map(str, given.tiles)]
+        with subprocess.Popen(
+            [sys.executable, __file__, *words],
+            env=surroundings(IMPASTO_SIMD=simd),
+            stdout=subprocess.PIPE,
+            text=True,
+        ) as process:
+            assert process.stdout is not None
+            for line in process.stdout:
+                if not line.startswith(f"{simd}, "):
+                    sys.stdout.write(f"{simd}: this processor runs {line.split(',')[0]} instead\n")
+                    process.terminate()
+                    break
+                sys.stdout.write(line)
+                sys.stdout.flush()
+                found.append(line.split()[-3])
+        if process.returncode > 0:
+            return process.returncode
     sys.stdout.write(f"{len(found)} ways, {len(set(found))} hash: {' '.join(sorted(set(found)))}\n")
     return int(len(set(found)) != 1)
 

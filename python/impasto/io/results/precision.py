@@ -48,7 +48,7 @@ def to_store(name: str, plane: NDArray[Any], precision: Precision) -> NDArray[An
         return plane
     with np.errstate(over="ignore"):
         half = plane.astype(np.float16)
-    lost = np.isinf(half)
+    lost = (half.view(np.uint16) & 0x7FFF) == 0x7C00  # isinf, which takes five times as long
     if lost.any() and (found := np.abs(plane[lost & np.isfinite(plane)])).size:
         raise ArgumentError(
             f"precision: {name} holds {found.max():g}, and half precision reaches to 65504; use "
