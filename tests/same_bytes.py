@@ -30,6 +30,7 @@ SIZE = (150, 170)
 THREADS, TILES = (1, 2, 3, 5, 8), (64, 100, 256, 1024)
 SETS = ("baseline", "avx2", "avx512")
 """Those that the processor does not have are left out."""
+ASKED = "from impasto import _core; print(_core.build_info()['simd'])"
 OPTIONS: dict[str, Any] = {"pooling": "pixel", "lobes": 2}
 """Lobes per pixel, whose searches start from neighbours: tiles need a border."""
 
