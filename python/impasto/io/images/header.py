@@ -26,7 +26,7 @@ class ImageHeader:
     Parameters
     ----------
     format
-        ``"jpeg"``, ``"png"``, ``"tiff"`` or ``"exr"``.
+        ``"jpeg"``, ``"png"``, ``"tiff"``, ``"exr"`` or ``"raw"``.
     width, height
         In pixels, as stored (EXIF orientation is not applied).
     channels

@@ -23,10 +23,12 @@ from impasto.io.images.jpeg import jpeg_header
 from impasto.io.images.native_stderr import NO_MEMORY, captured_lines
 from impasto.io.images.picture import Picture, WholePicture
 from impasto.io.images.png import png_header
+from impasto.io.images.raw import RAW_SUFFIXES, open_raw
 from impasto.io.images.tiff import open_tiff
 
 _DAMAGE_OF_JPEG = b"Corrupt JPEG data|Premature end of JPEG"
-IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".exr"})
+JPEG_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe"})
+IMAGE_SUFFIXES = JPEG_SUFFIXES | RAW_SUFFIXES | {".png", ".tif", ".tiff", ".exr"}
 
 
 def read_image(
@@ -41,7 +43,9 @@ def read_image(
     Parameters
     ----------
     path
-        JPEG, PNG (8 or 16 bit), TIFF (8, 16 bit or float) or OpenEXR (half or float).
+        JPEG, PNG (8 or 16 bit), TIFF (8, 16 bit or float), OpenEXR (half or float), or RAW of a
+        camera, which is developed: linear, in the camera's colours, with neither white balance nor
+        noise reduction, from the black to the white that the file states (0 to 65535).
     layer
         For OpenEXR with several layers: the one to read.
     max_pixels
@@ -58,6 +62,8 @@ def read_image(
         Truncated, damaged or no picture at all.
     ArgumentError
         Not found, too large, or a ``layer`` that is not there.
+    MissingExtraError
+        RAW, and rawpy is not installed.
     """
     return load_image(path, layer=layer, max_pixels=max_pixels)[1]
 
@@ -83,8 +89,8 @@ def open_picture(
 
     The structure of the file is checked to its end. What :meth:`~impasto.io.Source.read` returns
     is bit for bit the same part of what :func:`read_image` returns: of TIFF and OpenEXR only the
-    strips, tiles or blocks of rows that a window touches are read and decoded; JPEG and PNG are
-    decoded whole, once.
+    strips, tiles or blocks of rows that a window touches are read and decoded; JPEG, PNG and RAW
+    are decoded whole, once.
 
     Raises
     ------
@@ -122,6 +128,10 @@ def _structure(
     def check(header: ImageHeader) -> None:
         check_size(header, file.size, max_pixels)
 
+    if path.suffix.lower() in RAW_SUFFIXES:  # most of them are TIFF by their first bytes
+        raw = open_raw(file)
+        check(raw.header)
+        return raw.header, lambda layer: raw
     if first[:4] in {b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"}:
         picture = open_tiff(file, check)
         return picture.header, lambda layer: picture
@@ -139,7 +149,7 @@ def _structure(
             raise CorruptInputError(
                 path,
                 "is not a JPEG, PNG, TIFF or OpenEXR picture (its first bytes are "
-                f"{first.hex(' ')}); convert camera RAW to linear 16-bit TIFF first",
+                f"{first.hex(' ')}), and its name is not that of a camera's RAW file",
             )
     except (struct.error, IndexError) as error:
         raise truncated(path, "its header") from error
@@ -182,7 +192,10 @@ def _decode(header: ImageHeader, data: bytes, bands: int) -> NDArray[Any]:
 
 
 def list_images(folder: Path) -> list[Path]:
-    """The pictures of a folder in natural order: photo2 before photo10."""
+    """The pictures of a folder in natural order: photo2 before photo10.
+
+    A JPEG that a camera has written beside its RAW file is not one more photograph.
+    """
     found = [
         path
         for path in folder.iterdir()
@@ -190,6 +203,8 @@ def list_images(folder: Path) -> list[Path]:
         and not path.name.startswith(".")
         and path.is_file()
     ]
+    raw = {path.stem for path in found if path.suffix.lower() in RAW_SUFFIXES}
+    found = [p for p in found if p.suffix.lower() not in JPEG_SUFFIXES or p.stem not in raw]
     return sorted(found, key=lambda path: natural_key(path.name))
 
 
