@@ -27,11 +27,12 @@ demo: $(VENV)/built  ## measure and relight a simulated painting; pictures in de
 	$(BIN)/impasto demo --out demo
 
 test: $(VENV)/created  ## run every check: lint, Rust, Python, documentation
-	@$(MAKE) --no-print-directory --jobs 2 rust-checks $(VENV)/extras
+	@$(MAKE) --no-print-directory --jobs 3 rust-checks $(VENV)/compiled $(VENV)/extras
 	@$(MAKE) --no-print-directory --jobs 2 lint test-rust
-	@$(MAKE) --no-print-directory test-python docs
+	@$(MAKE) --no-print-directory --jobs 2 test-python docs
 
-# The release build keeps one core busy for minutes: meanwhile the other compiles what the Rust checks need.
+# The release build keeps one core busy for minutes: meanwhile the other compiles what the Rust checks need, and
+# packages are fetched.
 rust-checks: $(VENV)/created
 	cargo clippy --quiet --workspace --all-targets -- -D warnings
 	cargo test --quiet --no-run
@@ -100,9 +101,14 @@ $(VENV)/created:
 	@touch $@
 
 # The editable install: Python edits are live, only Rust edits build again.
-$(VENV)/built: $(VENV)/created pyproject.toml constraints.txt $(RUST)
-	@echo "make: building impasto; the first time takes a few minutes"
+$(VENV)/built: $(VENV)/compiled pyproject.toml constraints.txt
 	@$(BIN)/maturin develop --release --quiet
+	@touch $@
+
+# Without pip, which may be fetching the extras at the same time.
+$(VENV)/compiled: $(VENV)/created $(RUST)
+	@echo "make: building impasto; the first time takes a few minutes"
+	@$(BIN)/maturin develop --release --quiet --skip-install
 	@touch $@
 
 # Fitters to compare with; the benchmark names those that are missing.
@@ -118,7 +124,7 @@ $(VENV)/release: pyproject.toml constraints.txt | $(VENV)/built
 	@$(BIN)/python -m pip install --requirement $(VENV)/release.txt
 	@touch $@
 
-$(VENV)/extras: pyproject.toml constraints.txt | $(VENV)/built
+$(VENV)/extras: pyproject.toml constraints.txt | $(VENV)/created
 	@echo "make: fetching what tests and documentation need"
 	@$(BIN)/python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; print("\n".join(p["test"] + p["docs"]))' > $(VENV)/extras.txt
 	@$(BIN)/python -m pip install --requirement $(VENV)/extras.txt
