@@ -115,11 +115,16 @@ class LearnedModel:
         seeds = isinstance(self.fit, LearnedLobes) and self.fit.options.start == "neighbours"
         return HALO if seeds else 0
 
-    def magnified(self, stride: int, extent: tuple[int, int]) -> LearnedModel:
-        """What was learned from every ``stride``-th row and column, for all of ``extent``."""
+    def magnified(
+        self, stride: int, extent: tuple[int, int], middle: tuple[float, float] = (0.0, 0.0)
+    ) -> LearnedModel:
+        """What was learned from every ``stride``-th row and column, for all of ``extent``.
+
+        ``middle``: where the middle of ``extent`` lies, if that is a part of a painting.
+        """
         fit, rig, relief = self.fit, self.rig, self.relief
         if isinstance(fit, LearnedLobes):
-            fit = replace(fit, extent=extent)
+            fit = replace(fit, extent=extent, middle=middle)
         if rig is not None and rig.pitch_mm is not None:
             rig = Rig(rig, pitch_mm=rig.pitch_mm / stride)
         relief = None if relief is None else relief.magnified(stride)
@@ -327,6 +332,7 @@ def learn_sbrdf(
         "joint": joint,
         "index": index,
     }
+    middle = stack.rig.origin if whole else (0.0, 0.0)
     stack = every(stack, stride)
     # Of a part the model is one of the whole; of every third pixel it becomes that.
     learned_size = size if stride == 1 else stack.shape[2:]
@@ -367,7 +373,7 @@ def learn_sbrdf(
         None if stack.rig is before else stack.rig,
         known,
     )
-    return model_of_sample.magnified(stride, size)
+    return model_of_sample.magnified(stride, size, middle)
 
 
 def load_learned(path: str | os.PathLike[str]) -> LearnedModel:

@@ -268,9 +268,8 @@ class StoredSbrdf:
     ) -> PictureFile:
         """Render the painting part by part into a tiled 16-bit TIFF, in the memory of some rows.
 
-        Under distant lights the picture has the bits of :func:`impasto.render` of the whole. Near
-        lamps and a near eye are placed anew for every part in single precision, which changes light
-        by some 1e-6 of it.
+        The picture has the bits of :func:`impasto.render` of the whole, also under near lamps and
+        with a near eye.
 
         Parameters
         ----------
