@@ -348,7 +348,7 @@ def test_metal_shines_through_a_coat_on_a_card_too() -> None:
 
 
 def test_a_part_lies_in_the_painting_on_a_card_too() -> None:
-    """Coordinates are halves of a pixel, exact on the card: the tolerance is that of any picture."""
+    """Coordinates are halves of a pixel, exact on the card: the tolerance stays."""
     surface = varnished()
     scene = Scene([PointLight((5.0, 8.0, 20.0)), PointLight((-30.0, 2.0, 9.0), radius=2.0)])
     part = np.s_[6:29, 17:50]

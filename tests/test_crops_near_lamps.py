@@ -121,7 +121,9 @@ def test_parts_of_a_smaller_scale_have_the_bits_of_it(
     """Neither 37 nor 50 is a multiple of all: its pixels lie between those of the painting."""
     everything = light(surface, SCENES[name], reduce=factor)
     for top, left, rows, columns in [(0, 0, 2, 3), (1, 2, 5, 4), (3, 5, 3, 4)]:
-        part = np.s_[top * factor : (top + rows) * factor, left * factor : (left + columns) * factor]
+        part = np.s_[
+            top * factor : (top + rows) * factor, left * factor : (left + columns) * factor
+        ]
         shown = light(cut(surface, part), SCENES[name], reduce=factor)
         assert same(shown, everything[:, top : top + rows, left : left + columns])
 
