@@ -36,7 +36,7 @@ from impasto.fit.stages import (
     start_normals,
     with_refined_rig,
 )
-from impasto.fit.subsample import checked_stride, every, stride_of
+from impasto.fit.subsample import Sample, checked_stride
 from impasto.io.results import read_maps, write_maps
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
 from impasto.rig import Rig
@@ -322,7 +322,7 @@ def learn_sbrdf(
             'pooling: "segment" cannot be learned from a sample; fit every part by '
             'fit_sbrdf(stack, pooling="segment"), or ask for "painting" or "pixel"'
         )
-    stride = stride_of(stack) if sample is None else checked_stride(sample)
+    taken = Sample.of(stack) if sample is None else Sample(checked_stride(sample), stack.shape[2:])
     given = {
         "lobes": lobes,
         "ambient": ambient,
@@ -333,9 +333,9 @@ def learn_sbrdf(
         "index": index,
     }
     middle = stack.rig.origin if whole else (0.0, 0.0)
-    stack = every(stack, stride)
+    stack = taken.taken(stack)
     # Of a part the model is one of the whole; of every third pixel it becomes that.
-    learned_size = size if stride == 1 else stack.shape[2:]
+    learned_size = size if taken.stride == 1 else taken.shape
     resolved_effort = resolved(effort)
     kinds = fit_kinds(model, pooling, given)
     before = stack.rig
@@ -373,7 +373,7 @@ def learn_sbrdf(
         None if stack.rig is before else stack.rig,
         known,
     )
-    return model_of_sample.magnified(stride, size, middle)
+    return model_of_sample.magnified(taken.stride, size, middle)
 
 
 def load_learned(path: str | os.PathLike[str]) -> LearnedModel:
