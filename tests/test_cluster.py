@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import distributed
+import numpy as np
 import pytest
 
 import impasto
 from impasto import ArgumentError, jobs
 from impasto.cli import main
-from impasto.io import write_stack
+from impasto.io import write_jpeg, write_lights, write_png8, write_stack
 from impasto.jobs import cluster as client_side
 from killed_jobs import stack, tree
 from test_jobs import photographs
@@ -72,6 +74,64 @@ def test_workers_write_the_bytes_of_a_local_job(client: Any, tmp_path: Path) -> 
     assert tree(there) == tree(impasto.run(path, tmp_path / "here.zarr", **options))
     assert seen == [(done, 4) for done in range(5)]
     assert jobs.verify(there) == ()
+
+
+def open_files(folder: str) -> list[str]:
+    """On a worker: what of a folder it has open or mapped."""
+    handles = Path("/proc/self/fd").iterdir()
+    links = [str(handle.readlink()) for handle in handles if handle.is_symlink()]
+    mapped = Path("/proc/self/maps").read_text().split()
+    return sorted({name for name in (*links, *mapped) if name.startswith(folder)})
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads what Linux says of a process")
+def test_workers_close_the_photographs_of_a_job_that_has_ended(
+    client: Any, source: Path, tmp_path: Path
+) -> None:
+    """Also of one that is stopped, with tiles at work."""
+    folder = str(source.parent)
+    during: list[str] = []
+
+    def stop(done: int, total: int) -> None:
+        if done == 3:
+            for names in client.run(open_files, folder).values():
+                during.extend(names)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        impasto.run(source, tmp_path / "a.zarr", client=client, progress=stop, **NONE)
+    assert during
+    jobs.resume(tmp_path / "a.zarr", client=client)
+    assert set(map(tuple, client.run(open_files, folder).values())) == {()}
+
+
+def write_files(folder: Path, suffix: str) -> Path:
+    """Photographs of 8 bits with a mask, of which the last tile has nothing."""
+    taken = stack()
+    names = [f"light{index}{suffix}" for index in range(len(taken.rig))]
+    write = write_png8 if suffix == ".png" else write_jpeg
+    for name, codes in zip(names, taken.samples, strict=True):
+        write(folder / name, np.ascontiguousarray(np.moveaxis(codes >> 4, 0, -1).astype(np.uint8)))
+    write_lights(folder / "dirs.lp", taken.rig, names)
+    mask = np.full((*taken.shape[2:], 3), 255, np.uint8)
+    mask[60:, 60:] = 0
+    write_png8(folder / "mask.png", mask)
+    return folder / "dirs.lp"
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+def test_workers_decode_photographs_in_whole_rows(client: Any, suffix: str, tmp_path: Path) -> None:
+    """JPEG and PNG have no tiles: what a worker decodes serves the next tiles, too."""
+    path = write_files(tmp_path, suffix)
+    options: dict[str, Any] = NONE | {"reading": {"mask": tmp_path / "mask.png"}}
+    there = impasto.run(path, tmp_path / "there.zarr", client=client, **options)
+    assert tree(there) == tree(impasto.run(path, tmp_path / "here.zarr", **options))
+    found = impasto.load_sbrdf(there)
+    expected = impasto.fit_sbrdf(
+        impasto.read_stack(path, mask=tmp_path / "mask.png"), pooling="none"
+    )
+    assert found.normal.tobytes() == expected.normal.tobytes()
+    assert (found.status[60:, 60:] == impasto.Status.MASKED).all()
 
 
 def test_a_worker_that_is_killed_changes_no_byte(

@@ -345,3 +345,25 @@ def test_metal_shines_through_a_coat_on_a_card_too() -> None:
     found = renderer.frame(scene).display.astype(int)
     assert expected.max() > 20
     assert np.abs(found[..., :3] - expected).max() <= 1
+
+
+def test_a_part_lies_in_the_painting_on_a_card_too() -> None:
+    """Coordinates are halves of a pixel, exact on the card: the tolerance stays."""
+    surface = varnished()
+    scene = Scene([PointLight((5.0, 8.0, 20.0)), PointLight((-30.0, 2.0, 9.0), radius=2.0)])
+    part = np.s_[6:29, 17:50]
+    lobe = surface.lobes[0]
+    cut = Surface.torrance_sparrow(
+        *(np.ascontiguousarray(a[..., *part]) for a in (surface.normal, surface.diffuse)),
+        *(np.ascontiguousarray(a[part]) for a in (lobe.strength, lobe.shape[0])),
+        pitch_mm=PITCH,
+        origin=(17 + 33 / 2 - 61 / 2, 43 / 2 - 6 - 23 / 2),
+    )
+    expected = impasto.render(surface, scene, output="light").xyz[:, *part]
+    found = gpu.Renderer(cut, adapter="any").light(scene)[0]
+    np.testing.assert_allclose(linear(found), linear(expected), atol=SINGLE)
+    np.testing.assert_allclose(
+        linear(impasto.render(cut, scene, backend="gpu", output="light").xyz),
+        linear(expected),
+        atol=SINGLE,
+    )

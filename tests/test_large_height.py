@@ -13,8 +13,8 @@ import tifffile
 import impasto
 from impasto import ArgumentError, CorruptInputError
 from impasto.cli import main
+from impasto.fit.stored.height import Blocks, _cosines, _from_cosines, height_rows
 from impasto.io.images.bands_of_rows import write_tiff_rows
-from impasto.large_height import Blocks, _cosines, _from_cosines, height_rows
 from killed_jobs import stack
 
 SIZE = (407, 530)
@@ -23,9 +23,9 @@ SIZE = (407, 530)
 @pytest.fixture(autouse=True)
 def fine(monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks of 4 pixels and 48 around tiles of 64, so that a small picture has many."""
-    monkeypatch.setattr("impasto.large_height.FINEST", 4)
-    monkeypatch.setattr("impasto.large_height.TILE", 64)
-    monkeypatch.setattr("impasto.large_height.TILE_BLOCKS", 1)
+    monkeypatch.setattr("impasto.fit.stored.height.FINEST", 4)
+    monkeypatch.setattr("impasto.fit.stored.height.TILE", 64)
+    monkeypatch.setattr("impasto.fit.stored.height.TILE_BLOCKS", 1)
 
 
 def relief(size: tuple[int, int] = SIZE) -> np.ndarray:

@@ -12,7 +12,7 @@ import impasto
 from impasto import ArgumentError, DistantLight, PointLight, Rig, simulate
 from impasto.fit import subsample
 from impasto.fit.relief import Relief
-from impasto.fit.subsample import every, learning_stride, stride_of
+from impasto.fit.subsample import Sample
 from impasto.io import write_stack
 from killed_jobs import stack
 from test_jobs import photographs, same
@@ -27,31 +27,34 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_two_million_pixels_and_as_many_samples_as_fit_into_memory() -> None:
-    def square(side: int) -> Any:
-        return lambda stride: (-(-side // stride)) ** 2
+    def stride_of(size: tuple[int, int], planes: int, inside: Any) -> int:
+        return Sample.to_learn(size, planes, inside).stride
+
+    def all_of(some: Sample) -> int:
+        return some.count(None)
 
     # 1448 squared is just below 2^21; 770 views in three bands: 2^28 samples are 116,000 pixels.
     cases = [(1448, 36, 1), (1449, 36, 3), (32768, 96, 23), (340, 2310, 1), (342, 2310, 3)]
     for side, planes, stride in cases:
-        assert learning_stride(square(side), (side, side), planes) == stride
+        assert stride_of((side, side), planes, all_of) == stride
     # A narrow picture keeps all of its rows.
-    assert learning_stride(lambda stride: -(-60_000_000 // stride), (1, 60_000_000), 36) == 29
+    assert stride_of((1, 60_000_000), 36, all_of) == 29
     # Ten thousand pixels of a mask, far apart: at most four times two million are taken.
-    assert learning_stride(lambda stride: 10_000 // stride**2, (32768, 32768), 36) == 13
+    assert stride_of((32768, 32768), 36, lambda some: 10_000 // some.stride**2) == 13
 
 
 def test_a_sample_has_pixels_of_the_mask(small: None) -> None:
     """A mask may be a sample itself, whose holes coincide with the stride."""
     size = (125, 142)
     taken = stack(size)
-    assert stride_of(taken) == 3
+    assert Sample.of(taken).stride == 3
     few = np.zeros(size, bool)
     few[::7, ::3] = True  # 864 pixels, few enough, in a picture that is not much larger
-    assert stride_of(taken._replace(mask=few)) == 1
+    assert Sample.of(taken._replace(mask=few)).stride == 1
     most = np.ones(size, bool)
     most[2::3] = False  # all rows of every third
-    assert every(taken._replace(mask=most), 3).mask.any() is np.False_  # type: ignore[union-attr]
-    assert stride_of(taken._replace(mask=most)) == 1
+    assert Sample(3, size).taken(taken._replace(mask=most)).mask.any() is np.False_  # type: ignore[union-attr]
+    assert Sample.of(taken._replace(mask=most)).stride == 1
 
 
 @pytest.mark.parametrize("size", [(125, 142), (7, 11), (10, 1)])
@@ -62,7 +65,7 @@ def test_the_sample_lies_about_the_middle(size: tuple[int, int], stride: int) ->
     rig = Rig([lamp, lamp, lamp], pitch_mm=0.5)
     y, x = np.mgrid[: size[0], : size[1]].astype(np.uint8)
     taken = impasto.Stack(np.array([[y], [x], [y]]), lights=rig)
-    some = every(taken, stride)
+    some = Sample(stride, size).taken(taken)
     rows, columns = (some.samples[0, 0][:, 0].astype(int), some.samples[1, 0][0].astype(int))
     for picked, length, width in ((rows, size[0], 0.5 * stride), (columns, size[1], 0.5 * stride)):
         assert (np.diff(picked) == stride).all()
@@ -77,7 +80,7 @@ def test_the_sample_lies_about_the_middle(size: tuple[int, int], stride: int) ->
 @pytest.mark.parametrize("fit", [PIXEL, {"pooling": "painting"}], ids=["pixel", "painting"])
 def test_a_fit_is_the_model_of_the_sample_applied_to_all(fit: dict[str, Any], small: None) -> None:
     taken = stack((125, 142))
-    few = impasto.learn_sbrdf(every(taken, 3), **fit, sample=1)
+    few = impasto.learn_sbrdf(Sample(3, (125, 142)).taken(taken), **fit, sample=1)
     learned = impasto.learn_sbrdf(taken, **fit)
     assert learned.extent == (125, 142)
     assert learned.stereo == few.stereo
@@ -111,7 +114,7 @@ def test_the_mask_of_a_finished_stack_counts(
     mask = np.zeros((125, 142), bool)
     mask[20:110, 20:120] = True
     taken = stack((125, 142))._replace(mask=mask)
-    assert (stride_of(taken), stride_of(stack((125, 142)))) == (3, 5)
+    assert (Sample.of(taken).stride, Sample.of(stack((125, 142))).stride) == (3, 5)
     path = tmp_path / f"stack{suffix}"
     if suffix == ".npz":
         write_stack(path, taken)
@@ -124,7 +127,7 @@ def test_the_mask_of_a_finished_stack_counts(
 def test_a_part_of_a_painting_is_fitted_by_itself(small: None) -> None:
     part = stack((125, 142))[6:120, 20:138]
     assert part.rig.origin != (0.0, 0.0)
-    assert stride_of(part) == 3
+    assert Sample.of(part).stride == 3
     found = impasto.fit_sbrdf(part, **PIXEL)
     assert (found.status == impasto.Status.FITTED).mean() > 0.5
 
@@ -157,7 +160,7 @@ def test_a_sample_is_enough_for_one_lobe(monkeypatch: pytest.MonkeyPatch) -> Non
     taken = simulate.capture(painting, "tominaga-six-band-adaptation", "rgb").stack
     whole = impasto.fit_sbrdf(taken, pooling="painting")
     monkeypatch.setattr(subsample, "LEARNED_PIXELS", 3000)
-    assert stride_of(taken) == 3
+    assert Sample.of(taken).stride == 3
     found = impasto.fit_sbrdf(taken, pooling="painting")
     spread = np.sqrt(np.diag(found.covariance))
     change = np.log([found.beta / whole.beta, found.gamma / whole.gamma])

@@ -27,8 +27,8 @@ from record import run_info, show, write
 from sources import highest
 
 import impasto
+from impasto.fit.stored.height import height_rows
 from impasto.jobs.levels import write_levels
-from impasto.large_height import height_rows
 
 SCENE = impasto.Scene([impasto.DistantLight((0.3, 0.2, 0.9))])
 DETAIL = np.s_[1000:1512, 1000:1512]

@@ -138,6 +138,7 @@ def learn_lobes(
     start: StartArguments,
     options: LobeOptions,
     extent: tuple[int, int],
+    middle: tuple[float, float],
     threads: int,
     progress: ProgressCallback | None,
 ) -> Learned: ...

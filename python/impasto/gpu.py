@@ -311,19 +311,13 @@ class Renderer:
         eye = self._eye if scene.view is None else scene.view
         pitch = 1.0 if self._pitch is None else self._pitch
         whole = rig_of(scene, eye, pitch, coated)
-        lit, arguments, known = arranged(coated, scene, whole, eye, self._reflectance)
-        if lit is not coated:
-            # A part of a painting under near lamps: its ambient light is of this scene.
-            uploaded = self._upload(lit)
-        elif scene.varnish is self._varnish:
-            uploaded = self._uploaded
-        else:
-            uploaded = self._uploaded = self._upload(lit)
-            self._varnish = scene.varnish
+        arguments, known = arranged(coated, scene, whole, eye, self._reflectance)
+        if scene.varnish is not self._varnish:
+            self._uploaded, self._varnish = self._upload(coated), scene.varnish
         exposure = None if isinstance(scene.exposure, str) else known
         # The background is added when the exposure of the picture is known.
         arguments = replace(arguments, background=(0.0, 0.0, 0.0))
-        return arguments, exposure, uploaded
+        return arguments, exposure, self._uploaded
 
 
 def _scene(scene: Scene) -> Scene:

@@ -158,7 +158,7 @@ def prepare(
         pitch *= reduce
     eye = surface.eye() if scene.view is None else scene.view
     whole = rig_of(scene, eye, pitch, lit)
-    lit, arguments, exposure = arranged(lit, scene, whole, eye, reflectance, threads)
+    arguments, exposure = arranged(lit, scene, whole, eye, reflectance, threads)
     return Prepared(
         surface=lit,
         relief=relief,
@@ -204,8 +204,8 @@ def arranged(
     eye: Any,
     reflectance: Any,
     threads: int | None = None,
-) -> tuple[Surface, SceneArguments, float]:
-    """The surface with the scene's share of ambient light, the scene as arrays, its exposure.
+) -> tuple[SceneArguments, float]:
+    """The scene on a surface as arrays, and its exposure.
 
     ``whole`` has the scene's lights and ``eye``, relative to the whole painting. An exposure that
     follows from the picture is 1 here, and the background is 0 with it.
@@ -215,7 +215,6 @@ def arranged(
             f"perspective: it is that of a near eye; give view=PointView((x, y, z)) in mm, found "
             f"{eye!r}"
         )
-    rig = whole.here
     bands = len(lit.diffuse)
     diffuse, interface, which, white = lamp_colours(scene, reflectance, bands, eye)
     if scene.environment is not None:
@@ -230,9 +229,9 @@ def arranged(
     behind = np.zeros(3) if from_picture else np.asarray(scene.background)
     background = np.linalg.solve(exposure * scene.display.linear_from_xyz, behind)
     arguments = SceneArguments(
-        rig=RigArguments.of(rig),
-        intensity=rig.intensities[: len(scene.lights)],
-        radius=rig.radii[: len(scene.lights)],
+        rig=RigArguments.of(whole),
+        intensity=whole.intensities[: len(scene.lights)],
+        radius=whole.radii[: len(scene.lights)],
         colour=which,
         diffuse=diffuse,
         interface=interface,
@@ -242,7 +241,7 @@ def arranged(
         shadows=scene.shadows,
         parallax=scene.has_parallax,
     )
-    return _with_ambient_of(lit, scene, rig), arguments, float(exposure)
+    return arguments, float(exposure)
 
 
 def reduced(
@@ -349,19 +348,6 @@ def varnished(
         phong = Lobe(beta * coat, (-1.0, 1.0, math.log(2.0) / (2.0 * gamma**2)))
         lobes.append(phong if mirror else Lobe(beta, (gamma,)))
     return replace(lit, lobes=tuple(lobes), index=varnish.index)
-
-
-def _with_ambient_of(lit: Surface, scene: Scene, rig: Rig) -> Surface:
-    """Scale the ambient light of a part of a painting to that of the whole.
-
-    Ambient light is relative to the light that arrives at the centre. ``rig`` has the intensities
-    that near lights have at the centre of the part. Lobes with ambient light have one illuminant.
-    """
-    there = float(sum(light.intensity for light in scene.lights))
-    here = float(rig.intensities[: len(scene.lights)].sum())
-    if lit.ambient is None or here == there:
-        return lit
-    return replace(lit, ambient=lit.ambient * np.float32(there / here))
 
 
 def _surroundings(

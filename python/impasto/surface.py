@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto import _core
-from impasto._internal.border import RigArguments, placed
+from impasto._internal.border import RigArguments
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import length_mm, one_of, refractive_index, truth
 from impasto._internal.waiting import floats
@@ -263,7 +263,7 @@ class Surface(Relightable):
         """
         given = isinstance(lights, Rig)
         pitch = lights.pitch_mm if given and lights.pitch_mm is not None else self.pitch_mm
-        rig = placed(Rig(lights, views=views, pitch_mm=pitch, origin=self.origin))
+        rig = Rig(lights, views=views, pitch_mm=pitch, origin=self.origin)
         with reporting(progress, "predict") as callback:
             return _core.predict(
                 self, RigArguments.of(rig), rig.intensities, thread_count(threads), callback

@@ -114,8 +114,8 @@ impl Shown {
 
     fn frame(&self, arrays: &Arrays, band: &Band) -> Frame {
         let (grid, table) = (&self.grid, &self.table);
-        // In pixels: exact in single precision.
-        let corner = [grid.x(0.0) / grid.pitch, grid.y(band.row as f64) / grid.pitch];
+        // In pixels: exact in single precision, but for scales whose pixels do not fill the painting.
+        let corner = [grid.right(0.0), 0.0 - grid.down(band.row as f64)];
         let index = match self.model {
             Model::TorranceSparrow { index } => index as f32,
             Model::Lafortune => 1.0,
@@ -128,7 +128,7 @@ impl Shown {
             pitch: grid.pitch as f32,
             background: arrays.lit.background,
             index,
-            corner: corner.map(|place| (2.0 * place).round() as f32 * 0.5),
+            corner: corner.map(|place| place as f32),
             coat: [coat[0], coat[1]],
             coat_scale: coat[2],
             pixels: (band.rows * grid.width) as u32,

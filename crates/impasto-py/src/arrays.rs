@@ -136,10 +136,18 @@ impl StackArguments<'_> {
         Shape { observations: shape[0], bands: shape[1], height: shape[2], width: shape[3] }
     }
 
-    /// The rig of a part of a painting with so many rows and columns.
-    pub(crate) fn rig_in(&self, [rows, columns]: [usize; 2]) -> Result<Rig> {
+    /// The rig of a stack that is fitted by itself, wherever it lies.
+    pub(crate) fn rig_alone(&self) -> Result<Rig> {
         let Shape { height, width, .. } = self.shape();
-        self.rig.rig_of([columns, rows], height, width)
+        self.rig_in([height, width], self.rig.origin)
+    }
+
+    /// The rig of a part of a painting with so many rows and columns, whose own middle lies right of
+    /// and above the origin of the world.
+    pub(crate) fn rig_in(&self, [rows, columns]: [usize; 2], middle: [f64; 2]) -> Result<Rig> {
+        let (Shape { height, width, .. }, rig) = (self.shape(), &self.rig);
+        let extent = [columns, rows];
+        rig.over(Grid::part_of(extent, middle, width, height, rig.pitch_mm, rig.origin)?)
     }
 
     /// The numerics' view of the stack.
@@ -188,12 +196,8 @@ impl RigArguments<'_> {
         self.over(Grid::part(width, height, self.pitch_mm, self.origin)?)
     }
 
-    /// The same of a part of a painting with so many `[columns, rows]`.
-    pub(crate) fn rig_of(&self, extent: [usize; 2], height: usize, width: usize) -> Result<Rig> {
-        self.over(Grid::part_of(extent, width, height, self.pitch_mm, self.origin)?)
-    }
-
-    fn over(&self, grid: Grid) -> Result<Rig> {
+    /// The same over a grid.
+    pub(crate) fn over(&self, grid: Grid) -> Result<Rig> {
         let vectors = |array: &PyReadonlyArray2<'_, f64>| -> Vec<Vec3<f64>> {
             array.as_array().rows().into_iter().map(|v| Vec3::new(v[0], v[1], v[2])).collect()
         };

@@ -63,7 +63,7 @@ pub(crate) fn gpu_render<'py>(
     adapter: &str,
 ) -> PyResult<Seen<'py>> {
     let refuse = |error: impasto::Error| to_python(py, &error);
-    let grid = scene.grid(&surface);
+    let grid = scene.grid(&surface).map_err(refuse)?;
     let height = height.as_ref().map(|map| slice("height", map)).transpose().map_err(refuse)?;
     let (maps, relief) = (surface.surface().map_err(refuse)?, Relief { grid, height });
     let (lit, background) = (scene.scene(grid).map_err(refuse)?, scene.background);
@@ -92,7 +92,7 @@ impl GpuRenderer {
         adapter: &str,
     ) -> PyResult<Self> {
         let refuse = |error: impasto::Error| to_python(py, &error);
-        let grid = surface.grid(pitch_mm);
+        let grid = surface.grid(pitch_mm).map_err(refuse)?;
         let height = height.as_ref().map(|map| slice("height", map)).transpose().map_err(refuse)?;
         let (maps, relief) = (surface.surface().map_err(refuse)?, Relief { grid, height });
         let renderer = called(py, 1, None, |_| Renderer::new(&opened(adapter)?, &maps, relief))?;

@@ -57,6 +57,8 @@ pub(crate) struct LearnedArguments<'py> {
     options: LobeArguments,
     /// Rows and columns of the whole painting.
     extent: [usize; 2],
+    /// Pixels that its middle lies right of and above the origin of the world.
+    middle: [f64; 2],
     pixels: usize,
     prior: Option<PriorArguments<'py>>,
 }
@@ -103,7 +105,7 @@ pub(crate) fn fit_lobes<'py>(
     let refuse = |error| errors::to_python(py, &error);
     let decoding = stack.decoding().map_err(refuse)?;
     let samples = stack.stack(&decoding).map_err(refuse)?;
-    let rig = stack.rig.rig(samples.shape().height, samples.shape().width).map_err(refuse)?;
+    let rig = stack.rig_alone().map_err(refuse)?;
     let start = start.start().map_err(refuse)?;
     let (model, options) = (options.model(), options.options().map_err(refuse)?);
     let maps = maps.maps().map_err(refuse)?;
@@ -113,9 +115,10 @@ pub(crate) fn fit_lobes<'py>(
     Learned::of(py, &learned)
 }
 
-/// What the fit of a tile needs to know about the whole painting of `extent` rows and columns, from
-/// a sample of it.
+/// What the fit of a tile needs to know about the whole painting of `extent` rows and columns about
+/// a `middle`, from a sample of it.
 #[pyfunction]
+#[allow(clippy::too_many_arguments, reason = "named by their one caller, impasto.fit.lobes")]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
 pub(crate) fn learn_lobes<'py>(
     py: Python<'py>,
@@ -123,13 +126,14 @@ pub(crate) fn learn_lobes<'py>(
     start: StartArguments<'py>,
     options: LobeArguments,
     extent: [usize; 2],
+    middle: [f64; 2],
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Learned<'py>> {
     let refuse = |error| errors::to_python(py, &error);
     let decoding = stack.decoding().map_err(refuse)?;
     let samples = stack.stack(&decoding).map_err(refuse)?;
-    let rig = stack.rig_in(extent).map_err(refuse)?;
+    let rig = stack.rig_in(extent, middle).map_err(refuse)?;
     let start = start.start().map_err(refuse)?;
     let (model, options) = (options.model(), options.options().map_err(refuse)?);
     let learned = run::call(py, threads, progress.as_ref(), |run| {
@@ -157,7 +161,7 @@ pub(crate) fn apply_lobes<'py>(
     let refuse = |error| errors::to_python(py, &error);
     let decoding = stack.decoding().map_err(refuse)?;
     let samples = stack.stack(&decoding).map_err(refuse)?;
-    let rig = stack.rig_in(learned.extent).map_err(refuse)?;
+    let rig = stack.rig_in(learned.extent, learned.middle).map_err(refuse)?;
     let start = start.start().map_err(refuse)?;
     let tile = rig.grid().tile([origin[1], origin[0]], size[1], size[0]).map_err(refuse)?;
     let (model, learned) = (learned.options.model(), learned.learned().map_err(refuse)?);

@@ -108,7 +108,7 @@ impl Plan {
         scene: SceneArguments<'_>,
     ) -> PyResult<Self> {
         let refuse = |error: Error| to_python(py, &error);
-        let (grid, over) = (scene.grid(&surface), scene.over());
+        let (grid, over) = (scene.grid(&surface).map_err(refuse)?, scene.over());
         let (maps, scene) =
             (surface.surface().map_err(refuse)?, scene.scene(grid).map_err(refuse)?);
         plan::Plan::forced(&maps, grid, &scene, over).map(Self).map_err(refuse)
@@ -130,7 +130,8 @@ impl Plan {
         threads: usize,
     ) -> PyResult<Self> {
         let refuse = |error: Error| to_python(py, &error);
-        let (grid, over, background) = (scene.grid(&surface), scene.over(), scene.background);
+        let grid = scene.grid(&surface).map_err(refuse)?;
+        let (over, background) = (scene.over(), scene.background);
         let (maps, scene) =
             (surface.surface().map_err(refuse)?, scene.scene(grid).map_err(refuse)?);
         let tolerance = tolerance.map_or(Tolerance::Exact, Tolerance::from);

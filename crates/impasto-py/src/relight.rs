@@ -38,7 +38,7 @@ pub(crate) fn render<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Seen<'py>> {
     let refuse = |error: Error| to_python(py, &error);
-    let grid = scene.grid(&surface);
+    let grid = scene.grid(&surface).map_err(refuse)?;
     let height = height.as_ref().map(|map| slice("height", map)).transpose().map_err(refuse)?;
     let (maps, relief) = (surface.surface().map_err(refuse)?, Relief { grid, height });
     let (lit, background) = (scene.scene(grid).map_err(refuse)?, scene.background);
@@ -83,7 +83,7 @@ pub(crate) fn paint<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Vec<u64>, Vec<u64>)> {
     let refuse = |error: Error| to_python(py, &error);
-    let grid = scene.grid(&surface);
+    let grid = scene.grid(&surface).map_err(refuse)?;
     let height = height.as_ref().map(|map| slice("height", map)).transpose().map_err(refuse)?;
     let (maps, relief) = (surface.surface().map_err(refuse)?, Relief { grid, height });
     let (lit, background) = (scene.scene(grid).map_err(refuse)?, scene.background);

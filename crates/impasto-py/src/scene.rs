@@ -45,7 +45,7 @@ pub(crate) struct SceneArguments<'py> {
 
 impl SceneArguments<'_> {
     /// Where the pixels of a surface lie.
-    pub(crate) fn grid(&self, surface: &SurfaceArguments<'_>) -> Grid {
+    pub(crate) fn grid(&self, surface: &SurfaceArguments<'_>) -> impasto::Result<Grid> {
         surface.grid(self.rig.pitch_mm)
     }
 
@@ -54,7 +54,7 @@ impl SceneArguments<'_> {
     }
 
     pub(crate) fn scene(&self, grid: Grid) -> impasto::Result<Scene> {
-        let rig = self.rig.rig(grid.height, grid.width)?;
+        let rig = self.rig.over(grid)?;
         let (intensity, colour) = (self.intensity.as_array(), self.colour.as_array());
         let lamps = rig.lights().iter().zip(intensity).zip(self.radius.as_array()).zip(colour);
         let lamps = lamps.map(|(((&light, &intensity), &radius), &colour)| Lamp {

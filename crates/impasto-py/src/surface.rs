@@ -29,6 +29,8 @@ pub(crate) struct SurfaceArguments<'py> {
     coated: bool,
     /// (k, y, x).
     ambient: Option<PyReadonlyArray3<'py, f32>>,
+    /// Pixels that the middle of a part lies right of and above the middle of the painting.
+    origin: [f64; 2],
 }
 
 /// One of `impasto.Surface.lobes`.
@@ -55,9 +57,10 @@ impl SurfaceArguments<'_> {
         [0, 1, 2].map(|axis| self.diffuse.shape()[axis])
     }
 
-    pub(crate) fn grid(&self, pitch: f64) -> Grid {
+    /// Where its pixels lie in the painting.
+    pub(crate) fn grid(&self, pitch: f64) -> Result<Grid> {
         let [_, height, width] = self.shape();
-        Grid::whole(width, height, pitch)
+        Grid::part(width, height, pitch, self.origin)
     }
 
     /// The numerics' view of the maps.

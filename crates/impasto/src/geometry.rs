@@ -116,13 +116,25 @@ pub struct Grid {
     pub origin: [usize; 2],
     /// Columns and rows of the whole painting, whose middle is the origin of the world.
     pub extent: [usize; 2],
+    /// Pixels that the middle of `extent` lies right of and below the origin of the world: of a part
+    /// that is fitted by itself, or of a smaller scale whose pixels do not fill the painting.
+    /// `[0.0, 0.0]` otherwise.
+    pub shift: [f64; 2],
+}
+
+/// The shift of a grid is a multiple of this, in pixels: coordinates are then exact sums, the same
+/// from whatever part of a painting they are found.
+const FINEST_SHIFT: f64 = 1.0 / (1 << 20) as f64;
+
+fn shifted(offset: f64) -> f64 {
+    (offset / FINEST_SHIFT).round() * FINEST_SHIFT
 }
 
 impl Grid {
     /// The pixels of a whole painting.
     #[must_use]
     pub const fn whole(width: usize, height: usize, pitch: f64) -> Self {
-        Self { width, height, pitch, origin: [0, 0], extent: [width, height] }
+        Self { width, height, pitch, origin: [0, 0], extent: [width, height], shift: [0.0, 0.0] }
     }
 
     /// The `width` x `height` pixels from column and row `[column, row]` of these on. Their
@@ -146,45 +158,56 @@ impl Grid {
     }
 
     /// The pixels of a part whose middle lies `right` and `up` pixels from the middle of a painting,
-    /// taken as a tile of the smallest painting that has this middle and holds it: coordinates are,
-    /// to the bit, those of any such painting.
+    /// whose size need not be known: whatever it is, coordinates are, to the bit, those that the
+    /// same pixels have in the whole. That is so for any fraction of a pixel: what is left of half
+    /// pixels is rounded to 1 / 2^20 pixel.
     ///
     /// # Errors
-    /// If an offset is no multiple of a half, or far beyond any picture.
+    /// If an offset is not finite, or 10^9 pixels or more.
     pub fn part(width: usize, height: usize, pitch: f64, [right, up]: [f64; 2]) -> Result<Self> {
-        if ![right, up].iter().all(|v| v.abs() < 1e9 && (2.0 * v).fract() == 0.0) {
-            let problem = format!("({right}, {up}) are no multiples of half a pixel");
+        if ![right, up].iter().all(|offset| offset.abs() < 1e9) {
+            let problem = format!("a part at ({right}, {up}) pixels lies in no painting");
             return Err(Error::geometry("origin", problem));
         }
+        let halves = [right, up].map(|offset| 0.5 * (2.0 * offset).round());
+        let shift = [shifted(right - halves[0]), -shifted(up - halves[1])];
+        let [right, up] = halves;
         let [first, more] = [
             [right.abs() + right, up.abs() - up].map(|offset| offset as usize),
             [2.0 * right.abs(), 2.0 * up.abs()].map(|margin| margin as usize),
         ];
-        Self::whole(width + more[0], height + more[1], pitch).tile(first, width, height)
+        let whole = Self::whole(width + more[0], height + more[1], pitch);
+        Ok(Self { shift, ..whole.tile(first, width, height)? })
     }
 
-    /// The pixels of a part as in [`Self::part`], of a painting with `[columns, rows]` pixels.
+    /// The pixels of a part as in [`Self::part`], of a painting with `[columns, rows]` pixels whose
+    /// own middle lies at `middle`: it may be a part of a larger one.
     ///
     /// # Errors
     /// If the part does not lie on the painting's pixels.
     pub fn part_of(
         [columns, rows]: [usize; 2],
+        middle: [f64; 2],
         width: usize,
         height: usize,
         pitch: f64,
         [right, up]: [f64; 2],
     ) -> Result<Self> {
-        // Exact: sizes of pictures and multiples of a half.
-        let column = 0.5 * (columns as f64 - width as f64) + right;
-        let row = 0.5 * (rows as f64 - height as f64) - up;
-        if ![column, row].iter().all(|place| *place >= 0.0 && place.fract() == 0.0) {
+        let column = 0.5 * (columns as f64 - width as f64) + (right - middle[0]);
+        let row = 0.5 * (rows as f64 - height as f64) - (up - middle[1]);
+        let first = [column, row].map(f64::round);
+        let apart = (column - first[0]).abs().max((row - first[1]).abs());
+        // NaN is no place.
+        if !(apart <= FINEST_SHIFT && first.iter().all(|&place| place >= 0.0)) {
             let problem = format!(
                 "{width} x {height} pixels, their middle at ({right}, {up}), lie beside the pixels \
                  of a painting of {columns} x {rows}"
             );
             return Err(Error::geometry("origin", problem));
         }
-        Self::whole(columns, rows, pitch).tile([column as usize, row as usize], width, height)
+        let shift = [shifted(middle[0]), -shifted(middle[1])];
+        let whole = Self { shift, ..Self::whole(columns, rows, pitch) };
+        whole.tile(first.map(|place| place as usize), width, height)
     }
 
     /// Column and row in the whole painting of a pixel, counted row by row.
@@ -205,16 +228,34 @@ impl Grid {
     #[must_use]
     #[inline(always)]
     pub fn x(&self, column: f64) -> f64 {
-        let column = column + self.origin[0] as f64;
-        (column - 0.5 * (self.extent[0] as f64 - 1.0)) * self.pitch
+        self.right(column) * self.pitch
     }
 
     /// y in mm of a (fractional) row: rows run down, y runs up.
     #[must_use]
     #[inline(always)]
     pub fn y(&self, row: f64) -> f64 {
-        let row = row + self.origin[1] as f64;
-        (0.5 * (self.extent[1] as f64 - 1.0) - row) * self.pitch
+        (0.0 - self.down(row)) * self.pitch
+    }
+
+    /// How many pixels a (fractional) column lies right of the middle of the painting.
+    #[must_use]
+    #[inline(always)]
+    pub fn right(&self, column: f64) -> f64 {
+        self.from_middle(0, column)
+    }
+
+    /// How many pixels a (fractional) row lies below the middle of the painting.
+    #[must_use]
+    #[inline(always)]
+    pub fn down(&self, row: f64) -> f64 {
+        self.from_middle(1, row)
+    }
+
+    #[inline(always)]
+    fn from_middle(&self, axis: usize, place: f64) -> f64 {
+        let first = self.origin[axis] as f64 - 0.5 * (self.extent[axis] as f64 - 1.0);
+        place + (first + self.shift[axis])
     }
 
     /// Writes the coordinates in mm of the pixels from `start` on, counted row by row.
@@ -370,14 +411,42 @@ mod tests {
         let part = Grid::part(11, 7, 0.3, [10.0 - 18.0, 11.0 - 10.0]).unwrap();
         part.coordinates(0, &mut part_x, &mut part_y);
         assert_eq!((part_x, part_y), (tile_x, tile_y));
-        assert!(Grid::part(11, 7, 0.3, [0.25, 0.0]).is_err());
+        assert!(Grid::part(11, 7, 0.3, [f64::NAN, 0.0]).is_err());
         assert_eq!([[4, 7], [5, 6], [16, 7], [5, 14]].map(|place| tile.pixel(place)), [None; 4]);
         // Its middle lies 8 columns left of the painting's and a row above it.
         let middle = [5.0 + 5.0 - 18.0, 11.0 - 7.0 - 3.0];
-        assert_eq!(Grid::part_of([37, 23], 11, 7, 0.3, middle), Ok(tile));
-        assert!(Grid::part_of([37, 24], 11, 7, 0.3, middle).is_err());
-        assert!(Grid::part_of([37, 23], 11, 7, 0.3, [-14.0, 1.0]).is_err());
+        assert_eq!(Grid::part_of([37, 23], [0.0; 2], 11, 7, 0.3, middle), Ok(tile));
+        assert!(Grid::part_of([37, 24], [0.0; 2], 11, 7, 0.3, middle).is_err());
+        assert!(Grid::part_of([37, 23], [0.0; 2], 11, 7, 0.3, [-14.0, 1.0]).is_err());
+        // The same in a painting that is itself a part, of 30 x 20 pixels from column 4, row 2 on.
+        let around = [4.0 + 14.5 - 18.0, 11.0 - 2.0 - 9.5];
+        let inner = Grid::part_of([30, 20], around, 11, 7, 0.3, middle).unwrap();
+        assert_eq!((inner.origin, inner.extent), ([1, 5], [30, 20]));
+        inner.coordinates(0, &mut x[..77], &mut y[..77]);
+        assert_eq!((&x[..77], &y[..77]), (&tile_x[..], &tile_y[..]));
         assert!(whole.tile([4, 2], 34, 20).is_err());
         assert!(whole.tile([usize::MAX, 2], 4, 20).is_err());
+    }
+
+    /// A painting of 40 x 31 pixels at a scale of 1/3 has 13 x 10, whose middle lies half a pixel
+    /// left of and above its own: 1/6 of the larger pixels.
+    #[test]
+    fn parts_of_a_smaller_scale_lie_where_they_lie_in_the_whole_of_it() {
+        let [right, up] = [-0.5 / 3.0, 0.5 / 3.0];
+        let whole = Grid::part(13, 10, 0.9, [right, up]).unwrap();
+        for (left, top, width, height) in [(0, 0, 6, 5), (1, 3, 5, 2), (7, 2, 6, 8), (12, 9, 1, 1)]
+        {
+            // The middle of the part in pixels of the painting, then in larger ones.
+            let middle = [
+                (3.0 * (f64::from(left) + 0.5 * f64::from(width)) - 20.0) / 3.0,
+                (15.5 - 3.0 * (f64::from(top) + 0.5 * f64::from(height))) / 3.0,
+            ];
+            let part = Grid::part(width as usize, height as usize, 0.9, middle).unwrap();
+            assert_eq!(part.x(0.0).to_bits(), whole.x(f64::from(left)).to_bits());
+            assert_eq!(part.y(0.0).to_bits(), whole.y(f64::from(top)).to_bits());
+        }
+        // Half of 2^-20 pixel of 0.9 mm, and roundings.
+        let exact = (1.5 - 20.0) / 3.0 * 0.9;
+        assert!((whole.x(0.0) - exact).abs() < 0.5e-6, "{}", whole.x(0.0) - exact);
     }
 }

@@ -58,7 +58,7 @@ class StackArguments:
     def of(cls, stack: Stack) -> StackArguments:
         """The samples stay where they are; the rest is a few numbers per observation."""
         checked_stack(stack)
-        rig = placed(stack.rig)
+        rig = stack.rig
         observations, bands = stack.shape[:2]
         gain = stack.scale[None, :] / rig.intensities[:, None]
         saturation = np.full(bands, np.inf) if stack.saturation is None else stack.saturation
@@ -73,18 +73,3 @@ class StackArguments:
             rig=RigArguments.of(rig),
             interreflections=stack.interreflections if isinstance(stack, DirectStack) else None,
         )
-
-
-_FARTHEST = 2**30
-"""Half pixels from the middle of a painting that no picture exceeds."""
-
-
-def placed(rig: Rig) -> Rig:
-    """The rig in the painting's own coordinates, which give a part the bits of the whole.
-
-    The middle of a part of a painting lies a whole number of half pixels from the painting's
-    middle. A rig of any other origin is moved there.
-    """
-    halves = [2.0 * offset for offset in rig.origin]
-    exact = all(half.is_integer() and abs(half) < _FARTHEST for half in halves)
-    return rig if exact else rig.here

@@ -120,7 +120,7 @@ def check_parts(part: Shown, out: Path, scene: Any, *, explain: bool) -> None:
     ArgumentError
         Another format than TIFF, effects that need the whole painting, or a plan to explain.
     """
-    from impasto.large_picture import check_local
+    from impasto.fit.stored.picture import check_local
 
     assert part.window is not None
     rows, columns = (one.stop - one.start for one in part.window)

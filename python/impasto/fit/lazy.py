@@ -20,7 +20,7 @@ from impasto.fit.dataset import dataset_of, labelled
 from impasto.fit.deferred import Deferred
 from impasto.fit.learning import LearnedModel, learn_sbrdf
 from impasto.fit.normals import fit_normals, learn_normals
-from impasto.fit.subsample import about_middle, checked_stride, learning_stride, rig_of_every
+from impasto.fit.subsample import Sample, checked_stride
 from impasto.rig import Rig
 from impasto.stack import Stack
 
@@ -130,24 +130,22 @@ class LazyStack(Deferred):
         """The pixels from which a model is learned, computed: every ``sample``-th of both axes."""
         import dask
 
-        rows, columns = (about_middle(n, self._stride) for n in self._size)
+        rows, columns = self._sample.window
         mask = None if self._mask is None else self._mask[rows, columns]
         samples, mask = dask.compute(self._samples[..., rows, columns], mask)
-        rig = rig_of_every(self.rig, self._stride)
-        return self._pixel._replace(samples=samples, mask=mask, rig=rig)
+        return self._pixel._replace(samples=samples, mask=mask, rig=self._sample.rig(self.rig))
 
     @cached_property
-    def _stride(self) -> int:
+    def _sample(self) -> Sample:
         if self._given_stride is not None:
-            return self._given_stride
+            return Sample(self._given_stride, self._size)
 
-        def inside(stride: int) -> int:
+        def inside(some: Sample) -> int:
             if self._mask is None:
-                return math.prod(-(-side // stride) for side in self._size)
-            rows, columns = (about_middle(side, stride) for side in self._size)
-            return int((self._mask[rows, columns] != 0).sum().compute())
+                return some.count(None)
+            return int((self._mask[some.window] != 0).sum().compute())
 
-        return learning_stride(inside, self._size, math.prod(self.shape[:2]))
+        return Sample.to_learn(self._size, math.prod(self.shape[:2]), inside)
 
     def fitted_sbrdf(self, **options: Any) -> Dataset:
         """See :func:`impasto.fit_sbrdf`."""
@@ -158,7 +156,7 @@ class LazyStack(Deferred):
         if not isinstance(options["normals"], str | None):
             raise ArgumentError("normals: a lazy fit takes the name of a method, no maps")
         few = learn_sbrdf(self.sampled(), sample=1, **options)
-        return self.applied(few.magnified(self._stride, self._size), options["threads"])
+        return self.applied(few.magnified(self._sample.stride, self._size), options["threads"])
 
     def fitted_normals(self, **options: Any) -> Dataset:
         """See :func:`impasto.fit_normals`."""

@@ -36,7 +36,7 @@ from impasto.fit.stages import (
     start_normals,
     with_refined_rig,
 )
-from impasto.fit.subsample import checked_stride, every, stride_of
+from impasto.fit.subsample import Sample, checked_stride
 from impasto.io.results import read_maps, write_maps
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
 from impasto.rig import Rig
@@ -115,11 +115,16 @@ class LearnedModel:
         seeds = isinstance(self.fit, LearnedLobes) and self.fit.options.start == "neighbours"
         return HALO if seeds else 0
 
-    def magnified(self, stride: int, extent: tuple[int, int]) -> LearnedModel:
-        """What was learned from every ``stride``-th row and column, for all of ``extent``."""
+    def magnified(
+        self, stride: int, extent: tuple[int, int], middle: tuple[float, float] = (0.0, 0.0)
+    ) -> LearnedModel:
+        """What was learned from every ``stride``-th row and column, for all of ``extent``.
+
+        ``middle``: where the middle of ``extent`` lies, if that is a part of a painting.
+        """
         fit, rig, relief = self.fit, self.rig, self.relief
         if isinstance(fit, LearnedLobes):
-            fit = replace(fit, extent=extent)
+            fit = replace(fit, extent=extent, middle=middle)
         if rig is not None and rig.pitch_mm is not None:
             rig = Rig(rig, pitch_mm=rig.pitch_mm / stride)
         relief = None if relief is None else relief.magnified(stride)
@@ -317,7 +322,7 @@ def learn_sbrdf(
             'pooling: "segment" cannot be learned from a sample; fit every part by '
             'fit_sbrdf(stack, pooling="segment"), or ask for "painting" or "pixel"'
         )
-    stride = stride_of(stack) if sample is None else checked_stride(sample)
+    taken = Sample.of(stack) if sample is None else Sample(checked_stride(sample), stack.shape[2:])
     given = {
         "lobes": lobes,
         "ambient": ambient,
@@ -327,9 +332,10 @@ def learn_sbrdf(
         "joint": joint,
         "index": index,
     }
-    stack = every(stack, stride)
+    middle = stack.rig.origin if whole else (0.0, 0.0)
+    stack = taken.taken(stack)
     # Of a part the model is one of the whole; of every third pixel it becomes that.
-    learned_size = size if stride == 1 else stack.shape[2:]
+    learned_size = size if taken.stride == 1 else taken.shape
     resolved_effort = resolved(effort)
     kinds = fit_kinds(model, pooling, given)
     before = stack.rig
@@ -367,7 +373,7 @@ def learn_sbrdf(
         None if stack.rig is before else stack.rig,
         known,
     )
-    return model_of_sample.magnified(stride, size)
+    return model_of_sample.magnified(taken.stride, size, middle)
 
 
 def load_learned(path: str | os.PathLike[str]) -> LearnedModel:

@@ -242,6 +242,9 @@ class LearnedLobes:
         ``bounded`` is False where it showed lobes that are broader.
     extent
         Rows and columns of the whole painting.
+    middle
+        Pixels that its middle lies right of and above the middle of a larger one, if the model is
+        that of a part (``rig.origin``).
     pixels
         How many pixels were fitted to learn this: those of the coarse grid, or, with
         ``start="multistart"``, up to ``TYPICAL_PIXELS`` spread over the sample.
@@ -251,13 +254,15 @@ class LearnedLobes:
 
     options: LobeOptions
     extent: tuple[int, int]
+    middle: tuple[float, float]
     pixels: int
     prior: Prior | None
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Everything as arrays by name, for an npz file."""
         options = {name: np.asarray(value) for name, value in asdict(self.options).items()}
-        arrays = {**options, "extent": np.asarray(self.extent), "pixels": np.asarray(self.pixels)}
+        arrays = {name: np.asarray(getattr(self, name)) for name in ("extent", "middle", "pixels")}
+        arrays |= options
         if self.prior is not None:
             arrays |= {name: getattr(self.prior, name) for name in Prior.__slots__}
         return arrays
@@ -274,6 +279,7 @@ class LearnedLobes:
         try:
             options = LobeOptions(**{name: arrays[name].item() for name in LobeOptions.__slots__})
             rows, columns = (int(size) for size in arrays["extent"])
+            right, up = (float(offset) for offset in arrays["middle"])
             pixels = int(arrays["pixels"].item())
             prior = None
             if options.typical:
@@ -285,7 +291,7 @@ class LearnedLobes:
         except (KeyError, ValueError, TypeError, AttributeError) as error:
             problem = f"learned: no saved lobes ({type(error).__name__}: {error})"
             raise ArgumentError(problem) from error
-        return cls(options, (rows, columns), pixels, prior)
+        return cls(options, (rows, columns), (right, up), pixels, prior)
 
 
 def fit_lobes(
@@ -341,15 +347,20 @@ def learn_lobes(
     stack, stereo
         The whole painting, or a part of it as a sample.
     extent
-        Rows and columns of the whole painting. Default: those of the stack.
+        Rows and columns of the whole painting. Default: those of the stack, which is then the whole
+        of what is fitted, wherever it lies.
     """
-    extent = (stack.shape[2], stack.shape[3]) if extent is None else extent
+    size = (stack.shape[2], stack.shape[3])
+    extent = size if extent is None else extent
+    middle = stack.rig.origin if extent == size else (0.0, 0.0)
     arguments = StackArguments.of(stack), StartArguments.of(stereo)
     with reporting(progress, "learning") as callback:
-        found = _core.learn_lobes(*arguments, options, extent, thread_count(threads), callback)
+        found = _core.learn_lobes(
+            *arguments, options, extent, middle, thread_count(threads), callback
+        )
     prior = None if found["prior"] is None else Prior(**found["prior"])
     options = replace(options, start=found["start"], bounded=found["bounded"])
-    return LearnedLobes(options, extent, found["pixels"], prior)
+    return LearnedLobes(options, extent, middle, found["pixels"], prior)
 
 
 def apply_lobes(

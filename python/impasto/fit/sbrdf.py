@@ -37,7 +37,7 @@ from impasto.fit.stages import (
     start_normals,
     with_refined_rig,
 )
-from impasto.fit.subsample import stride_of
+from impasto.fit.subsample import Sample
 from impasto.io.results import read_maps, result_file
 from impasto.stack import Stack, checked_stack
 
@@ -322,7 +322,7 @@ def fit_sbrdf(
         checked_normals(normals, stack)
     kinds = fit_kinds(model, pooling, given)
     whole = segments is None and pooling != "segment" and stack.rig.origin == (0.0, 0.0)
-    if whole and not maps and stride_of(stack) > 1:
+    if whole and not maps and Sample.of(stack).stride > 1:
         del given["segments"]
         given |= {"normals": normals, "refine": refine, "residuals": residuals, "relief": relief}
         given |= {"effort": effort, "threads": threads, "progress": progress}

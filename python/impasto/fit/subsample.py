@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -29,44 +29,85 @@ Window: TypeAlias = tuple[slice, slice]
 """Rows and columns of a picture."""
 
 
-def learning_stride(inside: Callable[[int], int], size: Sequence[int], planes: int) -> int:
-    """Of every how many rows and columns a model is learned, an odd number.
+@dataclass(frozen=True)
+class Sample:
+    """Every so many rows and columns of a painting, as many before as after them.
 
-    Parameters
+    Attributes
     ----------
-    inside
-        How many pixels within the mask are left of every so many rows and columns.
+    stride
+        Of so many rows and columns one is taken, an odd number.
     size
-        Rows and columns.
-    planes
-        Samples of a pixel.
+        Rows and columns of the painting.
     """
-    most = max(1, min(LEARNED_PIXELS, LEARNED_SAMPLES // planes))
-    there = inside(1)
-    stride = 1
-    while stride**2 * most < there:
-        stride += 2
-    # The holes of a patterned mask may coincide with the stride.
-    while stride > 1 and 2 * stride**2 * inside(stride) < there:
-        stride -= 2
-    # Narrow pictures, and pixels outside the mask, which take memory too.
-    while pixels_inside(None, size, stride) > (most if there == math.prod(size) else SPARSE * most):
-        stride += 2
-    return stride
 
+    stride: int
+    size: tuple[int, int]
 
-def stride_of(stack: Stack) -> int:
-    """The same for a stack."""
-    observations, bands, *size = stack.shape
-    inside = partial(pixels_inside, stack.mask, size)
-    return learning_stride(inside, size, observations * bands)
+    @classmethod
+    def to_learn(
+        cls, size: tuple[int, int], planes: int, inside: Callable[[Sample], int]
+    ) -> Sample:
+        """The finest sample that a model is learned from.
 
+        Parameters
+        ----------
+        size
+            Rows and columns.
+        planes
+            Samples of a pixel.
+        inside
+            How many pixels within the mask a sample has.
+        """
+        most = max(1, min(LEARNED_PIXELS, LEARNED_SAMPLES // planes))
+        there = inside(cls(1, size))
+        stride = 1
+        while stride**2 * most < there:
+            stride += 2
+        # The holes of a patterned mask may coincide with the stride.
+        while stride > 1 and 2 * stride**2 * inside(cls(stride, size)) < there:
+            stride -= 2
+        # Narrow pictures, and pixels outside the mask, which take memory too.
+        most *= 1 if there == math.prod(size) else SPARSE
+        while cls(stride, size).count(None) > most:
+            stride += 2
+        return cls(stride, size)
 
-def pixels_inside(mask: NDArray[np.bool_] | None, size: Sequence[int], stride: int) -> int:
-    """How many pixels within the mask :func:`every` has."""
-    if mask is None:
-        return math.prod(-(-side // stride) for side in size)
-    return int(np.count_nonzero(mask[tuple(about_middle(side, stride) for side in size)]))
+    @classmethod
+    def of(cls, stack: Stack) -> Sample:
+        """What a model of a stack is learned from."""
+        planes = math.prod(stack.shape[:2])
+        return cls.to_learn(stack.shape[2:], planes, lambda some: some.count(stack.mask))
+
+    @property
+    def window(self) -> Window:
+        """Its rows and columns, as slices of the painting's."""
+        rows, columns = (self._along(length) for length in self.size)
+        return rows, columns
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """How many rows and columns it has."""
+        rows, columns = (-(-length // self.stride) for length in self.size)
+        return rows, columns
+
+    def count(self, mask: NDArray[np.bool_] | None) -> int:
+        """How many of its pixels lie within the mask of the painting."""
+        return math.prod(self.shape) if mask is None else int(np.count_nonzero(mask[self.window]))
+
+    def rig(self, rig: Rig) -> Rig:
+        """The painting's rig for it: pixels are wider, and near lamps keep their places."""
+        right, up = rig.origin
+        pitch = None if rig.pitch_mm is None else rig.pitch_mm * self.stride
+        return Rig(rig, pitch_mm=pitch, origin=(right / self.stride, up / self.stride))
+
+    def taken(self, stack: Stack) -> Stack:
+        """Its pixels of the painting's stack."""
+        return stack if self.stride == 1 else stack._at(*self.window, rig=self.rig(stack.rig))
+
+    def _along(self, length: int) -> slice:
+        first = (length - 1) * ((self.stride + 1) // 2) % self.stride
+        return slice(first if first < length else (length - 1) // 2, length, self.stride)
 
 
 def checked_stride(stride: Any) -> int:
@@ -82,30 +123,6 @@ def checked_stride(stride: Any) -> int:
             f"sample: expected an odd number from 1 on (every third pixel: 3), found {stride!r}"
         )
     return int(stride)
-
-
-def about_middle(size: int, stride: int) -> slice:
-    """Every ``stride``-th of ``size`` pixels, an odd number: as many before as after them."""
-    first = (size - 1) * ((stride + 1) // 2) % stride
-    return slice(first if first < size else (size - 1) // 2, size, stride)
-
-
-def every(stack: Stack, stride: int) -> Stack:
-    """Every ``stride``-th row and column of a stack, an odd number, about its middle.
-
-    The width of a pixel grows by ``stride``, so that near lamps keep their places.
-    """
-    if stride == 1:
-        return stack
-    rows, columns = (about_middle(side, stride) for side in stack.shape[2:])
-    return stack._at(rows, columns, rig=rig_of_every(stack.rig, stride))
-
-
-def rig_of_every(rig: Rig, stride: int) -> Rig:
-    """The rig of every ``stride``-th row and column."""
-    right, up = rig.origin
-    pitch = None if rig.pitch_mm is None else rig.pitch_mm * stride
-    return Rig(rig, pitch_mm=pitch, origin=(right / stride, up / stride))
 
 
 def subsampled(stack: Stack, stride: int) -> Stack:

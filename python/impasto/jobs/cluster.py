@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -20,7 +20,7 @@ from impasto.errors import ArgumentError, ClusterError
 from impasto.jobs.grid import Tile
 from impasto.jobs.photographs import Photographs
 from impasto.jobs.tiles import TileLog
-from impasto.jobs.worker import HELD, SharedJob, fit_tile
+from impasto.jobs.worker import HELD, SharedJob, fit_tile, release
 from impasto.stack import Stack
 
 if TYPE_CHECKING:
@@ -147,8 +147,12 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
             "new client"
         ) from error
     finally:
-        if ahead:
-            client.cancel(list(ahead))
+        # There is nobody to be told where the scheduler is gone.
+        with suppress(CancelledError, OSError, ValueError):
+            if ahead:
+                client.cancel(list(ahead))
+            if client.status == "running":
+                client.run(release, job, on_error="ignore")
 
 
 class _HandedOut:

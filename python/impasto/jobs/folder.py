@@ -8,7 +8,7 @@ from logging import NullHandler, getLogger
 from pathlib import Path
 
 from impasto.errors import ArgumentError, CorruptInputError, ResumeMismatchError
-from impasto.fit.stored import StoredSbrdf
+from impasto.fit.stored import StoredMaps, StoredSbrdf
 from impasto.io.files import as_problem_of, atomic_bytes, atomic_together
 from impasto.io.folders import sync_folders
 from impasto.io.npz import read_npz
@@ -204,7 +204,7 @@ def finish(partial: Path, grid: Grid, entries: Entries, precision: Precision) ->
     described = sorted([*stored, *maps], key=lambda array: array.name)
     atomic_together({partial / name: data for name, data in files.items()})
     text = {name: array for name, array in numbers.items() if array.dtype.kind == "U"}
-    painting = StoredSbrdf(partial, text, described, {})
+    painting = StoredSbrdf(StoredMaps(partial, text, described), {})
     levels, crcs = write_levels(partial, painting, half, precision)
     multiscales = multiscales_of(described, levels, painting.pitch_mm)
     last = {METADATA: group_metadata(numbers, described, levels, multiscales)}

@@ -12,7 +12,7 @@ from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
 from impasto.errors import ArgumentError, ResumeMismatchError
-from impasto.fit.subsample import checked_stride, learning_stride
+from impasto.fit.subsample import Sample, checked_stride
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
 from impasto.io.results.precision import Precision, checked_precision
 from impasto.io.results.zarr_arrays import need_zarr
@@ -174,8 +174,8 @@ def run(
     tile = min(tile, -(-max(photographs.size) // STEP) * STEP)
     if sample is None:
         observations, bands, *_ = photographs.shape
-        least = learning_stride(photographs.inside, photographs.size, observations * bands)
-        sample = stride_for(budget // 2, photographs.pixel, photographs.size, least)
+        least = Sample.to_learn(photographs.size, observations * bands, photographs.inside)
+        sample = stride_for(budget // 2, photographs.pixel, photographs.size, least.stride)
     curve = photographs.encoding
     record = JobRecord(
         version=_core.build_info()["version"],

@@ -17,6 +17,7 @@ from impasto.fit.normals import METHODS, Method
 from impasto.fit.options import Model, Pooling, fit_kinds
 from impasto.fit.pooled import Extraction
 from impasto.fit.stages import checked_options
+from impasto.fit.subsample import Sample
 from impasto.jobs.photographs import Photographs
 from impasto.jobs.record import plain
 
@@ -96,8 +97,9 @@ def learned_model(
     if not path.exists():
         options = dict(fit) | {"effort": Effort(**fit["effort"])}
         options |= {"threads": threads, "progress": progress is True}
-        few = learn_sbrdf(photographs.every(stride, side), sample=1, **options)
-        few.magnified(stride, photographs.size).save(path)
+        few = photographs.sampled(Sample(stride, photographs.size), side)
+        model = learn_sbrdf(few, sample=1, **options)
+        model.magnified(stride, photographs.size).save(path)
     return load_learned(path)
 
 

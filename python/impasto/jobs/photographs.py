@@ -19,7 +19,7 @@ from impasto._internal.checks import suggestion
 from impasto._internal.windows import offset
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, ImpastoError
-from impasto.fit.subsample import about_middle, pixels_inside, rig_of_every
+from impasto.fit.subsample import Sample
 from impasto.io.images import open_picture
 from impasto.io.npz import read_npz
 from impasto.io.opening import open_source
@@ -106,19 +106,18 @@ class Photographs(ABC):
         rows, columns = self.size
         return self.window(slice(0, rows), slice(0, columns))
 
-    def inside(self, stride: int) -> int:
-        """How many pixels within the mask :meth:`every` has."""
-        return math.prod(-(-side // stride) for side in self.size)
+    def inside(self, sample: Sample) -> int:
+        """How many pixels of a sample lie within the mask."""
+        return sample.count(None)
 
-    def every(self, stride: int, side: int) -> Stack:
-        """Every ``stride``-th row and column, an odd number, about the middle, of all photographs.
+    def sampled(self, sample: Sample, side: int) -> Stack:
+        """A sample of all photographs.
 
         Windows of ``side`` rows and columns are read one after another.
         """
-        if stride == 1:
+        if (stride := sample.stride) == 1:
             return self.whole()
-        taken = (about_middle(size, stride).indices(size) for size in self.size)
-        rows, columns = (range(*indices) for indices in taken)
+        rows, columns = (range(n)[i] for n, i in zip(self.size, sample.window, strict=True))
         found: NDArray[Any] | None = None
         mask = np.ones((len(rows), len(columns)), np.bool_)
         first: Stack | None = None
@@ -136,7 +135,7 @@ class Photographs(ABC):
                     mask[place] = part.mask[::stride, ::stride]
         assert first is not None
         assert found is not None
-        rig = rig_of_every(Rig(first.rig, origin=(0.0, 0.0)), stride)
+        rig = sample.rig(Rig(first.rig, origin=(0.0, 0.0)))
         return first._replace(samples=found, rig=rig, mask=None if mask.all() else mask)
 
 
@@ -190,8 +189,8 @@ class StackInMemory(Photographs):
         entry = {"dtype": str(stack.samples.dtype), "bytes": stack.samples.nbytes}
         return [{"file": "a stack in memory", **entry, "sha256": digest.hexdigest()}]
 
-    def inside(self, stride: int) -> int:  # noqa: D102
-        return pixels_inside(self.stack.mask, self.size, stride)
+    def inside(self, sample: Sample) -> int:  # noqa: D102
+        return sample.count(self.stack.mask)
 
     def window(self, rows: slice, columns: slice) -> Stack:  # noqa: D102
         height, width = self.size
@@ -277,19 +276,18 @@ class Files(Photographs):
     def changed(self) -> list[Path]:  # noqa: D102
         return [path for path, trace in self._seen.items() if _trace(path) != trace]
 
-    def inside(self, stride: int) -> int:  # noqa: D102
+    def inside(self, sample: Sample) -> int:  # noqa: D102
         if self._stack is not None:
-            return pixels_inside(self._stack.mask, self.size, stride)
+            return sample.count(self._stack.mask)
         height, width = self.size
         if self._masked((0, 0, 1, 1)) is None:
-            return super().inside(stride)
-        taken = about_middle(height, stride)
+            return super().inside(sample)
+        rows, columns = sample.window
         count = 0
-        for top in range(taken.start, height, stride * ROWS):
-            down = slice(top, min(top + stride * ROWS, height))
-            there = self._masked((down.start, 0, down.stop - down.start, width))
+        for top in range(rows.start, height, sample.stride * ROWS):
+            there = self._masked((top, 0, min(sample.stride * ROWS, height - top), width))
             assert there is not None
-            count += int(np.count_nonzero(there[::stride, about_middle(width, stride)]))
+            count += int(np.count_nonzero(there[:: sample.stride, columns]))
         return count
 
     def window(self, rows: slice, columns: slice) -> Stack:  # noqa: D102

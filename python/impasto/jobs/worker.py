@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import socket
 import threading
@@ -64,6 +65,8 @@ class _Slots:
 
 
 _OPENING = threading.Lock()
+_KEPT: dict[SharedJob, _Opened] = {}
+"""The job whose photographs are open: one at most."""
 
 
 def fit_tile(job: SharedJob, tile: Tile, numbers: bool) -> WrittenTile:
@@ -107,8 +110,24 @@ def _slots(address: str) -> _Slots:
     return _Slots()
 
 
-@lru_cache(maxsize=1)
+def release(job: SharedJob) -> None:
+    """Close the photographs of a job that has ended.
+
+    A tile that is still being fitted keeps them until it is done.
+    """
+    if _KEPT.pop(job, None) is not None:
+        gc.collect()
+
+
 def _opened(job: SharedJob) -> _Opened:
+    found = _KEPT.get(job)
+    if found is None:
+        _KEPT.clear()
+        found = _KEPT[job] = _open(job)
+    return found
+
+
+def _open(job: SharedJob) -> _Opened:
     record = JobRecord.read(job.folder / NOTES / RECORD)
     version = _core.build_info()["version"]
     if record.version != version:

@@ -112,7 +112,7 @@ class Photographs:
 
     def _scene(self, observation: int, bands: list[int]) -> SceneArguments:
         """One lamp whose colours are some of the bands."""
-        rig = self.rig.take([observation]).here
+        rig = self.rig.take([observation])
         matrix = np.zeros((1, len(self.diffuse), _CHANNELS))
         matrix[0, bands, range(len(bands))] = 1.0
         interface = np.zeros((1, _CHANNELS))

@@ -16,6 +16,7 @@ pub struct Projection {
     /// From the painting's (x, y, 1) to the picture's (right, up, 1), up to a factor.
     pub(super) forward: [[f64; 3]; 3],
     backward: [[f64; 3]; 3],
+    /// The painting, or the part of it, whose middle is the origin here.
     pub(super) painting: Grid,
     /// The picture's size and pitch.
     pub picture: Grid,
@@ -28,9 +29,16 @@ impl Projection {
     /// # Errors
     /// An eye so near that it sees a part of the painting several times as large as the middle.
     pub fn new(view: View, painting: Grid) -> Result<Self> {
+        // The picture of a part shows it about its own middle.
+        let Grid { width, height, pitch, .. } = painting;
+        let here = Grid::whole(width, height, pitch);
         match view {
-            View::Distant(view) => Ok(Self::parallel(view, painting)),
-            View::Point(eye) => Self::perspective(eye, painting),
+            View::Distant(view) => Ok(Self::parallel(view, here)),
+            View::Point(eye) => {
+                let middle = [width, height].map(|size| 0.5 * (size as f64 - 1.0));
+                let (x, y) = (painting.x(middle[0]), painting.y(middle[1]));
+                Self::perspective(eye - Vec3::new(x, y, 0.0), here)
+            }
         }
     }
 
