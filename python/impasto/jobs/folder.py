@@ -155,21 +155,25 @@ def entries_of(partial: Path, grid: Grid) -> Entries:
     """The journal of a job, without tiles whose files are not those that it wrote."""
     notes = partial / NOTES
     own = Entries(digest_of(notes / RECORD), digest_of(notes / LEARNED))
-    try:
-        found = read_journal(notes / JOURNAL)
-    except FileNotFoundError:
+    if not has_begun(notes):
+        (notes / NUMBERS).unlink(missing_ok=True)
         return own
-    except CorruptInputError:
-        if b"\n" in (notes / JOURNAL).read_bytes():
-            raise
-        return own  # torn in its first line
-    if (found.job, found.learned) != (own.job, own.learned):
+    found = read_journal(notes / JOURNAL)
+    if found.job != own.job:
+        raise CorruptInputError(notes / JOURNAL, f"is the journal of another job than {RECORD}")
+    if found.learned != own.learned:
         raise CorruptInputError(
-            notes / JOURNAL, f"is the journal of another job than {RECORD} and {LEARNED} beside it"
+            notes / LEARNED,
+            f"is not the learned model that {JOURNAL} beside it belongs to; bring back the file, "
+            "or begin anew (resume=False, --no-resume)",
         )
-    if found.tiles and not (notes / NUMBERS).exists():
-        LOG.warning("all tiles are fitted again: %s is missing", notes / NUMBERS)
-        found.tiles.clear()
+    if problem := numbers_problem(notes, found):
+        (notes / NUMBERS).unlink(missing_ok=True)
+        if found.tiles:
+            # They are the same for every tile with an estimated pixel.
+            again = max(found.tiles, key=lambda tile: found.tiles[tile].estimated)
+            LOG.warning("tile %s is fitted again: %s %s", again, notes / NUMBERS, problem)
+            del found.tiles[again]
     places = set(grid)
     for tile, entry in list(found.tiles.items()):
         lost = [name for name, crc in entry.shards.items() if changed(partial / name, crc)]
@@ -177,6 +181,23 @@ def entries_of(partial: Path, grid: Grid) -> Entries:
             LOG.warning("tile %s is fitted again: not as it was written: %s", tile, lost)
             del found.tiles[tile]
     return found
+
+
+def has_begun(notes: Path) -> bool:
+    """Whether the journal of a job has its first line, without which nothing beside it counts."""
+    path = notes / JOURNAL
+    return path.is_file() and b"\n" in path.read_bytes()
+
+
+def numbers_problem(notes: Path, entries: Entries) -> str | None:
+    """What is wrong with the numbers of a job that is not finished; None: nothing."""
+    path = notes / NUMBERS
+    known = [*entries.numbers, (entries.files or {}).get(f"{NOTES}/{NUMBERS}")]
+    if not path.is_file():
+        return "is missing"
+    if path.is_symlink() or checksum(path) not in known:
+        return "is not as it was written"
+    return None
 
 
 def changed(path: Path, crc: str) -> bool:

@@ -25,6 +25,7 @@ from impasto.jobs.folder import (
     earlier_record,
     entries_of,
     finish,
+    has_begun,
     partial_of,
     refuse_differences,
     remove_unfinished,
@@ -223,6 +224,8 @@ def carry_out(
             with as_problem_of(partial):
                 sync_folder(partial)
                 sync_folder(partial.parent)
+        if not has_begun(notes):
+            (notes / LEARNED).unlink(missing_ok=True)  # no checksum vouches for it
         model = learned_model(
             photographs,
             record.fit,
