@@ -14,7 +14,7 @@ from impasto.io.folders import sync_folders
 from impasto.io.npz import read_npz
 from impasto.io.results.multiscales import multiscales_of, with_dims
 from impasto.io.results.zarr_arrays import METADATA
-from impasto.io.results.zarr_store import EMPTY_GROUP, group_metadata, zarr_arrays
+from impasto.io.results.zarr_store import EMPTY_GROUP, NAME, group_metadata, zarr_arrays
 from impasto.io.temporary import OLD, PARTIAL, temporary_beside
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
@@ -144,6 +144,22 @@ def _used(folder: Path) -> bool:
     )
 
 
+def check_own(partial: Path) -> None:
+    """Refuse a job that would write somewhere else, through a link in its folder.
+
+    Raises
+    ------
+    ArgumentError
+        A folder in it, or a file of its notes, is a link. The folder itself may be one.
+    """
+    for path in partial.rglob("*"):
+        if path.is_symlink() and (path.is_dir() or NOTES in path.relative_to(partial).parts[:-1]):
+            raise ArgumentError(
+                f"out: {path} is a link; a job writes only into its own folder: put what it leads "
+                "to in its place, or begin anew (resume=False, --no-resume)"
+            )
+
+
 def clear(partial: Path) -> None:
     """Remove what a killed run was writing."""
     for path in partial.rglob(".*"):
@@ -189,6 +205,11 @@ def has_begun(notes: Path) -> bool:
     return path.is_file() and b"\n" in path.read_bytes()
 
 
+def has_tiles(notes: Path) -> bool:
+    """Whether a tile of a job is on the disk."""
+    return has_begun(notes) and bool(read_journal(notes / JOURNAL).tiles)
+
+
 def numbers_problem(notes: Path, entries: Entries) -> str | None:
     """What is wrong with the numbers of a job that is not finished; None: nothing."""
     path = notes / NUMBERS
@@ -212,6 +233,9 @@ def finish(partial: Path, grid: Grid, entries: Entries) -> None:
     """
     notes = partial / NOTES
     numbers = read_npz(notes / NUMBERS)
+    for name in numbers:
+        if not NAME.fullmatch(name.removeprefix(MAP)):  # it becomes the name of a folder
+            raise CorruptInputError(notes / NUMBERS, f"has an array {name!r}, which no job writes")
     maps = [
         map_array(name.removeprefix(MAP), plane, grid)
         for name, plane in numbers.items()

@@ -221,9 +221,12 @@ def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
         own |= {f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS, LOCK, PACE)}
     for path in folder.rglob("*"):
         name = path.relative_to(folder).as_posix()
-        if path.is_dir() or name in own or (not whole and _of_a_tile(name, missing)):
+        if path.is_symlink() and path.is_dir():
+            yield Finding(str(path), "is a link, not the folder that was made")
+        elif path.is_dir() or name in own or (not whole and _of_a_tile(name, missing)):
             continue
-        yield Finding(str(path), "does not belong to the store")
+        else:
+            yield Finding(str(path), "does not belong to the store")
 
 
 def _of_a_tile(name: str, missing: set[Tile]) -> bool:
