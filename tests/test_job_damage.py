@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -153,3 +154,18 @@ def test_a_line_of_a_journal_is_no_other(unfinished: Path, tmp_path: Path) -> No
     journal.write_text("\n".join([*lines[:-1], json.dumps(content)]) + "\n")
     (found,) = jobs.verify(tmp_path / "a.zarr")
     assert str(found) == f"{journal}: is damaged in line {len(lines)}"
+
+
+def test_dates_of_files_do_not_matter(unfinished: Path, finished: Path, tmp_path: Path) -> None:
+    """Files come back from a copy or an archive, with a date before that of their making."""
+    partial = tmp_path / "a.zarr.partial"
+    shutil.copytree(unfinished.with_name(partial.name), partial)
+    for number, path in enumerate(sorted(partial.rglob("*"))):
+        os.utime(path, (10.0 * number, 4e9 if number % 2 else 1.0))
+    assert jobs.verify(tmp_path / "a.zarr") == ()
+    done: list[int] = []
+    out = jobs.resume(
+        tmp_path / "a.zarr", source=small_stack(), progress=lambda n, _: done.append(n)
+    )
+    assert done[0] == 2, "no tile is fitted again"
+    assert tree(out) == tree(finished)

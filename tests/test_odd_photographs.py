@@ -19,6 +19,7 @@ from impasto.colour import icc_profile
 from impasto.io import write_lights
 
 CODES = [np.rint(60000.0 * photograph[0]).astype(np.uint16) for photograph in stack().samples]
+SCENE = impasto.Scene(lights=[impasto.DistantLight((0, 0, 1))])
 LIGHTS = stack().rig.directions.tolist()
 
 

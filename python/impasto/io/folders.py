@@ -34,9 +34,9 @@ def new_folder(path: Path) -> Iterator[Path]:
         except BaseException as error:
             shutil.rmtree(folder, ignore_errors=True)
             if isinstance(error, OSError) and error.errno:
-                asked = _requested(error.filename, folder, path)
-                if asked is not None:
-                    raise OSError(error.errno, error.strerror, str(asked)) from error
+                named = _requested(error.filename, folder, path)
+                if named is not None:
+                    raise OSError(error.errno, error.strerror, str(named)) from error
             raise
 
 
