@@ -16,7 +16,7 @@ export PIP_QUIET := 1
 PYTEST := IMPASTO_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo test test-fast rust-checks test-rust test-python lint docs wheel bench study pictures clean
+.PHONY: help build demo test test-fast rust-checks test-rust test-python lint docs wheel sanitize bench study pictures clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -67,6 +67,11 @@ wheel: $(VENV)/built $(VENV)/release  ## build wheel and source archive into dis
 	$(BIN)/auditwheel show dist/*.whl
 	PYTHON=$(BIN)/python .ci/try_archive dist/*.whl
 	PYTHON=$(BIN)/python .ci/try_archive dist/*.tar.gz
+
+# The runtime library of the sanitizer is there for the target that is named, and the standard library needs none.
+sanitize:  ## run the tests of the vector code with AddressSanitizer; builds for many minutes
+	RUSTC_BOOTSTRAP=1 RUSTFLAGS=-Zsanitizer=address cargo test --quiet --target-dir target/sanitize \
+	  --target $$(rustc -vV | sed -n 's/^host: //p') --package impasto --lib lanes
 
 bench: $(VENV)/built $(VENV)/extras $(VENV)/peers  ## time the numerics against peers; ratios go to benches/results
 	cargo bench --package impasto-benches --bench numerics

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -195,6 +196,31 @@ with multiprocessing.get_context("fork").Pool(2) as pool:
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
 def test_multiprocessing_may_fork_after_a_call_with_threads() -> None:
     run(POOL)
+
+
+CHILD = """
+import multiprocessing, sys
+import impasto
+from failing_steps import stack
+
+def fitted(threads):
+    return impasto.fit_sbrdf(stack(), pooling="none", threads=threads).diffuse.tobytes()
+
+if __name__ == "__main__":
+    before = fitted(2)
+    with multiprocessing.get_context(sys.argv[1]).Pool(1) as pool:
+        assert pool.apply_async(fitted, (3,)).get(60.0) == before
+"""
+
+
+@pytest.mark.parametrize("method", ["spawn", "forkserver"])
+def test_a_child_that_begins_anew_gives_the_same_bits(method: str, tmp_path: Path) -> None:
+    """It imports the program of its parent, which therefore is a file."""
+    program = tmp_path / "program.py"
+    program.write_text(CHILD)
+    words = [sys.executable, str(program), method]
+    done = subprocess.run(words, env=surroundings(), stderr=subprocess.PIPE, timeout=120)
+    assert done.returncode == 0, done.stderr.decode()
 
 
 INTERRUPTED = """

@@ -444,6 +444,16 @@ def test_an_ascii_terminal_gets_its_table(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_bare_environment_is_enough() -> None:
+    """No home, no language, a terminal that can do nothing."""
+    kept = {"PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "SYSTEMROOT"}
+    bare = {name: text for name, text in os.environ.items() if name in kept}
+    done = run("info", env=bare | {"TERM": "dumb", "LC_ALL": "C", "HOME": "/nonexistent"})
+    assert (done.returncode, done.stderr) == (0, "")
+    assert impasto.__version__ in done.stdout
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="a shell as on POSIX")
 @pytest.mark.parametrize(
     ("words", "redirection"),

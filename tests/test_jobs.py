@@ -451,7 +451,7 @@ CHANGES: dict[str, tuple[Any, str]] = {
     "a bit of the model": (lambda f, o: flip(f / "job/learned.npz"), "learned.npz: is not what"),
     "no journal": (lambda f, o: (f / "job/journal.jsonl").unlink(), "journal.jsonl: is missing"),
     "a line less": (lambda f, o: shorten(f / "job/journal.jsonl"), "has no tile 0, 1"),
-    "another count": (lambda f, o: recount(f / "job/journal.jsonl"), "is damaged in line 6"),
+    "another count": (lambda f, o: recount(f / "job/journal.jsonl"), "is damaged in line 2"),
     "a link": (lambda f, o: link(f / "status/c/0/1"), "status/c/0/1: is a link"),
     "a file more": (lambda f, o: (f / "normal/c/0/0/2").touch(), "does not belong to the store"),
     "a broken record": (

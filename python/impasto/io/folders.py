@@ -18,8 +18,9 @@ def new_folder(path: Path) -> Iterator[Path]:
 
     All files in it must have been written by :func:`atomic_together`. An older folder of that name
     stays until the new one is whole on the disk; it is then moved aside, and removed when the new
-    one has its name. After an error the new one is gone and the older untouched. What a killed
-    process left goes with the next write of that name (:func:`recover`).
+    one has its name. After an error the new one is gone and the older untouched; an error of the
+    system names what was asked for, not the temporary folder. What a killed process left goes with
+    the next write of that name (:func:`recover`).
     """
     recover(path)
     with ExitStack() as held:
@@ -30,9 +31,22 @@ def new_folder(path: Path) -> Iterator[Path]:
             folder.chmod(0o777 & ~_umask())
             sync_folders(folder)
             put_in_place(folder, path)
-        except BaseException:
+        except BaseException as error:
             shutil.rmtree(folder, ignore_errors=True)
+            if isinstance(error, OSError) and error.errno:
+                named = _requested(error.filename, folder, path)
+                if named is not None:
+                    raise OSError(error.errno, error.strerror, str(named)) from error
             raise
+
+
+def _requested(name: object, folder: Path, path: Path) -> Path | None:
+    """The file of ``path`` that an error in its temporary folder is about; None: it is not."""
+    if name is None:  # flushes and full disks name no file at all
+        return path
+    with suppress(TypeError, ValueError):
+        return path / Path(os.fsdecode(name)).relative_to(folder)  # type: ignore[arg-type]
+    return None
 
 
 def put_in_place(folder: Path, path: Path) -> None:

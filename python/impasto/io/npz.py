@@ -6,6 +6,7 @@ import sys
 import zipfile
 from collections.abc import Mapping
 from contextlib import closing
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,13 @@ def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         raise ArgumentError(f"path: expected a name ending in .npz, found {path.name!r}{hint}")
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, allow_pickle=False, **dict(arrays))
+
+
+def npz_bytes(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """The file that :func:`write_npz` writes; the same for the same arrays."""
+    file = BytesIO()
+    np.savez(file, allow_pickle=False, **dict(arrays))
+    return file.getvalue()
 
 
 def read_npz(path: Path, *, without: str = "") -> dict[str, NDArray[Any]]:

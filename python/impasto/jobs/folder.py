@@ -15,7 +15,7 @@ from impasto.io.npz import read_npz
 from impasto.io.results.multiscales import multiscales_of
 from impasto.io.results.precision import Precision
 from impasto.io.results.zarr_arrays import METADATA
-from impasto.io.results.zarr_store import EMPTY_GROUP, group_metadata, zarr_arrays
+from impasto.io.results.zarr_store import EMPTY_GROUP, NAME, group_metadata, zarr_arrays
 from impasto.io.temporary import OLD, PARTIAL, temporary_beside
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
@@ -23,7 +23,7 @@ from impasto.jobs.learning import LEARNED, digest_of
 from impasto.jobs.levels import HALF_SCALE, write_levels
 from impasto.jobs.lock import LOCK, locked
 from impasto.jobs.record import JobRecord
-from impasto.jobs.tiles import NUMBERS, PACE, arrays_of_tiles, no_maps
+from impasto.jobs.tiles import MAP, NUMBERS, PACE, SAME, arrays_of_tiles, no_maps
 
 LOG = getLogger("impasto.jobs")
 LOG.addHandler(NullHandler())
@@ -145,6 +145,22 @@ def _used(folder: Path) -> bool:
     )
 
 
+def check_own(partial: Path) -> None:
+    """Refuse a job that would write somewhere else, through a link in its folder.
+
+    Raises
+    ------
+    ArgumentError
+        A folder in it, or a file of its notes, is a link. The folder itself may be one.
+    """
+    for path in partial.rglob("*"):
+        if path.is_symlink() and (path.is_dir() or NOTES in path.relative_to(partial).parts[:-1]):
+            raise ArgumentError(
+                f"out: {path} is a link; a job writes only into its own folder: put what it leads "
+                "to in its place, or begin anew (resume=False, --no-resume)"
+            )
+
+
 def clear(partial: Path) -> None:
     """Remove what a killed run was writing."""
     for path in partial.rglob(".*"):
@@ -156,21 +172,25 @@ def entries_of(partial: Path, grid: Grid) -> Entries:
     """The journal of a job, without tiles whose files are not those that it wrote."""
     notes = partial / NOTES
     own = Entries(digest_of(notes / RECORD), digest_of(notes / LEARNED))
-    try:
-        found = read_journal(notes / JOURNAL)
-    except FileNotFoundError:
+    if not has_begun(notes):
+        (notes / NUMBERS).unlink(missing_ok=True)
         return own
-    except CorruptInputError:
-        if b"\n" in (notes / JOURNAL).read_bytes():
-            raise
-        return own  # torn in its first line
-    if (found.job, found.learned) != (own.job, own.learned):
+    found = read_journal(notes / JOURNAL)
+    if found.job != own.job:
+        raise CorruptInputError(notes / JOURNAL, f"is the journal of another job than {RECORD}")
+    if found.learned != own.learned:
         raise CorruptInputError(
-            notes / JOURNAL, f"is the journal of another job than {RECORD} and {LEARNED} beside it"
+            notes / LEARNED,
+            f"is not the learned model that {JOURNAL} beside it belongs to; bring back the file, "
+            "or begin anew (resume=False, --no-resume)",
         )
-    if found.tiles and not (notes / NUMBERS).exists():
-        LOG.warning("all tiles are fitted again: %s is missing", notes / NUMBERS)
-        found.tiles.clear()
+    if problem := numbers_problem(notes, found):
+        (notes / NUMBERS).unlink(missing_ok=True)
+        if found.tiles:
+            # They are the same for every tile with an estimated pixel.
+            again = max(found.tiles, key=lambda tile: found.tiles[tile].estimated)
+            LOG.warning("tile %s is fitted again: %s %s", again, notes / NUMBERS, problem)
+            del found.tiles[again]
     places = set(grid)
     for tile, entry in list(found.tiles.items()):
         lost = [name for name, crc in entry.shards.items() if changed(partial / name, crc)]
@@ -178,6 +198,28 @@ def entries_of(partial: Path, grid: Grid) -> Entries:
             LOG.warning("tile %s is fitted again: not as it was written: %s", tile, lost)
             del found.tiles[tile]
     return found
+
+
+def has_begun(notes: Path) -> bool:
+    """Whether the journal of a job has its first line, without which nothing beside it counts."""
+    path = notes / JOURNAL
+    return path.is_file() and b"\n" in path.read_bytes()
+
+
+def has_tiles(notes: Path) -> bool:
+    """Whether a tile of a job is on the disk."""
+    return has_begun(notes) and bool(read_journal(notes / JOURNAL).tiles)
+
+
+def numbers_problem(notes: Path, entries: Entries) -> str | None:
+    """What is wrong with the numbers of a job that is not finished; None: nothing."""
+    path = notes / NUMBERS
+    known = [*entries.numbers, (entries.files or {}).get(f"{NOTES}/{NUMBERS}")]
+    if not path.is_file():
+        return "is missing"
+    if path.is_symlink() or checksum(path) not in known:
+        return "is not as it was written"
+    return None
 
 
 def changed(path: Path, crc: str) -> bool:
@@ -192,6 +234,9 @@ def finish(partial: Path, grid: Grid, entries: Entries, precision: Precision) ->
     """
     notes = partial / NOTES
     found = read_npz(notes / NUMBERS)
+    for name in found:
+        if not NAME.fullmatch(name.removeprefix(MAP).removeprefix(SAME)):  # names of folders
+            raise CorruptInputError(notes / NUMBERS, f"has an array {name!r}, which no job writes")
     numbers = no_maps(found)
     tiles = arrays_of_tiles(found, grid)
     maps = [one for one in tiles if not one.name.startswith(HALF_SCALE)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,15 @@ from typing import Literal
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.results.zarr_arrays import ZarrArray
 from impasto.io.results.zarr_store import contents, levels_of
-from impasto.jobs.folder import NOTES, RECORD, partial_of, store_name
+from impasto.jobs.folder import (
+    NOTES,
+    RECORD,
+    has_begun,
+    numbers_problem,
+    partial_of,
+    store_name,
+)
+from impasto.jobs.grid import Tile
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
 from impasto.jobs.lock import LOCK, holder
@@ -20,6 +29,8 @@ from impasto.jobs.record import JobRecord
 from impasto.jobs.tiles import NUMBERS, PACE
 from impasto.report import file_entry
 
+SHARD = r"[^/]+/c(/0)*/(?P<row>0|[1-9]\d{0,8})/(?P<column>0|[1-9]\d{0,8})"
+"""Names of the files of maps in a store."""
 RECENT = 20
 """Last tiles from which the pace of a job is taken."""
 
@@ -198,14 +209,32 @@ def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
             yield Finding(str(path), "is a link, not the file that was written")
         elif (found := checksum(path)) != crc:
             yield Finding(str(path), f"has changed: its checksum is {found}, in the journal {crc}")
-    if not whole:
-        return
-    yield from _lacking(folder, record, entries, known)
     own = {*known, f"{NOTES}/{JOURNAL}"}
+    missing: set[Tile] = set() if whole else set(record.grid) - entries.tiles.keys()
+    if whole:
+        yield from _lacking(folder, record, entries, known)
+    else:
+        if entries.tiles and (problem := numbers_problem(notes, entries)):
+            yield Finding(str(notes / NUMBERS), problem)
+        if not missing:
+            return  # the files beside the tiles are being written
+        own |= {f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS, LOCK, PACE)}
     for path in folder.rglob("*"):
         name = path.relative_to(folder).as_posix()
-        if not path.is_dir() and name not in own:
+        if path.is_symlink() and path.is_dir():
+            yield Finding(str(path), "is a link, not the folder that was made")
+        elif path.is_dir() or name in own or (not whole and _of_a_tile(name, missing)):
+            continue
+        else:
             yield Finding(str(path), "does not belong to the store")
+
+
+def _of_a_tile(name: str, missing: set[Tile]) -> bool:
+    """Whether a file may be of a tile that is not in the journal yet, or is being written."""
+    if name.rpartition("/")[2].startswith("."):
+        return True
+    found = re.fullmatch(SHARD, name)
+    return found is not None and (int(found["row"]), int(found["column"])) in missing
 
 
 def _lacking(
@@ -261,7 +290,7 @@ def _entries(notes: Path) -> Entries | None:
     except FileNotFoundError:
         return None
     except CorruptInputError:
-        if (notes / LOCK).exists() and b"\n" not in (notes / JOURNAL).read_bytes():
+        if (notes / LOCK).exists() and not has_begun(notes):
             return None  # killed while it was begun
         raise
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
-from impasto.errors import ArgumentError, ResumeMismatchError
+from impasto.errors import ArgumentError, GeometryError, ResumeMismatchError
 from impasto.fit.subsample import Sample, checked_stride
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
 from impasto.io.results.precision import Precision, checked_precision
@@ -21,11 +21,14 @@ from impasto.jobs.folder import (
     NOTES,
     RECORD,
     check_finished,
+    check_own,
     checked_target,
     clear,
     earlier_record,
     entries_of,
     finish,
+    has_begun,
+    has_tiles,
     partial_of,
     refuse_differences,
     remove_unfinished,
@@ -217,7 +220,31 @@ def carry_out(
         (target / NOTES / LOCK).unlink(missing_ok=True)  # of a process killed in its last step
         return target
     partial = partial_of(target)
+    try:
+        return _carried_out(
+            record, photographs, target, partial,
+            memory=memory, client=client, threads=threads, progress=progress,
+        )  # fmt: skip
+    except GeometryError:
+        # No job can come of these lights; one of others would be refused for the sake of this.
+        if earlier is None and not has_tiles(partial / NOTES):
+            remove_unfinished(partial)
+        raise
+
+
+def _carried_out(
+    record: JobRecord,
+    photographs: Photographs,
+    target: Path,
+    partial: Path,
+    *,
+    memory: int,
+    client: Client | None,
+    threads: int | None,
+    progress: bool | ProgressCallback,
+) -> Path:
     notes = partial / NOTES
+    check_own(partial)
     notes.mkdir(parents=True, exist_ok=True)
     with locked(notes):
         if target.exists():
@@ -230,6 +257,8 @@ def carry_out(
             with as_problem_of(partial):
                 sync_folder(partial)
                 sync_folder(partial.parent)
+        if not has_begun(notes):
+            (notes / LEARNED).unlink(missing_ok=True)  # no checksum vouches for it
         model = learned_model(
             photographs,
             record.fit,

@@ -1,7 +1,8 @@
 """``journal.jsonl``: which tiles are on the disk, with a checksum of every file.
 
 A line is appended, and reaches the disk, after all files of its tile did. What is torn off at the
-end of the file is a tile that was not finished.
+end of the file is a tile that was not finished. Every line ends in a checksum of its own, so that
+a change is found while the job runs, too.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from impasto.io.files import as_problem_of, sync_folder
 from impasto.jobs.grid import Grid, Tile
 
 JOURNAL = "journal.jsonl"
+CHECK = "crc"
+"""Name of the checksum of a line, CRC-32 of what stands before it, closed by a brace."""
 CHUNK = 1 << 24
 """Bytes of a file that are read at a time."""
 
@@ -51,6 +54,9 @@ class Entries:
         SHA-256 of the record and of the learned model that it belongs to.
     tiles
         The tiles on the disk.
+    numbers
+        CRC-32 of what is no map, in the versions that the running job has written or was about to
+        write; a finished journal has it among the files.
     files
         CRC-32 of all other files; None while the job runs.
     length
@@ -60,6 +66,7 @@ class Entries:
     job: str
     learned: str
     tiles: dict[Tile, TileEntry] = field(default_factory=dict)
+    numbers: list[str] = field(default_factory=list)
     files: dict[str, str] | None = None
     length: int = 0
 
@@ -89,13 +96,15 @@ def read_journal(path: Path) -> Entries:
     before = 0
     for number, line in enumerate(whole.splitlines(keepends=True), start=1):
         try:
-            content = json.loads(line)
+            content = _content(line)
             if found is None:
                 found = Entries(str(content["job"]), str(content["learned"]))
             elif "files" in content:
                 found.files = _checksums(content["files"])
                 if content["before"] != f"{before:08x}":
                     raise ValueError("the checksum of the lines before does not agree")
+            elif "numbers" in content:
+                found.numbers.append(str(content["numbers"]))
             else:
                 row, column = (int(at) for at in content["tile"])
                 shards = _checksums(content["shards"])
@@ -134,6 +143,12 @@ class Journal:
             self._append(_tile_line(tile, entry))
         self.entries.tiles[tile] = entry
 
+    def announce(self, crc: str) -> None:
+        """The checksum of what is no map, before it is written."""
+        with as_problem_of(self.path):
+            self._append(_line({"numbers": crc}))
+        self.entries.numbers.append(crc)
+
     def close(self) -> None:
         """Give the file back."""
         self._file.close()
@@ -171,4 +186,15 @@ def _tile_line(tile: Tile, entry: TileEntry) -> bytes:
 
 
 def _line(content: Mapping[str, Any]) -> bytes:
-    return (json.dumps(content, sort_keys=True) + "\n").encode()
+    text = json.dumps(content, sort_keys=True)
+    # Last, whatever the order of the names.
+    return f'{text[:-1]}, "{CHECK}": "{crc_of(text.encode())}"}}\n'.encode()
+
+
+def _content(line: bytes) -> dict[str, Any]:
+    """What a line says, if it is as it was written."""
+    content: dict[str, Any] = json.loads(line)
+    del content[CHECK]
+    if _line(content) != line:
+        raise ValueError("the checksum of the line does not agree")
+    return content

@@ -32,7 +32,7 @@ def locked(folder: Path) -> Iterator[None]:
     except ImportError as error:
         raise ImpastoError("jobs need locks of POSIX systems, which this one has not") from error
     path = folder / LOCK
-    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:
         for last in (*[False] * TRIES, True):
             try:

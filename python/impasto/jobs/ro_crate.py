@@ -17,8 +17,8 @@ from typing import Any
 from urllib.parse import quote
 
 from impasto.errors import ArgumentError
-from impasto.io.files import as_problem_of, atomic_bytes
-from impasto.io.folders import sync_folders
+from impasto.io.files import atomic_bytes
+from impasto.io.folders import new_folder
 from impasto.jobs.folder import NOTES, RECORD, check_finished
 from impasto.jobs.inspection import folder_of
 from impasto.jobs.record import JobRecord
@@ -83,42 +83,40 @@ def export_ro_crate(
         raise ArgumentError(f"folder: the folder {crate.absolute().parent} does not exist")
     if crate.resolve().is_relative_to(store.resolve()):
         raise ArgumentError(f"folder: {crate} lies in the store itself; give another place")
-    partial = crate.with_name(f".{crate.name}.partial")
-    if partial.exists():
-        shutil.rmtree(partial)  # of an export that was killed
-    with as_problem_of(crate):
-        partial.mkdir()
-        try:
-            shutil.copytree(store, partial / store.name, copy_function=_linked, symlinks=True)
-            content = {
-                "@context": [f"{CRATE}/context", TERMS],
-                "@graph": list(
-                    _graph(
-                        record,
-                        store,
-                        name or store.name,
-                        description,
-                        license,
-                        published or datetime.date.today(),
-                    )
-                ),
-            }
-            text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
-            atomic_bytes(partial / METADATA, (text + "\n").encode())
-            sync_folders(partial)
-            partial.rename(crate)
-        except BaseException:
-            shutil.rmtree(partial, ignore_errors=True)
-            raise
+    with new_folder(crate) as folder_of_crate:
+        _link_all(store, folder_of_crate / store.name)
+        content = {
+            "@context": [f"{CRATE}/context", TERMS],
+            "@graph": list(
+                _graph(
+                    record,
+                    store,
+                    name or store.name,
+                    description,
+                    license,
+                    published or datetime.date.today(),
+                )
+            ),
+        }
+        text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+        atomic_bytes(folder_of_crate / METADATA, (text + "\n").encode())
     return crate
 
 
-def _linked(source: str, target: str) -> str:
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copyfile(source, target)
-    return target
+def _link_all(store: Path, target: Path) -> None:
+    """Every file of a store at another place; what cannot be linked is copied, and flushed."""
+    for path in sorted(store.rglob("*")):
+        file = target / path.relative_to(store)
+        if path.is_dir():
+            file.mkdir(parents=True, exist_ok=True)
+            continue
+        file.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            os.link(path, file)
+        except OSError:
+            shutil.copyfile(path, file)
+            with file.open("rb+") as copied:
+                os.fsync(copied.fileno())
 
 
 def _graph(

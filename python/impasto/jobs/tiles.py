@@ -17,8 +17,8 @@ from impasto._internal.windows import within
 from impasto.fit.learning import LearnedModel
 from impasto.fit.result import Sbrdf
 from impasto.fit.saved import maps_of
-from impasto.io.files import as_problem_of, atomic_together
-from impasto.io.npz import read_npz, write_npz
+from impasto.io.files import as_problem_of, atomic_bytes, atomic_together
+from impasto.io.npz import npz_bytes, read_npz
 from impasto.io.results.multiscales import with_dims
 from impasto.io.results.precision import Precision, to_store
 from impasto.io.results.zarr_arrays import ZarrArray
@@ -110,7 +110,9 @@ class TileLog:
             return
         known = bool(numbers[KNOWN])
         if self._known is None or (known and not self._known):
-            write_npz(self._notes / NUMBERS, dict(numbers))
+            data = npz_bytes(numbers)
+            self._journal.announce(crc_of(data))
+            atomic_bytes(self._notes / NUMBERS, data)
             self._known = known
 
 

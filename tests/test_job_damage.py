@@ -1,0 +1,171 @@
+"""Every change of a file of a job is found: by ``verify``, and where it goes on, by the job."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import impasto
+from failing_steps import OPTIONS
+from failing_steps import stack as small_stack
+from impasto import CorruptInputError, ResumeMismatchError, jobs
+from killed_jobs import tree
+
+pytest.importorskip("fcntl", reason="jobs need POSIX")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return impasto.run(small_stack(), tmp_path_factory.mktemp("whole") / "a.zarr", **OPTIONS)
+
+
+@pytest.fixture(scope="module")
+def unfinished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two of four tiles."""
+
+    def stop(done: int, total: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    out = tmp_path_factory.mktemp("half") / "a.zarr"
+    with pytest.raises(KeyboardInterrupt):
+        impasto.run(small_stack(), out, progress=stop, **OPTIONS)
+    assert jobs.status(out).tiles_done == 2
+    return out
+
+
+def flip(path: Path, place: str, rng: np.random.Generator) -> None:
+    """One bit of the first byte of a file, of the last one, or of any."""
+    data = bytearray(path.read_bytes())
+    at = {"first": 0, "last": len(data) - 1, "any": int(rng.integers(len(data)))}[place]
+    data[at] ^= 1 << int(rng.integers(8))
+    path.write_bytes(data)
+
+
+ALONE = ("job/job.json", "job/journal.jsonl")
+"""What is compared with these files cannot be compared where they are damaged."""
+NO_RESULT = ("job/pace.jsonl", "job/lock")
+
+
+@pytest.mark.parametrize("place", ["first", "last", "any"])
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_bit_of_any_file_is_found(
+    whole: bool, place: str, finished: Path, unfinished: Path, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(5)
+    folder = tmp_path / ("a.zarr" if whole else "a.zarr.partial")
+    shutil.copytree(finished if whole else unfinished.with_name(folder.name), folder)
+    out = tmp_path / "a.zarr"
+    assert jobs.verify(out) == ()
+    everything = (path for path in folder.rglob("*") if path.is_file())
+    files = {path.relative_to(folder).as_posix(): path for path in everything}
+    assert files.keys() > {*ALONE, "job/learned.npz", "job/numbers.npz", "normal/c/0/0/1"}
+    others = {path for name, path in files.items() if name not in {*ALONE, *NO_RESULT}}
+    for name in ALONE:
+        before = files[name].read_bytes()
+        flip(files[name], place, rng)
+        if not whole and name.endswith("journal.jsonl") and place == "last":
+            # A line without its end is one that was torn off: its tile is not done.
+            assert jobs.status(out).tiles_done == 1
+        else:
+            assert jobs.verify(out), name
+        files[name].write_bytes(before)
+    assert jobs.verify(out) == ()
+    for path in others:
+        flip(path, place, rng)
+    found = {Path(one.file) for one in jobs.verify(out)}
+    assert others <= found
+
+
+@pytest.mark.parametrize("place", ["first", "any"])
+@pytest.mark.parametrize("name", [*ALONE, "job/learned.npz", "job/numbers.npz", "normal/c/0/0/1"])
+def test_a_job_does_not_go_on_with_a_changed_bit(
+    name: str, place: str, unfinished: Path, finished: Path, tmp_path: Path
+) -> None:
+    """It refuses the file, or makes it again."""
+    partial, out = tmp_path / "a.zarr.partial", tmp_path / "a.zarr"
+    shutil.copytree(unfinished.with_name(partial.name), partial)
+    flip(partial / name, place, np.random.default_rng(len(name)))
+    if name in {"job/numbers.npz", "normal/c/0/0/1"}:
+        assert tree(jobs.resume(out, source=small_stack())) == tree(finished)
+    else:
+        with pytest.raises((CorruptInputError, ResumeMismatchError), match=str(tmp_path)):
+            jobs.resume(out, source=small_stack())
+        assert not out.exists()
+
+
+def test_numbers_of_an_unfinished_job_are_made_again(
+    unfinished: Path, finished: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """One tile is fitted for them, not all."""
+    partial = tmp_path / "a.zarr.partial"
+    shutil.copytree(unfinished.with_name(partial.name), partial)
+    numbers = partial / "job" / "numbers.npz"
+    flip(numbers, "any", np.random.default_rng(7))
+    (found,) = jobs.verify(tmp_path / "a.zarr")
+    assert str(found) == f"{numbers}: is not as it was written"
+    done: list[int] = []
+    jobs.resume(tmp_path / "a.zarr", source=small_stack(), progress=lambda n, _: done.append(n))
+    assert done == [1, 2, 3, 4]
+    assert "numbers.npz is not as it was written" in caplog.text
+    assert tree(tmp_path / "a.zarr") == tree(finished)
+
+
+@pytest.mark.parametrize("name", ["x", "job/x", "normal/c/0/0/0x", "normal/c/0/0/7", "a/b.txt"])
+def test_a_file_more_in_an_unfinished_job_is_found(
+    name: str, unfinished: Path, tmp_path: Path
+) -> None:
+    partial = tmp_path / "a.zarr.partial"
+    shutil.copytree(unfinished.with_name(partial.name), partial)
+    (partial / name).parent.mkdir(exist_ok=True)
+    (partial / name).touch()
+    # What a tile that is not finished has written is none.
+    (partial / "normal" / "c" / "0" / "1" / "1").parent.mkdir(exist_ok=True)
+    (partial / "normal" / "c" / "0" / "1" / "1").write_bytes(b"half")
+    assert [str(one) for one in jobs.verify(tmp_path / "a.zarr")] == [
+        f"{partial / name}: does not belong to the store"
+    ]
+
+
+def test_a_model_that_no_journal_knows_is_learned_again(
+    unfinished: Path, finished: Path, tmp_path: Path
+) -> None:
+    """Killed between the model and the first line of the journal."""
+    partial = tmp_path / "a.zarr.partial"
+    (partial / "job").mkdir(parents=True)
+    shutil.copy(unfinished.with_name(partial.name) / "job" / "job.json", partial / "job")
+    (partial / "job" / "learned.npz").write_bytes(b"half a model")
+    assert tree(jobs.resume(tmp_path / "a.zarr", source=small_stack())) == tree(finished)
+
+
+def test_a_line_of_a_journal_is_no_other(unfinished: Path, tmp_path: Path) -> None:
+    """The number of pixels is in no checksum of a file."""
+    partial = tmp_path / "a.zarr.partial"
+    shutil.copytree(unfinished.with_name(partial.name), partial)
+    journal = partial / "job" / "journal.jsonl"
+    lines = journal.read_text().splitlines()
+    content = json.loads(lines[-1])
+    content["estimated"] -= 1
+    journal.write_text("\n".join([*lines[:-1], json.dumps(content)]) + "\n")
+    (found,) = jobs.verify(tmp_path / "a.zarr")
+    assert str(found) == f"{journal}: is damaged in line {len(lines)}"
+
+
+def test_dates_of_files_do_not_matter(unfinished: Path, finished: Path, tmp_path: Path) -> None:
+    """Files come back from a copy or an archive, with a date before that of their making."""
+    partial = tmp_path / "a.zarr.partial"
+    shutil.copytree(unfinished.with_name(partial.name), partial)
+    for number, path in enumerate(sorted(partial.rglob("*"))):
+        os.utime(path, (10.0 * number, 4e9 if number % 2 else 1.0))
+    assert jobs.verify(tmp_path / "a.zarr") == ()
+    done: list[int] = []
+    out = jobs.resume(
+        tmp_path / "a.zarr", source=small_stack(), progress=lambda n, _: done.append(n)
+    )
+    assert done[0] == 2, "no tile is fitted again"
+    assert tree(out) == tree(finished)
