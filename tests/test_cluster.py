@@ -78,8 +78,8 @@ def test_workers_write_the_bytes_of_a_local_job(client: Any, tmp_path: Path) -> 
 
 def open_files(folder: str) -> list[str]:
     """On a worker: what of a folder it has open or mapped."""
-    handles = (Path("/proc/self/fd") / name for name in os.listdir("/proc/self/fd"))
-    links = [os.readlink(handle) for handle in handles if handle.is_symlink()]
+    handles = [handle for handle in Path("/proc/self/fd").iterdir() if handle.is_symlink()]
+    links = [str(handle.readlink()) for handle in handles]
     mapped = Path("/proc/self/maps").read_text().split()
     return sorted({name for name in (*links, *mapped) if name.startswith(folder)})
 
@@ -120,9 +120,7 @@ def write_files(folder: Path, suffix: str) -> Path:
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png"])
-def test_workers_decode_photographs_in_whole_rows(
-    client: Any, suffix: str, tmp_path: Path
-) -> None:
+def test_workers_decode_photographs_in_whole_rows(client: Any, suffix: str, tmp_path: Path) -> None:
     """JPEG and PNG have no tiles: what a worker decodes serves the next tiles, too."""
     path = write_files(tmp_path, suffix)
     options: dict[str, Any] = NONE | {"reading": {"mask": tmp_path / "mask.png"}}
