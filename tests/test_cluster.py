@@ -78,8 +78,8 @@ def test_workers_write_the_bytes_of_a_local_job(client: Any, tmp_path: Path) -> 
 
 def open_files(folder: str) -> list[str]:
     """On a worker: what of a folder it has open or mapped."""
-    handles = Path("/proc/self/fd").iterdir()
-    links = [str(handle.readlink()) for handle in handles if handle.is_symlink()]
+    handles = [handle for handle in Path("/proc/self/fd").iterdir() if handle.is_symlink()]
+    links = [str(handle.readlink()) for handle in handles]
     mapped = Path("/proc/self/maps").read_text().split()
     return sorted({name for name in (*links, *mapped) if name.startswith(folder)})
 

@@ -15,6 +15,7 @@ import pytest
 
 import impasto
 from impasto import DistantLight, PointLight, PointView, Rig, Scene, Surface
+from impasto.surface import Lobe
 from killed_jobs import stack
 
 SIZE = (37, 50)
@@ -72,9 +73,7 @@ def cut(surface: Surface, part: Any) -> Surface:
     def some(value: Any) -> Any:
         return np.ascontiguousarray(value[..., *part]) if np.ndim(value) > 1 else value
 
-    lobes = tuple(
-        impasto.Lobe(some(lobe.strength), tuple(map(some, lobe.shape))) for lobe in surface.lobes
-    )
+    lobes = tuple(Lobe(some(lobe.strength), tuple(map(some, lobe.shape))) for lobe in surface.lobes)
     maps = {name: some(getattr(surface, name)) for name in ("normal", "diffuse", "ambient")}
     return replace(surface, **maps, lobes=lobes, origin=middle)
 

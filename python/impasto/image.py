@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from impasto import _core
 from impasto._internal.calls import thread_count
+from impasto._internal.checks import number
 from impasto._internal.html import png
 from impasto.colour import Display
 from impasto.errors import ArgumentError
@@ -131,6 +132,32 @@ class Image:
     def white_scale(self) -> float:
         """Another name of ``exposure``."""
         return self.exposure
+
+    def resampled(self, share: float) -> Image:
+        """The picture with so many times its rows and columns: light is averaged over areas.
+
+        Parameters
+        ----------
+        share
+            Above 0, at most 1. Rows and columns are rounded, to at least 1.
+
+        Raises
+        ------
+        ArgumentError
+            Another number.
+        """
+        import cv2
+
+        if not 0.0 < number(share, "share", "a number above 0, at most 1") <= 1.0:
+            raise ArgumentError(f"share: expected a number above 0, at most 1, found {share!r}")
+        rows, columns = (max(1, round(share * size)) for size in self.coverage.shape)
+
+        def small(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+            found = cv2.resize(plane, (columns, rows), interpolation=cv2.INTER_AREA)
+            return np.asarray(found, dtype=np.float32)
+
+        planes = np.stack([small(plane) for plane in self.xyz])
+        return Image(small(self.coverage), self.exposure, self.screen, planes, threads=self.threads)
 
     def report(self) -> dict[str, Any]:
         """Numbers for a report file."""

@@ -131,8 +131,9 @@ def render(
         How many pixels of the result, along a side, become one of the picture, whose gloss stays
         that of the whole.
     width
-        An overview of at most so many pixels across; of a .zarr from the smaller scale that it
-        holds, without reading the whole.
+        An overview of so many pixels across, seen from the front, or of as many as the result has;
+        of a .zarr from a smaller scale that it holds, without reading the whole. Of one with more
+        than 16 million pixels the largest of these scales is the widest overview.
     region
         A detail at full resolution, in pixels; of a .zarr nothing else is read. Shadows are those
         of the detail alone.
@@ -230,6 +231,7 @@ def render(
             progress=stage.advance,
             **options,
         )
+        image = part.resampled(image)
         out.parent.mkdir(parents=True, exist_ok=True)
         image.save(out)
         stage.note = str(out)

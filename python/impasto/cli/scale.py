@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cyclopts import CycloptsError
 
@@ -12,8 +12,14 @@ from impasto.cli.maps import load_result
 from impasto.errors import ArgumentError
 from impasto.io.results import result_file
 
+if TYPE_CHECKING:
+    from impasto.fit.stored import StoredSbrdf
+    from impasto.image import Image
+
 WHOLE = 2**24
 """Most pixels of a store that are loaded at once: some 2 GB of maps."""
+FINER = 2
+"""An overview is rendered with at least so many times its columns, where that can be loaded."""
 Region: TypeAlias = tuple[int, int, int, int]
 
 
@@ -37,6 +43,9 @@ class Shown:
         What knows the normals of the whole painting.
     detail
         Whether it is a part of the painting.
+    columns
+        How many the picture has in the end, seen from the front; None: as many as it is rendered
+        with.
     """
 
     surface: Any
@@ -46,6 +55,13 @@ class Shown:
     window: tuple[slice, slice] | None = None
     panel: Any = None
     detail: bool = False
+    columns: int | None = None
+
+    def resampled(self, image: Image) -> Image:
+        """The picture with its columns: as a mean of light over areas."""
+        if self.columns is None:
+            return image
+        return image.resampled(self.columns / (self.surface.shape[1] // self.reduce))
 
     @property
     def in_parts(self) -> bool:
@@ -77,8 +93,9 @@ def shown(result: Path, region: Region | None, width: int | None, reduce: int) -
             reflectance = reflectance[rows, columns]
         part = sbrdf[rows, columns]
         return Shown(part, reflectance, panel=sbrdf, detail=True)
-    if width is not None:
+    if width is not None and width < sbrdf.shape[1]:
         reduce = _times(sbrdf.shape[1], width)
+        return Shown(sbrdf, reflectance, reduce, panel=sbrdf, columns=width)
     return Shown(sbrdf, reflectance, reduce, panel=sbrdf)
 
 
@@ -88,13 +105,18 @@ def _of_store(path: Path, region: Region | None, width: int | None, reduce: int)
     stored = impasto.open_sbrdf(path)
     rows, columns = stored.shape
     if width is not None and width < columns:
-        fine = [one for one in stored.factors if columns // one <= width]
-        if stored.factors:
-            factor = fine[0] if fine else stored.factors[-1]
-            level = stored.level(factor)
-            times = _times(level.shape[1], width)
-            return Shown(level, None, times, factor, panel=level)
-        reduce = _times(columns, width)
+        factor = _factor(stored, width)
+        if factor == 1 and rows * columns > WHOLE:
+            raise ArgumentError(
+                f"--width: {path} is too large to be loaded ({columns} x {rows} pixels) and holds "
+                "no smaller scale, as those that impasto job run makes do; give --region for a "
+                "detail"
+            )
+        level = stored.level(factor) if factor > 1 else impasto.load_sbrdf(path)
+        across = level.shape[1]
+        return Shown(
+            level, None, _times(across, width), factor, panel=level, columns=min(width, across)
+        )
     window = slice(0, rows), slice(0, columns)
     if region is not None:
         window = _window(region, stored.shape)
@@ -144,8 +166,20 @@ def render_parts(part: Shown, scene: Any, out: Path, **options: Any) -> Any:
     return part.surface.render(scene, out, region=part.window, bands=bands, **options)
 
 
+def _factor(stored: StoredSbrdf, width: int) -> int:
+    """The smallest scale that shows a width well, of those that can be loaded."""
+    rows, columns = stored.shape
+    factors = (1, *stored.factors)
+    loaded = [one for one in factors if (rows // one) * (columns // one) <= WHOLE] or factors[-1:]
+    for most in (FINER * width, width):
+        fine = [factor for factor in loaded if columns // factor >= most]
+        if fine:
+            return fine[-1]
+    return loaded[0]
+
+
 def _times(columns: int, width: int) -> int:
-    return max(1, -(-columns // width))
+    return max(1, columns // (FINER * width))
 
 
 def _window(region: Region, shape: tuple[int, int]) -> tuple[slice, slice]:

@@ -88,7 +88,7 @@ class Sample:
     @property
     def shape(self) -> tuple[int, int]:
         """How many rows and columns it has."""
-        rows, columns = (-(-length // self.stride) for length in self.size)
+        rows, columns = (len(range(n)[i]) for n, i in zip(self.size, self.window, strict=True))
         return rows, columns
 
     def count(self, mask: NDArray[np.bool_] | None) -> int:
