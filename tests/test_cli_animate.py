@@ -18,6 +18,7 @@ import impasto
 from command_line import complaint
 from impasto.cli import main
 from impasto.cli.animate import animate as film_command
+from killed_jobs import stack
 
 SIZE = 40
 
@@ -82,6 +83,33 @@ def test_a_film_is_the_frames_of_the_folder(demo: Path, tmp_path: Path) -> None:
         for number, frame in enumerate(frames):
             animated.seek(number)
             np.testing.assert_array_equal(np.asarray(animated.convert("RGB")), frame)
+
+
+def test_a_narrow_film_of_a_store_is_made_of_a_smaller_scale(tmp_path: Path) -> None:
+    """Frames are what impasto render makes with the same width."""
+    store = impasto.run(stack(), tmp_path / "a.zarr", tile=32, pooling="none")
+    rows, columns = impasto.open_sbrdf(store).shape
+    width, height = 30, round(30 / columns * rows)
+    words = f"--width {width} --light 30,45 --no-level"
+    animate(store, tmp_path / "turning", f"--turntable --frames 2 {words}")
+    assert {one.shape for one in pictures(tmp_path / "turning")} == {(height, width, 3)}
+    report = json.loads((tmp_path / "turning" / "report.json").read_text(encoding="utf-8"))
+    still = tmp_path / "still.png"
+    line = (
+        f"render {store} --out {still} --quiet --exposure {report['results']['exposure']} {words}"
+    )
+    assert main(line.split()) == 0
+    assert np.array_equal(np.asarray(Image.open(still)), pictures(tmp_path / "turning")[0])
+
+
+def test_a_store_that_is_too_large_needs_a_width(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = impasto.run(stack(), tmp_path / "a.zarr", tile=32, pooling="none")
+    monkeypatch.setattr("impasto.cli.scale.WHOLE", 1000)
+    line = f"animate {store} --raking --out {tmp_path / 'film.png'} --quiet"
+    assert "--width 1920" in complaint(line.split(), 1, capsys)
+    assert main([*line.split(), "--width", "40", "--frames", "1"]) == 0
 
 
 def test_a_turning_painting_narrows_to_both_sides(demo: Path, tmp_path: Path) -> None:

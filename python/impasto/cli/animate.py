@@ -42,6 +42,7 @@ def animate(
     raking: Flag = False,
     turntable: Flag = False,
     adaptation: OneSpan = None,
+    width: SomeWhole = None,
     frames: Whole = 48,
     fps: float = 12.0,
     elevation: float | None = None,
@@ -74,6 +75,9 @@ def animate(
         The painting turns to both sides by --angle, under lights that stay where they are.
     adaptation
         The eye adapts: degrees of adaptation as in 0..1. Needs spectra.
+    width
+        Columns of the painting in the film, at most; of a large store only a smaller scale is then
+        loaded. Default: those of the painting.
     frames
         Number of pictures.
     fps
@@ -112,7 +116,8 @@ def animate(
     import impasto
     from impasto import animation
     from impasto.cli.folder import REPORT, result_folder
-    from impasto.cli.maps import load_result, result_files
+    from impasto.cli.maps import result_files
+    from impasto.cli.scale import loaded
     from impasto.colour import icc_profile
     from impasto.io.films import FASTEST, GIF_FASTEST, SLOWEST, film_format, write_film
     from impasto.overview import visible
@@ -160,14 +165,16 @@ def animate(
         first, last = adaptation or (0.0, 1.0)
         scenes = animation.adapting(scene, frames, first=first, last=last)
     stages = Stages(quiet=quiet)
-    sbrdf, reflectance = load_result(result)
-    check_spectra(result, reflectance, scene)
-    plane = panel(stages, sbrdf, wanted=(shadows or raking) if level is None else level)
-    shown = visible(sbrdf, reflectance)
+    part = loaded(result, width)
+    check_spectra(result, part.reflectance, scene)
+    plane = panel(stages, part.panel, wanted=(shadows or raking) if level is None else level)
+    shown = visible(part.surface, part.reflectance)
+    wide = part.surface.pitch_mm if pitch is None else part.factor * pitch
     options: dict[str, Any] = {
-        "reflectance": reflectance,
-        "pitch_mm": sbrdf.rig.pitch_mm if pitch is None else pitch,
+        "reflectance": part.reflectance,
+        "pitch_mm": wide,
         "level": plane,
+        "reduce": part.reduce,
         "threads": threads,
     }
     scenes = animation.same_exposure(shown, scenes, **options)
@@ -182,6 +189,7 @@ def animate(
         "raking": raking,
         "turntable": turntable,
         "adaptation": adaptation,
+        "width": width,
         "frames": frames,
         "fps": fps,
         "elevation": (elevation or ELEVATION) if raking else None,
@@ -194,20 +202,20 @@ def animate(
         "exposure": exposure,
         "shadows": shadows,
         "level": (shadows or raking) if level is None else level,
-        "pitch": options["pitch_mm"],
+        "pitch": None if wide is None else wide / part.factor,
         "threads": threads,
     }
     measured = [Path(display)] if Path(display).is_file() else []
 
     def pictures(advance: Advance) -> Iterator[NDArray[np.uint8]]:
         for number, one in enumerate(scenes):
-            yield impasto.render(shown, one, **options).display
+            yield part.resampled(impasto.render(shown, one, **options)).display
             advance(number + 1, len(scenes))
 
     def seen(stage: Stage) -> Iterator[NDArray[np.uint8]]:
         stage.note = f"{out}, {frames} frame{'s' * (frames != 1)}"
         shot = pictures(stage.advance)
-        return animation.centred(shot, sbrdf.shape[-2:], (0, 0, 0)) if turntable else shot
+        return animation.centred(shot, part.size, (0, 0, 0)) if turntable else shot
 
     if out.suffix:
         with stages.stage("film") as stage:

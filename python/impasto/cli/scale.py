@@ -64,6 +64,14 @@ class Shown:
         return image.resampled(self.columns / (self.surface.shape[1] // self.reduce))
 
     @property
+    def size(self) -> tuple[int, int]:
+        """Rows and columns of the picture, seen from the front."""
+        rows, columns = (one // self.reduce for one in self.surface.shape)
+        if self.columns is None:
+            return rows, columns
+        return max(1, round(self.columns / columns * rows)), self.columns
+
+    @property
     def in_parts(self) -> bool:
         """Whether it is rendered part by part."""
         return self.window is not None
@@ -97,6 +105,24 @@ def shown(result: Path, region: Region | None, width: int | None, reduce: int) -
         reduce = _times(sbrdf.shape[1], width)
         return Shown(sbrdf, reflectance, reduce, panel=sbrdf, columns=width)
     return Shown(sbrdf, reflectance, reduce, panel=sbrdf)
+
+
+def loaded(result: Path, width: int | None) -> Shown:
+    """The whole painting in memory, at a scale for so many columns.
+
+    Raises
+    ------
+    ArgumentError
+        A store that is too large for that.
+    """
+    part = shown(result, None, width, 1)
+    if part.in_parts:
+        rows, columns = part.surface.shape
+        raise ArgumentError(
+            f"--width: {result} is too large to be loaded ({columns} x {rows} pixels); give the "
+            "columns of a smaller picture, such as --width 1920"
+        )
+    return part
 
 
 def _of_store(path: Path, region: Region | None, width: int | None, reduce: int) -> Shown:

@@ -36,6 +36,11 @@ class StoredLevel(Relightable):
         return self.view
 
     @property
+    def pitch_mm(self) -> float | None:
+        """Width of a pixel in mm, if known."""
+        return self.maps.pitch_mm
+
+    @property
     def diffuse(self) -> NDArray[np.float32]:
         """``(band, y, x)``."""
         return self.maps.diffuse
