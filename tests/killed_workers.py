@@ -1,6 +1,8 @@
-"""Workers of a cluster that are killed at random while jobs run: the same bytes.
+"""Workers and schedulers of a cluster that are killed at random while jobs run: the same bytes.
 
-``python tests/killed_workers.py 20`` kills twenty and says what it saw.
+``python tests/killed_workers.py 20`` kills twenty workers and says what it saw;
+``python tests/killed_workers.py 5 scheduler`` kills five schedulers, each with a job that is then
+resumed on a new cluster.
 """
 
 from __future__ import annotations
@@ -12,7 +14,11 @@ import signal
 import sys
 import tempfile
 import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from subprocess import DEVNULL, Popen
 from typing import Any
 
 import impasto
@@ -76,9 +82,74 @@ def at_random(folder: Path, count: int) -> int:
     return different
 
 
+@contextmanager
+def started(place: Path) -> Iterator[tuple[Any, Any]]:
+    """A scheduler and two workers, each a process of its own; the scheduler's and a client."""
+    from distributed import Client
+
+    file, quiet = place / "scheduler.json", {"stdout": DEVNULL, "stderr": DEVNULL}
+    file.unlink(missing_ok=True)
+    common = ["--scheduler-file", str(file), "--no-dashboard"]
+    local = ["--host", "127.0.0.1"]
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", *local]
+    scheduler = Popen([*command, *common], **quiet)  # type: ignore[call-overload]
+    while not file.exists():
+        time.sleep(0.1)
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", "--nworkers", "2", *local]
+    workers = Popen([*command, "--nthreads", "1", *common], **quiet)  # type: ignore[call-overload]
+    client = Client(scheduler_file=str(file), set_as_default=False)
+    try:
+        client.wait_for_workers(2, timeout=60)
+        yield scheduler, client
+    finally:
+        for process in (workers, scheduler):
+            process.terminate()
+            process.wait()
+        client.close(timeout=5)
+
+
+def without_scheduler(folder: Path, count: int) -> int:
+    """Jobs whose scheduler is killed at a random tile; the number of stores that differ."""
+    source, out = folder / "painting.npz", folder / "a.zarr"
+    write_stack(source, stack(SIZE))
+    expected = tree(impasto.run(source, folder / "whole.zarr", **OPTIONS))
+    rng = random.Random(21)
+    tiles = []
+    different = 0
+    waited = 0.0
+    for _ in range(count):
+        with started(folder) as (scheduler, client):
+            tile = rng.randrange(1, 30)
+            killed = []
+
+            def kill(done: int, total: int, tile: int = tile, killed: list[float] = killed) -> None:
+                if done == tile:
+                    scheduler.kill()
+                    killed.append(time.monotonic())
+
+            try:
+                impasto.run(source, out, client=client, progress=kill, **OPTIONS)
+            except impasto.ClusterError:
+                tiles.append(jobs.status(out).tiles_done)
+                waited = max(waited, time.monotonic() - killed[0])
+        if not out.exists():
+            with started(folder) as (_, client):
+                jobs.resume(out, client=client)
+        different += tree(out) != expected
+        assert jobs.verify(out) == ()
+        shutil.rmtree(out)
+    sys.stdout.write(
+        f"{count} schedulers killed, {len(tiles)} jobs ended by it within {waited:.1f} s, with "
+        f"{tiles} of 30 tiles, and resumed on a new cluster: {different} stores differ from that "
+        "of a local job\n"
+    )
+    return different
+
+
 if __name__ == "__main__":
     import logging
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with tempfile.TemporaryDirectory() as place:
-        sys.exit(at_random(Path(place), int(sys.argv[1])))
+        kind = without_scheduler if "scheduler" in sys.argv[2:] else at_random
+        sys.exit(kind(Path(place), int(sys.argv[1])))

@@ -242,18 +242,18 @@ impl Grid {
     #[must_use]
     #[inline(always)]
     pub fn right(&self, column: f64) -> f64 {
-        self.from_middle(0, column)
+        self.offset(0, column)
     }
 
     /// How many pixels a (fractional) row lies below the middle of the painting.
     #[must_use]
     #[inline(always)]
     pub fn down(&self, row: f64) -> f64 {
-        self.from_middle(1, row)
+        self.offset(1, row)
     }
 
     #[inline(always)]
-    fn from_middle(&self, axis: usize, place: f64) -> f64 {
+    fn offset(&self, axis: usize, place: f64) -> f64 {
         let first = self.origin[axis] as f64 - 0.5 * (self.extent[axis] as f64 - 1.0);
         place + (first + self.shift[axis])
     }
