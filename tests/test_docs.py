@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
 import re
@@ -50,6 +51,24 @@ def test_what_a_page_shows_or_links_is_there(page: Path) -> None:
     named = re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r"\{figure\} (\S+)", text)
     files = {name.split("#")[0] for name in named if "://" not in name} - {""}
     assert [name for name in sorted(files) if not (page.parent / name).is_file()] == []
+
+
+def test_the_table_of_faults_names_tests_that_there_are() -> None:
+    """Every class of faults has a row, and every test that a row names is a function."""
+    text = (DOCS / "faults.md").read_text(encoding="utf-8")
+    rows = [int(number) for number in re.findall(r"^\| (\d+) \|", text, re.MULTILINE)]
+    assert rows == list(range(1, 23))
+    named = set(re.findall(r"`(test_\w+\.py)::(test_\w+)`", text))
+    assert len(named) > 30
+    there = {
+        (file, node.name)
+        for file in {file for file, _ in named}
+        for node in ast.parse((ROOT / "tests" / file).read_text(encoding="utf-8")).body
+        if isinstance(node, ast.FunctionDef)
+    }
+    assert sorted(named - there) == []
+    scripts = set(re.findall(r"`(?:python tests/)?([a-z_]+\.py)\b", text))
+    assert [name for name in sorted(scripts) if not (ROOT / "tests" / name).is_file()] == []
 
 
 def test_pictures_are_small() -> None:

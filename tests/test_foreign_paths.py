@@ -142,13 +142,8 @@ def test_saving_over_a_store_leaves_what_its_links_lead_to(copy: Path) -> None:
     assert not (copy / "result.zarr" / "normal").is_symlink()
 
 
-@pytest.mark.parametrize(
-    ("name", "coded"),
-    [("a b#?.zarr", "a%20b%23%3F.zarr/"), ("ü%2e%2e.zarr", "%C3%BC%252e%252e.zarr/")],
-)
-def test_a_crate_names_its_store_as_an_address(
-    name: str, coded: str, copy: Path, tmp_path: Path
-) -> None:
+def test_a_crate_names_its_store_as_an_address(copy: Path, tmp_path: Path) -> None:
+    name, coded = "a b#ü%2e.zarr", "a%20b%23%C3%BC%252e.zarr/"
     jobs.resume(copy / "job.zarr", source=stack())
     (copy / "job.zarr").rename(copy / name)
     crate = jobs.export_ro_crate(copy / name, tmp_path / "crate")
