@@ -410,7 +410,7 @@ mod tests {
         let [mut part_x, mut part_y] = [(); 2].map(|()| vec![0.0; 11 * 7]);
         let part = Grid::part(11, 7, 0.3, [10.0 - 18.0, 11.0 - 10.0]).unwrap();
         part.coordinates(0, &mut part_x, &mut part_y);
-        assert_eq!((part_x, part_y), (tile_x, tile_y));
+        assert_eq!((&part_x, &part_y), (&tile_x, &tile_y));
         assert!(Grid::part(11, 7, 0.3, [f64::NAN, 0.0]).is_err());
         assert_eq!([[4, 7], [5, 6], [16, 7], [5, 14]].map(|place| tile.pixel(place)), [None; 4]);
         // Its middle lies 8 columns left of the painting's and a row above it.

@@ -106,6 +106,7 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
         A tile ended every worker that it was given to, or the scheduler was lost.
     """
     from distributed import as_completed
+    from distributed.comm import CommClosedError
     from distributed.scheduler import KilledWorker
 
     run = uuid4().hex
@@ -141,7 +142,7 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
             "them died: most often of too little memory. Give the workers more, or the job less "
             "(memory=), and resume it"
         ) from error
-    except CancelledError as error:
+    except (CancelledError, CommClosedError) as error:
         raise ClusterError(
             "client: the tiles were cancelled, or the scheduler is gone; resume the job with a "
             "new client"

@@ -92,10 +92,11 @@ class Photographs:
 
     @cached_property
     def _surface(self) -> Surface:
-        p, origin = self.painting, self.rig.origin
+        # Lamps are placed from the middle of these pixels, as for heights.
+        p = self.painting
         if self.lobes is None:
-            return Surface.torrance_sparrow(p.normal, self.diffuse, p.beta, p.gamma, origin=origin)
-        return Surface.lafortune(p.normal, self.diffuse, **vars(self.lobes), origin=origin)
+            return Surface.torrance_sparrow(p.normal, self.diffuse, p.beta, p.gamma)
+        return Surface.lafortune(p.normal, self.diffuse, **vars(self.lobes))
 
     @property
     def _relief(self) -> Field | None:
@@ -112,7 +113,7 @@ class Photographs:
 
     def _scene(self, observation: int, bands: list[int]) -> SceneArguments:
         """One lamp whose colours are some of the bands."""
-        rig = self.rig.take([observation])
+        rig = self.rig.take([observation]).here
         matrix = np.zeros((1, len(self.diffuse), _CHANNELS))
         matrix[0, bands, range(len(bands))] = 1.0
         interface = np.zeros((1, _CHANNELS))
