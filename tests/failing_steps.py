@@ -261,6 +261,7 @@ def _one(
         seen.faults.append(f"step {steps.failing}, {steps.failed}: {words}")
 
     ended: BaseException | None = None
+    earlier = _hidden(out.parent)
     try:
         with counted(steps):
             call(out)
@@ -268,7 +269,9 @@ def _one(
         ended = error
         if error.errno != steps.error or not str(error.filename or "").startswith(str(out.parent)):
             wrong(f"the error is {error!r} about {error.filename}")
-        elif any(part.startswith(".") for part in _below(Path(error.filename), out.parent)):
+        elif Path(error.filename) not in earlier and any(
+            part.startswith(".") for part in Path(error.filename).relative_to(out.parent).parts
+        ):
             wrong(f"the error names a temporary file, {error.filename}")
     except Exception as error:
         ended = error
@@ -285,11 +288,9 @@ def _one(
         wrong("something is there that is not whole")
     if ended is None and not out.exists():
         wrong("there is no error, and no result")
-    litter = [
-        path.relative_to(out.parent).as_posix()
-        for path in out.parent.rglob("*")
-        if path.name.startswith(".") or (path.parent == out.parent and not _named(path, out))
-    ]
+    left = _hidden(out.parent) - earlier
+    left |= {path for path in out.parent.iterdir() if not _named(path, out)}
+    litter = sorted(path.relative_to(out.parent).as_posix() for path in left)
     if litter:
         wrong(f"is left: {litter}")
     try:
@@ -299,12 +300,13 @@ def _one(
             wrong("the next call gives other bytes")
     except Exception as error:
         wrong(f"the next call ends with {error!r}")
-    if left := [path.name for path in out.parent.iterdir() if path != out]:
-        wrong(f"is left by the next call: {left}")
+    if others := [path.name for path in out.parent.iterdir() if path != out]:
+        wrong(f"is left by the next call: {others}")
 
 
-def _below(path: Path, folder: Path) -> tuple[str, ...]:
-    return path.relative_to(folder).parts
+def _hidden(folder: Path) -> set[Path]:
+    """Temporary files and folders."""
+    return {path for path in folder.rglob("*") if path.name.startswith(".")}
 
 
 def _named(path: Path, out: Path) -> bool:
