@@ -29,7 +29,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -150,8 +150,34 @@ def stack() -> impasto.Stack:
     return impasto.Stack(samples, lights=lights)
 
 
-def calls(folder: Path) -> dict[str, Callable[[Path], object]]:
-    """What writes a file or a folder, by kind and suffix; what they need is made in ``folder``."""
+class Call(NamedTuple):
+    """What writes a file or a folder of a name, and what must be there before."""
+
+    write: Callable[[Path], object]
+    prepare: Callable[[Path], object] = lambda out: None
+
+
+def unfinished(out: Path) -> None:
+    """A job of three tiles of four; a file, the numbers and the end of its journal are damaged."""
+
+    def stop(done: int, total: int) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with suppress(KeyboardInterrupt):
+        impasto.run(stack(), out, progress=stop, **OPTIONS)
+    partial = out.with_name(f"{out.name}.partial")
+    for name in ("normal/c/0/0/1", "job/numbers.npz"):
+        data = bytearray((partial / name).read_bytes())
+        data[len(data) // 2] ^= 1
+        (partial / name).write_bytes(data)
+    with (partial / "job" / "journal.jsonl").open("ab") as journal:
+        journal.write(b'{"estimated": 1')
+    (partial / "normal" / "c" / "0" / "0" / ".1-left.tmp").write_bytes(b"half")
+
+
+def calls(folder: Path) -> dict[str, Call]:
+    """Calls by kind and suffix; what they need is made in ``folder``."""
     taken = stack()
     result = impasto.fit_sbrdf(taken, pooling="painting", check=False)
     job = impasto.run(taken, folder / "job.zarr", **OPTIONS)
@@ -160,14 +186,15 @@ def calls(folder: Path) -> dict[str, Callable[[Path], object]]:
     model = impasto.learn_sbrdf(taken, pooling="painting")
 
     return {
-        "run .zarr": lambda out: impasto.run(taken, out, **OPTIONS),
-        "ingest .zarr": lambda out: jobs.ingest(taken, out, tile=16),
-        "save .zarr": result.save,
-        "save .npz": result.save,
-        "learned .npz": model.save,
-        "export .crate": lambda out: jobs.export_ro_crate(job, out),
-        "height .tif": lambda out: opened.height(out, threads=1),
-        "render .tif": lambda out: opened.render(scene, out, threads=1),
+        "run .zarr": Call(lambda out: impasto.run(taken, out, **OPTIONS)),
+        "resume .zarr": Call(lambda out: impasto.run(taken, out, **OPTIONS), unfinished),
+        "ingest .zarr": Call(lambda out: jobs.ingest(taken, out, tile=16)),
+        "save .zarr": Call(result.save),
+        "save .npz": Call(result.save),
+        "learned .npz": Call(model.save),
+        "export .crate": Call(lambda out: jobs.export_ro_crate(job, out)),
+        "height .tif": Call(lambda out: opened.height(out, threads=1)),
+        "render .tif": Call(lambda out: opened.render(scene, out, threads=1)),
     }
 
 
@@ -196,20 +223,22 @@ class Seen:
     faults: list[str] = field(default_factory=list)
 
 
-def tried(call: Callable[[Path], object], suffix: str, folder: Path, every: int = 1) -> Seen:
+def tried(call: Call, suffix: str, folder: Path, every: int = 1) -> Seen:
     """Let every step of a call fail, or every so manieth from the first and up to the last."""
     seen = Seen()
     whole = folder / f"whole{suffix}"
+    call.prepare(whole)
     with counted(Steps(folder)) as steps:
-        call(whole)
+        call.write(whole)
     seen.steps = steps.count
     expected = content(whole)
     chosen = sorted({*range(1, seen.steps + 1, every), seen.steps})
     for number in chosen:
         one = folder / "one"
         one.mkdir()
+        call.prepare(one / f"a{suffix}")
         error = ERRORS[number // every % 2]
-        _one(call, one / f"a{suffix}", Steps(one, number, error), expected, seen)
+        _one(call.write, one / f"a{suffix}", Steps(one, number, error), expected, seen)
         shutil.rmtree(one)
     return seen
 
@@ -232,6 +261,7 @@ def _one(
         seen.faults.append(f"step {steps.failing}, {steps.failed}: {words}")
 
     ended: BaseException | None = None
+    earlier = _hidden(out.parent)
     try:
         with counted(steps):
             call(out)
@@ -239,7 +269,9 @@ def _one(
         ended = error
         if error.errno != steps.error or not str(error.filename or "").startswith(str(out.parent)):
             wrong(f"the error is {error!r} about {error.filename}")
-        elif any(part.startswith(".") for part in _below(Path(error.filename), out.parent)):
+        elif Path(error.filename) not in earlier and any(
+            part.startswith(".") for part in Path(error.filename).relative_to(out.parent).parts
+        ):
             wrong(f"the error names a temporary file, {error.filename}")
     except Exception as error:
         ended = error
@@ -256,11 +288,9 @@ def _one(
         wrong("something is there that is not whole")
     if ended is None and not out.exists():
         wrong("there is no error, and no result")
-    litter = [
-        path.relative_to(out.parent).as_posix()
-        for path in out.parent.rglob("*")
-        if path.name.startswith(".") or (path.parent == out.parent and not _named(path, out))
-    ]
+    left = _hidden(out.parent) - earlier
+    left |= {path for path in out.parent.iterdir() if not _named(path, out)}
+    litter = sorted(path.relative_to(out.parent).as_posix() for path in left)
     if litter:
         wrong(f"is left: {litter}")
     try:
@@ -270,12 +300,13 @@ def _one(
             wrong("the next call gives other bytes")
     except Exception as error:
         wrong(f"the next call ends with {error!r}")
-    if left := [path.name for path in out.parent.iterdir() if path != out]:
-        wrong(f"is left by the next call: {left}")
+    if others := [path.name for path in out.parent.iterdir() if path != out]:
+        wrong(f"is left by the next call: {others}")
 
 
-def _below(path: Path, folder: Path) -> tuple[str, ...]:
-    return path.relative_to(folder).parts
+def _hidden(folder: Path) -> set[Path]:
+    """Temporary files and folders."""
+    return {path for path in folder.rglob("*") if path.name.startswith(".")}
 
 
 def _named(path: Path, out: Path) -> bool:

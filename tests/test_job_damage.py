@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +16,7 @@ import pytest
 import impasto
 from failing_steps import OPTIONS
 from failing_steps import stack as small_stack
-from impasto import CorruptInputError, ResumeMismatchError, jobs
+from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from killed_jobs import tree
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
@@ -168,3 +171,23 @@ def test_dates_of_files_do_not_matter(unfinished: Path, finished: Path, tmp_path
     )
     assert done[0] == 2, "no tile is fitted again"
     assert tree(out) == tree(finished)
+
+
+def test_a_job_that_runs_and_ends_meanwhile_is_well(tmp_path: Path) -> None:
+    """Files that are being written, and the folder that gets its name, are no findings."""
+    out, ended = tmp_path / "a.zarr", threading.Event()
+
+    def watched() -> list[object]:
+        found: list[object] = []
+        while not ended.is_set():
+            with suppress(ArgumentError):  # there is no job yet
+                found += jobs.verify(out)
+        return found
+
+    with ThreadPoolExecutor(1) as pool:
+        watching = pool.submit(watched)
+        try:
+            impasto.run(small_stack(), out, **OPTIONS)
+        finally:
+            ended.set()
+        assert watching.result() == []

@@ -157,8 +157,16 @@ def verify(out: str | os.PathLike[str], *, inputs: bool = True) -> tuple[Finding
     ArgumentError
         There is no job of that name.
     """
-    folder, whole = folder_of(out)
-    return tuple(sorted(set(_findings(folder, whole, inputs)), key=str))
+    while True:
+        folder, whole = folder_of(out)
+        try:
+            found = set(_findings(folder, whole, inputs))
+        except FileNotFoundError:
+            if folder.exists():
+                raise
+        if folder.exists():
+            return tuple(sorted(found, key=str))
+        # The job has ended meanwhile, and its folder has another name.
 
 
 def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
@@ -213,11 +221,16 @@ def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
     missing: set[Tile] = set() if whole else set(record.grid) - entries.tiles.keys()
     if whole:
         yield from _lacking(folder, record, entries, known)
+        if holder(notes) is not None:
+            own.add(f"{NOTES}/{LOCK}")  # in a moment the process takes it away
     else:
-        if entries.tiles and (problem := numbers_problem(notes, entries)):
-            yield Finding(str(notes / NUMBERS), problem)
-        if not missing:
-            return  # the files beside the tiles are being written
+        # Of a job that runs the journal may know a version by now that it did not know before.
+        if numbers_problem(notes, entries) and entries.tiles:
+            problem = numbers_problem(notes, read_journal(notes / JOURNAL))
+            if problem is not None:
+                yield Finding(str(notes / NUMBERS), problem)
+        if not missing or holder(notes) is not None:
+            return  # the files beside the tiles are being written, or will be in a moment
         own |= {f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS, LOCK, PACE)}
     for path in folder.rglob("*"):
         name = path.relative_to(folder).as_posix()

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from impasto.errors import ArgumentError, ImpastoError
+from impasto.io.files import as_problem_of
 
 LOCK = "lock"
 TRIES, PAUSE = 10, 0.05
@@ -32,7 +33,8 @@ def locked(folder: Path) -> Iterator[None]:
     except ImportError as error:
         raise ImpastoError("jobs need locks of POSIX systems, which this one has not") from error
     path = folder / LOCK
-    handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+    with as_problem_of(path):
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:
         for last in (*[False] * TRIES, True):
             try:
@@ -53,8 +55,9 @@ def locked(folder: Path) -> Iterator[None]:
                 ) from error
         if not path.exists() or not os.path.samestat(os.fstat(handle), path.stat()):
             raise ArgumentError(f"out: another job has just ended in {folder.parent}; try again")
-        os.truncate(handle, 0)
-        os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)
+        with as_problem_of(path):
+            os.truncate(handle, 0)
+            os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)
         yield
     finally:
         os.close(handle)
