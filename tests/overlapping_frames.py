@@ -65,6 +65,15 @@ class Scene:
         normal = at_places(self.normal, right, down)
         return normal / np.linalg.norm(normal, axis=0), at_places(self.diffuse, right, down)
 
+    def truth_of(self, index: int) -> tuple[Planes, Planes]:
+        """Normals and colours at the pixels of a frame, in its own system, but for its gain."""
+        shot = self.shots[index]
+        right, down = places(shot, self.frame)
+        normal = at_places(self.normal, right, down)
+        normal = np.einsum("ij,jyx->iyx", turn_of(shot), normal / np.linalg.norm(normal, axis=0))
+        gain = np.array(shot.gain)[:, None, None]
+        return normal, gain * at_places(self.diffuse, right, down)
+
 
 def lamps(count: int) -> Planes:
     """Two rings of directions, and one from the front."""
@@ -105,9 +114,7 @@ def scene(
     directions = lamps(lights)
     stacks = []
     for shot in shots:
-        # From directions in the painting to those in the frame.
-        turn = rotation(shot.tilt) @ rotation((0.0, 0.0, -shot.angle))
-        back = turn.T
+        back = turn_of(shot).T
         samples = np.empty((lights, 3, *frame), np.float32)
         for index, direction in enumerate(directions):
             towards, eye = back @ direction, back @ (0.0, 0.0, 1.0)
@@ -130,12 +137,23 @@ def photographed(
     planes: NDArray[np.float32], frame: tuple[int, int], shot: Shot, lens: float
 ) -> Planes:
     """Maps of the simulation through the lens, at the pixels of a frame."""
+    right, down = places(shot, frame)
+    return at_places(through_lens(planes, lens), right, down)
+
+
+def places(shot: Shot, frame: tuple[int, int]) -> tuple[Planes, Planes]:
+    """Columns and rows of the whole painting at the pixels of a frame."""
     height, width = frame
     x, y = np.meshgrid(np.arange(width) - (width - 1) / 2, np.arange(height) - (height - 1) / 2)
     cos, sin = np.cos(shot.angle), np.sin(shot.angle)
     right = shot.x + shot.scale * (cos * x + sin * y)
     down = shot.y + shot.scale * (-sin * x + cos * y)
-    return at_places(through_lens(planes, lens), right, down)
+    return right, down
+
+
+def turn_of(shot: Shot) -> Planes:
+    """From directions in the painting to those in the frame."""
+    return rotation(shot.tilt) @ rotation((0.0, 0.0, -shot.angle))
 
 
 def at_places(planes: Planes, right: Planes, down: Planes) -> Planes:

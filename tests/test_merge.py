@@ -113,19 +113,22 @@ def test_gains_and_tilts_are_those_of_the_frames(taken: Scene, merged: impasto.M
 def test_the_merged_painting_is_as_true_as_its_frames(
     taken: Scene, fits: list[impasto.PooledSbrdf], merged: impasto.Merged
 ) -> None:
-    """Normals and colours err about as those of the first frame, which has no faults.
+    """Normals and colours err about as those of the frames do, each in its own system.
 
-    Interpolation of frames and what is left at seams come on top: half as much is allowed.
+    Interpolation of frames and what is left at seams come on top: a quarter is allowed. A frame
+    that is not corrected errs by its tilt, a degree, and by its gain, a tenth.
     """
     assert isinstance(merged.sbrdf, impasto.Sbrdf)
     normal, diffuse = taken.truth(merged.report)
-    first = merged.report.frames[0]
-    top, left = round(first.top), round(first.left)
-    own = (slice(None), slice(top, top + FRAME[0]), slice(left, left + FRAME[1]))
+    angles, offs = [], []
+    for index, fit in enumerate(fits):
+        own_normal, own_diffuse = taken.truth_of(index)
+        angles.append(degrees(fit.normal, own_normal))
+        offs.append(np.abs(fit.diffuse / own_diffuse - 1.0))
     found = np.nanmedian(degrees(merged.sbrdf.normal, normal))
-    assert found < 1.5 * np.nanmedian(degrees(fits[0].normal, normal[own]))
-    off = np.nanmedian(np.abs(merged.sbrdf.diffuse - diffuse))
-    assert off < 1.5 * np.nanmedian(np.abs(fits[0].diffuse - diffuse[own]))
+    assert found < 1.25 * np.median(angles)
+    off = np.nanmedian(np.abs(merged.sbrdf.diffuse / diffuse - 1.0))
+    assert off < 1.25 * np.median(offs)
 
 
 @pytest.mark.slow
@@ -161,21 +164,21 @@ def test_a_store_has_the_bytes_of_memory_whatever_its_tiles(
         part.rotated(0).save(file)
     whole = impasto.merge(parts(lobed)).sbrdf
     assert isinstance(whole, impasto.LobeSbrdf)
-    for tile in (32, 50):
-        out = tmp_path / f"merged{tile}.zarr"
-        merged = impasto.merge(files, out, tile=tile)
-        assert isinstance(merged.sbrdf, impasto.StoredSbrdf)
-        assert merged.sbrdf.tile == tile
-        stored = impasto.load_sbrdf(out)
-        for name, array in whole._saved().items():
-            assert np.asarray(array).tobytes() == np.asarray(stored._saved()[name]).tobytes(), name
-        said = json.loads((out / "merge" / "report.json").read_text("utf-8"))
-        assert said == merged.report.to_dict()
-        assert merged.sbrdf.factors
-        part = merged.sbrdf[10:20, 30:50]
-        assert part.rig.origin == whole[10:20, 30:50].rig.origin
-    with pytest.raises(impasto.ArgumentError, match=r"merged32\.zarr exists; remove it"):
-        impasto.merge(files, tmp_path / "merged32.zarr")
+    out = tmp_path / "merged.zarr"
+    merged = impasto.merge(files, out, tile=50)
+    assert isinstance(merged.sbrdf, impasto.StoredSbrdf)
+    assert merged.sbrdf.tile == 50
+    stored = impasto.load_sbrdf(out)
+    for name, array in whole._saved().items():
+        assert np.asarray(array).tobytes() == np.asarray(stored._saved()[name]).tobytes(), name
+    # The names of frames are those of their files.
+    said = json.loads((out / "merge" / "report.json").read_text("utf-8"))
+    assert said == merged.report.to_dict()
+    assert merged.sbrdf.factors == (2, 4)
+    part = merged.sbrdf[10:20, 30:50]
+    assert part.rig.origin == whole[10:20, 30:50].rig.origin
+    with pytest.raises(impasto.ArgumentError, match=r"merged\.zarr exists; remove it"):
+        impasto.merge(files, out)
 
 
 @pytest.mark.slow

@@ -31,6 +31,8 @@ VECTORS = ("normal", "normals.normal")
 COLOURS = ("diffuse", "ambient", "normals.albedo")
 ERRORS = re.compile(r"(normals\.)?(residual|sigma)")
 """Blended as variances: the error of a mean is no smaller than theirs, as frames may share it."""
+LEAST = 1e-9
+"""Added to strengths as weights: a lobe without any still has a width."""
 LEVELS = ("normals.condition", "misfit")
 CODES = re.compile(r"(normals\.)?status|normals\.(used|rejected)|lobes|tinted|converged|\w+_sigma")
 """Those of the frame that weighs most: what lies between two of them is none."""
@@ -312,7 +314,7 @@ def _lobes(seen: Sequence[_Seen], template: Maps, count: int, chosen: _Heaviest)
         specular = np.where(agree, specular, 0.0)
         strength[..., one.at] += share * specular
         weights[one.at] += share
-        mass = share * specular.mean(axis=1)
+        mass = share * (specular.mean(axis=1) + LEAST)
         planes = {name: _additive(name, one.maps[name]) for name in shapes}
         mass *= np.all([np.isfinite(plane) for plane in planes.values()], axis=0)
         masses[:, one.at] += mass
