@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 from overlapping_frames import Scene, scene, two_by_three
 
 SIZE, FRAME = (230, 320), (140, 140)
-LAMPS = 16
+LAMPS = 24
 
 
 def degrees(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
