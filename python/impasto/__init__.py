@@ -48,6 +48,7 @@ from impasto.io import read_spectra, read_stack
 from impasto.jobs.ingest import ingest
 from impasto.jobs.job import run
 from impasto.level import Level, find_level
+from impasto.merge import Merged, MergeReport, merge
 from impasto.plan import Plan, Verification, plan
 from impasto.refinement import RigRefinement
 from impasto.render import display_from_bands, render
@@ -83,6 +84,8 @@ __all__ = [
     "LearnedNormals",
     "Level",
     "LobeSbrdf",
+    "MergeReport",
+    "Merged",
     "MissingExtraError",
     "Normals",
     "Pixel",
@@ -123,6 +126,7 @@ __all__ = [
     "learn_sbrdf",
     "load_learned",
     "load_sbrdf",
+    "merge",
     "open_sbrdf",
     "plan",
     "read_spectra",

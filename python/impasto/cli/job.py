@@ -40,6 +40,7 @@ def application() -> App:
     app = App(name="job", help="Fit a painting of any size, tile by tile, and resume it.")
     for name in ("run", "status", "resume", "verify", "rerun", "export"):
         app.command(f"impasto.cli.job:{name}")
+    app.command("impasto.cli.merging:merge")
     return app
 
 

@@ -1,0 +1,272 @@
+"""Overlapping frames of one painting become one result.
+
+The truth is a simulated painting that was photographed in six parts (``overlapping_frames.py``),
+and results that are cut into overlapping parts, whose merge must be the whole again.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import impasto
+from command_line import complaint
+from impasto import simulate
+from impasto.cli import main
+from impasto.merge.resampling import Samples
+from overlapping_frames import Scene, rotation, scene, two_by_three
+
+SIZE, FRAME = (132, 182), (86, 88)
+
+
+@pytest.fixture(scope="module")
+def taken() -> Scene:
+    return scene(SIZE, FRAME, two_by_three(SIZE, FRAME), lights=9)
+
+
+@pytest.fixture(scope="module")
+def fits(taken: Scene) -> list[impasto.PooledSbrdf]:
+    return [impasto.fit_sbrdf(stack, pooling="painting") for stack in taken.stacks]
+
+
+@pytest.fixture(scope="module")
+def merged(fits: list[impasto.PooledSbrdf]) -> impasto.Merged:
+    return impasto.merge(fits, white=0)
+
+
+@pytest.fixture(scope="module")
+def lobed() -> impasto.LobeSbrdf:
+    """A small painting with a lobe per pixel, and a gap."""
+    painting = simulate.painting(4, (70, 120), pitch_mm=0.3, thread_mm=1.5, relief=0.6)
+    colours = painting.reflectance_in(simulate.camera("rgb"))
+    lights = simulate.rig("tominaga-six-band-adaptation").directions
+    surface = impasto.Surface.torrance_sparrow(painting.normal, colours, 2.0, 0.2)
+    mask = np.ones((70, 120), np.bool_)
+    mask[30:33, 60:64] = False
+    stack = impasto.Stack(surface.predict(lights), lights=lights, mask=mask)
+    return impasto.fit_sbrdf(stack, pooling="pixel", lobes=2)
+
+
+def parts(whole: impasto.Sbrdf) -> list[Any]:
+    return [whole[:, :75], whole[:, 45:]]
+
+
+def degrees(one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+    across = np.linalg.norm(np.cross(one, other, axis=0), axis=0)
+    return np.asarray(np.degrees(np.arctan2(across, np.sum(one * other, axis=0))))
+
+
+@pytest.mark.slow
+def test_six_frames_agree_at_their_seams(merged: impasto.Merged) -> None:
+    """The bounds are those that a merge is held to: 0.2 dE00 and 0.1 degree.
+
+    Before, neighbours differ by 1 to 6 dE00 and by 0.8 to 2.3 degrees: nothing is left undone.
+    """
+    seams = merged.report.seams
+    assert {(seam.first, seam.second) for seam in seams} >= {
+        (0, 1), (1, 2), (3, 4), (4, 5), (0, 3), (1, 4), (2, 5),
+    }  # fmt: skip
+    assert min(seam.colour_before for seam in seams) > 0.5
+    assert min(seam.degrees_before for seam in seams) > 0.5
+    assert max(seam.colour for seam in seams) < 0.2
+    assert max(seam.degrees for seam in seams) < 0.1
+    assert merged.report.warnings == ()
+
+
+@pytest.mark.slow
+def test_frames_lie_where_they_were_taken(taken: Scene, merged: impasto.Merged) -> None:
+    """Patches of a seam agree to some hundredths of a pixel, and there are dozens of them.
+
+    A frame is 98 pixels wide: 0.05 pixels at its edge are 0.001 of its scale and of its angle.
+    """
+    first, middle = taken.shots[0], (FRAME[1] - 1) / 2
+    for shot, frame in zip(taken.shots, merged.report.frames, strict=True):
+        assert frame.scale == pytest.approx(shot.scale, abs=0.001)
+        assert frame.angle == pytest.approx(shot.angle, abs=0.001)
+        # The first pixel lies up and left of the middle, rotated about it.
+        cos, sin = shot.scale * np.cos(shot.angle), shot.scale * np.sin(shot.angle)
+        left = shot.x - first.x - (cos + sin) * middle + middle
+        top = shot.y - first.y - (cos - sin) * middle + middle
+        assert frame.left - merged.report.frames[0].left == pytest.approx(left, abs=0.1)
+        assert frame.top - merged.report.frames[0].top == pytest.approx(top, abs=0.1)
+
+
+@pytest.mark.slow
+def test_gains_and_tilts_are_those_of_the_frames(taken: Scene, merged: impasto.Merged) -> None:
+    """Each is known from thousands of pixels; across the painting errors of two seams add.
+
+    Half a percent and a tenth of a degree are what a seam may have.
+    """
+    for shot, frame in zip(taken.shots, merged.report.frames, strict=True):
+        np.testing.assert_allclose(np.array(frame.gain) * shot.gain, 1.0, atol=0.01)
+        tilt = np.degrees(np.arccos(rotation(shot.tilt)[2, 2]))
+        assert np.degrees(frame.tilt) == pytest.approx(tilt, abs=0.15)
+
+
+@pytest.mark.slow
+def test_the_merged_painting_is_as_true_as_its_frames(
+    taken: Scene, fits: list[impasto.PooledSbrdf], merged: impasto.Merged
+) -> None:
+    """Normals and colours err about as those of the frames do, each in its own system.
+
+    Interpolation of frames and what is left at seams come on top: a quarter is allowed. A frame
+    that is not corrected errs by its tilt, a degree, and by its gain, a tenth.
+    """
+    assert isinstance(merged.sbrdf, impasto.Sbrdf)
+    normal, diffuse = taken.truth(merged.report)
+    angles, offs = [], []
+    for index, fit in enumerate(fits):
+        own_normal, own_diffuse = taken.truth_of(index)
+        angles.append(degrees(fit.normal, own_normal))
+        offs.append(np.abs(fit.diffuse / own_diffuse - 1.0))
+    found = np.nanmedian(degrees(merged.sbrdf.normal, normal))
+    assert found < 1.25 * np.median(angles)
+    off = np.nanmedian(np.abs(merged.sbrdf.diffuse / diffuse - 1.0))
+    assert off < 1.25 * np.median(offs)
+
+
+@pytest.mark.slow
+def test_parts_of_a_result_merge_to_the_whole(lobed: impasto.LobeSbrdf) -> None:
+    """The overlap is the same in both parts: nothing but rounding may change.
+
+    Where a shift of 0 is found to some 1e-4 pixels, maps change by that times their slopes.
+    """
+    merged = impasto.merge(parts(lobed))
+    found = merged.sbrdf
+    assert isinstance(found, impasto.LobeSbrdf)
+    assert merged.report.shape == found.shape
+    top, left = (round(merged.report.frames[0].top), round(merged.report.frames[0].left))
+    found = found[top : top + 70, left : left + 120]
+    np.testing.assert_array_equal(found.status, lobed.status)
+    np.testing.assert_array_equal(found.lobes, lobed.lobes)
+    for name in ("normal", "diffuse", "specular", "gamma", "ambient", "residual", "sigma"):
+        one, other = getattr(found, name), getattr(lobed, name)
+        np.testing.assert_array_equal(np.isnan(one), np.isnan(other), err_msg=name)
+        scale = float(np.nanstd(other))
+        assert np.nanquantile(np.abs(one - other), 0.99) < 0.02 * scale, name
+    light = [(0.3, 0.2, 0.9)]
+    assert np.nanquantile(np.abs(found.predict(light) - lobed.predict(light)), 0.99) < 0.005
+    assert found.normals.status.tobytes() == lobed.normals.status.tobytes()
+
+
+@pytest.mark.slow
+def test_a_store_has_the_bytes_of_memory_whatever_its_tiles(
+    lobed: impasto.LobeSbrdf, tmp_path: Path
+) -> None:
+    files = [tmp_path / "left.zarr", tmp_path / "right.npz"]
+    for part, file in zip(parts(lobed), files, strict=True):
+        part.rotated(0).save(file)
+    whole = impasto.merge(parts(lobed)).sbrdf
+    assert isinstance(whole, impasto.LobeSbrdf)
+    out = tmp_path / "merged.zarr"
+    merged = impasto.merge(files, out, tile=50)
+    assert isinstance(merged.sbrdf, impasto.StoredSbrdf)
+    assert merged.sbrdf.tile == 50
+    stored = impasto.load_sbrdf(out)
+    for name, array in whole._saved().items():
+        assert np.asarray(array).tobytes() == np.asarray(stored._saved()[name]).tobytes(), name
+    # The names of frames are those of their files.
+    said = json.loads((out / "merge" / "report.json").read_text("utf-8"))
+    assert said == merged.report.to_dict()
+    assert merged.sbrdf.factors == (2, 4)
+    part = merged.sbrdf[10:20, 30:50]
+    assert part.rig.origin == whole[10:20, 30:50].rig.origin
+    with pytest.raises(impasto.ArgumentError, match=r"merged\.zarr exists; remove it"):
+        impasto.merge(files, out)
+
+
+@pytest.mark.slow
+def test_a_gap_of_one_frame_is_filled_by_the_other(lobed: impasto.LobeSbrdf) -> None:
+    """A gap of both stays as it is; neither spreads."""
+    left, right = parts(lobed)
+    gap = np.zeros(left.shape, np.bool_)
+    gap[10:14, 50:58] = True
+    unknown = {
+        name: np.where(gap, np.float32(np.nan), getattr(left, name))
+        for name in ("normal", "diffuse", "specular", "gamma", "ambient", "residual", "sigma")
+    }
+    codes = {
+        "status": np.where(gap, np.uint8(21), left.status),
+        "lobes": np.where(gap, np.uint8(0), left.lobes),
+    }
+    holed = replace(left, **unknown, **codes, normals=left.normals.within(~gap))
+    merged = impasto.merge([right, holed], reference=1)
+    assert isinstance(merged.sbrdf, impasto.Sbrdf)
+    top, left_ = (round(merged.report.frames[1].top), round(merged.report.frames[1].left))
+    found = merged.sbrdf[top : top + 70, left_ : left_ + 120]
+    np.testing.assert_array_equal(found.status, lobed.status)
+    np.testing.assert_array_equal(np.isnan(found.normal), np.isnan(lobed.normal))
+
+
+def test_frames_of_other_paintings_are_named(lobed: impasto.LobeSbrdf) -> None:
+    left, right = parts(lobed)
+    rng = np.random.default_rng(1)
+    other = replace(right, diffuse=rng.uniform(0.1, 0.9, right.diffuse.shape).astype(np.float32))
+    with pytest.raises(impasto.ArgumentError, match="frame 1 shares too little with the frames"):
+        impasto.merge([left, other])
+
+
+def test_what_cannot_be_merged_is_refused(lobed: impasto.LobeSbrdf, tmp_path: Path) -> None:
+    left, right = parts(lobed)
+    with pytest.raises(impasto.ArgumentError, match="frames: expected two or more"):
+        impasto.merge([left])
+    with pytest.raises(impasto.ArgumentError, match="frames: number 1 is int"):
+        impasto.merge([left, 3])  # type: ignore[list-item]
+    with pytest.raises(impasto.ArgumentError, match="reference: expected the number of a frame"):
+        impasto.merge([left, right], reference=2)
+    with pytest.raises(impasto.ArgumentError, match=r"out: expected a name ending in \.zarr"):
+        impasto.merge([left, right], tmp_path / "merged.tif")
+    with pytest.raises(impasto.ArgumentError, match="frame 1 has the bands red, but frame 0"):
+        impasto.merge([left, right.with_bands([0])])
+    with pytest.raises(impasto.ArgumentError, match="index differs"):
+        impasto.merge([left, replace(right, index=1.6)])
+
+
+def test_cubics_are_interpolated_exactly() -> None:
+    """Six points make a kernel that is exact for cubics, up to rounding of single precision."""
+    y, x = np.mgrid[:20, :30].astype(np.float64)
+
+    def cubic(x: NDArray[Any], y: NDArray[Any]) -> NDArray[Any]:
+        u, v = x / 30, y / 20
+        return 1 + u - 2 * v + 3 * u * v**2 + u**3 - v**3 + 2 * u**2
+
+    rng = np.random.default_rng(0)
+    right, down = rng.uniform(3, 26, 500), rng.uniform(3, 16, 500)
+    found = Samples.at(right, down, (20, 30)).interpolated(cubic(x, y)[None].astype(np.float32))
+    np.testing.assert_allclose(found[0], cubic(right, down), atol=4e-7)
+
+
+def test_unknown_pixels_do_not_spread() -> None:
+    """A place is unknown exactly where its nearest pixel is; others hold numbers of neighbours."""
+    plane = np.random.default_rng(0).uniform(1, 2, (1, 20, 20)).astype(np.float32)
+    plane[0, 8:11, 9:12] = np.nan
+    y, x = (one.ravel() + 0.3 for one in np.mgrid[0:19, 0:19].astype(np.float64))
+    found = Samples.at(x, y, (20, 20)).interpolated(plane)[0].reshape(19, 19)
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(plane[0, :19, :19]))
+    beside = found[7:12, 8:13]
+    assert np.nanmin(beside) >= 1.0
+    assert np.nanmax(beside) <= 2.0
+
+
+@pytest.mark.slow
+def test_merging_on_the_command_line(
+    lobed: impasto.LobeSbrdf, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [str(tmp_path / name) for name in ("left.npz", "right.npz")]
+    for part, file in zip(parts(lobed), files, strict=True):
+        part.save(file)
+    out = tmp_path / "merged.zarr"
+    assert main(["job", "merge", *files, "--out", str(out)]) == 0
+    assert "seam" in capsys.readouterr().out
+    assert main(["info", str(out)]) == 0
+    capsys.readouterr()
+    said = complaint(["job", "merge", *files, "--out", str(out)], 1, capsys)
+    assert "exists; remove it" in said
+    said = complaint(["job", "merge", files[0], "--out", str(tmp_path / "b.zarr")], 1, capsys)
+    assert "expected two or more to merge, found 1" in said
