@@ -8,22 +8,20 @@ from logging import NullHandler, getLogger
 from pathlib import Path
 
 from impasto.errors import ArgumentError, CorruptInputError, ResumeMismatchError
-from impasto.fit.stored import StoredMaps, StoredSbrdf
-from impasto.io.files import as_problem_of, atomic_bytes, atomic_together
+from impasto.io.files import as_problem_of, atomic_bytes
 from impasto.io.folders import sync_folders
 from impasto.io.npz import read_npz
-from impasto.io.results.multiscales import multiscales_of
 from impasto.io.results.precision import Precision
 from impasto.io.results.zarr_arrays import METADATA
-from impasto.io.results.zarr_store import EMPTY_GROUP, NAME, group_metadata, zarr_arrays
+from impasto.io.results.zarr_store import EMPTY_GROUP
 from impasto.io.temporary import OLD, PARTIAL, temporary_beside
+from impasto.jobs.assembly import complete, is_name
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
-from impasto.jobs.levels import HALF_SCALE, write_levels
 from impasto.jobs.lock import LOCK, locked
 from impasto.jobs.record import JobRecord
-from impasto.jobs.tiles import MAP, NUMBERS, PACE, SAME, arrays_of_tiles, no_maps
+from impasto.jobs.tiles import NUMBERS, PACE
 
 LOG = getLogger("impasto.jobs")
 LOG.addHandler(NullHandler())
@@ -233,28 +231,13 @@ def finish(partial: Path, grid: Grid, entries: Entries, precision: Precision) ->
     Every step leaves a folder that can be resumed; the same steps then write the same bytes.
     """
     notes = partial / NOTES
-    found = read_npz(notes / NUMBERS)
-    for name in found:
-        if not NAME.fullmatch(name.removeprefix(MAP).removeprefix(SAME)):  # names of folders
+    left = read_npz(notes / NUMBERS)
+    for name in left:
+        if not is_name(name):
             raise CorruptInputError(notes / NUMBERS, f"has an array {name!r}, which no job writes")
-    numbers = no_maps(found)
-    tiles = arrays_of_tiles(found, grid)
-    maps = [one for one in tiles if not one.name.startswith(HALF_SCALE)]
-    half = [one for one in tiles if one.name.startswith(HALF_SCALE)]
-    stored = zarr_arrays(numbers, (), None)
-    files: dict[str, bytes | memoryview] = {f"{NOTES}/{METADATA}": EMPTY_GROUP}
-    for array in stored:
-        files |= array.files(numbers[array.name])
-    files |= {array.metadata_path: array.metadata for array in tiles}
-    described = sorted([*stored, *maps], key=lambda array: array.name)
-    atomic_together({partial / name: data for name, data in files.items()})
-    text = {name: array for name, array in numbers.items() if array.dtype.kind == "U"}
-    painting = StoredSbrdf(StoredMaps(partial, text, described), {})
-    levels, crcs = write_levels(partial, painting, half, precision)
-    multiscales = multiscales_of(described, levels, painting.pitch_mm)
-    last = {METADATA: group_metadata(numbers, described, levels, multiscales)}
-    atomic_together({partial / name: data for name, data in last.items()})
-    own = [*files, *last, *(f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS))]
+    more = {f"{NOTES}/{METADATA}": EMPTY_GROUP}
+    crcs = complete(partial, left, grid, precision, more)
+    own = (f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS))
     entries.files = crcs | {name: checksum(partial / name) for name in own}
     atomic_bytes(notes / JOURNAL, entries.to_bytes(grid))
     (notes / PACE).unlink(missing_ok=True)

@@ -6,38 +6,26 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.windows import within
 from impasto.fit.learning import LearnedModel
 from impasto.fit.result import Sbrdf
-from impasto.fit.saved import maps_of
 from impasto.io.files import as_problem_of, atomic_bytes, atomic_together
 from impasto.io.npz import npz_bytes, read_npz
-from impasto.io.results.multiscales import with_dims
-from impasto.io.results.precision import Precision, to_store
-from impasto.io.results.zarr_arrays import ZarrArray
-from impasto.io.results.zarr_store import same_arrays
+from impasto.io.results.precision import Precision
+from impasto.jobs.assembly import KNOWN, files_of_tile
 from impasto.jobs.grid import Grid, Tile
 from impasto.jobs.journal import Journal, TileEntry, crc_of
-from impasto.jobs.levels import HALF_SCALE, half_scale
 from impasto.jobs.photographs import Photographs
-from impasto.rig import Rig
 from impasto.stack import Stack
 
 NUMBERS = "numbers.npz"
-"""What is not a map, the same for every tile with an estimated pixel; and maps without pixels."""
-MAP = "map:"
-"""Begins the names of these."""
-SAME = "same:"
-"""Begins the names of maps that are others, whose names these are."""
-KNOWN = "estimated"
-"""Whether the tile that the numbers are from has an estimated pixel."""
+"""What a tile leaves beside its files (:mod:`~impasto.jobs.assembly`)."""
 PACE = "pace.jsonl"
 """Pixels and seconds of every tile, for those who look on; gone when the job is done."""
 
@@ -127,8 +115,6 @@ def write_tile(
 ) -> WrittenTile:
     """Every map of a tile, each in a file of its own that is on the disk when this returns.
 
-    Those of half the scale are made of it, too, while the maps are in memory.
-
     Parameters
     ----------
     folder
@@ -138,67 +124,10 @@ def write_tile(
     numbers
         Whether what is not a map is returned, too.
     """
-    maps, others = split_result(result)
-    same = same_arrays(maps)
-    estimated = int(result.estimated.sum())
-    stored = {
-        name: to_store(name, plane, precision)
-        for name, plane in sorted((maps | half_scale(result, grid)).items())
-        if name not in same
-    }
-    files = {}
-    for name, plane in stored.items():
-        array = map_array(name, plane, grid)
-        if 0 not in plane.shape:
-            files[array.path(*tile)] = array.encoded(plane, *tile)
+    files, left = files_of_tile(grid, tile, result, precision)
     atomic_together({folder / name: data for name, data in files.items()})
-    entry = TileEntry(estimated, {name: crc_of(data) for name, data in files.items()})
-    if not numbers:
-        return WrittenTile(entry, None)
-    none = {f"{MAP}{name}": plane[..., :0, :0] for name, plane in stored.items()}
-    shared = {f"{SAME}{name}": np.array(other) for name, other in same.items()}
-    return WrittenTile(entry, {**others, **none, **shared, KNOWN: np.array(estimated > 0)})
-
-
-def arrays_of_tiles(numbers: Mapping[str, NDArray[Any]], grid: Grid) -> list[ZarrArray]:
-    """How all maps are stored, those of half the scale too, from what a tile has left of them."""
-    own = {
-        name.removeprefix(MAP): map_array(name.removeprefix(MAP), plane, grid)
-        for name, plane in numbers.items()
-        if name.startswith(MAP)
-    }
-    same = [
-        replace(own[str(other)], name=name.removeprefix(SAME), same_as=str(other))
-        for name, other in numbers.items()
-        if name.startswith(SAME)
-    ]
-    return [*own.values(), *same]
-
-
-def no_maps(numbers: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """What is not a map of what a tile has left."""
-    return {
-        name: array
-        for name, array in numbers.items()
-        if not name.startswith((MAP, SAME)) and name != KNOWN
-    }
-
-
-def map_array(name: str, plane: NDArray[Any], grid: Grid) -> ZarrArray:
-    """How a map is stored, from its part ``(..., y, x)`` in any tile."""
-    place = grid.half if name.startswith(HALF_SCALE) else grid
-    shape = (*plane.shape[:-2], place.rows, place.columns)
-    return with_dims(ZarrArray(name, shape, plane.dtype, place.tile))
-
-
-def split_result(result: Sbrdf) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
-    """The maps of a tile, and all else, which is that of the whole painting."""
-    whole = replace(result, rig=Rig(result.rig, origin=(0.0, 0.0)))
-    names = maps_of(whole)
-    arrays = whole._saved()
-    maps = {name: np.asarray(array) for name, array in arrays.items() if name in names}
-    numbers = {name: np.asarray(array) for name, array in arrays.items() if name not in names}
-    return maps, {"kind": np.array(result.kind()), **numbers}
+    entry = TileEntry(int(result.estimated.sum()), {n: crc_of(data) for n, data in files.items()})
+    return WrittenTile(entry, left if numbers else None)
 
 
 def fitted(model: LearnedModel, stack: Stack, grid: Grid, tile: Tile, threads: int | None) -> Sbrdf:
