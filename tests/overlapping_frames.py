@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -89,6 +88,8 @@ def lamps(count: int) -> Planes:
 
 def rotation(vector: tuple[float, float, float]) -> Planes:
     """The matrix of a rotation vector, radians."""
+    import cv2
+
     return np.asarray(cv2.Rodrigues(np.array(vector))[0], np.float64)
 
 
@@ -134,6 +135,8 @@ def scene(
 
 def through_lens(planes: NDArray[np.floating], sigma: float) -> Planes:
     """Maps of the simulation as the lens shows them."""
+    import cv2
+
     exact = planes.astype(np.float64)
     return np.stack([cv2.GaussianBlur(plane, (0, 0), sigma) for plane in exact])
 
