@@ -1,6 +1,6 @@
 """Six overlapping stacks of one simulated painting, and what is true of it.
 
-The painting is simulated and lit with pixels a third as wide as those of the frames. A lens is a
+The painting is simulated and lit with two or three pixels for one of a frame. A lens is a
 Gaussian; each frame's pixels then lie where its shift, scale and rotation say. Nothing of
 ``impasto.merge`` is used. A panel that leans, and a frame that is rotated, is a panel at rest under
 lamps that lean the other way.
@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,8 +19,6 @@ from impasto import simulate
 
 Planes = NDArray[np.float64]
 
-FINE = 3
-"""Pixels of the simulation for one of a frame, along a side."""
 LENS = 0.75
 """Standard deviation of the lens in pixels of a frame, of a camera whose pixels do not alias."""
 
@@ -47,12 +44,14 @@ class Shot:
 class Scene:
     """Stacks of all frames, and the painting that they show.
 
-    ``normal (3, y, x)`` and ``diffuse (band, y, x)`` are those of the simulation through the lens.
+    ``normal (3, y, x)`` and ``diffuse (band, y, x)`` are those of the simulation through the lens,
+    with ``fine`` pixels for one of a frame, along a side.
     """
 
     stacks: tuple[impasto.Stack, ...]
     shots: tuple[Shot, ...]
     frame: tuple[int, int]
+    fine: int
     normal: Planes
     diffuse: Planes
 
@@ -62,17 +61,19 @@ class Scene:
         first, (height, width) = report.frames[0], self.frame
         right = x - first.left - (width - 1) / 2 + self.shots[0].x
         down = y - first.top - (height - 1) / 2 + self.shots[0].y
-        normal = at_places(self.normal, right, down)
-        return normal / np.linalg.norm(normal, axis=0), at_places(self.diffuse, right, down)
+        normal = at_places(self.normal, right, down, self.fine)
+        return normal / np.linalg.norm(normal, axis=0), at_places(
+            self.diffuse, right, down, self.fine
+        )
 
     def truth_of(self, index: int) -> tuple[Planes, Planes]:
         """Normals and colours at the pixels of a frame, in its own system, but for its gain."""
         shot = self.shots[index]
         right, down = places(shot, self.frame)
-        normal = at_places(self.normal, right, down)
+        normal = at_places(self.normal, right, down, self.fine)
         normal = np.einsum("ij,jyx->iyx", turn_of(shot), normal / np.linalg.norm(normal, axis=0))
         gain = np.array(shot.gain)[:, None, None]
-        return normal, gain * at_places(self.diffuse, right, down)
+        return normal, gain * at_places(self.diffuse, right, down, self.fine)
 
 
 def lamps(count: int) -> Planes:
@@ -87,6 +88,8 @@ def lamps(count: int) -> Planes:
 
 def rotation(vector: tuple[float, float, float]) -> Planes:
     """The matrix of a rotation vector, radians."""
+    import cv2
+
     return np.asarray(cv2.Rodrigues(np.array(vector))[0], np.float64)
 
 
@@ -100,13 +103,14 @@ def scene(
     noise: float = 0.002,
     beta: float = 2.0,
     lens: float = LENS,
+    fine: int = 3,
 ) -> Scene:
     """Photograph a painting of ``size`` pixels in frames of ``frame`` pixels, rows and columns.
 
     ``noise`` is the standard deviation of a sample of 1, as that of photons: it goes with the root.
     """
     painting = simulate.painting(
-        seed, (size[0] * FINE, size[1] * FINE), pitch_mm=0.1, thread_mm=2.4, relief=0.7
+        seed, (size[0] * fine, size[1] * fine), pitch_mm=0.3 / fine, thread_mm=2.4, relief=0.7
     )
     diffuse = painting.reflectance_in(simulate.camera("rgb"))
     surface = impasto.Surface.torrance_sparrow(painting.normal, diffuse, beta, 0.2)
@@ -119,26 +123,22 @@ def scene(
         for index, direction in enumerate(directions):
             towards, eye = back @ direction, back @ (0.0, 0.0, 1.0)
             seen = surface.predict(towards[None], eye)[0]
-            taken = photographed(seen, frame, shot, lens) * np.array(shot.gain)[:, None, None]
+            right, down = places(shot, frame)
+            taken = at_places(through_lens(seen, lens * fine), right, down, fine)
+            taken *= np.array(shot.gain)[:, None, None]
             photons = rng.normal(size=taken.shape) * noise * np.sqrt(np.maximum(taken, 0.0))
             samples[index] = taken + photons
         stacks.append(impasto.Stack(samples, lights=directions, bands=("red", "green", "blue")))
-    shown = (through_lens(planes, lens) for planes in (painting.normal, diffuse))
-    return Scene(tuple(stacks), shots, frame, *shown)
+    shown = (through_lens(planes, lens * fine) for planes in (painting.normal, diffuse))
+    return Scene(tuple(stacks), shots, frame, fine, *shown)
 
 
-def through_lens(planes: NDArray[np.floating], lens: float) -> Planes:
+def through_lens(planes: NDArray[np.floating], sigma: float) -> Planes:
     """Maps of the simulation as the lens shows them."""
-    fine = planes.astype(np.float64)
-    return np.stack([cv2.GaussianBlur(plane, (0, 0), lens * FINE) for plane in fine])
+    import cv2
 
-
-def photographed(
-    planes: NDArray[np.float32], frame: tuple[int, int], shot: Shot, lens: float
-) -> Planes:
-    """Maps of the simulation through the lens, at the pixels of a frame."""
-    right, down = places(shot, frame)
-    return at_places(through_lens(planes, lens), right, down)
+    exact = planes.astype(np.float64)
+    return np.stack([cv2.GaussianBlur(plane, (0, 0), sigma) for plane in exact])
 
 
 def places(shot: Shot, frame: tuple[int, int]) -> tuple[Planes, Planes]:
@@ -156,12 +156,12 @@ def turn_of(shot: Shot) -> Planes:
     return rotation(shot.tilt) @ rotation((0.0, 0.0, -shot.angle))
 
 
-def at_places(planes: Planes, right: Planes, down: Planes) -> Planes:
+def at_places(planes: Planes, right: Planes, down: Planes, fine: int) -> Planes:
     """Maps of the simulation at columns and rows of the whole painting.
 
     Between pixels so much narrower than the lens a straight line is as good as any.
     """
-    column, row = ((one + 0.5) * FINE - 0.5 for one in (right, down))
+    column, row = ((one + 0.5) * fine - 0.5 for one in (right, down))
     left, top = np.floor(column).astype(int), np.floor(row).astype(int)
     across, along = column - left, row - top
     last = planes.shape[1] - 1, planes.shape[2] - 1

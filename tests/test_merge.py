@@ -20,14 +20,14 @@ from command_line import complaint
 from impasto import simulate
 from impasto.cli import main
 from impasto.merge.resampling import Samples
-from overlapping_frames import Scene, rotation, scene, two_by_three
+from overlapping_frames import Scene, at_places, rotation, scene, two_by_three
 
 SIZE, FRAME = (132, 182), (86, 88)
 
 
 @pytest.fixture(scope="module")
 def taken() -> Scene:
-    return scene(SIZE, FRAME, two_by_three(SIZE, FRAME), lights=9)
+    return scene(SIZE, FRAME, two_by_three(SIZE, FRAME), lights=9, fine=2)
 
 
 @pytest.fixture(scope="module")
@@ -41,16 +41,26 @@ def merged(fits: list[impasto.PooledSbrdf]) -> impasto.Merged:
 
 
 @pytest.fixture(scope="module")
-def lobed() -> impasto.LobeSbrdf:
-    """A small painting with a lobe per pixel, and a gap."""
-    painting = simulate.painting(4, (70, 120), pitch_mm=0.3, thread_mm=1.5, relief=0.6)
-    colours = painting.reflectance_in(simulate.camera("rgb"))
+def lobed(taken: Scene) -> impasto.LobeSbrdf:
+    """A part of the painting with lobes per pixel, and a gap."""
+    x, y = np.meshgrid(np.arange(30.0, 150.0), np.arange(30.0, 100.0))
+    normal, colours = (
+        at_places(planes, x, y, taken.fine) for planes in (taken.normal, taken.diffuse)
+    )
     lights = simulate.rig("tominaga-six-band-adaptation").directions
-    surface = impasto.Surface.torrance_sparrow(painting.normal, colours, 2.0, 0.2)
+    surface = impasto.Surface.torrance_sparrow(
+        normal / np.linalg.norm(normal, axis=0), colours, 2.0, 0.2
+    )
     mask = np.ones((70, 120), np.bool_)
     mask[30:33, 60:64] = False
     stack = impasto.Stack(surface.predict(lights), lights=lights, mask=mask)
-    return impasto.fit_sbrdf(stack, pooling="pixel", lobes=2)
+    return impasto.fit_sbrdf(stack, pooling="pixel", lobes=2, effort="draft")
+
+
+@pytest.fixture(scope="module")
+def again(lobed: impasto.LobeSbrdf) -> impasto.Merged:
+    """Two parts of it, merged in memory."""
+    return impasto.merge(parts(lobed))
 
 
 def parts(whole: impasto.Sbrdf) -> list[Any]:
@@ -132,16 +142,17 @@ def test_the_merged_painting_is_as_true_as_its_frames(
 
 
 @pytest.mark.slow
-def test_parts_of_a_result_merge_to_the_whole(lobed: impasto.LobeSbrdf) -> None:
+def test_parts_of_a_result_merge_to_the_whole(
+    lobed: impasto.LobeSbrdf, again: impasto.Merged
+) -> None:
     """The overlap is the same in both parts: nothing but rounding may change.
 
     Where a shift of 0 is found to some 1e-4 pixels, maps change by that times their slopes.
     """
-    merged = impasto.merge(parts(lobed))
-    found = merged.sbrdf
+    found = again.sbrdf
     assert isinstance(found, impasto.LobeSbrdf)
-    assert merged.report.shape == found.shape
-    top, left = (round(merged.report.frames[0].top), round(merged.report.frames[0].left))
+    assert again.report.shape == found.shape
+    top, left = (round(again.report.frames[0].top), round(again.report.frames[0].left))
     found = found[top : top + 70, left : left + 120]
     np.testing.assert_array_equal(found.status, lobed.status)
     np.testing.assert_array_equal(found.lobes, lobed.lobes)
@@ -157,12 +168,12 @@ def test_parts_of_a_result_merge_to_the_whole(lobed: impasto.LobeSbrdf) -> None:
 
 @pytest.mark.slow
 def test_a_store_has_the_bytes_of_memory_whatever_its_tiles(
-    lobed: impasto.LobeSbrdf, tmp_path: Path
+    lobed: impasto.LobeSbrdf, again: impasto.Merged, tmp_path: Path
 ) -> None:
     files = [tmp_path / "left.zarr", tmp_path / "right.npz"]
     for part, file in zip(parts(lobed), files, strict=True):
         part.rotated(0).save(file)
-    whole = impasto.merge(parts(lobed)).sbrdf
+    whole = again.sbrdf
     assert isinstance(whole, impasto.LobeSbrdf)
     out = tmp_path / "merged.zarr"
     merged = impasto.merge(files, out, tile=50)
