@@ -149,7 +149,7 @@ def test_an_interrupted_call_leaves_nothing(tmp_path: Path) -> None:
         ({"out": "stack.npz"}, r"out: expected a name ending in \.zarr, found 'stack\.npz'"),
         ({"out": "none/stack.zarr"}, "out: the folder .* does not exist"),
         ({"memory": "1kB"}, "memory: a tile of 64 x 64 pixels of these photographs needs"),
-        ({"tile": 3}, "tile: expected a whole number from 16 on"),
+        ({"tile": 3}, "tile: expected an even number from 16 on"),
         ({"reading": {"encoding": "srgb"}}, "reading: a stack is read already"),
     ],
     ids=["suffix", "folder", "memory", "tile", "reading"],
