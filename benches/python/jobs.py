@@ -1,7 +1,7 @@
 """Jobs of any size: memory, pace, and what a job costs beside the fit in memory.
 
     python benches/python/jobs.py [--scale 67 268 1074 [--half]] [--overhead 4] [--sample 1500]
-                                  [--record]
+                                  [--ingest 16] [--record]
 
 ``--scale``: megapixels of virtual paintings under 16 lights in six bands of 16 bits: windows of
 them are made of one piece of noise, so that no photographs lie on the disk. Photometric stereo by
@@ -13,6 +13,10 @@ bytes per pixel of the disk, with ``--half`` (half precision) 48.
 fitted whole, and by a job with tiles of 1024, in processes of their own, one after the other:
 processor and wall-clock seconds of the call, the least of two.
 
+``--ingest``: megapixels of the same photographs, put into one store by ``impasto.ingest``: MB/s of
+what is written, and of as many random bytes that are written into one file and flushed; the best of
+three rounds each.
+
 ``--sample``: rows and columns of a simulated painting, satin, 24 lamps, three bands of 8 bits;
 learned from its systematic sample and from all pixels, applied to all: processor seconds of both
 steps, mean error of normals in degrees, and the painting's lobe.
@@ -23,6 +27,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import resource
 import shutil
 import subprocess
@@ -44,6 +49,7 @@ from impasto.io import write_lights
 from impasto.io.results.precision import Precision, checked_precision
 from impasto.jobs import Footprint, Photographs
 
+RECORD = Path(__file__).parents[1] / "results" / "jobs.json"
 BUDGET = 1 << 30
 LIGHTS, BANDS = 16, 6
 PIECE = 512
@@ -142,6 +148,30 @@ def overhead(way: str, fit: str, folder: Path) -> dict[str, Any]:
     return {"seconds": time.perf_counter() - start, "processor": time.process_time() - used}
 
 
+def ingested(megapixels: float, folder: Path) -> list[dict[str, Any]]:
+    """The store of all photographs against the disk."""
+    photographs(megapixels, folder)
+    size = sum((folder / f"light{index:02}.tif").stat().st_size for index in range(LIGHTS))
+    block = np.random.default_rng(1).bytes(1 << 24)
+    best = {"ingest": math.inf, "disk": math.inf}
+    for _ in range(3):
+        start = time.perf_counter()
+        with (folder / "plain").open("wb") as file:
+            for _ in range(size // len(block)):
+                file.write(block)
+            file.flush()
+            os.fsync(file.fileno())
+        best["disk"] = min(best["disk"], time.perf_counter() - start)
+        (folder / "plain").unlink()
+        start = time.perf_counter()
+        impasto.ingest(folder / "dirs.lp", folder / "stack.zarr", memory=BUDGET)
+        best["ingest"] = min(best["ingest"], time.perf_counter() - start)
+        shutil.rmtree(folder / "stack.zarr")
+    speeds = {f"{name} MB/s": size / 1e6 / seconds for name, seconds in best.items()}
+    share = speeds["ingest MB/s"] / speeds["disk MB/s"]
+    return [{"GB": size / 1e9, **speeds, "share of the disk": share}]
+
+
 def from_sample(side: int, sample: int | None) -> dict[str, Any]:
     """What is learned from some pixels, in this process."""
     painting = simulate.painting(0, (side, side), varnish="satin", pitch_mm=102.4 / side)
@@ -205,6 +235,7 @@ def main() -> None:
     parser.add_argument("--scale", type=float, nargs="*", default=[])
     parser.add_argument("--half", action="store_true")
     parser.add_argument("--overhead", type=float)
+    parser.add_argument("--ingest", type=float)
     parser.add_argument("--sample", type=int)
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--record", action="store_true")
@@ -226,13 +257,22 @@ def main() -> None:
             shutil.rmtree(Path(name) / "virtual.zarr")
         if options.overhead:
             tables["overhead"] = compared(options.overhead, Path(name))
+        if options.ingest:
+            tables["ingest"] = ingested(options.ingest, Path(name))
     if options.sample:
         tables["sample"] = [from_sample(options.sample, sample) for sample in (None, 1)]
     for title, rows in tables.items():
         show(title, rows)
     if options.record:
-        words = " ".join(sys.argv[1:])
-        write("jobs.json", {"run": run_info(f"benches/python/jobs.py {words}"), **tables})
+        run = run_info(f"benches/python/jobs.py {' '.join(sys.argv[1:])}")
+        # Tables that were not measured anew stay, each with the run that it is from.
+        before = json.loads(RECORD.read_text(encoding="utf-8"))
+        runs = {
+            title: before["runs"].get(title) for title in before if title not in {"run", "runs"}
+        }
+        write(
+            RECORD.name, before | tables | {"run": run, "runs": runs | dict.fromkeys(tables, run)}
+        )
 
 
 if __name__ == "__main__":
