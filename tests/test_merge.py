@@ -151,9 +151,7 @@ def test_parts_of_a_result_merge_to_the_whole(
     """
     found = again.sbrdf
     assert isinstance(found, impasto.LobeSbrdf)
-    assert again.report.shape == found.shape
-    top, left = (round(again.report.frames[0].top), round(again.report.frames[0].left))
-    found = found[top : top + 70, left : left + 120]
+    assert again.report.shape == found.shape == lobed.shape
     np.testing.assert_array_equal(found.status, lobed.status)
     np.testing.assert_array_equal(found.lobes, lobed.lobes)
     for name in ("normal", "diffuse", "specular", "gamma", "ambient", "residual", "sigma"):
@@ -190,6 +188,31 @@ def test_a_store_has_the_bytes_of_memory_whatever_its_tiles(
     assert part.rig.origin == whole[10:20, 30:50].rig.origin
     with pytest.raises(impasto.ArgumentError, match=r"merged\.zarr exists; remove it"):
         impasto.merge(files, out)
+
+
+@pytest.mark.slow
+def test_lafortune_lobes_merge_and_lamps_stand_where_they_stood(
+    taken: Scene, tmp_path: Path
+) -> None:
+    """Frames with a rig of their own: that of the reference, whose middle is not the painting's."""
+    fits = [
+        impasto.fit_sbrdf(stack, model="lafortune", lobes=1, effort="draft")
+        for stack in taken.stacks[:2]
+    ]
+    merged = impasto.merge(fits)
+    assert isinstance(merged.sbrdf, impasto.LafortuneSbrdf)
+    assert max(seam.shift for seam in merged.report.seams) < 0.1
+    (rows, columns), own = merged.sbrdf.shape, fits[0].shape
+    first = merged.report.frames[0]
+    right = (columns - own[1]) / 2 - round(first.left)
+    up = round(first.top) - (rows - own[0]) / 2
+    assert merged.sbrdf.rig.origin == (right, up) != (0.0, 0.0)
+    stored = impasto.merge(fits, tmp_path / "merged.zarr", tile=64).sbrdf
+    assert stored.rig.origin == merged.sbrdf.rig.origin
+    loaded = impasto.load_sbrdf(tmp_path / "merged.zarr")
+    assert loaded.predict([(0.3, 0.2, 0.9)]).tobytes() == merged.sbrdf.predict(
+        [(0.3, 0.2, 0.9)]
+    ).tobytes()  # fmt: skip
 
 
 @pytest.mark.slow

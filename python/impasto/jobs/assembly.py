@@ -36,13 +36,18 @@ KNOWN = "estimated"
 
 
 def files_of_tile(
-    grid: Grid, tile: Tile, result: Sbrdf, precision: Precision
+    grid: Grid, tile: Tile, result: Sbrdf, precision: Precision, rig: Rig | None = None
 ) -> tuple[dict[str, bytes | memoryview], dict[str, NDArray[Any]]]:
     """Every map of a tile as a file, by its name in the store, and what the tile leaves beside.
 
     The maps of half the scale are made, too, while those of the tile are in memory.
+
+    Parameters
+    ----------
+    rig
+        That of the whole painting; default: the tile's, with its origin in the middle of it.
     """
-    maps, others = _split(result)
+    maps, others = _split(result, Rig(result.rig, origin=(0.0, 0.0)) if rig is None else rig)
     same = same_arrays(maps)
     stored = {
         name: to_store(name, plane, precision)
@@ -136,9 +141,9 @@ def _array(name: str, plane: NDArray[Any], grid: Grid) -> ZarrArray:
     return with_dims(ZarrArray(name, shape, plane.dtype, place.tile))
 
 
-def _split(result: Sbrdf) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
+def _split(result: Sbrdf, rig: Rig) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
     """The maps of a tile, and all else, which is that of the whole painting."""
-    whole = replace(result, rig=Rig(result.rig, origin=(0.0, 0.0)))
+    whole = replace(result, rig=rig)
     names = maps_of(whole)
     arrays = whole._saved()
     maps = {name: np.asarray(array) for name, array in arrays.items() if name in names}

@@ -63,14 +63,16 @@ class Solution:
 def solved(frames: Sequence[Frame], reference: int, white: int | None) -> Solution:
     """Find it, the reference frame being at rest and, unless None, frame ``white`` uncoloured."""
     placements, affine, matches = _registered(frames, reference)
-    low = np.floor(
+    # A frame covers half a pixel around its outermost ones.
+    low = np.ceil(
         np.min([p.corners(f.shape) for p, f in zip(placements, frames, strict=True)], axis=(0, 1))
+        - 0.5
     )
     placements = [replace(one, offset=one.offset - low) for one in placements]
     high = np.max(
         [p.corners(f.shape) for p, f in zip(placements, frames, strict=True)], axis=(0, 1)
     )
-    width, height = (math.ceil(value) + 1 for value in high.tolist())
+    width, height = (math.floor(value + 0.5) + 1 for value in high.tolist())
     before = sampled(frames, placements)
     gains = gains_of(before, len(frames), white)
     rotations = rotations_of(before, len(frames), reference)

@@ -33,7 +33,8 @@ def write_store(
     left: dict[str, NDArray[Any]] | None = None
     with new_folder(target) as folder:
         for count, tile in enumerate(grid):
-            files, beside = files_of_tile(grid, tile, mosaic.part(*grid.window(tile)), "single")
+            part = mosaic.part(*grid.window(tile))
+            files, beside = files_of_tile(grid, tile, part, "single", mosaic.rig)
             atomic_together({folder / name: data for name, data in files.items()})
             if left is None or (beside[KNOWN] and not left[KNOWN]):
                 left = beside
