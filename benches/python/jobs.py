@@ -264,7 +264,8 @@ def main() -> None:
     for title, rows in tables.items():
         show(title, rows)
     if options.record:
-        run = run_info(f"benches/python/jobs.py {' '.join(sys.argv[1:])}")
+        words = " ".join(sys.argv[1:]).replace(f" --folder {options.folder}", "")
+        run = run_info(f"benches/python/jobs.py {words}")
         # Tables that were not measured anew stay, each with the run that it is from.
         before = json.loads(RECORD.read_text(encoding="utf-8"))
         runs = {
