@@ -91,8 +91,9 @@ def test_crates_have_permissive_licences() -> None:
         if not permitted(one["license"] or "none", allowed())
     }
     assert wrong == {}
-    registry = "registry+https://github.com/rust-lang/crates.io-index"
-    assert {one["source"] for one in packages} == {None, registry}
+    # One registry, that of the language: its index has this name whatever host serves it.
+    (registry,) = {one["source"] for one in packages} - {None}
+    assert re.fullmatch(r"registry\+https://[^/]+/rust-lang/crates\.io-index", registry)
 
 
 def needed(names: list[str], found: dict[str, Any]) -> dict[str, Any]:

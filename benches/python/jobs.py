@@ -6,7 +6,7 @@
 ``--scale``: megapixels of virtual paintings under 16 lights in six bands of 16 bits: windows of
 them are made of one piece of noise, so that no photographs lie on the disk. Photometric stereo by
 least squares, tiles of 1024, a budget of 1 GiB, one process for each size; ``peak`` is the largest
-resident memory of the process, ``over`` what it exceeds the budget by. The store takes about 78
+resident memory of the process, ``over`` what it exceeds the budget by. The store takes about 74
 bytes per pixel of the disk, with ``--half`` (half precision) 48.
 
 ``--overhead``: megapixels of a painting in 16 tiled TIFFs of three bands of 16 bits, read and

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -42,6 +43,14 @@ def _bounds(part: slice, size: int, axis: str) -> slice:
     if stop <= start:
         raise ArgumentError(f"{axis}: the slice holds none of {size} pixels")
     return slice(start, stop)
+
+
+def squares(shape: tuple[int, int], side: int) -> Iterator[Window]:
+    """Windows of ``side`` rows and columns that cover a picture, the last ones smaller, by rows."""
+    height, width = shape
+    for top in range(0, height, side):
+        for left in range(0, width, side):
+            yield slice(top, min(top + side, height)), slice(left, min(left + side, width))
 
 
 def offset(part: Window, shape: tuple[int, int]) -> tuple[float, float]:

@@ -93,8 +93,8 @@ def run(
         The model of the whole painting is learned from every so many rows and columns (odd); 1:
         from all pixels. Default: as the memory allows.
     precision
-        Of normals, colours and lobes in the store; half takes half the space, and changes colours
-        by 0.05 % at most.
+        Of normals, colours and lobes in the store; half takes about a third less space, and
+        changes colours by 0.05 % at most.
     resume
         Go on with a job of this name; --no-resume removes an unfinished one.
     model

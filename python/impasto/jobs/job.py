@@ -108,9 +108,9 @@ def run(
         ``memory`` asks for it.
     precision
         ``"half"``: normals, colours, strengths and widths of lobes, residuals and predicted errors
-        are stored in half precision. Colours then differ by 0.05 % at most, normals by 0.03
-        degrees; :func:`impasto.load_sbrdf` gives them in single precision. Default ``"single"``:
-        bit for bit.
+        are stored in half precision. Colours then differ by 0.05 % at most, normals by
+        0.024 degrees; :func:`impasto.load_sbrdf` gives them in single precision. Default
+        ``"single"``: bit for bit.
     reading
         Options of :func:`impasto.read_stack` for a path: ``{"encoding": "srgb"}``. Arrays are
         refused; give files. There is no ``region``.

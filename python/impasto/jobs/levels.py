@@ -10,13 +10,13 @@ of the scatter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.windows import Window
+from impasto._internal.windows import Window, squares
 from impasto.fit.result import Sbrdf
 from impasto.fit.stored import StoredSbrdf, maps_of_level, surface_of_level
 from impasto.io.files import atomic_together
@@ -145,7 +145,7 @@ def _shard(
     found: dict[str, NDArray[np.float32]] = {}
     rows, columns = window
     size = rows.stop - rows.start, columns.stop - columns.start
-    for down, across in _blocks(size):
+    for down, across in squares(size, BLOCK):
         surface = above(
             slice(2 * (rows.start + down.start), 2 * (rows.start + down.stop)),
             slice(2 * (columns.start + across.start), 2 * (columns.start + across.stop)),
@@ -156,12 +156,6 @@ def _shard(
                 found[prefix + name] = np.empty((*plane.shape[:-2], *size), np.float32)
             found[prefix + name][..., down, across] = plane
     return found
-
-
-def _blocks(size: tuple[int, int]) -> Iterator[Window]:
-    for top in range(0, size[0], BLOCK):
-        for left in range(0, size[1], BLOCK):
-            yield slice(top, min(top + BLOCK, size[0])), slice(left, min(left + BLOCK, size[1]))
 
 
 def _written(folder: Path, files: Mapping[str, bytes | memoryview]) -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from impasto._internal.windows import Window
+from impasto._internal.windows import Window, squares
 from impasto.errors import ArgumentError
 from impasto.fit.result import Sbrdf
 from impasto.fit.sbrdf import load_sbrdf
@@ -70,14 +70,7 @@ class Frame:
 
     def blocks(self, step: int) -> Iterator[Window]:
         """Windows that cover the frame; all but the last begin and end at multiples of a step."""
-        side = max(BLOCK // step, 1) * step
-        height, width = self.shape
-        for top in range(0, height, side):
-            for left in range(0, width, side):
-                yield (
-                    slice(top, min(top + side, height)),
-                    slice(left, min(left + side, width)),
-                )
+        return squares(self.shape, max(BLOCK // step, 1) * step)
 
 
 def frames_of(given: Any) -> list[Frame]:

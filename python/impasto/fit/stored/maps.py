@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.windows import Window, offset
+from impasto._internal.windows import Window, offset, squares
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.fit.relief import Relief
 from impasto.fit.result import Sbrdf
@@ -130,14 +130,7 @@ class StoredMaps:
 
     def windows(self, side: int | None = None) -> Iterator[Window]:
         """Square parts that cover the painting, row by row; default: as large as tiles."""
-        side = min(self.tile, LARGEST_PART) if side is None else side
-        height, width = self.shape
-        for top in range(0, height, side):
-            for left in range(0, width, side):
-                yield (
-                    slice(top, min(top + side, height)),
-                    slice(left, min(left + side, width)),
-                )
+        return squares(self.shape, min(self.tile, LARGEST_PART) if side is None else side)
 
     def _result(self, arrays: dict[str, NDArray[Any]]) -> Sbrdf:
         with checked_maps(self.path, self._numbers | arrays, *RESULTS) as maps:

@@ -30,7 +30,7 @@ RAW_SUFFIXES = frozenset(
 DEMOSAICING = "VNG"
 """Variable number of gradients (Chang, Cheung and Pang 1999): of seven the best normals, or within
 1 % of them (``benches/python/demosaicing.py``). DHT has better colours, but puts the darkest code
-above black in the place of black."""
+above black in the place of black ones."""
 _ORIENTATION = {0: 1, 3: 3, 5: 8, 6: 6}
 """EXIF orientations by the turns that LibRaw names."""
 _DAMAGE_OF_RAW = rb"Unexpected end of file|data corrupted|[Cc]orrupt|Decoding error"

@@ -1,9 +1,9 @@
 """A tile of a map as the bytes of its file: the shard of the codec ``sharding_indexed`` of Zarr v3.
 
 Inner chunks lie in it row by row, each followed by its CRC-32C; at the end stands an index of their
-places and lengths with a CRC-32C of its own. The zarr library makes the same, and reads what is
-made here; of every chunk it makes five copies, which took more time than photometric stereo takes
-for the pixels in it. The checksum is that library's own, too.
+places and lengths with a CRC-32C of its own. The zarr library makes the same chunks, and reads what
+is made here; it takes eight times as long for a tile of 12 MB, which was most of what a job cost
+beside photometric stereo. The checksum is that of the library which zarr uses, too.
 """
 
 from __future__ import annotations
