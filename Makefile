@@ -3,7 +3,7 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
-RUST   := Cargo.toml $(wildcard Cargo.lock) $(shell find $(wildcard crates benches) -name '*.rs' -o -name Cargo.toml)
+RUST   := Cargo.toml $(wildcard Cargo.lock) $(shell find $(wildcard crates benches) -name '*.rs' -o -name '*.wgsl' -o -name Cargo.toml)
 
 # The interpreter that cargo, maturin and pip see is the one in .venv; versions come from one file.
 export VIRTUAL_ENV    := $(CURDIR)/$(VENV)

@@ -172,20 +172,20 @@ def test_pictures_that_are_decoded_whole_are_decoded_seldom(
 
 def test_a_model_is_learned_from_as_many_pixels_as_fit(tmp_path: Path) -> None:
     """Every third row and column about the middle; the apply pass still fits every pixel."""
-    path = photographs(tmp_path, (125, 142))
+    path = photographs(tmp_path, (131, 148))
     impasto.io.write_stack(tmp_path / "stack.npz", impasto.read_stack(path))
-    out = impasto.run(tmp_path / "stack.npz", tmp_path / "painting.zarr", memory="10.5MB", **PIXEL)
+    out = impasto.run(tmp_path / "stack.npz", tmp_path / "painting.zarr", memory="12.7MB", **PIXEL)
     record = json.loads((out / "job" / "job.json").read_text())
     assert (record["sample"], record["tile"]) == (3, 64)
     taken = impasto.read_stack(path)
-    # As many pixels before the first as after the last: 2 and 2 of 125 rows, 0 and 0 of 142.
+    # As many pixels before the first as after the last: 2 and 2 of 131 rows, 0 and 0 of 148.
     few = impasto.Stack(
         taken.samples[..., 2::3, ::3], lights=taken.rig, saturation=taken.saturation
     )
-    assert few.shape[2:] == (41, 48)
+    assert few.shape[2:] == (43, 50)
     learned = impasto.learn_sbrdf(few, **PIXEL)
     model = impasto.load_learned(out / "job" / "learned.npz")
-    assert model.extent == (125, 142)
+    assert model.extent == (131, 148)
     assert isinstance(model.fit, type(learned.fit))
     for name, array in learned.fit.to_arrays().items():  # type: ignore[union-attr]
         if name != "extent":
@@ -210,10 +210,10 @@ def test_a_killed_job_is_resumed_to_the_same_bytes(tmp_path: Path) -> None:
 
 
 def interrupted(out: Path, after: int, **options: Any) -> None:
-    """A job that ends after some tiles, as by Ctrl-C."""
+    """A job that ends after two tiles or more, as by Ctrl-C; the last was on its way to the disk."""
 
     def stop(done: int, total: int) -> None:
-        if done == after:
+        if done == after - 1:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -279,15 +279,15 @@ def test_a_second_run_is_refused(tmp_path: Path) -> None:
                 impasto.run(stack(), out, **OPTIONS)
 
     impasto.run(stack(), out, progress=second, **OPTIONS)
-    assert [(one.state, one.process, one.tiles_done) for one in seen] == [
-        ("running", os.getpid(), 2)
-    ]
+    (found,) = seen
+    assert (found.state, found.process) == ("running", os.getpid())
+    assert found.tiles_done in {2, 3}, "the third may be on the disk by now"
     assert jobs.verify(out) == ()
 
 
 def test_a_job_goes_on_only_as_it_began(tmp_path: Path) -> None:
     out = tmp_path / "painting.zarr"
-    interrupted(out, 1)
+    interrupted(out, 2)
     with pytest.raises(
         ResumeMismatchError, match=r"fit\.effort\.rounds: the job has 2, this call 1"
     ):
@@ -477,7 +477,7 @@ def test_a_repetition_goes_on_and_is_compared(stores: Path, tmp_path: Path) -> N
     out, again = stores / "painting.zarr", tmp_path / "again.zarr"
 
     def stop(done: int, total: int) -> None:
-        if done == 2:
+        if done == 1:  # The next is on its way to the disk, and is finished.
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -561,12 +561,12 @@ def test_tiles_follow_from_the_memory() -> None:
     # 16 lights, 6 bands, 16 bits.
     pixel = Footprint(samples=192, codes=192, observations=16, bands=6)
     # Of maps 120 + 6 * 4 * 7 bytes, of residuals 6 * 16 * 2.
-    assert pixel.fitted == 768 + 3 * 288 + 5 * 192
+    assert pixel.fitted == 768 + 4 * 288 + 6 * 192
     side = tile_for(2**31, pixel, (1, 1))
-    assert side == 896
+    assert side == 832
     assert side**2 * pixel.fitted <= 2**31 < (side + 64) ** 2 * pixel.fitted
     assert tile_for(2**31, pixel, (512, 512)) == 512
-    assert tile_for(2**31, pixel, (1, 8192)) == 896
+    assert tile_for(2**31, pixel, (1, 8192)) == 832
     assert tile_for(2**40, pixel, (1, 1)) == 1024
     assert stride_for(2**31, pixel, (1000, 1000), 1) == 1
     assert stride_for(2**31, pixel, (1000, 1000), 3) == 3

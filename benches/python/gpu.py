@@ -1,38 +1,37 @@
 """Frames per second of the GPU renderer against the CPU's, encoding to 8 bits included.
 
-    python benches/python/gpu.py [--record] [--adapter NAME]
+    python benches/python/gpu.py [--record] [--adapter NAME] [--side PIXELS]
 
-1024 x 1024 pixels. The surface is on the card, and the lamp moves from frame to frame, as in a
-viewer. Both renderers return display codes in the CPU's memory. The CPU has two threads; so has, on
-a computer of two cores, software Vulkan. The least time of several rounds, in turn.
+The surface is on the card, and the lamp moves from frame to frame, as in a viewer. Both renderers
+return display codes in the CPU's memory. The CPU has all cores. The least time of several rounds,
+in turn.
 
-`--record` writes benches/results/gpu.json.
+`--record` writes benches/results/gpu.json: what it has of this card and this size, anew.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
-from record import run_info, show, write
+from record import RESULTS, run_info, show, write
 
 import impasto
 from impasto import DistantLight, Environment, Scene, Surface, gpu
 
-SIDE = 1024
-THREADS = 2
 ROUNDS = 15
 FRAMES = 4
 
 
-def paintings() -> dict[str, Surface]:
+def paintings(side: int) -> dict[str, Surface]:
     """The same relief and colours with more and more lobes."""
     rng = np.random.default_rng(0)
-    size = (SIDE, SIDE)
+    size = (side, side)
     normal = rng.normal(0.0, 0.1, (3, *size))
     normal[2] = 1.0
     normal = (normal / np.linalg.norm(normal, axis=0)).astype(np.float32)
@@ -64,9 +63,9 @@ def scenes(*, shadows: bool, radius: float = 0.0, room: bool = False) -> list[Sc
     ]
 
 
-def cases() -> Iterator[tuple[str, Surface, list[Scene]]]:
+def cases(side: int) -> Iterator[tuple[str, Surface, list[Scene]]]:
     """Surfaces and the scenes in which they are shown."""
-    surfaces = paintings()
+    surfaces = paintings(side)
     for name, surface in surfaces.items():
         yield name, surface, scenes(shadows=surface.height is not None)
     glossy = "Torrance-Sparrow, one for all"
@@ -86,12 +85,12 @@ def least(contenders: dict[str, Callable[[Scene], Any]], views: list[Scene]) -> 
     return found
 
 
-def measured(adapter: str) -> list[dict[str, Any]]:
+def measured(adapter: str, side: int) -> list[dict[str, Any]]:
     """A row for each surface."""
     rows = []
-    for name, surface, views in cases():
+    for name, surface, views in cases(side):
         shadows = surface.height is not None
-        renderer = gpu.Renderer(surface, shadows=shadows, adapter=adapter, threads=THREADS)
+        renderer = gpu.Renderer(surface, shadows=shadows, adapter=adapter)
         on_card = renderer.frame
         on_cpu = drawn_by_cpu(surface)
         difference = max(
@@ -114,23 +113,40 @@ def drawn_by_cpu(surface: Surface) -> Callable[[Scene], Any]:
     """What a frame of the CPU takes: codes of its own renderer, with all there is simulated."""
 
     def frame(scene: Scene) -> Any:
-        return impasto.render(surface, scene, fidelity="model", threads=THREADS).display
+        return impasto.render(surface, scene, fidelity="model").display
 
     return frame
+
+
+def recorded(run: dict[str, Any]) -> None:
+    """Put what was measured into the record, in the place of the same card and size."""
+    path = RESULTS / "gpu.json"
+    runs = json.loads(path.read_text("utf-8"))["runs"] if path.exists() else []
+    place = run["adapter"]["name"], run["side"]
+    kept = [one for one in runs if (one["adapter"]["name"], one["side"]) != place]
+    runs = sorted([*kept, run], key=lambda one: (one["adapter"]["name"], one["side"]))
+    table = [
+        {"card": one["adapter"]["name"].partition(" (")[0], "side": one["side"], **row}
+        for one in runs
+        for row in one["rows"]
+    ]
+    write("gpu.json", {"runs": runs, "table": table})
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--record", action="store_true")
     parser.add_argument("--adapter", default="any")
+    parser.add_argument("--side", type=int, default=1024)
     options = parser.parse_args()
+    side = options.side
     card = gpu.Renderer(Surface(np.ones((3, 1, 1)), np.ones((1, 1, 1))), adapter=options.adapter)
-    described = asdict(card.adapter)
-    rows = measured(options.adapter)
-    show(f"frames per second, {SIDE} x {SIDE}, {card.adapter.name}", rows)
+    rows = measured(options.adapter, side)
+    show(f"frames per second, {side} x {side}, {card.adapter.name}", rows)
     if options.record:
-        info = run_info("python benches/python/gpu.py --record")
-        write("gpu.json", {"run": info, "adapter": described, "rows": rows})
+        command = f"python benches/python/gpu.py --record --side {side}"
+        described = asdict(card.adapter)
+        recorded({"run": run_info(command), "adapter": described, "side": side, "rows": rows})
 
 
 if __name__ == "__main__":

@@ -114,12 +114,12 @@ class Footprint:
 
     @property
     def fitted(self) -> int:
-        """Of a tile while it is fitted, the last one is written and the next one is read.
+        """Of a tile while it is fitted, the next one is read and the last two become files.
 
-        Two tiles of samples and a copy without the border; two of maps and the files that are made
-        of one. Residuals are computed in single precision.
+        Two tiles of samples and a copy without the border; two of maps, the files that are made of
+        one, and those that are written. Residuals are computed in single precision.
         """
-        return 3 * self.samples + self.codes + 3 * self.maps + 5 * self.residuals
+        return 3 * self.samples + self.codes + 4 * self.maps + 6 * self.residuals
 
     @property
     def learned(self) -> int:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,12 @@ from impasto.io.results.zarr_store import group_metadata, zarr_arrays
 from impasto.io.session.stored import SAMPLES, SUFFIX, arrays_of_store
 from impasto.jobs.grid import MOST, STEP, Footprint, Grid, Tile, bytes_of, checked_tile
 from impasto.jobs.photographs import Photographs, checked_reading, open_photographs
+from impasto.jobs.pipeline import pipelined
 from impasto.stack import Stack
 
-COPIES = 6
+COPIES = 7
 """A tile of samples is in memory so often, at most: the one that is read, as codes and as samples,
-and the one that is written, with the copies that make its file."""
+the one that is encoded, with the copies that make its file, and the file that is written."""
 
 
 def ingest(
@@ -101,11 +103,12 @@ def ingest(
         ThreadPoolExecutor(1, "impasto-hashes") as pool,
     ):
         hashes = pool.submit(photographs.inputs)
-        for count, stack in enumerate(_written(folder, photographs, grid), start=1):
-            if count == len(grid):
-                _describe(folder, stack, grid, hashes.result())
+        corners = _written(folder, photographs, grid)
+        for count in range(1, len(grid) + 1):
+            corner = next(corners)
             if report is not None:
                 report(count, len(grid))
+        _describe(folder, corner, grid, hashes.result())
         if changed := photographs.changed():
             raise ResumeMismatchError(
                 f"source: {changed[0]} has changed while it was read; ingest once more"
@@ -113,39 +116,39 @@ def ingest(
     return target
 
 
+@dataclass(frozen=True)
+class _Encoded:
+    """A tile as files, and a pixel of it, which knows all that is no map."""
+
+    files: dict[Path, bytes | memoryview]
+    corner: Stack
+
+
 def _written(folder: Path, photographs: Photographs, grid: Grid) -> Iterator[Stack]:
-    """Write every tile; meanwhile the next one is read."""
+    """Write every tile, and give a pixel of it."""
+    masked: set[bool] = set()
 
     def read(tile: Tile) -> Stack:
         return photographs.window(*grid.window(tile))
 
-    def write(tile: Tile, stack: Stack) -> None:
-        files = {}
-        for array, plane in _maps(stack, grid):
-            files[folder / array.path(*tile)] = array.encoded(plane, *tile)
-        atomic_together(files)
+    def check(_: Tile, stack: Stack) -> Stack:
+        masked.add(stack.mask is not None)
+        if len(masked) > 1:
+            raise ArgumentError("source: has a mask in some of its windows only")
+        return stack
 
-    tiles = list(grid)
-    with (
-        ThreadPoolExecutor(1, "impasto-reader") as reader,
-        ThreadPoolExecutor(1, "impasto-writer") as writer,
-    ):
-        ahead = reader.submit(read, tiles[0])
-        behind: Future[None] | None = None
-        masked: bool | None = None
-        for index, tile in enumerate(tiles):
-            stack = ahead.result()
-            masked = stack.mask is not None if masked is None else masked
-            if masked != (stack.mask is not None):
-                raise ArgumentError("source: has a mask in some of its windows only")
-            if behind is not None:
-                behind.result()
-            if index + 1 < len(tiles):
-                ahead = reader.submit(read, tiles[index + 1])
-            behind = writer.submit(write, tile, stack)
-            if index + 1 == len(tiles):
-                behind.result()
-            yield stack
+    def encode(tile: Tile, stack: Stack) -> _Encoded:
+        files = {
+            folder / array.path(*tile): array.encoded(plane, *tile)
+            for array, plane in _maps(stack, grid)
+        }
+        return _Encoded(files, stack[:1, :1])
+
+    def write(_: Tile, encoded: _Encoded) -> Stack:
+        atomic_together(encoded.files)
+        return encoded.corner
+
+    return pipelined(list(grid), read, check, encode, write)
 
 
 def _maps(stack: Stack, grid: Grid) -> Iterator[tuple[ZarrArray, Any]]:

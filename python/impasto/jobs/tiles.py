@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from impasto.jobs.assembly import KNOWN, files_of_tile
 from impasto.jobs.grid import Grid, Tile
 from impasto.jobs.journal import Journal, TileEntry, crc_of
 from impasto.jobs.photographs import Photographs
+from impasto.jobs.pipeline import pipelined
 from impasto.stack import Stack
 
 NUMBERS = "numbers.npz"
@@ -60,7 +60,7 @@ class TileLog:
     journal
         Gets a line for every tile.
     report
-        Called after every tile with the number of those in the journal.
+        Called after every tile with the number of those that are on the disk at least.
     """
 
     def __init__(
@@ -70,6 +70,7 @@ class TileLog:
         self._grid = grid
         self._journal = journal
         self._report = report
+        self._reported = len(journal.entries.tiles)
         path = notes / NUMBERS
         self._known = bool(read_npz(path)[KNOWN]) if path.exists() else None
         self._last = time.monotonic()
@@ -88,8 +89,9 @@ class TileLog:
         _add_pace(self._notes / PACE, {"pixels": self._grid.pixels(tile), "seconds": seconds})
 
     def report(self) -> None:
-        """Say how many tiles there are."""
-        self._report(len(self._journal.entries.tiles))
+        """Say that there is one tile more."""
+        self._reported += 1
+        self._report(self._reported)
 
     def _keep(self, numbers: Mapping[str, NDArray[Any]] | None) -> None:
         """The numbers of the first tile, or of the first that has an estimated pixel."""
@@ -104,30 +106,43 @@ class TileLog:
             self._known = known
 
 
-def write_tile(
-    folder: Path,
-    grid: Grid,
-    tile: Tile,
-    result: Sbrdf,
-    precision: Precision,
-    *,
-    numbers: bool = True,
-) -> WrittenTile:
-    """Every map of a tile, each in a file of its own that is on the disk when this returns.
+@dataclass(frozen=True)
+class EncodedTile:
+    """A tile all of whose maps are files in memory.
 
-    Parameters
+    Attributes
     ----------
-    folder
-        The store, which is not whole yet.
-    precision
-        That of the maps.
+    estimated
+        How many of its pixels have an estimate.
+    files
+        What is in each, by its name in the store.
     numbers
-        Whether what is not a map is returned, too.
+        What is not a map.
     """
-    files, left = files_of_tile(grid, tile, result, precision)
-    atomic_together({folder / name: data for name, data in files.items()})
-    entry = TileEntry(int(result.estimated.sum()), {n: crc_of(data) for n, data in files.items()})
-    return WrittenTile(entry, left if numbers else None)
+
+    estimated: int
+    files: Mapping[str, bytes | memoryview]
+    numbers: dict[str, NDArray[Any]]
+
+    @classmethod
+    def of(cls, grid: Grid, tile: Tile, result: Sbrdf, precision: Precision) -> EncodedTile:
+        """Every map of a result in a file of its own, in this precision."""
+        files, numbers = files_of_tile(grid, tile, result, precision)
+        return cls(int(result.estimated.sum()), files, numbers)
+
+    def write(self, folder: Path, *, numbers: bool = True) -> WrittenTile:
+        """All files are on the disk when this returns.
+
+        Parameters
+        ----------
+        folder
+            The store, which is not whole yet.
+        numbers
+            Whether what is not a map is returned, too.
+        """
+        atomic_together({folder / name: data for name, data in self.files.items()})
+        crcs = {name: crc_of(data) for name, data in self.files.items()}
+        return WrittenTile(TileEntry(self.estimated, crcs), self.numbers if numbers else None)
 
 
 def fitted(model: LearnedModel, stack: Stack, grid: Grid, tile: Tile, threads: int | None) -> Sbrdf:
@@ -147,34 +162,22 @@ def fit_tiles(
     precision: Precision,
     threads: int | None,
 ) -> None:
-    """Fit the tiles in their order; meanwhile the next is read and the last one written."""
+    """Fit the tiles in their order, while others are read, encoded and written."""
 
     def read(tile: Tile) -> Stack:
         return photographs.window(*grid.window(tile, model.halo))
 
-    def write(tile: Tile, result: Sbrdf) -> None:
-        log.add(tile, write_tile(folder, grid, tile, result, precision, numbers=log.wants_numbers))
+    def fit(tile: Tile, stack: Stack) -> Sbrdf:
+        return fitted(model, stack, grid, tile, threads)
 
-    # Leaving them waits for what they are at: a tile that is being written is finished.
-    with (
-        ThreadPoolExecutor(1, "impasto-reader") as reader,
-        ThreadPoolExecutor(1, "impasto-writer") as writer,
-    ):
-        ahead = reader.submit(read, tiles[0]) if tiles else None
-        behind: Future[None] | None = None
-        for index, tile in enumerate(tiles):
-            assert ahead is not None
-            stack = ahead.result()
-            ahead = reader.submit(read, tiles[index + 1]) if index + 1 < len(tiles) else None
-            result = fitted(model, stack, grid, tile, threads)
-            del stack
-            if behind is not None:
-                behind.result()
-                log.report()
-            behind = writer.submit(write, tile, result)
-        if behind is not None:
-            behind.result()
-            log.report()
+    def encode(tile: Tile, result: Sbrdf) -> EncodedTile:
+        return EncodedTile.of(grid, tile, result, precision)
+
+    def write(tile: Tile, encoded: EncodedTile) -> None:
+        log.add(tile, encoded.write(folder, numbers=log.wants_numbers))
+
+    for _ in pipelined(tiles, read, fit, encode, write):
+        log.report()
 
 
 def _add_pace(path: Path, entry: Mapping[str, Any]) -> None:

@@ -19,7 +19,7 @@ from impasto.jobs.grid import Tile
 from impasto.jobs.learning import LEARNED, digest_of
 from impasto.jobs.photographs import Photographs, open_photographs
 from impasto.jobs.record import JobRecord
-from impasto.jobs.tiles import WrittenTile, fitted, write_tile
+from impasto.jobs.tiles import EncodedTile, WrittenTile, fitted
 
 HELD = 3
 """Tiles in the memory of a worker: one is read, one is fitted, one is written."""
@@ -99,9 +99,10 @@ def fit_tile(job: SharedJob, tile: Tile, numbers: bool) -> WrittenTile:
         with slots.fitting:
             result = fitted(opened.model, stack, grid, tile, worker.state.nthreads)
         del stack
+        encoded = EncodedTile.of(grid, tile, result, opened.record.precision)
         # A worker that was given up for lost may come to this after all.
         _check_folder(job)
-        return write_tile(job.folder, grid, tile, result, opened.record.precision, numbers=numbers)
+        return encoded.write(job.folder, numbers=numbers)
 
 
 @lru_cache(maxsize=64)

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::math::Vec3;
 use crate::pixels::{Run, check_room};
 
-use super::lobe::{Parameter, Strength};
+use super::lobe::{Lobe, Parameter, Strength};
 use super::lobe_model::{LobeModel, MAX_PARAMETERS};
 use super::maps::Surface;
 use super::model::ModelVisitor;
@@ -66,17 +66,15 @@ pub fn reduced(
         let problem = format!("expected 1 to {} pixels, found {factor}", columns.min(rows));
         return Err(Error::argument("reduce", problem));
     }
-    let group = Group { surface, relief, columns, pixels, bands, factor };
-    let lines = surface.model.visit(Lines { group, width, height, run })?;
-    // (row, x, plane) becomes (plane, y, x).
-    let planes = lines.first().map_or(0, |line| line.len() / width);
+    let planes = planes_of(surface, bands) + usize::from(relief.is_some());
+    // Rows of groups, then whole planes.
     check_room::<f32>(2 * planes * width * height)?;
+    let maps = Maps { surface, relief, columns, pixels, bands, factor, width };
+    let lines = surface.model.visit(Lines { maps, planes, height, run })?;
     let mut all = vec![vec![0.0; width * height]; planes];
     for (row, line) in lines.iter().enumerate() {
-        for (column, numbers) in line.chunks_exact(planes).enumerate() {
-            for (plane, &number) in all.iter_mut().zip(numbers) {
-                plane[row * width + column] = number;
-            }
+        for (plane, numbers) in all.iter_mut().zip(line.chunks_exact(width)) {
+            plane[row * width..][..width].copy_from_slice(numbers);
         }
     }
     let mut all = all.into_iter();
@@ -90,6 +88,13 @@ pub fn reduced(
     let lobes = lobes.collect();
     let relief = relief.map(|_| next(1));
     Ok(Reduced { width, height, normal, diffuse, ambient, lobes, relief })
+}
+
+/// How many planes the maps of a surface have.
+fn planes_of(surface: &Surface<'_>, bands: usize) -> usize {
+    let coloured = bands * (1 + usize::from(surface.ambient.is_some()));
+    let lobes = surface.lobes.iter().map(|lobe| strengths(lobe.strength, bands) + lobe.shape.len());
+    3 + coloured + lobes.sum::<usize>()
 }
 
 fn strengths(strength: Strength<'_>, bands: usize) -> usize {
@@ -107,141 +112,238 @@ fn at(parameter: &Parameter<'_>, pixel: usize) -> f64 {
 }
 
 #[derive(Clone, Copy)]
-struct Group<'a> {
+struct Maps<'a> {
     surface: &'a Surface<'a>,
     relief: Option<&'a [f32]>,
     columns: usize,
     pixels: usize,
     bands: usize,
     factor: usize,
+    /// Groups in a row.
+    width: usize,
 }
 
 struct Lines<'a, 'r> {
-    group: Group<'a>,
-    width: usize,
+    maps: Maps<'a>,
+    planes: usize,
     height: usize,
     run: &'a Run<'r>,
 }
 
 impl ModelVisitor for Lines<'_, '_> {
-    /// Rows of groups, each all of its numbers.
+    /// Rows of groups, each plane by plane.
     type Output = Result<Vec<Vec<f32>>>;
 
     fn visit<M: LobeModel>(self, model: M) -> Self::Output {
-        let Self { group, width, height, run } = self;
-        run.map((0..height).collect(), Vec::new, |places: &mut Vec<usize>, row| {
-            (0..width).flat_map(|column| group.of(&model, column, row, places)).collect()
+        let Self { maps, planes, height, run } = self;
+        run.map((0..height).collect(), Vec::new, |shown: &mut Vec<Shown>, row| {
+            maps.find_shown(row, shown);
+            let mut numbers = Vec::with_capacity(planes * maps.width);
+            Groups::new(maps, shown).append(&model, &mut numbers);
+            numbers
         })
     }
 }
 
-impl Group<'_> {
-    /// The numbers of a group, plane by plane.
-    fn of<M: LobeModel>(
-        &self,
-        model: &M,
-        column: usize,
-        row: usize,
-        places: &mut Vec<usize>,
-    ) -> Vec<f32> {
-        let Self { surface, relief, columns, pixels, bands, factor } = *self;
-        places.clear();
+/// A pixel that a picture can show.
+#[derive(Clone, Copy)]
+struct Shown {
+    group: usize,
+    pixel: usize,
+}
+
+impl Maps<'_> {
+    /// What a picture can show of a row of groups, in the order of the pixels.
+    fn find_shown(&self, row: usize, shown: &mut Vec<Shown>) {
+        let Self { surface, columns, pixels, bands, factor, width, .. } = *self;
+        shown.clear();
+        let mut finite = vec![true; width * factor];
         for line in row * factor..(row + 1) * factor {
-            let first = line * columns + column * factor;
-            places.extend((first..first + factor).filter(|&pixel| self.is_shown(pixel)));
-        }
-        let mean = |value: &dyn Fn(usize) -> f64| {
-            places.iter().map(|&pixel| value(pixel)).sum::<f64>() / places.len() as f64
-        };
-        let of = |map: &[f32], plane: usize, pixel: usize| f64::from(map[plane * pixels + pixel]);
-        let [x, y, z] = [0, 1, 2].map(|axis| mean(&|pixel| of(surface.normal, axis, pixel)));
-        let sum = Vec3::new(x, y, z);
-        let length = sum.length();
-        let normal = sum.scale(1.0 / length);
-        // Of unit vectors about their mean, along each of two axes.
-        let scattered = 0.5 * (1.0 - length * length).max(0.0);
-        let mut numbers: Vec<f64> = normal.array().to_vec();
-        numbers.extend((0..bands).map(|band| {
-            mean(&|pixel| {
-                let axis = |axis: usize| of(surface.normal, axis, pixel);
-                let cosine = normal.dot(Vec3::new(axis(0), axis(1), axis(2)));
-                of(surface.diffuse, band, pixel) * cosine
-            })
-        }));
-        if let Some(ambient) = surface.ambient {
-            numbers.extend((0..bands).map(|band| mean(&|pixel| of(ambient, band, pixel))));
-        }
-        for lobe in &surface.lobes {
-            let count = strengths(lobe.strength, bands);
-            let strength = |band: usize, pixel: usize| match &lobe.strength {
-                Strength::Neutral(number) => at(number, pixel),
-                Strength::Tinted(map) => of(map, band, pixel),
+            let first = line * columns;
+            finite.fill(true);
+            let mut keep_finite = |map: &[f32], planes: usize| {
+                for plane in 0..planes {
+                    let values = &map[plane * pixels + first..][..width * factor];
+                    for (finite, value) in finite.iter_mut().zip(values) {
+                        *finite &= value.is_finite();
+                    }
+                }
             };
-            // What each pixel reflects in all directions; its shape counts by that.
-            let mut totals = vec![0.0; count];
-            let (mut shapes, mut variance, mut weights) = ([0.0; MAX_PARAMETERS], 0.0, 0.0);
-            for &pixel in places.iter() {
-                let mut shape = [0.0; MAX_PARAMETERS];
-                for (value, parameter) in shape.iter_mut().zip(&lobe.shape) {
-                    *value = at(parameter, pixel);
-                }
-                let mut weight = 0.0;
-                for (band, sum) in totals.iter_mut().enumerate() {
-                    let strength = strength(band, pixel);
-                    if strength != 0.0 {
-                        let total = strength * model.total(shape);
-                        *sum += total / places.len() as f64;
-                        weight += total.abs();
-                    }
-                }
-                if weight > 0.0 {
-                    weights += weight;
-                    variance += weight * model.variance(shape);
-                    for (sum, value) in shapes.iter_mut().zip(shape) {
-                        *sum += weight * value;
-                    }
-                }
+            keep_finite(surface.normal, 3);
+            keep_finite(surface.diffuse, bands);
+            if let Some(ambient) = surface.ambient {
+                keep_finite(ambient, bands);
             }
-            if weights > 0.0 {
-                let shape = shapes.map(|sum| sum / weights);
-                let shape = model.widened(shape, variance / weights + scattered);
-                numbers.extend(totals.iter().map(|total| total / model.total(shape)));
-                numbers.extend(&shape[..lobe.shape.len()]);
-            } else {
-                let nothing = if places.is_empty() { f64::NAN } else { 0.0 };
-                numbers.extend(vec![nothing; count]);
-                // A lobe that is not there may have any shape.
-                numbers.extend(vec![1.0; lobe.shape.len()]);
-            }
+            let of_line = (0..width * factor).filter(|&place| {
+                finite[place] && surface.lobes.iter().all(|lobe| self.is_known(lobe, first + place))
+            });
+            shown.extend(of_line.map(|x| Shown { group: x / factor, pixel: first + x }));
         }
-        if let Some(relief) = relief {
-            numbers.push(mean(&|pixel| of(relief, 0, pixel)));
-        }
-        numbers.into_iter().map(|number| number as f32).collect()
     }
 
-    /// Whether a picture can show a pixel.
-    fn is_shown(&self, pixel: usize) -> bool {
-        let Self { surface, pixels, bands, .. } = *self;
-        let finite = |map: &[f32], planes: usize| {
-            (0..planes).all(|plane| map[plane * pixels + pixel].is_finite())
-        };
-        finite(surface.normal, 3)
-            && finite(surface.diffuse, bands)
-            && surface.ambient.is_none_or(|map| finite(map, bands))
-            && surface.lobes.iter().all(|lobe| {
-                let shaped = lobe.shape.iter().all(|number| at(number, pixel).is_finite());
-                let (known, there) = match &lobe.strength {
-                    Strength::Neutral(number) => {
-                        (at(number, pixel).is_finite(), at(number, pixel) != 0.0)
-                    }
-                    Strength::Tinted(map) => {
-                        (finite(map, bands), (0..bands).any(|k| map[k * pixels + pixel] != 0.0))
-                    }
-                };
-                known && (shaped || !there)
-            })
+    /// Whether a picture can show a lobe of a pixel, or need not.
+    fn is_known(&self, lobe: &Lobe<'_>, pixel: usize) -> bool {
+        let shaped = lobe.shape.iter().all(|number| at(number, pixel).is_finite());
+        let mut strengths =
+            (0..strengths(lobe.strength, self.bands)).map(|band| self.strength(lobe, band, pixel));
+        strengths.all(|strength| strength.is_finite() && (shaped || strength == 0.0))
     }
+
+    fn strength(&self, lobe: &Lobe<'_>, band: usize, pixel: usize) -> f64 {
+        match &lobe.strength {
+            Strength::Neutral(number) => at(number, pixel),
+            Strength::Tinted(map) => f64::from(map[band * self.pixels + pixel]),
+        }
+    }
+}
+
+/// A row of groups.
+struct Groups<'a, 's> {
+    maps: Maps<'a>,
+    shown: &'s [Shown],
+    /// How many of a group are shown.
+    count: Vec<f64>,
+    /// Of unit length.
+    normal: Vec<Vec3<f64>>,
+    /// Variance of a group's normals along each of two axes.
+    scattered: Vec<f64>,
+}
+
+/// Of a lobe, over the pixels of a group; each counts by what it reflects in all directions.
+#[derive(Clone, Copy, Default)]
+struct LobeSums {
+    shape: [f64; MAX_PARAMETERS],
+    variance: f64,
+    weight: f64,
+}
+
+impl<'a, 's> Groups<'a, 's> {
+    fn new(maps: Maps<'a>, shown: &'s [Shown]) -> Self {
+        let mut count = vec![0.0; maps.width];
+        for &Shown { group, .. } in shown {
+            count[group] += 1.0;
+        }
+        let mut groups = Self { maps, shown, count, normal: Vec::new(), scattered: Vec::new() };
+        let [x, y, z] = [0, 1, 2].map(|axis| groups.mean_of(maps.surface.normal, axis));
+        for ((x, y), z) in x.into_iter().zip(y).zip(z) {
+            let mean = Vec3::new(x, y, z);
+            let length = mean.length();
+            groups.normal.push(mean.scale(1.0 / length));
+            // Of unit vectors about their mean.
+            groups.scattered.push(0.5 * (1.0 - length * length).max(0.0));
+        }
+        groups
+    }
+
+    /// The mean over each group of what `value` says of the pixels that are shown, by their indices.
+    fn mean(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut means = vec![0.0; self.maps.width];
+        for (index, &Shown { group, .. }) in self.shown.iter().enumerate() {
+            means[group] += value(index);
+        }
+        for (mean, count) in means.iter_mut().zip(&self.count) {
+            *mean /= count;
+        }
+        means
+    }
+
+    fn mean_of(&self, map: &[f32], plane: usize) -> Vec<f64> {
+        let values = &map[plane * self.maps.pixels..];
+        self.mean(|index| f64::from(values[self.shown[index].pixel]))
+    }
+
+    /// Appends all numbers of the row, plane by plane.
+    fn append<M: LobeModel>(&self, model: &M, numbers: &mut Vec<f32>) {
+        let Maps { surface, relief, bands, pixels, .. } = self.maps;
+        for axis in 0..3 {
+            numbers.extend(self.normal.iter().map(|normal| normal.array()[axis] as f32));
+        }
+        let cosines: Vec<f64> = self.shown.iter().map(|place| self.cosine(place)).collect();
+        for band in 0..bands {
+            let values = &surface.diffuse[band * pixels..];
+            append(
+                numbers,
+                &self.mean(|index| f64::from(values[self.shown[index].pixel]) * cosines[index]),
+            );
+        }
+        if let Some(ambient) = surface.ambient {
+            for band in 0..bands {
+                append(numbers, &self.mean_of(ambient, band));
+            }
+        }
+        for lobe in &surface.lobes {
+            self.append_lobe(model, lobe, numbers);
+        }
+        if let Some(relief) = relief {
+            append(numbers, &self.mean_of(relief, 0));
+        }
+    }
+
+    /// Between the normal of a pixel and that of its group.
+    fn cosine(&self, place: &Shown) -> f64 {
+        let Maps { surface, pixels, .. } = self.maps;
+        let [x, y, z] =
+            [0, 1, 2].map(|axis| f64::from(surface.normal[axis * pixels + place.pixel]));
+        self.normal[place.group].dot(Vec3::new(x, y, z))
+    }
+
+    /// Appends the strengths of a lobe, then its parameters.
+    fn append_lobe<M: LobeModel>(&self, model: &M, lobe: &Lobe<'_>, numbers: &mut Vec<f32>) {
+        let Maps { width, bands, .. } = self.maps;
+        let mut strengths = vec![vec![0.0; width]; strengths(lobe.strength, bands)];
+        let mut all = vec![LobeSums::default(); width];
+        for &Shown { group, pixel } in self.shown {
+            let mut shape = [0.0; MAX_PARAMETERS];
+            for (value, parameter) in shape.iter_mut().zip(&lobe.shape) {
+                *value = at(parameter, pixel);
+            }
+            let mut weight = 0.0;
+            for (band, totals) in strengths.iter_mut().enumerate() {
+                let strength = self.maps.strength(lobe, band, pixel);
+                if strength != 0.0 {
+                    let total = strength * model.total(shape);
+                    totals[group] += total / self.count[group];
+                    weight += total.abs();
+                }
+            }
+            if weight > 0.0 {
+                let sums = &mut all[group];
+                sums.weight += weight;
+                sums.variance += weight * model.variance(shape);
+                for (sum, value) in sums.shape.iter_mut().zip(shape) {
+                    *sum += weight * value;
+                }
+            }
+        }
+        for (group, sums) in all.iter_mut().enumerate() {
+            if sums.weight > 0.0 {
+                let shape = sums.shape.map(|sum| sum / sums.weight);
+                let variance = sums.variance / sums.weight + self.scattered[group];
+                sums.shape = model.widened(shape, variance);
+                for totals in &mut strengths {
+                    totals[group] /= model.total(sums.shape);
+                }
+            } else {
+                // A lobe that is not there may have any shape.
+                sums.shape = [1.0; MAX_PARAMETERS];
+                if self.count[group] == 0.0 {
+                    for totals in &mut strengths {
+                        totals[group] = f64::NAN;
+                    }
+                }
+            }
+        }
+        for totals in &strengths {
+            append(numbers, totals);
+        }
+        for parameter in 0..lobe.shape.len() {
+            numbers.extend(all.iter().map(|sums| sums.shape[parameter] as f32));
+        }
+    }
+}
+
+fn append(numbers: &mut Vec<f32>, values: &[f64]) {
+    numbers.extend(values.iter().map(|&value| value as f32));
 }
 
 #[cfg(test)]

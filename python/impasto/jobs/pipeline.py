@@ -1,0 +1,58 @@
+"""Tiles in their order: one is worked on while others are read, encoded and written."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TypeVar
+
+from impasto.jobs.grid import Tile
+
+BEHIND = 2
+"""Tiles that are encoded or written at a time."""
+
+Read = TypeVar("Read")
+Made = TypeVar("Made")
+Files = TypeVar("Files")
+Written = TypeVar("Written")
+
+
+def pipelined(
+    tiles: Sequence[Tile],
+    read: Callable[[Tile], Read],
+    work: Callable[[Tile, Read], Made],
+    encode: Callable[[Tile, Made], Files],
+    write: Callable[[Tile, Files], Written],
+) -> Iterator[Written]:
+    """What ``write`` returns of every tile.
+
+    ``work`` runs in the calling thread, each of the others in one of its own; all take the tiles in
+    their order. At a time one tile is read, one is worked on, one is encoded and one is written.
+
+    Whoever leaves before the end, or is left by an error, waits for what is being done: a tile that
+    is written is finished.
+    """
+    with (
+        ThreadPoolExecutor(1, "impasto-reader") as reader,
+        ThreadPoolExecutor(1, "impasto-encoder") as encoder,
+        ThreadPoolExecutor(1, "impasto-writer") as writer,
+    ):
+
+        def written(tile: Tile, files: Future[Files]) -> Written:
+            return write(tile, files.result())
+
+        ahead = reader.submit(read, tiles[0]) if tiles else None
+        behind: deque[Future[Written]] = deque()
+        for index, tile in enumerate(tiles):
+            assert ahead is not None
+            found = ahead.result()
+            ahead = reader.submit(read, tiles[index + 1]) if index + 1 < len(tiles) else None
+            made = work(tile, found)
+            del found
+            if len(behind) == BEHIND:
+                yield behind.popleft().result()
+            behind.append(writer.submit(written, tile, encoder.submit(encode, tile, made)))
+            del made
+        while behind:
+            yield behind.popleft().result()
