@@ -254,7 +254,8 @@ class _Problem:
         """``(ball, lamp, 2)`` pixels from the expected highlight to the observed one."""
         frame = self._frame(state)
         miss = self._miss(state, self.highlights, frame)
-        return np.linalg.solve(self._by_pixel(state, frame), miss[..., None])[..., 0]
+        solved = np.linalg.solve(self._by_pixel(state, frame), miss[..., None])
+        return np.asarray(solved[..., 0], dtype=np.float64)
 
     def value(self, state: _State) -> float:
         """Sum of squares over variances, of highlights and outlines."""
@@ -323,7 +324,8 @@ class _Problem:
         right = right_outline.reshape(-1) - np.einsum("lki,lk->i", solved, right_lamp)
         outlines = np.linalg.solve(schur, right)
         rest = right_lamp - mixed @ outlines
-        return outlines.reshape(-1, 3), np.linalg.solve(lamp, rest[..., None])[..., 0]
+        lamps = np.linalg.solve(lamp, rest[..., None])[..., 0]
+        return outlines.reshape(-1, 3), np.asarray(lamps, dtype=np.float64)
 
     def covariance(self, state: _State, free: int) -> Array:
         """``(lamp, 3, 3)``; rows and columns of what is held fixed are 0."""

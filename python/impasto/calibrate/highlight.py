@@ -143,6 +143,12 @@ def find_highlight(
         values = np.where(still >= 0.5 * values.max(), 0.0, values)
     peak = float(values.max())
     common = float(np.quantile(values[inside], 0.9))
+    bright = int((values >= LEVEL * peak).sum())
+    if full is not None and peak >= full and bright > TOO_LARGE * int(inside.sum()):
+        raise ArgumentError(
+            f"{where}: clipped pixels cover {100 * bright / int(inside.sum()):.0f} % of the ball: "
+            "it is overexposed; expose less, so that the lamp alone is clipped"
+        )
     if not peak > 0.0 or peak < CONTRAST * common:
         raise ArgumentError(_none(where, picture, outline, peak, common, camera))
     component, others = _components(values, LEVEL * peak)
@@ -221,7 +227,9 @@ def _none(
     rows, columns = np.indices(picture.shape)
     places = np.stack([columns, rows], axis=-1).astype(np.float64)
     off = camera.off_outline(outline, places)
-    rim = np.where((off < 0.0) & (off > -(1.0 - RIM) * outline[2]), picture, 0.0)
+    rim = np.where(
+        (off < -max(3.0, 0.015 * outline[2])) & (off > -(1.0 - RIM) * outline[2]), picture, 0.0
+    )
     if float(rim.max()) > CONTRAST * common and rim.max() > peak:
         y, x = np.unravel_index(int(rim.argmax()), rim.shape)
         return _at_the_rim(where, float(x), float(y))

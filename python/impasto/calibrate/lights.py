@@ -165,9 +165,9 @@ def lights_from_balls(
     sigma = np.array([[one.sigma for one in row] for row in highlights])
     _, single = camera.reflected(np.broadcast_to(numbers[:, None], (*pixels.shape[:2], 3)), pixels)
     if not np.isfinite(single).all():
-        ball, lamp = (int(at[0]) for at in np.nonzero(~np.isfinite(single).all(axis=2)))
+        which, lamp = (int(at[0]) for at in np.nonzero(~np.isfinite(single).all(axis=2)))
         raise GeometryError(
-            f"{balls[ball].where(lamp)}: the highlight lies outside the outline of the ball; "
+            f"{balls[which].where(lamp)}: the highlight lies outside the outline of the ball; "
             "correct the outline"
         )
     _check_order(single, [ball.name for ball in balls])

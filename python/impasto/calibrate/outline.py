@@ -52,7 +52,7 @@ class Outline:
     covariance
         ``(3, 3)`` of these, in pixels squared.
     support
-        Share of the outline beside which an edge was seen, within 0.6 % of the radius; 1 for an
+        Share of the outline beside which the steepest edge was seen, within 0.6 % of the radius; 1 for an
         outline that was given.
     edges
         ``(n, 2)`` pixels of the edges it was fitted to; empty for one that was given.
@@ -260,9 +260,13 @@ def _refined(picture: Array, start: Array, camera: BallCamera, seed: int) -> Out
         if near.sum() < 8:
             return None
         scale = max(1.4826 * float(np.median(np.abs(off[near]))), 1e-3)
-        weight = np.where(near, np.square(np.maximum(1 - np.square(off / (TUKEY * scale)), 0)), 0)
+        weight = np.where(
+            near,
+            np.square(np.maximum(1 - np.square(np.where(near, off, 0) / (TUKEY * scale)), 0)),
+            0,
+        )
         slopes = outline_slopes(camera, model, nearest)
-        step = _solved(slopes, -off, weight)
+        step = _solved(slopes, np.where(near, -off, 0.0), weight)
         model = model + step
         if np.abs(step).max() < 1e-4 * scale:
             break
@@ -271,9 +275,12 @@ def _refined(picture: Array, start: Array, camera: BallCamera, seed: int) -> Out
     slopes = outline_slopes(camera, model, nearest[good])
     variance = float(np.square(off[good]).sum()) / max(int(good.sum()) - 3, 1)
     inflation = autocorrelation_time(off[good])
-    covariance = variance * inflation * np.linalg.inv(slopes.T @ slopes)
+    covariance = np.asarray(
+        variance * inflation * np.linalg.inv(slopes.T @ slopes), dtype=np.float64
+    )
     x, y, radius = model.tolist()
-    support = float((np.abs(off) < tolerance).mean())
+    steepest = np.abs(camera.off_outline(model, edges[0]))
+    support = float(((steepest < tolerance) & known[0]).mean())
     return Outline(x, y, radius, covariance, support, nearest[good])
 
 
@@ -289,9 +296,10 @@ def _edges(picture: Array, start: Array) -> tuple[Array, NDArray[np.bool_]]:
     away = np.arange(-reach, reach + step, step) + radius
     column = (x + away[None] * np.cos(turn)[:, None]).astype(np.float32)
     row = (y - away[None] * np.sin(turn)[:, None]).astype(np.float32)
-    root = np.sqrt(np.maximum(picture, 0.0)).astype(np.float32)
+    # Brightness itself: its root would be steepest inside of a blurred edge.
+    values = picture.astype(np.float32)
     profile = np.asarray(
-        cv2.remap(root, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT,
+        cv2.remap(values, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT,
                   borderValue=float("nan")),
         dtype=np.float64,
     )  # fmt: skip
@@ -375,7 +383,7 @@ def outline_through(camera: BallCamera, pixels: Array) -> Array | None:
     if not (np.isfinite(length) and length > 1.0 and w[2] < 0.0):
         return None
     half = np.sqrt(length * length - 1.0)  # tan(alpha)
-    x, y = camera.pixels(w)
+    x, y = camera.pixels(np.asarray(w, dtype=np.float64))
     return np.array([x, y, camera.focal_px * half])
 
 

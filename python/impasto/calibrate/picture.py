@@ -11,7 +11,7 @@ from impasto.calibrate.lights import BallLights, BallPhotographs
 from impasto.pictures import Panel, Picture, contact_sheet
 from impasto.pictures.sheet import draw_text
 
-_GREEN, _AMBER, _INK, _LINE = (120, 190, 110), (232, 161, 90), (232, 230, 225), (86, 86, 90)
+_GREEN, _AMBER, _INK, _LINE = (120, 190, 110), (255, 190, 90), (232, 230, 225), (120, 120, 124)
 _SIZE = 600
 
 
@@ -48,7 +48,7 @@ def _ball(ball: BallPhotographs, outline: object, camera: BallCamera) -> Panel:
     root = np.sqrt(np.clip(picture, 0.0, None) / picture.max())
     scale = _SIZE / max(picture.shape)
     grey = np.asarray(cv2.resize(root, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
-    rgb = np.repeat(np.rint(255.0 * np.clip(grey, 0, 1)).astype(np.uint8)[..., None], 3, axis=2)
+    rgb = np.repeat(np.rint(110.0 * np.clip(grey, 0, 1)).astype(np.uint8)[..., None], 3, axis=2)
     x, y = ball.corner or (0.0, 0.0)
     own = BallCamera(camera.focal_px, (camera.centre[0] - x, camera.centre[1] - y))
     points = np.rint(16.0 * ((own.outline_points(outline.numbers) + 0.5) * scale - 0.5))
