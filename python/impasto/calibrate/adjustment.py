@@ -8,7 +8,7 @@ ball the lamp is seen along u - q p.
 
 The residual of a highlight is the first-order distance in pixels to the place where the law of
 reflection would put it (Sampson's error [@sampson1982conic]); the sum of their squares over their
-variances is minimised by Gauss and Newton's method, from the point closest to all rays. Unknowns of
+variances is minimised by Gauss and Newton's method, from the point closest to all rays and from q = 0. Unknowns of
 the lamps are eliminated (Schur complement), so that the cost grows with their number alone.
 
 Variances are multiplied by the sum of squares per degree of freedom where this exceeds 1 (Birge
@@ -131,27 +131,22 @@ def adjust(
             "mirrors every point of a line at one place"
         )
     problem = _Problem(camera, outlines, outline_covariance, highlights, sigma)
-    state = problem.start(distant)
+    ends: list[tuple[float, _State]] = []
+    for closest in (False,) if distant else (True, False):
+        try:
+            ends.append(_minimised(problem, problem.start(not closest), free=2 if distant else 3))
+        except np.linalg.LinAlgError:  # a point on the line between the balls: try the other start
+            continue
+    if not ends:
+        raise GeometryError(
+            "highlights: they determine no lamps; check the outlines and the order of the lamps"
+        )
     free = 2 if distant else 3
-    value = problem.value(state)
+    value, state = min(ends, key=lambda end: end[0])
     if not np.isfinite(value):
         raise GeometryError(
             "highlights: a highlight lies outside the outline of its ball; correct the outline"
         )
-    for _ in range(ROUNDS):
-        step = problem.step(state, free)
-        length = 1.0
-        while length > 1e-6:
-            trial = state.changed(step, length)
-            found = problem.value(trial)
-            if np.isfinite(found) and found <= value:
-                break
-            length /= 2.0
-        else:
-            break
-        fell, value, state = value - found, found, trial
-        if fell <= CONVERGED * value:
-            break
     freedom = 2 * count * lamps - free * lamps
     ratio = float(np.sqrt(value / freedom)) if freedom > 0 else 1.0
     covariance = problem.covariance(state, free) * max(ratio, 1.0) ** 2
@@ -165,6 +160,28 @@ def adjust(
         ratio,
         problem.origin,
     )
+
+
+def _minimised(problem: _Problem, state: _State, free: int) -> tuple[float, _State]:
+    """Gauss and Newton's method with steps that are halved until the sum of squares falls."""
+    value = problem.value(state)
+    for _ in range(ROUNDS):
+        if not np.isfinite(value):
+            break
+        step = problem.step(state, free)
+        length = 1.0
+        while length > 1e-6:
+            trial = state.changed(step, length)
+            found = problem.value(trial)
+            if np.isfinite(found) and found <= value:
+                break
+            length /= 2.0
+        else:
+            break
+        fell, value, state = value - found, found, trial
+        if fell <= CONVERGED * value:
+            break
+    return value, state
 
 
 @dataclass(frozen=True, eq=False)
