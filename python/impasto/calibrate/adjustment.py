@@ -8,7 +8,8 @@ ball the lamp is seen along u - q p.
 
 The residual of a highlight is the first-order distance in pixels to the place where the law of
 reflection would put it (Sampson's error [@sampson1982conic]); the sum of their squares over their
-variances is minimised by Gauss and Newton's method, from the point closest to all rays and from q = 0. Unknowns of
+variances is minimised by Gauss and Newton's method, from the point closest to all rays and from q = 0.
+ Unknowns of
 the lamps are eliminated (Schur complement), so that the cost grows with their number alone.
 
 Variances are multiplied by the sum of squares per degree of freedom where this exceeds 1 (Birge
@@ -194,10 +195,10 @@ class _State:
         outlines, lamps = step
         right, up = tangents(self.direction)
         move = length * lamps
-        turned = self.direction + move[:, :1] * right + move[:, 1:2] * up
-        turned = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+        moved = self.direction + move[:, :1] * right + move[:, 1:2] * up
+        moved = moved / np.linalg.norm(moved, axis=1, keepdims=True)
         inverse = self.inverse + (move[:, 2] if move.shape[1] > 2 else 0.0)
-        return _State(self.outlines + length * outlines, turned, inverse)
+        return _State(self.outlines + length * outlines, moved, inverse)
 
 
 class _Problem:

@@ -145,10 +145,9 @@ class BallCamera:
 
         Returns
         -------
-        points : ndarray
-            ``(..., 3)`` p on the ball, in units of :meth:`balls`.
-        towards : ndarray
-            ``(..., 3)`` unit vectors u from p to what is mirrored.
+        tuple
+            ``(..., 3)`` p on the ball, in units of :meth:`balls`, and ``(..., 3)`` unit vectors u
+            from p to what is mirrored.
         """
         middle, radius = self.balls(outline)
         with np.errstate(invalid="ignore"):

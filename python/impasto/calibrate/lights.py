@@ -15,6 +15,9 @@ from impasto.calibrate.highlight import Highlight, Rule, find_highlight, median_
 from impasto.calibrate.outline import Outline, check_inside, find_outline
 from impasto.errors import ArgumentError, GeometryError
 
+ENOUGH = 0.75
+"""Support of an outline with which no other picture of the ball is tried."""
+
 
 @dataclass(frozen=True, eq=False)
 class BallPhotographs:
@@ -208,6 +211,9 @@ def _outline_of(ball: BallPhotographs, camera: BallCamera) -> Outline:
             found.append(find_outline(picture, camera, ball.name))
         except ArgumentError as error:
             problem = error if problem is None else problem
+            continue
+        if found[-1].support >= ENOUGH:
+            break
     if not found:
         assert problem is not None
         raise problem
