@@ -8,9 +8,9 @@ ball the lamp is seen along u - q p.
 
 The residual of a highlight is the first-order distance in pixels to the place where the law of
 reflection would put it (Sampson's error [@sampson1982conic]); the sum of their squares over their
-variances is minimised by Gauss and Newton's method, from the point closest to all rays and from q = 0.
- Unknowns of
-the lamps are eliminated (Schur complement), so that the cost grows with their number alone.
+variances is minimised by Gauss and Newton's method, from the point closest to all rays and from
+q = 0. Unknowns of the lamps are eliminated (Schur complement), so that the cost grows with their
+number alone.
 
 Variances are multiplied by the sum of squares per degree of freedom where this exceeds 1 (Birge
 ratio [@birge1932errors]): errors that no single photograph shows, such as a ball that is not round,

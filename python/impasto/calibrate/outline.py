@@ -52,8 +52,8 @@ class Outline:
     covariance
         ``(3, 3)`` of these, in pixels squared.
     support
-        Share of the outline beside which the steepest edge was seen, within 0.6 % of the radius; 1 for an
-        outline that was given.
+        Share of the outline beside which the steepest edge was seen, within 0.6 % of the
+        radius; 1 for an outline that was given.
     edges
         ``(n, 2)`` pixels of the edges it was fitted to; empty for one that was given.
     """
