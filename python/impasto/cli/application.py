@@ -13,12 +13,12 @@ from cyclopts import App
 from cyclopts.exceptions import CycloptsError, MissingArgumentError
 
 from impasto._internal.printable import printable
-from impasto.cli import console, job
+from impasto.cli import calibrate, console, job
 from impasto.cli.codes import Exit
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
 ARGUMENTS = (
-    "adaptation|bands|camera|dark|data|display|encoding|environment|estimator|exposure|illuminant|"
+    "adaptation|bands|camera|circles|dark|data|display|encoding|environment|estimator|exposure|illuminant|"
     "images|index|intensities|into|lights|lobes|mask|memory|method|out|pattern|pitch_mm|precision|"
     "region|repeats|sample|saturation|seed|size|strict|threads|tile|tolerance|view|white"
 )
@@ -44,6 +44,7 @@ def application() -> App:
         help="Render a fitted painting as a film. "
         "One of --raking, --turntable and --adaptation is needed.",
     )
+    app.command(calibrate.application())
     app.command("impasto.cli.ingest:ingest", help="Write photographs into one store, by tiles.")
     app.command(job.application())
     app.command("impasto.cli.height:height", help="Integrate the normals to a map of the height.")
