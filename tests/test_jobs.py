@@ -210,7 +210,7 @@ def test_a_killed_job_is_resumed_to_the_same_bytes(tmp_path: Path) -> None:
 
 
 def interrupted(out: Path, after: int, **options: Any) -> None:
-    """A job that ends after two tiles or more, as by Ctrl-C; the last was on its way to the disk."""
+    """A job that ends after two tiles or more, as by Ctrl-C; the last was being written."""
 
     def stop(done: int, total: int) -> None:
         if done == after - 1:

@@ -193,11 +193,7 @@ fn inner(a: vec3f, b: vec3f) -> f32 {
 // Unit direction from the pixel to a place, and the reciprocal of its distance.
 fn direction_to(place: vec3f) -> vec4f {
     let way = place - pixel.place;
-    let square = inner(way, way);
-    let rough = 1.0 / sqrt(square);
-    // A card may be off by 7 units in the last place, which a lobe of exponent n makes n times as
-    // large; a step of Newton's method leaves little more than a rounding.
-    let inverse = fma(0.5 * rough, fma(-square * rough, rough, 1.0), rough);
+    let inverse = 1.0 / sqrt(inner(way, way));
     return vec4f(way * inverse, inverse);
 }
 
