@@ -299,8 +299,41 @@ def test_merging_on_the_command_line(
     assert main(["job", "merge", *files, "--out", str(out)]) == 0
     assert "seam" in capsys.readouterr().out
     assert main(["info", str(out)]) == 0
-    capsys.readouterr()
+    assert main(["job", "verify", str(out)]) == 0
+    assert "all files are as written" in capsys.readouterr().out
     said = complaint(["job", "merge", *files, "--out", str(out)], 1, capsys)
     assert "exists; remove it" in said
     said = complaint(["job", "merge", files[0], "--out", str(tmp_path / "b.zarr")], 1, capsys)
     assert "expected two or more to merge, found 1" in said
+
+
+def test_every_change_of_a_merged_store_is_found(lobed: impasto.LobeSbrdf, tmp_path: Path) -> None:
+    """A bit of any file, one deleted, two exchanged, one too many, a link."""
+    out = tmp_path / "merged.zarr"
+    impasto.merge(parts(lobed), out, tile=64)
+    assert impasto.jobs.verify(out) == ()
+    rng = np.random.default_rng(11)
+    files = sorted(path for path in out.rglob("*") if path.is_file())
+    for path in files:
+        data = path.read_bytes()
+        changed = bytearray(data)
+        changed[rng.integers(len(data))] ^= 1 << rng.integers(8)
+        path.write_bytes(changed)
+        found = {one.file for one in impasto.jobs.verify(out)}
+        assert str(path) in found, "a list that is damaged is named itself"
+        path.write_bytes(data)
+    one, other = out / "normal/c/0/0/0", out / "normal/c/0/0/1"
+    one.rename(tmp_path / "kept")
+    assert [str(found) for found in impasto.jobs.verify(out)] == [f"{one}: is missing"]
+    one.symlink_to(tmp_path / "kept")
+    assert "is a link" in str(impasto.jobs.verify(out)[0])
+    one.unlink()
+    other.rename(one)
+    (tmp_path / "kept").rename(other)
+    assert {found.file for found in impasto.jobs.verify(out)} == {str(one), str(other)}
+    other.rename(tmp_path / "kept")
+    one.rename(other)
+    (tmp_path / "kept").rename(one)
+    (out / "more").write_bytes(b"")
+    (more,) = impasto.jobs.verify(out)
+    assert str(more) == f"{out / 'more'}: does not belong to the store"

@@ -245,17 +245,20 @@ def verify(
 ) -> int:
     """Compare every file of a job with its journal, and the photographs with its record.
 
+    Every file of what impasto job merge has made is compared with its checksum.
+
     Prints a line for each file that is not as it was. Exit code 3: there is one; 4: all is well so
     far, but tiles are missing.
 
     Parameters
     ----------
     out
-        The --out of impasto job run.
+        The --out of impasto job run or merge.
     inputs
         Read the photographs, too.
     """
     from impasto import jobs
+    from impasto.jobs.checksums import CHECKSUMS
 
     findings = jobs.verify(out, inputs=inputs)
     page = console.stdout()
@@ -264,6 +267,9 @@ def verify(
     if findings:
         console.complain(f"{out}: {_files_words(len(findings))} not as written or read")
         return Exit.CORRUPT_INPUT
+    if (out / CHECKSUMS).is_file():
+        page.out(f"{out}: all files are as written")
+        return Exit.OK
     found = jobs.status(out)
     if found.state != "finished":
         page.out(f"{out}: as written, {found.tiles_done} of {found.tiles} tiles")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -13,6 +13,7 @@ from typing import Literal
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.results.zarr_arrays import ZarrArray
 from impasto.io.results.zarr_store import contents, levels_of
+from impasto.jobs.checksums import CHECKSUMS, read_checksums
 from impasto.jobs.folder import (
     NOTES,
     RECORD,
@@ -139,10 +140,12 @@ class Finding:
 def verify(out: str | os.PathLike[str], *, inputs: bool = True) -> tuple[Finding, ...]:
     """Compare every file of a job with its journal, and the photographs with its record.
 
+    Every file of a store of :func:`impasto.merge` is compared with the checksums in it.
+
     Parameters
     ----------
     out
-        The ``out`` of :func:`impasto.run`, finished or not.
+        The ``out`` of :func:`impasto.run`, finished or not, or of :func:`impasto.merge`.
     inputs
         Whether to read the photographs, too. A stack in memory is not compared.
 
@@ -155,8 +158,10 @@ def verify(out: str | os.PathLike[str], *, inputs: bool = True) -> tuple[Finding
     Raises
     ------
     ArgumentError
-        There is no job of that name.
+        There is neither of that name.
     """
+    if (merged := store_name(out) / CHECKSUMS).is_file():
+        return tuple(sorted(set(_merged_findings(merged)), key=str))
     while True:
         folder, whole = folder_of(out)
         try:
@@ -209,14 +214,7 @@ def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
     known: dict[str, str] = dict(entries.files or {})
     for entry in entries.tiles.values():
         known |= entry.shards
-    for name, crc in known.items():
-        path = folder / name
-        if not path.is_file():
-            yield Finding(str(path), "is missing")
-        elif path.is_symlink():
-            yield Finding(str(path), "is a link, not the file that was written")
-        elif (found := checksum(path)) != crc:
-            yield Finding(str(path), f"has changed: its checksum is {found}, in the journal {crc}")
+    yield from _changed(folder, known, "in the journal")
     own = {*known, f"{NOTES}/{JOURNAL}"}
     missing: set[Tile] = set() if whole else set(record.grid) - entries.tiles.keys()
     if whole:
@@ -232,13 +230,42 @@ def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
         if not missing or holder(notes) is not None:
             return  # the files beside the tiles are being written, or will be in a moment
         own |= {f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS, LOCK, PACE)}
+    for finding in _others(folder, own):
+        name = Path(finding.file).relative_to(folder).as_posix()
+        if whole or not _of_a_tile(name, missing):
+            yield finding
+
+
+def _merged_findings(checksums: Path) -> Iterator[Finding]:
+    """The same of a store that has no journal, but a list of checksums."""
+    try:
+        known = read_checksums(checksums)
+    except CorruptInputError as error:
+        yield Finding(str(error.path), error.problem)
+        return
+    folder = checksums.parent
+    yield from _changed(folder, known, f"in {CHECKSUMS}")
+    yield from _others(folder, {*known, CHECKSUMS})
+
+
+def _changed(folder: Path, known: Mapping[str, str], where: str) -> Iterator[Finding]:
+    """Files that are not as their checksums say."""
+    for name, crc in known.items():
+        path = folder / name
+        if not path.is_file():
+            yield Finding(str(path), "is missing")
+        elif path.is_symlink():
+            yield Finding(str(path), "is a link, not the file that was written")
+        elif (found := checksum(path)) != crc:
+            yield Finding(str(path), f"has changed: its checksum is {found}, {where} {crc}")
+
+
+def _others(folder: Path, own: Set[str]) -> Iterator[Finding]:
+    """Files that have none of these names, and links in the place of folders."""
     for path in folder.rglob("*"):
-        name = path.relative_to(folder).as_posix()
         if path.is_symlink() and path.is_dir():
             yield Finding(str(path), "is a link, not the folder that was made")
-        elif path.is_dir() or name in own or (not whole and _of_a_tile(name, missing)):
-            continue
-        else:
+        elif not path.is_dir() and path.relative_to(folder).as_posix() not in own:
             yield Finding(str(path), "does not belong to the store")
 
 
