@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import impasto
 from impasto.calibrate import (
     BallCamera,
     BallPhotographs,
@@ -72,6 +73,27 @@ def test_the_command_finds_the_lights_of_a_folder_by_itself(data: Path, tmp_path
     assert lights.names[0] == "Image_01.png"
     assert out.with_suffix(".png").is_file()
     assert main(words) == 1  # nothing is overwritten
+
+
+def test_photographs_of_the_object_become_normals_from_the_folder_alone(
+    data: Path, tmp_path: Path
+) -> None:
+    """Against those under the published lights, which differ by up to half a degree.
+
+    If all lamps turned by as much in one way, the normals would; the medians cannot differ by more.
+    """
+    out, folder = tmp_path / "lights.lp", data / "two_balls"
+    assert main(["calibrate", "lights", str(folder), "--out", str(out), "--quiet"]) == 0
+    own, published = (
+        impasto.fit_normals(
+            impasto.read_stack(folder / "Objects", lights=lights, encoding="linear"),
+            method="least-squares",
+        ).normal
+        for lights in (out, folder / "light_directions.txt")
+    )
+    known = np.isfinite(own).all(axis=0) & np.isfinite(published).all(axis=0)
+    assert known.mean() > 0.9
+    assert np.median(degrees(own[:, known].T, published[:, known].T)) < 0.5
 
 
 def test_two_balls_that_cannot_tell_say_distant(data: Path) -> None:
