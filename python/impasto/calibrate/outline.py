@@ -88,9 +88,9 @@ def given_outline(x: float, y: float, radius: float, sigma: float) -> Outline:
     """An outline that somebody measured, with the standard deviation of each of its numbers."""
     for name, value in (("x", x), ("y", y), ("radius", radius)):
         if not np.isfinite(value):
-            raise ArgumentError(f"outlines: {name} is not a number: {value!r}")
+            raise ArgumentError(f"outline: {name} is not a number: {value!r}")
     if radius <= 0.0:
-        raise ArgumentError(f"outlines: expected a radius above 0 pixels, found {radius:g}")
+        raise ArgumentError(f"outline: expected a radius above 0 pixels, found {radius:g}")
     return Outline(x, y, radius, sigma**2 * np.eye(3), 1.0, np.empty((0, 2)))
 
 
@@ -144,7 +144,7 @@ def check_inside(outline: Outline, shape: tuple[int, ...], camera: BallCamera, w
         raise ArgumentError(
             f"{where}: the {side} border cuts {over[side]:.0f} pixels off the ball (middle "
             f"{outline.x:.0f}, {outline.y:.0f}, radius {outline.radius:.0f}); crop less, or "
-            "measure its outline by hand and give it with outlines="
+            "measure its outline by hand and give it (--circles, or outline= in Python)"
         )
 
 
@@ -153,7 +153,7 @@ def _no_ball(where: str, support: float) -> str:
     return (
         f"{where}: no ball found: {seen}at least {100 * LEAST_SUPPORT:.0f} % are needed; crop the "
         "photographs to the ball, add one with a bright background whose name begins with "
-        "ref, or give its outline with outlines="
+        "ref, or give its outline (--circles, or outline= in Python)"
     )
 
 

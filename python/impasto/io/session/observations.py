@@ -55,7 +55,8 @@ def find_lights(folder: Path, notebook: Notebook) -> LightFile:
     if not found:
         raise ArgumentError(
             f"lights: {folder} has no light file (*.lp, {', '.join(_TEXT_LIGHTS)}, *.dome, "
-            "*.relight); give the one of these photographs with lights="
+            "*.relight); give the one of these photographs with lights=, or make one from "
+            "photographs of a mirror ball by impasto calibrate lights"
         )
     if len(found) > 1:
         raise ArgumentError(
