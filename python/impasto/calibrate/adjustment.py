@@ -49,7 +49,7 @@ class Adjustment:
         ``(lamp,)`` q: one over the distance from ``origin``, in the units of
         :meth:`BallCamera.balls`.
     covariance
-        ``(lamp, 3, 3)`` of the two angles across ``direction`` (:func:`tangents`) and of q.
+        ``(lamp, 3, 3)`` of the two angles across ``direction`` (``tangents``) and of q.
     outlines
         ``(ball, 3)`` as adjusted.
     residual

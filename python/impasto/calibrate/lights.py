@@ -114,7 +114,7 @@ def lights_from_balls(
     """Directions of lamps from photographs of one mirror ball or more.
 
     The outline of each ball is found, then its highlight under each lamp, and all of them are
-    adjusted together; see :mod:`impasto.calibrate.adjustment` for formulas and the test.
+    adjusted together; see ``impasto.calibrate.adjustment`` for formulas and the test.
 
     Parameters
     ----------

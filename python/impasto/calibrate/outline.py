@@ -48,7 +48,7 @@ class Outline:
     Parameters
     ----------
     x, y, radius
-        Pixels; see :mod:`impasto.calibrate.geometry`.
+        Pixels; see ``impasto.calibrate.geometry``.
     covariance
         ``(3, 3)`` of these, in pixels squared.
     support

@@ -32,11 +32,12 @@ def doctor(
     write: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Check a stack before a fit, and say how to repair each fault.
+    """Check a stack before a fit, or a result after it, and say how to repair each fault.
 
     Checks for mirrored, rotated or exchanged light directions, duplicate and missing photographs,
     clipped, dark and missing samples, a wrong tone curve, lights that cannot determine a surface
-    and lamps of unequal strength; lists what was repaired while reading.
+    and lamps of unequal strength; lists what was repaired while reading. Of a result, of any size,
+    it checks statuses, gaps, normals, colours, residuals and the borders of tiles.
 
     Exit code 0: usable, possibly with warnings. 1: results would be wrong or impossible. 3: a file
     is damaged.
@@ -45,7 +46,7 @@ def doctor(
     ----------
     stack
         Light file (.lp) beside its photographs, a folder of both, an .npz, or the .zarr of
-        impasto ingest.
+        impasto ingest; or a result: the folder, .npz or .zarr of impasto fit or impasto job.
     write
         Write a light file (.lp; .csv with views) with corrected directions, without photographs
         that occur twice.
@@ -56,11 +57,8 @@ def doctor(
     from impasto.io import write_lights
     from impasto.rig import Rig
 
-    if result_file(stack).suffix.lower() == ".zarr" and (stack / "zarr.json").is_file():
-        raise ArgumentError(
-            f"{stack} is a result, and doctor checks photographs before a fit; impasto job verify "
-            "checks the files of a job, and impasto info says what a result holds"
-        )
+    if _is_result(stack):
+        return _examined_result(stack, write, json=json)
     if write is not None and write.exists():
         raise ArgumentError(f"--write: {write} already exists; choose another name")
     reading = Reading() if reading is None else reading
@@ -80,6 +78,36 @@ def doctor(
         right = repaired_directions(photographs, diagnosis)[kept]
         rig = Rig(right, views=photographs.rig.views[kept])
         write_lights(write, rig, [photographs.names[index] for index in kept])
+    return Exit.OK if diagnosis.usable else Exit.USER_ERROR
+
+
+def _is_result(path: Path) -> bool:
+    """Whether there are the maps of a fit, not photographs."""
+    from impasto.io.results.zarr_store import contents
+    from impasto.io.session.stored import KIND
+
+    file = result_file(path)
+    if not path.is_dir() or any(path.glob("*.lp")):
+        return False
+    if file != path:
+        return file.is_file()
+    return file.suffix.lower() == ".zarr" and str(contents(file)[0].get("kind")) != KIND
+
+
+def _examined_result(path: Path, write: Path | None, *, json: bool) -> int:
+    import impasto
+    from impasto.doctor import examine_result
+
+    if write is not None:
+        raise ArgumentError(f"--write: {path} is a result, which has no light file to repair")
+    file = result_file(path)
+    with console.stderr().status("checking the maps"):
+        stored = file.is_dir()
+        diagnosis = examine_result(impasto.open_sbrdf(file) if stored else impasto.load_sbrdf(file))
+    if json:
+        console.print_json(diagnosis.to_dict())
+    else:
+        show(diagnosis, console.stdout())
     return Exit.OK if diagnosis.usable else Exit.USER_ERROR
 
 

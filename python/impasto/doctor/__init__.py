@@ -10,6 +10,7 @@ from impasto.doctor.before_fit import before_fit
 from impasto.doctor.diagnosis import SEVERITIES, Diagnosis, Finding, Severity
 from impasto.doctor.examination import examine
 from impasto.doctor.files import damaged_files
+from impasto.doctor.maps import examine_result
 from impasto.doctor.repair import kept_observations, repaired_directions
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "before_fit",
     "damaged_files",
     "examine",
+    "examine_result",
     "kept_observations",
     "repaired_directions",
 ]

@@ -78,11 +78,14 @@ class Diagnosis:
         One name per photograph.
     shape
         ``(obs, band, y, x)`` of the stack.
+    of_result
+        Whether the maps of a fit were examined, not its photographs.
     """
 
     findings: tuple[Finding, ...]
     names: tuple[str, ...]
     shape: tuple[int, int, int, int]
+    of_result: bool = False
 
     @property
     def worst(self) -> Severity:
@@ -108,11 +111,11 @@ class Diagnosis:
 
     @property
     def title(self) -> str:
-        """The size of the stack, in one line."""
+        """The size of what was examined, in one line."""
         observations, bands, height, width = self.shape
         return (
-            f"{counted(observations, 'photograph')}, {counted(bands, 'band')}, "
-            f"{width} x {height} pixels"
+            f"{'a fit of ' if self.of_result else ''}{counted(observations, 'photograph')}, "
+            f"{counted(bands, 'band')}, {width} x {height} pixels"
         )
 
     @property
@@ -120,7 +123,10 @@ class Diagnosis:
         """The conclusion, in one sentence."""
         counts = {s: len(self.of(s)) for s in SEVERITIES}
         if counts["error"]:
-            return f"{counted(counts['error'], 'error')}: repair the stack before a fit"
+            repair = (
+                "this is no whole result" if self.of_result else "repair the stack before a fit"
+            )
+            return f"{counted(counts['error'], 'error')}: {repair}"
         if counts["warning"]:
             return f"usable, with {counted(counts['warning'], 'warning')}"
         return "no fault found"
