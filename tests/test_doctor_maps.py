@@ -113,7 +113,7 @@ OF_THE_FIRST_TILE = {"row 512 from 0", "column 512 from 0"}
 
 
 def test_a_tile_of_another_fit_shows_at_its_borders() -> None:
-    """Two percent of noise hide neither five percent of light nor two hundredths of a slope.
+    """Noise of a hundredth hides neither five percent of light nor two hundredths of a slope.
 
     Means of 16 pixels have a quarter of the noise: steps of six of their deviations and more, which
     are the largest of three in nearly all places; five standard errors of 128 places are 0.4.
@@ -130,6 +130,15 @@ def test_a_tile_of_another_fit_shows_at_its_borders() -> None:
     found = examine_result(painted)["seams"]
     assert set(found.numbers["seams"]) <= OF_THE_FIRST_TILE
     assert found.severity == "error"
+
+
+@pytest.mark.parametrize("beyond", [1, 3, 7, 8, 20])
+def test_a_painting_that_ends_beside_a_border_is_examined(beyond: int) -> None:
+    painted = Painted()
+    side = HALF + beyond
+    painted.maps = {name: maps[..., :side, :side] for name, maps in painted.maps.items()}
+    painted.shape = side, side
+    assert examine_result(painted).verdict == "no fault found"
 
 
 def test_of_jpeg_blocks_no_seam_is_made() -> None:

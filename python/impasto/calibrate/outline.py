@@ -75,14 +75,6 @@ class Outline:
         """Standard deviation of the outline's place in pixels: the worst of its three numbers."""
         return float(np.sqrt(np.diag(self.covariance).max()))
 
-    def moved(self, right: float, down: float) -> Outline:
-        """The outline in a frame whose corner is that much farther up and left."""
-        step = np.array([right, down])
-        return Outline(
-            self.x + right, self.y + down, self.radius, self.covariance, self.support,
-            self.edges + step,
-        )  # fmt: skip
-
 
 def given_outline(x: float, y: float, radius: float, sigma: float) -> Outline:
     """An outline that somebody measured, with the standard deviation of each of its numbers."""

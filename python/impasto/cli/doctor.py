@@ -46,7 +46,7 @@ def doctor(
     ----------
     stack
         Light file (.lp) beside its photographs, a folder of both, an .npz, or the .zarr of
-        impasto ingest; or a result: the folder, .npz or .zarr of impasto fit or impasto job.
+        impasto ingest; or a result: the folder of impasto fit, or the .zarr of impasto job.
     write
         Write a light file (.lp; .csv with views) with corrected directions, without photographs
         that occur twice.

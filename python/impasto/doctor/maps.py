@@ -307,8 +307,10 @@ def _excess(
 ) -> tuple[float, float] | None:
     """By how much larger the share at a border is than beside it, and the standard error.
 
-    None where too little is known.
+    None where too little is known, or the painting ends a few pixels beyond the border.
     """
+    if line > size[axis] - 2 * MEANS:
+        return None
     here = _steps_across(read, size, axis, line, along)
     beside = np.zeros_like(here)
     for other in (line - BLOCKS, line + BLOCKS):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -101,9 +102,10 @@ def ingest(
         reporting(progress, "tiles") as report,
         new_folder(target) as folder,
         ThreadPoolExecutor(1, "impasto-hashes") as pool,
+        # Closed before the folder goes: no tile is written into it any more.
+        closing(_written(folder, photographs, grid)) as corners,
     ):
         hashes = pool.submit(photographs.inputs)
-        corners = _written(folder, photographs, grid)
         for count in range(1, len(grid) + 1):
             corner = next(corners)
             if report is not None:
@@ -124,7 +126,7 @@ class _Encoded:
     corner: Stack
 
 
-def _written(folder: Path, photographs: Photographs, grid: Grid) -> Iterator[Stack]:
+def _written(folder: Path, photographs: Photographs, grid: Grid) -> Generator[Stack, None, None]:
     """Write every tile, and give a pixel of it."""
     masked: set[bool] = set()
 

@@ -160,8 +160,9 @@ def verify(out: str | os.PathLike[str], *, inputs: bool = True) -> tuple[Finding
     ArgumentError
         There is neither of that name.
     """
-    if (merged := store_name(out) / CHECKSUMS).is_file():
-        return tuple(sorted(set(_merged_findings(merged)), key=str))
+    target = store_name(out)
+    if (target / CHECKSUMS).is_file() and not (target / NOTES / RECORD).exists():
+        return tuple(sorted(set(_merged_findings(target / CHECKSUMS)), key=str))
     while True:
         folder, whole = folder_of(out)
         try:

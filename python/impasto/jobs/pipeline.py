@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
@@ -24,14 +24,14 @@ def pipelined(
     work: Callable[[Tile, Read], Made],
     encode: Callable[[Tile, Made], Files],
     write: Callable[[Tile, Files], Written],
-) -> Iterator[Written]:
+) -> Generator[Written, None, None]:
     """What ``write`` returns of every tile.
 
     ``work`` runs in the calling thread, each of the others in one of its own; all take the tiles in
     their order. At a time one tile is read, one is worked on, one is encoded and one is written.
 
-    Whoever leaves before the end, or is left by an error, waits for what is being done: a tile that
-    is written is finished.
+    Whoever leaves before the end closes this, which waits for what is being done, as an error does:
+    a tile that is written is finished.
     """
     with (
         ThreadPoolExecutor(1, "impasto-reader") as reader,

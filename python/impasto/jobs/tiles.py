@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -176,8 +177,9 @@ def fit_tiles(
     def write(tile: Tile, encoded: EncodedTile) -> None:
         log.add(tile, encoded.write(folder, numbers=log.wants_numbers))
 
-    for _ in pipelined(tiles, read, fit, encode, write):
-        log.report()
+    with closing(pipelined(tiles, read, fit, encode, write)) as written:
+        for _ in written:
+            log.report()
 
 
 def _add_pace(path: Path, entry: Mapping[str, Any]) -> None:
