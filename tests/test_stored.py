@@ -428,8 +428,10 @@ def test_the_command_shows_details_and_overviews(
     for status, count in zip(*np.unique(whole.status, return_counts=True), strict=True):
         name = impasto.Status(int(status)).name.lower().replace("_", " ")
         assert f"{name} {100 * count / whole.status.size:.2f} % ({count})" in told
-    assert main(["doctor", str(store)]) == 1
-    assert "impasto job verify" in capsys.readouterr().err
+    assert main(["doctor", str(store)]) == 0
+    told = capsys.readouterr().out
+    assert "12 photographs, 3 bands, 205 x 150 pixels" in told
+    assert "no seam at 11 borders of tiles" in told
 
 
 @pytest.mark.parametrize(
