@@ -3,7 +3,7 @@
 Arrays are C-contiguous; shapes and units stand in the public functions that call these.
 """
 
-from typing import Any, Literal, Self, TypedDict, final, type_check_only
+from typing import Any, ClassVar, Literal, Self, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
@@ -335,11 +335,17 @@ class PlanRow(TypedDict):
 
 @final
 class SurfaceStatistics:
+    SIDE: ClassVar[int]
     def __new__(
         cls, surface: Surface, height: NDArray[np.float32] | None = None, threads: int = 1
     ) -> Self: ...
     @property
     def tiles(self) -> tuple[int, bool]: ...
+    def table(self) -> NDArray[np.float64]: ...
+    @staticmethod
+    def from_table(
+        table: NDArray[np.float64], surface: Surface, shape: tuple[int, int], tile: int
+    ) -> SurfaceStatistics: ...
 
 @final
 class Plan:
@@ -353,6 +359,7 @@ class Plan:
         display: list[list[float]] | None = None,
         more_light: bool,
         threads: int,
+        shape: tuple[int, int] | None = None,
     ) -> Self: ...
     @staticmethod
     def forced(surface: Surface, scene: SceneArguments) -> Plan: ...

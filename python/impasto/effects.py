@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -42,6 +43,52 @@ class PlannedEffect:
     reason: str
     error: float
     saves: float | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Decisions:
+    """What is simulated of a scene, effect by effect.
+
+    Attributes
+    ----------
+    effects
+        One :class:`PlannedEffect` per effect.
+    tolerance
+        As given.
+    error
+        The largest sum of what a tile does without, in ``unit``.
+    unit
+        ``"dE00"``, ``"codes"`` or ``""``.
+    tiles
+        Number of tiles.
+    from_picture
+        Whether the exposure follows from the picture, so that nothing is left out by a bound.
+    """
+
+    effects: tuple[PlannedEffect, ...]
+    tolerance: str | float
+    error: float
+    unit: str
+    tiles: int
+    from_picture: bool
+
+    def explain(self) -> str:
+        """The decisions as a table."""
+        lines = table(self.effects, self.tiles, self.unit)
+        total = f"{self.error:.2g} {self.unit}".strip()
+        lines.append(f"tolerance {self.tolerance}; left out in any tile: at most {total}")
+        if self.tolerance != 0 and self.from_picture:
+            lines.append("the exposure follows from the picture: nothing is left out by a bound")
+        return "\n".join(lines)
+
+    def to_json(self) -> str:
+        """Decisions, numbers and tolerance as JSON, for an archive."""
+        effects = records(self.effects)
+        numbers = {"tolerance": self.tolerance, "error": self.error, "unit": self.unit}
+        return json.dumps({**numbers, "tiles": self.tiles, "effects": effects}, indent=2)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {names(self.effects)}, tolerance {self.tolerance}>"
 
 
 def table(effects: Sequence[PlannedEffect], tiles: int, unit: str) -> list[str]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import Any, get_args
 
@@ -17,7 +16,7 @@ from impasto._internal.calls import ProgressCallback, thread_count
 from impasto._internal.checks import one_of
 from impasto.bands import Camera
 from impasto.colour import delta_e, lab_from_xyz
-from impasto.effects import Decision, PlannedEffect, checked_tolerance, names, records, table
+from impasto.effects import Decision, Decisions, PlannedEffect, checked_tolerance
 from impasto.fit.reflectance import Reflectance
 from impasto.illumination import MIXING_GRID
 from impasto.image import Image, Output, columns_to_display, tone_table
@@ -58,7 +57,7 @@ class Verification:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Plan:
+class Plan(Decisions):
     """What is simulated of a scene, made by :func:`plan`.
 
     The maps of the surface must not be changed as long as the plan is used: it rests on their
@@ -76,13 +75,10 @@ class Plan:
         ``"dE00"``, ``"codes"`` or ``""``.
     tiles
         Number of tiles.
+    from_picture
+        Whether the exposure follows from the picture, so that nothing is left out by a bound.
     """
 
-    effects: tuple[PlannedEffect, ...]
-    tolerance: str | float
-    error: float
-    unit: str
-    tiles: int
     _scene: Scene
     _prepared: Prepared
     _native: _core.Plan
@@ -180,24 +176,6 @@ class Plan:
             effects.append(replace(effect, saves=saves))
         return replace(self, effects=tuple(effects))
 
-    def explain(self) -> str:
-        """The decisions as a table; :meth:`measured` fills its last column."""
-        lines = table(self.effects, self.tiles, self.unit)
-        total = f"{self.error:.2g} {self.unit}".strip()
-        lines.append(f"tolerance {self.tolerance}; left out in any tile: at most {total}")
-        if self.tolerance != 0 and self._prepared.from_picture:
-            lines.append("the exposure follows from the picture: nothing is left out by a bound")
-        return "\n".join(lines)
-
-    def to_json(self) -> str:
-        """Decisions, numbers and tolerance as JSON, for an archive."""
-        effects = records(self.effects)
-        numbers = {"tolerance": self.tolerance, "error": self.error, "unit": self.unit}
-        return json.dumps({**numbers, "tiles": self.tiles, "effects": effects}, indent=2)
-
-    def __repr__(self) -> str:
-        return f"<Plan {names(self.effects)}, tolerance {self.tolerance}>"
-
 
 def plan(
     surface: Relightable,
@@ -251,35 +229,22 @@ def plan(
             threads=threads,
         )
         # What a fit keeps of its photographs takes longer than a plan: it is made for a picture.
-        kept = fidelity == "photographs" and prepared.as_photographed
-        kept = kept and type(surface).unmodelled is not Relightable.unmodelled
+        kept = shows_photographs(surface, prepared, fidelity)
 
         @cache
         def extra() -> NDArray[np.float32] | None:
             return surface.unmodelled(prepared.rig) if kept else None
 
-        limit = _limit(tolerance, other, prepared)
         workers = thread_count(threads)
         if earlier is not None and _describes(earlier, prepared):
             statistics = earlier._statistics
         else:
             statistics = _core.SurfaceStatistics(prepared.surface, prepared.relief, workers)
-        core = _core.Plan(
-            prepared.surface,
-            statistics,
-            prepared.arguments,
-            tolerance=limit,
-            display=_display(other, prepared),
-            more_light=kept,
-            threads=workers,
+        core, decisions = decided(
+            prepared, other, statistics, tolerance=tolerance, more_light=kept, workers=workers
         )
-        unit = "" if limit is None else "codes" if len(limit) == 3 else "dE00"
         return Plan(
-            effects=(*_effects(core), *_folded(other, prepared)),
-            tolerance=tolerance,
-            error=core.error,
-            unit=unit,
-            tiles=core.tiles,
+            **{one.name: getattr(decisions, one.name) for one in fields(Decisions)},
             _scene=other,
             _prepared=prepared,
             _native=core,
@@ -289,6 +254,53 @@ def plan(
         )
 
     return again(scene, None)
+
+
+def decided(
+    prepared: Prepared,
+    scene: Scene,
+    statistics: _core.SurfaceStatistics,
+    *,
+    tolerance: str | float,
+    more_light: bool,
+    workers: int,
+    shape: tuple[int, int] | None = None,
+) -> tuple[_core.Plan, Decisions]:
+    """What a scene calls for, from the statistics of a surface.
+
+    Parameters
+    ----------
+    prepared
+        The surface and the scene; a part of the surface does, if ``shape`` is that of the whole.
+    more_light
+        Whether the picture shows what photographs show besides the model.
+    """
+    limit = _limit(tolerance, scene, prepared)
+    core = _core.Plan(
+        prepared.surface,
+        statistics,
+        prepared.arguments,
+        tolerance=limit,
+        display=_display(scene, prepared),
+        more_light=more_light,
+        threads=workers,
+        shape=shape,
+    )
+    decisions = Decisions(
+        effects=(*_effects(core), *_folded(scene, prepared)),
+        tolerance=tolerance,
+        error=core.error,
+        unit="" if limit is None else "codes" if len(limit) == 3 else "dE00",
+        tiles=core.tiles,
+        from_picture=prepared.from_picture,
+    )
+    return core, decisions
+
+
+def shows_photographs(surface: Relightable, prepared: Prepared, fidelity: Fidelity) -> bool:
+    """Whether a picture adds what a fit keeps of its photographs besides the model."""
+    kept = fidelity == "photographs" and prepared.as_photographed
+    return kept and type(surface).unmodelled is not Relightable.unmodelled
 
 
 def _describes(earlier: Plan, prepared: Prepared) -> bool:

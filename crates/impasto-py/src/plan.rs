@@ -2,12 +2,12 @@
 
 #![allow(clippy::needless_pass_by_value, reason = "pyo3 hands arguments over by value")]
 
-use numpy::PyReadonlyArray2;
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use impasto::Error;
 use impasto::relight::plan::{self, Decision, Effect, Options, Shown};
-use impasto::relight::statistics::Statistics;
+use impasto::relight::statistics::{Pieces, SIDE, Statistics};
 use impasto::relight::tolerance::Tolerance;
 
 use crate::errors::to_python;
@@ -21,6 +21,10 @@ pub(crate) struct SurfaceStatistics(Statistics);
 
 #[pymethods]
 impl SurfaceStatistics {
+    /// Columns and rows of a tile.
+    #[classattr]
+    const SIDE: usize = SIDE;
+
     /// Statistics of a surface and, where given, of its height in mm.
     #[new]
     #[pyo3(signature = (surface, height=None, threads=1))]
@@ -41,6 +45,28 @@ impl SurfaceStatistics {
     #[getter]
     fn tiles(&self) -> (usize, bool) {
         (self.0.tiles.len(), self.0.tiles.iter().all(|tile| tile.relief.is_some()))
+    }
+
+    /// All but the relief as numbers (number, tile), the tiles row by row, to be kept.
+    fn table<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_vec(py, self.0.table())
+    }
+
+    /// The statistics of a painting of a `shape` from the tables of its tiles; `surface` is any part.
+    #[staticmethod]
+    fn from_table(
+        py: Python<'_>,
+        table: PyReadonlyArray1<'_, f64>,
+        surface: SurfaceArguments<'_>,
+        shape: [usize; 2],
+        tile: usize,
+    ) -> PyResult<Self> {
+        let refuse = |error: Error| to_python(py, &error);
+        let numbers = slice("table", &table).map_err(refuse)?;
+        let maps = surface.surface().map_err(refuse)?;
+        let [height, width] = shape;
+        let pieces = Pieces { width, height, tile };
+        Statistics::from_table(numbers, &maps, pieces).map(Self).map_err(refuse)
     }
 }
 
@@ -115,9 +141,10 @@ impl Plan {
     }
 
     /// What a scene calls for; without a `tolerance` no bit may change. `display` holds columns from
-    /// light to linear display light, where that is known before the picture.
+    /// light to linear display light, where that is known before the picture. `shape` is that of the
+    /// painting where `surface` is a part that stands for it.
     #[new]
-    #[pyo3(signature = (surface, statistics, scene, *, tolerance, display=None, more_light, threads))]
+    #[pyo3(signature = (surface, statistics, scene, *, tolerance, display=None, more_light, threads, shape=None))]
     #[allow(clippy::too_many_arguments, reason = "keywords")]
     fn new(
         py: Python<'_>,
@@ -128,9 +155,11 @@ impl Plan {
         display: Option<[[f64; 3]; 3]>,
         more_light: bool,
         threads: usize,
+        shape: Option<[usize; 2]>,
     ) -> PyResult<Self> {
         let refuse = |error: Error| to_python(py, &error);
-        let grid = scene.grid(&surface).map_err(refuse)?;
+        let shape = shape.unwrap_or_else(|| surface.size());
+        let grid = surface.grid_of(shape, scene.pitch()).map_err(refuse)?;
         let (over, background) = (scene.over(), scene.background);
         let (maps, scene) =
             (surface.surface().map_err(refuse)?, scene.scene(grid).map_err(refuse)?);

@@ -49,6 +49,11 @@ impl SceneArguments<'_> {
         surface.grid(self.rig.pitch_mm)
     }
 
+    /// Width of a pixel on the painting, mm.
+    pub(crate) fn pitch(&self) -> f64 {
+        self.rig.pitch_mm
+    }
+
     pub(crate) fn over(&self) -> Over {
         Over { shadows: self.shadows, parallax: self.parallax }
     }

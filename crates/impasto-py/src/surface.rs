@@ -59,7 +59,17 @@ impl SurfaceArguments<'_> {
 
     /// Where its pixels lie in the painting.
     pub(crate) fn grid(&self, pitch: f64) -> Result<Grid> {
+        self.grid_of(self.size(), pitch)
+    }
+
+    /// Rows and columns.
+    pub(crate) fn size(&self) -> [usize; 2] {
         let [_, height, width] = self.shape();
+        [height, width]
+    }
+
+    /// Where so many rows and columns about its middle lie in the painting.
+    pub(crate) fn grid_of(&self, [height, width]: [usize; 2], pitch: f64) -> Result<Grid> {
         Grid::part(width, height, pitch, self.origin)
     }
 

@@ -152,7 +152,7 @@ def render(
         No progress, only errors.
     """
     import impasto
-    from impasto.cli.scale import check_parts, render_parts, shown
+    from impasto.cli.scale import check_parts, plan_parts, render_parts, shown
     from impasto.image import checked_suffix
     from impasto.overview import visible
 
@@ -198,7 +198,7 @@ def render(
     part = shown(result, region, width, reduce)
     check_spectra(result, part.reflectance, scene)
     if part.in_parts:
-        check_parts(part, out, scene, explain=explain)
+        check_parts(part, out, scene)
     if part.detail and shadows:
         stages.say(f"  {'':14}[dim]what stands around the detail throws no shadow into it[/]")
     plane = panel(stages, part.panel, wanted=shadows if level is None else level)
@@ -208,6 +208,12 @@ def render(
         "threads": threads,
     }
     if part.in_parts:
+        if explain:
+            with stages.stage("plan") as stage:
+                planned = plan_parts(
+                    part, scene, tolerance=allowed or 0, progress=stage.advance, **options
+                )
+            stdout().print(planned.explain(), markup=False)
         options |= {"tolerance": allowed, "backend": backend}
         with stages.warned(), stages.stage("picture") as stage:
             out.parent.mkdir(parents=True, exist_ok=True)

@@ -160,13 +160,13 @@ def _of_store(path: Path, region: Region | None, width: int | None, reduce: int)
     return Shown(stored, None, window=window, panel=stored, detail=region is not None)
 
 
-def check_parts(part: Shown, out: Path, scene: Any, *, explain: bool) -> None:
+def check_parts(part: Shown, out: Path, scene: Any) -> None:
     """Refuse what a picture that is rendered part by part cannot be.
 
     Raises
     ------
     ArgumentError
-        Another format than TIFF, effects that need the whole painting, or a plan to explain.
+        Another format than TIFF, or effects that need the whole painting.
     """
     from impasto.fit.stored.picture import check_local
 
@@ -178,18 +178,24 @@ def check_parts(part: Shown, out: Path, scene: Any, *, explain: bool) -> None:
             f"--out: a picture of {size} is written part by part, as .tif, found {out.name}; name "
             f"it so, or {smaller} for a detail"
         )
-    if explain:
-        raise ArgumentError(
-            f"--explain: a picture of {size} is planned part by part; {smaller} for a detail"
-        )
     check_local(scene)
 
 
 def render_parts(part: Shown, scene: Any, out: Path, **options: Any) -> Any:
     """Write a picture part by part, in bands that can be shown."""
+    return part.surface.render(scene, out, **_part_of(part), **options)
+
+
+def plan_parts(part: Shown, scene: Any, **options: Any) -> Any:
+    """What such a picture calls for."""
+    return part.surface.plan(scene, **_part_of(part), **options)
+
+
+def _part_of(part: Shown) -> dict[str, Any]:
+    """The bands and the detail that are shown; None for all."""
     count = len(part.surface.bands)
     bands = None if count in {1, 3} else [count - 1, count // 2, 0]
-    return part.surface.render(scene, out, region=part.window, bands=bands, **options)
+    return {"region": part.window if part.detail else None, "bands": bands}
 
 
 def _factor(stored: StoredSbrdf, width: int) -> int:

@@ -14,15 +14,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto import _core
 from impasto.fit.result import Sbrdf
 from impasto.fit.saved import maps_of
 from impasto.fit.stored import StoredMaps, StoredSbrdf
 from impasto.io.files import atomic_together
+from impasto.io.results import SavedMaps
 from impasto.io.results.multiscales import multiscales_of, with_dims
-from impasto.io.results.precision import Precision, to_store
+from impasto.io.results.precision import Precision, from_store, to_store
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray
-from impasto.io.results.zarr_store import NAME, group_metadata, same_arrays, zarr_arrays
-from impasto.jobs.grid import Grid, Tile
+from impasto.io.results.zarr_store import (
+    NAME,
+    STATISTICS,
+    group_metadata,
+    same_arrays,
+    zarr_arrays,
+)
+from impasto.jobs.grid import PIECE, Grid, Tile
 from impasto.jobs.journal import crc_of
 from impasto.jobs.levels import HALF_SCALE, half_scale, write_levels
 from impasto.rig import Rig
@@ -40,7 +48,8 @@ def files_of_tile(
 ) -> tuple[dict[str, bytes | memoryview], dict[str, NDArray[Any]]]:
     """Every map of a tile as a file, by its name in the store, and what the tile leaves beside.
 
-    The maps of half the scale are made, too, while those of the tile are in memory.
+    The maps of half the scale are made, too, while those of the tile are in memory, and the
+    statistics on which plans of pictures rest.
 
     Parameters
     ----------
@@ -55,6 +64,7 @@ def files_of_tile(
         if name not in same
     }
     files = {}
+    stored[STATISTICS] = _statistics(_as_stored(result, others, stored, same))
     for name, plane in stored.items():
         array = _array(name, plane, grid)
         if 0 not in plane.shape:
@@ -101,7 +111,8 @@ def complete(
         if not name.startswith((MAP, SAME)) and name != KNOWN
     }
     tiles = _arrays(left, grid)
-    maps = [one for one in tiles if not one.name.startswith(HALF_SCALE)]
+    statistics = next((one for one in tiles if one.name == STATISTICS), None)
+    maps = [one for one in tiles if not one.name.startswith((HALF_SCALE, STATISTICS))]
     half = [one for one in tiles if one.name.startswith(HALF_SCALE)]
     others = zarr_arrays(numbers, (), None)
     files: dict[str, bytes | memoryview] = {**more}
@@ -114,7 +125,8 @@ def complete(
     painting = StoredSbrdf(StoredMaps(folder, text, described), {})
     levels, crcs = write_levels(folder, painting, half, precision)
     multiscales = multiscales_of(described, levels, painting.pitch_mm)
-    last = {METADATA: group_metadata(numbers, described, levels, multiscales)}
+    group = group_metadata(numbers, described, levels, multiscales, statistics)
+    last = {METADATA: group}
     atomic_together({folder / name: data for name, data in last.items()})
     return crcs | {name: crc_of(data) for name, data in {**files, **last}.items()}
 
@@ -136,9 +148,35 @@ def _arrays(left: Mapping[str, NDArray[Any]], grid: Grid) -> list[ZarrArray]:
 
 def _array(name: str, plane: NDArray[Any], grid: Grid) -> ZarrArray:
     """How a map is stored, from its part ``(..., y, x)`` in any tile."""
-    place = grid.half if name.startswith(HALF_SCALE) else grid
+    place = grid.pieces if name == STATISTICS else grid
+    place = grid.half if name.startswith(HALF_SCALE) else place
     shape = (*plane.shape[:-2], place.rows, place.columns)
     return with_dims(ZarrArray(name, shape, plane.dtype, place.tile))
+
+
+def _as_stored(
+    result: Sbrdf,
+    others: Mapping[str, NDArray[Any]],
+    stored: Mapping[str, NDArray[Any]],
+    same: Mapping[str, str],
+) -> Sbrdf:
+    """The result as it will be read: of maps in half precision, what these say."""
+    own = {
+        name: from_store(name, plane)
+        for name, plane in stored.items()
+        if not name.startswith(HALF_SCALE)
+    }
+    if all(own[name] is plane for name, plane in stored.items() if name in own):
+        return result
+    maps = own | {name: own[other] for name, other in same.items()}
+    return type(result).from_maps(SavedMaps(Path(), result.kind(), {**others, **maps}))
+
+
+def _statistics(result: Sbrdf) -> NDArray[np.float64]:
+    """Numbers ``(number, y, x)`` of every piece of a tile."""
+    surface = result.surface()
+    down, across = (-(-size // PIECE) for size in surface.shape)
+    return _core.SurfaceStatistics(surface, None, 1).table().reshape(-1, down, across)
 
 
 def _split(result: Sbrdf, rig: Rig) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:

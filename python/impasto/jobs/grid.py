@@ -8,12 +8,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+from impasto import _core
 from impasto._internal.checks import is_whole
 from impasto._internal.windows import Window, widened
 from impasto.errors import ArgumentError
 from impasto.fit.lobes import MOST_LOBES
 from impasto.fit.residuals import COMPONENTS
 
+PIECE: int = _core.SurfaceStatistics.SIDE
+"""Rows and columns of what a plan knows statistics of."""
 Tile: TypeAlias = tuple[int, int]
 """Row and column of a tile in the grid."""
 
@@ -62,6 +65,16 @@ class Grid:
     def half(self) -> Grid:
         """The same tiles over the painting at half its scale."""
         return Grid(self.rows // 2, self.columns // 2, self.tile // 2)
+
+    @property
+    def pieces(self) -> Grid:
+        """The same tiles over the pieces of which statistics are known: each has its own."""
+        side = -(-self.tile // PIECE)
+        rows, columns = (
+            (count - 1) * side + -(-(size - (count - 1) * self.tile) // PIECE)
+            for count, size in zip(self.shape, (self.rows, self.columns), strict=True)
+        )
+        return Grid(rows, columns, side)
 
     def window(self, tile: Tile, halo: int = 0) -> Window:
         """Rows and columns of a tile and of a border around it, as far as the painting reaches."""

@@ -12,7 +12,7 @@ from typing import Literal
 
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.results.zarr_arrays import ZarrArray
-from impasto.io.results.zarr_store import contents, levels_of
+from impasto.io.results.zarr_store import contents, levels_of, statistics_of
 from impasto.jobs.checksums import CHECKSUMS, read_checksums
 from impasto.jobs.folder import (
     NOTES,
@@ -290,6 +290,8 @@ def _lacking(
         _, arrays = contents(folder)
         for smaller in levels_of(folder).values():
             arrays += smaller
+        statistics = statistics_of(folder)
+        arrays += [] if statistics is None else [statistics]
     except CorruptInputError as error:
         yield Finding(str(error.path), error.problem)
         return

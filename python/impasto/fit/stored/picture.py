@@ -43,6 +43,9 @@ class Parts(Protocol):
     def visible(self, rows: slice, columns: slice) -> Any:
         """A part, as :func:`impasto.render` takes it."""
 
+    def statistics(self) -> tuple[int, NDArray[np.float64]] | None:
+        """Rows and columns of tiles, and statistics ``(number, y, x)`` of their pieces, if kept."""
+
 
 @dataclass(frozen=True)
 class PictureFile:

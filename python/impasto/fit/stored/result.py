@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.checks import is_whole, length_mm
 from impasto._internal.windows import Window, offset, window
+from impasto.effects import Decisions
 from impasto.errors import ArgumentError
 from impasto.fit.choice import Choice
 from impasto.fit.result import Sbrdf
@@ -22,10 +23,11 @@ from impasto.fit.stored.height import height_rows
 from impasto.fit.stored.level import StoredLevel, place_of_level, surface_of_level
 from impasto.fit.stored.maps import StoredMaps
 from impasto.fit.stored.picture import PictureFile, render_parts
+from impasto.fit.stored.planning import plan_parts
 from impasto.io.images.bands_of_rows import TIFF_TILE, check_suffix, write_tiff_rows
 from impasto.io.results import checked_maps, result_file
-from impasto.io.results.zarr_arrays import need_zarr
-from impasto.io.results.zarr_store import Levels, contents, levels_of, read_array
+from impasto.io.results.zarr_arrays import ZarrArray, need_zarr
+from impasto.io.results.zarr_store import Levels, contents, levels_of, read_array, statistics_of
 from impasto.level import Level, level_of_sample, sample_step
 from impasto.picture import Backend, Fidelity
 from impasto.rig import Rig
@@ -59,7 +61,8 @@ def open_sbrdf(path: str | os.PathLike[str]) -> StoredSbrdf:
         )
     text, arrays = contents(target)
     need_zarr()
-    return StoredSbrdf(StoredMaps(target, text, arrays), levels_of(target))
+    maps = StoredMaps(target, text, arrays)
+    return StoredSbrdf(maps, levels_of(target), statistics_of(target))
 
 
 class StoredSbrdf:
@@ -75,10 +78,13 @@ class StoredSbrdf:
         The store.
     """
 
-    def __init__(self, maps: StoredMaps, levels: Levels) -> None:
+    def __init__(
+        self, maps: StoredMaps, levels: Levels, statistics: ZarrArray | None = None
+    ) -> None:
         self.path = maps.path
         self._maps = maps
         self._levels = levels
+        self._statistics = statistics
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -261,6 +267,81 @@ class StoredSbrdf:
             threads=threads,
             progress=progress,
         )
+
+    def plan(
+        self,
+        scene: Scene,
+        *,
+        tolerance: str | float = 0,
+        region: Any = None,
+        bands: Sequence[int] | None = None,
+        pitch_mm: float | None = None,
+        index: float | None = None,
+        fidelity: Fidelity = "photographs",
+        level: bool | Level = False,
+        threads: int | None = None,
+        progress: bool | ProgressCallback = False,
+    ) -> Decisions:
+        """Decide what a scene calls for, as :func:`impasto.plan` does with the whole in memory.
+
+        Jobs keep statistics of their tiles: no map is read for a picture of the whole, in all its
+        bands, without a varnish and not levelled. Otherwise the maps are read once, part by part.
+        Where the tiles are no multiples of 256 pixels, bounds of the kept statistics are wider.
+
+        Parameters
+        ----------
+        scene
+            As in :meth:`render`.
+        tolerance
+            What may be left out, as in :func:`impasto.plan`.
+        region, bands, pitch_mm, index, fidelity, level, threads
+            As in :meth:`render`.
+        progress
+            True for a bar on stderr, or a callable ``(done, total)`` in pixels that are read.
+
+        Returns
+        -------
+        Decisions
+            With ``explain()`` and ``to_json()``; :meth:`render` makes the picture.
+
+        Raises
+        ------
+        ArgumentError
+            A scene with effects of neighbours, or what :func:`impasto.plan` refuses.
+        CorruptInputError
+            A part of the store that is read is missing or damaged.
+        """
+        return plan_parts(
+            self,
+            scene,
+            region=None if region is None else window(region, self.shape),
+            bands=bands,
+            tolerance=tolerance,
+            pitch_mm=pitch_mm,
+            index=index,
+            fidelity=fidelity,
+            level=self.find_level() if level is True else level,
+            threads=threads,
+            progress=progress,
+        )
+
+    def statistics(self) -> tuple[int, NDArray[np.float64]] | None:
+        """Statistics of the maps, as plans need them, where a job has kept them.
+
+        Returns
+        -------
+        tuple or None
+            Rows and columns of the tiles, and numbers ``(number, y, x)`` of pieces of 256 x 256
+            pixels, into which each tile is cut.
+
+        Raises
+        ------
+        CorruptInputError
+            A file is missing or damaged.
+        """
+        if self._statistics is None:
+            return None
+        return self.tile, read_array(self.path, self._statistics)
 
     def height(
         self,

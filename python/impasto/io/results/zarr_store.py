@@ -36,6 +36,8 @@ OME = "ome"
 """The attribute of the group in which readers of OME-NGFF look."""
 EMPTY_GROUP = b'{\n  "attributes": {},\n  "node_type": "group",\n  "zarr_format": 3\n}\n'
 """The ``zarr.json`` of a group that says nothing of itself."""
+STATISTICS = "statistics"
+"""The array of what is known of pieces of the maps, for plans of pictures."""
 Levels: TypeAlias = dict[int, list[ZarrArray]]
 """Smaller maps by how many pixels of the painting, along a side, are one of theirs."""
 
@@ -128,10 +130,12 @@ def group_metadata(
     stored: list[ZarrArray],
     levels: Levels | None = None,
     multiscales: Mapping[str, Any] | None = None,
+    statistics: ZarrArray | None = None,
 ) -> bytes:
     """The ``zarr.json`` of a store: its arrays, and the values of those that are text.
 
-    ``levels``: smaller maps of the same painting; ``multiscales``: what other readers know of them.
+    ``levels``: smaller maps of the same painting; ``multiscales``: what other readers know of them;
+    ``statistics``: the array of that name.
     """
     content: dict[str, Any] = {
         "format": FORMAT,
@@ -140,6 +144,8 @@ def group_metadata(
     }
     if levels:
         content["levels"] = {str(factor): _entries(maps) for factor, maps in levels.items()}
+    if statistics is not None:
+        content[STATISTICS] = _entries([statistics])
     content["crc32"] = _checksum(content)
     attributes = {OWN: content} | ({OME: dict(multiscales)} if multiscales else {})
     group = {"zarr_format": 3, "node_type": "group", "attributes": attributes}
@@ -194,6 +200,22 @@ def levels_of(path: Path) -> Levels:
     except DAMAGE as error:
         raise CorruptInputError(path / METADATA, f"is damaged ({error})") from error
     return dict(sorted(found.items()))
+
+
+def statistics_of(path: Path) -> ZarrArray | None:
+    """The array of what is known of pieces of the maps; None of a store without it.
+
+    Raises
+    ------
+    FileNotFoundError, CorruptInputError
+        As :func:`contents`.
+    """
+    own = _checked(path)
+    try:
+        found = [_stored(name, entry) for name, entry in own.get(STATISTICS, {}).items()]
+    except DAMAGE as error:
+        raise CorruptInputError(path / METADATA, f"is damaged ({error})") from error
+    return found[0] if found else None
 
 
 def _checked(path: Path) -> dict[str, Any]:

@@ -26,8 +26,7 @@ impl Work<'_> {
         };
         let hole = |range: &Range| range.holes;
         let of_lobe = |lobe: &LobeRange| lobe.strength.iter().chain(&lobe.shape).any(hole);
-        let holes =
-            tile.pixels < whole || tile.ambient.iter().any(hole) || tile.lobes.iter().any(of_lobe);
+        let holes = tile.gaps || tile.ambient.iter().any(hole) || tile.lobes.iter().any(of_lobe);
         let unknown = options.more_light || scene.environment().is_some();
         let mut ends: Option<Interval> = None;
         let mut add = |light: [Interval; 3]| {

@@ -197,7 +197,8 @@ impl Plan {
         })
     }
 
-    /// Decides from the statistics of a surface, which hold a relief where shadows are wanted.
+    /// Decides from the statistics of a surface, which hold a relief where shadows are wanted. What the
+    /// surface's maps hold is not read: any part of it says as much.
     ///
     /// # Errors
     /// If the statistics are those of another surface, or the caller cancels.

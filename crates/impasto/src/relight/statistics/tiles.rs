@@ -1,10 +1,4 @@
-//! What is known of every 256 x 256 pixels of a painting: bounds of its maps, from which a plan
-//! proves what a scene does not call for.
-//!
-//! The normals of a tile lie in a cone [@shirman1993cone]; the slopes of its relief have a support
-//! function, the steepest rise in each of 64 directions; every other map has a
-//! smallest and a largest value. Pixels that no picture can show, because a normal or a colour is not
-//! a number, are left out.
+//! Bounds of the maps of every tile.
 
 use crate::error::{Error, Result};
 use crate::geometry::Grid;
@@ -12,7 +6,7 @@ use crate::math::{Isa, Kernel, Level, Real, Vec3};
 use crate::pixels::Run;
 use crate::surface::{Parameter, Strength, Surface};
 
-use super::block::{BLOCK, Plane};
+use crate::relight::block::{BLOCK, Plane};
 
 /// Columns and rows of a tile: a row of it is a block.
 pub const SIDE: usize = BLOCK;
@@ -67,8 +61,10 @@ pub struct ReliefRange {
 /// A tile.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TileStatistics {
-    /// Pixels that can be shown.
+    /// Pixels that can be shown; of a tile that is joined from pieces, at most so many.
     pub pixels: usize,
+    /// Whether a pixel cannot be shown.
+    pub gaps: bool,
     /// The middle of the normals, a unit vector.
     pub axis: Vec3<f64>,
     /// The largest angle between a normal and the axis, in radians; infinite where a normal is not
@@ -122,10 +118,11 @@ impl Statistics {
         Ok(Self { columns, tiles })
     }
 
-    /// Whether they have the tiles, bands and lobes of a surface.
-    pub(super) fn describe(&self, surface: &Surface<'_>, grid: Grid) -> bool {
+    /// Whether they have the tiles of a grid, and the bands and lobes of a surface: the whole
+    /// painting's or any part of it.
+    pub(crate) fn describe(&self, surface: &Surface<'_>, grid: Grid) -> bool {
         let (columns, rows) = (grid.width.div_ceil(SIDE), grid.height.div_ceil(SIDE));
-        let bands = surface.diffuse.len() / (grid.width * grid.height);
+        let bands = surface.diffuse.len() / (surface.normal.len() / 3).max(1);
         let fits = |tile: &TileStatistics| {
             tile.lobes.len() == surface.lobes.len() && tile.diffuse.len() == bands
         };
@@ -184,6 +181,7 @@ impl Whole<'_> {
         });
         TileStatistics {
             pixels: shown,
+            gaps: shown < size[0] * size[1],
             axis,
             cone,
             diffuse: diffuse.into_iter().map(range).collect(),
