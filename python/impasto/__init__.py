@@ -9,7 +9,7 @@ import warnings as _warnings
 from impasto._internal import starting as _starting  # noqa: F401  # isort: skip
 from impasto import _core, colour, systems
 from impasto.bands import Camera
-from impasto.effects import PlannedEffect
+from impasto.effects import Decisions, PlannedEffect
 from impasto.effort import Effort
 from impasto.encoding import Encoding
 from impasto.environment import Environment
@@ -66,6 +66,7 @@ __all__ = [
     "Camera",
     "ClusterError",
     "CorruptInputError",
+    "Decisions",
     "DistantLight",
     "Effort",
     "Encoding",
