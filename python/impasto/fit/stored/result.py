@@ -330,9 +330,9 @@ class StoredSbrdf:
 
         Returns
         -------
-        tuple or None
+        tuple
             Rows and columns of the tiles, and numbers ``(number, y, x)`` of pieces of 256 x 256
-            pixels, into which each tile is cut.
+            pixels, into which each tile is cut; None if nothing is kept.
 
         Raises
         ------
