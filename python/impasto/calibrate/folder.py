@@ -1,13 +1,15 @@
-"""A folder with photographs of mirror balls and of an object under the same lamps."""
+"""A folder with photographs of mirror balls, alone or beside the painting."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from impasto.calibrate.beside import Box, balls_beside
 from impasto.calibrate.highlight import luma
 from impasto.calibrate.lights import BallPhotographs
 from impasto.calibrate.outline import Outline, given_outline
@@ -33,20 +35,27 @@ class BallFolder:
         The folder of the object's photographs; None if there is none.
     names
         The object's photographs, in the order of the lamps.
+    frame
+        Rows and columns of the photographs of which the balls are crops; None where not known.
     """
 
     balls: tuple[BallPhotographs, ...]
     objects: Path | None
     names: tuple[str, ...]
+    frame: tuple[int, int] | None = None
 
 
-def read_balls(folder: str | Path, *, circles: str | None = None) -> BallFolder:
+def read_balls(
+    folder: str | Path, *, circles: str | None = None, boxes: Sequence[Box] | None = None
+) -> BallFolder:
     """Read the photographs of the balls in a folder.
 
-    Subfolders whose names contain ball, probe, sphere or chrome hold one ball each; the only other
-    subfolder with photographs holds those of the object, in the same order of lamps. Photographs
-    whose names begin with ``ref`` show the edge of a ball. ``ManualData/probes_bbox.txt`` of
-    Xiong's data set [@xiong2014psbox] gives the places of the balls in one frame.
+    A folder of photographs shows the balls beside the object; they are found, or lie in
+    ``boxes``. In a folder of folders, those whose names contain ball, probe, sphere or chrome hold
+    one ball each; the only other one with photographs holds those of the object, in the same order
+    of lamps. Photographs whose names begin with ``ref`` show the edge of a ball.
+    ``ManualData/probes_bbox.txt`` of Xiong's data set [@xiong2014psbox] gives the places of the
+    balls in one frame.
 
     Parameters
     ----------
@@ -56,11 +65,14 @@ def read_balls(folder: str | Path, *, circles: str | None = None) -> BallFolder:
         Name of a text file in the folder of each ball: x, y and radius of its outline in pixels,
         counted from 1, y up from the lower border (``circle_data.txt`` of that data set). Default:
         outlines are found.
+    boxes
+        Top, left, height and width in pixels around each ball in the photographs of a folder.
+        Default: balls are found.
 
     Raises
     ------
     ArgumentError
-        No folder of a ball, several folders of objects, or other numbers of photographs.
+        No ball, no folder of a ball, several folders of objects, or other numbers of photographs.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -68,10 +80,23 @@ def read_balls(folder: str | Path, *, circles: str | None = None) -> BallFolder:
     inner = sorted(path for path in folder.iterdir() if path.is_dir())
     homes = [path for path in inner if _BALL.search(path.name) and list_images(path)]
     others = [path for path in inner if path not in homes and list_images(path)]
+    photographs = [path for path in list_images(folder) if not _REFERENCE.match(path.name)]
+    if photographs and not homes:
+        if circles is not None:
+            raise ArgumentError("circles: they belong to folders of balls; give boxes (--ball)")
+        references = [path for path in list_images(folder) if _REFERENCE.match(path.name)]
+        found, frame = balls_beside(photographs, references, boxes)
+        return BallFolder(found, folder, tuple(path.name for path in photographs), frame)
+    if boxes is not None:
+        raise ArgumentError(
+            f"boxes: {folder} holds folders of balls; boxes (--ball) are places in photographs "
+            "that show balls beside the object"
+        )
     if not homes:
         raise ArgumentError(
             f"path: {folder} has no folder of a ball: name the folder of each ball so that its "
-            "name contains ball, probe, sphere or chrome"
+            "name contains ball, probe, sphere or chrome, or give a folder of photographs that "
+            "show the ball beside the object"
         )
     if len(others) > 1:
         raise ArgumentError(

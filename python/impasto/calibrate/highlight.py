@@ -209,12 +209,15 @@ def _centroid(values: Array, mask: NDArray[np.bool_], level: float) -> tuple[flo
     rows, columns = np.nonzero(mask)
     top, left = max(rows.min() - 2, 0), max(columns.min() - 2, 0)
     window = (slice(top, rows.max() + 3), slice(left, columns.max() + 3))
-    finer = 8 if len(rows) < 2000 else 1
     grown = cv2.dilate(mask[window].astype(np.uint8), np.ones((3, 3), np.uint8))
-    size = (grown.shape[1] * finer, grown.shape[0] * finer)
-    near = cv2.resize(grown, size, interpolation=cv2.INTER_NEAREST)
-    fine = cv2.resize(values[window], size, interpolation=cv2.INTER_LINEAR)
-    own = ((np.asarray(fine) >= level) & (np.asarray(near) > 0)).astype(np.uint8)
+    # Between the pixels nothing is as bright as a single one: the finer grid may miss it.
+    for finer in (8, 1) if len(rows) < 2000 else (1,):
+        size = (grown.shape[1] * finer, grown.shape[0] * finer)
+        near = cv2.resize(grown, size, interpolation=cv2.INTER_NEAREST)
+        fine = cv2.resize(values[window], size, interpolation=cv2.INTER_LINEAR)
+        own = ((np.asarray(fine) >= level) & (np.asarray(near) > 0)).astype(np.uint8)
+        if own.any():
+            break
     own = np.pad(own, 1)
     depth = np.asarray(cv2.distanceTransform(own, cv2.DIST_L2, cv2.DIST_MASK_PRECISE))[1:-1, 1:-1]
     y, x = np.nonzero(own[1:-1, 1:-1])

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.checks import one_of
+from impasto._internal.checks import one_of, positive
 from impasto.calibrate.adjustment import LEVEL, Adjustment, adjust
-from impasto.calibrate.geometry import Array, BallCamera
+from impasto.calibrate.geometry import Array, BallCamera, tangents
 from impasto.calibrate.highlight import Highlight, Rule, find_highlight, median_highlight
 from impasto.calibrate.outline import Outline, check_inside, find_outline
 from impasto.errors import ArgumentError, GeometryError
@@ -63,7 +63,8 @@ class BallLights:
     Parameters
     ----------
     directions
-        ``(lamp, 3)`` unit vectors to the lamps: x right, y up, z towards the camera.
+        ``(lamp, 3)`` unit vectors to the lamps, as if all were distant: x right, y up, z towards
+        the camera; :meth:`from_middle` gives those of near lamps.
     sigma
         ``(lamp,)`` standard deviation in radians, along the worse axis.
     single
@@ -103,6 +104,33 @@ class BallLights:
                 f"distant: no lamp is nearer than the errors allow ({test}; t up to {largest:.1f})"
             )
         return f"{count} of {len(self.near)} lamps are near ({test})"
+
+    def from_middle(self, camera: BallCamera) -> BallLights:
+        """The same with directions from the middle of the photograph, on the plane of the balls.
+
+        Near lamps shine on the painting from elsewhere than on the balls beside it.
+
+        Parameters
+        ----------
+        camera
+            With which the lamps were found, its principal point in the middle of the photograph.
+        """
+        near = self.near_fit
+        if near is None:
+            return self
+        offset = near.origin - (0.0, 0.0, _plane(near, camera))
+        towards = near.direction + near.inverse_distance[:, None] * offset
+        length = np.linalg.norm(towards, axis=1, keepdims=True)
+        towards = towards / length
+        axes = (*tangents(near.direction), np.broadcast_to(offset, towards.shape))
+        across = np.stack(tangents(towards), axis=1) @ np.stack(axes, axis=2) / length[..., None]
+        spread = across @ near.covariance @ np.swapaxes(across, 1, 2)
+        sigma = np.sqrt(np.linalg.eigvalsh(spread)[:, -1])
+        return replace(
+            self,
+            directions=np.where(self.near[:, None], towards, self.directions),
+            sigma=np.where(self.near, sigma, self.sigma),
+        )
 
 
 def lights_from_balls(
@@ -183,6 +211,75 @@ def lights_from_balls(
     return BallLights(
         distant.direction, worst, single, tuple(outlines), tuple(highlights), known, distant, near
     )
+
+
+def _plane(fit: Adjustment, camera: BallCamera) -> float:
+    """Z of the plane on which the balls lie, in the camera frame."""
+    middle, radius = camera.balls(fit.outlines)
+    return float((middle[:, 2] - radius).mean())
+
+
+@dataclass(frozen=True, eq=False)
+class LampPositions:
+    """Where near lamps stand, as :func:`lamp_positions` finds it.
+
+    Parameters
+    ----------
+    mm
+        ``(lamp, 3)`` x right, y up, z towards the camera, from the middle of the photograph on the
+        plane on which the balls lie.
+    sigma
+        ``(lamp,)`` standard deviation in mm along the worst axis.
+    pitch_mm
+        Width of a pixel of the photograph on that plane.
+    """
+
+    mm: Array
+    sigma: Array
+    pitch_mm: float
+
+
+def lamp_positions(
+    found: BallLights, diameter_mm: float, camera: BallCamera | None = None
+) -> LampPositions:
+    """The positions of lamps in mm, from balls of a known size that lie on the painting's plane.
+
+    Parameters
+    ----------
+    found
+        What :func:`lights_from_balls` returned.
+    diameter_mm
+        Of every ball.
+    camera
+        The same as there, with its principal point in the middle of the photograph.
+
+    Raises
+    ------
+    GeometryError
+        The balls cannot tell that every lamp is near.
+    """
+    diameter = positive(diameter_mm, "diameter_mm", "the diameter of the balls in mm")
+    near = found.near_fit
+    if near is None or not found.near.all():
+        numbers = ", ".join(str(lamp + 1) for lamp in np.flatnonzero(~found.near))
+        which = "" if near is None else f"; lamps without a distance: {numbers}"
+        raise GeometryError(
+            f"lights: positions are not known ({found.verdict}){which}; use the directions"
+        )
+    camera = BallCamera() if camera is None else camera
+    _, radius = camera.balls(near.outlines)
+    plane = _plane(near, camera)
+    unit = diameter / (2.0 * float(radius.mean()))
+    far = 1.0 / near.inverse_distance
+    place = near.origin + near.direction * far[:, None] - (0.0, 0.0, plane)
+    right, up = tangents(near.direction)
+    slopes = np.stack(
+        [right * far[:, None], up * far[:, None], -near.direction * np.square(far)[:, None]], axis=2
+    )
+    spread = np.einsum("lij,ljk,lmk->lim", slopes, near.covariance, slopes)
+    worst = np.sqrt(np.linalg.eigvalsh(spread)[:, -1])
+    pitch = unit if camera.focal_px is None else -plane * unit / camera.focal_px
+    return LampPositions(unit * place, unit * worst, pitch)
 
 
 def _camera_of(ball: BallPhotographs, camera: BallCamera) -> BallCamera:

@@ -53,7 +53,7 @@ def _ball(ball: BallPhotographs, outline: object, camera: BallCamera) -> Panel:
     own = BallCamera(camera.focal_px, (camera.centre[0] - x, camera.centre[1] - y))
     points = np.rint(16.0 * ((own.outline_points(outline.numbers) + 0.5) * scale - 0.5))
     cv2.polylines(rgb, [points.astype(np.int32)], True, _GREEN, 2, cv2.LINE_AA, 4)
-    return Panel(ball.name, rgb, f"outline ±{outline.sigma:.2f} pixels")
+    return Panel(ball.name, rgb, f"outline ±{outline.sigma:.2g} pixels")
 
 
 def _cross(picture: Picture, at: tuple[float, float], name: str) -> None:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
-from cyclopts import App, Parameter
+from cyclopts import App, CycloptsError, Parameter
 from rich.markup import escape
 
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag
 from impasto.errors import ArgumentError
+
+Boxes: TypeAlias = Annotated[
+    list[tuple[int, int, int, int]] | None,
+    Parameter(metavar="TOP LEFT HEIGHT WIDTH", negative=""),
+]
 
 
 def application() -> App:
@@ -25,19 +30,33 @@ def lights(
     /,
     *,
     out: Path,
+    ball: Boxes = None,
+    diameter: float | None = None,
+    focal: float | None = None,
+    sensor: float | None = None,
     circles: str | None = None,
     rule: Literal["centroid", "median"] = "centroid",
     quiet: Flag = False,
 ) -> None:
     """Write a light file from photographs of mirror balls, and a picture of what was found.
 
-    FOLDER holds a folder for each ball (its name contains ball, probe, sphere or chrome) and one of
-    the object, all with the same lamps in the same order.
+    FOLDER holds photographs of the painting with one ball or more beside it; or a folder of crops
+    for each ball (its name contains ball, probe, sphere or chrome) and one of the object, all with
+    the same lamps in the same order.
 
     Parameters
     ----------
     out
-        The light file to write, a new .lp; a picture of the same name, .png, lies beside it.
+        The light file to write: a new .lp with directions, or .dome with positions of near lamps,
+        which takes two balls and --diameter; a picture of the same name, .png, lies beside it.
+    ball
+        Where a ball lies in the photographs, in pixels. Can be repeated. Default: balls are found.
+    diameter
+        Of the balls in mm.
+    focal
+        Focal length of the lens in mm, with --sensor; default: the camera is far away.
+    sensor
+        Width of the sensor in mm.
     circles
         Name of a file in the folder of each ball with x, y and radius of its outline, counted from
         1, y up. Default: outlines are found.
@@ -48,23 +67,65 @@ def lights(
     """
     import numpy as np
 
-    from impasto.calibrate import balls_picture, lights_from_balls, read_balls
-    from impasto.io import write_lights, write_png8
+    from impasto.calibrate import (
+        BallCamera,
+        balls_picture,
+        lamp_positions,
+        lights_from_balls,
+        read_balls,
+    )
+    from impasto.io import LightFile, write_lights, write_png8
 
     shown = out.with_suffix(".png")
-    if out.suffix.lower() != ".lp":
-        raise ArgumentError(f"--out: expected a name ending in .lp, found {out.name}")
+    placed = out.suffix.lower() == ".dome"
+    if out.suffix.lower() not in {".lp", ".dome"}:
+        raise ArgumentError(f"--out: expected a name ending in .lp or .dome, found {out.name}")
+    if (focal is None) != (sensor is None):
+        raise CycloptsError(msg="--focal and --sensor belong together: give both")
+    if placed and diameter is None:
+        raise CycloptsError(msg="--out: positions in a .dome need the --diameter of the balls")
     for path in (out, shown):
         if path.exists():
             raise ArgumentError(f"--out: {path} already exists; choose another name")
     stages = Stages(quiet=quiet)
     with stages.stage("photographs") as stage:
-        read = read_balls(folder, circles=circles)
-        stage.note = f"{len(read.balls)} balls, {len(read.names)} lamps"
+        read = read_balls(folder, circles=circles, boxes=ball)
+        stage.note = f"{_counted(len(read.balls), 'ball')}, {_counted(len(read.names), 'lamp')}"
+    camera = BallCamera()
+    if read.frame is not None:
+        rows, columns = read.frame
+        camera = BallCamera(None, ((columns - 1) / 2, (rows - 1) / 2))
+        if focal is not None and sensor is not None:
+            camera = BallCamera.of_sensor(focal, sensor, read.frame)
+    elif placed or focal is not None:
+        raise ArgumentError(
+            f"path: {folder} holds crops of the balls; their places in the photographs, which a "
+            "lens and positions (.dome) need, are not known: give photographs with the balls "
+            "beside the painting"
+        )
     with stages.stage("lamps") as stage:
-        found: Any = lights_from_balls(read.balls, rule=rule)
+        found: Any = lights_from_balls(read.balls, camera, rule=rule)
+        if read.frame is not None:
+            found = found.from_middle(camera)
         stage.note = f"directions within {np.degrees(found.sigma.max()):.2f} degrees"
     stages.say(f"  {'':14}[dim]{escape(found.verdict)}[/]")
+    written: Any = found.directions
+    if placed:
+        assert diameter is not None
+        assert read.frame is not None
+        places = lamp_positions(found, diameter, camera)
+        written = LightFile(
+            out, "dome", None, found.directions, np.linalg.norm(places.mm, axis=1),
+            positions=places.mm, width_mm=places.pitch_mm * read.frame[1],
+        )  # fmt: skip
+        stages.say(f"  {'':14}[dim]positions within {places.sigma.max():.1f} mm[/]")
+    elif found.near.all():
+        advice = "an --out that ends in .dome and --diameter keep positions"
+        stages.say(f"  {'':14}[dim]directions from the middle of the photograph; {advice}[/]")
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_png8(shown, balls_picture(read.balls, found))
-    write_lights(out, found.directions, read.names)
+    write_png8(shown, balls_picture(read.balls, found, camera))
+    write_lights(out, written, None if placed else read.names)
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"

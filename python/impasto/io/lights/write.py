@@ -1,9 +1,10 @@
-"""Write light files: ``.lp``, or ``.csv`` where every photograph has its own view."""
+"""Write light files: ``.lp``, ``.csv`` where every photograph has its own view, ``.dome``."""
 
 from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,8 @@ def write_lights(
     path
         The file to write (replaced atomically). Any ending but ``.csv``: the ``.lp`` format, which
         has lights only. ``.csv``: a table with a header, whose columns are the photograph, the
-        direction to the light, and the direction to the eye.
+        direction to the light, and the direction to the eye. ``.dome``: positions of near lamps
+        in mm, in the format of relight, which has no names: photographs follow in its order.
     lights
         ``(n, 3)`` directions, a :class:`~impasto.Rig` or a :class:`LightFile`. Of near lamps and
         cameras, the directions from the middle of the painting.
@@ -47,8 +49,11 @@ def write_lights(
     ------
     ArgumentError
         Names are missing, do not match the lights in number, or contain a line break; views that
-        an ``.lp`` file cannot hold.
+        an ``.lp`` file cannot hold; a ``.dome`` without positions and ``width_mm``.
     """
+    if Path(path).suffix.lower() == ".dome":
+        atomic_bytes(path, _dome(path, lights).encode("utf-8"))
+        return
     table = Path(path).suffix.lower() == ".csv"
     if isinstance(lights, LightFile):
         names = lights.names if names is None else names
@@ -74,6 +79,22 @@ def write_lights(
             LOG.warning(message, path, len(names), RELIGHT_LIMIT)
         text = _lp(names, directions)
     atomic_bytes(path, text.encode("utf-8"))
+
+
+def _dome(path: str | Path, lights: Any) -> str:
+    positions = lights.positions if isinstance(lights, LightFile) else None
+    if positions is None or not isinstance(lights, LightFile) or lights.width_mm is None:
+        raise ArgumentError(
+            f"lights: {path} holds positions in mm and the width of the photograph in mm: give a "
+            "LightFile with positions= and width_mm=, or a name that ends in .lp for directions"
+        )
+    content = {
+        "lightConfiguration": "lights3d",
+        "lightCount": len(positions),
+        "imageWidth": lights.width_mm,
+        "positions3d": positions.tolist(),
+    }
+    return json.dumps(content, indent=2) + "\n"
 
 
 def _directions(lights: Any) -> tuple[Directions, Directions | None]:
