@@ -1,0 +1,21 @@
+"""``session.toml``: what belongs to the photographs of one painting, in one file for people."""
+
+from impasto.io.session_toml.hashes import Problem, sha256_of, verify
+from impasto.io.session_toml.read import SESSION_FILE, is_session, read_session
+from impasto.io.session_toml.schema import KEYS, VERSION, Key, Session
+from impasto.io.session_toml.write import session_text, write_session
+
+__all__ = [
+    "KEYS",
+    "SESSION_FILE",
+    "VERSION",
+    "Key",
+    "Problem",
+    "Session",
+    "is_session",
+    "read_session",
+    "session_text",
+    "sha256_of",
+    "verify",
+    "write_session",
+]
