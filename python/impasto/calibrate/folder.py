@@ -40,6 +40,12 @@ class BallFolder:
     names: tuple[str, ...]
 
 
+def ball_folders(folder: Path) -> list[Path]:
+    """The subfolders with photographs of a mirror ball, by their names."""
+    inner = sorted(path for path in folder.iterdir() if path.is_dir())
+    return [path for path in inner if _BALL.search(path.name) and list_images(path)]
+
+
 def read_balls(folder: str | Path, *, circles: str | None = None) -> BallFolder:
     """Read the photographs of the balls in a folder.
 
@@ -66,7 +72,7 @@ def read_balls(folder: str | Path, *, circles: str | None = None) -> BallFolder:
     if not folder.is_dir():
         raise ArgumentError(f"path: {folder} is not a folder")
     inner = sorted(path for path in folder.iterdir() if path.is_dir())
-    homes = [path for path in inner if _BALL.search(path.name) and list_images(path)]
+    homes = ball_folders(folder)
     others = [path for path in inner if path not in homes and list_images(path)]
     if not homes:
         raise ArgumentError(

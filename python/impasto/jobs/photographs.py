@@ -208,7 +208,7 @@ class Files(Photographs):
         self, path: Path, reading: Mapping[str, Any], memory: int, encoding: Encoding | None
     ) -> None:
         self._path = path
-        self._session = SessionPhotographs(path, reading) if is_session(path) else None
+        self._session = SessionPhotographs.verified(path, reading) if is_session(path) else None
         if self._session is not None:
             reading = self._session.arguments
             if "region" in reading:

@@ -156,16 +156,17 @@ def _tags_of_libraw(file: RegularFile) -> dict[str, Any]:
     except ImportError:
         return {}
     with suppress(rawpy.LibRawError), rawpy.imread(io.BytesIO(file.content())) as raw:
-        other = raw.other
-        found = {
-            "ExposureTime": other.shutter,
-            "FNumber": other.aperture,
-            "ISOSpeedRatings": other.iso_speed,
-            "FocalLength": other.focal_len,
-        }
-        # 1970 where the file does not say.
-        known = other.timestamp.year >= _FIRST_YEAR
-        return found | ({"DateTime": other.timestamp.strftime(_TIME)} if known else {})
+        other = getattr(raw, "other", None)  # of later versions
+        if other is not None:
+            found = {
+                "ExposureTime": other.shutter_speed,
+                "FNumber": other.aperture,
+                "ISOSpeedRatings": other.iso_speed,
+                "FocalLength": other.focal_length,
+            }
+            # 1970 where the file does not say.
+            known = other.timestamp.year >= _FIRST_YEAR
+            return found | ({"DateTime": other.timestamp.strftime(_TIME)} if known else {})
     return {}
 
 

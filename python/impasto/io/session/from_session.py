@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from impasto.io.lights.light_file import finish
 from impasto.io.lights.tables import unit_views
 from impasto.io.notes import Notebook, few
 from impasto.io.session.frames import frame_paths
-from impasto.io.session.photographs import read_photographs
+from impasto.io.session.photographs import find_photographs, read_photographs
 from impasto.io.session_toml import KEYS, Session, read_session, verify
 from impasto.io.session_toml.hashes import confined, root, unlisted
 from impasto.io.session_toml.values import names
@@ -39,14 +39,14 @@ _ARGUMENTS = {
 class SessionPhotographs:
     """What a session says, with the arguments that were given beside it.
 
-    All files of which the session states a hash are read and compared.
-
     Parameters
     ----------
-    path
-        The session file, or its folder.
+    session
+        As read from a file.
     given
         Arguments of :func:`impasto.read_stack`; they win over the session.
+    notebook
+        Takes notes on what is not used.
 
     Attributes
     ----------
@@ -60,30 +60,60 @@ class SessionPhotographs:
     Raises
     ------
     ArgumentError
-        Errors of :func:`~impasto.io.read_session`, files outside of the folder, missing files.
-    CorruptInputError
-        A file has another hash.
+        Files outside of the session's folder, missing files.
     """
 
-    def __init__(self, path: Path, given: Mapping[str, Any]) -> None:
-        self.session = session = read_session(path)
+    def __init__(self, session: Session, given: Mapping[str, Any], notebook: Notebook) -> None:
+        self.session = session
         self._given = {
             name: value
             for name, value in given.items()
             if value is not None and not _is_default(name, value)
         }
-        self._notebook = notebook = Notebook(session.strict or "strict" in self._given)
-        if path.is_dir():
-            notebook.say(KIND, _file(session), "used as the session of this folder")
+        self._notebook = notebook
         self._say_overridden()
-        if "images" in self._given and session.sha256:
-            notebook.warn(
-                KIND, _file(session), "hashes are not compared, since another folder was given"
-            )
-        elif "images" not in self._given:
-            verify(session)
         self.path, own = self._own()
         self.arguments: dict[str, Any] = own | self._given
+
+    @classmethod
+    def verified(cls, path: Path, given: Mapping[str, Any]) -> Self:
+        """Of a session file or its folder; all files whose hash it states are compared with that.
+
+        Raises
+        ------
+        ArgumentError
+            Also errors of :func:`~impasto.io.read_session`.
+        CorruptInputError
+            A file has another hash.
+        """
+        session = read_session(path)
+        notebook = Notebook(session.strict or given.get("strict") is True)
+        if path.is_dir():
+            notebook.say(KIND, _file(session), "used as the session of this folder")
+        if given.get("images") is None:
+            verify(session)
+        elif session.sha256:
+            message = "hashes are not compared, since another folder was given (images=)"
+            notebook.warn(KIND, _file(session), message)
+        return cls(session, given, notebook)
+
+    def files(self) -> tuple[Path, ...]:
+        """The photographs, in the order of the lights; none of them is opened.
+
+        Raises
+        ------
+        ArgumentError
+            None is found, or the light file does not say which is which.
+        """
+        wanted = {"lights", "images", "mask", "white", "dark", "pattern", "bands", "names"}
+        arguments = {name: self.arguments[name] for name in self.arguments.keys() & wanted}
+        try:
+            _, found = find_photographs(self.path, Notebook(), **arguments)
+        except ArgumentError as error:
+            raise self._located(error) from error
+        photographs = tuple(path for files in found.files for path in files)
+        self._guard(photographs, Notebook())
+        return photographs
 
     def read(self, **changes: Any) -> Stack:
         """The stack; ``changes`` replace arguments, None leaves them out."""

@@ -28,7 +28,7 @@ from impasto.io.session.frames import (
     read_dark,
 )
 from impasto.io.session.observations import Observations, find_observations
-from impasto.io.session.rigs import build_rig, listed_lights, without_falloff
+from impasto.io.session.rigs import ListedLights, build_rig, listed_lights, without_falloff
 from impasto.rig import Rig
 from impasto.stack import DIVIDED, Stack
 
@@ -63,20 +63,17 @@ def read_photographs(
     ``names`` are those of the photographs in a folder, where ``lights`` names none.
     """
     notebook = Notebook(strict)
-    listed = listed_lights(path, lights, notebook, names)
-    folder = Path(images) if images is not None else (path if path.is_dir() else path.parent)
-    excluded = [
-        p for option in (mask, white, dark) if option is not None for p in frame_paths(option) or ()
-    ]
-    observations = find_observations(
-        listed.names,
-        len(listed.lights),
-        folder,
-        listed.source,
+    listed, observations = find_photographs(
+        path,
         notebook,
+        lights=lights,
+        images=images,
+        mask=mask,
+        white=white,
+        dark=dark,
         pattern=pattern,
         bands=bands,
-        excluded=excluded,
+        names=names,
     )
     if guard is not None:
         guard([path for files in observations.files for path in files], notebook)
@@ -148,6 +145,38 @@ def read_photographs(
         notes=tuple(notebook.notes),
         sources=_sources(listed.source, observations, (mask, white, dark, intensities)),
     )
+
+
+def find_photographs(
+    path: Path,
+    notebook: Notebook,
+    *,
+    lights: Any = None,
+    images: str | Path | None = None,
+    mask: Any = None,
+    white: FrameSource | None = None,
+    dark: FrameSource | None = None,
+    pattern: str | Sequence[str] | None = None,
+    bands: Sequence[str] | None = None,
+    names: tuple[str, ...] | None = None,
+) -> tuple[ListedLights, Observations]:
+    """The lights and the files of each photograph, none of which is opened."""
+    listed = listed_lights(path, lights, notebook, names)
+    folder = Path(images) if images is not None else (path if path.is_dir() else path.parent)
+    excluded = [
+        p for option in (mask, white, dark) if option is not None for p in frame_paths(option) or ()
+    ]
+    observations = find_observations(
+        listed.names,
+        len(listed.lights),
+        folder,
+        listed.source,
+        notebook,
+        pattern=pattern,
+        bands=bands,
+        excluded=excluded,
+    )
+    return listed, observations
 
 
 def _sources(

@@ -132,5 +132,5 @@ def read_stack(
         return read_stored(path, given, region)
     given |= {"region": region, "strict": strict, "max_pixels": max_pixels}
     if is_session(path):
-        return SessionPhotographs(path, given).read()
+        return SessionPhotographs.verified(path, given).read()
     return read_photographs(path, **given)
