@@ -207,6 +207,10 @@ def _boards(session: Session) -> bool:
 def _lens(session: Session, header: ImageHeader, exif: Sequence[Exif]) -> list[Finding]:
     """Focal length and size of the painting against the photographs."""
     found = []
+    camera = next((one.camera for one in exif if one.camera), None)
+    if session.camera and camera and session.camera.casefold() != camera.casefold():
+        message = f"camera.name is {session.camera!r}, EXIF says {camera!r}"
+        found.append(Finding("camera", "note", message))
     stated = next((f for one in exif if (f := one.focal_length_px(header.width, header.height))), 0)
     own = session.focal_length_px
     if own and stated and abs(own / stated - 1.0) > _ALIKE:

@@ -35,8 +35,8 @@ def sequence(names: Sequence[str], exif: Sequence[Exif], *, equalised: bool) -> 
 
     Returns
     -------
-    list of Finding
-        Codes ``exif``, ``camera``, ``exposure``, ``order`` and ``clock``.
+    list
+        Findings with the codes ``exif``, ``camera``, ``exposure``, ``order`` and ``clock``.
     """
     if not any(exif_of != Exif() for exif_of in exif):
         return [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -76,29 +77,17 @@ def confined(session: Session, path: Path, key: str) -> Path:
     return path
 
 
-def listed(session: Session) -> dict[Path, str]:
-    """The files of which the session states a SHA-256, with their names; links are followed."""
-    found = {}
-    for name in session.sha256:
-        path = confined(session, root(session) / name, f"files.{name}")
-        try:
-            found[path.resolve()] = name
-        except (OSError, RuntimeError, ValueError) as error:
-            place = session.place(f"files.{name}")
-            raise ArgumentError(f"{place}: cannot be followed ({error})") from error
-    return found
-
-
 def problems(session: Session) -> Iterator[Problem]:
     """Every listed file that is missing or another one; all of them are read."""
-    for path, name in listed(session).items():
+    for name, digest in session.sha256.items():
+        path = confined(session, root(session) / name, f"files.{name}")
         line = session.lines.get(f"files.{name}", 0)
         try:
             there = path.is_file()
         except (OSError, ValueError):
             there = False
         found = sha256_of(path) if there else ""
-        if found != session.sha256[name]:
+        if found != digest:
             yield Problem(name, path, found, line)
 
 
@@ -124,16 +113,18 @@ def verify(session: Session) -> None:
             "without it (impasto session check lists all)"
         )
     raise CorruptInputError(
-        where,
-        f"is another file than when the session was written{more}; copy it again, or, if the "
-        f'change is meant, write "{first.found}" in that line (impasto session check lists all)',
+        first.path,
+        f"is another file than when the session was written{more} ({where} has another SHA-256); "
+        f'copy it again, or, if the change is meant, write "{first.found}" in that line '
+        "(impasto session check lists all)",
     )
 
 
 def unlisted(session: Session, paths: Iterable[Path]) -> list[str]:
     """Names of the files among ``paths`` of which the session states no SHA-256."""
-    known = listed(session)
-    return [path.name for path in paths if path.resolve() not in known]
+    folder = root(session)
+    known = {Path(os.path.normpath(folder / name)) for name in session.sha256}
+    return [path.name for path in paths if Path(os.path.normpath(path)) not in known]
 
 
 def sha256_of(path: Path) -> str:
