@@ -126,6 +126,15 @@ def test_an_existing_file_is_not_replaced(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="not replaced"):
         write_session(path, Session(title="another"))
     assert path.read_bytes() == before
+    for wrong in (float("nan"), float("inf"), -1.0, "wide"):
+        with pytest.raises(ArgumentError, match=r"photographs.pitch_mm: expected a positive"):
+            write_session(tmp_path / "other.toml", Session(pitch_mm=wrong))
+    with pytest.raises(ArgumentError, match="found dict"):
+        write_session(tmp_path / "other.toml", Session(dark={"a": 1}))
+    assert not (tmp_path / "other.toml").exists()
+    number = np.float32(0.1)  # 0.1 of single precision is another number
+    write_session(tmp_path / "single.toml", Session(pitch_mm=number, max_pixels=np.int64(5)))
+    assert read_session(tmp_path / "single.toml").pitch_mm == float(number)
     with pytest.raises(ArgumentError, match="rename that file"):
         write_session(tmp_path / "other.toml", Session(mask="a\udc80.png"))
 
@@ -503,7 +512,7 @@ def test_a_damaged_session_ends_in_words(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("memory", ["1GiB", "100kB"])
 def test_a_job_of_a_session_has_the_bits_of_the_fit(memory: str, copy: Path) -> None:
-    """Read at once, and window by window: 100 kB hold no 6 photographs of 20 x 30 pixels."""
+    """Read at once, and window by window: a pixel takes 294 bytes, all of them 176 kB."""
     pytest.importorskip("fcntl", reason="jobs need POSIX")
     hashes = {name: sha256_of(copy / name) for name in [*FILES, "mask.png"]}
     values = {"mask": "mask.png", "dark": "dark 1.png", "encoding": "2.2", "sha256": hashes}

@@ -56,7 +56,11 @@ def read_session(path: str | Path) -> Session:
     path = Path(path)
     if path.is_dir():
         path = path / SESSION_FILE
-    text = _text(path)
+    return parse_session(_text(path), path)
+
+
+def parse_session(text: str, path: Path) -> Session:
+    """As :func:`read_session`, of the contents of a file."""
     with damage_of(path, "TOML"):
         content = tomllib.loads(text)
     session = Session(path=path, lines=_lines(text))

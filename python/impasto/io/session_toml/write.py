@@ -8,11 +8,13 @@ from __future__ import annotations
 import json
 import textwrap
 from collections.abc import Iterator, Mapping
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
 from impasto.errors import ArgumentError
 from impasto.io.files import atomic_bytes
+from impasto.io.session_toml.read import parse_session
 from impasto.io.session_toml.schema import KEYS, TABLES, VERSION, Key, Session
 
 _WIDTH = 98
@@ -36,13 +38,16 @@ def write_session(path: str | Path, session: Session) -> None:
     Raises
     ------
     ArgumentError
-        The file exists, or a name has characters that no TOML file can hold.
+        The file exists, a value is not what :func:`~impasto.io.read_session` accepts, or a name has
+        characters that no TOML file can hold.
     """
     path = Path(path)
     if path.exists():
         raise ArgumentError(f"path: {path} already exists and is not replaced")
+    text = session_text(session)
+    parse_session(text, path)
     try:
-        data = session_text(session).encode("utf-8")
+        data = text.encode("utf-8")
     except UnicodeEncodeError as error:
         raise ArgumentError(
             "session: a name has characters that no TOML file can hold "
@@ -92,9 +97,20 @@ def toml(value: Any) -> str:
     """A text, number, truth value or list as TOML.
 
     The escapes of JSON are those of TOML, which forbids one more character.
+
+    Raises
+    ------
+    ArgumentError
+        A value of another kind.
     """
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, tuple | list):
         return f"[{', '.join(map(toml, value))}]"
-    return json.dumps(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Integral):
+        return str(int(value))
+    if isinstance(value, Real):
+        return repr(float(value))
+    raise ArgumentError(f"session: expected texts and numbers, found {type(value).__name__}")
