@@ -150,6 +150,19 @@ def test_several_light_files_are_left_to_the_person(folder: Path) -> None:
     assert "several light files (lamps.lp, other.lp)" in made.missing[0]
 
 
+def test_listed_photographs_that_are_not_there_are_said(folder: Path) -> None:
+    """And what the light file needs repaired."""
+    (folder / NAMES[6]).unlink()
+    longer = [tuple(1.2 * v for v in light) for light in LIGHTS]
+    rows = [f"{name} {x} {y} {z}\n" for name, (x, y, z) in zip(NAMES, longer, strict=True)]
+    (folder / "lamps.lp").write_text(f"{len(rows)}\n{''.join(rows)}")
+    made = find_session(folder)
+    assert any("1 of 8 listed photographs not found" in line for line in made.missing)
+    assert any("are not unit vectors" in line for line in made.found)
+    assert made.complete
+    assert NAMES[6] not in made.session.sha256
+
+
 def test_names_of_paintings_are_no_calibration_frames(tmp_path: Path) -> None:
     """Listed photographs stay photographs; whole words alone name frames."""
     names = ["white_1.png", "white_2.png", "white_3.png", "blackboard.png"]

@@ -147,6 +147,11 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "mask": ({"mask": "mask.png"}, {"mask": "mask.png"}),
     "saturation": ({"saturation": (250.0, 240.0, 230.0)}, {"saturation": [250, 240, 230]}),
     "level": ({"dark": 3.0, "encoding": "linear"}, {"dark": 3, "encoding": "linear"}),
+    "level 0": ({"dark": 0.0, "encoding": "linear"}, {"dark": 0, "encoding": "linear"}),
+    "level of bands": (
+        {"dark": (0.0, 1.0, 2.0), "encoding": "linear"},
+        {"dark": [0, 1, 2], "encoding": "linear"},
+    ),
     "dark frame": ({"dark": "dark 1.png"}, {"dark": "dark 1.png"}),
     "dark frames": (
         {"dark": ("dark 1.png", "dark 2.png")}, {"dark": ["dark 1.png", "dark 2.png"]},
@@ -264,9 +269,19 @@ def test_an_argument_wins_over_the_session_and_the_notes_say_so(copy: Path) -> N
         "photographs.encoding is not used, since encoding= was given",
         "photographs.pitch_mm is not used, since pitch_mm= was given",
     ]
+    rig = Rig(impasto.read_stack(copy / "dirs.lp", intensities=[1, 2, 3, 4, 5, 6]).rig)
+    path = written(copy, lights="dirs.lp", intensities=(6.0, 5, 4, 3, 2, 1))
+    refined = impasto.read_stack(path, lights=rig)
+    assert refined.rig.intensities.tolist() == [1, 2, 3, 4, 5, 6]
+    assert [n.message for n in refined.notes if n.kind == "session"] == [
+        "lights.file is not used, since lights= was given",
+        "lights.intensities is not used, since lights= was given",
+    ]
     write_lights(copy / "other.lp", LIGHTS[::-1], FILES)
     other = impasto.read_stack(path, lights=copy / "other.lp")
-    assert other.rig.lights == impasto.read_stack(copy / "other.lp").rig.lights
+    # A light file has no strengths: the session's stay.
+    strengths = [6, 5, 4, 3, 2, 1]
+    same(other, impasto.read_stack(copy / "other.lp", intensities=strengths))
     assert "lights.file is not used" in str(next(n for n in other.notes if n.kind == "session"))
 
 

@@ -75,7 +75,7 @@ def _session(path: Path) -> dict[str, Any]:
             value = counted(len(value), "file") if value else None
         elif isinstance(value, tuple):
             value = ", ".join(map(str, value))
-        if value not in (None, False):
+        if value is not None and value is not False:
             facts[key.name] = value
     return facts
 

@@ -80,7 +80,9 @@ def find_session(folder: str | Path) -> FoundSession:
     balls = ball_folders(folder)
     home = _home(folder, balls)
     lights, why = _lights(folder, home)
-    photographs, problem = _photographs(home, lights)
+    notebook = Notebook()
+    photographs, problem = _photographs(home, lights, notebook)
+    repairs = [note for note in notebook.notes if note.repair]
     extra = _Frames.of(folder, home, photographs)
     session = Session(
         title=folder.resolve().name or None,
@@ -101,6 +103,7 @@ def find_session(folder: str | Path) -> FoundSession:
         f"{counted(len(photographs), 'photograph')} of {header.width} x {header.height} pixels, "
         f"{photographs[0].name} to {photographs[-1].name}",
         *([] if lights is None else [f"light file {session.lights}"]),
+        *[str(note) for note in repairs if note.kind != "missing"],
         *extra.words(),
         *([f"camera {session.camera}"] if session.camera else []),
         *(
@@ -117,6 +120,7 @@ def find_session(folder: str | Path) -> FoundSession:
         )
     missing = [why] if why else []
     missing += [problem] if problem else []
+    missing += [note.message for note in repairs if note.kind == "missing"]
     missing += extra.missing(len(photographs))
     missing.append("photographs.pitch_mm, the width of a pixel: needed for near lamps")
     complete = lights is not None and not problem
@@ -159,13 +163,13 @@ def _lights(folder: Path, home: Path) -> tuple[Path | None, str]:
     return None, f"lights: {why}; write its name as lights.file"
 
 
-def _photographs(home: Path, lights: Path | None) -> tuple[list[Path], str]:
+def _photographs(home: Path, lights: Path | None, notebook: Notebook) -> tuple[list[Path], str]:
     """The files that belong to the lights; without lights, all that are no calibration frames."""
     every = [path for path in list_images(home) if not _is_frame(path.stem)]
     if lights is None:
         return every, ""
     try:
-        _, found = find_photographs(lights, Notebook(), images=home)
+        _, found = find_photographs(lights, notebook, images=home)
     except MissingExtraError:
         raise
     except ArgumentError as error:

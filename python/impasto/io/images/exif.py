@@ -15,7 +15,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from impasto._internal.damage import DAMAGE
 from impasto._internal.regular import RegularFile
 from impasto.errors import CorruptInputError
 from impasto.io.images.raw import RAW_SUFFIXES
@@ -83,7 +82,7 @@ def read_exif(path: str | Path) -> Exif:
     path = Path(path)
     with closing(RegularFile(path)) as file:
         tags: dict[str, Any] = {}
-        with suppress(CorruptInputError, *DAMAGE):
+        with suppress(CorruptInputError):  # cut off
             block = _block(file)
             tags = {} if block is None else _tags(block)
         if "ExposureTime" not in tags and path.suffix.lower() in RAW_SUFFIXES:
@@ -144,8 +143,13 @@ def _tags(block: io.IOBase) -> dict[str, Any]:
 
     # It would say on the terminal that there is no picture.
     logging.getLogger("tifffile").addHandler(_SILENT)
-    opened = tifffile.TiffFile(block, offset=0)
-    tags = {tag.name: tag.value for tag in opened.pages.first.aspage().tags}
+    try:
+        opened = tifffile.TiffFile(block, offset=0)
+        tags = {tag.name: tag.value for tag in opened.pages.first.aspage().tags}
+    except MemoryError:
+        raise
+    except Exception:  # tifffile raises many kinds of exceptions
+        return {}
     own = tags.get("ExifTag")
     return tags | own if isinstance(own, dict) else tags
 

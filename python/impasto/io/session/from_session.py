@@ -71,6 +71,7 @@ class SessionPhotographs:
             if value is not None and not _is_default(name, value)
         }
         self._notebook = notebook
+        self._rig_given = isinstance(self._given.get("lights"), Rig)
         self._say_overridden()
         self.path, own = self._own()
         self.arguments: dict[str, Any] = own | self._given
@@ -129,8 +130,10 @@ class SessionPhotographs:
         )
 
     def _say_overridden(self) -> None:
+        # A Rig has strengths of its own.
+        lamps = (*_LAMPS, "intensities") if self._rig_given else _LAMPS
         for argument in self._given:
-            for attribute in _LAMPS if argument == "lights" else (argument,):
+            for attribute in lamps if argument == "lights" else (argument,):
                 key = _ARGUMENTS.get(attribute)
                 if key is None or not self._has(attribute):
                     continue
@@ -141,7 +144,8 @@ class SessionPhotographs:
                 )
 
     def _has(self, attribute: str) -> bool:
-        return getattr(self.session, attribute) not in (None, False)
+        value = getattr(self.session, attribute)
+        return value is not None and value is not False  # a black level of 0 is a value
 
     def _own(self) -> tuple[Path, dict[str, Any]]:
         """Where reading starts, and the session's arguments."""
@@ -153,7 +157,7 @@ class SessionPhotographs:
             if self._has(key.attribute) and key.attribute not in self._given:
                 own[key.attribute] = self._inside(value, key.name) if key.files else value
         lamps = self._given.get("lights")
-        if isinstance(lamps, Rig):  # it has strengths of its own
+        if self._rig_given:
             own.pop("intensities", None)
         folder = Path(self._given.get("images", own.get("images", root(session))))
         named = isinstance(lamps, str | Path | LightFile)

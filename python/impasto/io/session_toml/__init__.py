@@ -1,4 +1,9 @@
-"""``session.toml``: what belongs to the photographs of one painting, in one file for people."""
+"""``session.toml``: what belongs to the photographs of one painting, in one file for people.
+
+This folder knows the file alone: keys, values, hashes, places. ``impasto.io.session``, which reads
+stacks, imports it; ``impasto.session``, which makes and checks such files by EXIF, light files and
+findings of the doctor, imports both. So no folder imports one that imports it.
+"""
 
 from impasto.io.session_toml.hashes import Problem, sha256_of, verify
 from impasto.io.session_toml.read import SESSION_FILE, is_session, read_session
