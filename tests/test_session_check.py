@@ -18,7 +18,7 @@ from PIL import Image
 import impasto
 from impasto import ArgumentError
 from impasto.cli import main
-from impasto.io import read_session, write_lights
+from impasto.io import Session, read_session, write_lights, write_session
 from impasto.io.images import exif
 from impasto.io.images.exif import Exif, read_exif
 from impasto.io.session_toml import sha256_of
@@ -231,6 +231,23 @@ def test_numbers_that_do_not_fit_the_photographs(folder: Path) -> None:
     assert "240 x 180 mm" in found["painting-size"].message
     path.write_text(path.read_text().replace('file = "lamps.lp"', "# no lights"))
     assert codes(check_session(path), "error") == ["photographs"]
+
+
+def test_filters_have_exposures_of_their_own(tmp_path: Path) -> None:
+    """Each is compared with the same filter under other lights."""
+    for number in range(5):
+        for band, exposure in ((450, 0.1), (650, 0.02)):
+            path = tmp_path / f"p{number}_{band}.tif"
+            photograph(path, 20.0 * number + band / 100, exposure=exposure)
+    write_lights(tmp_path / "a.lp", LIGHTS[:5], [f"p{number}.tif" for number in range(5)])
+    session = Session(lights="a.lp", pattern="{name}_{band}.tif")
+    write_session(tmp_path / "session.toml", session)
+    found = check_session(tmp_path)
+    assert codes(found, "warning", "error") == []
+    assert found.shape == (5, 6, 18, 24)
+    photograph(tmp_path / "p3_650.tif", 66.5, exposure=0.1)
+    assert codes(check_session(tmp_path), "error") == ["exposure"]
+    assert check_session(tmp_path)["exposure"].observations == (7,)
 
 
 # --- exposure, order and time

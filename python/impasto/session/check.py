@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from impasto._internal.wording import counted
@@ -51,10 +52,11 @@ def check_session(path: str | Path) -> Diagnosis:
     found = _hashes(session)
     try:
         photographs = SessionPhotographs(session, {}, Notebook())
-        files = photographs.files()
+        grouped = photographs.files()
     except ArgumentError as error:
         found.append(_refused("photographs", error))
         return Diagnosis(tuple(found), (), (0, 0, 0, 0))
+    files = [path for group in grouped for path in group]
     if not session.sha256:
         found.append(
             Finding(
@@ -79,17 +81,14 @@ def check_session(path: str | Path) -> Diagnosis:
     if headers and not broken:
         found += _sizes(headers)
     exif = _exif(files)
-    order = sorted(range(len(files)), key=lambda i: natural_key(names[i]))
-    by_name = sequence(
-        [names[i] for i in order],
-        [exif[i] for i in order],
-        equalised=session.intensities is not None or _boards(session),
-    )
-    found += [_reordered(one, order) for one in by_name]
-    shape = (len(files), 0, 0, 0)
+    equalised = session.intensities is not None or _boards(session)
+    for band in range(len(grouped[0])):  # filters have exposures of their own
+        found += _in_order(range(band, len(files), len(grouped[0])), names, exif, equalised)
+    shape = (len(grouped), 0, 0, 0)
     if headers:
         found += _lens(session, headers[0], exif)
-        shape = (len(files), 0, headers[0].height, headers[0].width)
+        first = headers[0]
+        shape = (len(grouped), first.channels * len(grouped[0]), first.height, first.width)
     if not any(one.severity == "error" and one.code != "exposure" for one in found):
         try:
             stack = photographs.read(region=(0, 0, 1, 1), mask=None)
@@ -188,12 +187,16 @@ def _exif(files: Sequence[Path]) -> list[Exif]:
     return found
 
 
-def _reordered(finding: Finding, order: Sequence[int]) -> Finding:
-    """With the numbers of the photographs in the order of the lights."""
-    places = tuple(sorted(order[i] for i in finding.observations))
-    return Finding(
-        finding.code, finding.severity, finding.message, finding.advice, places, finding.numbers
-    )
+def _in_order(
+    places: Iterable[int], names: Sequence[str], exif: Sequence[Exif], equalised: bool
+) -> list[Finding]:
+    """The findings on some files in the order of their names, by their places in the session."""
+    order = sorted(places, key=lambda i: natural_key(names[i]))
+    found = sequence([names[i] for i in order], [exif[i] for i in order], equalised=equalised)
+    return [
+        replace(one, observations=tuple(sorted(order[i] for i in one.observations)))
+        for one in found
+    ]
 
 
 def _boards(session: Session) -> bool:

@@ -132,7 +132,7 @@ def _exposure(names: Sequence[str], exif: Sequence[Exif], equalised: bool) -> li
             "error",
             message,
             "take these again; or, of linear files, write the strengths of the lights times "
-            "these exposures into lights.intensities (--json lists them)",
+            "these exposures into lights.intensities (impasto session check --json lists them)",
             odd,
             {"relative": relative},
         )
@@ -162,8 +162,8 @@ def _times(names: Sequence[str], exif: Sequence[Exif]) -> list[Finding]:
             Finding(
                 "order",
                 "warning",
-                f"{counted(len(late), 'photograph')} out of order: by their times "
-                f"{named(names, places)} were not taken where their names say",
+                f"{counted(len(late), 'photograph')} out of order: {named(names, places)}, by the "
+                "times of the camera against the names",
                 "compare their lights with the light file: a photograph that was taken again has "
                 "a later time, a renamed one another light",
                 places,

@@ -98,8 +98,10 @@ class SessionPhotographs:
             notebook.warn(KIND, _file(session), message)
         return cls(session, given, notebook)
 
-    def files(self) -> tuple[Path, ...]:
-        """The photographs, in the order of the lights; none of them is opened.
+    def files(self) -> tuple[tuple[Path, ...], ...]:
+        """The files of each photograph, in the order of the lights; none of them is opened.
+
+        There are several where bands have files of their own (``photographs.pattern``).
 
         Raises
         ------
@@ -112,9 +114,8 @@ class SessionPhotographs:
             _, found = find_photographs(self.path, Notebook(), **arguments)
         except ArgumentError as error:
             raise self._located(error) from error
-        photographs = tuple(path for files in found.files for path in files)
-        self._guard(photographs, Notebook())
-        return photographs
+        self._guard([path for files in found.files for path in files], Notebook())
+        return found.files
 
     def read(self, **changes: Any) -> Stack:
         """The stack; ``changes`` replace arguments, None leaves them out."""

@@ -105,7 +105,7 @@ def verify(session: Session) -> None:
     if not found:
         return
     first, others = found[0], [problem.name for problem in found[1:]]
-    more = f"; so are {few(others)}" if others else ""
+    more = f"; changed or missing, too: {few(others)}" if others else ""
     where = session.place(f"files.{first.name}")
     if not first.found:
         raise ArgumentError(
