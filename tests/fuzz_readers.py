@@ -42,6 +42,7 @@ from impasto.cli.folder import read_report
 from impasto.colour.session import read_display
 from impasto.io.results import zarr_store
 from impasto.io.results.zarr_store import ZarrStore
+from impasto.io.session_toml import session_text, sha256_of
 from impasto.jobs import journal
 from impasto.jobs.journal import read_journal
 from impasto.jobs.record import JobRecord
@@ -174,7 +175,8 @@ def _peak() -> int:
 
 def readers(folder: Path) -> dict[str, Reader]:
     """All readers by name, with good files that are made in ``folder``."""
-    return {**_pictures(folder), **_texts(folder), **_archives(folder), **_jobs(folder)}
+    small = {**_pictures(folder), **_texts(folder), **_session(folder)}
+    return {**small, **_archives(folder), **_jobs(folder)}
 
 
 def _all(folder: Path, suffix: str) -> list[bytes]:
@@ -355,6 +357,32 @@ def _report(path: Path) -> None:
         read_report(named.parent)
     finally:
         named.unlink()
+
+
+def _session(folder: Path) -> dict[str, Reader]:
+    """Session files, of which the photographs are read as they say."""
+    home = folder / "session"
+    home.mkdir()
+    names = [f"{i}.png" for i in range(len(LIGHTS))]
+    for i, name in enumerate(names):
+        io.write_png8(home / name, np.full(SIZE, 40 * i + 40, np.uint8))
+    io.write_lights(home / "a.lp", LIGHTS, names)
+    hashes = {name: sha256_of(home / name) for name in names}
+    lamps = dict(zip(names, LIGHTS, strict=True))
+    seeds = [
+        io.Session(lights="a.lp", encoding="2.2", saturation=250.0, mask="4.png", sha256=hashes),
+        io.Session(directions=lamps, views=dict.fromkeys(names, (0, 0, 1)), dark=2, white="4.png"),
+        io.Session(positions_mm=lamps, pitch_mm=0.1, bands=("grey",), intensities=(1, 2, 3, 4, 5)),
+        io.Session(lights="a.lp", pattern="{name}.png", region=(1, 1, 4, 4), images="."),
+    ]
+
+    def read(path: Path) -> None:
+        """Photographs lie beside a session."""
+        (home / "session.toml").write_bytes(path.read_bytes())
+        impasto.read_stack(home)
+
+    texts = [session_text(seed).encode() for seed in seeds]
+    return {"session": Reader(".toml", texts, read, text=True)}
 
 
 def _archives(folder: Path) -> dict[str, Reader]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +26,14 @@ def mosaic_of(light: NDArray[np.float64]) -> NDArray[np.uint16]:
 
 
 def write_dng(
-    path: Path, mosaic: NDArray[np.uint16], *, orientation: int = 1, white: int = WHITE
+    path: Path,
+    mosaic: NDArray[np.uint16],
+    *,
+    orientation: int = 1,
+    white: int = WHITE,
+    more: Sequence[tuple[Any, ...]] = (),
 ) -> None:
-    """A mosaic as a DNG of version 1.4."""
+    """A mosaic as a DNG of version 1.4, with more tags as tifffile takes them."""
     ones = tuple(number for row in np.eye(3) for one in row for number in (int(one), 1))
     tags: list[tuple[Any, ...]] = [
         (50706, "B", 4, (1, 4, 0, 0), True),  # DNGVersion
@@ -40,5 +46,6 @@ def write_dng(
         (50778, "H", 1, (21,), True),  # CalibrationIlluminant1: D65
         (50728, "2I", 3, (1, 2, 1, 1, 7, 10), True),  # AsShotNeutral: a white that is none
         (274, "H", 1, (orientation,), True),
+        *more,
     ]
     tifffile.imwrite(path, mosaic, photometric=32803, extratags=tags, metadata=None)

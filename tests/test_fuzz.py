@@ -15,7 +15,7 @@ CASES = {"csv": 40, "camera": 30, "txt": 60, "result": 40, "learned": 40, "regio
 OTHERS = 70
 READERS = (
     *("png", "jpeg", "tiff", "exr", "hdr", "lp", "txt", "csv", "dome", "relight", "alicevision"),
-    *("camera", "spectra", "display", "report", "stack", "region", "result", "learned"),
+    *("camera", "spectra", "display", "report", "session", "stack", "region", "result", "learned"),
     *("record", "journal", "store", "array"),
 )
 

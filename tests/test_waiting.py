@@ -106,7 +106,7 @@ def waited(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     for module in ("fit.segments", "fit.sbrdf", "fit.reflectance", "fit.result", "io.files"):
         monkeypatch.setattr(f"impasto.{module}.wait_for", noted)
-    for module in ("io.session.codes", "io.session.reader", "stack", "_internal.waiting"):
+    for module in ("io.session.codes", "io.session.photographs", "stack", "_internal.waiting"):
         monkeypatch.setattr(f"impasto.{module}.wait_for", noted)
     return names
 

@@ -45,6 +45,12 @@ class BallFolder:
     frame: tuple[int, int] | None = None
 
 
+def ball_folders(folder: Path) -> list[Path]:
+    """The subfolders with photographs of a mirror ball, by their names."""
+    inner = sorted(path for path in folder.iterdir() if path.is_dir())
+    return [path for path in inner if _BALL.search(path.name) and list_images(path)]
+
+
 def read_balls(
     folder: str | Path, *, circles: str | None = None, boxes: Sequence[Box] | None = None
 ) -> BallFolder:
@@ -78,7 +84,7 @@ def read_balls(
     if not folder.is_dir():
         raise ArgumentError(f"path: {folder} is not a folder")
     inner = sorted(path for path in folder.iterdir() if path.is_dir())
-    homes = [path for path in inner if _BALL.search(path.name) and list_images(path)]
+    homes = ball_folders(folder)
     others = [path for path in inner if path not in homes and list_images(path)]
     photographs = [path for path in list_images(folder) if not _REFERENCE.match(path.name)]
     if photographs and not homes:

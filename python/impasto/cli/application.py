@@ -13,7 +13,7 @@ from cyclopts import App
 from cyclopts.exceptions import CycloptsError, MissingArgumentError
 
 from impasto._internal.printable import printable
-from impasto.cli import calibrate, console, job
+from impasto.cli import calibrate, console, job, session
 from impasto.cli.codes import Exit
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
@@ -44,6 +44,7 @@ def application() -> App:
         help="Render a fitted painting as a film. "
         "One of --raking, --turntable and --adaptation is needed.",
     )
+    app.command(session.application())
     app.command(calibrate.application())
     app.command("impasto.cli.ingest:ingest", help="Write photographs into one store, by tiles.")
     app.command(job.application())

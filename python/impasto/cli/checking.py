@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from impasto.errors import ArgumentError
+from impasto.io.session_toml import is_session
 
 if TYPE_CHECKING:
     from impasto.cli.console import Stages
@@ -54,9 +55,13 @@ def _refusal(
         repaired = (path if path.is_dir() else path.parent) / REPAIRED
         options = asdict(reading)
         first = _command("doctor", path, options | {"write": repaired})
+        again = repaired
         options |= {"lights": None, "out": out}
+        if is_session(path):  # it has the other settings
+            again = path
+            options |= {"lights": repaired}
         lines += ["to repair this, and fit again (with your other options):"]
-        lines += [f"  {first}", f"  {_command('fit', repaired, options)}"]
+        lines += [f"  {first}", f"  {_command('fit', again, options)}"]
     else:
         lines += ["impasto doctor says more"]
     return "\n".join([*lines, "--no-check fits them as they are"])

@@ -45,8 +45,9 @@ def doctor(
     Parameters
     ----------
     stack
-        Light file (.lp) beside its photographs, a folder of both, an .npz, or the .zarr of
-        impasto ingest; or a result: the folder of impasto fit, or the .zarr of impasto job.
+        Light file (.lp) beside its photographs, a folder of both, a session.toml, an .npz, or
+        the .zarr of impasto ingest; or a result: the folder of impasto fit, or the .zarr of
+        impasto job.
     write
         Write a light file (.lp; .csv with views) with corrected directions, without photographs
         that occur twice.

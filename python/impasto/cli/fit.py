@@ -68,8 +68,8 @@ def fit(
     Parameters
     ----------
     stack
-        Light file (.lp) beside its photographs, a folder of both, an .npz, or the .zarr of
-        impasto ingest.
+        Light file (.lp) beside its photographs, a folder of both, a session.toml, an .npz, or
+        the .zarr of impasto ingest.
     out
         Folder for maps, overview and report.
     check
@@ -307,7 +307,11 @@ def band_words(count: int) -> str:
 
 
 def painting_name(stack: Path) -> str:
-    """The title: the folder of a light file, or the name of the folder or archive."""
+    """The title: of a session, else the folder of a light file, the folder or the archive."""
+    from impasto.io.session_toml import is_session, read_session
+
+    if is_session(stack) and (title := read_session(stack).title):
+        return title
     path = stack.resolve()
     return (
         path.name if path.is_dir() else (path.stem if path.suffix == ".npz" else path.parent.name)

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from impasto._internal.wording import counted
 from impasto.cli import console
 from impasto.cli.options import Flag
 from impasto.io.results import result_file
@@ -30,11 +31,14 @@ def info(
     ----------
     result
         The --out folder of impasto fit or demo, its report.json, an sbrdf.npz, or the .zarr of
-        impasto job run; default: the installation.
+        impasto job run; or a session.toml; default: the installation.
     json
         Print JSON for programs.
     """
-    facts = _installation() if result is None else _result(result)
+    if result is None:
+        facts = _installation()
+    else:
+        facts = _session(result) if _is_session(result) else _result(result)
     if json:
         console.print_json(facts)
         return
@@ -50,6 +54,30 @@ def _installation() -> dict[str, Any]:
     from impasto.report import versions
 
     return versions()
+
+
+def _is_session(path: Path) -> bool:
+    from impasto.cli.folder import REPORT
+    from impasto.io.session_toml import is_session
+
+    return is_session(path) and not (path / REPORT).is_file()
+
+
+def _session(path: Path) -> dict[str, Any]:
+    """Every key of a session that has a value; of sections the number of their lines."""
+    from impasto.io.session_toml import KEYS, read_session
+
+    session = read_session(path)
+    facts: dict[str, Any] = {"session": str(session.path)}
+    for key in KEYS:
+        value = getattr(session, key.attribute)
+        if isinstance(value, dict):
+            value = counted(len(value), "file") if value else None
+        elif isinstance(value, tuple):
+            value = ", ".join(map(str, value))
+        if value is not None and value is not False:
+            facts[key.name] = value
+    return facts
 
 
 def _result(path: Path) -> dict[str, Any]:

@@ -31,7 +31,7 @@ def ingest(
     Parameters
     ----------
     stack
-        Light file (.lp) beside its photographs, a folder of both, or an .npz.
+        Light file (.lp) beside its photographs, a folder of both, a session.toml, or an .npz.
     out
         The store to make: painting.stack.zarr.
     memory

@@ -81,8 +81,8 @@ def run(
     Parameters
     ----------
     stack
-        Light file (.lp) beside its photographs, a folder of both, an .npz, or the .zarr of
-        impasto ingest.
+        Light file (.lp) beside its photographs, a folder of both, a session.toml, an .npz, or
+        the .zarr of impasto ingest.
     out
         The store to make: painting.impasto.zarr.
     memory

@@ -32,7 +32,8 @@ class Reading:
     photographs. Default: srgb for 8-bit files, linear for all others."""
 
     lights: Path | None = None
-    """File of light directions if STACK is a folder; default: the only one in the folder."""
+    """File of light directions if STACK is a folder or a session; default: the only one in the
+    folder, or that of the session."""
 
     images: Path | None = None
     """Folder of the photographs; default: that of the light file."""

@@ -38,8 +38,8 @@ def study(
     Parameters
     ----------
     stack
-        Light file (.lp) beside its photographs, a folder of both, an .npz, or the .zarr of
-        impasto ingest.
+        Light file (.lp) beside its photographs, a folder of both, a session.toml, an .npz, or
+        the .zarr of impasto ingest.
     out
         Folder for study.json, study.md and the figure; default: print only.
     error

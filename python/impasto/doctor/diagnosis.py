@@ -24,7 +24,7 @@ class Finding:
     Parameters
     ----------
     code
-        A short stable name for programs; ``docs/doctor.md`` lists all codes.
+        A short stable name for programs; ``docs/doctor.md`` and ``docs/session.md`` list them.
     severity
         ``"ok"``: no fault, or the photographs cannot show whether there is one; ``"note"``: for
         information; ``"warning"``: results will be worse than they could be; ``"error"``: results

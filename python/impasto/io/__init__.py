@@ -20,6 +20,7 @@ from impasto.io.opening import open_source
 from impasto.io.session.archive import write_stack
 from impasto.io.session.reader import read_stack
 from impasto.io.session.tone import ToneEstimate, estimate_tone
+from impasto.io.session_toml import Session, read_session, write_session
 from impasto.io.sources import Source
 from impasto.io.spectra import read_spectra
 
@@ -27,6 +28,7 @@ __all__ = [
     "ImageHeader",
     "LightFile",
     "Note",
+    "Session",
     "Source",
     "ToneEstimate",
     "atomic_bytes",
@@ -38,6 +40,7 @@ __all__ = [
     "read_image",
     "read_labels",
     "read_lights",
+    "read_session",
     "read_spectra",
     "read_stack",
     "write_camera",
@@ -47,6 +50,7 @@ __all__ = [
     "write_lights",
     "write_png8",
     "write_png16",
+    "write_session",
     "write_stack",
     "write_tiff16",
     "write_tiff32",

@@ -25,8 +25,10 @@ from impasto.io.npz import read_npz
 from impasto.io.opening import open_source
 from impasto.io.rig_arrays import arrays_of_rig
 from impasto.io.session.frames import picture_codes
+from impasto.io.session.from_session import SessionPhotographs
 from impasto.io.session.reader import read_stack
 from impasto.io.session.stored import SUFFIX, StoredStack
+from impasto.io.session_toml import is_session
 from impasto.io.sources import Source
 from impasto.jobs.grid import Footprint
 from impasto.report import file_entry
@@ -206,18 +208,24 @@ class Files(Photographs):
         self, path: Path, reading: Mapping[str, Any], memory: int, encoding: Encoding | None
     ) -> None:
         self._path = path
+        self._session = SessionPhotographs.verified(path, reading) if is_session(path) else None
+        if self._session is not None:
+            reading = self._session.arguments
+            if "region" in reading:
+                place = self._session.session.place("photographs.region")
+                raise ArgumentError(f"{place}: a job fits the whole painting; remove the line")
         self._reading = dict(reading)
         # A finished stack takes no mask, and says so.
         finished = path.suffix.lower() in FINISHED
         self._mask = None if finished else self._reading.pop("mask", None)
-        one = read_stack(path, region=(0, 0, 1, 1), **self._reading)
+        one = self._stack_of((0, 0, 1, 1))
         self._seen: dict[Path, tuple[int, int, int]] = {}
         with _any_picture(path, one, reading) as picture:
             size = picture.shape[1:]
             self._grid = picture.grid
             codes = picture.dtype.itemsize
         # That of the whole painting: a region of files has the world's origin in its own middle.
-        self._rig = read_stack(path, region=_middle(size, (1, 1)), **self._reading).rig.here
+        self._rig = self._stack_of(_middle(size, (1, 1))).rig.here
         self._inputs, self._notes = one.sources, _in_plain(one.notes)
         observations, bands = one.shape[:2]
         self._shape = (observations, bands, *size)
@@ -315,10 +323,9 @@ class Files(Photographs):
         self, region: tuple[int, int, int, int] | None, encoding: Encoding | None = None
     ) -> Stack:
         """A region, or all, with the mask, of which a region may lie outside."""
-        options = dict(self._reading)
-        if encoding is not None and self._path.suffix.lower() not in FINISHED:
-            options["encoding"] = encoding
-        stack = read_stack(self._path, region=region, **options)
+        finished = self._path.suffix.lower() in FINISHED
+        changes = {} if encoding is None or finished else {"encoding": encoding}
+        stack = self._stack_of(region, **changes)
         if region is not None:
             top, left, height, width = region
             window = slice(top, top + height), slice(left, left + width)
@@ -326,6 +333,12 @@ class Files(Photographs):
         if self._mask is None:
             return stack
         return stack._replace(mask=self._masked(region))
+
+    def _stack_of(self, region: tuple[int, int, int, int] | None, **changes: Any) -> Stack:
+        """What is read of a region, or of all, without the mask."""
+        if self._session is not None:
+            return self._session.read(region=region, mask=None, **changes)
+        return read_stack(self._path, region=region, **{**self._reading, **changes})
 
     def _masked(self, region: tuple[int, int, int, int] | None) -> NDArray[np.bool_] | None:
         """The mask of a region, or all of it; None where there is none."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -156,12 +157,18 @@ def _lights_and_views(
         )
     if widths != {6}:
         return rows, None
-    views = np.array(rows, dtype=np.float64)[:, 3:]
-    lengths = np.linalg.norm(views, axis=1)
+    return [row[:3] for row in rows], unit_views([row[3:] for row in rows], path)
+
+
+def unit_views(rows: Sequence[Sequence[float]], path: Path) -> NDArray[np.float64]:
+    """Directions to the eye, ``(n, 3)`` of unit length, all in front of the painting."""
+    views = np.array(rows, dtype=np.float64)
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(views, axis=1)
     if not (np.isfinite(lengths) & (lengths >= SHORTEST)).all() or (views[:, 2] <= 0.0).any():
         raise CorruptInputError(
             path, "a direction to the eye has no length or lies behind the painting (z <= 0)"
         )
     # Unit vectors keep their bits.
     lengths[np.abs(lengths - 1.0) < ROUNDING] = 1.0
-    return [row[:3] for row in rows], views / lengths[:, None]
+    return np.asarray(views / lengths[:, None])

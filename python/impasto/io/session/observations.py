@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from string import Formatter
 
 from impasto.errors import ArgumentError
 from impasto.io.files import read_text
@@ -220,6 +221,12 @@ def _by_pattern(
 
 def _fill(pattern: str, name: str, band: str) -> str:
     try:
+        fields = [(f, s, c) for _, f, s, c in Formatter().parse(pattern) if f is not None]
+        # An attribute, or a width of a billion characters.
+        if odd := [
+            field[0] for field in fields if field[1] or field[2] or set(field[0]) & set(".[")
+        ]:
+            raise ValueError(f"{odd[0]!r} has a format")
         return pattern.format(name=name, band=band)
     except (KeyError, IndexError, ValueError) as error:
         raise ArgumentError(
@@ -235,7 +242,13 @@ def _discover(folder: Path, pattern: str, wanted: str, other: str) -> list[str]:
         expression = expression.replace(re.escape(f"{{{key}}}"), group, 1)
         expression = expression.replace(re.escape(f"{{{key}}}"), f"(?P={key})")
     found = set()
-    for path in folder.glob(_fill(pattern, other, other)):
+    try:
+        paths = list(folder.glob(_fill(pattern, other, other)))
+    except (NotImplementedError, ValueError, IndexError) as error:  # /..., a**
+        raise ArgumentError(
+            f"pattern: expected a file name, found {pattern!r} ({error})"
+        ) from error
+    for path in paths:
         match = re.fullmatch(expression, path.relative_to(folder).as_posix())
         if match is not None:
             found.add(match.group(wanted))

@@ -6,31 +6,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from impasto._internal.waiting import wait_for
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.io.images import MAX_PIXELS, open_picture
+from impasto.io.images import MAX_PIXELS
 from impasto.io.lights import LightFile
-from impasto.io.notes import Notebook
-from impasto.io.session.codes import read_codes
-from impasto.io.session.curve import Photographs, choose_curve
-from impasto.io.session.frames import (
-    Calibration,
-    FrameSource,
-    Region,
-    crop,
-    find_board,
-    frame_paths,
-    picture_codes,
-    read_dark,
-)
-from impasto.io.session.observations import Observations, find_observations
-from impasto.io.session.rigs import build_rig, listed_lights, without_falloff
+from impasto.io.session.frames import FrameSource
+from impasto.io.session.from_session import SessionPhotographs
+from impasto.io.session.photographs import read_photographs
+from impasto.io.session_toml import is_session
 from impasto.rig import Rig
-from impasto.stack import DIVIDED, Stack
+from impasto.stack import Stack
 
 
 def read_stack(
@@ -62,8 +49,9 @@ def read_stack(
     ----------
     path
         A light file (``.lp``, ``.relight``, ``.dome``, text, CSV, JSON) beside its photographs,
-        a folder of photographs, an ``.npz`` written by :func:`impasto.io.write_stack`, or a
-        ``.zarr`` made by :func:`impasto.ingest`.
+        a folder of photographs, a ``session.toml`` or a folder with one, an ``.npz`` written by
+        :func:`impasto.io.write_stack`, or a ``.zarr`` made by :func:`impasto.ingest`. An argument
+        that is given beside a session is used in place of the session's; the notes say so.
     lights
         The lights, where ``path`` is a folder: a light file, ``(obs, 3)`` directions or a
         :class:`~impasto.Rig`; default: the folder's only light file.
@@ -126,170 +114,23 @@ def read_stack(
         where ``path`` is an ``.npz`` or ``.zarr``, which holds a finished stack.
     """
     path = Path(path)
-    notebook = Notebook(strict)
     if not path.exists():
         raise ArgumentError(f"path: {path} does not exist")
-    if path.suffix.lower() in {".npz", ".zarr"}:
-        given = {
-            "lights": lights, "images": images, "mask": mask, "saturation": saturation,
-            "white": white, "dark": dark, "board_reflectance": board_reflectance,
-            "intensities": intensities, "pattern": pattern, "bands": bands, "pitch_mm": pitch_mm,
-            "layer": layer, "encoding": encoding,
-        }  # fmt: skip
-        if path.suffix.lower() == ".npz":
-            from impasto.io.session.archive import read_archive
+    given: dict[str, Any] = {
+        "lights": lights, "images": images, "mask": mask, "saturation": saturation,
+        "white": white, "dark": dark, "board_reflectance": board_reflectance,
+        "intensities": intensities, "pattern": pattern, "bands": bands, "pitch_mm": pitch_mm,
+        "layer": layer, "encoding": encoding,
+    }  # fmt: skip
+    if path.suffix.lower() == ".npz":
+        from impasto.io.session.archive import read_archive
 
-            return read_archive(path, given, region)
+        return read_archive(path, given, region)
+    if path.suffix.lower() == ".zarr":
         from impasto.io.session.stored import read_stored
 
         return read_stored(path, given, region)
-    listed = listed_lights(path, lights, notebook)
-    folder = Path(images) if images is not None else (path if path.is_dir() else path.parent)
-    excluded = [
-        p for option in (mask, white, dark) if option is not None for p in frame_paths(option) or ()
-    ]
-    observations = find_observations(
-        listed.names,
-        len(listed.lights),
-        folder,
-        listed.source,
-        notebook,
-        pattern=pattern,
-        bands=bands,
-        excluded=excluded,
-    )
-    codes, header, area = read_codes(
-        observations, notebook, region=region, layer=layer, max_pixels=max_pixels
-    )
-    shape: tuple[int, int, int] = codes.shape[1:]
-    rig, gains = build_rig(
-        listed,
-        observations.kept,
-        shape[0],
-        header,
-        area,
-        notebook,
-        intensities=intensities,
-        pitch_mm=pitch_mm,
-    )
-    integer = codes.dtype.kind == "u"
-    full = float(np.iinfo(codes.dtype).max) if integer else 1.0
-    levels = _saturation(saturation, shape[0], full if integer else None)
-    mask_array = _mask(mask, shape, area)
-    strengths = rig.intensities[:, None] if gains is None else gains
-    curve = choose_curve(
-        encoding,
-        Photographs(codes, full, rig.directions, strengths, levels, mask_array),
-        header,
-        observations.files[0][0],
-        notebook,
-    )
-    calibration = Calibration(
-        curve,
-        levels,
-        dark=None if dark is None else read_dark(dark, shape, curve, area, layer),
-        board=None
-        if white is None
-        else find_board(white, observations.names, shape, area, listed.source, notebook),
-        board_reflectance=_board(board_reflectance, shape[0], white),
-        rig=rig,
-        gains=gains,
-        region=area,
-        layer=layer,
-    )
-    if white is not None:
-        rig = without_falloff(rig)
-        notebook.say(DIVIDED, listed.source, "photographs divided by those of a white board")
-    samples: NDArray[Any] = codes
-    black: NDArray[np.float64] | float = 0.0
-    if integer and calibration.only_level and dark is not None and frame_paths(dark) is None:
-        # The stack subtracts it from the integers.
-        black = np.asarray(dark, dtype=np.float64).reshape(-1)
-    elif calibration.changes or curve.curve != "linear":
-        samples = np.empty(codes.shape, np.float32)
-
-        def develop(index: int) -> None:
-            samples[index] = calibration.apply(codes[index], index)
-
-        for index in range(len(codes)):
-            wait_for(develop, index)
-        levels = calibration.stored_saturation()
-    return Stack(
-        samples,
-        lights=rig,
-        bands=_bands(bands, observations, shape[0]),
-        mask=mask_array,
-        saturation=levels,
-        black=black,
-        encoding=curve,
-        names=observations.names,
-        notes=tuple(notebook.notes),
-        sources=_sources(listed.source, observations, (mask, white, dark, intensities)),
-    )
-
-
-def _sources(
-    lights: Path, observations: Observations, options: tuple[Any, ...]
-) -> tuple[Path, ...]:
-    named = [p for option in options if option is not None for p in frame_paths(option) or ()]
-    every = [lights, *(path for files in observations.files for path in files), *named]
-    return tuple(dict.fromkeys(path for path in every if path.is_file()))
-
-
-def _saturation(
-    saturation: ArrayLike | None, count: int, full: float | None
-) -> NDArray[np.float64] | None:
-    if saturation is None:
-        saturation = full
-    return None if saturation is None else _per_band(saturation, count, "saturation")
-
-
-def _board(
-    reflectance: ArrayLike | None, count: int, white: FrameSource | None
-) -> NDArray[np.float64]:
-    if reflectance is not None and white is None:
-        raise ArgumentError("board_reflectance: needs photographs of the board (white=)")
-    return _per_band(1.0 if reflectance is None else reflectance, count, "board_reflectance")
-
-
-def _per_band(values: ArrayLike, count: int, name: str) -> NDArray[np.float64]:
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape not in {(), (1,), (count,)} or not (array > 0).all():
-        raise ArgumentError(
-            f"{name}: expected one positive number or one per band ({count}), found {values!r}"
-        )
-    return np.ascontiguousarray(np.broadcast_to(array, (count,)))
-
-
-def _mask(
-    mask: str | Path | ArrayLike | None, shape: tuple[int, int, int], area: Region | None
-) -> NDArray[np.bool_] | None:
-    if mask is None:
-        return None
-    name = str(mask) if isinstance(mask, str | Path) else "the array"
-    if isinstance(mask, str | Path):
-        with open_picture(mask) as picture:
-            # A mask of the region's size is one of the region.
-            fits = picture.shape[1:] == shape[1:]
-        array = picture_codes(Path(mask), None, None if fits else area).max(axis=0)
-    else:
-        array = np.asarray(mask)
-        if array.shape != shape[1:]:
-            array = crop(array, area)
-    if array.shape != shape[1:]:
-        raise ArgumentError(f"mask: {name} has shape {array.shape}, the photographs {shape[1:]}")
-    chosen: NDArray[np.bool_] = array > 0
-    if not chosen.any():
-        raise ArgumentError("mask: is empty, no pixel belongs to the painting")
-    return chosen
-
-
-def _bands(
-    bands: Sequence[str] | None, observations: Observations, count: int
-) -> Sequence[str] | None:
-    tokens = list(bands) if bands is not None else list(observations.band_names)
-    if not tokens or len(tokens) == count:
-        return tokens or None
-    if len(tokens) * 3 == count:
-        return [f"{token} {colour}" for token in tokens for colour in ("red", "green", "blue")]
-    raise ArgumentError(f"bands: {len(tokens)} names for {count} bands")
+    given |= {"region": region, "strict": strict, "max_pixels": max_pixels}
+    if is_session(path):
+        return SessionPhotographs.verified(path, given).read()
+    return read_photographs(path, **given)

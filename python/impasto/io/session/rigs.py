@@ -59,8 +59,12 @@ def listed_lights(
     path: Path,
     lights: str | Path | LightFile | Rig | ArrayLike | None,
     notebook: Notebook,
+    names: tuple[str, ...] | None = None,
 ) -> ListedLights:
-    """The lights of ``path`` (a light file or a folder), replaced by ``lights`` if given."""
+    """The lights of ``path`` (a light file or a folder), replaced by ``lights`` if given.
+
+    ``names`` are those of the photographs in a folder, for lights that name none.
+    """
     if path.is_file() and not is_light_file(path):
         raise ArgumentError(
             f"path: {path} is neither a light file (.lp, .relight, .dome, .txt, .csv, .json), "
@@ -75,11 +79,10 @@ def listed_lights(
             return _from_file(find_lights(path, notebook), notebook)
         return _from_file(read_lights(path, strict=notebook.strict), notebook)
     rig = lights if isinstance(lights, Rig) else Rig(lights)
-    names = None
     if path.is_file():
         names = read_lights(path, strict=notebook.strict).names
-        if names is not None and len(names) != len(rig):
-            raise ArgumentError(f"lights: {len(rig)} given, {path} lists {len(names)} photographs")
+    if names is not None and len(names) != len(rig):
+        raise ArgumentError(f"lights: {len(rig)} given, {path} lists {len(names)} photographs")
     return ListedLights(
         path,
         names,

@@ -1,0 +1,246 @@
+"""From the files of photographs, lights and calibration frames to one linear stack."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto._internal.waiting import wait_for
+from impasto.encoding import Encoding
+from impasto.errors import ArgumentError
+from impasto.io.images import MAX_PIXELS, open_picture
+from impasto.io.lights import LightFile
+from impasto.io.notes import Notebook
+from impasto.io.session.codes import read_codes
+from impasto.io.session.curve import Photographs, choose_curve
+from impasto.io.session.frames import (
+    Calibration,
+    FrameSource,
+    Region,
+    crop,
+    find_board,
+    frame_paths,
+    picture_codes,
+    read_dark,
+)
+from impasto.io.session.observations import Observations, find_observations
+from impasto.io.session.rigs import ListedLights, build_rig, listed_lights, without_falloff
+from impasto.rig import Rig
+from impasto.stack import DIVIDED, Stack
+
+Guard: TypeAlias = Callable[[Sequence[Path], Notebook], None]
+"""Sees the photographs before any of them is opened; raises where one must not be read."""
+
+
+def read_photographs(
+    path: Path,
+    *,
+    lights: str | Path | LightFile | Rig | ArrayLike | None = None,
+    images: str | Path | None = None,
+    encoding: Encoding | str | None = None,
+    mask: str | Path | ArrayLike | None = None,
+    saturation: ArrayLike | None = None,
+    white: FrameSource | None = None,
+    dark: FrameSource | None = None,
+    board_reflectance: ArrayLike | None = None,
+    intensities: str | Path | ArrayLike | None = None,
+    pattern: str | Sequence[str] | None = None,
+    bands: Sequence[str] | None = None,
+    pitch_mm: float | None = None,
+    region: Sequence[int] | None = None,
+    layer: str | None = None,
+    strict: bool = False,
+    max_pixels: int = MAX_PIXELS,
+    names: tuple[str, ...] | None = None,
+    guard: Guard | None = None,
+) -> Stack:
+    """As :func:`impasto.read_stack`, for a light file or a folder of photographs.
+
+    ``names`` are those of the photographs in a folder, where ``lights`` names none.
+    """
+    notebook = Notebook(strict)
+    listed, observations = find_photographs(
+        path,
+        notebook,
+        lights=lights,
+        images=images,
+        mask=mask,
+        white=white,
+        dark=dark,
+        pattern=pattern,
+        bands=bands,
+        names=names,
+    )
+    if guard is not None:
+        guard([path for files in observations.files for path in files], notebook)
+    codes, header, area = read_codes(
+        observations, notebook, region=region, layer=layer, max_pixels=max_pixels
+    )
+    shape: tuple[int, int, int] = codes.shape[1:]
+    rig, gains = build_rig(
+        listed,
+        observations.kept,
+        shape[0],
+        header,
+        area,
+        notebook,
+        intensities=intensities,
+        pitch_mm=pitch_mm,
+    )
+    integer = codes.dtype.kind == "u"
+    full = float(np.iinfo(codes.dtype).max) if integer else 1.0
+    levels = _saturation(saturation, shape[0], full if integer else None)
+    mask_array = _mask(mask, shape, area)
+    strengths = rig.intensities[:, None] if gains is None else gains
+    curve = choose_curve(
+        encoding,
+        Photographs(codes, full, rig.directions, strengths, levels, mask_array),
+        header,
+        observations.files[0][0],
+        notebook,
+    )
+    calibration = Calibration(
+        curve,
+        levels,
+        dark=None if dark is None else read_dark(dark, shape, curve, area, layer),
+        board=None
+        if white is None
+        else find_board(white, observations.names, shape, area, listed.source, notebook),
+        board_reflectance=_board(board_reflectance, shape[0], white),
+        rig=rig,
+        gains=gains,
+        region=area,
+        layer=layer,
+    )
+    if white is not None:
+        rig = without_falloff(rig)
+        notebook.say(DIVIDED, listed.source, "photographs divided by those of a white board")
+    samples: NDArray[Any] = codes
+    black: NDArray[np.float64] | float = 0.0
+    if integer and calibration.only_level and dark is not None and frame_paths(dark) is None:
+        # The stack subtracts it from the integers.
+        black = np.asarray(dark, dtype=np.float64).reshape(-1)
+    elif calibration.changes or curve.curve != "linear":
+        samples = np.empty(codes.shape, np.float32)
+
+        def develop(index: int) -> None:
+            samples[index] = calibration.apply(codes[index], index)
+
+        for index in range(len(codes)):
+            wait_for(develop, index)
+        levels = calibration.stored_saturation()
+    return Stack(
+        samples,
+        lights=rig,
+        bands=_bands(bands, observations, shape[0]),
+        mask=mask_array,
+        saturation=levels,
+        black=black,
+        encoding=curve,
+        names=observations.names,
+        notes=tuple(notebook.notes),
+        sources=_sources(listed.source, observations, (mask, white, dark, intensities)),
+    )
+
+
+def find_photographs(
+    path: Path,
+    notebook: Notebook,
+    *,
+    lights: Any = None,
+    images: str | Path | None = None,
+    mask: Any = None,
+    white: FrameSource | None = None,
+    dark: FrameSource | None = None,
+    pattern: str | Sequence[str] | None = None,
+    bands: Sequence[str] | None = None,
+    names: tuple[str, ...] | None = None,
+) -> tuple[ListedLights, Observations]:
+    """The lights and the files of each photograph, none of which is opened."""
+    listed = listed_lights(path, lights, notebook, names)
+    folder = Path(images) if images is not None else (path if path.is_dir() else path.parent)
+    excluded = [
+        p for option in (mask, white, dark) if option is not None for p in frame_paths(option) or ()
+    ]
+    observations = find_observations(
+        listed.names,
+        len(listed.lights),
+        folder,
+        listed.source,
+        notebook,
+        pattern=pattern,
+        bands=bands,
+        excluded=excluded,
+    )
+    return listed, observations
+
+
+def _sources(
+    lights: Path, observations: Observations, options: tuple[Any, ...]
+) -> tuple[Path, ...]:
+    named = [p for option in options if option is not None for p in frame_paths(option) or ()]
+    every = [lights, *(path for files in observations.files for path in files), *named]
+    return tuple(dict.fromkeys(path for path in every if path.is_file()))
+
+
+def _saturation(
+    saturation: ArrayLike | None, count: int, full: float | None
+) -> NDArray[np.float64] | None:
+    if saturation is None:
+        saturation = full
+    return None if saturation is None else _per_band(saturation, count, "saturation")
+
+
+def _board(
+    reflectance: ArrayLike | None, count: int, white: FrameSource | None
+) -> NDArray[np.float64]:
+    if reflectance is not None and white is None:
+        raise ArgumentError("board_reflectance: needs photographs of the board (white=)")
+    return _per_band(1.0 if reflectance is None else reflectance, count, "board_reflectance")
+
+
+def _per_band(values: ArrayLike, count: int, name: str) -> NDArray[np.float64]:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape not in {(), (1,), (count,)} or not (array > 0).all():
+        raise ArgumentError(
+            f"{name}: expected one positive number or one per band ({count}), found {values!r}"
+        )
+    return np.ascontiguousarray(np.broadcast_to(array, (count,)))
+
+
+def _mask(
+    mask: str | Path | ArrayLike | None, shape: tuple[int, int, int], area: Region | None
+) -> NDArray[np.bool_] | None:
+    if mask is None:
+        return None
+    name = str(mask) if isinstance(mask, str | Path) else "the array"
+    if isinstance(mask, str | Path):
+        with open_picture(mask) as picture:
+            # A mask of the region's size is one of the region.
+            fits = picture.shape[1:] == shape[1:]
+        array = picture_codes(Path(mask), None, None if fits else area).max(axis=0)
+    else:
+        array = np.asarray(mask)
+        if array.shape != shape[1:]:
+            array = crop(array, area)
+    if array.shape != shape[1:]:
+        raise ArgumentError(f"mask: {name} has shape {array.shape}, the photographs {shape[1:]}")
+    chosen: NDArray[np.bool_] = array > 0
+    if not chosen.any():
+        raise ArgumentError("mask: is empty, no pixel belongs to the painting")
+    return chosen
+
+
+def _bands(
+    bands: Sequence[str] | None, observations: Observations, count: int
+) -> Sequence[str] | None:
+    tokens = list(bands) if bands is not None else list(observations.band_names)
+    if not tokens or len(tokens) == count:
+        return tokens or None
+    if len(tokens) * 3 == count:
+        return [f"{token} {colour}" for token in tokens for colour in ("red", "green", "blue")]
+    raise ArgumentError(f"bands: {len(tokens)} names for {count} bands")
