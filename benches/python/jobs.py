@@ -58,6 +58,7 @@ FITS: dict[str, dict[str, Any]] = {
     "stereo, robust": {"pooling": "none"},
     "one lobe, draft": {"pooling": "painting", "effort": "draft"},
     "one lobe": {"pooling": "painting"},
+    "default": {},
 }
 ROUNDS = 2
 

@@ -1,6 +1,9 @@
-"""Calibration of a rig: light directions from photographs of mirror balls."""
+"""Calibration of a rig: lamps from photographs of mirror balls, cameras from a ColorChecker."""
 
 from impasto.calibrate.adjustment import Adjustment, adjust
+from impasto.calibrate.camera import ChartCamera, camera_from_chart, linear_photograph
+from impasto.calibrate.chart import Chart, read_chart
+from impasto.calibrate.chart_picture import chart_picture
 from impasto.calibrate.folder import BallFolder, read_balls
 from impasto.calibrate.geometry import BallCamera
 from impasto.calibrate.highlight import Highlight, luma
@@ -20,14 +23,20 @@ __all__ = [
     "BallFolder",
     "BallLights",
     "BallPhotographs",
+    "Chart",
+    "ChartCamera",
     "Highlight",
     "LampPositions",
     "Outline",
     "adjust",
     "balls_picture",
+    "camera_from_chart",
+    "chart_picture",
     "given_outline",
     "lamp_positions",
     "lights_from_balls",
+    "linear_photograph",
     "luma",
     "read_balls",
+    "read_chart",
 ]

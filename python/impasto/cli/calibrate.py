@@ -20,8 +20,9 @@ Boxes: TypeAlias = Annotated[
 
 def application() -> App:
     """The commands below ``impasto calibrate``."""
-    app = App(name="calibrate", help="Find lamps from photographs of mirror balls.")
+    app = App(name="calibrate", help="Find lamps from mirror balls, a camera from a ColorChecker.")
     app.command("impasto.cli.calibrate:lights")
+    app.command("impasto.cli.calibrate:camera")
     return app
 
 
@@ -125,6 +126,62 @@ def lights(
     out.parent.mkdir(parents=True, exist_ok=True)
     write_png8(shown, balls_picture(read.balls, found, camera))
     write_lights(out, written, None if placed else read.names)
+
+
+def camera(
+    photograph: Annotated[Path, Parameter(name=["PHOTOGRAPH"])],
+    /,
+    *,
+    illuminant: str,
+    out: Path,
+    encoding: str | None = None,
+    corners: Annotated[
+        tuple[float, float, float, float, float, float, float, float] | None,
+        Parameter(metavar="X Y X Y X Y X Y", negative=""),
+    ] = None,
+    quiet: Flag = False,
+) -> None:
+    """Make a camera from a photograph of a ColorChecker, and a picture of how good it is.
+
+    The camera file holds the sensitivities of the bands and the light: impasto fit --camera.
+
+    Parameters
+    ----------
+    illuminant
+        The light on the chart: D50, A, FL2 or kelvin, as in 5000K.
+    out
+        The camera file to write, a new .csv; a picture of the same name, .png, lies beside it.
+    encoding
+        linear, srgb or a gamma. Default: 8-bit files are sRGB, others linear.
+    corners
+        x and y in pixels of the middles of the patches dark skin, bluish green, black and white.
+        Default: the chart is found.
+    quiet
+        No progress, only errors.
+    """
+    import numpy as np
+
+    from impasto.calibrate import camera_from_chart, chart_picture, linear_photograph
+    from impasto.io import write_camera, write_png8
+
+    shown = out.with_suffix(".png")
+    if out.suffix.lower() != ".csv":
+        raise ArgumentError(f"--out: expected a name ending in .csv, found {out.name}")
+    for path in (out, shown):
+        if path.exists():
+            raise ArgumentError(f"--out: {path} already exists; choose another name")
+    stages = Stages(quiet=quiet)
+    with stages.stage("photograph") as stage:
+        linear = linear_photograph(photograph, encoding)
+        stage.note = f"{linear.shape[2]} x {linear.shape[1]} pixels, {len(linear)} bands"
+    with stages.stage("camera") as stage:
+        given = None if corners is None else np.reshape(corners, (4, 2))
+        found = camera_from_chart(linear, illuminant, corners=given, name=str(photograph))
+        stage.note = f"{found.chart.used.sum()} of 24 patches"
+    stages.say(f"  {'':14}[dim]{escape(found.summary())}[/]")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_png8(shown, chart_picture(linear, found))
+    write_camera(out, found.camera)
 
 
 def _counted(count: int, what: str) -> str:
