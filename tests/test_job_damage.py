@@ -17,6 +17,7 @@ import impasto
 from failing_steps import OPTIONS
 from failing_steps import stack as small_stack
 from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
+from impasto.jobs import inspection, journal
 from killed_jobs import tree
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
@@ -171,6 +172,24 @@ def test_dates_of_files_do_not_matter(unfinished: Path, finished: Path, tmp_path
     )
     assert done[0] == 2, "no tile is fitted again"
     assert tree(out) == tree(finished)
+
+
+def test_a_journal_that_is_begun_while_it_is_read_is_well(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file is empty at first, and a moment later it has a line."""
+    out = impasto.run(small_stack(), tmp_path / "a.zarr", **OPTIONS)
+    own, calls = inspection.read_journal, []
+
+    def read(path: Path) -> journal.Entries:
+        calls.append(path)
+        if len(calls) == 1:
+            raise CorruptInputError(path, "is no journal of a job")
+        return own(path)
+
+    monkeypatch.setattr(inspection, "read_journal", read)
+    assert jobs.verify(out) == ()
+    assert len(calls) == 2
 
 
 def test_a_job_that_runs_and_ends_meanwhile_is_well(tmp_path: Path) -> None:

@@ -335,7 +335,7 @@ def _entries(notes: Path) -> Entries | None:
     except CorruptInputError:
         if (notes / LOCK).exists() and not has_begun(notes):
             return None  # killed while it was begun
-        raise
+        return read_journal(notes / JOURNAL)  # its first line may have come while it was read
 
 
 def _pace(path: Path) -> float | None:
