@@ -49,7 +49,8 @@ def lights(
     ----------
     out
         The light file to write: a new .lp with directions, or .dome with positions of near lamps,
-        which takes two balls and --diameter; a picture of the same name, .png, lies beside it.
+        which takes two balls and --diameter; a picture of the same name, .png, lies beside it, or in a
+        folder named calibration where there are photographs beside it.
     ball
         Where a ball lies in the photographs, in pixels. Can be repeated. Default: balls are found.
     diameter
@@ -77,7 +78,7 @@ def lights(
     )
     from impasto.io import LightFile, write_lights, write_png8
 
-    shown = out.with_suffix(".png")
+    shown = _picture_of(out)
     placed = out.suffix.lower() == ".dome"
     if out.suffix.lower() not in {".lp", ".dome"}:
         raise ArgumentError(f"--out: expected a name ending in .lp or .dome, found {out.name}")
@@ -123,7 +124,7 @@ def lights(
     elif found.near.all():
         advice = "an --out that ends in .dome and --diameter keep positions"
         stages.say(f"  {'':14}[dim]directions from the middle of the photograph; {advice}[/]")
-    out.parent.mkdir(parents=True, exist_ok=True)
+    shown.parent.mkdir(parents=True, exist_ok=True)
     write_png8(shown, balls_picture(read.balls, found, camera))
     write_lights(out, written, None if placed else read.names)
 
@@ -150,7 +151,8 @@ def camera(
     illuminant
         The light on the chart: D50, A, FL2 or kelvin, as in 5000K.
     out
-        The camera file to write, a new .csv; a picture of the same name, .png, lies beside it.
+        The camera file to write, a new .csv; a picture of the same name, .png, lies beside it, or in a
+        folder named calibration where there are photographs beside it.
     encoding
         linear, srgb or a gamma. Default: 8-bit files are sRGB, others linear.
     corners
@@ -164,7 +166,7 @@ def camera(
     from impasto.calibrate import camera_from_chart, chart_picture, linear_photograph
     from impasto.io import write_camera, write_png8
 
-    shown = out.with_suffix(".png")
+    shown = _picture_of(out)
     if out.suffix.lower() != ".csv":
         raise ArgumentError(f"--out: expected a name ending in .csv, found {out.name}")
     for path in (out, shown):
@@ -179,9 +181,17 @@ def camera(
         found = camera_from_chart(linear, illuminant, corners=given, name=str(photograph))
         stage.note = f"{found.chart.used.sum()} of 24 patches"
     stages.say(f"  {'':14}[dim]{escape(found.summary())}[/]")
-    out.parent.mkdir(parents=True, exist_ok=True)
+    shown.parent.mkdir(parents=True, exist_ok=True)
     write_png8(shown, chart_picture(linear, found))
     write_camera(out, found.camera)
+
+
+def _picture_of(out: Path) -> Path:
+    """Where the picture goes: among photographs it would be taken for one."""
+    from impasto.io.images import list_images
+
+    among = out.parent.is_dir() and bool(list_images(out.parent))
+    return (out.parent / "calibration" if among else out.parent) / f"{out.stem}.png"
 
 
 def _counted(count: int, what: str) -> str:
