@@ -75,7 +75,7 @@ class LensCalibration:
     lens: Lens
     views: tuple[TargetView, ...]
     unused: tuple[str, ...]
-    tried: dict[str, float]
+    tried: dict[LensModel, float]
 
 
 def lens_from_target(

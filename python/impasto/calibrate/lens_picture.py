@@ -44,13 +44,13 @@ def _residuals(found: LensCalibration) -> Panel:
     residuals = np.concatenate([view.residual for view in found.views])
     # The longest of 99 in 100 is as long as the picture allows; a round factor is easier to read.
     large = float(np.percentile(np.linalg.norm(residuals, axis=1), 99))
-    factor = _round_down(_LONGEST / max(large * scale, 1e-9))
+    factor = round_factor(_LONGEST / max(large * scale, 1e-9))
     draw_arrows(picture, (places + 0.5) * scale - 0.5, residuals * scale * factor)
     return Panel("Found minus predicted", picture, f"arrows enlarged {factor:g} times")
 
 
-def _round_down(value: float) -> float:
-    """1, 2 or 5 times a power of ten."""
+def round_factor(value: float) -> float:
+    """1, 2 or 5 times a power of ten, the largest that is no more than the value."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(max(digit * power for digit in (1, 2, 5) if digit * power <= value))
 
