@@ -150,3 +150,22 @@ def marker(bits, corner, side, soft=0.2, low=0.1, high=0.9):
 def together(*scenes):
     """The sum of scenes: a ground and what is added to it."""
     return lambda x, y: sum(scene(x, y) for scene in scenes)
+
+
+def framed(width, height, side, bits, soft=0.25):
+    """Four markers, each touching a corner of a painting ``width x height`` mm; 0 to 3 clockwise.
+
+    ``bits``: the code of each marker with its border.
+    """
+    scenes = []
+    for code, (right, up) in zip(bits, ((-1, 1), (1, 1), (1, -1), (-1, -1)), strict=True):
+        x, y = right * (width + side) / 2, up * (height + side) / 2
+        scenes.append(marker(code, (x - side / 2, y + side / 2), side, soft))
+    return together(*scenes)
+
+
+def grid_of(columns, rows, side):
+    """``(n, 2)`` mm: the inner corners of :func:`chessboard`, row by row from the upper left."""
+    x = (np.arange(columns) - (columns - 1) / 2) * side
+    y = ((rows - 1) / 2 - np.arange(rows)) * side
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

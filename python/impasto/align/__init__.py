@@ -6,6 +6,7 @@ from impasto.align.frontal import FrontalView, frontal_view
 from impasto.align.layout import Layout, layout_from_markers, read_points, size_from
 from impasto.align.rectification import Grid, Rectified, rectified, rectified_rows
 from impasto.align.refinement import Shift, shift_between
+from impasto.align.relighting import relit_shifts
 from impasto.align.report import Aligned, AlignedPhotograph
 from impasto.align.stack import align
 
@@ -27,6 +28,7 @@ __all__ = [
     "read_reference",
     "rectified",
     "rectified_rows",
+    "relit_shifts",
     "shift_between",
     "size_from",
 ]

@@ -61,6 +61,13 @@ class Grid:
         return np.stack(np.broadcast_arrays(x, y), axis=-1)
 
 
+def middle_of(grid: Grid, side: int) -> Grid:
+    """The same pixels, ``side`` x ``side`` of them or fewer, about the middle."""
+    columns = min(grid.columns, side - (side - grid.columns) % 2)
+    rows = min(grid.rows, side - (side - grid.rows) % 2)
+    return Grid((columns * grid.pixel_mm, rows * grid.pixel_mm), grid.pixel_mm)
+
+
 @dataclass(frozen=True, eq=False)
 class Rectified:
     """Rows of a frontal picture.

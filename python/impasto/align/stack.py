@@ -23,8 +23,9 @@ from impasto.align.photographs import (
     read_photograph,
 )
 from impasto.align.picture import Overview, align_picture, overview
-from impasto.align.rectification import Grid, Rectified, rectified_rows
-from impasto.align.refinement import Shift, shift_between
+from impasto.align.rectification import Grid, Rectified, middle_of, rectified, rectified_rows
+from impasto.align.refinement import LARGEST, Shift, shift_between
+from impasto.align.relighting import predictable, relit_shifts
 from impasto.align.report import Aligned, AlignedPhotograph, report_of
 from impasto.calibrate.lens import Lens
 from impasto.calibrate.tones import light_from
@@ -41,6 +42,8 @@ SAME_VIEW = np.radians(0.5)
 """Views that differ by less are one: the camera stood still."""
 FRONTAL = np.radians(1.0)
 """A common view nearer to the front than this is frontal; a light file without views says so."""
+WINDOWS_BYTES = 1 << 28
+"""Memory of the parts of all photographs that are compared with predictions."""
 SHARE = 1000
 """Parts of a step that progress is told in."""
 
@@ -69,8 +72,8 @@ def align(
 ) -> Aligned:
     """Rectify the photographs of a folder to the frontal view of the painting.
 
-    Lens, perspective and shift are one resampling. Photographs are read twice, one at a time:
-    memory holds one of them. The folder appears whole or not at all.
+    Lens, perspective and shift are one resampling. Photographs are read two or three times, one at
+    a time: memory holds one of them. The folder appears whole or not at all.
 
     Parameters
     ----------
@@ -89,8 +92,9 @@ def align(
         Width of a pixel of the result; default: that of the finest pixel of any photograph, or that
         of the reference.
     refine
-        Estimate and take out shifts between photographs. They are relative to the reference
-        picture, else to the photograph whose lamp stands most frontal, or the first.
+        Estimate and take out shifts between photographs. With 8 lamps or more, whose directions are
+        known, each is compared with what photometric stereo predicts of it; otherwise with the
+        reference picture, the photograph whose lamp stands most frontal, or the first.
     fixed_camera
         One view for all photographs, from the median of the marks over them; some marks may be
         missing in some photographs.
@@ -120,9 +124,11 @@ def align(
     paths = photographs_of(folder)
     file = lights_of(folder, None if lights is None else Path(lights), [p.name for p in paths])
 
+    steps = 3 if refine else 2
+
     def step_done(step: int, done: int) -> None:
         if progress is not None:
-            progress(step * SHARE + round(SHARE * done / len(paths)), 2 * SHARE)
+            progress(step * SHARE + round(SHARE * done / len(paths)), steps * SHARE)
 
     def read(path: Path) -> Photograph:
         return read_photograph(path, encoding, saturation)
@@ -130,8 +136,9 @@ def align(
     seen = _views(paths, read, layout, lens, fixed_camera, lambda done: step_done(0, done))
     views = [one.view for one in seen]
     grid = _grid(layout, views, pixel_mm)
-    chosen = _reference(file)
-    against = _reference_light(layout, chosen, paths, views, grid, read) if refine else None
+    shifts: list[Shift | None] = [None] * len(paths)
+    if refine:
+        shifts = _shifts(paths, read, views, grid, layout, file, lambda done: step_done(1, done))
     out.parent.mkdir(parents=True, exist_ok=True)
     covered = np.ones((grid.rows, grid.columns), dtype=bool)
     done: list[AlignedPhotograph] = []
@@ -139,13 +146,9 @@ def align(
     with new_folder(out) as made:
         (made / "report").mkdir()
         for number, (path, view) in enumerate(zip(paths, views, strict=True)):
-            photograph = read(path)
-            shift = None
-            if against is not None and (number != chosen or isinstance(layout, Reference)):
-                shift = shift_between(against, _frontal_light(photograph, view, grid))
-            share = _write(made / names[number], photograph, view, grid, shift, covered)
-            done.append(AlignedPhotograph(path.name, names[number], view, shift, share))
-            step_done(1, number + 1)
+            share = _write(made / names[number], read(path), view, grid, shifts[number], covered)
+            done.append(AlignedPhotograph(path.name, names[number], view, shifts[number], share))
+            step_done(steps - 1, number + 1)
         if not covered.all():
             write_png8(made / "report" / "mask.png", 255 * covered.astype(np.uint8))
         written = _write_lights(made, file, names, views)
@@ -239,33 +242,50 @@ def _grid(layout: Layout | Reference, views: list[FrontalView], pixel_mm: float 
     return Grid(size, pixel_mm)
 
 
-def _reference(file: LightFile | None) -> int:
-    """The photograph whose lamp casts the shortest shadows, else the first."""
-    return 0 if file is None else int(file.directions[:, 2].argmax())
-
-
-def _reference_light(
-    layout: Layout | Reference,
-    chosen: int,
+def _shifts(
     paths: list[Path],
+    read: Callable[[Path], Photograph],
     views: list[FrontalView],
     grid: Grid,
-    read: Callable[[Path], Photograph],
-) -> NDArray[np.float32]:
-    """What others are shifted to, in the middle of the frontal picture."""
-    if isinstance(layout, Reference) and layout.grid == grid:
-        return layout.light
+    layout: Layout | Reference,
+    file: LightFile | None,
+    advance: Callable[[int], None],
+) -> list[Shift | None]:
+    """Shifts between photographs; None for the one that others are compared with."""
+    relit = file is not None and not isinstance(layout, Reference)
+    relit = relit and file is not None and predictable(file.directions)
+    side = LARGEST
+    if relit:
+        side = int(min(LARGEST, np.sqrt(WINDOWS_BYTES / (4 * len(paths)))))
+    window = middle_of(grid, side)
+
+    def light(number: int) -> NDArray[np.float32]:
+        part = rectified(read(paths[number]).planes, views[number], window, interpolation="cubic")
+        return light_from(part.planes, LINEAR)
+
+    if relit and file is not None:
+        pictures = []
+        for number in range(len(paths)):
+            pictures.append(light(number))
+            advance(number + 1)
+        return list(relit_shifts(pictures, file.directions))
     if isinstance(layout, Reference):
-        raise ArgumentError("refine: needs the pixels of the reference; leave out the pixel width")
-    return _frontal_light(read(paths[chosen]), views[chosen], grid)
-
-
-def _frontal_light(photograph: Photograph, view: FrontalView, grid: Grid) -> NDArray[np.float32]:
-    rows = [
-        light_from(part.planes, LINEAR)
-        for part in rectified_rows(photograph.planes, view, grid, interpolation="linear")
-    ]
-    return np.concatenate(rows)
+        if layout.grid != grid:
+            raise ArgumentError(
+                "refine: needs the pixels of the reference; leave out the pixel width"
+            )
+        top, left = (grid.rows - window.rows) // 2, (grid.columns - window.columns) // 2
+        shown = layout.light[top : top + window.rows, left : left + window.columns]
+        chosen, against = -1, np.ascontiguousarray(shown)
+    else:
+        # The lamp that casts the shortest shadows.
+        chosen = 0 if file is None else int(file.directions[:, 2].argmax())
+        against = light(chosen)
+    found: list[Shift | None] = []
+    for number in range(len(paths)):
+        found.append(None if number == chosen else shift_between(against, light(number)))
+        advance(number + 1)
+    return found
 
 
 def _write(
