@@ -3,10 +3,10 @@
     python benches/python/alignment.py [--data DIR] [--record]
 
 A camera with a lens looks at a flat scene (``tests/oracles/flat_scene.py``, noise 0.005): targets
-for the lens, and a chessboard between four markers for the rectification. Shifts between photographs
-under different lamps: textured relief (``tests/oracles/relief.py``), a painting of
-``impasto.simulate`` with shadows, and the icon, each shifted by known parts of a pixel (the shift
-theorem). ``--record`` writes benches/results/alignment.json.
+for the lens, and a chessboard between four markers for the rectification. Shifts under different
+lamps: textured relief (``tests/oracles/relief.py``), a painting of ``impasto.simulate`` with
+shadows, and the icon, each shifted by known parts of a pixel (the shift theorem). ``--record``
+writes benches/results/alignment.json.
 """
 
 from __future__ import annotations

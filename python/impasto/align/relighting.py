@@ -116,10 +116,10 @@ def relit_shifts(
 def without_gauge(shifts: Floats, directions: Floats) -> Floats:
     """Shifts ``(n, 2)`` less what the directions of the lamps explain.
 
-    That is their mean, what is linear in x / z and y / z (the gauge), and what lies along the lamp in
-    proportion to the sine of its angle from the front, as shadows and gloss do. Iteratively
-    reweighted least squares with Huber's weights [@huber1964]: a few photographs that did move keep
-    their shifts.
+    That is their mean, what is linear in x / z and y / z (the gauge), and what lies along the lamp
+    in proportion to the sine of its angle from the front, as shadows and gloss do. Iteratively
+    reweighted least squares with Huber's weights [@huber1964]: a few photographs that did move
+    keep their shifts.
     """
     count = len(shifts)
     slopes = directions[:, :2] / np.maximum(directions[:, 2:], LOWEST)

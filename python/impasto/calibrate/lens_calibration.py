@@ -28,8 +28,9 @@ LEAST_PHOTOGRAPHS = 3
 """Zhang's equations need two tilts; a third one shows whether they agree."""
 LEAST_CORNERS = 8
 """A pose has 6 unknowns, each corner gives 2 numbers; fewer than 8 corners hardly check them."""
-WEAK = 0.05
-"""Relative standard deviation of a focal length from which the views are too alike."""
+LEAST_DEPTH = 0.01
+"""Least change of depth over half of the target, relative to its distance, in two photographs: from
+the front alone, focal length and distance cannot be told apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,7 @@ def lens_from_target(
     ArgumentError
         No folder, photographs of different sizes, or fewer than 3 that show the target.
     GeometryError
-        Photographs too alike for a focal length.
+        The target faces the camera in all photographs but one.
     """
     one_of(model, ("auto", *FREE), "model")
     board = target_from(target) if isinstance(target, str) else target
@@ -139,19 +140,29 @@ def lens_from_target(
             f"{LEAST_PHOTOGRAPHS} are the least (10 are good); count its corners once more, and "
             "show all of a chessboard with a white border, sharp and evenly lit"
         )
+    _check_tilts(board, seen)
     found = {
         one: _calibrated(board, seen, size, one) for one in FREE if model in {"auto", one}
     }  # fmt: skip
     best = min(found, key=lambda one: _bic(*found[one]))
     lens, views = found[best]
-    if float(lens.matrix_sigma[:2].max()) > WEAK * lens.matrix[0, 0]:
-        raise GeometryError(
-            f"photographs: {len(seen)} show the target from too similar directions (the focal "
-            f"length is {lens.matrix[0, 0]:.0f} ± {lens.matrix_sigma[0]:.0f} pixels); tilt it by "
-            "30 to 45 degrees to several sides"
-        )
     tried = {one: pair[0].residual_px for one, pair in found.items()}
     return LensCalibration(lens, tuple(views), tuple(unused), tried)
+
+
+def _check_tilts(board: Target, seen: Sequence[tuple[str, NDArray[np.intp], Floats]]) -> None:
+    import cv2
+
+    half = float(np.linalg.norm(np.ptp(board.corners, axis=0))) / 2.0
+    depths = []
+    for _, numbers, corners in seen:
+        matrix, _ = cv2.findHomography(board.corners[numbers], corners, 0)
+        depths.append(0.0 if matrix is None else half * float(np.hypot(*matrix[2, :2])))
+    if sum(depth > LEAST_DEPTH for depth in depths) < 2:
+        raise GeometryError(
+            "photographs: the target faces the camera in all of them but one; tilt it by 30 to 45 "
+            "degrees to several sides, else no focal length follows"
+        )
 
 
 def _sources(

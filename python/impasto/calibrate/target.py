@@ -27,7 +27,8 @@ _CHARUCO = re.compile(
     f"charuco:{_SIZES}:{_MM.format('square')}:{_MM.format('marker')}(:(?P<dictionary>\\w+))?"
 )
 SHARE = 0.4
-"""Reach of the refinement of a corner, as a share of the distance to the nearest other one."""
+"""Reach of the refinement of a corner, as a share of the distance to the nearest other one, where
+nothing else is near."""
 NARROW, WIDE = 3, 12
 """Least and largest reach, in pixels: wider ones average the lens's distortion."""
 USUAL = "4x4_50"
@@ -70,12 +71,15 @@ class Target:
         Corners per row and rows of corners.
     board
         OpenCV's ChArUco board; None for a chessboard.
+    clear
+        How far from a corner nothing but its own edges is seen, in sides of a square.
     """
 
     name: str
     corners: Floats
     shape: tuple[int, int]
     board: Any = None
+    clear: float = SHARE
 
     def find(self, light: NDArray[np.float32]) -> tuple[NDArray[np.intp], Floats]:
         """Numbers ``(m,)`` of the corners that a picture ``(y, x)`` shows, and pixels ``(m, 2)``.
@@ -87,7 +91,7 @@ class Target:
             return numbers, corners
         apart = np.linalg.norm(corners[:, None] - corners, axis=2)
         apart[np.diag_indices(len(corners))] = np.inf
-        return numbers, refined_corners(light, corners, SHARE * float(apart.min()))
+        return numbers, refined_corners(light, corners, self.clear * float(apart.min()))
 
     def _rough(self, grey: NDArray[np.uint8]) -> tuple[NDArray[np.intp], Floats]:
         import cv2
@@ -171,7 +175,9 @@ def target_from(text: str, argument: str = "target") -> Target:
 
     board = cv2.aruco.CharucoBoard(squares, square, marker, codes)
     shape = squares[0] - 1, squares[1] - 1
-    return Target(text, _grid(shape, square), shape, board)
+    # Markers begin where the white border of their squares ends.
+    clear = min(SHARE, (square - marker) / (2.0 * square))
+    return Target(text, _grid(shape, square), shape, board, clear)
 
 
 def _length(word: str, text: str, argument: str) -> float:
