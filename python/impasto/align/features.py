@@ -141,9 +141,9 @@ def _features(light: NDArray[np.float32]) -> tuple[Floats, NDArray[np.float32]]:
         size = round(grey.shape[1] * scale), round(grey.shape[0] * scale)
         grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
     factors = light.shape[1] / grey.shape[1], light.shape[0] / grey.shape[0]
-    points, descriptors = cv2.SIFT.create(
-        nfeatures=FEATURES, enable_precise_upscale=True
-    ).detectAndCompute(grey, None)
+    # Without precise upscaling all places are off by a quarter of a pixel.
+    sift = cv2.SIFT.create(nfeatures=FEATURES, enable_precise_upscale=True)
+    points, descriptors = sift.detectAndCompute(grey, None)
     places = np.array([point.pt for point in points], np.float64).reshape(-1, 2)
     if descriptors is None:
         descriptors = np.zeros((0, 128), np.float32)
