@@ -126,7 +126,7 @@ def _markers(
             outlines[number] = (
                 refined_corners(light, rough, BORDER * cell) if fitted is None else fitted
             )
-    if len(outlines) == len(wanted):
+    if outlines.keys() == {0, 1, 2, 3}:
         _check_upright(outlines, photograph)
     names = tuple(
         name

@@ -38,7 +38,8 @@ class Layout:
     size_mm
         Width and height of the area that is rectified; its middle is the origin, x right, y up.
     places
-        Each mark's ``(x, y)`` in mm, by its name. Empty for a board, whose corners are numbered.
+        Each mark's ``(x, y)`` in mm, by its name; those of markers are called
+        ``marker 0, upper left corner``. Empty for a board, whose corners are numbered.
     dictionary
         Name of the ArUco dictionary; None where no markers are looked for.
     target
