@@ -122,9 +122,23 @@ def ecc_shift(first: Image, second: Image) -> Shift:
 
 
 def phase_shift(first: Image, second: Image) -> tuple[float, float]:
-    """By phase correlation with a Hann window."""
+    """By phase correlation with a Hann window.
+
+    Borders are left out where OpenCV would pad the pictures to an odd size: it then is off by half
+    a pixel.
+    """
     import cv2
 
-    window = cv2.createHanningWindow(first.shape[::-1], cv2.CV_32F)
-    (x, y), _ = cv2.phaseCorrelate(first - first.mean(), second - second.mean(), window)
+    rows, columns = (_even(side) for side in first.shape)
+    one, other = (picture[:rows, :columns] for picture in (first, second))
+    window = cv2.createHanningWindow((columns, rows), cv2.CV_32F)
+    (x, y), _ = cv2.phaseCorrelate(one - one.mean(), other - other.mean(), window)
     return float(x), float(y)
+
+
+def _even(side: int) -> int:
+    """The largest even length, up to a side, that OpenCV's transform does not pad."""
+    import cv2
+
+    fitting = (n for n in range(side - side % 2, 1, -2) if cv2.getOptimalDFTSize(n) == n)
+    return next(fitting, side)

@@ -42,8 +42,9 @@ SAME_VIEW = np.radians(0.5)
 """Views that differ by less are one: the camera stood still."""
 FRONTAL = np.radians(1.0)
 """A common view nearer to the front than this is frontal; a light file without views says so."""
-WINDOWS_BYTES = 1 << 28
-"""Memory of the parts of all photographs that are compared with predictions."""
+WINDOWS_BYTES = 1 << 26
+"""Memory of the parts of all photographs that are compared with predictions, which makes six more
+arrays of this size."""
 SHARE = 1000
 """Parts of a step that progress is told in."""
 
