@@ -106,8 +106,9 @@ def rectified_rows(
     shift
         Pixels of the frontal picture by which the photograph's content lies to the right and below.
     full
-        The code from which samples are clipped: what is interpolated from any of them becomes this
-        code, so that no mean with unclipped neighbours passes for a measurement. None: none are.
+        The code from which samples are clipped: what is interpolated less than 2 pixels from one
+        becomes this code, so that no mean with unclipped neighbours passes for a measurement. What
+        the 8 x 8 pixels hold farther away counts little. None: none are.
     interpolation
         ``"lanczos"`` (8 x 8 pixels), ``"cubic"`` (4 x 4) or ``"linear"``.
     """
