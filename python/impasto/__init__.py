@@ -146,7 +146,10 @@ if not _typing.TYPE_CHECKING:  # type checkers still report unknown names
 
     def __getattr__(name: str) -> _types.ModuleType:
         """``impasto.doctor`` and other modules that are imported on first use."""
-        lazy = {"calibrate", "doctor", "gpu", "overview", "pictures", "report", "simulate", "study"}
+        lazy = {
+            "align", "calibrate", "doctor", "gpu", "overview", "pictures", "report", "simulate",
+            "study",
+        }  # fmt: skip
         if name in lazy:
             return _importlib.import_module(f"{__name__}.{name}")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

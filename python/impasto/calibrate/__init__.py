@@ -1,4 +1,4 @@
-"""Calibration of a rig: lamps from photographs of mirror balls, cameras from a ColorChecker."""
+"""Calibration: lamps from mirror balls, a camera from a ColorChecker, a lens from a flat target."""
 
 from impasto.calibrate.adjustment import Adjustment, adjust
 from impasto.calibrate.camera import ChartCamera, camera_from_chart, linear_photograph
@@ -7,6 +7,9 @@ from impasto.calibrate.chart_picture import chart_picture
 from impasto.calibrate.folder import BallFolder, read_balls
 from impasto.calibrate.geometry import BallCamera
 from impasto.calibrate.highlight import Highlight, luma
+from impasto.calibrate.lens import Lens, read_lens
+from impasto.calibrate.lens_calibration import LensCalibration, TargetView, lens_from_target
+from impasto.calibrate.lens_picture import lens_picture
 from impasto.calibrate.lights import (
     BallLights,
     BallPhotographs,
@@ -16,6 +19,7 @@ from impasto.calibrate.lights import (
 )
 from impasto.calibrate.outline import Outline, given_outline
 from impasto.calibrate.picture import balls_picture
+from impasto.calibrate.target import Target, target_from
 
 __all__ = [
     "Adjustment",
@@ -27,16 +31,24 @@ __all__ = [
     "ChartCamera",
     "Highlight",
     "LampPositions",
+    "Lens",
+    "LensCalibration",
     "Outline",
+    "Target",
+    "TargetView",
     "adjust",
     "balls_picture",
     "camera_from_chart",
     "chart_picture",
     "given_outline",
     "lamp_positions",
+    "lens_from_target",
+    "lens_picture",
     "lights_from_balls",
     "linear_photograph",
     "luma",
     "read_balls",
     "read_chart",
+    "read_lens",
+    "target_from",
 ]

@@ -19,8 +19,8 @@ from impasto.errors import CorruptInputError, GeometryError, ImpastoError, Inter
 
 ARGUMENTS = (
     "adaptation|bands|camera|circles|dark|data|display|encoding|environment|estimator|exposure|illuminant|"
-    "images|index|intensities|into|lights|lobes|mask|memory|method|out|pattern|pitch_mm|precision|"
-    "region|repeats|sample|saturation|seed|size|strict|threads|tile|tolerance|view|white"
+    "images|index|intensities|into|lights|lobes|markers|mask|memory|method|out|pattern|pitch_mm|points|precision|"
+    "region|repeats|sample|saturation|seed|size|strict|target|threads|tile|to|tolerance|view|white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``."""
 
@@ -46,6 +46,7 @@ def application() -> App:
     )
     app.command(session.application())
     app.command(calibrate.application())
+    app.command("impasto.cli.align:align", help="Rectify photographs to the frontal view.")
     app.command("impasto.cli.ingest:ingest", help="Write photographs into one store, by tiles.")
     app.command(job.application())
     app.command("impasto.cli.height:height", help="Integrate the normals to a map of the height.")

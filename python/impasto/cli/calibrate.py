@@ -20,9 +20,12 @@ Boxes: TypeAlias = Annotated[
 
 def application() -> App:
     """The commands below ``impasto calibrate``."""
-    app = App(name="calibrate", help="Find lamps from mirror balls, a camera from a ColorChecker.")
+    app = App(
+        name="calibrate", help="Find lamps, a camera and a lens from photographs made for that."
+    )
     app.command("impasto.cli.calibrate:lights")
     app.command("impasto.cli.calibrate:camera")
+    app.command("impasto.cli.calibrate:lens")
     return app
 
 
@@ -49,8 +52,8 @@ def lights(
     ----------
     out
         The light file to write: a new .lp with directions, or .dome with positions of near lamps,
-        which takes two balls and --diameter; a picture of the same name, .png, lies beside it, or in a
-        folder named calibration where there are photographs beside it.
+        which takes two balls and --diameter. A picture of the same name, .png, lies beside it, or
+        in a folder named calibration where there are photographs beside it.
     ball
         Where a ball lies in the photographs, in pixels. Can be repeated. Default: balls are found.
     diameter
@@ -151,8 +154,8 @@ def camera(
     illuminant
         The light on the chart: D50, A, FL2 or kelvin, as in 5000K.
     out
-        The camera file to write, a new .csv; a picture of the same name, .png, lies beside it, or in a
-        folder named calibration where there are photographs beside it.
+        The camera file to write, a new .csv; a picture of the same name, .png, lies beside it, or
+        in a folder named calibration where there are photographs beside it.
     encoding
         linear, srgb or a gamma. Default: 8-bit files are sRGB, others linear.
     corners
@@ -184,6 +187,61 @@ def camera(
     shown.parent.mkdir(parents=True, exist_ok=True)
     write_png8(shown, chart_picture(linear, found))
     write_camera(out, found.camera)
+
+
+def lens(
+    folder: Annotated[Path, Parameter(name=["FOLDER"])],
+    /,
+    *,
+    target: str,
+    out: Path,
+    model: Literal["auto", "radial", "brown"] = "auto",
+    quiet: Flag = False,
+) -> None:
+    """Write the distortion of a lens from photographs of a flat target, and a picture of it.
+
+    FOLDER holds ten photographs or more of the target, tilted to all sides and in all parts of the
+    frame, with the focus and aperture of the painting's photographs.
+
+    Parameters
+    ----------
+    target
+        chessboard:9x6:25mm with inner corners per row and column and the side of a square, or
+        charuco:7x5:30mm:22mm:4x4_50 with squares per row and column, sides of a square and a
+        marker, and the dictionary.
+    out
+        The file to write, a new .json; a picture of the same name, .png, lies beside it.
+    model
+        radial is the polynomial of 5th order, brown has five coefficients; auto takes the one that
+        the photographs support.
+    quiet
+        No progress, only errors.
+    """
+    from impasto.calibrate import lens_from_target, lens_picture
+    from impasto.io import write_png8
+
+    shown = _picture_of(out)
+    if out.suffix.lower() != ".json":
+        raise ArgumentError(f"--out: expected a name ending in .json, found {out.name}")
+    for path in (out, shown):
+        if path.exists():
+            raise ArgumentError(f"--out: {path} already exists; choose another name")
+    stages = Stages(quiet=quiet)
+    with stages.stage("lens") as stage:
+        found = lens_from_target(folder, target, model=model, progress=stage.advance)
+        lens = found.lens
+        stage.note = f"{lens.model}, {lens.corners} corners, residual {lens.residual_px:.3f} pixels"
+    sigma = lens.matrix_sigma
+    stages.say(
+        f"  {'':14}[dim]focal length {lens.matrix[0, 0]:.1f} ± {sigma[0]:.1f} pixels, middle "
+        f"({lens.matrix[0, 2]:.1f}, {lens.matrix[1, 2]:.1f}) ± {max(sigma[2:]):.1f}[/]"
+    )
+    if found.unused:
+        names = escape(", ".join(found.unused))
+        stages.say(f"[yellow]warning:[/] the target was not found in {names}")
+    shown.parent.mkdir(parents=True, exist_ok=True)
+    write_png8(shown, lens_picture(found))
+    lens.save(out)
 
 
 def _picture_of(out: Path) -> Path:

@@ -1,0 +1,34 @@
+"""Alignment: photographs rectified to the frontal view of a painting, pixel for pixel."""
+
+from impasto.align.detection import FoundMarks, find_marks
+from impasto.align.features import Reference, read_reference
+from impasto.align.frontal import FrontalView, frontal_view
+from impasto.align.layout import Layout, layout_from_markers, read_points, size_from
+from impasto.align.rectification import Grid, Rectified, rectified, rectified_rows
+from impasto.align.refinement import Shift, shift_between
+from impasto.align.relighting import relit_shifts
+from impasto.align.report import Aligned, AlignedPhotograph
+from impasto.align.stack import align
+
+__all__ = [
+    "Aligned",
+    "AlignedPhotograph",
+    "FoundMarks",
+    "FrontalView",
+    "Grid",
+    "Layout",
+    "Rectified",
+    "Reference",
+    "Shift",
+    "align",
+    "find_marks",
+    "frontal_view",
+    "layout_from_markers",
+    "read_points",
+    "read_reference",
+    "rectified",
+    "rectified_rows",
+    "relit_shifts",
+    "shift_between",
+    "size_from",
+]

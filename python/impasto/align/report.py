@@ -1,0 +1,130 @@
+"""What an alignment did, in numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from impasto.align.frontal import FrontalView
+from impasto.align.rectification import Grid
+from impasto.align.refinement import Shift
+from impasto.calibrate.lens import Lens
+
+
+@dataclass(frozen=True, eq=False)
+class AlignedPhotograph:
+    """One photograph of an aligned stack.
+
+    Attributes
+    ----------
+    source, name
+        Its file before and after.
+    view
+        The plane of the painting in it.
+    shift
+        What refinement found; None without refinement, and for the reference.
+    covered
+        Share of the painting that it shows.
+    """
+
+    source: str
+    name: str
+    view: FrontalView
+    shift: Shift | None
+    covered: float
+
+
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """An aligned stack.
+
+    Attributes
+    ----------
+    grid
+        Its pixels.
+    lens
+        The lens that was given.
+    photographs
+        In their order.
+    covered
+        Share of the painting that all photographs show.
+    lights
+        Name of the light file; empty for none.
+    """
+
+    grid: Grid
+    lens: Lens | None
+    photographs: tuple[AlignedPhotograph, ...]
+    covered: float
+    lights: str
+
+    @property
+    def residual_px(self) -> float | None:
+        """Root mean square of the marks' residuals; None where 4 marks leave none."""
+        known = [rms for one in self.photographs if (rms := one.view.rms) is not None]
+        return float(np.sqrt(np.mean(np.square(known)))) if known else None
+
+    @property
+    def largest_shift_px(self) -> float | None:
+        """Of those that were applied; None without refinement."""
+        shifts = [one.shift for one in self.photographs if one.shift is not None]
+        return max((float(np.hypot(one.x, one.y)) for one in shifts), default=None)
+
+    @property
+    def refused(self) -> dict[str, str]:
+        """Photographs whose shift was not applied, and why."""
+        return {
+            one.source: one.shift.refused
+            for one in self.photographs
+            if one.shift is not None and one.shift.refused
+        }
+
+
+def report_of(result: Aligned) -> dict[str, Any]:
+    """As JSON: what each step left, in pixels."""
+    lens = result.lens
+    return {
+        "kind": "impasto alignment",
+        "version": 1,
+        "size_mm": list(result.grid.size_mm),
+        "pixel_mm": result.grid.pixel_mm,
+        "size_px": [result.grid.columns, result.grid.rows],
+        "encoding": "linear",
+        "lights": result.lights or None,
+        "covered": result.covered,
+        "lens": None if lens is None else {"model": lens.model, "residual_px": lens.residual_px},
+        "marks_residual_px": result.residual_px,
+        "photographs": [_photograph(one) for one in result.photographs],
+    }
+
+
+def _photograph(one: AlignedPhotograph) -> dict[str, Any]:
+    view, shift = one.view, one.shift
+    off = np.linalg.norm(view.residual, axis=1)
+    worst = int(off.argmax())
+    camera = view.camera_mm()
+    tilt = None
+    if camera is not None:
+        tilt = float(np.degrees(np.arccos(np.clip(camera[2] / np.linalg.norm(camera), -1.0, 1.0))))
+    content: dict[str, Any] = {
+        "source": one.source,
+        "file": one.name,
+        "marks": len(view.names),
+        "marks_residual_px": view.rms,
+        "worst_mark": None if view.rms is None else view.names[worst],
+        "worst_mark_px": None if view.rms is None else float(off[worst]),
+        "pixel_mm": view.pixel_mm(),
+        "homography": view.matrix.tolist(),
+        "camera_mm": None if camera is None else camera.tolist(),
+        "tilt_degrees": tilt,
+        "covered": one.covered,
+        "shift_px": None,
+    }
+    if shift is not None:
+        content["shift_px"] = [shift.x, shift.y]
+        content["shift_correlation"] = shift.score
+        content["shift_by_phase_px"] = [shift.phase_x, shift.phase_y]
+        content["shift_refused"] = shift.refused or None
+    return content

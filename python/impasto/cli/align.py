@@ -1,0 +1,133 @@
+"""``impasto align``: photographs to the frontal view of a painting."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+from rich.markup import escape
+
+from impasto._internal.checks import length_mm
+from impasto.cli.console import Stages
+from impasto.cli.options import Flag
+from impasto.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from impasto.align import Layout, Reference
+
+
+def align(
+    folder: Annotated[Path, Parameter(name=["FOLDER"])],
+    /,
+    *,
+    out: Path,
+    markers: str | None = None,
+    size: str | None = None,
+    points: Path | None = None,
+    to: Path | None = None,
+    lens: Path | None = None,
+    pixel: float | None = None,
+    refine: Flag = False,
+    fixed_camera: Flag = False,
+    lights: Path | None = None,
+    encoding: str | None = None,
+    saturation: float | None = None,
+    quiet: Flag = False,
+) -> None:
+    """Rectify photographs of a painting to its frontal view, and write them as a stack.
+
+    One of --markers with --size, --points, and --to says where the painting is.
+
+    Parameters
+    ----------
+    out
+        The folder to write: 16-bit linear TIFFs, the light file, and report/ with numbers and a
+        picture.
+    markers
+        aruco:4x4_50: markers 0 to 3 touch the corners of the painting, from the upper left
+        clockwise; aruco:4x4_50:20mm: all corners of exactly mounted markers count;
+        charuco:7x5:30mm:22mm: a board.
+    size
+        Width and height of the painting in mm, such as 400x300.
+    points
+        JSON file with marks that were found roughly by hand.
+    to
+        A frontal picture, such as one of another session, that photographs are aligned to by
+        features.
+    lens
+        File of impasto calibrate lens.
+    pixel
+        Width of a pixel of the result in mm; default: the finest of the photographs.
+    refine
+        Take out shifts between photographs, by their content.
+    fixed_camera
+        The camera did not move: marks of all photographs are taken together.
+    lights
+        The light file; default: the only one in the folder.
+    encoding
+        Tone curve of the files: srgb, linear or a gamma such as 2.2. Default: srgb for 8-bit
+        files, linear for all others.
+    saturation
+        Code from which samples are clipped; default: the largest.
+    quiet
+        No progress, only errors.
+    """
+    from impasto.align import align as run
+    from impasto.calibrate import read_lens
+
+    if sum(one is not None for one in (markers, points, to)) != 1:
+        raise ArgumentError("align: give one of --markers, --points and --to")
+    if (markers is None) != (size is None):
+        raise ArgumentError("align: --markers and --size go together")
+    if out.exists():
+        raise ArgumentError(f"--out: {out} already exists; choose another name")
+    if pixel is not None:
+        length_mm(pixel, "--pixel")
+    stages = Stages(quiet=quiet)
+    optics = None if lens is None else read_lens(lens)
+    layout = _layout(markers, size, points, to, pixel, encoding)
+    with stages.stage("align") as stage:
+        found = run(
+            folder, out, layout,
+            lens=optics, pixel_mm=pixel, refine=refine, fixed_camera=fixed_camera, lights=lights,
+            encoding=encoding, saturation=saturation, progress=stage.advance,
+        )  # fmt: skip
+        left = found.residual_px
+        said = "4 marks fit exactly" if left is None else f"marks within {left:.3f} pixels"
+        stage.note = f"{len(found.photographs)} photographs, {said}"
+    grid = found.grid
+    stages.say(
+        f"  {'':14}[dim]{grid.columns} x {grid.rows} pixels of {grid.pixel_mm:g} mm; look at "
+        f"{escape(str(out / 'report' / 'alignment.png'))}[/]"
+    )
+    if found.largest_shift_px is not None:
+        stages.say(f"  {'':14}[dim]shifts up to {found.largest_shift_px:.2f} pixels taken out[/]")
+    for name, why in found.refused.items():
+        stages.say(f"[yellow]warning:[/] {escape(name)} was not shifted: {escape(why)}")
+    if found.covered < 1.0:
+        stages.say(
+            f"[yellow]warning:[/] all photographs show {100 * found.covered:.1f} % of the "
+            "painting; report/mask.png is for --mask"
+        )
+    if not found.lights:
+        stages.say("[yellow]warning:[/] no light file: impasto fit needs one (--lights)")
+
+
+def _layout(
+    markers: str | None,
+    size: str | None,
+    points: Path | None,
+    to: Path | None,
+    pixel: float | None,
+    encoding: str | None,
+) -> Layout | Reference:
+    from impasto.align import layout_from_markers, read_points, read_reference, size_from
+
+    if points is not None:
+        return read_points(points)
+    if to is not None:
+        return read_reference(to, pixel_mm=pixel, encoding=encoding)
+    assert markers is not None
+    assert size is not None
+    return layout_from_markers(markers, size_from(size))
