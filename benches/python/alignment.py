@@ -32,7 +32,7 @@ from impasto.align import (
     shift_between,
 )
 from impasto.align.refinement import gradient_picture, phase_shift
-from impasto.align.relighting import without_gauge
+from impasto.align.relighting import EPSILON, SMOOTH, STEPS, without_gauge
 from impasto.calibrate import LensCalibration, lens_from_target, luma
 from impasto.calibrate.tones import light_from
 from impasto.encoding import Encoding
@@ -246,22 +246,24 @@ def shifts(name: str, pictures: list[Floats], directions: Floats) -> dict[str, A
         want = moves[second] - moves[first]
         made = shift_between(moved[first], moved[second])
         # What was refused counts as no shift.
-        errors["ecc"].append(float(np.hypot(*(np.array([made.x, made.y]) - want))))
+        errors["lucas"].append(float(np.hypot(*(np.array([made.x, made.y]) - want))))
         errors["phase"].append(float(np.hypot(*(np.array(phase_shift(one, other)) - want))))
-        errors["lucas"].append(float(np.hypot(*(lucas_kanade(one, other) - want))))
+        errors["ecc"].append(float(np.hypot(*(ecc(one, other) - want))))
     return row | {key: float(np.mean(values)) for key, values in errors.items()}
 
 
-def lucas_kanade(first: Floats, second: Floats) -> Floats:
-    """OpenCV's pyramidal Lucas-Kanade on a grid of points; the median of their flow."""
-    one, other = (
-        np.rint(255 * np.clip(picture / np.percentile(picture, 99.5), 0, 1)).astype(np.uint8)
-        for picture in (first, second)
-    )
-    places = [np.arange(24, side - 24, 16, dtype=np.float32) for side in first.shape[::-1]]
-    points = np.stack(np.meshgrid(*places), axis=-1).reshape(-1, 1, 2)
-    flow, seen, _ = cv2.calcOpticalFlowPyrLK(one, other, points, None, winSize=(31, 31))
-    return np.median((flow - points)[seen.ravel() == 1].reshape(-1, 2), axis=0)
+def ecc(first: Floats, second: Floats) -> Floats:
+    """OpenCV's maximisation of the enhanced correlation coefficient, from phase correlation."""
+    warp = np.eye(2, 3, dtype=np.float32)
+    warp[:, 2] = phase_shift(first, second)
+    stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, STEPS, EPSILON)
+    try:
+        _, warp = cv2.findTransformECC(
+            first, second, warp, cv2.MOTION_TRANSLATION, stop, None, SMOOTH
+        )
+    except cv2.error:
+        return np.zeros(2)
+    return np.asarray(warp[:, 2], np.float64)
 
 
 def main() -> None:

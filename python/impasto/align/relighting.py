@@ -18,11 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.align.refinement import (
-    EPSILON,
     FARTHEST,
     LEAST_SCORE,
-    SMOOTH,
-    STEPS,
     Image,
     Shift,
     phase_shift,
@@ -34,6 +31,9 @@ LEAST_LIGHTS = 8
 """Three unknowns of the surface and three of the gauge leave 2 of 8 lights to compare."""
 LARGEST_CONDITION = 10.0
 """Condition number of the lamps' directions from which they do not determine a surface."""
+SMOOTH = 5
+"""Pixels of the Gaussian that ECC applies to both pictures."""
+STEPS, EPSILON = 200, 1e-7
 ROUNDS = 4
 REWEIGHTINGS, HUBER = 20, 1.345
 LOWEST = 0.1

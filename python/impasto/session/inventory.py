@@ -15,6 +15,7 @@ from impasto.doctor import Finding
 from impasto.errors import ArgumentError, MissingExtraError
 from impasto.io.images import list_images, natural_key, read_header
 from impasto.io.images.exif import Exif, read_exif
+from impasto.io.lights import LightFile
 from impasto.io.notes import Notebook, few
 from impasto.io.session.from_session import IMPLICIT
 from impasto.io.session.observations import find_lights
@@ -79,7 +80,8 @@ def find_session(folder: str | Path) -> FoundSession:
         raise ArgumentError(f"path: {folder} is not a folder")
     balls = ball_folders(folder)
     home = _home(folder, balls)
-    lights, why = _lights(folder, home)
+    light_file, why = _lights(folder, home)
+    lights = None if light_file is None else light_file.path
     notebook = Notebook()
     photographs, problem = _photographs(home, lights, notebook)
     repairs = [note for note in notebook.notes if note.repair]
@@ -119,10 +121,16 @@ def find_session(folder: str | Path) -> FoundSession:
             f"impasto calibrate lights {folder} --out {folder / 'lights.lp'}"
         )
     missing = [why] if why else []
+    if light_file is None and not balls:
+        missing.append(
+            "or, where a mirror ball lies beside the painting: impasto calibrate lights "
+            f"{home} --out {folder / 'lights.lp'}"
+        )
     missing += [problem] if problem else []
     missing += [note.message for note in repairs if note.kind == "missing"]
     missing += extra.missing(len(photographs))
-    missing.append("photographs.pitch_mm, the width of a pixel: needed for near lamps")
+    if light_file is None or (light_file.width_mm is None and light_file.pitch_mm is None):
+        missing.append("photographs.pitch_mm, the width of a pixel: needed for near lamps")
     complete = lights is not None and not problem
     return FoundSession(session, tuple(found), tuple(missing), tuple(findings), complete)
 
@@ -148,12 +156,12 @@ def _is_frame(name: str) -> bool:
     return any(pattern.match(name) for pattern in (_DARK, _WHITE, _MASK))
 
 
-def _lights(folder: Path, home: Path) -> tuple[Path | None, str]:
+def _lights(folder: Path, home: Path) -> tuple[LightFile | None, str]:
     """The light file, or why there is none."""
     why = ""
     for place in dict.fromkeys((home, folder)):
         try:
-            return find_lights(place, Notebook()).path, ""
+            return find_lights(place, Notebook()), ""
         except ArgumentError as error:
             several = "several" in str(error)
             if several or not why:
