@@ -116,7 +116,9 @@ def test_the_command_writes_a_camera_for_fit(
     # The corners were given, and codes rounded: places of patches differ by a pixel.
     scale = found.camera.sensitivities.max()
     assert np.abs(written.sensitivities - found.camera.sensitivities).max() < 0.05 * scale
-    assert out.with_suffix(".png").is_file()
+    # The chart's photograph lies there: a picture beside it would be taken for another one.
+    assert (tmp_path / "calibration" / "camera.png").is_file()
+    assert not out.with_suffix(".png").exists()
     assert main([*words, "--out", str(out)]) == 1
 
 
