@@ -4,8 +4,8 @@ Relief that is lit from opposite sides swaps bright and dark slopes. The magnitu
 of the logarithm of the light hardly changes with that: edges of colour stay, and a slope keeps its
 outline. On it the flow of a grid of windows is found in pyramids; its median is the shift. That was
 better than ECC maximisation and phase correlation where any of them was within half a pixel, but
-for one case that is refused (``benches/results/alignment.json``). A shift that is far from that of phase correlation
-[@kuglin1975phase] of the same pictures is refused.
+for one case that is refused (``benches/results/alignment.json``). A shift that is far from that of
+phase correlation [@kuglin1975phase] of the same pictures is refused.
 """
 
 from __future__ import annotations

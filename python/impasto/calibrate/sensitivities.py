@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-SMOOTHNESS = tuple(10.0**power for power in np.arange(-7.0, 2.1, 0.5))
+SMOOTHNESS = tuple(10.0**power for power in np.arange(-7.0, 2.1, 1.0))
 """Weights of the second difference that are tried, relative to the fit."""
 SHOT = 0.02
 """Light, relative to the brightest patch, below which all errors weigh alike; above it they are
