@@ -107,7 +107,7 @@ def _photograph(one: AlignedPhotograph) -> dict[str, Any]:
     camera = view.camera_mm()
     tilt = None
     if camera is not None:
-        tilt = float(np.degrees(np.arccos(np.clip(camera[2] / np.linalg.norm(camera), -1.0, 1.0))))
+        tilt = float(np.degrees(np.arctan2(np.hypot(camera[0], camera[1]), camera[2])))
     content: dict[str, Any] = {
         "source": one.source,
         "file": one.name,

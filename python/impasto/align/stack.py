@@ -340,8 +340,9 @@ def _eyes(views: list[FrontalView]) -> Floats | None:
         return None
     eyes = np.array([place / np.linalg.norm(place) for place in known])
     common = eyes.mean(axis=0) / np.linalg.norm(eyes.mean(axis=0))
-    if np.arccos(np.clip(eyes @ common, -1.0, 1.0)).max() < SAME_VIEW:
-        if np.arccos(np.clip(common[2], -1.0, 1.0)) < FRONTAL:
+    # The chord of a small angle is the angle.
+    if np.linalg.norm(eyes - common, axis=1).max() < SAME_VIEW:
+        if np.hypot(common[0], common[1]) < FRONTAL:
             return None
         return np.tile(common, (len(eyes), 1))
     return eyes
