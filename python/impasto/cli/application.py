@@ -13,12 +13,12 @@ from cyclopts import App
 from cyclopts.exceptions import CycloptsError, MissingArgumentError
 
 from impasto._internal.printable import printable
-from impasto.cli import calibrate, console, job, session
+from impasto.cli import calibrate, capture, console, job, session
 from impasto.cli.codes import Exit
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
 ARGUMENTS = (
-    "adaptation|bands|camera|circles|dark|data|display|encoding|environment|estimator|exposure|illuminant|"
+    "adaptation|ball|bands|camera|circles|corners|dark|data|display|encoding|environment|estimator|exposure|illuminant|"
     "images|index|intensities|into|lights|lobes|markers|mask|memory|method|out|pattern|pitch_mm|points|precision|"
     "region|repeats|sample|saturation|seed|size|strict|target|threads|tile|to|tolerance|view|white"
 )
@@ -46,6 +46,7 @@ def application() -> App:
     )
     app.command(session.application())
     app.command(calibrate.application())
+    app.command(capture.application())
     app.command("impasto.cli.align:align", help="Rectify photographs to the frontal view.")
     app.command("impasto.cli.ingest:ingest", help="Write photographs into one store, by tiles.")
     app.command(job.application())
