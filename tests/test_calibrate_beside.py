@@ -77,6 +77,20 @@ def test_two_balls_are_found_among_painted_circles_and_glitter(near: Path) -> No
         assert np.abs(middle - truth).max() < 0.3 * RADIUS
 
 
+def test_a_real_ball_that_fills_the_photographs_is_found(data: Path, tmp_path: Path) -> None:
+    """Each of the two published balls alone is up to 0.6 degrees off (``balls.json``)."""
+    folder, out = data / "two_balls" / "LightProbe-2", tmp_path / "lamps.lp"
+    assert main(["calibrate", "lights", str(folder), "--out", str(out), "--quiet"]) == 0
+    published = np.loadtxt(folder / "light_directions.txt").T
+    assert angles(read_lights(out).directions, published).max() < 0.8
+
+
+def test_photographs_of_an_icon_show_no_ball(data: Path) -> None:
+    """It is gilded, and has haloes: round things that glitter."""
+    with pytest.raises(ArgumentError, match="no mirror ball found in 72 photographs"):
+        read_balls(data / "icon_rti")
+
+
 def test_near_lamps_have_positions(near: Path, tmp_path: Path) -> None:
     """The errors are those that are predicted: of fifteen numbers none is off by five of them.
 

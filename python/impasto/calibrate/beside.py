@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from impasto.calibrate.geometry import Array, BallCamera
 from impasto.calibrate.highlight import find_highlight, luma
 from impasto.calibrate.lights import BallPhotographs
+from impasto.calibrate.outline import strongest_circle
 from impasto.errors import ArgumentError
 from impasto.io.images import open_picture
 
@@ -115,7 +116,12 @@ def _found(photographs: Sequence[Path], size: tuple[int, int]) -> list[Box]:
     """Boxes around all mirror balls, from left to right."""
     scale = min(1.0, WORKING_SIZE / max(size))
     small = np.array([_reduced(path, scale, photographs[0], size) for path in photographs])
-    circles = [circle for circle in _candidates(small) if _mirrors(small, circle)]
+    mirrors = [circle for circle in _candidates(small) if _mirrors(small, circle)]
+    circles: list[Array] = []
+    for circle in sorted(mirrors, key=lambda one: -float(one[2])):
+        # The same edge once more, or what the ball mirrors.
+        if all(np.hypot(*(circle - one)[:2]) > one[2] for one in circles):
+            circles.append(circle)
     if not circles:
         raise ArgumentError(
             f"path: no mirror ball found in {len(photographs)} photographs: a ball is a circle "
@@ -138,25 +144,26 @@ def _reduced(path: Path, scale: float, first: Path, size: tuple[int, int]) -> ND
 
 
 def _candidates(small: NDArray[np.float32]) -> list[Array]:
-    """Circles ``(3,)`` in the mean and in the brightest of all photographs, without repeats."""
+    """Circles ``(3,)`` in the mean and in the brightest of all photographs.
+
+    All that have sharp edges, and of each picture the one with the longest arc of any edges.
+    """
     import cv2
 
     longer = max(small.shape[1:])
     least, most = (max(4, round(part * longer)) for part in (SMALLEST, LARGEST))
     found: list[Array] = []
     for picture in (small.mean(axis=0), small.max(axis=0)):
+        if (longest := strongest_circle(picture.astype(np.float64))) is not None:
+            found.append(longest)
         bright = max(float(np.quantile(picture, 0.995)), 1e-30)
         codes = np.rint(255.0 * np.sqrt(np.clip(picture / bright, 0.0, 1.0))).astype(np.uint8)
         circles: Any = cv2.HoughCircles(
             codes, cv2.HOUGH_GRADIENT_ALT, 1.5, least,
             param1=300, param2=ROUND, minRadius=least, maxRadius=most,
         )  # fmt: skip
-        if circles is None:
-            continue
-        for x, y, radius in circles.reshape(-1, circles.shape[-1])[:, :3].tolist():
-            # A circle with its middle in another one is the same edge, or a mirrored one.
-            if all(np.hypot(x - one[0], y - one[1]) > one[2] for one in found):
-                found.append(np.array([x, y, radius]))
+        if circles is not None:
+            found += list(circles.reshape(-1, circles.shape[-1])[:, :3].astype(np.float64))
     return found
 
 

@@ -105,7 +105,7 @@ def find_outline(picture: Array, camera: BallCamera, where: str, seed: int = 0) 
     ArgumentError
         No ball, or one that a border of the picture cuts off.
     """
-    start = _start(picture)
+    start = strongest_circle(picture)
     if start is None:
         raise ArgumentError(_no_ball(where, 0.0))
     found = None
@@ -149,7 +149,7 @@ def _no_ball(where: str, support: float) -> str:
     )
 
 
-def _start(picture: Array) -> Array | None:
+def strongest_circle(picture: Array) -> Array | None:
     """``(3,)`` the circle that has the longest arc of edges: gradient Hough transform."""
     import cv2
 
