@@ -152,7 +152,7 @@ def test_boxes_take_the_place_of_the_search(near: Path, tmp_path: Path) -> None:
         ("--out a.lp --focal 50", 2, "--focal and --sensor belong together"),
         ("--out a.lp --ball 0 0 999 9", 1, "ball: expected TOP LEFT HEIGHT WIDTH within"),
         ("--out a.lp --circles x.txt", 1, "circles: they belong to folders of balls"),
-        ("--out a.dome --diameter 0", 1, "diameter_mm: "),
+        ("--out a.dome --diameter 0", 1, "--diameter: expected the diameter of the balls in mm"),
     ],
 )
 def test_mistakes(

@@ -123,9 +123,9 @@ def test_light_beyond_white_and_in_shadow_tells_nothing() -> None:
     ("words", "code", "complaint"),
     [
         ("nothing.lp", 1, "RIG: nothing.lp is no file; expected a light file, none, or one of"),
-        ("none", 1, "--add: expected a whole number from 3 on, found 0"),
-        ("none --add 500", 1, "count: expected a whole number from 1 to 400 candidates"),
-        ("tominaga-rgb-camera --tilt 0", 1, "tilt: expected a positive number"),
+        ("none", 1, "--add: expected a whole number from 3 to 400, found 0"),
+        ("none --add 500", 1, "--add: expected a whole number from 3 to 400, found 500"),
+        ("tominaga-rgb-camera --tilt 0", 1, "--tilt: expected a positive number"),
         ("tominaga-rgb-camera --gloss wet", 2, "wet"),
         ("line.lp", 1, "3 lamps do not determine the normal"),
         ("snel-lafortune --out a.lp", 1, "which has no views"),
@@ -165,6 +165,8 @@ def test_the_command_writes_lights_and_a_picture(
     assert read_lights(views).views is not None
 
 
-def test_no_view_behind_the_painting() -> None:
+def test_candidates_that_are_none_or_too_few() -> None:
     with pytest.raises(ArgumentError, match="candidates: expected finite"):
         better_lights(None, 3, candidates=np.ones((4, 2)))
+    with pytest.raises(ArgumentError, match="count: expected a whole number from 1 to 5 cand"):
+        better_lights(None, 6, candidates=hemisphere(5))

@@ -27,7 +27,6 @@ RINGS = ((0.0, 1), (0.35, 6), (0.7, 12), (1.0, 18))
 """Normals about the front: their angles as shares of the largest, and their numbers."""
 OWN = 3
 """Unknowns of a pixel: two of its normal, and its reflectance."""
-DARK = 1e-9
 
 
 @dataclass(frozen=True)
@@ -192,7 +191,7 @@ def derivatives(
     count = len(normals)
     planes = light.reshape(len(rig), len(surfaces), count)
     middle = planes[:, -1].T
-    known = (middle > DARK) & (middle < 1.0)
+    known = (middle > 0.0) & (middle < 1.0)
     changes = planes[:, : OWN + 2] - planes[:, OWN + 2 : -1]
     slopes = np.moveaxis(changes, (0, 1, 2), (1, 2, 0)) / (2.0 * STEP)
     slopes = np.where(known[..., None], slopes / noise.sigma(middle)[..., None], 0.0)

@@ -20,8 +20,6 @@ from impasto.rig import FRONTAL, Rig
 LOWEST = np.radians(15.0)
 """Elevation of the lowest candidates: below it, relief shades most of itself."""
 CANDIDATES = 400
-LOBE_WEIGHT = 1.0
-"""Of the logarithm of the lobe's determinant beside the mean one of the pixels' own."""
 
 
 def hemisphere(count: int = CANDIDATES, lowest: float = LOWEST) -> Floats:
@@ -127,5 +125,5 @@ def _score(information: Floats) -> float:
     found = float(np.linalg.slogdet(own)[1].mean())
     if information.shape[1] > OWN:
         left = information[:, OWN:, OWN:] - np.swapaxes(mixed, 1, 2) @ np.linalg.solve(own, mixed)
-        found += LOBE_WEIGHT * float(np.linalg.slogdet(left.mean(axis=0))[1])
+        found += float(np.linalg.slogdet(left.mean(axis=0))[1])
     return found

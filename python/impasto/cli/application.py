@@ -18,11 +18,11 @@ from impasto.cli.codes import Exit
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
 ARGUMENTS = (
-    "adaptation|ball|bands|camera|circles|corners|dark|data|display|encoding|environment|estimator|exposure|illuminant|"
+    "adaptation|ball|bands|camera|circles|corners|dark|data|diameter_mm|display|encoding|environment|estimator|exposure|focal_mm|illuminant|"
     "images|index|intensities|into|lights|lobes|markers|mask|memory|method|out|pattern|pitch_mm|points|precision|"
-    "region|repeats|sample|saturation|seed|size|strict|target|threads|tile|to|tolerance|view|white"
+    "region|repeats|sample|saturation|seed|sensor_mm|size|strict|target|threads|tile|tilt|to|tolerance|view|white"
 )
-"""Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``."""
+"""Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``, and so on."""
 
 
 def application() -> App:
@@ -119,7 +119,8 @@ def _in_options(message: str) -> str:
     """A message of the Python API with options for arguments: ``images=`` becomes ``--images``."""
     message = re.sub(rf"^({ARGUMENTS}):", r"--\1:", message.removeprefix("path: "))
     message = message.replace(" or None, found", ", found")  # an option that is not given
-    return re.sub(rf"\b({ARGUMENTS})=(?!\w)", r"--\1", message).replace("--pitch_mm", "--pitch")
+    message = re.sub(rf"\b({ARGUMENTS})=(?!\w)", r"--\1", message)
+    return re.sub(r"--(pitch|diameter|focal|sensor)_mm\b", r"--\1", message)
 
 
 def _defect_words(error: Exception) -> str:

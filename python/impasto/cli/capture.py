@@ -54,6 +54,7 @@ def plan(
         No progress, only errors.
     """
     from impasto.capture import better_lights, expected_errors, plan_picture
+    from impasto.capture.planning import CANDIDATES
     from impasto.io import LightFile, write_lights, write_png8
     from impasto.rig import FRONTAL, Rig
 
@@ -61,9 +62,11 @@ def plan(
     for path in (out, shown):
         if path is not None and path.exists():
             raise ArgumentError(f"--out: {path} already exists; choose another name")
-    if add < 0 or (rig == "none" and add < 3):
-        least = 3 if rig == "none" else 0
-        raise ArgumentError(f"--add: expected a whole number from {least} on, found {add}")
+    least = 3 if rig == "none" else 0
+    if not least <= add <= CANDIDATES:
+        raise ArgumentError(
+            f"--add: expected a whole number from {least} to {CANDIDATES}, found {add}"
+        )
     gamma = WIDTHS.get(gloss, WIDTHS["satin"])
     # As much as a smooth interface reflects.
     beta = 0.0 if gloss == "none" else math.log(2.0) / (4.0 * gamma**2)
