@@ -44,6 +44,8 @@ from rigs import dome
 
 import impasto
 from impasto import simulate
+from impasto._internal.heap import share_one_heap
+from impasto._internal.windows import within
 from impasto.encoding import Encoding
 from impasto.io import write_lights
 from impasto.io.results.precision import Precision, checked_precision
@@ -108,16 +110,26 @@ class Virtual(Photographs):
         return [{"file": "a virtual painting", "sha256": ""}]
 
     def window(self, rows: slice, columns: slice) -> impasto.Stack:
-        down, across = (np.arange(part.start, part.stop) % PIECE for part in (rows, columns))
-        samples = self._piece.samples.take(down, axis=2).take(across, axis=3)
         height, width = self._size
+        size = rows.stop - rows.start, columns.stop - columns.start
+        samples = np.empty((LIGHTS, BANDS, *size), np.uint16)
+        # Part by part: a second copy of a window would be memory that no reader of files needs.
+        for row, column in np.ndindex(-(-height // PIECE), -(-width // PIECE)):
+            top, left = row * PIECE, column * PIECE
+            down = slice(max(rows.start, top), min(rows.stop, top + PIECE))
+            across = slice(max(columns.start, left), min(columns.stop, left + PIECE))
+            if down.start < down.stop and across.start < across.stop:
+                into = within((down, across), (rows, columns))
+                part = within((down, across), (slice(top, None), slice(left, None)))
+                samples[..., *into] = self._piece.samples[..., *part]
         right = (columns.start + columns.stop - width) / 2
         up = (height - rows.start - rows.stop) / 2
         return self._piece._replace(samples=samples, rig=self._piece.rig.part(right, up))
 
 
 def scaled(megapixels: float, precision: Precision, folder: Path) -> dict[str, Any]:
-    """One job in this process."""
+    """One job in this process, whose threads share a heap as those of ``impasto job run`` do."""
+    share_one_heap()
     side = round(math.sqrt(megapixels * 1e6) / 1024) * 1024 or 1024
     out = folder / "virtual.zarr"
     start, used = time.perf_counter(), time.process_time()

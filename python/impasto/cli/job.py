@@ -16,6 +16,7 @@ from cyclopts import App, CycloptsError, Parameter
 from rich.markup import escape
 
 from impasto._internal.calls import ProgressCallback
+from impasto._internal.heap import share_one_heap
 from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
@@ -375,6 +376,7 @@ def _worked(
     """Do the work of a job, show its pace, and say how to go on where it ends early."""
     from impasto.jobs.cluster import connected
 
+    share_one_heap()
     stages = Stages(quiet=quiet)
     try:
         with (
