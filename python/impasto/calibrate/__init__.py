@@ -7,7 +7,6 @@ from impasto.calibrate.chart_picture import chart_picture
 from impasto.calibrate.folder import BallFolder, read_balls
 from impasto.calibrate.geometry import BallCamera
 from impasto.calibrate.highlight import Highlight, luma
-from impasto.calibrate.lens import Lens, read_lens
 from impasto.calibrate.lens_calibration import LensCalibration, TargetView, lens_from_target
 from impasto.calibrate.lens_picture import lens_picture
 from impasto.calibrate.lights import (
@@ -20,6 +19,7 @@ from impasto.calibrate.lights import (
 from impasto.calibrate.outline import Outline, given_outline
 from impasto.calibrate.picture import balls_picture
 from impasto.calibrate.target import Target, target_from
+from impasto.lens import Lens, read_lens
 
 __all__ = [
     "Adjustment",
