@@ -23,6 +23,7 @@ from impasto.io.images import exif
 from impasto.io.images.exif import Exif, read_exif
 from impasto.io.session_toml import sha256_of
 from impasto.session import check_session, find_session, longest_increasing, sequence
+from impasto.session.filter_wheel import find_filter_wheel
 from raw_files import mosaic_of, write_dng
 from test_session_file import same
 
@@ -161,6 +162,43 @@ def test_listed_photographs_that_are_not_there_are_said(folder: Path) -> None:
     assert any("are not unit vectors" in line for line in made.found)
     assert made.complete
     assert NAMES[6] not in made.session.sha256
+
+
+def test_files_of_a_filter_wheel_are_one_photograph(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Written as a person would, and read with the arguments that say the same."""
+    home = tmp_path / "wheel"
+    for number, name in enumerate(NAMES[:6]):
+        for value, band in ((90, "blue"), (120, "red"), (150, "ir")):
+            photograph(home / f"{Path(name).stem}_{band}.png", value=value + number)
+    write_lights(home / "lamps.lp", LIGHTS[:6], NAMES[:6])
+    assert main(["session", "init", str(home)]) == 0
+    out = capsys.readouterr().out
+    assert "6 photographs with a file for each band, {name}_{band}.png: red, blue, ir" in out
+    found = impasto.read_stack(home)
+    assert found.bands[:3] == ("red red", "red green", "red blue")  # colour pictures, here
+    bands = ["red", "blue", "ir"]
+    same(found, impasto.read_stack(home / "lamps.lp", pattern="{name}_{band}.png", bands=bands))
+    assert len(read_session(home).sha256) == 19
+
+
+@pytest.mark.parametrize(
+    ("names", "bands"),
+    [
+        (["a_450nm.tif", "a_1050nm.tif", "b_450nm.tif", "b_1050nm.tif"], ("450nm", "1050nm")),
+        (["1-f2.tif", "1-f1.tif", "2-f1.tif", "2-f2.tif"], ("f1", "f2")),
+        (["1 g.png", "1 r.png", "1 b.png", "2 g.png", "2 r.png", "2 b.png"], ("r", "g", "b")),
+        (["a_450.tif", "a_550.tif", "b_450.tif"], None),  # one is missing
+        (["a_450.tif", "b_450.tif"], None),  # one band is none
+        (["IMG_450.tif", "IMG_451.tif"], None),  # numbers of photographs
+        (["a_red.tif", "a_blue.png", "b_red.tif", "b_blue.png"], None),
+        (["saint_anna.tif", "saint_mary.tif"], None),
+    ],
+)
+def test_bands_in_names(names: list[str], bands: tuple[str, ...] | None) -> None:
+    found = find_filter_wheel([Path(name) for name in names])
+    assert (None if found is None else found.bands) == bands
 
 
 def test_names_of_paintings_are_no_calibration_frames(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from impasto import ArgumentError, CorruptInputError, ImpastoError, PointLight, 
 from impasto.cli import main
 from impasto.io import Session, read_session, write_lights, write_session
 from impasto.io.session_toml import KEYS, session_text, sha256_of
-from impasto.io.session_toml.schema import RESERVED, TABLES
+from impasto.io.session_toml.schema import TABLES
 from test_io_stack import CODES8, CODES16, HEIGHT, LIGHTS, NAMES, WIDTH, save, session
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "session.md"
@@ -350,15 +350,6 @@ def test_a_mistake_is_named_with_its_line_and_key(text: str, tmp_path: Path) -> 
         read_session(path)
     assert MISTAKES[text] in str(caught.value)
     assert str(caught.value).startswith(str(path))
-
-
-@pytest.mark.parametrize("key", RESERVED)
-def test_keys_of_later_versions_are_refused(key: str, tmp_path: Path) -> None:
-    """A key that does nothing would be a silent error."""
-    section, _, name = key.partition(".")
-    (tmp_path / "session.toml").write_text(f'version = 1\n[{section}]\n{name} = "a.toml"\n')
-    with pytest.raises(ArgumentError, match=r"line 3: .* is reserved for"):
-        read_session(tmp_path)
 
 
 @pytest.mark.parametrize(

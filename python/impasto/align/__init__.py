@@ -2,13 +2,14 @@
 
 from impasto.align.detection import FoundMarks, find_marks
 from impasto.align.features import Reference, read_reference
-from impasto.align.frontal import FrontalView, frontal_view
+from impasto.align.frontal import frontal_view
 from impasto.align.layout import Layout, layout_from_markers, read_points, size_from
-from impasto.align.rectification import Grid, Rectified, rectified, rectified_rows
 from impasto.align.refinement import Shift, shift_between
 from impasto.align.relighting import relit_shifts
 from impasto.align.report import Aligned, AlignedPhotograph
 from impasto.align.stack import align
+from impasto.frontal_view import FrontalView
+from impasto.rectification import Grid, Rectified, rectified, rectified_rows
 
 __all__ = [
     "Aligned",

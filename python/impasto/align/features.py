@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from impasto._internal.checks import length_mm
 from impasto._internal.damage import damage_of
-from impasto.align.frontal import FrontalView
-from impasto.align.photographs import LINEAR, read_photograph
-from impasto.align.rectification import Grid
-from impasto.calibrate.lens import Lens
+from impasto.align.photographs import LINEAR
 from impasto.calibrate.tones import grey_from, light_from
 from impasto.errors import ArgumentError, GeometryError
+from impasto.frontal_view import FrontalView
 from impasto.io.files import read_text
+from impasto.io.session.linear_codes import read_photograph
+from impasto.lens import Lens
+from impasto.rectification import Grid
 
 Floats = NDArray[np.float64]
 

@@ -7,13 +7,12 @@ predicts, by the direct linear transform and Levenberg-Marquardt (OpenCV's ``fin
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from impasto.calibrate.lens import Lens
 from impasto.errors import GeometryError
+from impasto.frontal_view import FrontalView
+from impasto.lens import Lens
 
 Floats = NDArray[np.float64]
 
@@ -22,77 +21,6 @@ COLLINEAR = 2e-3
 lie on one line; four corners of a painting ten times as wide as high have 0.01."""
 CONTRADICTING = 0.01
 """Largest residual as a share of the distance between marks: more is no error of detection."""
-
-
-@dataclass(frozen=True, eq=False)
-class FrontalView:
-    """How one photograph shows the plane of the painting.
-
-    Attributes
-    ----------
-    matrix
-        ``(3, 3)``: from homogeneous mm (x right, y up) to pixels of a pinhole camera.
-    lens
-        Its distortion; None for none.
-    names
-        The marks it was found from.
-    found
-        ``(n, 2)`` their pixels in the photograph.
-    residual
-        ``(n, 2)`` found minus predicted, in pixels of the pinhole camera.
-    """
-
-    matrix: Floats
-    lens: Lens | None
-    names: tuple[str, ...]
-    found: Floats
-    residual: Floats
-
-    @property
-    def rms(self) -> float | None:
-        """Root mean square of the residuals in pixels; None for 4 marks, which fit exactly."""
-        if len(self.names) <= 4:
-            return None
-        return float(np.sqrt(np.square(self.residual).sum(axis=1).mean()))
-
-    def pixels(self, mm: ArrayLike) -> Floats:
-        """Pixels ``(..., 2)`` of the photograph that show places ``(..., 2)`` in mm."""
-        places = np.asarray(mm, dtype=np.float64)
-        m = self.matrix
-        x, y = places[..., 0], places[..., 1]
-        depth = m[2, 0] * x + m[2, 1] * y + m[2, 2]
-        across = (m[0, 0] * x + m[0, 1] * y + m[0, 2]) / depth
-        down = (m[1, 0] * x + m[1, 1] * y + m[1, 2]) / depth
-        ideal = np.stack([across, down], axis=-1)
-        return ideal if self.lens is None else self.lens.observed(ideal)
-
-    def mm(self, pixels: ArrayLike) -> Floats:
-        """Places ``(n, 2)`` in mm that pixels ``(n, 2)`` of the photograph show."""
-        seen = np.asarray(pixels, dtype=np.float64)
-        ideal = seen if self.lens is None else self.lens.ideal(seen)
-        homogeneous = np.column_stack([ideal, np.ones(len(ideal))]) @ np.linalg.inv(self.matrix).T
-        return np.asarray(homogeneous[:, :2] / homogeneous[:, 2:])
-
-    def pixel_mm(self) -> float:
-        """Width in mm of the finest pixel in the middle of the painting, in its finest direction.
-
-        A rectified picture with this pixel loses nothing that the photograph shows there.
-        """
-        step = 0.5
-        moves = self.pixels([[step, 0.0], [-step, 0.0], [0.0, step], [0.0, -step]])
-        slopes = np.stack([moves[0] - moves[1], moves[2] - moves[3]], axis=1)
-        return float(1.0 / np.linalg.svd(slopes, compute_uv=False)[0])
-
-    def camera_mm(self) -> Floats | None:
-        """``(3,)`` place of the camera, from the middle of the painting; None without a lens."""
-        if self.lens is None:
-            return None
-        columns = np.linalg.solve(self.lens.matrix, self.matrix)
-        columns /= np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
-        columns *= np.sign(columns[2, 2])
-        rough = np.stack([columns[:, 0], columns[:, 1], np.cross(columns[:, 0], columns[:, 1])], 1)
-        left, _, right = np.linalg.svd(rough)
-        return np.asarray(-(left @ right).T @ columns[:, 2])
 
 
 def frontal_view(

@@ -1,40 +1,21 @@
-"""The photographs of a folder, read for alignment: linear light, one at a time."""
+"""The photographs of a folder that are aligned, and their lights."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.io.images import list_images, load_image
-from impasto.io.images.profile import OTHER
+from impasto.io.images import list_images
 from impasto.io.lights import LightFile, read_lights
 from impasto.io.notes import Notebook
 from impasto.io.session.observations import find_lights
 
 LINEAR = Encoding("linear", 1.0)
 """Codes of photographs that were read for alignment."""
-
-
-@dataclass(frozen=True, eq=False)
-class Photograph:
-    """One photograph.
-
-    Attributes
-    ----------
-    planes
-        ``(band, y, x)``: linear codes, uint16 (of full scale 65535) or float32.
-    full
-        The code from which samples are clipped; None for floats.
-    """
-
-    planes: NDArray[Any]
-    full: float | None
 
 
 def photographs_of(folder: Path) -> list[Path]:
@@ -59,34 +40,6 @@ def photographs_of(folder: Path) -> list[Path]:
                 "have one name"
             )
     return paths
-
-
-def read_photograph(
-    path: Path, encoding: str | None = None, saturation: float | None = None
-) -> Photograph:
-    """Read one photograph as linear codes.
-
-    Without ``encoding``, 8 bits have the curve of their profile, else sRGB; all others are linear.
-    8-bit codes become 16 bits by a table, so that neighbours are mixed in linear light. Codes from
-    ``saturation`` on (default: the largest) are clipped.
-    """
-    header, codes = load_image(path)
-    if codes.dtype.kind == "f":
-        if encoding not in {None, "linear"}:
-            raise ArgumentError(f"encoding: {path.name} holds floats, which are linear light")
-        return Photograph(codes.astype(np.float32), saturation)
-    top = int(np.iinfo(codes.dtype).max)
-    curve = encoding
-    if curve is None:
-        stated = header.curve if header.curve not in {"", OTHER} else "srgb"
-        curve = stated if codes.dtype == np.uint8 else "linear"
-    clipped = float(top) if saturation is None else float(saturation)
-    if codes.dtype == np.uint16 and Encoding(curve, float(top)).curve == "linear":
-        return Photograph(codes, clipped)
-    linear = Encoding(curve, float(top)).decode(np.arange(top + 1))
-    table = np.rint(65535.0 * np.clip(linear, 0.0, 1.0)).astype(np.uint16)
-    at = int(np.clip(clipped, 0, top))
-    return Photograph(table[codes], float(table[at]))
 
 
 def lights_of(folder: Path, given: Path | None, names: list[str]) -> LightFile | None:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from impasto.align.frontal import FrontalView
-from impasto.align.rectification import Grid
 from impasto.align.refinement import Shift
-from impasto.calibrate.lens import Lens
+from impasto.frontal_view import FrontalView
+from impasto.lens import Lens
+from impasto.rectification import Grid
 
 
 @dataclass(frozen=True, eq=False)

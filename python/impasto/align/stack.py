@@ -13,35 +13,27 @@ from numpy.typing import NDArray
 from impasto._internal.checks import length_mm
 from impasto.align.detection import FoundMarks, find_marks
 from impasto.align.features import Reference
-from impasto.align.frontal import FrontalView, frontal_view
+from impasto.align.frontal import frontal_view
 from impasto.align.layout import Layout
-from impasto.align.photographs import (
-    LINEAR,
-    Photograph,
-    lights_of,
-    photographs_of,
-    read_photograph,
-)
+from impasto.align.photographs import LINEAR, lights_of, photographs_of
 from impasto.align.picture import Overview, align_picture, overview
-from impasto.align.rectification import Grid, Rectified, middle_of, rectified, rectified_rows
 from impasto.align.refinement import LARGEST, Shift, shift_between
 from impasto.align.relighting import predictable, relit_shifts
 from impasto.align.report import Aligned, AlignedPhotograph, report_of
-from impasto.calibrate.lens import Lens
 from impasto.calibrate.tones import light_from
 from impasto.errors import ArgumentError
+from impasto.frontal_view import FrontalView, eyes_of
 from impasto.io.folders import new_folder
 from impasto.io.images.write import write_json, write_png8, write_tiff16, write_tiff32
 from impasto.io.lights import LightFile
 from impasto.io.lights.write import write_lights
+from impasto.io.session.linear_codes import Photograph, read_photograph
+from impasto.lens import Lens
+from impasto.rectification import Grid, Rectified, middle_of, rectified, rectified_rows
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
-SAME_VIEW = np.radians(0.5)
-"""Views that differ by less are one: the camera stood still."""
-FRONTAL = np.radians(1.0)
-"""A common view nearer to the front than this is frontal; a light file without views says so."""
 WINDOWS_BYTES = 1 << 26
 """Memory of the parts of all photographs that are compared with predictions, which makes six more
 arrays of this size."""
@@ -322,7 +314,7 @@ def _write_lights(
         return ""
     own = replace(file, names=tuple(names))
     if own.views is None:
-        own = replace(own, views=_eyes(views))
+        own = replace(own, views=eyes_of(views))
     name = "lights.lp" if own.views is None else "lights.csv"
     write_lights(folder / name, own)
     if file.intensities is not None:
@@ -330,19 +322,3 @@ def _write_lights(
         text = "".join(" ".join(map(repr, row)) + "\n" for row in rows)
         (folder / "light_intensities.txt").write_text(text, encoding="utf-8")
     return name
-
-
-def _eyes(views: list[FrontalView]) -> Floats | None:
-    """``(n, 3)`` directions to the camera; None for one frontal camera, or without a lens."""
-    places = [view.camera_mm() for view in views]
-    known = [place for place in places if place is not None]
-    if len(known) < len(views):
-        return None
-    eyes = np.array([place / np.linalg.norm(place) for place in known])
-    common = eyes.mean(axis=0) / np.linalg.norm(eyes.mean(axis=0))
-    # The chord of a small angle is the angle.
-    if np.linalg.norm(eyes - common, axis=1).max() < SAME_VIEW:
-        if np.hypot(common[0], common[1]) < FRONTAL:
-            return None
-        return np.tile(common, (len(eyes), 1))
-    return eyes

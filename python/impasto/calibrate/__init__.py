@@ -1,13 +1,14 @@
-"""Calibration: lamps from mirror balls, a camera from a ColorChecker, a lens from a flat target."""
+"""Calibration: lamps from balls and a white board; camera, lens and tone curve from targets."""
 
 from impasto.calibrate.adjustment import Adjustment, adjust
+from impasto.calibrate.board import Board, board_strengths
+from impasto.calibrate.board_picture import board_picture
 from impasto.calibrate.camera import ChartCamera, camera_from_chart, linear_photograph
 from impasto.calibrate.chart import Chart, read_chart
 from impasto.calibrate.chart_picture import chart_picture
 from impasto.calibrate.folder import BallFolder, read_balls
 from impasto.calibrate.geometry import BallCamera
 from impasto.calibrate.highlight import Highlight, luma
-from impasto.calibrate.lens import Lens, read_lens
 from impasto.calibrate.lens_calibration import LensCalibration, TargetView, lens_from_target
 from impasto.calibrate.lens_picture import lens_picture
 from impasto.calibrate.lights import (
@@ -18,8 +19,10 @@ from impasto.calibrate.lights import (
     lights_from_balls,
 )
 from impasto.calibrate.outline import Outline, given_outline
+from impasto.calibrate.photon_transfer import PhotonTransfer, photon_transfer
 from impasto.calibrate.picture import balls_picture
 from impasto.calibrate.target import Target, target_from
+from impasto.lens import Lens, read_lens
 
 __all__ = [
     "Adjustment",
@@ -27,6 +30,7 @@ __all__ = [
     "BallFolder",
     "BallLights",
     "BallPhotographs",
+    "Board",
     "Chart",
     "ChartCamera",
     "Highlight",
@@ -34,10 +38,13 @@ __all__ = [
     "Lens",
     "LensCalibration",
     "Outline",
+    "PhotonTransfer",
     "Target",
     "TargetView",
     "adjust",
     "balls_picture",
+    "board_picture",
+    "board_strengths",
     "camera_from_chart",
     "chart_picture",
     "given_outline",
@@ -47,6 +54,7 @@ __all__ = [
     "lights_from_balls",
     "linear_photograph",
     "luma",
+    "photon_transfer",
     "read_balls",
     "read_chart",
     "read_lens",

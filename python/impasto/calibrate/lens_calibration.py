@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.checks import one_of
-from impasto.calibrate.lens import FREE, NAMES, Lens, LensModel
 from impasto.calibrate.target import Target, target_from
 from impasto.calibrate.tones import light_from
 from impasto.errors import ArgumentError, GeometryError
 from impasto.io.images import list_images, read_image
+from impasto.lens import FREE, NAMES, Lens, LensModel
 
 Floats = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.calibrate.lens import Lens
 from impasto.calibrate.lens_calibration import LensCalibration
+from impasto.lens import Lens
 from impasto.pictures import Panel, Picture, contact_sheet
 
 _GREEN, _AMBER, _LINE = (120, 190, 110), (255, 190, 90), (88, 88, 92)

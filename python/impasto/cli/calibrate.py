@@ -21,11 +21,13 @@ Boxes: TypeAlias = Annotated[
 def application() -> App:
     """The commands below ``impasto calibrate``."""
     app = App(
-        name="calibrate", help="Find lamps, a camera and a lens from photographs made for that."
+        name="calibrate",
+        help="Find lamps, a camera, a lens and a tone curve from photographs made for that.",
     )
     app.command("impasto.cli.calibrate:lights")
     app.command("impasto.cli.calibrate:camera")
     app.command("impasto.cli.calibrate:lens")
+    app.command("impasto.cli.calibrate_light:board")
     return app
 
 
@@ -81,7 +83,7 @@ def lights(
     )
     from impasto.io import LightFile, write_lights, write_png8
 
-    shown = _picture_of(out)
+    shown = picture_of(out)
     placed = out.suffix.lower() == ".dome"
     if out.suffix.lower() not in {".lp", ".dome"}:
         raise ArgumentError(f"--out: expected a name ending in .lp or .dome, found {out.name}")
@@ -169,7 +171,7 @@ def camera(
     from impasto.calibrate import camera_from_chart, chart_picture, linear_photograph
     from impasto.io import write_camera, write_png8
 
-    shown = _picture_of(out)
+    shown = picture_of(out)
     if out.suffix.lower() != ".csv":
         raise ArgumentError(f"--out: expected a name ending in .csv, found {out.name}")
     for path in (out, shown):
@@ -220,7 +222,7 @@ def lens(
     from impasto.calibrate import lens_from_target, lens_picture
     from impasto.io import write_png8
 
-    shown = _picture_of(out)
+    shown = picture_of(out)
     if out.suffix.lower() != ".json":
         raise ArgumentError(f"--out: expected a name ending in .json, found {out.name}")
     for path in (out, shown):
@@ -244,7 +246,7 @@ def lens(
     lens.save(out)
 
 
-def _picture_of(out: Path) -> Path:
+def picture_of(out: Path) -> Path:
     """Where the picture goes: among photographs it would be taken for one."""
     from impasto.io.images import list_images
 

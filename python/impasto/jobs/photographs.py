@@ -220,7 +220,7 @@ class Files(Photographs):
         self._mask = None if finished else self._reading.pop("mask", None)
         one = self._stack_of((0, 0, 1, 1))
         self._seen: dict[Path, tuple[int, int, int]] = {}
-        with _any_picture(path, one, reading) as picture:
+        with self._any_picture(one, reading) as picture:
             size = picture.shape[1:]
             self._grid = picture.grid
             codes = picture.dtype.itemsize
@@ -333,6 +333,13 @@ class Files(Photographs):
         if self._mask is None:
             return stack
         return stack._replace(mask=self._masked(region))
+
+    def _any_picture(self, stack: Stack, reading: Mapping[str, Any]) -> Source:
+        """One of the photographs, open; all are of one size and type."""
+        session = self._session
+        if session is None or session.geometry is None:
+            return _any_picture(self._path, stack, reading)
+        return session.geometry.open(session.files()[0][0], reading.get("layer"))
 
     def _stack_of(self, region: tuple[int, int, int, int] | None, **changes: Any) -> Stack:
         """What is read of a region, or of all, without the mask."""

@@ -78,16 +78,20 @@ def check_session(path: str | Path) -> Diagnosis:
     headers, broken = _headers(files)
     found += broken
     names = tuple(path.name for path in files)
-    if headers and not broken:
+    if headers and not broken and session.alignment is None:
         found += _sizes(headers)
     exif = _exif(files)
     equalised = session.intensities is not None or _boards(session)
     for band in range(len(grouped[0])):  # filters have exposures of their own
         found += _in_order(range(band, len(files), len(grouped[0])), names, exif, equalised)
     shape = (len(grouped), 0, 0, 0)
-    if headers:
-        found += _lens(session, headers[0], exif)
-        first = headers[0]
+    first = headers[0] if headers else None
+    if first is not None:
+        found += _camera(session, first, exif)
+        if photographs.geometry is not None:
+            grid = photographs.geometry.grid
+            first = replace(first, width=grid.columns, height=grid.rows)
+        found += _extent(session, photographs, first)
         shape = (len(grouped), first.channels * len(grouped[0]), first.height, first.width)
     if not any(one.severity == "error" and one.code != "exposure" for one in found):
         try:
@@ -103,7 +107,8 @@ def check_session(path: str | Path) -> Diagnosis:
                 for note in stack.notes
                 if getattr(note, "repair", False) or note.kind in {"horizon", "duplicate"}
             ]
-            found += _mask(photographs, headers[0])
+            if first is not None:
+                found += _mask(photographs, first)
     return Diagnosis(tuple(found), names, shape)
 
 
@@ -207,8 +212,8 @@ def _boards(session: Session) -> bool:
     return (session.path.parent / session.white).is_dir()
 
 
-def _lens(session: Session, header: ImageHeader, exif: Sequence[Exif]) -> list[Finding]:
-    """Focal length and size of the painting against the photographs."""
+def _camera(session: Session, header: ImageHeader, exif: Sequence[Exif]) -> list[Finding]:
+    """Name and focal length of the camera against those of the photographs."""
     found = []
     camera = next((one.camera for one in exif if one.camera), None)
     if session.camera and camera and session.camera.casefold() != camera.casefold():
@@ -226,20 +231,31 @@ def _lens(session: Session, header: ImageHeader, exif: Sequence[Exif]) -> list[F
                 "see whether the photographs are reduced or cropped, and correct it",
             )
         )
-    if session.size_mm is None or session.pitch_mm is None:
-        return found
-    seen = (header.width * session.pitch_mm, header.height * session.pitch_mm)
-    if any(size > side for size, side in zip(session.size_mm, seen, strict=True)):
-        found.append(
-            Finding(
-                "painting-size",
-                "warning",
-                f"painting.size_mm is {session.size_mm[0]:g} x {session.size_mm[1]:g} mm, the "
-                f"photographs show {seen[0]:.4g} x {seen[1]:.4g} mm at photographs.pitch_mm",
-                "correct size or pitch, if the photographs show the whole painting",
-            )
-        )
     return found
+
+
+def _extent(
+    session: Session, photographs: SessionPhotographs, header: ImageHeader
+) -> list[Finding]:
+    """Size of the painting against what the photographs show."""
+    pitch = session.pitch_mm
+    if photographs.geometry is not None and photographs.geometry.pitch_mm is not None:
+        pitch = photographs.geometry.pitch_mm
+    if session.size_mm is None or pitch is None:
+        return []
+    seen = (header.width * pitch, header.height * pitch)
+    # The pixels of an alignment are a whole number.
+    if all(size <= side + pitch / 2 for size, side in zip(session.size_mm, seen, strict=True)):
+        return []
+    return [
+        Finding(
+            "painting-size",
+            "warning",
+            f"painting.size_mm is {session.size_mm[0]:g} x {session.size_mm[1]:g} mm, the "
+            f"photographs show {seen[0]:.4g} x {seen[1]:.4g} mm at {pitch:g} mm for a pixel",
+            "correct size or pitch, if the photographs show the whole painting",
+        )
+    ]
 
 
 def _mask(photographs: SessionPhotographs, header: ImageHeader) -> list[Finding]:

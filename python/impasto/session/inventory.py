@@ -21,6 +21,8 @@ from impasto.io.session.from_session import IMPLICIT
 from impasto.io.session.observations import find_lights
 from impasto.io.session.photographs import find_photographs
 from impasto.io.session_toml import SESSION_FILE, Session, sha256_of
+from impasto.session.filter_wheel import FilterWheel, find_filter_wheel
+from impasto.session.optics import aligned_folders, find_optics
 from impasto.session.sequence import sequence
 
 _DARK = re.compile(r"^(dark|black|ambient)(?![a-z])", re.I)
@@ -56,10 +58,11 @@ class FoundSession:
 def find_session(folder: str | Path) -> FoundSession:
     """Describe the photographs of a folder as a session; nothing is written.
 
-    Taken are photographs (in the folder, or in its only subfolder with some), the light file, dark
-    frames, white boards and a mask by their names (``dark``, ``black``, ``ambient``; ``white``,
-    ``flat``, ``board``; ``mask``), what EXIF says of camera and lens, and the SHA-256 of all these
-    files. The tone curve is left to :func:`impasto.read_stack`.
+    Taken are photographs (in the folder, or in its only subfolder with some) with a file for each
+    filter where names end in bands, the light file, the lens and the alignment of the photographs,
+    dark frames, white boards and a mask by their names (``dark``, ``black``, ``ambient``;
+    ``white``, ``flat``, ``board``; ``mask``), what EXIF says of camera and lens, and the SHA-256 of
+    all these files. The tone curve is left to :func:`impasto.read_stack`.
 
     Parameters
     ----------
@@ -83,7 +86,9 @@ def find_session(folder: str | Path) -> FoundSession:
     light_file, why = _lights(folder, home)
     lights = None if light_file is None else light_file.path
     notebook = Notebook()
-    photographs, problem = _photographs(home, lights, notebook)
+    wheel = find_filter_wheel(_candidates(home))
+    photographs, problem = _photographs(home, light_file, wheel, notebook)
+    optics = find_optics(folder, home, photographs)
     repairs = [note for note in notebook.notes if note.repair]
     extra = _Frames.of(folder, home, photographs)
     session = Session(
@@ -91,20 +96,31 @@ def find_session(folder: str | Path) -> FoundSession:
         images=None if home == (lights or folder / SESSION_FILE).parent else home.name,
         lights=None if lights is None else _relative(lights, folder),
         **extra.as_keys(folder),
+        lens=None if optics.lens is None else _relative(optics.lens, folder),
+        size_mm=optics.size_mm,
+        alignment=None if optics.alignment is None else _relative(optics.alignment, folder),
     )
+    if optics.mask is not None:
+        session = replace(session, mask=_relative(optics.mask, folder))
+    if wheel is not None:
+        session = replace(session, pattern=wheel.pattern, bands=wheel.bands)
     header = read_header(photographs[0])
     by_name = sorted(photographs, key=lambda path: natural_key(path.name))
     exif = [read_exif(path) for path in by_name]
     known = _of_camera(exif, header.width, header.height)
-    files = [*photographs, *([] if lights is None else [lights]), *extra.every()]
+    files = [*photographs, *([] if lights is None else [lights]), *extra.every(), *optics.every()]
     files += [path for path in _implicit(lights) if path.is_file()]
     hashes = {_relative(path, folder): sha256_of(path) for path in dict.fromkeys(files)}
     session = replace(session, sha256=hashes, **known)
     findings = sequence([path.name for path in by_name], exif, equalised=False)
     found = [
-        f"{counted(len(photographs), 'photograph')} of {header.width} x {header.height} pixels, "
+        f"{counted(len(photographs), 'photograph' if wheel is None else 'file')} of "
+        f"{header.width} x {header.height} pixels, "
         f"{photographs[0].name} to {photographs[-1].name}",
         *([] if lights is None else [f"light file {session.lights}"]),
+        *([] if wheel is None else [_wheel_words(wheel)]),
+        *([] if session.lens is None else [f"lens {session.lens}"]),
+        *([] if session.alignment is None else [f"alignment {session.alignment}"]),
         *[str(note) for note in repairs if note.kind != "missing"],
         *extra.words(),
         *([f"camera {session.camera}"] if session.camera else []),
@@ -128,8 +144,10 @@ def find_session(folder: str | Path) -> FoundSession:
         )
     missing += [problem] if problem else []
     missing += [note.message for note in repairs if note.kind == "missing"]
-    missing += extra.missing(len(photographs))
-    if light_file is None or (light_file.width_mm is None and light_file.pitch_mm is None):
+    missing += extra.missing(len(photographs if wheel is None else wheel.names))
+    missing += optics.missing
+    scaled = light_file is not None and (light_file.width_mm or light_file.pitch_mm)
+    if not scaled and optics.alignment is None:
         missing.append("photographs.pitch_mm, the width of a pixel: needed for near lamps")
     complete = lights is not None and not problem
     return FoundSession(session, tuple(found), tuple(missing), tuple(findings), complete)
@@ -139,7 +157,8 @@ def _home(folder: Path, balls: Sequence[Path]) -> Path:
     """The folder of the photographs."""
     if any(not _is_frame(path.stem) for path in list_images(folder)):
         return folder
-    inner = sorted(path for path in folder.iterdir() if path.is_dir() and path not in balls)
+    made = [*balls, *aligned_folders(folder)]
+    inner = sorted(path for path in folder.iterdir() if path.is_dir() and path not in made)
     inner = [path for path in inner if not _is_frame(path.name) and list_images(path)]
     if not inner:
         raise ArgumentError(f"path: {folder} has no photographs, and no folder with some")
@@ -171,20 +190,34 @@ def _lights(folder: Path, home: Path) -> tuple[LightFile | None, str]:
     return None, f"lights: {why}; write its name as lights.file"
 
 
-def _photographs(home: Path, lights: Path | None, notebook: Notebook) -> tuple[list[Path], str]:
+def _candidates(home: Path) -> list[Path]:
+    return [path for path in list_images(home) if not _is_frame(path.stem)]
+
+
+def _photographs(
+    home: Path, lights: LightFile | None, wheel: FilterWheel | None, notebook: Notebook
+) -> tuple[list[Path], str]:
     """The files that belong to the lights; without lights, all that are no calibration frames."""
-    every = [path for path in list_images(home) if not _is_frame(path.stem)]
+    every = _candidates(home)
     if lights is None:
         return every, ""
+    options: dict[str, Any] = {}
+    if wheel is not None:
+        options = {"pattern": wheel.pattern, "bands": wheel.bands}
     try:
-        _, found = find_photographs(lights, notebook, images=home)
+        _, found = find_photographs(lights.path, notebook, images=home, **options)
     except MissingExtraError:
         raise
     except ArgumentError as error:
         return every, str(error)
     listed = [path for files in found.files for path in files]
     spare = [path.name for path in every if path not in listed]
-    return listed, f"{few(spare)}: not in {lights.name}, not used" if spare else ""
+    return listed, f"{few(spare)}: not in {lights.path.name}, not used" if spare else ""
+
+
+def _wheel_words(wheel: FilterWheel) -> str:
+    count = counted(len(wheel.names), "photograph")
+    return f"{count} with a file for each band, {wheel.pattern}: {', '.join(wheel.bands)}"
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from impasto.errors import ArgumentError
 from impasto.io.images import ImageHeader, open_picture
 from impasto.io.notes import Notebook
 from impasto.io.session.frames import Region, check_region, read_region
+from impasto.io.session.geometry import Geometry
 from impasto.io.session.observations import Observations
 
 
@@ -26,8 +27,11 @@ def read_codes(
     region: Sequence[int] | None,
     layer: str | None,
     max_pixels: int,
+    geometry: Geometry | None = None,
 ) -> tuple[NDArray[Any], ImageHeader, Region | None]:
     """Decode every file of the observations, or of each what a region needs, into one array.
+
+    With a ``geometry`` they are resampled; the region is one of the result.
 
     Returns
     -------
@@ -49,7 +53,8 @@ def read_codes(
     for index, files in enumerate(observations.files):
         band = 0
         for position, path in enumerate(files):
-            with wait_for(open_picture, path, layer=layer, max_pixels=max_pixels) as picture:
+            opened: Any = open_picture if geometry is None else geometry.open
+            with wait_for(opened, path, layer=layer, max_pixels=max_pixels) as picture:
                 header = picture.header
                 headers.append(header)
                 if out is None and position == 0:

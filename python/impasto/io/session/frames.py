@@ -14,6 +14,7 @@ from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.io.images import list_images, open_picture
 from impasto.io.notes import Notebook
+from impasto.io.session.geometry import Geometry
 from impasto.io.session.match import match_names
 from impasto.io.sources import Source
 from impasto.rig import PointLight, Rig
@@ -82,6 +83,11 @@ class Calibration:
         For each observation the board's file (codes), one array for all, or None.
     gains
         ``(obs, band)`` strength of each light in each band, or None.
+    geometry
+        What photographs were resampled by; board and dark frames, as the camera saw them, are
+        resampled alike.
+    photographs
+        The file name of each observation, for the geometry.
     """
 
     encoding: Encoding
@@ -93,6 +99,8 @@ class Calibration:
     gains: NDArray[np.float64] | None = None
     region: Region | None = None
     layer: str | None = None
+    geometry: Geometry | None = None
+    photographs: Sequence[str] = ()
 
     @property
     def changes(self) -> bool:
@@ -120,7 +128,7 @@ class Calibration:
         if not self.changes:
             return value
         if self.dark is not None:
-            value = value - self.dark
+            value = value - self._dark(index, value.shape)
         if self.board is not None:
             value = value * self._flat(index, value.shape)
         if self.gains is not None:
@@ -128,6 +136,21 @@ class Calibration:
         if self.saturation is not None:
             value[codes >= self.saturation[:, None, None]] = np.inf
         return np.asarray(value, dtype=np.float32)
+
+    def _dark(self, index: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
+        """On the pixels of an observation."""
+        assert self.dark is not None
+        if self.geometry is None or self.dark.shape[1:] == (1, 1):
+            return self.dark
+        return self._resampled(self.dark, index, shape)
+
+    def _resampled(
+        self, planes: NDArray[Any], index: int, shape: tuple[int, ...], full: float | None = None
+    ) -> NDArray[Any]:
+        assert self.geometry is not None
+        top, left, height, width = self.region or (0, 0, *shape[1:])
+        window = slice(top, top + height), slice(left, left + width)
+        return self.geometry.resampled(planes, self.photographs[index], *window, full=full)
 
     def stored_saturation(self) -> NDArray[np.float64] | None:
         """The saturation level in the units of :meth:`apply`'s result."""
@@ -145,7 +168,11 @@ class Calibration:
             assert self.board is not None
             one_for_all = len(self.board) == 1
             path = self.board[0 if one_for_all else index]
-            codes = picture_codes(path, self.layer, self.region)
+            if self.geometry is None:
+                codes = picture_codes(path, self.layer, self.region)
+            else:
+                seen = self.geometry.photograph(path, self.layer)
+                codes = self._resampled(seen.planes, index, shape, seen.full)
             if codes.shape != shape:
                 raise ArgumentError(
                     f"white: {path} has shape {codes.shape} (band, y, x), the photographs {shape}"
@@ -154,7 +181,7 @@ class Calibration:
             cosine = board_cosine(self.rig, index, (shape[1], shape[2]))
         board = self.linear(codes)
         if self.dark is not None:
-            board = board - self.dark
+            board = board - self._dark(index, shape)
         unknown = ~(board > 0)
         if self.saturation is not None:
             unknown |= codes >= self.saturation[:, None, None]
@@ -179,6 +206,30 @@ def board_cosine(rig: Rig, index: int, shape: tuple[int, int]) -> NDArray[np.flo
     px, py, pz = light.position
     distance = np.sqrt((px - x[None, :]) ** 2 + (py - y[:, None]) ** 2 + pz**2)
     return np.asarray(pz / distance, dtype=np.float32)
+
+
+def resampled_dark(
+    dark: FrameSource, geometry: Geometry, bands: int, curve: Encoding, layer: str | None
+) -> NDArray[np.float32]:
+    """As :func:`read_dark`, ``(band, y, x)`` as the camera saw it.
+
+    ``curve`` is that of the files, of which a level is a code.
+    """
+    paths = frame_paths(dark)
+    if paths is None:
+        if np.ndim(np.asarray(dark)) > 1:
+            raise ArgumentError(
+                "dark: with a lens or an alignment, dark frames are files; found an array"
+            )
+        return read_dark(dark, (bands, 1, 1), curve, None, layer)
+    total = np.zeros((1, 1, 1))
+    for path in paths:
+        planes = geometry.photograph(path, layer).planes
+        if len(planes) != bands:
+            raise ArgumentError(f"dark: {path} has {len(planes)} bands, the photographs {bands}")
+        scale = 1.0 if planes.dtype.kind == "f" else 1.0 / 65535.0
+        total = total + planes * scale
+    return _checked_dark((total / len(paths)).astype(np.float32), curve)
 
 
 def read_dark(

@@ -14,11 +14,14 @@ from impasto.io.lights import LightFile
 from impasto.io.lights.light_file import finish
 from impasto.io.lights.tables import unit_views
 from impasto.io.notes import Notebook, few
+from impasto.io.session.alignment import read_alignment
 from impasto.io.session.frames import frame_paths
+from impasto.io.session.geometry import Geometry, check_lens, curve_of
 from impasto.io.session.photographs import find_photographs, read_photographs
 from impasto.io.session_toml import KEYS, Session, read_session, verify
 from impasto.io.session_toml.hashes import confined, root, unlisted
 from impasto.io.session_toml.values import names
+from impasto.lens import read_lens
 from impasto.rig import Rig
 from impasto.stack import Stack
 
@@ -26,6 +29,8 @@ KIND = "session"
 """Of the notes that are about a session."""
 DEFAULTS = {"strict": False, "max_pixels": MAX_PIXELS}
 """Values that count as not given; of all other arguments None does."""
+_SAME_PITCH = 1e-3
+"""Relative difference of the width of a pixel, which is written with three digits."""
 IMPLICIT = ("light_intensities.txt", "filenames.txt")
 """Read beside a light file without being named."""
 _LAMPS = ("lights", "directions", "positions_mm")
@@ -34,6 +39,8 @@ _ARGUMENTS = {
     for key in KEYS
     if key.name.split(".")[0] in {"photographs", "lights", "calibration"}
 }
+_RESAMPLING = {"alignment": "photographs.alignment", "lens": "camera.lens"}
+"""No arguments of :func:`impasto.read_stack`."""
 
 
 class SessionPhotographs:
@@ -56,6 +63,8 @@ class SessionPhotographs:
         The light file, or the folder of the photographs.
     arguments
         Of :func:`impasto.read_stack` for that path.
+    geometry
+        What the photographs are resampled by; None where the session has no lens or alignment.
 
     Raises
     ------
@@ -74,7 +83,9 @@ class SessionPhotographs:
         self._rig_given = isinstance(self._given.get("lights"), Rig)
         self._say_overridden()
         self.path, own = self._own()
+        paths = {name: own.pop(name, None) for name in _RESAMPLING}
         self.arguments: dict[str, Any] = own | self._given
+        self.geometry = self._geometry(**paths)
 
     @classmethod
     def verified(cls, path: Path, given: Mapping[str, Any]) -> Self:
@@ -122,13 +133,48 @@ class SessionPhotographs:
         arguments = {**self.arguments, **changes}
         arguments = {name: value for name, value in arguments.items() if value is not None}
         try:
-            stack = read_photographs(self.path, guard=self._guard, **arguments)
+            stack = read_photographs(
+                self.path, guard=self._guard, geometry=self.geometry, **arguments
+            )
         except ArgumentError as error:
             raise self._located(error) from error
         return stack._replace(
             notes=(*self._notebook.notes, *stack.notes),
-            sources=tuple(dict.fromkeys((_file(self.session), *stack.sources))),
+            sources=tuple(dict.fromkeys((_file(self.session), *stack.sources, *self._optics))),
         )
+
+    def _geometry(self, lens: Path | None, alignment: Path | None) -> Geometry | None:
+        self._optics = [path for path in (lens, alignment) if path is not None]
+        if not self._optics:
+            return None
+        optics = None if lens is None else read_lens(lens)
+        report = None if alignment is None else read_alignment(alignment)
+        saturation = self.arguments.get("saturation")
+        try:
+            check_lens(optics, report, lens)
+            if saturation is not None and np.size(saturation) != 1:
+                raise ArgumentError(
+                    "saturation: one code for all bands where photographs are resampled, found "
+                    f"{saturation}"
+                )
+            if report is not None:
+                self._check_pitch(report.grid.pixel_mm)
+            return Geometry(
+                optics,
+                report,
+                curve_of(self.arguments.get("encoding")),
+                None if saturation is None else float(np.ravel(saturation)[0]),
+            )
+        except ArgumentError as error:
+            raise self._located(error) from error
+
+    def _check_pitch(self, pixel_mm: float) -> None:
+        pitch = self.arguments.get("pitch_mm")
+        if pitch is not None and abs(pitch / pixel_mm - 1.0) > _SAME_PITCH:
+            raise ArgumentError(
+                f"pitch_mm: {pitch:g}, but a pixel of the alignment is {pixel_mm:g} mm wide; "
+                "leave it out"
+            )
 
     def _say_overridden(self) -> None:
         # A Rig has strengths of its own.
@@ -152,7 +198,8 @@ class SessionPhotographs:
         """Where reading starts, and the session's arguments."""
         session, own = self.session, {}
         for key in KEYS:
-            if key.name not in _ARGUMENTS.values() or key.attribute in (*_LAMPS, "views"):
+            known = key.name in _ARGUMENTS.values() or key.attribute in _RESAMPLING
+            if not known or key.attribute in (*_LAMPS, "views"):
                 continue
             value = getattr(session, key.attribute)
             if self._has(key.attribute) and key.attribute not in self._given:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -14,6 +15,7 @@ from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.io.images import MAX_PIXELS, open_picture
 from impasto.io.lights import LightFile
+from impasto.io.lights.tables import unit_views
 from impasto.io.notes import Notebook
 from impasto.io.session.codes import read_codes
 from impasto.io.session.curve import Photographs, choose_curve
@@ -26,7 +28,9 @@ from impasto.io.session.frames import (
     frame_paths,
     picture_codes,
     read_dark,
+    resampled_dark,
 )
+from impasto.io.session.geometry import Geometry
 from impasto.io.session.observations import Observations, find_observations
 from impasto.io.session.rigs import ListedLights, build_rig, listed_lights, without_falloff
 from impasto.rig import Rig
@@ -57,10 +61,12 @@ def read_photographs(
     max_pixels: int = MAX_PIXELS,
     names: tuple[str, ...] | None = None,
     guard: Guard | None = None,
+    geometry: Geometry | None = None,
 ) -> Stack:
     """As :func:`impasto.read_stack`, for a light file or a folder of photographs.
 
-    ``names`` are those of the photographs in a folder, where ``lights`` names none.
+    ``names`` are those of the photographs in a folder, where ``lights`` names none. ``geometry``
+    resamples them; it has their tone curve and the code from which they are clipped.
     """
     notebook = Notebook(strict)
     listed, observations = find_photographs(
@@ -78,9 +84,13 @@ def read_photographs(
     if guard is not None:
         guard([path for files in observations.files for path in files], notebook)
     codes, header, area = read_codes(
-        observations, notebook, region=region, layer=layer, max_pixels=max_pixels
-    )
+        observations, notebook,
+        region=region, layer=layer, max_pixels=max_pixels, geometry=geometry,
+    )  # fmt: skip
     shape: tuple[int, int, int] = codes.shape[1:]
+    if geometry is not None:
+        listed = _seen_by(geometry, listed, observations)
+        pitch_mm = geometry.pitch_mm if pitch_mm is None else pitch_mm
     rig, gains = build_rig(
         listed,
         observations.kept,
@@ -93,7 +103,11 @@ def read_photographs(
     )
     integer = codes.dtype.kind == "u"
     full = float(np.iinfo(codes.dtype).max) if integer else 1.0
-    levels = _saturation(saturation, shape[0], full if integer else None)
+    if geometry is None:
+        levels = _saturation(saturation, shape[0], full if integer else None)
+    else:
+        levels = _saturation(None, shape[0], _clipped_from(observations, geometry, layer))
+        encoding = Encoding("linear", full)
     mask_array = _mask(mask, shape, area)
     strengths = rig.intensities[:, None] if gains is None else gains
     curve = choose_curve(
@@ -103,18 +117,27 @@ def read_photographs(
         observations.files[0][0],
         notebook,
     )
+
+    def black_frame(dark: FrameSource) -> NDArray[np.float32]:
+        if geometry is None:
+            return read_dark(dark, shape, curve, area, layer)
+        stored = geometry.stored_curve(observations.files[0][0])
+        return resampled_dark(dark, geometry, shape[0], stored, layer)
+
     calibration = Calibration(
         curve,
         levels,
-        dark=None if dark is None else read_dark(dark, shape, curve, area, layer),
+        dark=None if dark is None else black_frame(dark),
         board=None
         if white is None
-        else find_board(white, observations.names, shape, area, listed.source, notebook),
+        else _board_frames(white, observations, shape, area, listed, notebook, geometry),
         board_reflectance=_board(board_reflectance, shape[0], white),
         rig=rig,
         gains=gains,
         region=area,
         layer=layer,
+        geometry=geometry,
+        photographs=[files[0].name for files in observations.files],
     )
     if white is not None:
         rig = without_falloff(rig)
@@ -124,6 +147,9 @@ def read_photographs(
     if integer and calibration.only_level and dark is not None and frame_paths(dark) is None:
         # The stack subtracts it from the integers.
         black = np.asarray(dark, dtype=np.float64).reshape(-1)
+        if geometry is not None:
+            assert calibration.dark is not None
+            black = full * calibration.dark[:, 0, 0].astype(np.float64)
     elif calibration.changes or curve.curve != "linear":
         samples = np.empty(codes.shape, np.float32)
 
@@ -177,6 +203,39 @@ def find_photographs(
         excluded=excluded,
     )
     return listed, observations
+
+
+def _board_frames(
+    white: FrameSource,
+    observations: Observations,
+    shape: tuple[int, int, int],
+    area: Region | None,
+    listed: ListedLights,
+    notebook: Notebook,
+    geometry: Geometry | None,
+) -> Sequence[Path] | NDArray[Any]:
+    if geometry is not None and frame_paths(white) is None:
+        raise ArgumentError("white: with a lens or an alignment, boards are files; found an array")
+    return find_board(white, observations.names, shape, area, listed.source, notebook)
+
+
+def _seen_by(geometry: Geometry, listed: ListedLights, observations: Observations) -> ListedLights:
+    """With the directions to the camera that an alignment knows, where the lights have none."""
+    kept = list(observations.kept)
+    eyes = geometry.eyes([files[0].name for files in observations.files])
+    if listed.views is not None or eyes is None:
+        return listed
+    views = np.tile(np.array([0.0, 0.0, 1.0]), (len(listed.lights), 1))
+    views[kept] = unit_views(eyes.tolist(), listed.source)
+    return replace(listed, views=views)
+
+
+def _clipped_from(
+    observations: Observations, geometry: Geometry, layer: str | None
+) -> float | None:
+    """The code from which resampled photographs are clipped."""
+    with geometry.open(observations.files[0][0], layer) as picture:
+        return picture.full
 
 
 def _sources(

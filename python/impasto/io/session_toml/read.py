@@ -13,7 +13,7 @@ from impasto._internal.checks import suggestion
 from impasto._internal.damage import damage_of
 from impasto._internal.regular import RegularFile
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.session_toml.schema import KEYS, RESERVED, TABLES, VERSION, Key, Session
+from impasto.io.session_toml.schema import KEYS, TABLES, VERSION, Key, Session
 
 SESSION_FILE = "session.toml"
 """Its name in a folder."""
@@ -123,11 +123,6 @@ def _flattened(session: Session, content: dict[str, Any]) -> dict[str, Any]:
 def _known(session: Session, name: str) -> None:
     if name in _BY_NAME:
         return
-    if name in RESERVED:
-        raise ArgumentError(
-            f"{session.place(name)}: is reserved for {RESERVED[name]}, which this version of "
-            "impasto does not apply; remove the line"
-        )
     last = name.rpartition(".")[2]
     elsewhere = [full for full in _BY_NAME if full.rpartition(".")[2] == last]
     near = f"; did you mean {elsewhere[0]!r}?" if elsewhere else suggestion(name, _BY_NAME)

@@ -30,6 +30,8 @@ class Session:
         Of the painting; width and height in mm.
     camera, focal_length_px
         Name of the camera; focal length in pixels.
+    lens, alignment
+        Files of a lens and of an alignment, by which photographs are resampled.
     images, pattern, bands, layer, encoding, saturation, mask, pitch_mm, region, strict, max_pixels
         As :func:`impasto.read_stack` takes them.
     lights
@@ -51,6 +53,8 @@ class Session:
     size_mm: tuple[float, float] | None = None
     camera: str | None = None
     focal_length_px: float | None = None
+    lens: str | None = None
+    alignment: str | None = None
     images: str | None = None
     pattern: str | tuple[str, ...] | None = None
     bands: tuple[str, ...] | None = None
@@ -123,6 +127,11 @@ KEYS = (
         "Focal length in pixels; compared with that of the photographs (EXIF).", "9800.0",
     ),
     Key(
+        "camera.lens", "lens", values.file,
+        "File of impasto calibrate lens: the photographs are read without its distortion.",
+        '"lens.json"', files=True,
+    ),
+    Key(
         "photographs.folder", "images", values.file,
         "Folder of the photographs. Default: that of the light file.", '"photographs"', files=True,
     ),
@@ -134,6 +143,11 @@ KEYS = (
     Key(
         "photographs.bands", "bands", values.texts,
         "Names of the bands, in the order of the files.", '["red", "green", "blue"]',
+    ),
+    Key(
+        "photographs.alignment", "alignment", values.file,
+        "Report of impasto align on these photographs, which are read as it wrote them: on the "
+        "pixels of the frontal view.", '"aligned/report/alignment.json"', files=True,
     ),
     Key(
         "photographs.layer", "layer", values.text,
@@ -217,9 +231,3 @@ KEYS = (
 
 TABLES = frozenset({"lights.directions", "lights.positions_mm", "lights.views", "files"})
 """Keys that are sections, with a line for each file."""
-
-RESERVED = {
-    "camera.lens": "the file of a lens calibration",
-    "photographs.alignment": "the file of an alignment of the photographs",
-}
-"""Keys of later versions: refused, since nothing would be done with them."""

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.align.frontal import FrontalView
+from impasto.frontal_view import FrontalView
 
 Floats = NDArray[np.float64]
 Interpolation = Literal["lanczos", "cubic", "linear"]
@@ -112,20 +112,72 @@ def rectified_rows(
     interpolation
         ``"lanczos"`` (8 x 8 pixels), ``"cubic"`` (4 x 4) or ``"linear"``.
     """
-    times = _oversampling(view, grid)
     clipped = None if full is None else _clipped(photograph, full)
     for top in range(0, grid.rows, BLOCK):
         rows = slice(top, min(top + BLOCK, grid.rows))
-        planes = np.empty((len(photograph), rows.stop - rows.start, grid.columns), photograph.dtype)
-        seen = np.empty(planes.shape[1:], dtype=bool)
-        for left in range(0, grid.columns, ACROSS):
-            columns = slice(left, min(left + ACROSS, grid.columns))
-            places = _places(view, grid, rows, columns, shift, times)
-            part = slice(None), slice(None), columns
-            planes[part], seen[part[1:]] = _looked_up(
-                photograph, places, times, full, clipped, interpolation
-            )
-        yield Rectified(planes, seen)
+        yield _window(
+            photograph, view, grid, rows, slice(0, grid.columns), shift, full, clipped,
+            interpolation,
+        )  # fmt: skip
+
+
+def rectified_window(
+    photograph: NDArray[Any],
+    view: FrontalView,
+    grid: Grid,
+    rows: slice,
+    columns: slice,
+    *,
+    shift: tuple[float, float] = (0.0, 0.0),
+    full: float | None = None,
+    interpolation: Interpolation = "lanczos",
+) -> Rectified:
+    """Some rows and columns of the frontal picture, bit for bit those of the whole.
+
+    Whole blocks are resampled, for places are rounded to single precision within each.
+    """
+    clipped = None if full is None else _clipped(photograph, full)
+    return _window(photograph, view, grid, rows, columns, shift, full, clipped, interpolation)
+
+
+def _window(
+    photograph: NDArray[Any],
+    view: FrontalView,
+    grid: Grid,
+    rows: slice,
+    columns: slice,
+    shift: tuple[float, float],
+    full: float | None,
+    clipped: NDArray[np.float32] | None,
+    interpolation: Interpolation,
+) -> Rectified:
+    times = _oversampling(view, grid)
+    shape = rows.stop - rows.start, columns.stop - columns.start
+    planes = np.empty((len(photograph), *shape), photograph.dtype)
+    seen = np.empty(shape, dtype=bool)
+    for down in _blocks(rows, grid.rows, BLOCK):
+        for across in _blocks(columns, grid.columns, ACROSS):
+            places = _places(view, grid, down, across, shift, times)
+            found, whole = _looked_up(photograph, places, times, full, clipped, interpolation)
+            (out_y, in_y), (out_x, in_x) = _shared(rows, down), _shared(columns, across)
+            planes[:, out_y, out_x] = found[:, in_y, in_x]
+            seen[out_y, out_x] = whole[in_y, in_x]
+    return Rectified(planes, seen)
+
+
+def _blocks(wanted: slice, size: int, step: int) -> Iterator[slice]:
+    """The blocks of an axis that a window touches."""
+    for start in range(wanted.start // step * step, wanted.stop, step):
+        yield slice(start, min(start + step, size))
+
+
+def _shared(window: slice, block: slice) -> tuple[slice, slice]:
+    """What both have: its places in the window, and in the block."""
+    first, end = max(window.start, block.start), min(window.stop, block.stop)
+    return (
+        slice(first - window.start, end - window.start),
+        slice(first - block.start, end - block.start),
+    )
 
 
 def rectified(photograph: NDArray[Any], view: FrontalView, grid: Grid, **options: Any) -> Rectified:

@@ -1,0 +1,106 @@
+"""``impasto calibrate board``: lamps and noise from a white board."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+from rich.markup import escape
+
+from impasto.cli.calibrate import picture_of
+from impasto.cli.console import Stages
+from impasto.cli.options import Flag
+from impasto.errors import ArgumentError
+
+
+def board(
+    folder: Annotated[Path, Parameter(name=["FOLDER"])],
+    /,
+    *,
+    lights: Path,
+    out: Path,
+    dark: str | None = None,
+    again: Path | None = None,
+    reflectance: Annotated[list[float] | None, Parameter(consume_multiple=True)] = None,
+    encoding: str | None = None,
+    saturation: float | None = None,
+    pitch_mm: float | None = None,
+    quiet: Flag = False,
+) -> None:
+    """Write the strengths of lamps from photographs of a white board, and a picture of them.
+
+    FOLDER holds one photograph of the board for each lamp, in the plane of the painting and with
+    the camera's settings for it. The strengths go with photographs that are read without the board:
+    impasto fit --intensities, or lights.intensities of a session.
+
+    Parameters
+    ----------
+    lights
+        The light file.
+    out
+        The file to write, a new .txt; it is found without being named as light_intensities.txt
+        beside the light file. Errors and noise are in a .json of the same name, a picture in a .png
+        beside it, or in a folder named calibration where there are photographs beside it.
+    dark
+        A dark frame, a folder of dark frames, or the black level in codes.
+    again
+        A second folder like FOLDER, photographed in the same way: noise of the camera, and how well
+        the lamps repeat.
+    reflectance
+        Of the board, one number or one for each band. Default: 1.
+    encoding
+        linear, srgb or a gamma. Default: 8-bit files by their profile, else sRGB; others linear.
+    saturation
+        Code from which samples are clipped; default: the largest.
+    pitch_mm
+        Width of a pixel on the painting in mm, for lamps with positions.
+    quiet
+        No progress, only errors.
+    """
+    from impasto.calibrate import board_picture, board_strengths
+    from impasto.io import write_png8
+
+    shown = picture_of(out)
+    if out.suffix.lower() != ".txt":
+        raise ArgumentError(f"--out: expected a name ending in .txt, found {out.name}")
+    for path in (out, out.with_suffix(".json"), shown):
+        if path.exists():
+            raise ArgumentError(f"--out: {path} already exists; choose another name")
+    stages = Stages(quiet=quiet)
+    with stages.stage("board") as stage:
+        found = board_strengths(
+            folder, lights,
+            dark=_dark(dark), again=again, reflectance=1.0 if reflectance is None else reflectance,
+            encoding=encoding, saturation=saturation, pitch_mm=pitch_mm,
+        )  # fmt: skip
+        worst = 196.0 * float(found.sigma.max())
+        stage.note = f"{len(found.names)} lamps, strengths within {worst:.2g} % (95 %)"
+    even = f"darkest part {100 * found.evenness.min():.0f} % of the brightest or more"
+    stages.say(f"  {'':14}[dim]{even}[/]")
+    for number, noise in enumerate(found.noise):
+        (well, well_sigma), (read, read_sigma) = noise.full_well, noise.read
+        stages.say(
+            f"  {'':14}[dim]band {number}: {well:.0f} ± {well_sigma:.0f} electrons at full scale, "
+            f"read noise {read:.1f} ± {read_sigma:.1f}[/]"
+        )
+    if found.repeatability is not None:
+        stages.say(f"  {'':14}[dim]lamps repeat within {100 * found.repeatability:.2g} %[/]")
+    for finding in found.findings:
+        stages.say(f"[yellow]warning:[/] {escape(finding)}")
+    shown.parent.mkdir(parents=True, exist_ok=True)
+    write_png8(shown, board_picture(found))
+    found.save(out)
+
+
+def _dark(text: str | None) -> Any:
+    """A level, or a file or folder."""
+    if text is None:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        path = Path(text)
+    if not path.exists():
+        raise ArgumentError(f"--dark: {path} does not exist")
+    return path
