@@ -197,7 +197,7 @@ class Stack:
     def _curve_words(self) -> str:
         """``srgb`` if that was given, else as in ``srgb (assumed)``."""
         source = self.encoding_source
-        return self.encoding.curve + ("" if source == "given" else f" ({source})")
+        return self.encoding.name + ("" if source == "given" else f" ({source})")
 
     @property
     def shape(self) -> tuple[int, int, int, int]:

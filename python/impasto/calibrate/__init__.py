@@ -18,10 +18,12 @@ from impasto.calibrate.lights import (
     lamp_positions,
     lights_from_balls,
 )
+from impasto.calibrate.linearity import ToneCurve, tone_from_exposures, tone_from_patches
 from impasto.calibrate.outline import Outline, given_outline
 from impasto.calibrate.photon_transfer import PhotonTransfer, photon_transfer
 from impasto.calibrate.picture import balls_picture
 from impasto.calibrate.target import Target, target_from
+from impasto.calibrate.tone_picture import tone_picture
 from impasto.lens import Lens, read_lens
 
 __all__ = [
@@ -41,6 +43,7 @@ __all__ = [
     "PhotonTransfer",
     "Target",
     "TargetView",
+    "ToneCurve",
     "adjust",
     "balls_picture",
     "board_picture",
@@ -59,4 +62,7 @@ __all__ = [
     "read_chart",
     "read_lens",
     "target_from",
+    "tone_from_exposures",
+    "tone_from_patches",
+    "tone_picture",
 ]

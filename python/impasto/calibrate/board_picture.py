@@ -98,6 +98,6 @@ def _noise(noise: tuple[PhotonTransfer, ...], size: tuple[int, int]) -> Panel:
     wells = [one.full_well[0] for one in noise]
     reads = [one.read[0] for one in noise]
     return diagram_panel(
-        series, "Noise, %", x=(0.0, top), y=(0.0, 1.1 * high), axis=("0", f"{top:.2g} of full scale"),
+        series, "Noise, %", x=(0.0, top), y=(0.0, 1.1 * high), axis=("0", f"{top:.2g} of full"),
         note=f"{np.mean(wells):.0f} e full, {np.mean(reads):.1f} e read", size=size,
     )  # fmt: skip

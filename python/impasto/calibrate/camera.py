@@ -26,6 +26,7 @@ from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.fit.reflectance import fit_reflectance
 from impasto.io.images import read_image
+from impasto.io.tone_curve import named_curve
 
 FOLDS = 6
 """Groups of patches that are left out in turn where reflectance is estimated."""
@@ -174,7 +175,11 @@ def linear_photograph(
     codes = read_image(Path(path))
     full = float(np.iinfo(codes.dtype).max) if codes.dtype.kind == "u" else 1.0
     usual = "srgb" if codes.dtype == np.uint8 else "linear"
-    chosen = encoding if isinstance(encoding, Encoding) else Encoding(encoding or usual, full)
+    chosen = (
+        encoding
+        if isinstance(encoding, Encoding)
+        else Encoding(usual if encoding is None else named_curve(encoding), full)
+    )
     return chosen.decode(codes)
 
 

@@ -1,4 +1,4 @@
-"""``impasto calibrate board``: lamps and noise from a white board."""
+"""``impasto calibrate board`` and ``linearity``: lamps, noise and tone curve of a camera."""
 
 from __future__ import annotations
 
@@ -104,3 +104,75 @@ def _dark(text: str | None) -> Any:
     if not path.exists():
         raise ArgumentError(f"--dark: {path} does not exist")
     return path
+
+
+def linearity(
+    path: Annotated[Path, Parameter(name=["PATH"])],
+    /,
+    *,
+    out: Path,
+    patches: Path | None = None,
+    times: Annotated[list[float] | None, Parameter(consume_multiple=True)] = None,
+    dark: float | None = None,
+    saturation: float | None = None,
+    quiet: Flag = False,
+) -> None:
+    """Measure the tone curve of a camera, and write a file for --encoding and a picture of it.
+
+    PATH is one photograph of grey patches, with --patches, or a folder of photographs of the same
+    by several exposure times.
+
+    Parameters
+    ----------
+    out
+        The file to write, a new .json; a picture of the same name, .png, lies beside it, or in a
+        folder named calibration where there are photographs beside it.
+    patches
+        CSV file with the header column,row,size,reflectance: the middle of each patch and the side
+        of the square that is read, in pixels.
+    times
+        Exposure times in the order of the names. Default: those of EXIF.
+    dark
+        Code of black.
+    saturation
+        Code from which samples are clipped; default: the largest.
+    quiet
+        No progress, only errors.
+    """
+    from impasto.calibrate import tone_from_exposures, tone_from_patches, tone_picture
+    from impasto.io import write_png8
+
+    shown = picture_of(out)
+    if out.suffix.lower() != ".json":
+        raise ArgumentError(f"--out: expected a name ending in .json, found {out.name}")
+    for one in (out, shown):
+        if one.exists():
+            raise ArgumentError(f"--out: {one} already exists; choose another name")
+    if patches is not None and times is not None:
+        raise ArgumentError("linearity: give --patches for one photograph, or --times for several")
+    if patches is None and path.is_file():
+        raise ArgumentError(
+            "--patches: one photograph needs the places and reflectances of its grey patches"
+        )
+    stages = Stages(quiet=quiet)
+    with stages.stage("tone curve") as stage:
+        if patches is not None:
+            found = tone_from_patches(path, patches, dark=dark, saturation=saturation)
+        else:
+            found = tone_from_exposures(path, times=times, dark=dark, saturation=saturation)
+        stage.note = (
+            f"{len(found.samples.items)} {found.samples.series}, within "
+            f"{196 * found.sigma:.2g} % (95 %)"
+        )
+    low, high = (100 * code for code in found.measured)
+    stages.say(f"  {'':14}[dim]codes from {low:.0f} to {high:.0f} % of full scale[/]")
+    stages.say(
+        f"  {'':14}[dim]nearest known curve {found.nearest_words}, off by "
+        f"{100 * found.deviation:.2g} %; "
+        f"off a straight line by {100 * found.nonlinearity:.2g} %[/]"
+    )
+    for finding in found.findings:
+        stages.say(f"[yellow]warning:[/] {escape(finding)}")
+    shown.parent.mkdir(parents=True, exist_ok=True)
+    write_png8(shown, tone_picture(found))
+    found.save(out)

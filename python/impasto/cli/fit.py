@@ -329,7 +329,7 @@ def numbers(stack: Stack, sbrdf: Sbrdf, reflectance: Any) -> dict[str, Any]:
         "shape": stack.shape,
         "bands": stack.bands,
         "encoding": {
-            "curve": stack.encoding.curve,
+            "curve": stack.encoding.name,
             "white": stack.encoding.white,
             "source": stack.encoding_source,
         },

@@ -28,8 +28,9 @@ class Reading:
     """Options of :func:`impasto.read_stack` on the command line."""
 
     encoding: Annotated[str | None, Parameter(metavar="CURVE")] = None
-    """Tone curve of the files: srgb, linear, a gamma such as 2.2, or auto to estimate it from the
-    photographs. Default: srgb for 8-bit files, linear for all others."""
+    """Tone curve of the files: srgb, linear, a gamma such as 2.2, the file of impasto calibrate
+    linearity, or auto to estimate it from the photographs. Default: srgb for 8-bit files, linear
+    for all others."""
 
     lights: Path | None = None
     """File of light directions if STACK is a folder or a session; default: the only one in the

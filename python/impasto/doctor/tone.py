@@ -24,13 +24,14 @@ def tone(stack: Stack) -> list[Finding]:
     """Compare the stack's tone curve with an estimate from its photographs."""
     curve = stack.encoding.curve
     estimate = _estimate(stack)
-    numbers: dict[str, Any] = {"curve": curve}
+    name = stack.encoding.name
+    numbers: dict[str, Any] = {"curve": name}
     if estimate is None:
         return [
             Finding(
                 "encoding",
                 "ok",
-                f"cannot check the tone curve {curve!r}: six photographs with usable samples are "
+                f"cannot check the tone curve {name!r}: six photographs with usable samples are "
                 "needed",
                 numbers=numbers,
             )
@@ -38,20 +39,20 @@ def tone(stack: Stack) -> list[Finding]:
     errors = dict(estimate.errors)
     times = errors[curve] / max(errors[estimate.best], 1e-12)
     numbers |= {
-        "best": estimate.best,
-        "plausible": list(estimate.plausible),
+        "best": _name(estimate.best),
+        "plausible": [_name(one) for one in estimate.plausible],
         "coloured": estimate.coloured,
-        "errors": {name: round(error, 6) for name, error in estimate.errors},
+        "errors": {_name(one): round(error, 6) for one, error in estimate.errors},
     }
     if curve not in estimate.plausible and times > _WORSE:
         better = estimate.curve
-        others = [repr(name) for name in estimate.plausible if name != estimate.best]
+        others = [repr(_name(one)) for one in estimate.plausible if one != estimate.best]
         also = f" ({', '.join(others)} nearly so)" if others else ""
         return [
             Finding(
                 "encoding",
                 "warning",
-                f"the tone curve {curve!r} seems to be wrong: "
+                f"the tone curve {name!r} seems to be wrong: "
                 f"{estimate.best!r} predicts held-out photographs {factor(times)} times "
                 f"better{also}",
                 f'give encoding="{better}" (command line: --encoding {better})',
@@ -59,19 +60,23 @@ def tone(stack: Stack) -> list[Finding]:
             )
         ]
     if len(estimate.plausible) == len(errors):
-        message = f"cannot check the tone curve {curve!r}: no other fits worse"
+        message = f"cannot check the tone curve {name!r}: no other fits worse"
     elif curve not in estimate.plausible:
-        message = f"the tone curve {curve!r} fits nearly as well as {estimate.best!r}"
+        message = f"the tone curve {name!r} fits nearly as well as {_name(estimate.best)!r}"
     else:
-        next_best = next(name for name, _ in estimate.errors if name not in estimate.plausible)
+        next_best = next(one for one, _ in estimate.errors if one not in estimate.plausible)
         ratio = errors[next_best] / max(errors[curve], 1e-12)
-        others = [repr(name) for name in estimate.plausible if name != curve]
+        others = [repr(_name(one)) for one in estimate.plausible if one != curve]
         also = f", as would {', '.join(others)}" if others else ""
         message = (
-            f"the tone curve {curve!r} fits{also}; {next_best!r} would predict held-out "
+            f"the tone curve {name!r} fits{also}; {_name(next_best)!r} would predict held-out "
             f"photographs {ratio:.2f} times worse"
         )
     return [Finding("encoding", "ok", message, numbers=numbers)]
+
+
+def _name(curve: str) -> str:
+    return Encoding(curve).name
 
 
 def _estimate(stack: Stack) -> ToneEstimate | None:

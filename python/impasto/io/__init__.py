@@ -23,6 +23,7 @@ from impasto.io.session.tone import ToneEstimate, estimate_tone
 from impasto.io.session_toml import Session, read_session, write_session
 from impasto.io.sources import Source
 from impasto.io.spectra import read_spectra
+from impasto.io.tone_curve import read_tone_curve, write_tone_curve
 
 __all__ = [
     "ImageHeader",
@@ -43,6 +44,7 @@ __all__ = [
     "read_session",
     "read_spectra",
     "read_stack",
+    "read_tone_curve",
     "write_camera",
     "write_exr",
     "write_jpeg",
@@ -54,4 +56,5 @@ __all__ = [
     "write_stack",
     "write_tiff16",
     "write_tiff32",
+    "write_tone_curve",
 ]

@@ -14,6 +14,7 @@ from impasto.io.images import ImageHeader
 from impasto.io.images.profile import OTHER
 from impasto.io.notes import Notebook
 from impasto.io.session.tone import ToneEstimate, estimate_tone, sure_tone
+from impasto.io.tone_curve import named_curve
 
 ASSUMED = "assumed"
 
@@ -97,7 +98,7 @@ def choose_curve(
         return Encoding(_usual(photographs, header, first.parent, notebook), full)
     if str(encoding).lower() == "auto":
         return Encoding(_taken(photographs.estimate(), first.parent, notebook), full)
-    given = Encoding(encoding, full)
+    given = Encoding(named_curve(encoding), full)
     if given.curve == "linear" and first.suffix.lower() in _JPEG:
         message = "JPEGs, read as linear light; most are sRGB (encoding=)"
         notebook.warn("encoding", first.parent, message)

@@ -21,6 +21,7 @@ from impasto.io.session.photographs import find_photographs, read_photographs
 from impasto.io.session_toml import KEYS, Session, read_session, verify
 from impasto.io.session_toml.hashes import confined, root, unlisted
 from impasto.io.session_toml.values import names
+from impasto.io.tone_curve import SUFFIX
 from impasto.lens import read_lens
 from impasto.rig import Rig
 from impasto.stack import Stack
@@ -203,7 +204,11 @@ class SessionPhotographs:
                 continue
             value = getattr(session, key.attribute)
             if self._has(key.attribute) and key.attribute not in self._given:
-                own[key.attribute] = self._inside(value, key.name) if key.files else value
+                # The name of a curve, or that of a file.
+                named = key.files or (
+                    key.attribute == "encoding" and str(value).lower().endswith(SUFFIX)
+                )
+                own[key.attribute] = self._inside(value, key.name) if named else value
         lamps = self._given.get("lights")
         if self._rig_given:
             own.pop("intensities", None)

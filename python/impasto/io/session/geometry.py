@@ -247,4 +247,4 @@ def curve_of(encoding: Encoding | str | None) -> str | None:
             'encoding: "auto" needs the photographs as they are; with a lens or an alignment say '
             '"srgb", "linear" or a gamma'
         )
-    return encoding
+    return None if encoding is None else str(encoding)

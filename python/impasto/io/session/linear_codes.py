@@ -16,6 +16,7 @@ from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.io.images import MAX_PIXELS, ImageHeader, load_image
 from impasto.io.images.profile import OTHER
+from impasto.io.tone_curve import named_curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +83,7 @@ def full_scale(header: ImageHeader) -> int:
 def stored_curve(header: ImageHeader, encoding: str | None) -> str:
     """The tone curve of a file: the one given, else of 8 bits that of the profile or sRGB."""
     if encoding is not None:
-        return encoding
+        return named_curve(encoding)
     if header.dtype != np.uint8:
         return "linear"
     return header.curve if header.curve not in {"", OTHER} else "srgb"

@@ -59,7 +59,8 @@ def read_stack(
         The folder of the photographs; default: that of ``path``.
     encoding
         How linear light became the files' codes: ``"linear"``, ``"srgb"``, a gamma such as
-        ``"2.2"``, or ``"auto"`` to estimate it from the photographs themselves (see
+        ``"2.2"``, the file of :func:`impasto.io.write_tone_curve` (``"tone.json"``), or ``"auto"``
+        to estimate it from the photographs themselves (see
         :func:`impasto.io.estimate_tone`). None (default): 8-bit files have the curve of their
         colour profile (ICC), else sRGB, unless twelve or more coloured photographs show beyond
         doubt that they are not; all other files are linear. What was assumed is in the notes.

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impasto.encoding import Encoding
+from impasto.encoding import POINTS, Encoding
 from impasto.errors import ArgumentError
 
 CANDIDATES = ("linear", "srgb", "1.8", "2", "2.2", "2.4", "2.6")
@@ -246,6 +246,8 @@ def _worse(error: Floats, least: Floats, ratio: float) -> bool:
 
 def _bend(curve: str) -> float:
     """The nonlinearity of a curve, as a gamma."""
+    if curve.startswith(POINTS):
+        return float(np.log(Encoding(curve).decode(0.5)) / np.log(0.5))
     return {"linear": 1.0, "srgb": 2.2}.get(curve) or float(curve)
 
 

@@ -155,8 +155,9 @@ KEYS = (
     ),
     Key(
         "photographs.encoding", "encoding", values.encoding,
-        "Tone curve: srgb, linear, a gamma, or auto to estimate it. Default: that of the colour "
-        "profile, else srgb for 8-bit files, linear for all others.", '"srgb"',
+        "Tone curve: srgb, linear, a gamma, the file of a measured one, or auto to estimate it. "
+        "Default: that of the colour profile, else srgb for 8-bit files, linear for all others.",
+        '"srgb"',
     ),
     Key(
         "photographs.saturation", "saturation", values.per_band,
