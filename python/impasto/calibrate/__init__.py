@@ -20,6 +20,7 @@ from impasto.calibrate.lights import (
 )
 from impasto.calibrate.linearity import ToneCurve, tone_from_exposures, tone_from_patches
 from impasto.calibrate.outline import Outline, given_outline
+from impasto.calibrate.painting_frame import PaintingFrame
 from impasto.calibrate.photon_transfer import PhotonTransfer, photon_transfer
 from impasto.calibrate.picture import balls_picture
 from impasto.calibrate.target import Target, target_from
@@ -40,6 +41,7 @@ __all__ = [
     "Lens",
     "LensCalibration",
     "Outline",
+    "PaintingFrame",
     "PhotonTransfer",
     "Target",
     "TargetView",

@@ -26,6 +26,7 @@ from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.fit.reflectance import fit_reflectance
 from impasto.io.images import read_image
+from impasto.io.session.frames import FrameSource, read_dark
 from impasto.io.tone_curve import named_curve
 
 FOLDS = 6
@@ -161,7 +162,9 @@ def camera_from_chart(
 
 
 def linear_photograph(
-    path: str | os.PathLike[str], encoding: Encoding | str | None = None
+    path: str | os.PathLike[str],
+    encoding: Encoding | str | None = None,
+    dark: FrameSource | None = None,
 ) -> NDArray[np.float32]:
     """``(band, y, x)`` linear light of a file, full scale 1.
 
@@ -171,6 +174,9 @@ def linear_photograph(
         What :func:`impasto.io.read_image` reads.
     encoding
         Default: 8-bit files are sRGB, others linear.
+    dark
+        Dark frame, folder of dark frames, or a black level in codes, as for
+        :func:`impasto.read_stack`.
     """
     codes = read_image(Path(path))
     full = float(np.iinfo(codes.dtype).max) if codes.dtype.kind == "u" else 1.0
@@ -180,7 +186,12 @@ def linear_photograph(
         if isinstance(encoding, Encoding)
         else Encoding(usual if encoding is None else named_curve(encoding), full)
     )
-    return chosen.decode(codes)
+    light = chosen.decode(codes)
+    if dark is None:
+        return light
+    bands, rows, columns = light.shape
+    black = read_dark(dark, (bands, rows, columns), chosen, None, None)
+    return np.asarray((light - black) / (1.0 - black), dtype=np.float32)
 
 
 def _sensitivities(weights: Array, power: Array) -> Array:

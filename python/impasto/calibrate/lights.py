@@ -13,6 +13,7 @@ from impasto.calibrate.adjustment import LEVEL, Adjustment, adjust
 from impasto.calibrate.geometry import Array, BallCamera, tangents
 from impasto.calibrate.highlight import Highlight, Rule, find_highlight, median_highlight
 from impasto.calibrate.outline import Outline, check_inside, find_outline
+from impasto.calibrate.painting_frame import PaintingFrame
 from impasto.errors import ArgumentError, GeometryError
 
 ENOUGH = 0.75
@@ -104,6 +105,10 @@ class BallLights:
                 f"distant: no lamp is nearer than the errors allow ({test}; t up to {largest:.1f})"
             )
         return f"{count} of {len(self.near)} lamps are near ({test})"
+
+    def in_frame(self, frame: PaintingFrame) -> BallLights:
+        """The same with directions in the frame of the painting."""
+        return replace(self, directions=frame.directions(self.directions))
 
     def from_middle(self, camera: BallCamera) -> BallLights:
         """The same with directions from the middle of the photograph, on the plane of the balls.
@@ -227,7 +232,7 @@ class LampPositions:
     ----------
     mm
         ``(lamp, 3)`` x right, y up, z towards the camera, from the middle of the photograph on the
-        plane on which the balls lie.
+        plane on which the balls lie; with a frame in that of the painting.
     sigma
         ``(lamp,)`` standard deviation in mm along the worst axis.
     pitch_mm
@@ -240,7 +245,10 @@ class LampPositions:
 
 
 def lamp_positions(
-    found: BallLights, diameter_mm: float, camera: BallCamera | None = None
+    found: BallLights,
+    diameter_mm: float,
+    camera: BallCamera | None = None,
+    frame: PaintingFrame | None = None,
 ) -> LampPositions:
     """The positions of lamps in mm, from balls of a known size that lie on the painting's plane.
 
@@ -252,9 +260,13 @@ def lamp_positions(
         Of every ball.
     camera
         The same as there, with its principal point in the middle of the photograph.
+    frame
+        How a near camera looks at the painting, from whose middle the positions then are.
 
     Raises
     ------
+    ArgumentError
+        A frame, but a camera that is far away.
     GeometryError
         The balls cannot tell that every lamp is near.
     """
@@ -267,11 +279,13 @@ def lamp_positions(
             f"lights: positions are not known ({found.verdict}){which}; use the directions"
         )
     camera = BallCamera() if camera is None else camera
+    if frame is not None and not camera.perspective:
+        raise ArgumentError("frame: it needs a near camera, BallCamera(focal_px=...)")
     _, radius = camera.balls(near.outlines)
     plane = _plane(near, camera)
     unit = diameter / (2.0 * float(radius.mean()))
     far = 1.0 / near.inverse_distance
-    place = near.origin + near.direction * far[:, None] - (0.0, 0.0, plane)
+    place = near.origin + near.direction * far[:, None]
     right, up = tangents(near.direction)
     slopes = np.stack(
         [right * far[:, None], up * far[:, None], -near.direction * np.square(far)[:, None]], axis=2
@@ -279,7 +293,9 @@ def lamp_positions(
     spread = np.einsum("lij,ljk,lmk->lim", slopes, near.covariance, slopes)
     worst = np.sqrt(np.linalg.eigvalsh(spread)[:, -1])
     pitch = unit if camera.focal_px is None else -plane * unit / camera.focal_px
-    return LampPositions(unit * place, unit * worst, pitch)
+    if frame is None:
+        return LampPositions(unit * (place - (0.0, 0.0, plane)), unit * worst, pitch)
+    return LampPositions(frame.places(unit * place), unit * worst, pitch)
 
 
 def _camera_of(ball: BallPhotographs, camera: BallCamera) -> BallCamera:

@@ -48,6 +48,7 @@ def application() -> App:
     app.command(calibrate.application())
     app.command(capture.application())
     app.command("impasto.cli.align:align", help="Rectify photographs to the frontal view.")
+    app.command("impasto.cli.rehearse:rehearse", help="Rehearse a session on a simulation.")
     app.command("impasto.cli.ingest:ingest", help="Write photographs into one store, by tiles.")
     app.command(job.application())
     app.command("impasto.cli.height:height", help="Integrate the normals to a map of the height.")

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import App, CycloptsError, Parameter
 from rich.markup import escape
 
 from impasto.cli.console import Stages
-from impasto.cli.options import Flag
+from impasto.cli.options import Flag, dark_frames
 from impasto.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from impasto.calibrate import PaintingFrame
 
 Boxes: TypeAlias = Annotated[
     list[tuple[int, int, int, int]] | None,
@@ -41,6 +47,8 @@ def lights(
     diameter: float | None = None,
     focal: float | None = None,
     sensor: float | None = None,
+    lens: Path | None = None,
+    alignment: Path | None = None,
     circles: str | None = None,
     rule: Literal["centroid", "median"] = "centroid",
     quiet: Flag = False,
@@ -65,6 +73,11 @@ def lights(
         Focal length of the lens in mm, with --sensor; default: the camera is far away.
     sensor
         Width of the sensor in mm.
+    lens
+        File of impasto calibrate lens, in place of --focal and --sensor.
+    alignment
+        Report of impasto align on the same photographs (report/alignment.json), with --lens: lamps
+        are then given in the frame of the painting, however askew the camera looked at it.
     circles
         Name of a file in the folder of each ball with x, y and radius of its outline, counted from
         1, y up. Default: outlines are found.
@@ -81,6 +94,7 @@ def lights(
         lamp_positions,
         lights_from_balls,
         read_balls,
+        read_lens,
     )
     from impasto.io import LightFile, write_lights, write_png8
 
@@ -90,6 +104,10 @@ def lights(
         raise ArgumentError(f"--out: expected a name ending in .lp or .dome, found {out.name}")
     if (focal is None) != (sensor is None):
         raise CycloptsError(msg="--focal and --sensor belong together: give both")
+    if lens is not None and focal is not None:
+        raise CycloptsError(msg="--lens has the focal length: leave --focal and --sensor out")
+    if alignment is not None and lens is None:
+        raise CycloptsError(msg="--alignment needs the --lens that it was made with")
     if placed and diameter is None:
         raise CycloptsError(msg="--out: positions in a .dome need the --diameter of the balls")
     for path in (out, shown):
@@ -100,12 +118,18 @@ def lights(
         read = read_balls(folder, circles=circles, boxes=ball)
         stage.note = f"{_counted(len(read.balls), 'ball')}, {_counted(len(read.names), 'lamp')}"
     camera = BallCamera()
+    frame, width = None, None
     if read.frame is not None:
         rows, columns = read.frame
         camera = BallCamera(None, ((columns - 1) / 2, (rows - 1) / 2))
         if focal is not None and sensor is not None:
             camera = BallCamera.of_sensor(focal, sensor, read.frame)
-    elif placed or focal is not None:
+        if lens is not None:
+            matrix = read_lens(lens).matrix
+            camera = BallCamera(float(matrix[0, 0]), (float(matrix[0, 2]), float(matrix[1, 2])))
+            if alignment is not None:
+                frame, width = _frame_of(alignment, read.names, matrix)
+    elif placed or focal is not None or lens is not None:
         raise ArgumentError(
             f"path: {folder} holds crops of the balls; their places in the photographs, which a "
             "lens and positions (.dome) need, are not known: give photographs with the balls "
@@ -115,16 +139,19 @@ def lights(
         found: Any = lights_from_balls(read.balls, camera, rule=rule)
         if read.frame is not None:
             found = found.from_middle(camera)
+        if frame is not None:
+            found = found.in_frame(frame)
         stage.note = f"directions within {np.degrees(found.sigma.max()):.2f} degrees"
     stages.say(f"  {'':14}[dim]{escape(found.verdict)}[/]")
     written: Any = found.directions
     if placed:
         assert diameter is not None
         assert read.frame is not None
-        places = lamp_positions(found, diameter, camera)
+        places = lamp_positions(found, diameter, camera, frame)
         written = LightFile(
             out, "dome", None, found.directions, np.linalg.norm(places.mm, axis=1),
-            positions=places.mm, width_mm=places.pitch_mm * read.frame[1],
+            positions=places.mm,
+            width_mm=places.pitch_mm * read.frame[1] if width is None else width,
         )  # fmt: skip
         stages.say(f"  {'':14}[dim]positions within {places.sigma.max():.1f} mm[/]")
     elif found.near.all():
@@ -135,6 +162,25 @@ def lights(
     write_lights(out, written, None if placed else read.names)
 
 
+def _frame_of(
+    path: Path, names: tuple[str, ...], camera_matrix: NDArray[np.float64]
+) -> tuple[PaintingFrame, float]:
+    """How the camera looks at the painting, and the width of that in mm."""
+    from impasto.calibrate import PaintingFrame
+    from impasto.io.session.alignment import read_alignment
+
+    known = read_alignment(path)
+    missing = [name for name in names if name.casefold() not in known.homographies]
+    if missing:
+        raise ArgumentError(
+            f"--alignment: {path} has no photograph {missing[0]}; give the alignment of these "
+            "photographs"
+        )
+    return PaintingFrame.of(known.homographies[names[0].casefold()], camera_matrix), float(
+        known.grid.size_mm[0]
+    )
+
+
 def camera(
     photograph: Annotated[Path, Parameter(name=["PHOTOGRAPH"])],
     /,
@@ -142,6 +188,7 @@ def camera(
     illuminant: str,
     out: Path,
     encoding: str | None = None,
+    dark: str | None = None,
     corners: Annotated[
         tuple[float, float, float, float, float, float, float, float] | None,
         Parameter(metavar="X Y X Y X Y X Y", negative=""),
@@ -161,6 +208,8 @@ def camera(
         in a folder named calibration where there are photographs beside it.
     encoding
         linear, srgb or a gamma. Default: 8-bit files are sRGB, others linear.
+    dark
+        A dark frame, a folder of dark frames, or the black level in codes.
     corners
         x and y in pixels of the middles of the patches dark skin, bluish green, black and white.
         Default: the chart is found.
@@ -180,7 +229,7 @@ def camera(
             raise ArgumentError(f"--out: {path} already exists; choose another name")
     stages = Stages(quiet=quiet)
     with stages.stage("photograph") as stage:
-        linear = linear_photograph(photograph, encoding)
+        linear = linear_photograph(photograph, encoding, dark_frames(dark))
         stage.note = f"{linear.shape[2]} x {linear.shape[1]} pixels, {len(linear)} bands"
     with stages.stage("camera") as stage:
         given = None if corners is None else np.reshape(corners, (4, 2))

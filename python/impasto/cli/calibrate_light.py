@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 from rich.markup import escape
 
 from impasto.cli.calibrate import picture_of
 from impasto.cli.console import Stages
-from impasto.cli.options import Flag
+from impasto.cli.options import Flag, dark_frames
 from impasto.errors import ArgumentError
 
 
@@ -71,7 +71,8 @@ def board(
     with stages.stage("board") as stage:
         found = board_strengths(
             folder, lights,
-            dark=_dark(dark), again=again, reflectance=1.0 if reflectance is None else reflectance,
+            dark=dark_frames(dark), again=again,
+            reflectance=1.0 if reflectance is None else reflectance,
             encoding=encoding, saturation=saturation, pitch_mm=pitch_mm,
         )  # fmt: skip
         worst = 196.0 * float(found.sigma.max())
@@ -91,19 +92,6 @@ def board(
     shown.parent.mkdir(parents=True, exist_ok=True)
     write_png8(shown, board_picture(found))
     found.save(out)
-
-
-def _dark(text: str | None) -> Any:
-    """A level, or a file or folder."""
-    if text is None:
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        path = Path(text)
-    if not path.exists():
-        raise ArgumentError(f"--dark: {path} does not exist")
-    return path
 
 
 def linearity(

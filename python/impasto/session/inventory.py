@@ -155,11 +155,15 @@ def find_session(folder: str | Path) -> FoundSession:
 
 def _home(folder: Path, balls: Sequence[Path]) -> Path:
     """The folder of the photographs."""
-    if any(not _is_frame(path.stem) for path in list_images(folder)):
+    own = [path for path in list_images(folder) if not _is_frame(path.stem)]
+    if not all(_shows_a_calibration(path) for path in own):
         return folder
-    made = [*balls, *aligned_folders(folder)]
+    # Beside photographs, pictures of calibrations lie in a folder of their own.
+    made = [*balls, *aligned_folders(folder), folder / "calibration"]
     inner = sorted(path for path in folder.iterdir() if path.is_dir() and path not in made)
     inner = [path for path in inner if not _is_frame(path.name) and list_images(path)]
+    if not inner and own:
+        return folder
     if not inner:
         raise ArgumentError(f"path: {folder} has no photographs, and no folder with some")
     if len(inner) > 1:
@@ -169,6 +173,15 @@ def _home(folder: Path, balls: Sequence[Path]) -> Path:
             "move the others"
         )
     return inner[0]
+
+
+def _shows_a_calibration(path: Path) -> bool:
+    """Whether it is the picture that ``impasto calibrate`` writes beside a file of that name."""
+    return path.suffix == ".png" and any(path.with_suffix(end).exists() for end in CALIBRATIONS)
+
+
+CALIBRATIONS = (".json", ".lp", ".dome", ".csv", ".txt")
+"""How the names of the files of a lens, of lamps, of a camera and of strengths end."""
 
 
 def _is_frame(name: str) -> bool:

@@ -1,0 +1,1 @@
+"""Simulated sessions, from raw photographs to the relit picture, against the truth."""
