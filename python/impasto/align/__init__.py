@@ -4,6 +4,7 @@ from impasto.align.detection import FoundMarks, find_marks
 from impasto.align.features import Reference, read_reference
 from impasto.align.frontal import FrontalView, frontal_view
 from impasto.align.layout import Layout, layout_from_markers, read_points, size_from
+from impasto.align.pose import Pose, pose, poses
 from impasto.align.rectification import Grid, Rectified, rectified, rectified_rows
 from impasto.align.refinement import Shift, shift_between
 from impasto.align.relighting import relit_shifts
@@ -17,6 +18,7 @@ __all__ = [
     "FrontalView",
     "Grid",
     "Layout",
+    "Pose",
     "Rectified",
     "Reference",
     "Shift",
@@ -24,6 +26,8 @@ __all__ = [
     "find_marks",
     "frontal_view",
     "layout_from_markers",
+    "pose",
+    "poses",
     "read_points",
     "read_reference",
     "rectified",

@@ -73,6 +73,15 @@ class FrontalView:
         homogeneous = np.column_stack([ideal, np.ones(len(ideal))]) @ np.linalg.inv(self.matrix).T
         return np.asarray(homogeneous[:, :2] / homogeneous[:, 2:])
 
+    def marks_mm(self, ideal: Floats) -> Floats:
+        """``(n, 2)``: the places in mm of the marks that were found at pixels of a pinhole camera.
+
+        Found less residual is what the homography predicts of them.
+        """
+        predicted = np.column_stack([ideal - self.residual, np.ones(len(ideal))])
+        homogeneous = predicted @ np.linalg.inv(self.matrix).T
+        return np.asarray(homogeneous[:, :2] / homogeneous[:, 2:])
+
     def pixel_mm(self) -> float:
         """Width in mm of the finest pixel in the middle of the painting, in its finest direction.
 
@@ -82,17 +91,6 @@ class FrontalView:
         moves = self.pixels([[step, 0.0], [-step, 0.0], [0.0, step], [0.0, -step]])
         slopes = np.stack([moves[0] - moves[1], moves[2] - moves[3]], axis=1)
         return float(1.0 / np.linalg.svd(slopes, compute_uv=False)[0])
-
-    def camera_mm(self) -> Floats | None:
-        """``(3,)`` place of the camera, from the middle of the painting; None without a lens."""
-        if self.lens is None:
-            return None
-        columns = np.linalg.solve(self.lens.matrix, self.matrix)
-        columns /= np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
-        columns *= np.sign(columns[2, 2])
-        rough = np.stack([columns[:, 0], columns[:, 1], np.cross(columns[:, 0], columns[:, 1])], 1)
-        left, _, right = np.linalg.svd(rough)
-        return np.asarray(-(left @ right).T @ columns[:, 2])
 
 
 def frontal_view(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from impasto.align.frontal import FrontalView
+from impasto.align.pose import Pose
 from impasto.align.rectification import Grid
 from impasto.align.refinement import Shift
 from impasto.calibrate.lens import Lens
@@ -23,6 +24,8 @@ class AlignedPhotograph:
         Its file before and after.
     view
         The plane of the painting in it.
+    pose
+        Where its camera stood; None without a lens.
     shift
         What refinement found; None without refinement, and for the reference.
     covered
@@ -32,6 +35,7 @@ class AlignedPhotograph:
     source: str
     name: str
     view: FrontalView
+    pose: Pose | None
     shift: Shift | None
     covered: float
 
@@ -104,10 +108,7 @@ def _photograph(one: AlignedPhotograph) -> dict[str, Any]:
     view, shift = one.view, one.shift
     off = np.linalg.norm(view.residual, axis=1)
     worst = int(off.argmax())
-    camera = view.camera_mm()
-    tilt = None
-    if camera is not None:
-        tilt = float(np.degrees(np.arctan2(np.hypot(camera[0], camera[1]), camera[2])))
+    pose = one.pose
     content: dict[str, Any] = {
         "source": one.source,
         "file": one.name,
@@ -117,8 +118,10 @@ def _photograph(one: AlignedPhotograph) -> dict[str, Any]:
         "worst_mark_px": None if view.rms is None else float(off[worst]),
         "pixel_mm": view.pixel_mm(),
         "homography": view.matrix.tolist(),
-        "camera_mm": None if camera is None else camera.tolist(),
-        "tilt_degrees": tilt,
+        "camera_mm": None if pose is None else pose.place_mm.tolist(),
+        "camera_sigma_mm": None if pose is None else pose.place_sigma_mm.tolist(),
+        "tilt_degrees": None if pose is None else float(np.degrees(pose.tilt)),
+        "view_sigma_degrees": None if pose is None else float(np.degrees(pose.view_sigma)),
         "covered": one.covered,
         "shift_px": None,
     }

@@ -23,6 +23,7 @@ from impasto.align.photographs import (
     read_photograph,
 )
 from impasto.align.picture import Overview, align_picture, overview
+from impasto.align.pose import Pose, poses
 from impasto.align.rectification import Grid, Rectified, middle_of, rectified, rectified_rows
 from impasto.align.refinement import LARGEST, Shift, shift_between
 from impasto.align.relighting import predictable, relit_shifts
@@ -136,6 +137,7 @@ def align(
 
     seen = _views(paths, read, layout, lens, fixed_camera, lambda done: step_done(0, done))
     views = [one.view for one in seen]
+    cameras = poses(views)
     grid = _grid(layout, views, pixel_mm)
     shifts: list[Shift | None] = [None] * len(paths)
     if refine:
@@ -148,11 +150,14 @@ def align(
         (made / "report").mkdir()
         for number, (path, view) in enumerate(zip(paths, views, strict=True)):
             share = _write(made / names[number], read(path), view, grid, shifts[number], covered)
-            done.append(AlignedPhotograph(path.name, names[number], view, shifts[number], share))
+            camera = None if cameras is None else cameras[number]
+            done.append(
+                AlignedPhotograph(path.name, names[number], view, camera, shifts[number], share)
+            )
             step_done(steps - 1, number + 1)
         if not covered.all():
             write_png8(made / "report" / "mask.png", 255 * covered.astype(np.uint8))
-        written = _write_lights(made, file, names, views)
+        written = _write_lights(made, file, names, cameras)
         result = Aligned(grid, lens, tuple(done), float(covered.mean()), written)
         write_json(made / "report" / "alignment.json", report_of(result))
         write_png8(
@@ -315,14 +320,14 @@ def _write(
 
 
 def _write_lights(
-    folder: Path, file: LightFile | None, names: list[str], views: list[FrontalView]
+    folder: Path, file: LightFile | None, names: list[str], cameras: list[Pose] | None
 ) -> str:
     """Write the lights with the views that the lens shows; returns the name, empty for none."""
     if file is None:
         return ""
     own = replace(file, names=tuple(names))
     if own.views is None:
-        own = replace(own, views=_eyes(views))
+        own = replace(own, views=_eyes(cameras))
     name = "lights.lp" if own.views is None else "lights.csv"
     write_lights(folder / name, own)
     if file.intensities is not None:
@@ -332,13 +337,11 @@ def _write_lights(
     return name
 
 
-def _eyes(views: list[FrontalView]) -> Floats | None:
+def _eyes(cameras: list[Pose] | None) -> Floats | None:
     """``(n, 3)`` directions to the camera; None for one frontal camera, or without a lens."""
-    places = [view.camera_mm() for view in views]
-    known = [place for place in places if place is not None]
-    if len(known) < len(views):
+    if cameras is None:
         return None
-    eyes = np.array([place / np.linalg.norm(place) for place in known])
+    eyes = np.array([one.view for one in cameras])
     common = eyes.mean(axis=0) / np.linalg.norm(eyes.mean(axis=0))
     # The chord of a small angle is the angle.
     if np.linalg.norm(eyes - common, axis=1).max() < SAME_VIEW:
