@@ -1,5 +1,9 @@
 """Alignment: photographs rectified to the frontal view of a painting, pixel for pixel."""
 
+from impasto.align.depth import DepthMesh, Parallax
+from impasto.align.depth_file import read_depth, write_depth
+from impasto.align.depth_picture import depth_picture
+from impasto.align.depth_search import FoundDepth, find_depth
 from impasto.align.detection import FoundMarks, find_marks
 from impasto.align.features import Reference, read_reference
 from impasto.align.frontal import FrontalView, frontal_view
@@ -14,20 +18,26 @@ from impasto.align.stack import align
 __all__ = [
     "Aligned",
     "AlignedPhotograph",
+    "DepthMesh",
+    "FoundDepth",
     "FoundMarks",
     "FrontalView",
     "Grid",
     "Layout",
+    "Parallax",
     "Pose",
     "Rectified",
     "Reference",
     "Shift",
     "align",
+    "depth_picture",
+    "find_depth",
     "find_marks",
     "frontal_view",
     "layout_from_markers",
     "pose",
     "poses",
+    "read_depth",
     "read_points",
     "read_reference",
     "rectified",
@@ -35,4 +45,5 @@ __all__ = [
     "relit_shifts",
     "shift_between",
     "size_from",
+    "write_depth",
 ]

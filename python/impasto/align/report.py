@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from impasto.align.depth import DepthMesh
+from impasto.align.depth_search import FoundDepth
 from impasto.align.frontal import FrontalView
 from impasto.align.pose import Pose
 from impasto.align.rectification import Grid
@@ -56,6 +58,10 @@ class Aligned:
         Share of the painting that all photographs show.
     lights
         Name of the light file; empty for none.
+    depth
+        The relief; None for a flat painting.
+    parallax
+        How it was found; None if it was given.
     """
 
     grid: Grid
@@ -63,6 +69,8 @@ class Aligned:
     photographs: tuple[AlignedPhotograph, ...]
     covered: float
     lights: str
+    depth: DepthMesh | None = None
+    parallax: FoundDepth | None = None
 
     @property
     def residual_px(self) -> float | None:
@@ -100,8 +108,44 @@ def report_of(result: Aligned) -> dict[str, Any]:
         "covered": result.covered,
         "lens": None if lens is None else {"model": lens.model, "residual_px": lens.residual_px},
         "marks_residual_px": result.residual_px,
+        "depth": None if result.depth is None else _depth(result.depth, result.parallax),
         "photographs": [_photograph(one) for one in result.photographs],
     }
+
+
+def _depth(mesh: DepthMesh, found: FoundDepth | None) -> dict[str, Any]:
+    rows, columns = mesh.depth_mm.shape
+    content: dict[str, Any] = {
+        "file": "depth.csv",
+        "nodes": [columns, rows],
+        "lowest_mm": float(mesh.depth_mm.min()),
+        "highest_mm": float(mesh.depth_mm.max()),
+        "sigma_mm": None,
+        "estimated": found is not None,
+    }
+    if found is not None:
+        before, after = found.left_px
+        content["sigma_mm"] = float(np.sqrt(np.square(mesh.sigma_mm).mean()))
+        content["pixel_mm"] = found.pixel_mm
+        content["along_px_before"], content["along_px_after"] = before, after
+        content["compared_with"] = found.reference
+        content["photographs"] = [
+            {
+                "number": number,
+                "before_px": _known(before),
+                "after_px": _known(after),
+                "across_px": _known(across),
+            }
+            for number, before, after, across in zip(
+                found.photographs, found.before_px.tolist(), found.after_px.tolist(),
+                found.across_px.tolist(), strict=True,
+            )
+        ]  # fmt: skip
+    return content
+
+
+def _known(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 def _photograph(one: AlignedPhotograph) -> dict[str, Any]:

@@ -1,0 +1,91 @@
+"""The files of an aligned stack: photographs block by block, and the lights with their views."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.align.depth import Parallax
+from impasto.align.frontal import FrontalView
+from impasto.align.photographs import Photograph
+from impasto.align.pose import Pose
+from impasto.align.rectification import Grid, Rectified, rectified_rows
+from impasto.align.refinement import Shift
+from impasto.io.images.write import write_tiff16, write_tiff32
+from impasto.io.lights import LightFile
+from impasto.io.lights.write import write_lights
+
+Floats = NDArray[np.float64]
+
+SAME_VIEW = np.radians(0.5)
+"""Views that differ by less are one: the camera stood still."""
+FRONTAL = np.radians(1.0)
+"""A common view nearer to the front than this is frontal; a light file without views says so."""
+
+
+def write_photograph(
+    path: Path,
+    photograph: Photograph,
+    view: FrontalView,
+    grid: Grid,
+    shift: Shift | None,
+    parallax: Parallax | None,
+    covered: NDArray[np.bool_],
+) -> float:
+    """Write one aligned photograph; returns the share of the painting that it shows.
+
+    Blocks of rows and columns are resampled one after the other: beside the photograph and its
+    result, memory holds the places of one block. ``covered`` ``(y, x)`` loses what is not shown.
+    """
+    moved = (0.0, 0.0) if shift is None else (shift.x, shift.y)
+    planes = np.empty((len(photograph.planes), grid.rows, grid.columns), photograph.planes.dtype)
+    top, shown = 0, 0
+    part: Rectified
+    for part in rectified_rows(
+        photograph.planes, view, grid, shift=moved, parallax=parallax, full=photograph.full
+    ):
+        rows = slice(top, top + part.planes.shape[1])
+        planes[:, rows] = part.planes
+        covered[rows] &= part.seen
+        shown += int(part.seen.sum())
+        top = rows.stop
+    attributes: dict[str, Any] = {"pixel_mm": grid.pixel_mm}
+    write = write_tiff16 if planes.dtype == np.uint16 else write_tiff32
+    write(path, planes, attributes=attributes)
+    return shown / (grid.rows * grid.columns)
+
+
+def write_stack_lights(
+    folder: Path, file: LightFile | None, names: list[str], cameras: list[Pose] | None
+) -> str:
+    """Write the lights with the views that the lens shows; returns the name, empty for none."""
+    if file is None:
+        return ""
+    own = replace(file, names=tuple(names))
+    if own.views is None:
+        own = replace(own, views=_eyes(cameras))
+    name = "lights.lp" if own.views is None else "lights.csv"
+    write_lights(folder / name, own)
+    if file.intensities is not None:
+        rows = np.atleast_2d(file.intensities.T).T.tolist()
+        text = "".join(" ".join(map(repr, row)) + "\n" for row in rows)
+        (folder / "light_intensities.txt").write_text(text, encoding="utf-8")
+    return name
+
+
+def _eyes(cameras: list[Pose] | None) -> Floats | None:
+    """``(n, 3)`` directions to the camera; None for one frontal camera, or without a lens."""
+    if cameras is None:
+        return None
+    eyes = np.array([one.view for one in cameras])
+    common = eyes.mean(axis=0) / np.linalg.norm(eyes.mean(axis=0))
+    # The chord of a small angle is the angle.
+    if np.linalg.norm(eyes - common, axis=1).max() < SAME_VIEW:
+        if np.hypot(common[0], common[1]) < FRONTAL:
+            return None
+        return np.tile(common, (len(eyes), 1))
+    return eyes
