@@ -351,6 +351,9 @@ def test_the_command_and_an_edited_mesh(tmp_path: Path, capsys: pytest.CaptureFi
     stack = impasto.read_stack(out)
     eyes = np.array([one.view for one in CAMERAS])
     assert np.abs(stack.rig.views - eyes).max() < 1e-6
+    places = np.array([one.place_mm for one in CAMERAS])
+    assert np.abs(stack.rig.view_positions - places).max() < 1e-3
+    assert stack.rig.pitch_mm == report["pixel_mm"]
     # A relief that is edited is what is used: 1 mm lower, every view moves but the frontal one.
     path = tmp_path / "edited.csv"
     mesh = read_depth(out / "report" / "depth.csv")

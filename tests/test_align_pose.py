@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -9,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from impasto.align import FrontalView, frontal_view, pose, poses
 from impasto.calibrate import Lens
-from impasto.errors import ArgumentError, GeometryError
+from impasto.errors import ArgumentError, CorruptInputError, GeometryError
+from impasto.io import LightFile, read_lights, write_lights
 from oracles import flat_scene
 
 SIZE, FOCAL = (800, 640), 900.0
@@ -125,3 +129,28 @@ def test_what_has_no_pose() -> None:
     )  # fmt: skip
     with pytest.raises(GeometryError, match="no camera in front of the painting"):
         pose(mirrored)
+
+
+def test_a_light_file_has_the_places_of_cameras(tmp_path: Path) -> None:
+    """Distances and directions come back to the last bits."""
+    places = np.array([[300.0, -40.0, 520.0], [0.0, 10.0, 600.0], [-200.0, 90.0, 450.0]])
+    lamps = np.array([[0.0, 0.6, 0.8], [0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
+    views = places / np.linalg.norm(places, axis=1)[:, None]
+    path = tmp_path / "lights.csv"
+    file = LightFile(
+        path, "csv", ("a.tif", "b.tif", "c.tif"), lamps, np.ones(3), views=views,
+        view_positions=places, pitch_mm=0.25,
+    )  # fmt: skip
+    write_lights(path, file)
+    back = read_lights(path)
+    assert back.view_positions is not None
+    np.testing.assert_allclose(back.view_positions, places, rtol=1e-15, atol=1e-12)
+    np.testing.assert_allclose(back.views, views, atol=1e-15)
+    assert back.pitch_mm == 0.25
+    with pytest.raises(ArgumentError, match="width of a pixel, pitch_mm="):
+        write_lights(path, replace(file, pitch_mm=None))
+    text = path.read_text()
+    for wrong in (text.replace("0.25", "0.5", 1), text.replace("0.25", "0")):
+        path.write_text(wrong)
+        with pytest.raises(CorruptInputError, match="one width of a pixel"):
+            read_lights(path)

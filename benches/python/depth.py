@@ -5,7 +5,8 @@
 The camera and the lens of ``alignment.py``, which is calibrated as there; ``relief_scene.py`` of
 tests/oracles meets the rays of each pixel with the relief, -1.49 to 2.44 mm high as in the third
 paper, matte, each photograph under another lamp. Four markers around the painting are found in the
-photographs: poses, lens and relief are all estimated. ``--record`` writes benches/results/depth.json.
+photographs: poses, lens and relief are all estimated. ``--record`` writes
+benches/results/depth.json.
 """
 
 from __future__ import annotations

@@ -60,14 +60,19 @@ def write_photograph(
 
 
 def write_stack_lights(
-    folder: Path, file: LightFile | None, names: list[str], cameras: list[Pose] | None
+    folder: Path, file: LightFile | None, names: list[str], cameras: list[Pose] | None, grid: Grid
 ) -> str:
-    """Write the lights with the views that the lens shows; returns the name, empty for none."""
+    """Write the lights with the cameras that the lens shows; returns the name, empty for none.
+
+    Each pixel then has its own direction to the camera (:class:`impasto.PointView`).
+    """
     if file is None:
         return ""
     own = replace(file, names=tuple(names))
-    if own.views is None:
-        own = replace(own, views=_eyes(cameras))
+    places = _places(cameras) if own.views is None else None
+    if places is not None:
+        views = places / np.linalg.norm(places, axis=1, keepdims=True)
+        own = replace(own, views=views, view_positions=places, pitch_mm=grid.pixel_mm)
     name = "lights.lp" if own.views is None else "lights.csv"
     write_lights(folder / name, own)
     if file.intensities is not None:
@@ -77,15 +82,16 @@ def write_stack_lights(
     return name
 
 
-def _eyes(cameras: list[Pose] | None) -> Floats | None:
-    """``(n, 3)`` directions to the camera; None for one frontal camera, or without a lens."""
+def _places(cameras: list[Pose] | None) -> Floats | None:
+    """``(n, 3)`` mm: places of the cameras; None for one frontal camera, or without a lens."""
     if cameras is None:
         return None
+    places = np.array([one.place_mm for one in cameras])
     eyes = np.array([one.view for one in cameras])
     common = eyes.mean(axis=0) / np.linalg.norm(eyes.mean(axis=0))
     # The chord of a small angle is the angle.
     if np.linalg.norm(eyes - common, axis=1).max() < SAME_VIEW:
         if np.hypot(common[0], common[1]) < FRONTAL:
             return None
-        return np.tile(common, (len(eyes), 1))
-    return eyes
+        return np.tile(places.mean(axis=0), (len(places), 1))
+    return places

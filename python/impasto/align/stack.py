@@ -210,7 +210,7 @@ def align(
         if mesh is not None:
             write_depth(made / "report" / "depth.csv", mesh)
             write_png8(made / "report" / "depth.png", depth_picture(mesh, found, cameras))
-        written = write_stack_lights(made, file, names, cameras)
+        written = write_stack_lights(made, file, names, cameras, grid)
         result = Aligned(grid, lens, tuple(done), float(covered.mean()), written, mesh, found)
         write_json(made / "report" / "alignment.json", report_of(result))
         write_png8(made / "report" / "alignment.png", align_picture(overviews, result))
