@@ -18,10 +18,10 @@ from impasto.align import (
     Layout,
     Reference,
     align,
+    camera_pose,
     find_marks,
     frontal_view,
     layout_from_markers,
-    pose,
     read_points,
     rectified,
     relit_shifts,
@@ -128,7 +128,7 @@ def test_without_the_lens_the_grid_is_off() -> None:
 def test_the_place_of_the_camera() -> None:
     """0.03 pixels over 250 pixels at 500 mm: some tenths of a mm."""
     eye = camera(45.0)
-    found = pose(view_of(photograph(45.0), layout_from_markers(EXACT, PAINTING)))
+    found = camera_pose(view_of(photograph(45.0), layout_from_markers(EXACT, PAINTING)))
     assert np.linalg.norm(found.place_mm - eye.place) < 1.0
 
 

@@ -20,10 +20,10 @@ from impasto.align import (
     FrontalView,
     Grid,
     Parallax,
+    camera_poses,
     depth_picture,
     find_depth,
     frontal_view,
-    poses,
     read_depth,
     rectified,
     write_depth,
@@ -88,7 +88,7 @@ def view_of(tilt: float, azimuth: float) -> FrontalView:
 
 
 SEEN = [view_of(*one) for one in VIEWS]
-CAMERAS = poses(SEEN) or []
+CAMERAS = camera_poses(SEEN) or []
 GRID = Grid(PAINTING, float(f"{min(one.pixel_mm() for one in SEEN):.3g}"))
 
 

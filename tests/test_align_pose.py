@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from impasto.align import FrontalView, frontal_view, pose, poses
+from impasto.align import FrontalView, camera_pose, camera_poses, frontal_view
 from impasto.calibrate import Lens
 from impasto.errors import ArgumentError, CorruptInputError, GeometryError
 from impasto.io import LightFile, read_lights, write_lights
@@ -45,7 +45,7 @@ def test_exact_marks_give_the_camera(tilt: float, mm: np.ndarray) -> None:
     """The way back through the lens ends within 1e-6 focal lengths; OpenCV's refinement stops at
     single precision's 1e-7 of the parameters: 600 mm to a thousandth."""
     camera = eye(tilt)
-    found = pose(view_of(camera, mm, 0.0))
+    found = camera_pose(view_of(camera, mm, 0.0))
     assert np.abs(found.place_mm - camera.place).max() < 2e-3
     assert np.abs(found.rotation - camera.axes).max() < 5e-6
     assert found.residual_px < 1e-3
@@ -67,7 +67,7 @@ def test_it_is_the_least_squares_of_scipy() -> None:
         seen = FOCAL * places[:, :2] / places[:, 2:] + (399.5, 319.5)
         return (ideal - seen).ravel()
 
-    own = pose(view)
+    own = camera_pose(view)
     start = np.concatenate(
         [Rotation.from_matrix(own.rotation).as_rotvec(), -own.rotation @ own.place_mm]
     )
@@ -82,7 +82,7 @@ def test_the_errors_are_as_large_as_it_says() -> None:
     """Noise of 300 draws: standard deviations are known to 4 %, so 15 % are more than three."""
     camera, random = eye(50.0), np.random.default_rng(2)
     found = [
-        pose(view_of(camera, MARKS, random.normal(0.0, SIGMA, MARKS.shape)), sigma_px=SIGMA)
+        camera_pose(view_of(camera, MARKS, random.normal(0.0, SIGMA, MARKS.shape)), sigma_px=SIGMA)
         for _ in range(300)
     ]
     places = np.array([one.place_mm for one in found]) - camera.place
@@ -102,16 +102,16 @@ def test_all_photographs_say_how_exact_a_mark_is() -> None:
         view_of(eye(30.0, 36.0 * k), MARKS, random.normal(0.0, SIGMA, MARKS.shape))
         for k in range(10)
     ]
-    found = poses(views)
+    found = camera_poses(views)
     assert found is not None
     assert {one.sigma_px for one in found} == {found[0].sigma_px}
     assert found[0].sigma_px == pytest.approx(SIGMA, rel=0.2)
-    assert poses([*views, FrontalView(np.eye(3), None, (), MARKS, MARKS)]) is None
+    assert camera_poses([*views, FrontalView(np.eye(3), None, (), MARKS, MARKS)]) is None
 
 
 def test_directions_from_every_place() -> None:
     """By hand: from (x, y, 0) to the camera, of unit length."""
-    found = pose(view_of(eye(30.0), MARKS, 0.0))
+    found = camera_pose(view_of(eye(30.0), MARKS, 0.0))
     ways = found.views(MARKS.reshape(3, 4, 2))
     expected = found.place_mm - np.column_stack([MARKS, np.zeros(len(MARKS))])
     expected /= np.linalg.norm(expected, axis=1)[:, None]
@@ -122,13 +122,13 @@ def test_directions_from_every_place() -> None:
 def test_what_has_no_pose() -> None:
     plain = FrontalView(np.eye(3), None, (), MARKS, np.zeros_like(MARKS))
     with pytest.raises(ArgumentError, match="needs its lens"):
-        pose(plain)
+        camera_pose(plain)
     mirrored = FrontalView(
         np.array([[1.5, 0, 400], [0, 1.5, 320], [0, 0, 1.0]]), LENS, (),
         LENS.observed(1.5 * MARKS + (400, 320)), np.zeros_like(MARKS),
     )  # fmt: skip
     with pytest.raises(GeometryError, match="no camera in front of the painting"):
-        pose(mirrored)
+        camera_pose(mirrored)
 
 
 def test_a_light_file_has_the_places_of_cameras(tmp_path: Path) -> None:

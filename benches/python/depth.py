@@ -23,11 +23,11 @@ from record import run_info, show, write
 from impasto.align import (
     DepthMesh,
     Grid,
+    camera_poses,
     find_depth,
     find_marks,
     frontal_view,
     layout_from_markers,
-    poses,
 )
 from impasto.align.depth import seen_at
 from impasto.align.photographs import Photograph
@@ -91,7 +91,7 @@ def measured(found: Lens, name: str, wave: float, bare: bool = False) -> dict[st
         )  # fmt: skip
         cameras.append(camera)
         pictures.append(picture)
-    own = poses(views)
+    own = camera_poses(views)
     assert own is not None
     grid = Grid(PAINTING, float(f"{min(view.pixel_mm() for view in views):.3g}"))
     depth = find_depth(lambda number: Photograph(pictures[number], 65535.0), views, own, grid)

@@ -8,7 +8,7 @@ from impasto.align.detection import FoundMarks, find_marks
 from impasto.align.features import Reference, read_reference
 from impasto.align.frontal import FrontalView, frontal_view
 from impasto.align.layout import Layout, layout_from_markers, read_points, size_from
-from impasto.align.pose import Pose, pose, poses
+from impasto.align.pose import Pose, camera_pose, camera_poses
 from impasto.align.rectification import Grid, Rectified, rectified, rectified_rows
 from impasto.align.refinement import Shift, shift_between
 from impasto.align.relighting import relit_shifts
@@ -30,13 +30,13 @@ __all__ = [
     "Reference",
     "Shift",
     "align",
+    "camera_pose",
+    "camera_poses",
     "depth_picture",
     "find_depth",
     "find_marks",
     "frontal_view",
     "layout_from_markers",
-    "pose",
-    "poses",
     "read_depth",
     "read_points",
     "read_reference",

@@ -73,7 +73,7 @@ class Pose:
         return float(np.arctan2(np.hypot(x, y), z))
 
 
-def poses(views: Sequence[FrontalView]) -> list[Pose] | None:
+def camera_poses(views: Sequence[FrontalView]) -> list[Pose] | None:
     """The poses of all photographs; the error of a mark is that of all of them together.
 
     Parameters
@@ -83,26 +83,27 @@ def poses(views: Sequence[FrontalView]) -> list[Pose] | None:
 
     Returns
     -------
-    list or None
-        None if a photograph has no lens, without which there is no camera matrix.
+    list
+        One for each; None instead of a list if a photograph has no lens, without which there is no
+        camera matrix.
 
     Raises
     ------
     GeometryError
-        As :func:`pose`.
+        As :func:`camera_pose`.
     """
     if any(view.lens is None for view in views):
         return None
-    alone = [pose(view) for view in views]
+    alone = [camera_pose(view) for view in views]
     freedom = sum(one.freedom for one in alone)
     squares = sum(
         one.residual_px**2 * len(view.names) for one, view in zip(alone, views, strict=True)
     )
     sigma = max(float(np.sqrt(squares / freedom)), LEAST_SIGMA)
-    return [pose(view, sigma_px=sigma) for view in views]
+    return [camera_pose(view, sigma_px=sigma) for view in views]
 
 
-def pose(view: FrontalView, *, sigma_px: float | None = None) -> Pose:
+def camera_pose(view: FrontalView, *, sigma_px: float | None = None) -> Pose:
     """The pose of the camera of one photograph.
 
     Parameters
@@ -111,7 +112,7 @@ def pose(view: FrontalView, *, sigma_px: float | None = None) -> Pose:
         How it shows the painting, with a lens.
     sigma_px
         Standard deviation of a coordinate of a mark; default: what the residual says, 0.01 pixels
-        at least. Four marks say little of it: better take :func:`poses`.
+        at least. Four marks say little of it: better take :func:`camera_poses`.
 
     Raises
     ------

@@ -27,7 +27,7 @@ from impasto.align.photographs import (
     read_photograph,
 )
 from impasto.align.picture import Overview, align_picture, overview, shown_photographs
-from impasto.align.pose import poses
+from impasto.align.pose import camera_poses
 from impasto.align.rectification import Grid, middle_of, rectified
 from impasto.align.refinement import LARGEST, Shift, shift_between
 from impasto.align.relighting import predictable, relit_shifts
@@ -162,7 +162,7 @@ def align(
     count = len(paths)
     seen = _views(paths, read, layout, lens, fixed_camera, lambda done: step_done(0, done, count))
     views = [one.view for one in seen]
-    cameras = poses(views)
+    cameras = camera_poses(views)
     grid = _grid(layout, views, pixel_mm)
     found: FoundDepth | None = None
     mesh = None
