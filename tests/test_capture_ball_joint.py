@@ -28,7 +28,7 @@ from impasto.capture.shots_picture import from_mirror
 from impasto.capture.travelling_salesman import length_of, nearest_neighbour, two_opt
 from impasto.cli import main
 from impasto.errors import ArgumentError, GeometryError
-from impasto.io import read_lights
+from impasto.io import read_lights, write_tiff16
 
 PAIRS = simulate.rig("snel-lafortune")
 FREE = BallJointRig(
@@ -318,6 +318,23 @@ def test_a_bracket_holds_highlights_and_shadows() -> None:
 def test_pilots_that_say_nothing(light: np.ndarray, options: dict[str, float], said: str) -> None:
     with pytest.raises(ArgumentError, match=said):
         exposures_from_pilot(light, 0.1, **options)
+
+
+def test_the_command_reads_a_pilot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """16-bit codes are rounded to 8e-6 of full scale: a thousandth of this median."""
+    path = tmp_path / "pilot.tif"
+    write_tiff16(path, (100 + 65435 * pilot(0.01, 0.6)) / 65535)
+    words = ["capture", "exposure", str(path), "--seconds", "0.1", "--dark", "100"]
+    assert main(words) == 0
+    found = [float(line) for line in capsys.readouterr().out.split()]
+    assert found == pytest.approx(exposures_from_pilot(pilot(0.01, 0.6), 0.1), rel=2e-3)
+    assert main([*words[:2], str(tmp_path / "none.tif"), *words[3:]]) == 1
+    assert "PILOT: " in capsys.readouterr().err
+    assert main([*words[:-1], "70000"]) == 1
+    assert "--dark: expected a code from 0 to 65535" in capsys.readouterr().err
+    write_tiff16(path, pilot(0.01, 1.0))
+    assert main(words[:5]) == 1
+    assert "expose it less" in capsys.readouterr().err
 
 
 # --- the command

@@ -22,6 +22,7 @@ def application() -> App:
     app = App(name="capture", help="Plan photographs before they are made.")
     app.command("impasto.cli.capture:plan")
     app.command("impasto.cli.capture:ball_joint", name="ball-joint")
+    app.command("impasto.cli.capture:exposure")
     return app
 
 
@@ -182,6 +183,51 @@ def ball_joint(
         write_png8(picture, shots_picture(found, errors))
         write_shot_lights(lights, found)
         write_shots(table, found)
+
+
+def exposure(
+    pilot: Annotated[Path, Parameter(name=["PILOT"])],
+    /,
+    *,
+    seconds: float,
+    dark: float = 0.0,
+    read_noise: float = 0.001,
+    shot_noise: float = 0.005,
+    signal_to_noise: float = 30.0,
+    encoding: str | None = None,
+) -> None:
+    """Print how many seconds to expose, one or several times, from a short pilot photograph.
+
+    Parameters
+    ----------
+    seconds
+        The exposure of PILOT, which must be so short that its highlights are whole.
+    dark
+        Code of PILOT that is no light.
+    read_noise
+        Standard deviation of a sample in the dark, as a share of full scale.
+    shot_noise
+        That of a sample at full scale, without that of the dark.
+    signal_to_noise
+        Least ratio of the median of the light to its noise.
+    encoding
+        Tone curve of the file: srgb, linear or a gamma such as 2.2. Default: srgb for 8-bit files,
+        linear for all others.
+    """
+    from impasto.align.photographs import read_photograph
+    from impasto.capture import Noise, exposures_from_pilot
+
+    if not pilot.exists():
+        raise ArgumentError(f"PILOT: {pilot} does not exist")
+    photograph = read_photograph(pilot, encoding)
+    full = 65535.0 if photograph.planes.dtype.kind == "u" else 1.0
+    if not 0.0 <= dark < full:
+        raise ArgumentError(f"--dark: expected a code from 0 to {full:g}, found {dark:g}")
+    light = (photograph.planes.astype(np.float64) - dark) / (full - dark)
+    noise = Noise(read=read_noise, shot=shot_noise)
+    found = exposures_from_pilot(light, seconds, noise=noise, signal_to_noise=signal_to_noise)
+    for one in found:
+        stdout().print(f"{one:.6g}", markup=False)
 
 
 def _degrees(text: str) -> tuple[float, ...]:
