@@ -43,6 +43,8 @@ VIEWS = ((0, 0), (20, 200), (30, 40), (30, 160), (30, 280), (45, 0), (45, 90), (
 LOW, HIGH = -1.49, 2.44
 TEXTURE = 0.5
 """Mm of the painting in a pixel of the texture, whose finest waves are four of them."""
+MATTE, VARNISH = (0.0, 1.0), (3.0, 150.0)
+"""Strength and exponent of the lobe: highlights of a varnish are clipped over many pixels."""
 BARE = 35.0
 """Radius of the part without texture, mm."""
 
@@ -68,7 +70,9 @@ def albedo_of(bare: bool) -> Callable[[Floats, Floats], Floats]:
     return albedo
 
 
-def measured(found: Lens, name: str, wave: float, bare: bool = False) -> dict[str, Any]:
+def measured(
+    found: Lens, name: str, wave: float, *, bare: bool = False, gloss: tuple[float, float] = MATTE
+) -> dict[str, Any]:
     """Errors of one relief: of heights, and of places in the aligned pictures."""
     surface = relief_scene.bumps(*PAINTING, LOW, HIGH, wave, 20.0, seed=2)
     albedo, layout = albedo_of(bare), layout_from_markers(f"aruco:4x4_50:{SIDE:g}mm", PAINTING)
@@ -79,7 +83,7 @@ def measured(found: Lens, name: str, wave: float, bare: bool = False) -> dict[st
         )
         turn = np.radians(1.3 * azimuth + 50 * number)
         lamp = np.array([0.64 * np.cos(turn), 0.64 * np.sin(turn), 0.77])
-        light = relief_scene.photograph(camera, surface, albedo, lamp, 2)
+        light = relief_scene.photograph(camera, surface, albedo, lamp, 2, gloss)
         noisy = 0.8 * light + np.random.default_rng(number).normal(0.0, NOISE, light.shape)
         picture = np.rint(65535 * np.clip(noisy, 0, 1)).astype(np.uint16)[None]
         marks = find_marks(light_from(picture), layout, f"photograph {number}")
@@ -129,6 +133,7 @@ def measured(found: Lens, name: str, wave: float, bare: bool = False) -> dict[st
         "steep_px": rows[-1]["rms"], "steep_most_px": rows[-1]["most"],
         "camera_mm": float(places.max()),
     }  # fmt: skip
+    show(name, [row])
     return {"pixel_mm": grid.pixel_mm, "tilts": rows, "row": row}
 
 
@@ -145,7 +150,8 @@ def main() -> None:
         measured(found, "waves of 60 mm and longer", 60.0),
         measured(found, "waves of 40 mm and longer", 40.0),
         measured(found, "waves of 25 mm and longer", 25.0),
-        measured(found, "waves of 40 mm, a disc of 70 mm without texture", 40.0, True),
+        measured(found, "waves of 40 mm, a disc of 70 mm without texture", 40.0, bare=True),
+        measured(found, "waves of 40 mm, varnished", 40.0, gloss=VARNISH),
     ]
     rows = [case["row"] for case in cases]
     show("errors of places, pixels, waves of 40 mm", cases[1]["tilts"])

@@ -1,8 +1,9 @@
 """Disparities of tiles between two rectified pictures: Lucas and Kanade [@lucas1981registration].
 
 The flow of a window around each tile is found in pyramids, to and fro (OpenCV). Only its part along
-the epipolar line can be relief; how exact a window tells that is in its structure tensor. The part
-across the line is error alone, and says how large errors of a photograph are.
+the epipolar line can be relief; how exact a window tells that is in its structure tensor and in how
+well both windows correlate: noise has structure, too, but none in common. The part across the line
+is error alone, and says how large errors of a photograph are.
 """
 
 from __future__ import annotations
@@ -24,6 +25,10 @@ LEVELS = 3
 """Halvings of the pictures: flows up to about a hundred pixels are found."""
 ROUND_TRIP = 0.5
 """Pixels by which a flow to and fro may miss its start."""
+LEAST_CORRELATION = 0.5
+"""Of two windows; below, they show noise, or a highlight."""
+PATCHES = 1 << 14
+"""Rows of windows side by side that are resampled at a time: OpenCV takes less than 32768."""
 CHI_SQUARE_MEDIAN = 0.4549
 """Median of the square of a normal deviate."""
 LEAST_TILES = 12
@@ -43,6 +48,8 @@ class Tiles:
     structure
         ``(n, 2, 2)`` structure tensors of the reference: sums over the window of products of the
         slopes, in squared codes per squared pixel.
+    variance
+        ``(n,)`` of the codes in the window.
     codes
         ``(y, x)`` what is compared.
     seen
@@ -52,6 +59,7 @@ class Tiles:
     window: int
     pixels: NDArray[np.float32]
     structure: Floats
+    variance: Floats
     codes: NDArray[np.uint8]
     seen: NDArray[np.bool_]
 
@@ -86,8 +94,13 @@ def tiles_of(light: Image, seen: NDArray[np.bool_], window: int) -> Tiles:
     across, down = slopes
     mixed = sums(across, down)
     structure = np.stack([sums(across, across), mixed, mixed, sums(down, down)], axis=-1)
+    values, ones = codes.astype(np.float64), np.ones(codes.shape)
+    mean, square = (sums(values, one) / window**2 for one in (ones, values))
     whole = cv2.erode(seen.astype(np.uint8), np.ones((window, window), np.uint8))
-    return Tiles(window, pixels, structure.reshape(-1, 2, 2), codes, whole[rows, columns] > 0)
+    return Tiles(
+        window, pixels, structure.reshape(-1, 2, 2), np.maximum(square - mean**2, 0.0), codes,
+        whole[rows, columns] > 0,
+    )  # fmt: skip
 
 
 def _middles(side: int, window: int) -> Floats:
@@ -138,8 +151,10 @@ def disparities(tiles: Tiles, light: Image, seen: NDArray[np.bool_], slope: Floa
         ``(n, 2)``: by how many pixels (columns, rows) each tile moves for a mm of height, beyond
         what it moves in the reference.
     """
-    flow, found = _flow(tiles, light, seen)
-    g = tiles.structure
+    flow, found, correlation = _flow(tiles, light, seen)
+    found &= correlation >= LEAST_CORRELATION
+    # Slopes over what differs between the windows: Gauss and Newton's information.
+    g = tiles.structure / (tiles.variance * (1.0 - correlation**2) + 1e-3)[:, None, None]
     pull = np.einsum("nij,nj->ni", g, slope)
     information = np.einsum("ni,ni->n", pull, slope)
     found &= information > 0.0
@@ -160,8 +175,10 @@ def disparities(tiles: Tiles, light: Image, seen: NDArray[np.bool_], slope: Floa
     )  # fmt: skip
 
 
-def _flow(tiles: Tiles, light: Image, seen: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:
-    """Flows ``(n, 2)`` in pixels, and where both ways agree inside what both pictures show."""
+def _flow(
+    tiles: Tiles, light: Image, seen: NDArray[np.bool_]
+) -> tuple[Floats, NDArray[np.bool_], Floats]:
+    """Flows ``(n, 2)`` in pixels, where they agree there and back, and correlations of windows."""
     import cv2
 
     codes = compared(light)
@@ -182,4 +199,27 @@ def _flow(tiles: Tiles, light: Image, seen: NDArray[np.bool_]) -> tuple[Floats, 
     at = at.astype(int)
     whole = cv2.erode(seen.astype(np.uint8), np.ones(window, np.uint8))
     found &= np.isfinite(flow).all(axis=1) & (whole[at[:, 1], at[:, 0]] > 0)
-    return np.where(found[:, None], flow, 0.0), found
+    flow = np.where(found[:, None], flow, 0.0)
+    moved = _windows(codes, tiles.pixels + flow.astype(np.float32), tiles.window)
+    first = _windows(tiles.codes, tiles.pixels, tiles.window)
+    return flow, found, np.clip((first * moved).sum(axis=1), -1.0, 1.0)
+
+
+def _windows(codes: NDArray[np.uint8], middles: NDArray[np.float32], window: int) -> Floats:
+    """``(n, pixels)``: windows about places, without their means, of length 1 (0 for even ones)."""
+    import cv2
+
+    offset = np.arange(window, dtype=np.float32) - window // 2
+    found = np.empty((len(middles), window * window))
+    step = max(1, PATCHES // window)
+    for start in range(0, len(middles), step):
+        some = middles[start : start + step]
+        x = np.broadcast_to(some[:, 0, None, None] + offset, (len(some), window, window))
+        y = np.broadcast_to(some[:, 1, None, None] + offset[:, None], x.shape)
+        maps = (np.ascontiguousarray(one).reshape(-1, window) for one in (x, y))
+        cut = cv2.remap(
+            codes.astype(np.float32), *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        found[start : start + step] = cut.reshape(len(some), -1)
+    found -= found.mean(axis=1, keepdims=True)
+    return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-9)
