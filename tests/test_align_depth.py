@@ -62,10 +62,12 @@ def camera(tilt: float, azimuth: float) -> flat_scene.Camera:
     )
 
 
+NOISE = relief.smooth_noise(512, 4.0, 3).astype(np.float32)
+
+
 def albedo(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     at = (x / 0.3 + 256).astype(np.float32), (y / 0.3 + 256).astype(np.float32)
-    noise = relief.smooth_noise(512, 4.0, 3).astype(np.float32)
-    return np.exp(0.35 * cv2.remap(noise, *at, cv2.INTER_CUBIC, borderMode=cv2.BORDER_WRAP) - 1.0)
+    return np.exp(0.35 * cv2.remap(NOISE, *at, cv2.INTER_CUBIC, borderMode=cv2.BORDER_WRAP) - 1.0)
 
 
 @cache
@@ -236,12 +238,12 @@ def test_outliers_and_tiles_without_structure_count_little() -> None:
 
 
 def test_standard_deviations_of_a_mesh() -> None:
-    """Twenty draws: the errors of nodes over what it says, an rms of 1 within 25 %.
+    """Ten draws: the errors of nodes over what it says, an rms of 1 within 30 %.
 
-    800 correlated numbers are some 100 independent ones, whose rms is known to 7 %.
+    400 correlated numbers are some 50 independent ones, whose rms is known to 10 %.
     """
     ratios = []
-    for seed in range(20):
+    for seed in range(10):
         places = scattered(250, seed)
         truth = 0.5 * np.sin(places[:, 0] / 12.0) + 0.4 * np.cos(places[:, 1] / 10.0)
         noise = np.random.default_rng(seed).normal(0.0, 0.05, 250)
@@ -249,7 +251,7 @@ def test_standard_deviations_of_a_mesh() -> None:
         x, y = fit.mesh.nodes_mm
         expected = 0.5 * np.sin(x / 12.0)[None] + 0.4 * np.cos(y / 10.0)[:, None]
         ratios.append((fit.mesh.depth_mm - expected) / fit.mesh.sigma_mm)
-    assert np.sqrt(np.square(ratios).mean()) == pytest.approx(1.0, abs=0.25)
+    assert np.sqrt(np.square(ratios).mean()) == pytest.approx(1.0, abs=0.3)
 
 
 def test_photographs_of_a_tile() -> None:
@@ -338,7 +340,7 @@ def session(tmp_path: Path) -> list[str]:
 
 
 def test_the_command_and_an_edited_mesh(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = session(tmp_path)
+    words = [*session(tmp_path), "--pixel", "0.5"]
     out, again = tmp_path / "aligned", tmp_path / "again"
     assert main([*words, "--depth", "estimate", "--out", str(out)]) == 0
     report = json.loads((out / "report" / "alignment.json").read_text())

@@ -24,8 +24,13 @@ Floats = NDArray[np.float64]
 HUBER, TUKEY = 1.345, 4.685
 """Deviations from which weights fall, and at which they are 0: 95 % efficient."""
 ROUNDS = 12
-"""Reweightings among photographs, and among tiles; these choose the penalty every fourth time."""
-CHOICE = 4
+"""Reweightings among photographs, and among tiles."""
+REDESCENDING = 4
+"""The reweighting among tiles from which on Tukey's weights count."""
+CHOICES = (0, 8)
+"""Reweightings among tiles at which the penalty is chosen."""
+PROBES = 32
+"""Random vectors for a trace: errors of some percent are nothing beside decades of penalties."""
 PENALTIES = 10.0 ** np.arange(-6.0, 4.0)
 """Candidates, as shares of the information of the tiles."""
 CHUNK = 512
@@ -120,12 +125,12 @@ def fitted_mesh(
     equations = _Equations(places, size_mm, shape)
     own, penalty = weights, 0.0
     for turn in range(ROUNDS):
-        if turn % CHOICE == 0:
+        if turn in CHOICES:
             penalty = _best_penalty(equations, heights, own)
         left = heights - equations.solved(heights, own, penalty)[0]
         off = np.sqrt(weights) * np.abs(left)
         scale = max(1.4826 * float(np.median(off)), 1e-9)
-        if turn < CHOICE:
+        if turn < REDESCENDING:
             own = weights * np.minimum(1.0, HUBER * scale / np.maximum(off, 1e-12))
         else:
             own = weights * np.square(np.maximum(1.0 - np.square(off / (TUKEY * scale)), 0.0))
@@ -188,6 +193,13 @@ class _Equations:
         coefficients = factors.solve(weighted @ heights)
         return self.tiles @ coefficients, coefficients, factors
 
+    def estimated_freedom(self, weights: Floats, factors: Any) -> float:
+        """As :meth:`freedom`, by random vectors of ones and minus ones [@hutchinson1990trace]."""
+        random = np.random.default_rng(0)
+        probes = random.choice((-1.0, 1.0), (self.tiles.shape[1], PROBES))
+        shown = self.tiles.T @ (weights[:, None] * (self.tiles @ probes))
+        return float((probes * factors.solve(shown)).sum() / PROBES)
+
     def freedom(self, weights: Floats, factors: Any) -> float:
         """Trace of the matrix that makes fitted heights of measured ones."""
         return float((weights * self._variances(self.tiles, factors)).sum())
@@ -212,7 +224,8 @@ def _best_penalty(equations: _Equations, heights: Floats, weights: Floats) -> fl
     scores = []
     for penalty in PENALTIES.tolist():
         predicted, _, factors = equations.solved(heights, weights, penalty)
-        left = max(int((weights > 0.0).sum()) - equations.freedom(weights, factors), 1e-3)
+        freedom = equations.estimated_freedom(weights, factors)
+        left = max(int((weights > 0.0).sum()) - freedom, 1e-3)
         squares = float((weights * np.square(heights - predicted)).sum())
         scores.append(squares / left**2)
     return float(PENALTIES[int(np.argmin(scores))])
