@@ -70,6 +70,15 @@ class FrontalView:
         homogeneous = np.column_stack([ideal, np.ones(len(ideal))]) @ np.linalg.inv(self.matrix).T
         return np.asarray(homogeneous[:, :2] / homogeneous[:, 2:])
 
+    def marks_mm(self, ideal: Floats) -> Floats:
+        """``(n, 2)``: the places in mm of the marks that were found at pixels of a pinhole camera.
+
+        Found less residual is what the homography predicts of them.
+        """
+        predicted = np.column_stack([ideal - self.residual, np.ones(len(ideal))])
+        homogeneous = predicted @ np.linalg.inv(self.matrix).T
+        return np.asarray(homogeneous[:, :2] / homogeneous[:, 2:])
+
     def pixel_mm(self) -> float:
         """Width in mm of the finest pixel in the middle of the painting, in its finest direction.
 
@@ -80,29 +89,30 @@ class FrontalView:
         slopes = np.stack([moves[0] - moves[1], moves[2] - moves[3]], axis=1)
         return float(1.0 / np.linalg.svd(slopes, compute_uv=False)[0])
 
-    def camera_mm(self) -> Floats | None:
-        """``(3,)`` place of the camera, from the middle of the painting; None without a lens."""
-        if self.lens is None:
-            return None
-        columns = np.linalg.solve(self.lens.matrix, self.matrix)
-        columns /= np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
-        columns *= np.sign(columns[2, 2])
-        rough = np.stack([columns[:, 0], columns[:, 1], np.cross(columns[:, 0], columns[:, 1])], 1)
-        left, _, right = np.linalg.svd(rough)
-        return np.asarray(-(left @ right).T @ columns[:, 2])
 
+def cameras_of(places: Sequence[Floats | None]) -> Floats | None:
+    """``(n, 3)`` mm: the places of the cameras of a stack, as its rig takes them.
 
-def eyes_of(views: Sequence[FrontalView]) -> Floats | None:
-    """``(n, 3)`` directions to the camera; None for one frontal camera, or without a lens."""
-    places = [view.camera_mm() for view in views]
+    Parameters
+    ----------
+    places
+        ``(3,)`` mm from the middle of the painting for each photograph; None where not known.
+
+    Returns
+    -------
+    ndarray
+        One place for all if the camera stood still; None for one frontal camera, or where a place
+        is not known.
+    """
     known = [place for place in places if place is not None]
-    if len(known) < len(views):
+    if len(known) < len(places):
         return None
-    eyes = np.array([place / np.linalg.norm(place) for place in known])
+    found = np.array(known)
+    eyes = found / np.linalg.norm(found, axis=1, keepdims=True)
     common = eyes.mean(axis=0) / np.linalg.norm(eyes.mean(axis=0))
     # The chord of a small angle is the angle.
     if np.linalg.norm(eyes - common, axis=1).max() < SAME_VIEW:
         if np.hypot(common[0], common[1]) < FRONTAL:
             return None
-        return np.tile(common, (len(eyes), 1))
-    return eyes
+        return np.tile(found.mean(axis=0), (len(found), 1))
+    return found

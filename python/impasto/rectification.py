@@ -1,4 +1,4 @@
-"""Photographs resampled to the frontal view of a painting, once: lens, perspective, shift together.
+"""Photographs resampled to the frontal view of a painting, once: lens, perspective, depth, shift.
 
 Every pixel of the frontal picture is looked up in the photograph (inverse mapping) by Lanczos
 interpolation [@duchon1979lanczos].
@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.depth_mesh import Parallax
 from impasto.frontal_view import FrontalView
 
 Floats = NDArray[np.float64]
@@ -90,6 +91,7 @@ def rectified_rows(
     grid: Grid,
     *,
     shift: tuple[float, float] = (0.0, 0.0),
+    parallax: Parallax | None = None,
     full: float | None = None,
     interpolation: Interpolation = "lanczos",
 ) -> Iterator[Rectified]:
@@ -105,6 +107,8 @@ def rectified_rows(
         The pixels of the frontal picture.
     shift
         Pixels of the frontal picture by which the photograph's content lies to the right and below.
+    parallax
+        The relief as the camera of this photograph sees it; None: the painting is flat.
     full
         The code from which samples are clipped: what is interpolated less than 2 pixels from one
         becomes this code, so that no mean with unclipped neighbours passes for a measurement. What
@@ -116,8 +120,8 @@ def rectified_rows(
     for top in range(0, grid.rows, BLOCK):
         rows = slice(top, min(top + BLOCK, grid.rows))
         yield _window(
-            photograph, view, grid, rows, slice(0, grid.columns), shift, full, clipped,
-            interpolation,
+            photograph, view, grid, rows, slice(0, grid.columns), shift, parallax, full,
+            clipped, interpolation,
         )  # fmt: skip
 
 
@@ -129,6 +133,7 @@ def rectified_window(
     columns: slice,
     *,
     shift: tuple[float, float] = (0.0, 0.0),
+    parallax: Parallax | None = None,
     full: float | None = None,
     interpolation: Interpolation = "lanczos",
 ) -> Rectified:
@@ -137,7 +142,9 @@ def rectified_window(
     Whole blocks are resampled, for places are rounded to single precision within each.
     """
     clipped = None if full is None else _clipped(photograph, full)
-    return _window(photograph, view, grid, rows, columns, shift, full, clipped, interpolation)
+    return _window(
+        photograph, view, grid, rows, columns, shift, parallax, full, clipped, interpolation
+    )
 
 
 def _window(
@@ -147,6 +154,7 @@ def _window(
     rows: slice,
     columns: slice,
     shift: tuple[float, float],
+    parallax: Parallax | None,
     full: float | None,
     clipped: NDArray[np.float32] | None,
     interpolation: Interpolation,
@@ -157,7 +165,7 @@ def _window(
     seen = np.empty(shape, dtype=bool)
     for down in _blocks(rows, grid.rows, BLOCK):
         for across in _blocks(columns, grid.columns, ACROSS):
-            places = _places(view, grid, down, across, shift, times)
+            places = _places(view, grid, down, across, shift, parallax, times)
             found, whole = _looked_up(photograph, places, times, full, clipped, interpolation)
             (out_y, in_y), (out_x, in_x) = _shared(rows, down), _shared(columns, across)
             planes[:, out_y, out_x] = found[:, in_y, in_x]
@@ -214,13 +222,20 @@ def _places(
     rows: slice,
     columns: slice,
     shift: tuple[float, float],
+    parallax: Parallax | None,
     times: int,
 ) -> Floats:
     """``(rows * times, columns * times, 2)``: pixels of the photograph."""
     inner = (np.arange(times) + 0.5) / times - 0.5
-    across = (np.arange(columns.start, columns.stop)[:, None] + inner).ravel() + shift[0]
-    down = (np.arange(rows.start, rows.stop)[:, None] + inner).ravel() + shift[1]
-    return view.pixels(grid.mm(across[None], down[:, None]))
+    across = (np.arange(columns.start, columns.stop)[:, None] + inner).ravel()
+    down = (np.arange(rows.start, rows.stop)[:, None] + inner).ravel()
+    if parallax is None:
+        return view.pixels(grid.mm(across[None] + shift[0], down[:, None] + shift[1]))
+    x = (across - (grid.columns - 1) / 2) * grid.pixel_mm
+    y = ((grid.rows - 1) / 2 - down) * grid.pixel_mm
+    # The heights belong to the pixels of the result, the shift to the photograph.
+    moved = np.array([shift[0], -shift[1]]) * grid.pixel_mm
+    return view.pixels(parallax.on_grid(x, y) + moved)
 
 
 def _looked_up(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from impasto.align.report import Aligned, AlignedPhotograph
 from impasto.calibrate.lens_picture import draw_arrows, round_factor
 from impasto.calibrate.tones import grey_from
+from impasto.frontal_view import FrontalView
 from impasto.pictures import Panel, Picture, contact_sheet
 from impasto.pictures.sheet import draw_text
 
@@ -54,9 +55,12 @@ def overview(light: NDArray[np.float32]) -> NDArray[np.uint8]:
     return grey_from(np.asarray(cv2.resize(light, size, interpolation=cv2.INTER_AREA)))
 
 
-def align_picture(seen: Sequence[Overview], result: Aligned) -> Picture:
-    """``(y, x, 3)``: reduced photographs with markers, the edge of the painting, and residuals."""
-    chosen = _chosen(result)
+def align_picture(seen: Mapping[int, Overview], result: Aligned) -> Picture:
+    """``(y, x, 3)``: reduced photographs with markers, the edge of the painting, and residuals.
+
+    ``seen`` are overviews by the numbers of their photographs (:func:`shown_photographs`).
+    """
+    chosen = sorted(seen)
     left = [result.photographs[number] for number in chosen]
     large = max(
         (float(np.linalg.norm(one.view.residual, axis=1).max()) for one in left), default=0.0
@@ -67,7 +71,8 @@ def align_picture(seen: Sequence[Overview], result: Aligned) -> Picture:
     said = "4 marks fit exactly" if known is None else f"residual of marks {known:.3f} pixels"
     shift = result.largest_shift_px
     moved = "" if shift is None else f", shifts up to {shift:.2f} pixels"
-    shown = "" if len(chosen) == len(seen) else f"; {len(chosen)} of {len(seen)} photographs"
+    count = len(result.photographs)
+    shown = "" if len(chosen) == count else f"; {len(chosen)} of {count} photographs"
     return contact_sheet(
         [_panel(seen[number], result.photographs[number], result, factor) for number in chosen],
         title="Alignment",
@@ -77,14 +82,15 @@ def align_picture(seen: Sequence[Overview], result: Aligned) -> Picture:
     )
 
 
-def _chosen(result: Aligned) -> list[int]:
-    count = len(result.photographs)
+def shown_photographs(views: Sequence[FrontalView]) -> set[int]:
+    """Numbers of the photographs that the picture shows, of which overviews are kept."""
+    count = len(views)
     if count <= _MOST:
-        return list(range(count))
-    off = [one.view.rms or 0.0 for one in result.photographs]
+        return set(range(count))
+    off = [view.rms or 0.0 for view in views]
     worst = np.argsort(off)[::-1][: _MOST // 2]
     spread = np.linspace(0, count - 1, _MOST - len(worst)).astype(int)
-    return sorted({*worst.tolist(), *spread.tolist()})
+    return {*worst.tolist(), *spread.tolist()}
 
 
 def _panel(one: Overview, aligned: AlignedPhotograph, result: Aligned, factor: float) -> Panel:

@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from impasto.align.depth_search import FoundDepth
+from impasto.align.pose import Pose
 from impasto.align.refinement import Shift
+from impasto.depth_mesh import DepthMesh
 from impasto.frontal_view import FrontalView
 from impasto.lens import Lens
 from impasto.rectification import Grid
@@ -23,6 +26,8 @@ class AlignedPhotograph:
         Its file before and after.
     view
         The plane of the painting in it.
+    pose
+        Where its camera stood; None without a lens.
     shift
         What refinement found; None without refinement, and for the reference.
     covered
@@ -32,6 +37,7 @@ class AlignedPhotograph:
     source: str
     name: str
     view: FrontalView
+    pose: Pose | None
     shift: Shift | None
     covered: float
 
@@ -52,6 +58,10 @@ class Aligned:
         Share of the painting that all photographs show.
     lights
         Name of the light file; empty for none.
+    depth
+        The relief; None for a flat painting.
+    parallax
+        How it was found; None if it was given.
     """
 
     grid: Grid
@@ -59,6 +69,8 @@ class Aligned:
     photographs: tuple[AlignedPhotograph, ...]
     covered: float
     lights: str
+    depth: DepthMesh | None = None
+    parallax: FoundDepth | None = None
 
     @property
     def residual_px(self) -> float | None:
@@ -96,18 +108,51 @@ def report_of(result: Aligned) -> dict[str, Any]:
         "covered": result.covered,
         "lens": None if lens is None else {"model": lens.model, "residual_px": lens.residual_px},
         "marks_residual_px": result.residual_px,
+        "depth": None if result.depth is None else _depth(result.depth, result.parallax),
         "photographs": [_photograph(one) for one in result.photographs],
     }
+
+
+def _depth(mesh: DepthMesh, found: FoundDepth | None) -> dict[str, Any]:
+    rows, columns = mesh.depth_mm.shape
+    content: dict[str, Any] = {
+        "file": "depth.csv",
+        "nodes": [columns, rows],
+        "lowest_mm": float(mesh.depth_mm.min()),
+        "highest_mm": float(mesh.depth_mm.max()),
+        "sigma_mm": None,
+        "estimated": found is not None,
+    }
+    if found is not None:
+        before, after = found.left_px
+        content["sigma_mm"] = float(np.sqrt(np.square(mesh.sigma_mm).mean()))
+        content["pixel_mm"] = found.pixel_mm
+        content["along_px_before"], content["along_px_after"] = before, after
+        content["compared_with"] = found.reference
+        content["photographs"] = [
+            {
+                "number": number,
+                "before_px": _known(before),
+                "after_px": _known(after),
+                "across_px": _known(across),
+            }
+            for number, before, after, across in zip(
+                found.photographs, found.before_px.tolist(), found.after_px.tolist(),
+                found.across_px.tolist(), strict=True,
+            )
+        ]  # fmt: skip
+    return content
+
+
+def _known(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 def _photograph(one: AlignedPhotograph) -> dict[str, Any]:
     view, shift = one.view, one.shift
     off = np.linalg.norm(view.residual, axis=1)
     worst = int(off.argmax())
-    camera = view.camera_mm()
-    tilt = None
-    if camera is not None:
-        tilt = float(np.degrees(np.arctan2(np.hypot(camera[0], camera[1]), camera[2])))
+    pose = one.pose
     content: dict[str, Any] = {
         "source": one.source,
         "file": one.name,
@@ -117,8 +162,11 @@ def _photograph(one: AlignedPhotograph) -> dict[str, Any]:
         "worst_mark_px": None if view.rms is None else float(off[worst]),
         "pixel_mm": view.pixel_mm(),
         "homography": view.matrix.tolist(),
-        "camera_mm": None if camera is None else camera.tolist(),
-        "tilt_degrees": tilt,
+        "camera_mm": None if pose is None else pose.place_mm.tolist(),
+        "camera_sigma_mm": None if pose is None else pose.place_sigma_mm.tolist(),
+        "camera_rotation": None if pose is None else pose.rotation.tolist(),
+        "tilt_degrees": None if pose is None else float(np.degrees(pose.tilt)),
+        "view_sigma_degrees": None if pose is None else float(np.degrees(pose.view_sigma)),
         "covered": one.covered,
         "shift_px": None,
     }

@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.checks import length_mm
+from impasto.align.depth_picture import depth_picture
+from impasto.align.depth_search import FoundDepth, find_depth
 from impasto.align.detection import FoundMarks, find_marks
 from impasto.align.features import Reference
 from impasto.align.frontal import frontal_view
 from impasto.align.layout import Layout
+from impasto.align.output import write_photograph, write_stack_lights
 from impasto.align.photographs import LINEAR, lights_of, photographs_of
-from impasto.align.picture import Overview, align_picture, overview
+from impasto.align.picture import Overview, align_picture, overview, shown_photographs
+from impasto.align.pose import camera_poses
 from impasto.align.refinement import LARGEST, Shift, shift_between
 from impasto.align.relighting import predictable, relit_shifts
 from impasto.align.report import Aligned, AlignedPhotograph, report_of
 from impasto.calibrate.tones import light_from
+from impasto.depth_mesh import DepthMesh, Parallax
 from impasto.errors import ArgumentError
-from impasto.frontal_view import FrontalView, eyes_of
+from impasto.frontal_view import FrontalView
+from impasto.io.depth_mesh import as_written, write_depth
 from impasto.io.folders import new_folder
-from impasto.io.images.write import write_json, write_png8, write_tiff16, write_tiff32
+from impasto.io.images.write import write_json, write_png8
 from impasto.io.lights import LightFile
-from impasto.io.lights.write import write_lights
 from impasto.io.session.linear_codes import Photograph, read_photograph
 from impasto.lens import Lens
-from impasto.rectification import Grid, Rectified, middle_of, rectified, rectified_rows
+from impasto.rectification import Grid, middle_of, rectified
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -43,10 +47,21 @@ SHARE = 1000
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """What is kept of a photograph between its two readings."""
+    """What is kept of a photograph between its readings.
+
+    Attributes
+    ----------
+    view
+        How it shows the painting.
+    size
+        Columns and rows.
+    outlines
+        ``(4, 2)`` pixels of each marker.
+    """
 
     view: FrontalView
-    overview: Overview
+    size: tuple[int, int]
+    outlines: Mapping[str, Floats]
 
 
 def align(
@@ -56,6 +71,8 @@ def align(
     *,
     lens: Lens | None = None,
     pixel_mm: float | None = None,
+    depth: DepthMesh | bool = False,
+    mesh_mm: float | None = None,
     refine: bool = False,
     fixed_camera: bool = False,
     lights: str | Path | None = None,
@@ -65,8 +82,9 @@ def align(
 ) -> Aligned:
     """Rectify the photographs of a folder to the frontal view of the painting.
 
-    Lens, perspective and shift are one resampling. Photographs are read two or three times, one at
-    a time: memory holds one of them. The folder appears whole or not at all.
+    Lens, perspective, depth and shift are one resampling. Photographs are read twice, and again for
+    depth and shifts, one at a time: memory holds one of them and its result, and of the others
+    their marks. The folder appears whole or not at all.
 
     Parameters
     ----------
@@ -75,7 +93,7 @@ def align(
     out
         The folder to write: a 16-bit linear TIFF per photograph (32-bit of floats), the lights, and
         ``report/`` with ``alignment.json``, ``alignment.png`` and, where a photograph does not show
-        all of the painting, ``mask.png``.
+        all of the painting, ``mask.png``; with depth also ``depth.csv`` and ``depth.png``.
     layout
         The marks (:func:`layout_from_markers`, :func:`read_points`), or the picture of another
         session (:class:`Reference`).
@@ -84,6 +102,11 @@ def align(
     pixel_mm
         Width of a pixel of the result; default: that of the finest pixel of any photograph, or that
         of the reference.
+    depth
+        True: the heights of the relief are estimated from the parallax between views; a mesh
+        (:func:`read_depth`): it is used as it is. Needs a lens. Default: the painting is flat.
+    mesh_mm
+        Largest distance between the nodes of the estimated mesh; default: 12 pixels.
     refine
         Estimate and take out shifts between photographs. With 8 lamps or more, whose directions are
         known, each is compared with what photometric stereo predicts of it; otherwise with the
@@ -105,9 +128,12 @@ def align(
     ArgumentError
         A photograph whose marks are missing or doubled, with the marks; a folder that exists.
     GeometryError
-        Marks that determine no perspective, or contradict each other.
+        Marks that determine no perspective, or contradict each other; views or a painting that tell
+        no depth.
     CorruptInputError
         A damaged photograph.
+    MissingExtraError
+        Depth is to be estimated, and SciPy is not installed.
     """
     folder, out = Path(folder), Path(out)
     if out.exists():
@@ -117,45 +143,90 @@ def align(
     paths = photographs_of(folder)
     file = lights_of(folder, None if lights is None else Path(lights), [p.name for p in paths])
 
-    steps = 3 if refine else 2
+    if depth is not False and lens is None:
+        raise ArgumentError("depth: needs the lens, without which no camera has a place")
+    estimated = depth is True
+    steps = 2 + refine + estimated
 
-    def step_done(step: int, done: int) -> None:
+    def step_done(step: int, done: int, count: int) -> None:
         if progress is not None:
-            progress(step * SHARE + round(SHARE * done / len(paths)), steps * SHARE)
+            progress(step * SHARE + round(SHARE * done / count), steps * SHARE)
 
-    def read(path: Path) -> Photograph:
-        return read_photograph(path, encoding, saturation)
+    def read(number: int) -> Photograph:
+        return read_photograph(paths[number], encoding, saturation)
 
-    seen = _views(paths, read, layout, lens, fixed_camera, lambda done: step_done(0, done))
+    count = len(paths)
+    seen = _views(paths, read, layout, lens, fixed_camera, lambda done: step_done(0, done, count))
     views = [one.view for one in seen]
+    cameras = camera_poses(views)
     grid = _grid(layout, views, pixel_mm)
-    shifts: list[Shift | None] = [None] * len(paths)
+    found: FoundDepth | None = None
+    mesh = None
+    if isinstance(depth, DepthMesh):
+        mesh = _fitting(depth, grid)
+    elif estimated and cameras is not None:
+        found = find_depth(
+            read, views, cameras, grid, spacing_mm=mesh_mm,
+            advance=lambda done, every: step_done(1, done, every),
+        )  # fmt: skip
+        mesh = as_written(found.mesh)
+    parallaxes: list[Parallax | None] = [None] * count
+    if mesh is not None and cameras is not None:
+        parallaxes = [Parallax(mesh, one.place_mm) for one in cameras]
+    shifts: list[Shift | None] = [None] * count
     if refine:
-        shifts = _shifts(paths, read, views, grid, layout, file, lambda done: step_done(1, done))
+        shifts = _shifts(
+            read, views, parallaxes, grid, layout, file,
+            lambda done: step_done(steps - 2, done, count),
+        )  # fmt: skip
     out.parent.mkdir(parents=True, exist_ok=True)
     covered = np.ones((grid.rows, grid.columns), dtype=bool)
     done: list[AlignedPhotograph] = []
     names = [f"{path.stem}.tif" for path in paths]
+    shown = shown_photographs(views)
+    overviews: dict[int, Overview] = {}
     with new_folder(out) as made:
         (made / "report").mkdir()
-        for number, (path, view) in enumerate(zip(paths, views, strict=True)):
-            share = _write(made / names[number], read(path), view, grid, shifts[number], covered)
-            done.append(AlignedPhotograph(path.name, names[number], view, shifts[number], share))
-            step_done(steps - 1, number + 1)
+        for number, (path, one) in enumerate(zip(paths, seen, strict=True)):
+            photograph = read(number)
+            share = write_photograph(
+                made / names[number], photograph, one.view, grid, shifts[number],
+                parallaxes[number], covered,
+            )  # fmt: skip
+            if number in shown:
+                reduced = overview(light_from(photograph.planes, LINEAR))
+                overviews[number] = Overview(path.name, reduced, one.size, one.outlines)
+            camera = None if cameras is None else cameras[number]
+            done.append(
+                AlignedPhotograph(path.name, names[number], one.view, camera, shifts[number], share)
+            )
+            step_done(steps - 1, number + 1, count)
         if not covered.all():
             write_png8(made / "report" / "mask.png", 255 * covered.astype(np.uint8))
-        written = _write_lights(made, file, names, views)
-        result = Aligned(grid, lens, tuple(done), float(covered.mean()), written)
+        if mesh is not None:
+            write_depth(made / "report" / "depth.csv", mesh)
+            write_png8(made / "report" / "depth.png", depth_picture(mesh, found, cameras))
+        written = write_stack_lights(made, file, names, cameras, grid)
+        result = Aligned(grid, lens, tuple(done), float(covered.mean()), written, mesh, found)
         write_json(made / "report" / "alignment.json", report_of(result))
-        write_png8(
-            made / "report" / "alignment.png", align_picture([one.overview for one in seen], result)
-        )
+        write_png8(made / "report" / "alignment.png", align_picture(overviews, result))
     return result
+
+
+def _fitting(mesh: DepthMesh, grid: Grid) -> DepthMesh:
+    """Refuse a mesh of another painting."""
+    apart = np.abs(np.subtract(mesh.size_mm, grid.size_mm)).max()
+    if apart > 1e-3 * max(grid.size_mm):
+        sizes = [f"{width:g} x {height:g} mm" for width, height in (mesh.size_mm, grid.size_mm)]
+        raise ArgumentError(
+            f"depth: the mesh is of a painting of {sizes[0]}, this one has {sizes[1]}"
+        )
+    return mesh
 
 
 def _views(
     paths: list[Path],
-    read: Callable[[Path], Photograph],
+    read: Callable[[int], Photograph],
     layout: Layout | Reference,
     lens: Lens | None,
     fixed_camera: bool,
@@ -165,10 +236,9 @@ def _views(
     if fixed_camera and isinstance(layout, Reference):
         raise ArgumentError("fixed_camera: there are no marks to share with a reference picture")
     found: list[FoundMarks | FrontalView] = []
-    pictures: list[NDArray[np.uint8]] = []
     sizes: list[tuple[int, int]] = []
-    for number, path in enumerate(paths, 1):
-        light = light_from(read(path).planes, LINEAR)
+    for number, path in enumerate(paths):
+        light = light_from(read(number).planes, LINEAR)
         size = light.shape[1], light.shape[0]
         if lens is not None and size != lens.size:
             raise ArgumentError(
@@ -185,8 +255,7 @@ def _views(
             found.append(layout.view(light, lens, path.name))
         else:
             found.append(find_marks(light, layout, path.name, partial=fixed_camera))
-        pictures.append(overview(light))
-        advance(number)
+        advance(number + 1)
     if isinstance(layout, Layout):
         marks = [one for one in found if isinstance(one, FoundMarks)]
         common = _common(marks, layout) if fixed_camera else None
@@ -198,11 +267,7 @@ def _views(
     else:
         views = [one for one in found if isinstance(one, FrontalView)]
         outlines = [{} for _ in views]
-    shown = [
-        Overview(path.name, picture, size, quads)
-        for path, picture, size, quads in zip(paths, pictures, sizes, outlines, strict=True)
-    ]
-    return [_Seen(*pair) for pair in zip(views, shown, strict=True)]
+    return [_Seen(*one) for one in zip(views, sizes, outlines, strict=True)]
 
 
 def _view_of(marks: FoundMarks, layout: Layout, lens: Lens | None, name: str) -> FrontalView:
@@ -236,9 +301,9 @@ def _grid(layout: Layout | Reference, views: list[FrontalView], pixel_mm: float 
 
 
 def _shifts(
-    paths: list[Path],
-    read: Callable[[Path], Photograph],
+    read: Callable[[int], Photograph],
     views: list[FrontalView],
+    parallaxes: list[Parallax | None],
     grid: Grid,
     layout: Layout | Reference,
     file: LightFile | None,
@@ -249,16 +314,19 @@ def _shifts(
     relit = relit and file is not None and predictable(file.directions)
     side = LARGEST
     if relit:
-        side = int(min(LARGEST, np.sqrt(WINDOWS_BYTES / (4 * len(paths)))))
+        side = int(min(LARGEST, np.sqrt(WINDOWS_BYTES / (4 * len(views)))))
     window = middle_of(grid, side)
 
     def light(number: int) -> NDArray[np.float32]:
-        part = rectified(read(paths[number]).planes, views[number], window, interpolation="cubic")
+        part = rectified(
+            read(number).planes, views[number], window,
+            parallax=parallaxes[number], interpolation="cubic",
+        )  # fmt: skip
         return light_from(part.planes, LINEAR)
 
     if relit and file is not None:
         pictures = []
-        for number in range(len(paths)):
+        for number in range(len(views)):
             pictures.append(light(number))
             advance(number + 1)
         return list(relit_shifts(pictures, file.directions))
@@ -275,50 +343,7 @@ def _shifts(
         chosen = 0 if file is None else int(file.directions[:, 2].argmax())
         against = light(chosen)
     found: list[Shift | None] = []
-    for number in range(len(paths)):
+    for number in range(len(views)):
         found.append(None if number == chosen else shift_between(against, light(number)))
         advance(number + 1)
     return found
-
-
-def _write(
-    path: Path,
-    photograph: Photograph,
-    view: FrontalView,
-    grid: Grid,
-    shift: Shift | None,
-    covered: NDArray[np.bool_],
-) -> float:
-    """Write one aligned photograph; returns the share of the painting that it shows."""
-    moved = (0.0, 0.0) if shift is None else (shift.x, shift.y)
-    planes = np.empty((len(photograph.planes), grid.rows, grid.columns), photograph.planes.dtype)
-    top, shown = 0, 0
-    part: Rectified
-    for part in rectified_rows(photograph.planes, view, grid, shift=moved, full=photograph.full):
-        rows = slice(top, top + part.planes.shape[1])
-        planes[:, rows] = part.planes
-        covered[rows] &= part.seen
-        shown += int(part.seen.sum())
-        top = rows.stop
-    attributes: dict[str, Any] = {"pixel_mm": grid.pixel_mm}
-    write = write_tiff16 if planes.dtype == np.uint16 else write_tiff32
-    write(path, planes, attributes=attributes)
-    return shown / (grid.rows * grid.columns)
-
-
-def _write_lights(
-    folder: Path, file: LightFile | None, names: list[str], views: list[FrontalView]
-) -> str:
-    """Write the lights with the views that the lens shows; returns the name, empty for none."""
-    if file is None:
-        return ""
-    own = replace(file, names=tuple(names))
-    if own.views is None:
-        own = replace(own, views=eyes_of(views))
-    name = "lights.lp" if own.views is None else "lights.csv"
-    write_lights(folder / name, own)
-    if file.intensities is not None:
-        rows = np.atleast_2d(file.intensities.T).T.tolist()
-        text = "".join(" ".join(map(repr, row)) + "\n" for row in rows)
-        (folder / "light_intensities.txt").write_text(text, encoding="utf-8")
-    return name

@@ -26,7 +26,7 @@ def plan_picture(
         What these allow, without and with the added ones.
     """
     return contact_sheet(
-        [_map(directions, added), _numbers(before, after)],
+        [_map(directions, added), errors_panel(before, after)],
         title="Plan of a capture",
         subtitle=f"{len(directions)} lamps, {len(added)} added",
         columns=2,
@@ -53,7 +53,8 @@ def _map(directions: Floats, added: Floats) -> Panel:
     return Panel("Lamps from the front", picture, note)
 
 
-def _numbers(before: ExpectedErrors | None, after: ExpectedErrors) -> Panel:
+def errors_panel(before: ExpectedErrors | None, after: ExpectedErrors) -> Panel:
+    """A table of the least errors, before and after; None: there is no before."""
     picture = np.full((_SIZE, _SIZE, 3), GROUND, dtype=np.uint8)
     columns = [after] if before is None else [before, after]
     for column, name in enumerate(["now"] if before is None else ["before", "after"]):

@@ -28,6 +28,8 @@ def align(
     to: Path | None = None,
     lens: Path | None = None,
     pixel: float | None = None,
+    depth: str | None = None,
+    mesh: float | None = None,
     refine: Flag = False,
     fixed_camera: Flag = False,
     lights: Path | None = None,
@@ -59,6 +61,11 @@ def align(
         File of impasto calibrate lens.
     pixel
         Width of a pixel of the result in mm; default: the finest of the photographs.
+    depth
+        estimate: find the heights of the relief from the parallax between views (needs --lens); or
+        a file report/depth.csv, as an earlier run wrote it or as it was edited since.
+    mesh
+        Largest distance between nodes of the estimated heights in mm; default: 12 pixels.
     refine
         Take out shifts between photographs, by their content.
     fixed_camera
@@ -74,6 +81,7 @@ def align(
         No progress, only errors.
     """
     from impasto.align import align as run
+    from impasto.align import read_depth
     from impasto.calibrate import read_lens
 
     if sum(one is not None for one in (markers, points, to)) != 1:
@@ -84,14 +92,22 @@ def align(
         raise ArgumentError(f"--out: {out} already exists; choose another name")
     if pixel is not None:
         length_mm(pixel, "--pixel")
+    if mesh is not None:
+        length_mm(mesh, "--mesh")
+        if depth != "estimate":
+            raise ArgumentError("--mesh: is for --depth estimate; a file has its own nodes")
+    if depth is not None and lens is None:
+        raise ArgumentError("--depth: needs --lens, without which no camera has a place")
     stages = Stages(quiet=quiet)
     optics = None if lens is None else read_lens(lens)
     layout = _layout(markers, size, points, to, pixel, encoding)
+    relief = False if depth is None else depth == "estimate" or read_depth(Path(depth))
     with stages.stage("align") as stage:
         found = run(
             folder, out, layout,
-            lens=optics, pixel_mm=pixel, refine=refine, fixed_camera=fixed_camera, lights=lights,
-            encoding=encoding, saturation=saturation, progress=stage.advance,
+            lens=optics, pixel_mm=pixel, depth=relief, mesh_mm=mesh, refine=refine,
+            fixed_camera=fixed_camera, lights=lights, encoding=encoding, saturation=saturation,
+            progress=stage.advance,
         )  # fmt: skip
         left = found.residual_px
         said = "4 marks fit exactly" if left is None else f"marks within {left:.3f} pixels"
@@ -101,6 +117,17 @@ def align(
         f"  {'':14}[dim]{grid.columns} x {grid.rows} pixels of {grid.pixel_mm:g} mm; look at "
         f"{escape(str(out / 'report' / 'alignment.png'))}[/]"
     )
+    if found.depth is not None:
+        heights = found.depth.depth_mm
+        stages.say(
+            f"  {'':14}[dim]relief of {heights.min():.2f} to {heights.max():.2f} mm; look at "
+            f"{escape(str(out / 'report' / 'depth.png'))}[/]"
+        )
+    if found.parallax is not None:
+        before, after = found.parallax.left_px
+        stages.say(
+            f"  {'':14}[dim]along epipolar lines {before:.2f} pixels before, {after:.3f} after[/]"
+        )
     if found.largest_shift_px is not None:
         stages.say(f"  {'':14}[dim]shifts up to {found.largest_shift_px:.2f} pixels taken out[/]")
     for name, why in found.refused.items():

@@ -13,9 +13,6 @@ from impasto.cli.options import Flag, dark_frames
 from impasto.errors import ArgumentError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from impasto.calibrate import PaintingFrame
 
 Boxes: TypeAlias = Annotated[
@@ -128,7 +125,7 @@ def lights(
             matrix = read_lens(lens).matrix
             camera = BallCamera(float(matrix[0, 0]), (float(matrix[0, 2]), float(matrix[1, 2])))
             if alignment is not None:
-                frame, width = _frame_of(alignment, read.names, matrix)
+                frame, width = _frame_of(alignment, read.names)
     elif placed or focal is not None or lens is not None:
         raise ArgumentError(
             f"path: {folder} holds crops of the balls; their places in the photographs, which a "
@@ -162,23 +159,21 @@ def lights(
     write_lights(out, written, None if placed else read.names)
 
 
-def _frame_of(
-    path: Path, names: tuple[str, ...], camera_matrix: NDArray[np.float64]
-) -> tuple[PaintingFrame, float]:
+def _frame_of(path: Path, names: tuple[str, ...]) -> tuple[PaintingFrame, float]:
     """How the camera looks at the painting, and the width of that in mm."""
     from impasto.calibrate import PaintingFrame
     from impasto.io.session.alignment import read_alignment
 
     known = read_alignment(path)
-    missing = [name for name in names if name.casefold() not in known.homographies]
+    missing = [name for name in names if known.cameras.get(name.casefold()) is None]
     if missing:
         raise ArgumentError(
-            f"--alignment: {path} has no photograph {missing[0]}; give the alignment of these "
-            "photographs"
+            f"--alignment: {path} says of {missing[0]} not where the camera stood; give the "
+            "alignment of these photographs, made with --lens"
         )
-    return PaintingFrame.of(known.homographies[names[0].casefold()], camera_matrix), float(
-        known.grid.size_mm[0]
-    )
+    camera = known.cameras[names[0].casefold()]
+    assert camera is not None
+    return PaintingFrame(camera.rotation, camera.place_mm), known.grid.size_mm[0]
 
 
 def camera(

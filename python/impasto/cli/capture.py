@@ -21,6 +21,8 @@ def application() -> App:
     """The commands below ``impasto capture``."""
     app = App(name="capture", help="Plan photographs before they are made.")
     app.command("impasto.cli.capture:plan")
+    app.command("impasto.cli.capture:ball_joint", name="ball-joint")
+    app.command("impasto.cli.capture:exposure")
     return app
 
 
@@ -67,10 +69,7 @@ def plan(
         raise ArgumentError(
             f"--add: expected a whole number from {least} to {CANDIDATES}, found {add}"
         )
-    gamma = WIDTHS.get(gloss, WIDTHS["satin"])
-    # As much as a smooth interface reflects.
-    beta = 0.0 if gloss == "none" else math.log(2.0) / (4.0 * gamma**2)
-    options: dict[str, Any] = {"beta": beta, "gamma": gamma, "tilt": np.radians(tilt)}
+    options: dict[str, Any] = {**_lobe(gloss), "tilt": np.radians(tilt)}
     there = _rig(rig)
     before = None if there is None else expected_errors(there, **options)
     directions = np.empty((0, 3)) if there is None else there.directions
@@ -96,6 +95,153 @@ def plan(
             out, out.suffix[1:], names, every, np.ones(len(every)), views=views if several else None
         )
         write_lights(out, file)
+
+
+def ball_joint(
+    rig: Annotated[str, Parameter(name=["RIG"])],
+    /,
+    *,
+    lamps: str = "-45,0,45",
+    pan: float = 75.0,
+    tilt: float = 60.0,
+    roll: float = 180.0,
+    camera: float = 100.0,
+    separation: float = 5.0,
+    every: int = 50,
+    gloss: Literal["none", "matte", "satin", "gloss"] = "satin",
+    out: Path | None = None,
+    quiet: Flag = False,
+) -> None:
+    """Turn pairs of light and view into settings of a ball-joint rig, in an order of short travel.
+
+    RIG is snel-lafortune, the 770 pairs of the third paper, or a light file with a view for each
+    light. A pair that the rig cannot reach stops the command, with the nearest setting.
+
+    Parameters
+    ----------
+    lamps
+        Angles of the places of the lamp in the horizontal plane, degrees; to the right is positive.
+    pan, tilt, roll
+        How far the joint turns to either side about the vertical, the horizontal axis and the
+        normal of the painting, degrees.
+    camera
+        How far the camera moves to either side, degrees.
+    separation
+        Least angle between camera and lamp, degrees.
+    every
+        Shots between two reference poses; 0: none.
+    gloss
+        Of the painting, for the least errors.
+    out
+        The table to write, a new .csv: one shot a line, in order. A picture of the same name, .png,
+        and a light file, such as shots_lights.csv, lie beside it.
+    quiet
+        No progress, only errors.
+    """
+    from impasto.capture import (
+        BallJointRig,
+        expected_errors,
+        plan_shots,
+        shots_picture,
+        write_shot_lights,
+        write_shots,
+    )
+    from impasto.io import write_png8
+
+    files = None
+    if out is not None:
+        if out.suffix.lower() != ".csv":
+            raise ArgumentError(f"--out: expected a name that ends in .csv, found {out}")
+        files = out, out.with_suffix(".png"), out.with_name(f"{out.stem}_lights.csv")
+        for path in files:
+            if path.exists():
+                raise ArgumentError(f"--out: {path} already exists; choose another name")
+    pairs = _rig(rig)
+    if pairs is None:
+        raise ArgumentError("RIG: expected snel-lafortune or a light file with views, found none")
+    sides = {
+        name: (math.radians(-side), math.radians(side))
+        for name, side in (("pan", pan), ("tilt", tilt), ("roll", roll), ("camera", camera))
+    }
+    mechanism = BallJointRig(lamps=_degrees(lamps), separation=math.radians(separation), **sides)
+    stages = Stages(quiet=quiet)
+    with stages.stage("shots") as stage:
+        found = plan_shots(pairs, mechanism, every=every)
+        stage.note = f"{len(found.pairs)} pairs, {len(found.shots) - len(found.pairs)} references"
+    errors = expected_errors(pairs, **_lobe(gloss))
+    stdout().print(
+        f"travel, degrees (as listed)         {math.degrees(found.travel):10.0f}"
+        f"{math.degrees(found.travel_as_listed):10.0f}",
+        markup=False,
+    )
+    stdout().print(f"moves of the lamp                   {found.lamp_changes:10}", markup=False)
+    for line in _table(None, errors):
+        stdout().print(line, markup=False)
+    if files is not None:
+        table, picture, lights = files
+        table.parent.mkdir(parents=True, exist_ok=True)
+        write_png8(picture, shots_picture(found, errors))
+        write_shot_lights(lights, found)
+        write_shots(table, found)
+
+
+def exposure(
+    pilot: Annotated[Path, Parameter(name=["PILOT"])],
+    /,
+    *,
+    seconds: float,
+    dark: float = 0.0,
+    read_noise: float = 0.001,
+    shot_noise: float = 0.005,
+    signal_to_noise: float = 30.0,
+    encoding: str | None = None,
+) -> None:
+    """Print how many seconds to expose, one or several times, from a short pilot photograph.
+
+    Parameters
+    ----------
+    seconds
+        The exposure of PILOT, which must be so short that its highlights are whole.
+    dark
+        Code of PILOT that is no light.
+    read_noise
+        Standard deviation of a sample in the dark, as a share of full scale.
+    shot_noise
+        That of a sample at full scale, without that of the dark.
+    signal_to_noise
+        Least ratio of the median of the light to its noise.
+    encoding
+        Tone curve of the file: srgb, linear or a gamma such as 2.2. Default: srgb for 8-bit files,
+        linear for all others.
+    """
+    from impasto.capture import Noise, exposures_from_pilot
+    from impasto.io.session.linear_codes import read_photograph
+
+    if not pilot.exists():
+        raise ArgumentError(f"PILOT: {pilot} does not exist")
+    photograph = read_photograph(pilot, encoding)
+    full = 65535.0 if photograph.planes.dtype.kind == "u" else 1.0
+    if not 0.0 <= dark < full:
+        raise ArgumentError(f"--dark: expected a code from 0 to {full:g}, found {dark:g}")
+    light = (photograph.planes.astype(np.float64) - dark) / (full - dark)
+    noise = Noise(read=read_noise, shot=shot_noise)
+    found = exposures_from_pilot(light, seconds, noise=noise, signal_to_noise=signal_to_noise)
+    for one in found:
+        stdout().print(f"{one:.6g}", markup=False)
+
+
+def _degrees(text: str) -> tuple[float, ...]:
+    """Angles in radians from degrees with commas between them."""
+    try:
+        return tuple(math.radians(float(word)) for word in text.split(","))
+    except ValueError:
+        raise ArgumentError(f"--lamps: expected degrees such as -45,0,45, found {text!r}") from None
+
+
+def _lobe(gloss: str) -> dict[str, Any]:
+    """The lobe of a varnish that reflects as much as a smooth interface."""
+    gamma = WIDTHS.get(gloss, WIDTHS["satin"])
+    return {"beta": 0.0 if gloss == "none" else math.log(2.0) / (4.0 * gamma**2), "gamma": gamma}
 
 
 def _rig(name: str) -> Any:

@@ -41,6 +41,8 @@ class LightFile:
     views
         ``(n, 3)`` unit vectors from the surface to the eye where the file knows them, else None:
         one frontal view.
+    view_positions
+        ``(n, 3)`` places of the cameras in mm where the file knows them, else None: far away.
     pitch_mm, width_mm
         Width of a pixel / of the image on the painting, where the file knows it.
     notes
@@ -55,6 +57,7 @@ class LightFile:
     positions: NDArray[np.float64] | None = None
     intensities: NDArray[np.float64] | None = None
     views: NDArray[np.float64] | None = None
+    view_positions: NDArray[np.float64] | None = None
     pitch_mm: float | None = None
     width_mm: float | None = None
     notes: tuple[Note, ...] = ()

@@ -17,7 +17,8 @@ from impasto.io.notes import Notebook
 
 COLUMNS = ("light_x", "light_y", "light_z")
 VIEW_COLUMNS = ("view_x", "view_y", "view_z")
-"""Header of a table that has both; headers are not read."""
+CAMERA_COLUMNS = ("camera_mm", "pixel_mm")
+"""Header of a table that has all; headers are not read."""
 
 
 ROUNDING = 1e-12
@@ -95,7 +96,8 @@ def parse_csv(text: str, path: Path, notebook: Notebook, layout: str | None) -> 
     """CSV with or without a header, with or without a file name in the first column.
 
     Three numbers in a row are the direction to the light; six are that and the direction to the
-    eye.
+    eye; eight are also the distance of the camera from the middle of the painting and the width of
+    a pixel, both in mm.
     """
     first = text.lstrip().splitlines()[0] if text.strip() else ""
     delimiter = max(";\t,", key=first.count)
@@ -111,7 +113,7 @@ def parse_csv(text: str, path: Path, notebook: Notebook, layout: str | None) -> 
     for position, (line, cells) in enumerate(records):
         while cells and not cells[-1]:
             cells.pop()
-        count = 6 if len(cells) > 5 else 3
+        count = 8 if len(cells) > 7 else 6 if len(cells) > 5 else 3
         values: list[float | None] = [number(cell) for cell in cells[-count:]]
         if len(values) == count and None in values:
             repaired = comma_numbers(cells[-count:])
@@ -123,13 +125,13 @@ def parse_csv(text: str, path: Path, notebook: Notebook, layout: str | None) -> 
             raise CorruptInputError(
                 path,
                 f"line {line}: expected [name{delimiter}] x y z of the light, or these and x y z "
-                f"of the view, found {cells}",
+                f"of the view, or also camera_mm and pixel_mm, found {cells}",
             )
         rows.append([v for v in values if v is not None])
         labels.append(f"line {line}")
         if len(cells) == count + 1:
             names.append(cells[0])
-    vectors, views = _lights_and_views(rows, path)
+    vectors, views, far, pitch = _lights_and_views(rows, path)
     if names and len(names) != len(vectors):
         raise CorruptInputError(path, f"{len(names)} of {len(vectors)} lines name an image")
     if commas:
@@ -144,20 +146,31 @@ def parse_csv(text: str, path: Path, notebook: Notebook, layout: str | None) -> 
         notebook,
         names=tuple(names) or None,
         views=views,
+        view_positions=None if views is None or far is None else views * far[:, None],
+        pitch_mm=pitch,
     )
 
 
 def _lights_and_views(
     rows: list[list[float]], path: Path
-) -> tuple[list[list[float]], NDArray[np.float64] | None]:
+) -> tuple[list[list[float]], NDArray[np.float64] | None, NDArray[np.float64] | None, float | None]:
+    """Lights, views, distances of cameras and the width of a pixel, as far as rows have them."""
     widths = {len(row) for row in rows}
     if len(widths) > 1:
         raise CorruptInputError(
             path, "some lines have a view and others do not: give all photographs one, or none"
         )
-    if widths != {6}:
-        return rows, None
-    return [row[:3] for row in rows], unit_views([row[3:] for row in rows], path)
+    if not widths & {6, 8}:
+        return rows, None, None, None
+    lights, views = [row[:3] for row in rows], unit_views([row[3:6] for row in rows], path)
+    if widths == {6}:
+        return lights, views, None, None
+    far, pitch = np.array([row[6] for row in rows]), {row[7] for row in rows}
+    if not (far > 0.0).all() or len(pitch) > 1 or min(pitch) <= 0.0:
+        raise CorruptInputError(
+            path, "expected distances of the camera above 0 in mm, and one width of a pixel"
+        )
+    return lights, views, far, pitch.pop()
 
 
 def unit_views(rows: Sequence[Sequence[float]], path: Path) -> NDArray[np.float64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,15 @@ from numpy.typing import NDArray
 
 from impasto._internal.checks import length_mm
 from impasto._internal.damage import damage_of
+from impasto.depth_mesh import DepthMesh
 from impasto.errors import CorruptInputError
+from impasto.io.depth_mesh import read_depth
 from impasto.io.files import read_text
 from impasto.rectification import Grid
 
 KIND = "impasto alignment"
+DEPTH = "depth.csv"
+"""The mesh of the relief, beside the report."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +39,10 @@ class Alignment:
         ``(3, 3)`` from mm to pixels behind the lens, by the photograph's file name in lower case.
     shifts
         Pixels of the frontal picture to the right and below, by the same names.
+    cameras
+        By the same names; None without a lens.
+    depth
+        The relief that was taken out; None of a flat painting.
     """
 
     path: Path
@@ -42,6 +50,29 @@ class Alignment:
     lens: tuple[str, float] | None
     homographies: dict[str, NDArray[np.float64]]
     shifts: dict[str, tuple[float, float]]
+    cameras: dict[str, CameraPlace | None]
+    depth: DepthMesh | None
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The report, and the mesh of the relief beside it if there is one."""
+        return (self.path,) if self.depth is None else (self.path, self.path.parent / DEPTH)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPlace:
+    """Where the camera of a photograph stood.
+
+    Parameters
+    ----------
+    place_mm
+        ``(3,)`` from the middle of the painting.
+    rotation
+        ``(3, 3)`` from the frame of the painting to that of the camera (right, down, forward).
+    """
+
+    place_mm: NDArray[np.float64]
+    rotation: NDArray[np.float64]
 
 
 def read_alignment(path: Path) -> Alignment:
@@ -79,6 +110,7 @@ def _alignment(path: Path, content: dict[str, Any]) -> Alignment:
         )
     lens = content["lens"]
     homographies, shifts = {}, {}
+    cameras: dict[str, CameraPlace | None] = {}
     for one in content["photographs"]:
         name = str(one["source"])
         matrix = np.array(one["homography"], dtype=np.float64)
@@ -86,6 +118,21 @@ def _alignment(path: Path, content: dict[str, Any]) -> Alignment:
         finite = matrix.shape == (3, 3) and np.isfinite([*matrix.ravel(), x, y]).all()
         if not finite or abs(np.linalg.det(matrix)) == 0.0:
             raise CorruptInputError(path, f"{name}: its homography or shift is none")
-        homographies[name.casefold()], shifts[name.casefold()] = matrix, (x, y)
+        key = name.casefold()
+        homographies[key], shifts[key] = matrix, (x, y)
+        cameras[key] = None if lens is None else _camera(path, one)
     made_with = None if lens is None else (str(lens["model"]), float(lens["residual_px"]))
-    return Alignment(path, grid, made_with, homographies, shifts)
+    depth = None
+    if content["depth"] is not None:
+        read = read_depth(path.parent / DEPTH)
+        # Places of nodes are rounded in their file, the size of the painting is not here.
+        depth = replace(read, size_mm=grid.size_mm)
+    return Alignment(path, grid, made_with, homographies, shifts, cameras, depth)
+
+
+def _camera(path: Path, one: dict[str, Any]) -> CameraPlace:
+    place = np.array(one["camera_mm"], dtype=np.float64)
+    rotation = np.array(one["camera_rotation"], dtype=np.float64)
+    if place.shape != (3,) or rotation.shape != (3, 3) or not place[2] > 0.0:
+        raise CorruptInputError(path, f"{one['source']}: it has no camera in front of the painting")
+    return CameraPlace(place, rotation)

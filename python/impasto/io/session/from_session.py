@@ -145,11 +145,13 @@ class SessionPhotographs:
         )
 
     def _geometry(self, lens: Path | None, alignment: Path | None) -> Geometry | None:
-        self._optics = [path for path in (lens, alignment) if path is not None]
-        if not self._optics:
+        self._optics: list[Path] = []
+        if lens is None and alignment is None:
             return None
         optics = None if lens is None else read_lens(lens)
         report = None if alignment is None else read_alignment(alignment)
+        self._optics += [] if lens is None else [lens]
+        self._optics += [] if report is None else report.files
         saturation = self.arguments.get("saturation")
         try:
             check_lens(optics, report, lens)

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.depth_mesh import Parallax
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.frontal_view import FrontalView, eyes_of
+from impasto.frontal_view import FrontalView, cameras_of
 from impasto.io.images import MAX_PIXELS, ImageHeader, open_picture
 from impasto.io.session.alignment import Alignment
 from impasto.io.session.linear_codes import (
@@ -97,11 +98,19 @@ class Geometry:
         view = FrontalView(matrix_of[key], self.lens, (), NOTHING, NOTHING)
         return view, self.alignment.shifts[key]
 
-    def eyes(self, names: Sequence[str]) -> NDArray[np.float64] | None:
-        """``(n, 3)`` directions to the camera; None for one frontal camera, or if not known."""
+    def cameras(self, names: Sequence[str]) -> NDArray[np.float64] | None:
+        """``(n, 3)`` places of the cameras in mm; None for a frontal camera, or if not known."""
         if self.alignment is None:
             return None
-        return eyes_of([self.view(name)[0] for name in names])
+        found = [self.alignment.cameras[name.casefold()] for name in names]
+        return cameras_of([None if one is None else one.place_mm for one in found])
+
+    def _parallax(self, name: str) -> Parallax | None:
+        alignment = self.alignment
+        camera = None if alignment is None else alignment.cameras[name.casefold()]
+        if alignment is None or alignment.depth is None or camera is None:
+            return None
+        return Parallax(alignment.depth, camera.place_mm)
 
     def photograph(
         self, path: Path, layer: str | None = None, max_pixels: int = MAX_PIXELS
@@ -139,7 +148,10 @@ class Geometry:
         ``full`` the code from which samples are clipped.
         """
         view, shift = self.view(name)
-        found = rectified_window(planes, view, self.grid, rows, columns, shift=shift, full=full)
+        found = rectified_window(
+            planes, view, self.grid, rows, columns,
+            shift=shift, parallax=self._parallax(name), full=full,
+        )  # fmt: skip
         return found.planes
 
     def open(self, path: Path, layer: str | None = None, max_pixels: int = MAX_PIXELS) -> Resampled:

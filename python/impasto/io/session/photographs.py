@@ -220,14 +220,17 @@ def _board_frames(
 
 
 def _seen_by(geometry: Geometry, listed: ListedLights, observations: Observations) -> ListedLights:
-    """With the directions to the camera that an alignment knows, where the lights have none."""
+    """With the places of the camera that an alignment knows, where the lights have no views."""
     kept = list(observations.kept)
-    eyes = geometry.eyes([files[0].name for files in observations.files])
-    if listed.views is not None or eyes is None:
+    places = geometry.cameras([files[0].name for files in observations.files])
+    if listed.views is not None or places is None:
         return listed
     views = np.tile(np.array([0.0, 0.0, 1.0]), (len(listed.lights), 1))
+    eyes = places / np.linalg.norm(places, axis=1, keepdims=True)
     views[kept] = unit_views(eyes.tolist(), listed.source)
-    return replace(listed, views=views)
+    positions = np.full(views.shape, np.nan)
+    positions[kept] = places
+    return replace(listed, views=views, view_positions=positions)
 
 
 def _clipped_from(

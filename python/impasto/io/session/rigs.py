@@ -101,6 +101,7 @@ def _from_file(file: LightFile, notebook: Notebook) -> ListedLights:
         file.names,
         file.lights,
         views=file.views,
+        view_positions=file.view_positions,
         intensities=file.intensities,
         pitch_mm=file.pitch_mm,
         width_mm=file.width_mm,
