@@ -343,11 +343,21 @@ def test_the_command_makes_a_stack(tmp_path: Path) -> None:
     assert main(words) == 1  # nothing is overwritten
 
 
-def test_rotated_photographs_of_one_camera_have_one_frontal_view(tmp_path: Path) -> None:
+def test_rotated_photographs_of_one_camera_have_one_view(tmp_path: Path) -> None:
+    """Also from in front, where a near camera sees each pixel from elsewhere."""
     folder = session(tmp_path / "photos", 0.0, 0.0)
     found = align(folder, tmp_path / "out", layout_from_markers(EXACT, PAINTING), lens=LENS)
-    assert found.lights == "lights.lp"
+    assert found.lights == "lights.csv"
     assert found.covered == 1.0
+    first, second = impasto.read_stack(tmp_path / "out").rig.view_positions
+    assert (first == second).all()
+    pose = found.photographs[0].pose
+    assert pose is not None
+    # Six deviations, and what corners have in common: 0.02 pixels (docs/align.md) of more than 100
+    # from the middle, as a share of the distance.
+    place = camera(0.0).place
+    limit = 6.0 * pose.place_sigma_mm + 0.02 / 100.0 * np.linalg.norm(place)
+    assert (np.abs(first - place) < limit).all()
 
 
 def test_a_fixed_camera_shares_its_marks(tmp_path: Path) -> None:

@@ -14,9 +14,10 @@ import pytest
 
 import impasto
 from impasto import ArgumentError, CorruptInputError, ImpastoError
-from impasto.align import align, read_points
+from impasto.align import DepthMesh, align, layout_from_markers, read_points
 from impasto.cli import main
 from impasto.io import Session, read_lights, read_session, write_png8, write_session, write_tiff16
+from impasto.io.depth_mesh import as_written
 from impasto.session import check_session
 from test_align import EXACT, LENS, PAINTING, session
 from test_session_file import same
@@ -66,6 +67,22 @@ def test_a_session_is_the_stack_of_the_aligned_folder(painting: Path) -> None:
     same(found, expected)
     assert np.abs(found.rig.views - (0, 0, 1)).max() > 0.1  # the camera was not in front
     assert painting / "lens.json" in found.sources
+
+
+def test_the_relief_of_an_alignment_is_taken_out_as_it_was(copy: Path) -> None:
+    """That of a mesh, whose file lies beside the report; without it the session is refused."""
+    x, y = np.mgrid[:5, :6]
+    mesh = DepthMesh(PAINTING, 2.0 * np.sin(x + 0.5 * y), np.full((5, 6), np.nan))
+    shutil.rmtree(copy / "aligned")
+    layout = layout_from_markers(EXACT, PAINTING)
+    align(copy / "photos", copy / "aligned", layout, lens=LENS, depth=as_written(mesh))
+    found = impasto.read_stack(written(copy))
+    same(found, impasto.read_stack(copy / "aligned", pitch_mm=pixel_mm(copy)))
+    assert copy / "aligned/report/depth.csv" in found.sources
+    window = impasto.read_stack(written(copy), region=(3, 5, 40, 60))
+    assert (window.samples == found.samples[..., 3:43, 5:65]).all()
+    (copy / "aligned/report/depth.csv").unlink()
+    assert "depth.csv" in refused(written(copy))
 
 
 @pytest.mark.parametrize("region", [(3, 5, 40, 60), (100, 0, 1, 200)])
@@ -205,13 +222,13 @@ def test_init_finds_them_where_they_lie(copy: Path, capsys: pytest.CaptureFixtur
 def test_a_check_knows_the_pixels_of_the_stack(copy: Path) -> None:
     mask = np.full((75, 100), 255, np.uint8)
     write_png8(copy / "mask.png", mask)
-    path = written(copy, mask="mask.png", size_mm=(200.0, 150.0))
+    path = written(copy, mask="mask.png", size_mm=PAINTING)
     found = check_session(path)
     grid = impasto.read_stack(written(copy)).shape
     assert found.shape == grid
     said = {one.code: one.message for one in found.of("error")}
     assert "mask.png has 100 x 75 pixels" in said["size"]
-    found = check_session(written(copy, size_mm=(200.0, 150.0)))
+    found = check_session(written(copy, size_mm=PAINTING))
     assert [one.code for one in found.of("error", "warning")] == []
 
 

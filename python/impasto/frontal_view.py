@@ -17,8 +17,6 @@ Floats = NDArray[np.float64]
 
 SAME_VIEW = np.radians(0.5)
 """Views that differ by less are one: the camera stood still."""
-FRONTAL = np.radians(1.0)
-"""A common view nearer to the front than this is frontal; a light file without views says so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +99,8 @@ def cameras_of(places: Sequence[Floats | None]) -> Floats | None:
     Returns
     -------
     ndarray
-        One place for all if the camera stood still; None for one frontal camera, or where a place
-        is not known.
+        One place for all if the camera stood still; None where a place is not known. A camera in
+        front of the painting has a place, too: near it, each pixel is seen from another direction.
     """
     known = [place for place in places if place is not None]
     if len(known) < len(places):
@@ -112,7 +110,5 @@ def cameras_of(places: Sequence[Floats | None]) -> Floats | None:
     common = eyes.mean(axis=0) / np.linalg.norm(eyes.mean(axis=0))
     # The chord of a small angle is the angle.
     if np.linalg.norm(eyes - common, axis=1).max() < SAME_VIEW:
-        if np.hypot(common[0], common[1]) < FRONTAL:
-            return None
         return np.tile(found.mean(axis=0), (len(found), 1))
     return found

@@ -99,7 +99,7 @@ class Geometry:
         return view, self.alignment.shifts[key]
 
     def cameras(self, names: Sequence[str]) -> NDArray[np.float64] | None:
-        """``(n, 3)`` places of the cameras in mm; None for a frontal camera, or if not known."""
+        """``(n, 3)`` places of the cameras in mm; None if not known."""
         if self.alignment is None:
             return None
         found = [self.alignment.cameras[name.casefold()] for name in names]
