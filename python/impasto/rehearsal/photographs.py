@@ -38,15 +38,15 @@ FINER = 0.6
 """Width of a pixel of the photographs on the plane, in pixels of the painting."""
 CAMERA, LAMPS = 4.0, 3.0
 """How far camera and lamps stand, in widths of the painting."""
-MARKER, BALL = 0.16, 0.14
-"""Side of a marker and radius of a ball, in widths of the painting."""
+MARKER, BALL, LATTICE = 0.16, 0.14, 0.11
+"""Side of a marker, radius of a ball and side of a square of the lens's target, in widths of the
+painting."""
 BALLS = ((-0.8, -0.25), (0.8, -0.2))
 """Middles of the balls, in widths of the painting."""
 DISTORTION = (-0.06, 0.02, 0.0, 0.0)
 BOARD = 0.99
 """Reflectance of the white board."""
 DARK_FRAMES = 4
-SENSOR_MM = 24.0
 POSES = 12
 
 Progress = Callable[[int, int], None]
@@ -65,8 +65,6 @@ class Session:
         For :func:`impasto.simulate.score`.
     size_mm
         Width and height of the painting.
-    focal_mm
-        Focal length of the lens; the sensor is 24 mm wide.
     ball_mm
         Diameter of the balls.
     marker_mm
@@ -80,7 +78,6 @@ class Session:
     folder: Path
     truth: simulate.Truth
     size_mm: tuple[float, float]
-    focal_mm: float
     ball_mm: float
     marker_mm: float
     lattice_mm: float
@@ -156,7 +153,7 @@ def photograph_session(
     patches = np.array([camera.response(one, GRID) for one in chart_reflectances()])
     card = chart(patches, 0.2 * width)
     write("chart.tif", studio.light(lamps[0], card))
-    lattice = 0.11 * width
+    lattice = LATTICE * width
     front = Lamp(np.array([0.0, 0.0, LAMPS * width]), 1.0)
     for number in range(POSES):
         pose = replace(
@@ -168,8 +165,7 @@ def photograph_session(
         target = _moved(chessboard(lattice, bands), *(rng.uniform(-0.25, 0.25, 2) * width))
         write(f"target/target{number + 1:02}.tif", Studio(pose).light(front, target))
     return Session(
-        folder, seen.truth, (width, height), SENSOR_MM * eye.focal_px / size[1],
-        2 * BALL * width, MARKER * width, lattice, names,
+        folder, seen.truth, (width, height), 2 * BALL * width, MARKER * width, lattice, names,
     )  # fmt: skip
 
 

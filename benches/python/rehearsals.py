@@ -1,0 +1,75 @@
+"""Sessions of the papers, rehearsed: from raw photographs to the relit picture, against the truth.
+
+    python benches/python/rehearsals.py [SYSTEM ...] [--size 256] [--record]
+
+``impasto rehearse`` for each system: errors, and time and memory of its commands. ``--record``
+writes benches/results/rehearsals.json, and the sheet of the first as a picture beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any, get_args
+
+import cv2
+from record import RESULTS, run_info, show, write
+
+from impasto.cli.rehearse import Rehearsed
+
+ERRORS = {
+    "lamps_mean_degrees": "directions of lamps, mean, degrees",
+    "lamps_worst_degrees": "directions of lamps, worst, degrees",
+    "normal_mean_degrees": "normals, mean, degrees",
+    "normal_p95_degrees": "normals, 95 % below, degrees",
+    "beta_relative": "strength of the gloss, relative",
+    "gamma_relative": "width of the gloss, relative",
+    "diffuse_delta_e_mean": "diffuse colour under D65, mean CIEDE2000",
+    "diffuse_delta_e_p95": "diffuse colour under D65, 95 % below",
+    "relit_delta_e_mean": "picture in another light, mean CIEDE2000",
+    "relit_delta_e_p95": "picture in another light, 95 % below",
+}
+
+
+def rehearsed(system: str, size: int, folder: Path) -> dict[str, Any]:
+    """The record of one rehearsal."""
+    command = [sys.executable, "-m", "impasto", "rehearse", system, "--out", str(folder)]
+    subprocess.run([*command, "--size", str(size), "--quiet"], check=True)
+    found: dict[str, Any] = json.loads((folder / "rehearsal.json").read_text())
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("systems", nargs="*", default=get_args(Rehearsed))
+    parser.add_argument("--size", type=int, default=256)
+    parser.add_argument("--record", action="store_true", help="write rehearsals.json and .jpg")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        found = [rehearsed(one, options.size, Path(folder) / one) for one in options.systems]
+        sheet = cv2.imread(str(Path(folder) / options.systems[0] / "rehearsal.png"))
+    errors = [
+        {"what": words} | {one["system"]: one["errors"][key] for one in found}
+        for key, words in ERRORS.items()
+    ]
+    commands = [
+        {"command": " ".join(first["command"].split()[:3]).replace(" painting", "")}
+        | {f"{one['system']} s": one["commands"][number]["seconds"] for one in found}
+        | {f"{one['system']} MiB": one["commands"][number]["peak_mib"] for one in found}
+        for number, first in enumerate(found[0]["commands"])
+    ]
+    show("errors", errors)
+    show("commands", commands)
+    if options.record:
+        head = {"run": run_info("python benches/python/rehearsals.py --record")}
+        content = head | {"size": options.size, "errors": errors, "commands": commands}
+        print(f"\nwrote {write('rehearsals.json', content)}")
+        cv2.imwrite(str(RESULTS / "rehearsal.jpg"), sheet, [cv2.IMWRITE_JPEG_QUALITY, 88])
+
+
+if __name__ == "__main__":
+    main()

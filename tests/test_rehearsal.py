@@ -1,0 +1,124 @@
+"""Rehearsed sessions: the photographs by themselves, and all commands at a small size."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from impasto.cli import main
+from impasto.rehearsal.course import steps
+from impasto.rehearsal.photographs import BALL, LATTICE, MARKER, Session
+from impasto.rehearsal.studio import Lamp, MirrorBall, Studio, StudioCamera
+from impasto.rehearsal.things import picture, uniform
+from oracles import flat_scene, mirror_ball
+
+SIZE, FOCAL, FAR = (60, 80), 300.0, 600.0
+DISTORTION = (-0.2, 0.05, 0.001, -0.002)
+
+
+def camera(**pose: float) -> StudioCamera:
+    return StudioCamera(SIZE, FOCAL, FAR, distortion=DISTORTION, **pose)
+
+
+def test_points_are_seen_where_the_oracle_sees_them() -> None:
+    """A lens, a tilt and a roll: a dot on the plane against Newton's method in numpy."""
+    pose = {"tilt": 0.6, "azimuth": 1.1, "roll": 0.3}
+    other = flat_scene.Camera(
+        SIZE[::-1], FOCAL, (*DISTORTION, 0.0), distance=FAR,
+        **{name: np.degrees(value) for name, value in pose.items()},
+    )  # fmt: skip
+    dot = np.array([[21.0, -13.0]])
+
+    def shine(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.exp(-((x - dot[0, 0]) ** 2 + (y - dot[0, 1]) ** 2) / (2.0 * 4.0**2))[None]
+
+    seen = Studio(camera(**pose)).light(Lamp(np.array([0.0, 0.0, 1e6]), 1.0), shine)[0]
+    rows, columns = np.indices(SIZE)
+    middle = np.array([(seen * columns).sum(), (seen * rows).sum()]) / seen.sum()
+    # Perspective and dimming shift the centroid of a dot 2 pixels wide by its width squared over
+    # the focal length times their slopes, below 0.02 pixels.
+    assert np.abs(middle - other.pixel(dot)[0]).max() < 0.03
+
+
+def test_a_ball_shows_the_lamp_where_the_shortest_path_touches_it() -> None:
+    """Fermat's principle, without the law of reflection (``tests/oracles/mirror_ball.py``)."""
+    far, focal, ball = 500.0, 6000.0, MirrorBall(8.0, -5.0, 9.0)
+    eye = StudioCamera((480, 640), focal, far)
+    lamp = np.array([150.0, 80.0, 300.0])
+    dark = uniform(0.0, 1)
+    seen = Studio(eye).light(Lamp(lamp, 1.0), dark, balls=(ball,))[0]
+    rows, columns = np.indices(seen.shape)
+    weight = np.where(seen > 0.1 * seen.max(), seen, 0.0)
+    found = np.array([(weight * columns).sum(), (weight * rows).sum()]) / weight.sum()
+    towards = np.array([0.0, 0.0, far])
+    expected = mirror_ball.highlight(
+        np.array([ball.x, ball.y, ball.radius]) - towards, ball.radius, lamp - towards, focal
+    ) + np.array([319.5, 239.5])
+    # The mirrored lamp is 2 pixels wide; what it covers is not quite symmetric about its middle.
+    assert np.abs(found - expected).max() < 0.15
+
+
+def test_light_falls_off_with_the_inverse_square_and_the_cosine() -> None:
+    lamp = Lamp(np.array([100.0, 0.0, 200.0]), 2.0)
+    middle, below = (lamp.irradiance(np.array(x), np.array(0.0)) for x in (0.0, 100.0))
+    assert middle == pytest.approx(2.0 * 200.0 / np.hypot(100.0, 200.0))
+    assert below == pytest.approx(2.0 * (100.0**2 + 200.0**2) / 200.0**2)
+
+
+def test_a_picture_lies_about_the_middle() -> None:
+    planes = np.arange(12.0).reshape(1, 3, 4)
+    seen = picture(planes, 0.5)
+    x, y = np.meshgrid((np.arange(4) - 1.5) * 0.5, (1.0 - np.arange(3)) * 0.5)
+    # Coordinates of remap are fractions of 1/32 pixel; these are whole.
+    assert (seen(x, y) == planes).all()
+    assert np.isnan(seen(np.array([[1.01]]), np.array([[0.0]]))).all()
+
+
+@pytest.mark.slow
+def test_a_session_is_rehearsed_from_raw_photographs_to_the_picture(tmp_path: Path) -> None:
+    """The smallest: its markers are 26 pixels wide and its balls 45, the errors as much larger."""
+    out = tmp_path / "rehearsal"
+    assert main(["rehearse", "--out", str(out), "--size", "96", "--quiet"]) == 0
+    found = json.loads((out / "rehearsal.json").read_text())
+    errors = found["errors"]
+    # Balls of 23 pixels' radius: half a pixel of a highlight is 2 / 23 radians times a half.
+    assert errors["lamps_worst_degrees"] < 3.0
+    assert errors["normal_mean_degrees"] < errors["lamps_worst_degrees"] + 2.0
+    assert errors["relit_delta_e_mean"] < 5.0
+    assert len(found["commands"]) == 8
+    assert all(one["peak_mib"] > 20.0 for one in found["commands"])
+    assert cv2.imread(str(out / "rehearsal.png")).std() > 20.0
+    assert cv2.imread(str(out / "relit.png")).shape == (96, 96, 3)
+
+
+def test_the_page_has_the_commands_that_are_run() -> None:
+    """Those of a painting of 256 pixels of 0.2 mm."""
+    width = 256 * 0.2
+    session = Session(Path(), None, (width, width), 2 * BALL * width, MARKER * width,
+                      LATTICE * width, ())  # fmt: skip
+    page = (Path(__file__).parents[1] / "docs" / "rehearsal.md").read_text()
+    section = page.split("In the folder `rehearsal`:")[1].split("```")[1]
+    assert re.findall(r"^\$ (.*)$", section, re.M) == [
+        str(one) for one in steps(session, 3000, 0.2)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--size", "40"], "--size: expected at least 96"),
+        (["--out", "."], "already exists"),
+    ],
+)
+def test_mistakes_are_named(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert main(["rehearse", *words]) == 1
+    assert said in capsys.readouterr().err
