@@ -108,7 +108,7 @@ def test_a_yellowed_coat_takes_blue_and_its_removal_gives_it_back(bare: Measured
 @pytest.mark.slow
 def test_the_icon_is_shown_in_light_that_its_fit_has_not_seen(data: Path) -> None:
     """A part of it: each rendering is nearer to its own photograph than to the others shown."""
-    stack = icon.upright(data / "icon_rti")[150:198, 60:108]
+    stack = icon.upright(data / "icon_rti")[158:190, 68:100]
     found = icon.measured(stack)
     held = {stack.names[index] for index in icon.SHOWN}
     used = stack.take([index for index in range(72) if index % icon.HELD_OUT])
