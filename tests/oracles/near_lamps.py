@@ -1,8 +1,8 @@
 """A matte relief and a white board under lamps that stand near, in plain numpy.
 
 Light of lamp i at place x: E_i (|p_i|^2 / |p_i - x|^2) times the cosine to the lamp there, times
-the vignetting of the lens; a lamp of strength 1 in the middle, which it faces, reads 1. Photographs are
-codes of 16 bits.
+the vignetting of the lens; a lamp of strength 1 reads 1 in the middle, if it is faced. Photographs
+are codes of 16 bits.
 """
 
 from __future__ import annotations
