@@ -103,7 +103,7 @@ def test_the_stated_errors_are_those_of_the_middle() -> None:
     scores = []
     for seed in range(100):
         noisy = truth * np.exp(np.random.default_rng(seed).normal(0, 0.01, truth.shape))
-        field = smooth_field(noisy)
+        field = smooth_field(noisy, (180, 240))
         scores.append(np.log(field.middle) / field.sigma)
     assert 0.75 < np.std(scores) < 1.25
     assert abs(np.mean(scores)) < 0.35
@@ -114,7 +114,7 @@ def test_a_shadow_is_not_followed_by_the_field() -> None:
     truth = np.full((18, 24), 0.5)
     noisy = truth * np.exp(np.random.default_rng(0).normal(0, 0.002, truth.shape))
     noisy[2:6, 10:16] *= 0.5
-    assert smooth_field(noisy).middle == pytest.approx(0.5, rel=1e-3)
+    assert smooth_field(noisy, (180, 240)).middle == pytest.approx(0.5, rel=1e-3)
 
 
 def test_pairs_tell_the_noise_of_the_camera(made: Path) -> None:

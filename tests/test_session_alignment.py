@@ -18,6 +18,7 @@ from impasto.align import DepthMesh, align, layout_from_markers, read_points
 from impasto.cli import main
 from impasto.io import Session, read_lights, read_session, write_png8, write_session, write_tiff16
 from impasto.io.depth_mesh import as_written
+from impasto.jobs.photographs import open_photographs
 from impasto.session import check_session
 from test_align import EXACT, LENS, PAINTING, session
 from test_session_file import same
@@ -184,6 +185,12 @@ def test_a_job_and_a_fit_take_the_session(copy: Path) -> None:
     normals = impasto.fit_normals(impasto.read_stack(path)).normal
     again = impasto.fit_normals(impasto.read_stack(copy / "aligned")).normal
     np.testing.assert_array_equal(normals, again)
+    # Without memory for the whole every window is resampled by itself.
+    tiles = open_photographs(path, {}, 0, None)
+    whole = impasto.read_stack(path)
+    assert tiles.shape == whole.shape
+    part = tiles.window(slice(30, 90), slice(50, 200))
+    np.testing.assert_array_equal(part.samples, whole.samples[..., 30:90, 50:200])
     store = copy / "stack.zarr"
     assert main(["ingest", str(path), "--out", str(store), "--quiet"]) == 0
     np.testing.assert_array_equal(

@@ -42,7 +42,7 @@ from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.fit.stored import StoredSbrdf, open_sbrdf
 from impasto.fit.strengths import Strengths, fit_strengths
 from impasto.height import cast_shadows, integrate_normals, sky_visibility
-from impasto.highlights import reconstruct_highlights
+from impasto.highlights import leave_out_highlights, reconstruct_highlights
 from impasto.image import Image
 from impasto.io import read_spectra, read_stack
 from impasto.jobs.ingest import ingest
@@ -125,6 +125,7 @@ __all__ = [
     "integrate_normals",
     "learn_normals",
     "learn_sbrdf",
+    "leave_out_highlights",
     "load_learned",
     "load_sbrdf",
     "merge",

@@ -1,4 +1,4 @@
-"""Reconstruction of overexposed highlights from the bands that are not clipped."""
+"""Overexposed highlights: reconstructed from the bands that are not clipped, or left out."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def reconstruct_highlights(stack: Stack) -> Stack:
     the colour of another photograph of the same pixel, the brightest in which no band is clipped.
     It is scaled to the bands that are not clipped. This assumes that a highlight has the colour of
     that photograph. The colour of the paint is part of it, so the error is largest where saturated
-    paint shines. Lafortune lobes that are fitted to the photographs as they are give clipped
-    samples no weight, which predicts highlights better.
+    paint shines. Fits to the photographs as they are, or to what :func:`leave_out_highlights`
+    returns, predict highlights better unless paint and gloss have one colour.
 
     Parameters
     ----------
@@ -52,6 +52,30 @@ def reconstruct_highlights(stack: Stack) -> Stack:
     samples = np.empty(stack.shape, np.float32)
     for index in range(count):
         samples[index] = _reconstructed(stack.linear(index), colour, known)
+    return stack._replace(samples=samples, saturation=ENDLESS, scale=1.0, black=0.0)
+
+
+def leave_out_highlights(stack: Stack) -> Stack:
+    """Replace clipped samples by NaN: fits then know nothing of them, in no band that is clipped.
+
+    A fit to the stack itself knows that the light was at least that of the clipping level. With few
+    lamps that is worth more; with many, of which most show a highlight unclipped, less.
+
+    Parameters
+    ----------
+    stack
+        Samples from ``saturation`` on, and infinite ones, are clipped.
+
+    Returns
+    -------
+    Stack
+        The same photographs as linear float32 samples.
+    """
+    checked_stack(stack)
+    samples = np.empty(stack.shape, np.float32)
+    for index in range(len(stack.rig)):
+        linear = stack.linear(index)
+        samples[index] = np.where(linear == np.inf, np.float32(np.nan), linear)
     return stack._replace(samples=samples, saturation=ENDLESS, scale=1.0, black=0.0)
 
 

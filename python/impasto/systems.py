@@ -28,7 +28,7 @@ from impasto.fit.normals import Method, Normals, fit_normals
 from impasto.fit.pooled import Extraction, PooledSbrdf
 from impasto.fit.reflectance import Estimator, Reflectance, fit_reflectance, matching_camera
 from impasto.fit.sbrdf import fit_sbrdf
-from impasto.highlights import reconstruct_highlights
+from impasto.highlights import leave_out_highlights, reconstruct_highlights
 from impasto.image import Image
 from impasto.render import render
 from impasto.rig import DistantLight
@@ -40,7 +40,7 @@ __all__ = ["SYSTEMS", "System", "get"]
 
 Name = Literal["impasto", "tominaga-rgb-camera", "tominaga-six-band-adaptation", "snel-lafortune"]
 
-Highlights = Literal["censored", "reconstructed"]
+Highlights = Literal["censored", "reconstructed", "left-out"]
 """What becomes of clipped samples."""
 
 Progress = bool | ProgressCallback
@@ -61,7 +61,8 @@ class System:
         Required number of bands; None: any number.
     highlights
         ``"censored"``: clipped samples count as such; ``"reconstructed"``: clipped bands are first
-        replaced (:func:`impasto.reconstruct_highlights`).
+        replaced (:func:`impasto.reconstruct_highlights`); ``"left-out"``: clipped samples are
+        ignored (:func:`impasto.leave_out_highlights`).
     method, low, high, w1, w2, selection
         Of :func:`impasto.fit_normals`.
     albedo
@@ -176,7 +177,10 @@ class System:
                 f"stack: {self.name} measures photographs of {self.bands} bands, "
                 f"found {stack.shape[1]}"
             )
-        return stack if self.highlights == "censored" else reconstruct_highlights(stack)
+        if self.highlights == "censored":
+            return stack
+        reconstruct = self.highlights == "reconstructed"
+        return reconstruct_highlights(stack) if reconstruct else leave_out_highlights(stack)
 
     def fit_normals(
         self, stack: Stack, *, threads: int | None = None, progress: Progress = False

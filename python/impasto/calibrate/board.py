@@ -159,7 +159,7 @@ def board_strengths(
 
 
 def _board(frames: BoardFrames) -> Board:
-    fields = [[smooth_field(plane) for plane in planes] for planes in frames.white]
+    fields = [[smooth_field(plane, frames.size) for plane in planes] for planes in frames.white]
     strengths = np.array([[one.middle for one in row] for row in fields])
     sigma = np.array([[one.sigma for one in row] for row in fields])
     levels = strengths.mean(axis=1)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import length_mm, numbers
 from impasto.calibrate.photon_transfer import pair_blocks
-from impasto.calibrate.smooth_field import Floats, block_grid, block_means
+from impasto.calibrate.smooth_field import Floats, block_centres, block_grid, block_means
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, GeometryError
 from impasto.io.images import ImageHeader, list_images, load_image
@@ -216,8 +216,8 @@ def _factor(lamp: Light, shape: tuple[int, int], pitch: float | None, name: str)
         raise GeometryError(
             "pitch_mm: positions of lamps need the width of a pixel on the painting in mm"
         )
-    x = ((np.arange(columns) + 0.5) / columns - 0.5) * shape[1] * pitch
-    y = (0.5 - (np.arange(rows) + 0.5) / rows) * shape[0] * pitch
+    x = block_centres(shape[1], columns) * pitch
+    y = -block_centres(shape[0], rows) * pitch
     px, py, pz = lamp.position
     square = (px - x[None]) ** 2 + (py - y[:, None]) ** 2 + pz * pz
     return np.asarray((px * px + py * py + pz * pz) * pz / square**1.5)

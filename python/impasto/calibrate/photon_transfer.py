@@ -83,7 +83,8 @@ def photon_transfer(signal: Floats, variance: Floats) -> PhotonTransfer:
     Parameters
     ----------
     signal, variance
-        ``(n,)`` of :func:`pair_blocks`, black subtracted.
+        ``(n,)`` means and half the variances of differences, of blocks of 24 x 24 pixels in pairs
+        of photographs; full scale is 1, black subtracted.
 
     Raises
     ------

@@ -59,18 +59,27 @@ def block_means(plane: NDArray[np.floating]) -> Floats:
     """``(rows, columns)``: means of blocks of a picture ``(y, x)``."""
     shape = plane.shape[0], plane.shape[1]
     rows, columns = (
-        np.linspace(0, size, count + 1).astype(int)
-        for size, count in zip(shape, block_grid(shape), strict=True)
+        _edges(size, count) for size, count in zip(shape, block_grid(shape), strict=True)
     )
     sums = np.add.reduceat(np.add.reduceat(plane, rows[:-1], axis=0), columns[:-1], axis=1)
     return np.asarray(sums / np.outer(np.diff(rows), np.diff(columns)), dtype=np.float64)
 
 
-def smooth_field(means: Floats) -> SmoothField:
-    """The smooth field of positive block means ``(rows, columns)``."""
+def _edges(size: int, count: int) -> NDArray[np.intp]:
+    return np.linspace(0, size, count + 1).astype(np.intp)
+
+
+def block_centres(size: int, count: int) -> Floats:
+    """``(count,)``: pixels from the middle of an axis; blocks differ in width by one pixel."""
+    edges = _edges(size, count)
+    return np.asarray((edges[:-1] + edges[1:] - size) / 2.0)
+
+
+def smooth_field(means: Floats, shape: tuple[int, int]) -> SmoothField:
+    """The smooth field of positive block means ``(rows, columns)`` of a picture ``(y, x)``."""
     rows, columns = means.shape
     y, x = np.meshgrid(
-        *((np.arange(n) - (n - 1) / 2) / max(1.0, (n - 1) / 2) for n in (rows, columns)),
+        *(block_centres(n, k) / max(1.0, n / 2) for n, k in zip(shape, means.shape, strict=True)),
         indexing="ij",
     )
     powers = [(i, j) for i in range(ORDER + 1) for j in range(ORDER + 1 - i)]

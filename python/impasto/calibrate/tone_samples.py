@@ -26,7 +26,7 @@ DARKEST = 0.004
 """Share of full scale above black below which stray light is much of it, and ..."""
 ROUNDED = 5.0
 """... codes above black below which rounding is."""
-PLACES = 60
+PLACES = 40
 """Places of an exposure series in each band, from dark to bright."""
 STOPS = 3
 """EXIF rounds exposure times to names of thirds of a stop ..."""

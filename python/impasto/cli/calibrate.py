@@ -9,7 +9,8 @@ from cyclopts import App, CycloptsError, Parameter
 from rich.markup import escape
 
 from impasto.cli.console import Stages
-from impasto.cli.options import Flag, dark_frames
+from impasto.cli.options import Flag
+from impasto.cli.photographs import dark_of
 from impasto.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -224,7 +225,7 @@ def camera(
             raise ArgumentError(f"--out: {path} already exists; choose another name")
     stages = Stages(quiet=quiet)
     with stages.stage("photograph") as stage:
-        linear = linear_photograph(photograph, encoding, dark_frames(dark))
+        linear = linear_photograph(photograph, encoding, dark_of(dark))
         stage.note = f"{linear.shape[2]} x {linear.shape[1]} pixels, {len(linear)} bands"
     with stages.stage("camera") as stage:
         given = None if corners is None else np.reshape(corners, (4, 2))

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 from cyclopts import Parameter
 from rich.markup import escape
 
 from impasto.cli.calibrate import picture_of
 from impasto.cli.console import Stages
-from impasto.cli.options import Flag, dark_frames
+from impasto.cli.options import Flag
+from impasto.cli.photographs import dark_of
 from impasto.errors import ArgumentError
+
+Numbers: TypeAlias = Annotated[
+    list[float] | None, Parameter(consume_multiple=True, negative="", metavar="NUMBER...")
+]
 
 
 def board(
@@ -22,10 +27,12 @@ def board(
     out: Path,
     dark: str | None = None,
     again: Path | None = None,
-    reflectance: Annotated[list[float] | None, Parameter(consume_multiple=True)] = None,
+    reflectance: Annotated[
+        list[float] | None, Parameter(consume_multiple=True, negative="")
+    ] = None,
     encoding: str | None = None,
     saturation: float | None = None,
-    pitch_mm: float | None = None,
+    pitch: float | None = None,
     quiet: Flag = False,
 ) -> None:
     """Write the strengths of lamps from photographs of a white board, and a picture of them.
@@ -53,7 +60,7 @@ def board(
         linear, srgb or a gamma. Default: 8-bit files by their profile, else sRGB; others linear.
     saturation
         Code from which samples are clipped; default: the largest.
-    pitch_mm
+    pitch
         Width of a pixel on the painting in mm, for lamps with positions.
     quiet
         No progress, only errors.
@@ -71,9 +78,9 @@ def board(
     with stages.stage("board") as stage:
         found = board_strengths(
             folder, lights,
-            dark=dark_frames(dark), again=again,
+            dark=dark_of(dark), again=again,
             reflectance=1.0 if reflectance is None else reflectance,
-            encoding=encoding, saturation=saturation, pitch_mm=pitch_mm,
+            encoding=encoding, saturation=saturation, pitch_mm=pitch,
         )  # fmt: skip
         worst = 196.0 * float(found.sigma.max())
         stage.note = f"{len(found.names)} lamps, strengths within {worst:.2g} % (95 %)"
@@ -100,7 +107,7 @@ def linearity(
     *,
     out: Path,
     patches: Path | None = None,
-    times: Annotated[list[float] | None, Parameter(consume_multiple=True)] = None,
+    times: Numbers = None,
     dark: float | None = None,
     saturation: float | None = None,
     quiet: Flag = False,

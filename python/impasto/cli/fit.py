@@ -88,7 +88,7 @@ def fit(
         the Tominaga systems need --camera. The options below change single steps.
     highlights
         Fit clipped samples as such (censored; impasto), or replace clipped bands from those that
-        are not clipped (reconstructed; snel-lafortune).
+        are not clipped (reconstructed; snel-lafortune), or ignore clipped samples (left-out).
     method
         How highlights and shadows are excluded from the fit of normals; impasto: robust.
     extraction

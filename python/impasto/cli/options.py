@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 from cyclopts import Parameter, Token
@@ -191,16 +190,3 @@ OnePosition = Annotated[Position | None, _word(_position, "X,Y,Z")]
 OneSpan = Annotated[tuple[float, float] | None, _word(_span, "FROM..TO")]
 SeveralLamps = Annotated[tuple[Lamp, ...] | None, _word(_lamps, "AZ,EL[,ILLUMINANT]")]
 SeveralPositions = Annotated[tuple[Position, ...] | None, _word(_positions, "X,Y,Z")]
-
-
-def dark_frames(text: str | None) -> float | Path | None:
-    """A black level in codes, or a dark frame or a folder of these."""
-    if text is None:
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        path = Path(text)
-    if not path.exists():
-        raise ArgumentError(f"--dark: {path} does not exist")
-    return path

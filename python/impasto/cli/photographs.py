@@ -89,7 +89,7 @@ class Reading:
         for code in self.saturation or ():
             if math.isnan(code):
                 raise ArgumentError("--saturation: expected numbers, found NaN")
-        _dark(self.dark)
+        dark_of(self.dark)
 
     def read(self, path: Path) -> Stack:
         """The stack at ``path``."""
@@ -102,7 +102,7 @@ class Reading:
         arguments: dict[str, Any] = asdict(self)
         del arguments["region"]
         arguments["pitch_mm"] = arguments.pop("pitch")
-        arguments["dark"] = _dark(self.dark)
+        arguments["dark"] = dark_of(self.dark)
         return arguments
 
     def paths(self, stack: Path) -> list[Path]:
@@ -112,7 +112,8 @@ class Reading:
         return [path for path in named if path is not None]
 
 
-def _dark(text: str | None) -> str | float | None:
+def dark_of(text: str | None) -> str | float | None:
+    """A black level, or the name of a dark frame or a folder of them."""
     if text is None:
         return None
     if _is_number(text):
