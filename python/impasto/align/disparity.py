@@ -216,10 +216,11 @@ def _windows(codes: NDArray[np.uint8], middles: NDArray[np.float32], window: int
         some = middles[start : start + step]
         x = np.broadcast_to(some[:, 0, None, None] + offset, (len(some), window, window))
         y = np.broadcast_to(some[:, 1, None, None] + offset[:, None], x.shape)
-        maps = (np.ascontiguousarray(one).reshape(-1, window) for one in (x, y))
+        right, below = (np.ascontiguousarray(one).reshape(-1, window) for one in (x, y))
         cut = cv2.remap(
-            codes.astype(np.float32), *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
+            codes.astype(np.float32), right, below, cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
         found[start : start + step] = cut.reshape(len(some), -1)
     found -= found.mean(axis=1, keepdims=True)
-    return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-9)
+    return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-9))
