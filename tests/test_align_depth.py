@@ -423,6 +423,8 @@ def test_one_direction_or_no_structure_tells_no_depth() -> None:
 
     with pytest.raises(GeometryError, match="from one direction, within 5 degrees"):
         find_depth(read, SEEN[:1] * 2, CAMERAS[:1] * 2, GRID)
+    with pytest.raises(ArgumentError, match="mesh: nodes 1 mm apart are more than 6000"):
+        find_depth(read, SEEN, CAMERAS, GRID, spacing_mm=1.0)
     even = Photograph(np.full((1, *SIZE[::-1]), 30000, np.uint16), 65535.0)
     with pytest.raises(GeometryError, match=r"0 of .* tiles have structure"):
         find_depth(lambda number: even, SEEN, CAMERAS, GRID)
