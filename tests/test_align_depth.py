@@ -30,6 +30,7 @@ from impasto.align import (
 )
 from impasto.align.depth_fit import combined, fitted_mesh
 from impasto.align.depth_search import spread_views
+from impasto.align.disparity import disparities, tiles_of
 from impasto.align.picture import shown_photographs
 from impasto.calibrate import Lens
 from impasto.cli import main
@@ -170,6 +171,35 @@ def test_a_flat_mesh_changes_nothing() -> None:
     first = rectified(photographs()[1], SEEN[1], GRID, shift=shift)
     second = rectified(photographs()[1], SEEN[1], GRID, shift=shift, parallax=parallax)
     assert np.abs(first.planes.astype(int) - second.planes).max() <= 1
+
+
+def test_noise_is_no_disparity() -> None:
+    """The left half is a texture that moves by (1.5, 0) pixels, the right half grey with noise.
+
+    Windows of 25 pixels find the shift of pure texture to some hundredths; of the right half, all
+    but what reaches into the texture says nothing.
+    """
+    random = np.random.default_rng(7)
+    texture = 0.5 * np.exp(0.3 * relief.smooth_noise(128, 4.0, 8))
+    pictures = []
+    for shift in (0.0, 1.5):
+        light = relief.shifted(texture, shift, 0.0)
+        light[:, 64:] = 0.4
+        pictures.append((light + random.normal(0.0, 0.002, light.shape)).astype(np.float32))
+    seen = np.ones(texture.shape, bool)
+    tiles = tiles_of(pictures[0], seen, 25)
+    slope = np.tile([3.0, 4.0], (len(tiles.pixels), 1))
+    found = disparities(tiles, pictures[1], seen, slope * 0.5)
+    left, right = tiles.pixels[:, 0] < 45, tiles.pixels[:, 0] > 80
+    # Along a slope of (1.5, 2) pixels per mm, least squares of the flow (1.5, 0) with the structure
+    # tensor of an even texture: 1.5 * 1.5 / 6.25 mm, 2.5 pixels per mm.
+    assert np.median(found.height_mm[left]) == pytest.approx(0.36, abs=0.05)
+    assert np.median(found.along_px[left]) == pytest.approx(0.9, abs=0.12)
+    assert (found.weight[left] > 0.0).mean() > 0.9
+    assert (found.weight[right] > 0.0).mean() < 0.1
+    hidden = disparities(tiles, pictures[1], np.zeros_like(seen), slope)
+    assert not hidden.weight.any()
+    assert np.isnan(hidden.across_px)
 
 
 # --- the mesh
@@ -393,6 +423,8 @@ def test_one_direction_or_no_structure_tells_no_depth() -> None:
 
     with pytest.raises(GeometryError, match="from one direction, within 5 degrees"):
         find_depth(read, SEEN[:1] * 2, CAMERAS[:1] * 2, GRID)
+    with pytest.raises(ArgumentError, match="mesh: nodes 1 mm apart are more than 6000"):
+        find_depth(read, SEEN, CAMERAS, GRID, spacing_mm=1.0)
     even = Photograph(np.full((1, *SIZE[::-1]), 30000, np.uint16), 65535.0)
     with pytest.raises(GeometryError, match=r"0 of .* tiles have structure"):
         find_depth(lambda number: even, SEEN, CAMERAS, GRID)

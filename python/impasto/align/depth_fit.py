@@ -76,7 +76,7 @@ class MeshFit:
     penalty
         The one that was chosen.
     freedom
-        Effective number of parameters: at most that of the nodes.
+        Effective number of parameters, estimated to some percent.
     residual_mm
         Root mean square of what is left at the tiles, weighted.
     """
@@ -193,16 +193,15 @@ class _Equations:
         coefficients = factors.solve(weighted @ heights)
         return self.tiles @ coefficients, coefficients, factors
 
-    def estimated_freedom(self, weights: Floats, factors: Any) -> float:
-        """As :meth:`freedom`, by random vectors of ones and minus ones [@hutchinson1990trace]."""
+    def freedom(self, weights: Floats, factors: Any) -> float:
+        """Trace of the matrix that makes fitted heights of measured ones.
+
+        By random vectors of ones and minus ones [@hutchinson1990trace].
+        """
         random = np.random.default_rng(0)
         probes = random.choice((-1.0, 1.0), (self.tiles.shape[1], PROBES))
         shown = self.tiles.T @ (weights[:, None] * (self.tiles @ probes))
         return float((probes * factors.solve(shown)).sum() / PROBES)
-
-    def freedom(self, weights: Floats, factors: Any) -> float:
-        """Trace of the matrix that makes fitted heights of measured ones."""
-        return float((weights * self._variances(self.tiles, factors)).sum())
 
     def nodes(self, coefficients: Floats, factors: Any) -> tuple[Floats, Floats]:
         """``(y, x)`` heights at the nodes, and their standard deviations for a unit variance."""
@@ -224,7 +223,7 @@ def _best_penalty(equations: _Equations, heights: Floats, weights: Floats) -> fl
     scores = []
     for penalty in PENALTIES.tolist():
         predicted, _, factors = equations.solved(heights, weights, penalty)
-        freedom = equations.estimated_freedom(weights, factors)
+        freedom = equations.freedom(weights, factors)
         left = max(int((weights > 0.0).sum()) - freedom, 1e-3)
         squares = float((weights * np.square(heights - predicted)).sum())
         scores.append(squares / left**2)

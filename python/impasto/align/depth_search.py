@@ -22,7 +22,7 @@ from impasto.align.photographs import LINEAR
 from impasto.align.pose import Pose
 from impasto.calibrate.tones import light_from
 from impasto.depth_mesh import DepthMesh, Parallax, parallax_slope, shape_of_mesh
-from impasto.errors import GeometryError
+from impasto.errors import ArgumentError, GeometryError
 from impasto.frontal_view import FrontalView
 from impasto.io.session.linear_codes import Photograph
 from impasto.rectification import Grid, rectified
@@ -33,6 +33,8 @@ ROUNDS = ((33, 2.0), (25, 1.5), (17, 1.0), (17, 1.0))
 """Rows and columns of the windows, and distances between nodes in those of the last mesh."""
 SPACING = 12.0
 """Default distance between the last nodes, in pixels: 1.4 tiles, so that errors can be told."""
+NODES = 6000
+"""Nodes at most: their standard deviations take the inverse of a matrix of as many rows."""
 MOST = 48
 """Photographs that are compared: more views of the same relief add little."""
 LARGEST = 4e6
@@ -99,12 +101,14 @@ def find_depth(
     grid
         The pixels of the result.
     spacing_mm
-        Largest distance between nodes; default: 12 pixels.
+        Largest distance between nodes; default: 12 pixels, or what makes 6000 nodes.
     advance
         Called with steps done and all.
 
     Raises
     ------
+    ArgumentError
+        More than 6000 nodes.
     GeometryError
         Views that differ by less than 5 degrees, or a painting without structure.
     MissingExtraError
@@ -113,7 +117,15 @@ def find_depth(
     need("scipy.sparse", "depth", "the depth of a painting")
     grown = float(np.sqrt(grid.rows * grid.columns / LARGEST))
     coarse = grid if grown <= 1.0 else Grid(grid.size_mm, grid.pixel_mm * grown)
-    spacing = SPACING * coarse.pixel_mm if spacing_mm is None else length_mm(spacing_mm, "mesh")
+    least = float(np.sqrt(grid.size_mm[0] * grid.size_mm[1] / NODES))
+    spacing = max(SPACING * coarse.pixel_mm, least)
+    if spacing_mm is not None:
+        spacing = length_mm(spacing_mm, "mesh")
+        if spacing < least:
+            raise ArgumentError(
+                f"mesh: nodes {spacing:g} mm apart are more than {NODES} on this painting; give "
+                f"{least:.3g} mm or more"
+            )
     eyes = np.array([one.view for one in cameras])
     reference = int(eyes[:, 2].argmax())
     chosen = spread_views(eyes, reference, MOST)

@@ -200,9 +200,20 @@ def _flow(
     whole = cv2.erode(seen.astype(np.uint8), np.ones(window, np.uint8))
     found &= np.isfinite(flow).all(axis=1) & (whole[at[:, 1], at[:, 0]] > 0)
     flow = np.where(found[:, None], flow, 0.0)
-    moved = _windows(codes, tiles.pixels + flow.astype(np.float32), tiles.window)
-    first = _windows(tiles.codes, tiles.pixels, tiles.window)
-    return flow, found, np.clip((first * moved).sum(axis=1), -1.0, 1.0)
+    places = tiles.pixels + flow.astype(np.float32)
+    return flow, found, _correlations(tiles, codes, places)
+
+
+def _correlations(tiles: Tiles, codes: NDArray[np.uint8], places: NDArray[np.float32]) -> Floats:
+    """``(n,)``: of the windows of the reference and those about places ``(n, 2)`` of a picture."""
+    found = np.empty(len(places))
+    step = max(1, PATCHES // tiles.window)
+    for start in range(0, len(places), step):
+        part = slice(start, start + step)
+        first = _windows(tiles.codes, tiles.pixels[part], tiles.window)
+        other = _windows(codes, places[part], tiles.window)
+        found[part] = np.einsum("ni,ni->n", first, other)
+    return np.clip(found, -1.0, 1.0)
 
 
 def _windows(codes: NDArray[np.uint8], middles: NDArray[np.float32], window: int) -> Floats:
@@ -210,17 +221,10 @@ def _windows(codes: NDArray[np.uint8], middles: NDArray[np.float32], window: int
     import cv2
 
     offset = np.arange(window, dtype=np.float32) - window // 2
-    found = np.empty((len(middles), window * window))
-    step = max(1, PATCHES // window)
-    for start in range(0, len(middles), step):
-        some = middles[start : start + step]
-        x = np.broadcast_to(some[:, 0, None, None] + offset, (len(some), window, window))
-        y = np.broadcast_to(some[:, 1, None, None] + offset[:, None], x.shape)
-        across, down = (np.ascontiguousarray(one).reshape(-1, window) for one in (x, y))
-        cut = cv2.remap(
-            codes.astype(np.float32), across, down, cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )  # fmt: skip
-        found[start : start + step] = cut.reshape(len(some), -1)
+    x = np.broadcast_to(middles[:, 0, None, None] + offset, (len(middles), window, window))
+    y = np.broadcast_to(middles[:, 1, None, None] + offset[:, None], x.shape)
+    right, below = (np.ascontiguousarray(one).reshape(-1, window) for one in (x, y))
+    cut = cv2.remap(codes, right, below, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    found = np.asarray(cut, np.float64).reshape(len(middles), -1)
     found -= found.mean(axis=1, keepdims=True)
     return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-9))

@@ -65,7 +65,8 @@ def align(
         estimate: find the heights of the relief from the parallax between views (needs --lens); or
         a file report/depth.csv, as an earlier run wrote it or as it was edited since.
     mesh
-        Largest distance between nodes of the estimated heights in mm; default: 12 pixels.
+        Largest distance between nodes of the estimated heights in mm; default: 12 pixels, or what
+        makes 6000 nodes.
     refine
         Take out shifts between photographs, by their content.
     fixed_camera

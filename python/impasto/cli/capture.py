@@ -121,9 +121,12 @@ def ball_joint(
     ----------
     lamps
         Angles of the places of the lamp in the horizontal plane, degrees; to the right is positive.
-    pan, tilt, roll
-        How far the joint turns to either side about the vertical, the horizontal axis and the
-        normal of the painting, degrees.
+    pan
+        How far the joint turns to either side about the vertical, degrees.
+    tilt
+        How far it turns about the horizontal axis.
+    roll
+        How far it turns about the normal of the painting.
     camera
         How far the camera moves to either side, degrees.
     separation
