@@ -1,4 +1,4 @@
-"""``impasto capture``: what to photograph."""
+"""``impasto capture``: what to photograph; the photographs are in ``capture_run``."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ WIDTHS = {"matte": 0.3, "satin": 0.12, "gloss": 0.075}
 
 def application() -> App:
     """The commands below ``impasto capture``."""
-    app = App(name="capture", help="Plan photographs before they are made.")
+    app = App(name="capture", help="Plan photographs, take them, and check them.")
     app.command("impasto.cli.capture:plan")
+    app.command("impasto.cli.capture_run:run")
+    app.command("impasto.cli.capture_run:check")
     return app
 
 
