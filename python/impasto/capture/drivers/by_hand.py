@@ -48,9 +48,8 @@ class HandLights:
         x, y, z = self._directions[lamp - 1].tolist()
         azimuth = math.degrees(math.atan2(y, x)) % 360.0
         elevation = math.degrees(math.asin(max(-1.0, min(1.0, z))))
-        self._order(
-            f"switch on lamp {lamp} alone (azimuth {azimuth:.0f}, elevation {elevation:.0f})"
-        )
+        where = f"azimuth {azimuth:.0f}, elevation {elevation:.0f} degrees"
+        self._order(f"switch on lamp {lamp} alone ({where})")
         self._on = lamp
         return lamp
 

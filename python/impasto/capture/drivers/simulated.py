@@ -52,6 +52,8 @@ class SimulatedRig:
         What goes wrong.
     seed
         Of the noise.
+    bands
+        The camera, or its name for :func:`impasto.simulate.camera`.
     shadows
         Whether the relief casts shadows.
 
@@ -65,6 +67,7 @@ class SimulatedRig:
     directions: NDArray[np.float64]
     faults: Faults = field(default_factory=Faults)
     seed: int = 0
+    bands: Camera | str = "rgb"
     shadows: bool = False
     taken: list[Taken] = field(default_factory=list)
     _exposure: float = EXPOSURE_S
@@ -181,7 +184,7 @@ class SimulatedRig:
 
     @cached_property
     def _camera(self) -> Camera:
-        return camera_named("rgb")
+        return self.bands if isinstance(self.bands, Camera) else camera_named(self.bands)
 
     @cached_property
     def _photographs(self) -> Photographs:
