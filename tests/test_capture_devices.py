@@ -15,6 +15,7 @@ import pytest
 
 import captures
 import processes
+from impasto import capture
 from impasto.capture.drivers.by_hand import FolderCamera, HandLights
 from impasto.capture.drivers.dome import Dome
 from impasto.errors import ArgumentError, DeviceError, DisconnectedError, MissingExtraError
@@ -77,9 +78,9 @@ def test_a_dome_switches_and_acknowledges() -> None:
 
 def test_a_dome_that_says_nothing_is_named_and_explained() -> None:
     """Three calls, since boards restart when their port is opened."""
-    with dome_on_a_pty(lambda number, order: b"") as port:
-        with pytest.raises(DisconnectedError) as caught:
-            Dome(port, answer_s=0.1)
+    silent = dome_on_a_pty(lambda number, order: b"")
+    with silent as port, pytest.raises(DisconnectedError) as caught:
+        Dome(port, answer_s=0.1)
     assert str(caught.value) == (
         f"no answer from the dome at {port} to ID within 0.1 s; see that it has power, that the "
         "cable carries data, and that this is its port"
@@ -111,13 +112,13 @@ def test_a_late_answer_is_not_taken_for_that_of_the_next_order() -> None:
     ],
 )
 def test_another_device_is_not_taken_for_a_dome(answer: bytes, words: str) -> None:
-    with dome_on_a_pty(lambda number, order: answer) as port:
-        with pytest.raises(DeviceError, match=words):
-            Dome(port, answer_s=0.2)
+    other = dome_on_a_pty(lambda number, order: answer)
+    with other as port, pytest.raises(DeviceError, match=words):
+        Dome(port, answer_s=0.2)
 
 
 def test_a_port_that_is_not_there() -> None:
-    with pytest.raises(DisconnectedError, match="cannot be opened .* see that its cable"):
+    with pytest.raises(DisconnectedError, match=r"cannot be opened .* see that its cable"):
         Dome("/dev/ttyNONE7")
 
 
@@ -135,11 +136,9 @@ def test_a_dome_that_is_unplugged_stops_the_run_and_loses_nothing(tmp_path: Path
             devices.switch_off()
         return firmware(number, order)
 
-    from impasto import capture
-
-    with dome_on_a_pty(dying) as port, Dome(port, answer_s=0.1) as dome:
-        with pytest.raises(DisconnectedError, match="stopped at shot_004: no answer from the dome"):
-            capture.run(shots, devices, dome, None, out, warm_up_s=None)
+    stopped = pytest.raises(DisconnectedError, match="stopped at shot_004: no answer from the dome")
+    with dome_on_a_pty(dying) as port, Dome(port, answer_s=0.1) as dome, stopped:
+        capture.run(shots, devices, dome, None, out, warm_up_s=None)
     assert list(captures.log_of(out).entries) == [
         "dark_001", "dark_002", "shot_001", "shot_002", "shot_003"
     ]  # fmt: skip
@@ -255,12 +254,12 @@ def test_new_photographs_of_a_folder_are_taken_when_they_are_whole(tmp_path: Pat
 
 def test_a_photograph_that_does_not_come_is_explained(tmp_path: Path) -> None:
     camera = FolderCamera(tmp_path, lambda words: None, patience_s=0.2, poll_s=0.02)
-    with pytest.raises(DeviceError, match="no new photograph in .* within 0.2 s; see that"):
+    with pytest.raises(DeviceError, match=r"no new photograph in .* within 0.2 s; see that"):
         camera.trigger()
     (tmp_path / "half.jpg").write_bytes(b"\xff\xd8\xff\xe0 half of a file")
     with pytest.raises(DeviceError, match=r"half\.jpg is "):
         camera.trigger()
-    with pytest.raises(ArgumentError, match="watch: .* is no folder"):
+    with pytest.raises(ArgumentError, match=r"watch: .* is no folder"):
         FolderCamera(tmp_path / "none", lambda words: None)
 
 

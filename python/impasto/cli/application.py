@@ -18,7 +18,7 @@ from impasto.cli.codes import Exit
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
 ARGUMENTS = (
-    "adaptation|ball|bands|camera|circles|corners|dark|darks|data|diameter_mm|display|encoding|environment|estimator|exposure|faults|focal_mm|illuminant|"
+    "adaptation|ball|bands|camera|circles|corners|dark|darks|data|diameter_mm|display|encoding|environment|estimator|exposure|focal_mm|illuminant|"
     "images|index|intensities|into|lights|lobes|markers|mask|memory|method|out|pattern|pitch_mm|points|precision|references|"
     "region|repeats|sample|saturation|seed|sensor_mm|shots|size|strict|target|threads|tile|tilt|to|tolerance|view|watch|white"
 )

@@ -104,6 +104,8 @@ def run(
         raise ArgumentError("--dome: the simulated camera sees simulated lamps only; leave it out")
     if not 0.0 <= warm_up < 86400.0:
         raise ArgumentError(f"--warm-up: expected seconds from 0 on, found {warm_up:g}")
+    if not 0.0 <= faults <= 100.0:
+        raise ArgumentError(f"--faults: expected percent from 0 to 100, found {faults:g}")
     stages = Stages(quiet=quiet)
     if camera == "simulated":
         devices = _simulated(plan, faults / 100.0, seed, size)

@@ -63,19 +63,19 @@ class GPhoto2Camera:
             return _seconds(str(self._called(widget.get_value)))
         nearest = min(known, key=lambda choice: abs(known[choice] / seconds - 1.0))
         self._called(widget.set_value, nearest)
-        self._called(self._camera.set_config, config)
+        self._called(self._opened.set_config, config)
         widget, _ = self._shutter()
         return None if widget is None else _seconds(str(self._called(widget.get_value)))
 
     def trigger(self) -> Frame:
         """Release, and download; the copy in the camera is removed."""
         gp = self._library
-        path = self._called(self._camera.capture, gp.GP_CAPTURE_IMAGE)
-        file = self._called(self._camera.file_get, path.folder, path.name, gp.GP_FILE_TYPE_NORMAL)
+        path = self._called(self._opened.capture, gp.GP_CAPTURE_IMAGE)
+        file = self._called(self._opened.file_get, path.folder, path.name, gp.GP_FILE_TYPE_NORMAL)
         data = bytes(memoryview(self._called(file.get_data_and_size)))
         # The camera's memory would fill up; what is downloaded is checked, and taken again if not.
         with suppress(gp.GPhoto2Error):
-            self._camera.file_delete(path.folder, path.name)
+            self._opened.file_delete(path.folder, path.name)
         return Frame(data, PurePosixPath(path.name).suffix.lower())
 
     def close(self) -> None:
@@ -85,10 +85,16 @@ class GPhoto2Camera:
                 self._camera.exit()
             self._camera = None
 
+    @property
+    def _opened(self) -> Any:
+        if self._camera is None:
+            raise DisconnectedError("no camera; see that it is on, and to its cable")
+        return self._camera
+
     def _shutter(self) -> tuple[Any, Any]:
         """The setting of the exposure time, and all settings."""
         gp = self._library
-        config = self._called(self._camera.get_config)
+        config = self._called(self._opened.get_config)
         for name in SHUTTER:
             with suppress(gp.GPhoto2Error):
                 return config.get_child_by_name(name), config
@@ -103,10 +109,6 @@ class GPhoto2Camera:
     def _called(self, call: Any, *arguments: Any) -> Any:
         """A call of the library, whose errors say what to do."""
         gp = self._library
-        if self._camera is None:
-            raise DisconnectedError(
-                "no camera; see that it is on, and that its cable is plugged in"
-            )
         try:
             return call(*arguments)
         except gp.GPhoto2Error as error:
