@@ -134,7 +134,8 @@ def test_the_retake_list_of_a_check(
     assert capsys.readouterr().out.splitlines() == [
         "taken    10 of 11 shots",
         "retake   lamp3 (lamp 3): photographs/lamp3.png is not there any more",
-        "         -> bring it back, or impasto capture run --resume takes it again",
+        "         -> bring it back",
+        f"go on    impasto capture run --resume --out {out}, with the same devices",
     ]
     assert main(words("check", out, "--json")) == 3
     (retake,) = json.loads(capsys.readouterr().out)["retakes"]

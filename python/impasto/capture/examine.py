@@ -20,7 +20,6 @@ from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.session_toml import SESSION_FILE
 
 Advance = Callable[[int, int], None]
-AGAIN = "impasto capture run --resume takes it again"
 
 
 @dataclass
@@ -110,14 +109,14 @@ def read_known(
         path = folder.root / entry.file
         if not path.is_file():
             found[entry.name] = Misfire(
-                "missing", f"{entry.file} is not there any more", f"bring it back, or {AGAIN}"
+                "missing", f"{entry.file} is not there any more", "bring it back"
             )
             continue
         try:
             picture = read_picture(path)
         except CorruptInputError as error:
             found[entry.name] = Misfire(
-                "corrupt", f"{entry.file} {error.problem}", f"bring back a copy, or {AGAIN}"
+                "corrupt", f"{entry.file} {error.problem}", "bring back a copy"
             )
             continue
         if picture.sha256 != entry.sha256:
@@ -126,7 +125,7 @@ def read_known(
             if other is not None:
                 why = f"{entry.file} is the photograph of {other}: files were exchanged"
             found[entry.name] = Misfire(
-                "swapped" if other else "changed", why, f"bring the file back, or {AGAIN}"
+                "swapped" if other else "changed", why, "bring the file back"
             )
             continue
         if known.first is not None and (misfire := wrong_kind(picture, known.first)):
@@ -175,8 +174,8 @@ def check(folder: str | os.PathLike[str], *, progress: Advance | None = None) ->
         raise CorruptInputError(where.journal, f"names {odd[0]!r}, which is no shot of the plan")
     known, found = read_known(where, plan, log, progress)
     found = known.compare() | found
-    for name, (code, why) in log.failed.items():
-        found.setdefault(name, Misfire(code, why, AGAIN))
+    for name, misfire in log.failed.items():
+        found.setdefault(name, misfire)
     notes = tuple(reference_notes(known))
     session = where.root / SESSION_FILE
     return CaptureResult(

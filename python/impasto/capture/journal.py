@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from impasto._internal.damage import DAMAGE
+from impasto.capture.misfires import Misfire
 from impasto.errors import CorruptInputError
 from impasto.io.files import as_problem_of, sync_folder
 from impasto.io.json_lines import opened_line, sealed_line
@@ -70,7 +71,7 @@ class CaptureLog:
     entries
         The photographs that count, by the names of their shots, in the order of their commits.
     failed
-        Why a shot was given up or withdrawn, by its name: a code and a sentence.
+        Why a shot was given up or withdrawn, by its name.
     session
         SHA-256 of the last session file that the capture wrote; empty: none.
     size
@@ -79,7 +80,7 @@ class CaptureLog:
 
     plan: str
     entries: dict[str, Entry] = field(default_factory=dict)
-    failed: dict[str, tuple[str, str]] = field(default_factory=dict)
+    failed: dict[str, Misfire] = field(default_factory=dict)
     session: str = ""
     size: int = 0
 
@@ -91,9 +92,9 @@ class CaptureLog:
             self.entries[entry.name] = entry
             self.failed.pop(entry.name, None)
         elif "failed" in content:
-            name, code, why = (str(content[key]) for key in ("failed", "code", "why"))
+            name = str(content["failed"])
             self.entries.pop(name, None)
-            self.failed[name] = (code, why)
+            self.failed[name] = Misfire(*(str(content[k]) for k in ("code", "why", "advice")))
         elif "session" in content:
             self.session = str(content["session"])
         elif "tried" not in content and "note" not in content:
@@ -156,13 +157,13 @@ class Journal:
         """A photograph whose file is on the disk."""
         self._write({"shot": vars(entry)})
 
-    def fail(self, name: str, code: str, why: str) -> None:
+    def fail(self, name: str, misfire: Misfire) -> None:
         """A shot that is given up, or whose photograph is withdrawn."""
-        self._write({"failed": name, "code": code, "why": why})
+        self._write({"failed": name, **vars(misfire)})
 
-    def tried(self, name: str, code: str, why: str) -> None:
-        """A try that is repeated."""
-        self._write({"tried": name, "code": code, "why": why})
+    def tried(self, name: str, misfire: Misfire) -> None:
+        """A try that did not give a right photograph."""
+        self._write({"tried": name, **vars(misfire)})
 
     def note(self, code: str, text: str) -> None:
         """What concerns no single shot."""

@@ -31,7 +31,7 @@ windows to compare."""
 LEAST_SHARPNESS = 0.5
 """Relative to a picture in the same light. A blur of one pixel (standard deviation) leaves a
 quarter and less of the variance."""
-SETTLED = 0.003
+WARM = 0.003
 """Relative difference of three consecutive reference frames of a lamp that is warm."""
 LARGEST_DRIFT = 0.015
 """Relative: five times what a warm lamp varies by, a third of the 5 % that falsify a reflectance.
@@ -226,7 +226,7 @@ def drifted(level: float, reference: float) -> Misfire | None:
 def warmed_up(levels: Sequence[float]) -> bool:
     """Whether the last three reference frames differ by less than 0.3 %."""
     last = np.asarray(levels[-3:])
-    return len(last) == 3 and float(np.ptp(last)) < SETTLED * float(last.mean())
+    return len(last) == 3 and float(np.ptp(last)) < WARM * float(last.mean())
 
 
 def clock_jump(before_s: float, after_s: float) -> str | None:

@@ -10,11 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from impasto.capture import to_session
+from impasto.capture.acceptance import MisfireError, accepted, refuse
 from impasto.capture.devices import Camera, FixedStage, Frame, Lights, Stage
 from impasto.capture.examine import (
-    AGAIN,
     Known,
-    moved_reference,
     read_known,
     reference_notes,
     retakes_of,
@@ -24,17 +23,10 @@ from impasto.capture.frames import Picture, read_picture
 from impasto.capture.journal import Entry, Journal
 from impasto.capture.misfires import (
     Misfire,
-    blurred,
-    clipped,
     clock_jump,
     drifted,
-    duplicate_frame,
-    light_in_the_dark,
-    no_light,
-    sharpness,
     warmed_up,
     wrong_exposure,
-    wrong_kind,
 )
 from impasto.capture.result import CaptureResult
 from impasto.capture.shots import Shot, ShotPlan, shots_text
@@ -58,19 +50,9 @@ WARM_UP_FRAMES = 120
 RETURN_FRAMES = 45
 """Reference frames for which a lamp that has drifted is waited for: 15 minutes at 20 s, after which
 the halogen lamp of [@snel] was constant."""
-LEAST_COSINE = 0.05
-"""A lamp in the plane of the painting still lights slopes."""
 
 Advance = Callable[[int, int], None]
 Say = Callable[[str], None]
-
-
-class _MisfireError(Exception):
-    """A photograph that is not to be kept."""
-
-    def __init__(self, misfire: Misfire) -> None:
-        super().__init__(misfire.why)
-        self.misfire = misfire
 
 
 def run(
@@ -184,10 +166,14 @@ class _Run:
         log = self.journal.log
         self.known, changed = read_known(self.folder, self.plan, log)
         for name, misfire in changed.items():
-            self.journal.fail(name, misfire.code, misfire.why)
+            self.journal.fail(name, misfire)
         self.seen = {entry.sha256: entry.name for entry in log.entries.values()}
+        kinds = {shot.name: shot.kind for shot in self.plan}
+        since: list[str] = []
+        for name in log.entries:
+            since = [] if kinds[name] == "reference" else [*since, name]
         try:
-            self._shoot([shot for shot in self.plan if shot.name not in log.entries])
+            self._shoot([shot for shot in self.plan if shot.name not in log.entries], since)
             for _ in range(ROUNDS):
                 for name, misfire in self.known.compare().items():
                     self._withdraw(name, misfire)
@@ -195,7 +181,9 @@ class _Run:
                 if not again or self._still_drifts():
                     break
                 self._tell(f"{len(again)} of {len(self.plan)} shots are taken again")
-                self._shoot(again)
+                self._shoot(again, [])
+                if (drift := self._drift_now()) is not None:
+                    self._withdraw_since(drift)
             for name, misfire in self.known.compare().items():
                 self._withdraw(name, misfire)
         finally:
@@ -203,15 +191,15 @@ class _Run:
         stated = None if self.known.first is None else self.known.first.exif.camera
         camera = stated or self.camera.name
         session = to_session.write(self.folder.root, self.plan, self.journal, camera)
-        found = {name: Misfire(code, why, AGAIN) for name, (code, why) in log.failed.items()}
         notes = tuple(reference_notes(self.known))
         return CaptureResult(
             self.folder.root, len(self.plan), len(log.entries),
-            retakes_of(self.plan, found), notes, session,
+            retakes_of(self.plan, log.failed), notes, session,
         )  # fmt: skip
 
-    def _shoot(self, shots: list[Shot]) -> None:
-        self.failures, self.since, self.drifting = [], [], False
+    def _shoot(self, shots: list[Shot], since: list[str]) -> None:
+        """Shots in their order; ``since``: photographs since the last reference shot."""
+        self.failures, self.since, self.drifting = [], since, False
         for shot in shots:
             if self.progress is not None:
                 self.progress(len(self.journal.log.entries), len(self.plan))
@@ -227,18 +215,18 @@ class _Run:
         for number in range(1, TRIES + 1):
             try:
                 self._try(shot, number)
-            except _MisfireError as error:
+            except MisfireError as error:
                 misfire = error.misfire
             except DisconnectedError as error:
                 misfire = Misfire("disconnected", str(error), "see to its cable and power")
                 if number == TRIES:
                     raise DisconnectedError(self._stopped(shot, str(error))) from error
             except DeviceError as error:
-                misfire = Misfire("device", str(error), "see to the device")
+                misfire = Misfire("device", str(error), "see to this device")
             else:
                 self.failures = []
                 return
-            self.journal.tried(shot.name, misfire.code, misfire.why)
+            self.journal.tried(shot.name, misfire)
             if misfire.code in {"device", "disconnected", "missing", "duplicate"}:
                 self._reconnect()
         if misfire.code == "lamp-drift":
@@ -256,7 +244,7 @@ class _Run:
         self.last = (path, frame.data)
         with atomic_path(path) as temporary:
             temporary.write_bytes(frame.data)
-            picture = self._checked(shot, frame, temporary)
+            picture = accepted(shot, frame, temporary, self.known, self.seen)
             self.folder.withdraw(path)
         entry = Entry(
             shot.name, self.folder.relative(path), picture.sha256, shot.lamp, exposure,
@@ -270,20 +258,21 @@ class _Run:
         elif shot.kind == "reference":
             if self.drifting:
                 why = "the lamp had drifted at the reference shot before it"
-                self._withdraw_since(Misfire("lamp-drift", why, AGAIN))
+                advice = "let the lamps warm up, and see to a stable power supply"
+                self._withdraw_since(Misfire("lamp-drift", why, advice))
             self.since, self.drifting = [], False
 
     def _frame(self, shot: Shot) -> tuple[Frame, float]:
         """A photograph under the lamp that is acknowledged, and its exposure time."""
         set_s = self.camera.set_exposure(shot.exposure_s)
-        _refuse(wrong_exposure(shot.exposure_s, set_s))
+        refuse(wrong_exposure(shot.exposure_s, set_s))
         self.stage.move(shot.pose)
         if shot.lamp is None:
             self.lights.switch_off()
         else:
             lamp = self.lights.switch_on(shot.lamp)
             if lamp != shot.lamp:
-                raise _MisfireError(
+                raise MisfireError(
                     Misfire(
                         "wrong-lamp",
                         f"lamp {shot.lamp} was ordered, lamp {lamp} is on",
@@ -292,51 +281,10 @@ class _Run:
                 )
         frame = self.camera.trigger()
         if not frame.data:
-            raise _MisfireError(
+            raise MisfireError(
                 Misfire("missing", "the camera has sent no photograph", "see to its memory card")
             )
         return frame, shot.exposure_s if set_s is None else set_s
-
-    def _checked(self, shot: Shot, frame: Frame, path: Path) -> Picture:
-        """The photograph, if it is right as far as it shows by itself."""
-        try:
-            picture = read_picture(path)
-        except CorruptInputError as error:
-            raise _MisfireError(
-                Misfire("corrupt", f"the file {error.problem}", "see to cable and memory card")
-            ) from error
-        known = self.known
-        if known.first is not None:
-            _refuse(wrong_kind(picture, known.first))
-        misfire = duplicate_frame(picture.sha256, self.seen)
-        self.seen[picture.sha256] = shot.name
-        _refuse(misfire)
-        stated = picture.exif.exposure_s if frame.exposure_s is None else frame.exposure_s
-        _refuse(wrong_exposure(shot.exposure_s, stated))
-        if shot.kind == "dark":
-            _refuse(light_in_the_dark(picture.level, known.darks))
-            return picture
-        _refuse(clipped(picture.clipped))
-        if known.base is not None and shot.kind != "board":
-            base = known.base + known.dark
-            _refuse(no_light(picture.level, known.dark, base, self._share(shot)))
-        if shot.kind == "reference" and known.base is not None:
-            _refuse(moved_reference(known, picture))
-            if known.place is not None and known.reference is not None:
-                found = known.place.evidence(picture).sharpness
-                _refuse(blurred(found, sharpness(known.reference)))
-            _refuse(drifted(picture.level - known.dark, known.base))
-        return picture
-
-    def _share(self, shot: Shot) -> float:
-        """Light that a flat painting shows, relative to the reference shot."""
-        first = self.plan.of("reference")[0]
-        cosines = [
-            max(light[2], LEAST_COSINE)
-            for light in (self.plan.light_of(shot), self.plan.light_of(first))
-            if light is not None
-        ]
-        return cosines[0] / cosines[1] * shot.exposure_s / first.exposure_s
 
     def _warm_up(self) -> None:
         """Reference frames until three of them differ by less than 0.3 %."""
@@ -375,27 +323,31 @@ class _Run:
                     probe.unlink(missing_ok=True)
             except DisconnectedError:
                 self._reconnect()
-            except (_MisfireError, DeviceError, CorruptInputError):
+            except (MisfireError, DeviceError, CorruptInputError):
                 continue
         return None
 
-    def _still_drifts(self) -> bool:
-        """Whether the reference lamp differs from the beginning, so that a retake is no use."""
+    def _drift_now(self) -> Misfire | None:
+        """Whether the reference lamp differs from the beginning."""
         references = self.plan.of("reference")
         if not references or self.known.base is None:
-            return False
+            return None
+        level = self._probe(references[0])
+        return None if level is None else drifted(level, self.known.base)
+
+    def _still_drifts(self) -> bool:
+        """Whether it does so for a quarter of an hour, so that a retake is no use."""
         for number in range(RETURN_FRAMES):
             if number:
                 time.sleep(self.warm_up_s or 0.0)
-            level = self._probe(references[0])
-            if level is not None and drifted(level, self.known.base) is None:
+            if self._drift_now() is None:
                 return False
         return True
 
     def _drift(self, shot: Shot, misfire: Misfire) -> None:
         """Photographs between this reference shot and the last right one do not count."""
         self._tell(f"{shot.name}: {misfire.why}; {misfire.advice}")
-        self.journal.fail(shot.name, misfire.code, misfire.why)
+        self.journal.fail(shot.name, misfire)
         self._withdraw_since(misfire)
         self.since, self.drifting = [], True
 
@@ -406,13 +358,13 @@ class _Run:
 
     def _withdraw(self, name: str, misfire: Misfire) -> None:
         if name in self.journal.log.entries:
-            self.journal.fail(name, misfire.code, misfire.why)
+            self.journal.fail(name, misfire)
             self.known.drop(name)
 
     def _give_up(self, shot: Shot, misfire: Misfire) -> None:
         """Name a shot in the retake list; stop where a fault stays."""
         self._tell(f"{shot.name}: {misfire.why}; {misfire.advice}")
-        self.journal.fail(shot.name, misfire.code, misfire.why)
+        self.journal.fail(shot.name, misfire)
         if self.last is not None:
             self.folder.keep(*self.last)
         self.failures.append(misfire.code)
@@ -454,8 +406,3 @@ class _Run:
     def _tell(self, words: str) -> None:
         if self.say is not None:
             self.say(words)
-
-
-def _refuse(misfire: Misfire | None) -> None:
-    if misfire is not None:
-        raise _MisfireError(misfire)

@@ -278,3 +278,7 @@ def _report(result: CaptureResult) -> None:
         page.out(f"         -> {one.misfire.advice}")
     for note in result.notes:
         page.out(f"note     {note}")
+    if result.retakes:
+        page.out(
+            f"go on    impasto capture run --resume --out {result.folder}, with the same devices"
+        )
