@@ -19,6 +19,7 @@ from impasto import capture
 from impasto.capture.drivers.by_hand import FolderCamera, HandLights
 from impasto.capture.drivers.dome import Dome
 from impasto.errors import ArgumentError, DeviceError, DisconnectedError, MissingExtraError
+from impasto.io import read_session
 
 pty = pytest.importorskip("pty", reason="pseudo-terminals are of POSIX systems")
 
@@ -276,3 +277,51 @@ def test_a_person_is_told_which_lamp(tmp_path: Path) -> None:
         "switch on lamp 1 alone (azimuth 270, elevation 53 degrees)", "switch all lamps off"
     ]  # fmt: skip
     assert len(confirmed) == 2
+
+
+def test_a_capture_by_hand_is_paired_and_its_exif_compared(tmp_path: Path) -> None:
+    """A person who does what she is told; the second photograph has the wrong time at first."""
+    image_module = pytest.importorskip("PIL.Image")
+    watch, out = tmp_path / "card", tmp_path / "out"
+    watch.mkdir()
+    shots = captures.plan(3, darks=1, references=0)
+    devices = captures.rig(shots)
+    orders: list[str] = []
+    times = iter([0.01, 0.01, 0.02, 0.01, 0.01])
+
+    def person(words: str) -> None:
+        orders.append(words.partition(";")[0])
+        if words.startswith("switch on"):
+            devices.switch_on(int(words.split()[3]))
+        elif words.startswith("switch all"):
+            devices.switch_off()
+        else:
+            light = sum(
+                (devices._light(lamp) for lamp in devices._on), np.zeros((3, *captures.SIZE))
+            )
+            codes = np.clip(np.moveaxis(light, 0, -1) * 150, 0, 255).astype(np.uint8)
+            picture = image_module.fromarray(codes)
+            exif = picture.getexif()
+            exif.get_ifd(0x8769)[0x829A] = next(times)
+            exif[0x0110] = "Hand"
+            picture.save(watch / f"IMG_{len(orders):04}.jpg", exif=exif, quality=95)
+
+    camera = FolderCamera(watch, person, patience_s=20.0, poll_s=0.01)
+    lights = HandLights(shots.directions, person)
+    result = capture.run(shots, camera, lights, None, out, warm_up_s=None)
+    assert result.complete
+    (tried,) = captures.lines_of(out, "tried")
+    assert (tried["tried"], tried["why"]) == ("shot_002", "the camera says 20 ms, the plan 10 ms")
+    assert [words.split(" (")[0] for words in orders] == [
+        "switch all lamps off", "take the photograph",
+        "switch on lamp 1 alone", "take the photograph",
+        *["switch on lamp 2 alone", "take the photograph"] * 2,
+        "switch on lamp 3 alone", "take the photograph", "switch all lamps off",
+    ]  # fmt: skip
+    session = read_session(out)
+    assert session.camera == "Hand"
+    # Each file is the photograph under its lamp, and of no other one, by the mean of its codes.
+    for lamp in (1, 2, 3):
+        level = float(cv2.imread(str(out / "photographs" / f"shot_{lamp:03}.jpg")).mean())
+        means = [np.clip(devices._light(n) * 150, 0, 255).mean() for n in (1, 2, 3)]
+        assert int(np.argmin(np.abs(np.subtract(means, level)))) + 1 == lamp

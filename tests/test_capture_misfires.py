@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
+from impasto.capture import Pose
 from impasto.capture.misfires import (
     blurred,
     clipped,
@@ -16,8 +19,10 @@ from impasto.capture.misfires import (
     moved,
     no_light,
     sharpness,
+    surely_still,
     warmed_up,
     wrong_exposure,
+    wrong_pose,
 )
 
 
@@ -57,6 +62,16 @@ def test_a_shift_is_found_and_named(paint: np.ndarray, x: float, y: float) -> No
 @pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.3, 0.0), (0.0, -0.3)])
 def test_less_than_half_a_pixel_is_no_shift(paint: np.ndarray, x: float, y: float) -> None:
     assert moved(noisy(paint, 1), noisy(shifted(paint, x, y), 2)) is None
+
+
+def test_pictures_that_are_surely_still_are_not_searched(paint: np.ndarray) -> None:
+    """Noise alone, and a lamp that is 5 % stronger; half a pixel in any direction is too much."""
+    first = noisy(paint, 1)
+    assert surely_still(first, noisy(paint, 2))
+    assert surely_still(first, noisy(1.05 * paint, 2))
+    for angle in np.radians(np.arange(0.0, 180.0, 30.0)):
+        moved_by_half = shifted(paint, 0.5 * np.cos(angle), 0.5 * np.sin(angle))
+        assert not surely_still(first, noisy(moved_by_half, 2))
 
 
 def test_small_pictures_and_noise_alone_are_not_judged(paint: np.ndarray) -> None:
@@ -103,6 +118,20 @@ def test_exposures_and_clipped_pixels() -> None:
     misfire = wrong_exposure(0.01, 0.0125)
     assert misfire is not None
     assert misfire.why == "the camera says 12.5 ms, the plan 10 ms"
+
+
+def test_a_stage_that_stops_short_is_named() -> None:
+    """0.05 degrees are nothing; a joint that is not read back is not where it should be."""
+    ordered = Pose((0.6, 0.0, 0.8), None, {"tilt": 0.5, "turn": 1.0})
+    near = replace(ordered, angles={"tilt": 0.5 + np.radians(0.05), "turn": 1.0})
+    assert wrong_pose(ordered, near) is None
+    short = wrong_pose(ordered, replace(ordered, angles={"tilt": 0.5, "turn": 0.9}))
+    assert short is not None
+    assert short.why == "the stage is off by 5.7 degrees (joint turn)"
+    silent = wrong_pose(ordered, replace(ordered, angles={"tilt": 0.5}))
+    assert silent is not None
+    assert silent.why == "the stage does not say where its joint turn is"
+    assert wrong_pose(ordered, replace(ordered, view=(0.0, 0.0, 1.0))) is not None
 
 
 def test_an_old_file_names_its_shot() -> None:

@@ -86,6 +86,26 @@ def test_poses_exposures_and_boards_go_into_the_session(tmp_path: Path) -> None:
     assert read_session(tmp_path / "b").views == {"a.png": side, "c.png": (0.0, 0.0, 1.0)}
 
 
+def test_a_stage_that_stops_short_is_ordered_again(tmp_path: Path) -> None:
+    """Its joint stays behind once; a plan with joints is refused where no stage moves."""
+
+    class Sticking(SimulatedRig):
+        stuck = 1
+
+        def move(self, pose: Pose) -> Pose:
+            behind, self.stuck = self.stuck, 0
+            return replace(pose, angles={"tilt": pose.angles["tilt"] - 0.1 * behind})
+
+    shots = captures.plan(1, darks=0, references=0)
+    shots = replace(shots, shots=(replace(shots.shots[0], pose=Pose(angles={"tilt": 0.3})),))
+    stage = Sticking(captures.painting(), shots.directions, bands=captures.camera())
+    assert captures.taken(shots, stage, tmp_path / "a").complete
+    (tried,) = captures.lines_of(tmp_path / "a", "tried")
+    assert tried["code"] == "wrong-pose"
+    with pytest.raises(ArgumentError, match="the plan sets the joints tilt"):
+        capture.run(shots, stage, stage, None, tmp_path / "b", warm_up_s=None)
+
+
 # --- faults of single photographs
 
 CODES: dict[Fault, set[str]] = {

@@ -80,7 +80,7 @@ def accepted(shot: Shot, frame: Frame, path: Path, known: Known, seen: dict[str,
         return picture
     base = known.base + known.dark
     refuse(no_light(picture.level, known.dark, base, _share(shot, known)))
-    if shot.kind == "reference":
+    if shot.kind == "reference" and shot.pose == known.plan.of("reference")[0].pose:
         refuse(moved_reference(known, picture))
         if known.place is not None and known.reference is not None:
             found = known.place.evidence(picture).sharpness

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Protocol
 
-from impasto.errors import DeviceError
+from impasto.errors import ArgumentError
 
 Vector = tuple[float, float, float]
 
@@ -122,12 +122,12 @@ class FixedStage:
 
         Raises
         ------
-        DeviceError
+        ArgumentError
             The pose has angles.
         """
         if pose.angles:
-            raise DeviceError(
-                f"the plan sets the joints {', '.join(sorted(pose.angles))}, but there is no stage "
-                "that moves; give a stage, or leave angles out of the plan"
+            raise ArgumentError(
+                f"stage: the plan sets the joints {', '.join(sorted(pose.angles))}, but there is "
+                "no stage that moves; give one, or leave angles out of the plan"
             )
         return pose

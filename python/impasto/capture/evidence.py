@@ -19,6 +19,7 @@ from impasto.capture.misfires import (
     clipped,
     moved,
     sharpness,
+    surely_still,
 )
 from impasto.capture.neighbours import Outliers, find_outliers
 from impasto.capture.shots import Shot, ShotPlan
@@ -126,8 +127,10 @@ def compare(
         if shot.name in kept:
             views[shot.pose.view or FRONTAL].append(shot)
     found: dict[str, Misfire] = {}
-    for shots in views.values():
-        found |= _of_one_view(plan, shots, kept, dark, reference, judged)
+    own = next((shot.pose.view or FRONTAL for shot in plan.of("reference")), None)
+    for view, shots in views.items():
+        same = reference if view == own else None
+        found |= _of_one_view(plan, shots, kept, dark, same, judged)
     return found
 
 
@@ -162,8 +165,10 @@ def _of_one_view(
             # A comparison takes ten milliseconds, and a retake changes few of them.
             if len(before) != len(with_whom) or any(map(is_not, before, with_whom)):
                 expected = _expected(own, names, kept, relative, outliers, dark)
-                other = _moved(kept[name].patch, expected, reference)
-                if other is None and expected is not None:
+                patch = kept[name].patch
+                still = expected is not None and surely_still(expected, patch)
+                other = None if still else _moved(patch, expected, reference)
+                if other is None and expected is not None and blurred(sharp[own], softest[own]):
                     usual_sharpness = min(float(softest[own]), sharpness(expected))
                     other = blurred(kept[name].sharpness, usual_sharpness)
                 judged[name] = with_whom, other

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from impasto.align.refinement import FARTHEST, LEAST_SCORE, gradient_picture, middle, shift_between
+from impasto.capture.devices import Pose
 from impasto.capture.frames import Image, Picture
 
 LEAST_LIGHT = 0.1
@@ -36,6 +37,8 @@ WARM = 0.003
 LARGEST_DRIFT = 0.015
 """Relative: five times what a warm lamp varies by, a third of the 5 % that falsify a reflectance.
 """
+SAME_POSE = float(np.radians(0.1))
+"""Radians: what normals of good photographs are off by."""
 CLOCK_JUMP_S = 3.0
 """EXIF counts whole seconds, and a download takes about one more or less than the last."""
 NEEDED = 80
@@ -118,6 +121,25 @@ def wrong_exposure(ordered_s: float, found_s: float | None) -> Misfire | None:
     )
 
 
+def wrong_pose(ordered: Pose, found: Pose) -> Misfire | None:
+    """A pose that is read back and differs by more than 0.1 degrees in any angle."""
+    off: dict[str, float] = {}
+    for name, angle in ordered.angles.items():
+        off[f"joint {name}"] = abs(found.angles.get(name, np.inf) - angle)
+    for name in ("view", "light"):
+        one, other = getattr(ordered, name), getattr(found, name)
+        if one is not None and other is not None:
+            off[name] = float(np.linalg.norm(np.subtract(one, other)))
+    worst = max(off, key=lambda name: off[name], default="")
+    if not worst or off[worst] <= SAME_POSE:
+        return None
+    if not np.isfinite(off[worst]):
+        why = f"the stage does not say where its {worst} is"
+    else:
+        why = f"the stage is off by {np.degrees(off[worst]):.2g} degrees ({worst})"
+    return Misfire("wrong-pose", why, "see whether something blocks the stage, and home it again")
+
+
 def duplicate_frame(sha256: str, known: Mapping[str, str]) -> Misfire | None:
     """The file of another shot once more: two photographs differ by their noise.
 
@@ -184,6 +206,22 @@ def moved(reference: Image, light: Image, least: float = LEAST_SHIFT) -> Misfire
         f"the picture has moved {' and '.join(filter(None, ways))} against the others",
         "see that camera and painting stand firm; if one has moved for good, begin a new capture",
     )
+
+
+def surely_still(reference: Image, light: Image) -> bool:
+    """Whether two pictures in the same light are too alike for a shift of half a pixel.
+
+    A small shift d changes a picture by d times its slope. Where the difference, after a gain, is
+    less than half of that of the least shift across the weakest slopes, the flow need not be found.
+    """
+    one, other = reference.astype(np.float64), light.astype(np.float64)
+    gain = float((one * other).sum()) / max(float((one * one).sum()), 1e-12)
+    down, across = np.gradient(gain * one)
+    mixed = float((down * across).mean())
+    tensor = [[float((across**2).mean()), mixed], [mixed, float((down**2).mean())]]
+    weakest = max(float(np.linalg.eigvalsh(tensor)[0]), 0.0)
+    change = float(np.square(other - gain * one).mean())
+    return change < (0.5 * LEAST_SHIFT) ** 2 * weakest
 
 
 def _agrees(reference: Image, light: Image, x: float, y: float) -> bool:

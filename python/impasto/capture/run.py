@@ -27,6 +27,7 @@ from impasto.capture.misfires import (
     drifted,
     warmed_up,
     wrong_exposure,
+    wrong_pose,
 )
 from impasto.capture.result import CaptureResult
 from impasto.capture.shots import Shot, ShotPlan, shots_text
@@ -266,7 +267,7 @@ class _Run:
         """A photograph under the lamp that is acknowledged, and its exposure time."""
         set_s = self.camera.set_exposure(shot.exposure_s)
         refuse(wrong_exposure(shot.exposure_s, set_s))
-        self.stage.move(shot.pose)
+        refuse(wrong_pose(shot.pose, self.stage.move(shot.pose)))
         if shot.lamp is None:
             self.lights.switch_off()
         else:
