@@ -3,7 +3,7 @@
     python benches/python/capture.py [--record]
 
 770 shots (729 lamps, dark frames, reference shots) of a simulated painting of 96 x 96 pixels, of
-which 2 % go wrong in 17 ways at random, for three seeds: what the run found, how many files are no
+which 2 % go wrong by any of 17 faults, for three seeds: what the run found, how many files are no
 right photograph of their lamp at the end, and the time, with every file on the disk before the next
 one is taken. Then 190 shots, killed 20 times. ``--record`` writes benches/results/capture.json.
 """
@@ -109,7 +109,7 @@ def main() -> None:
     show("a capture that is killed", [killed])
     if options.record:
         head = {"run": run_info("python benches/python/capture.py --record")}
-        print(f"\nwrote {write('capture.json', head | {'rows': rows, 'killed': killed})}")
+        print(f"\nwrote {write('capture.json', head | {'rows': rows, 'killed': [killed]})}")
 
 
 if __name__ == "__main__":
