@@ -156,7 +156,7 @@ def test_every_fault_is_found_by_its_name_and_taken_again(tmp_path: Path) -> Non
 
 def test_a_capture_with_many_misfires_has_no_wrong_pairing(tmp_path: Path) -> None:
     """Ten in a hundred, of all kinds at random; ``benches/python/capture.py`` takes 770 shots."""
-    shots = captures.plan(90)
+    shots = captures.plan(45)
     devices = captures.rig(shots, random_faults(len(shots), 0.1, seed=11))
     result = captures.taken(shots, devices, tmp_path / "a")
     assert result.complete
@@ -179,7 +179,7 @@ def test_a_capture_with_many_misfires_has_no_wrong_pairing(tmp_path: Path) -> No
 def test_a_fault_that_stays_stops_the_run_and_loses_nothing(
     tmp_path: Path, fault: Fault, error: type[DeviceError], words: str
 ) -> None:
-    shots, out = captures.plan(24), tmp_path / "a"
+    shots, out = captures.plan(14), tmp_path / "a"
     broken = captures.rig(shots, Faults(forever={12: fault}))
     with pytest.raises(error, match="the capture stopped at") as caught:
         captures.taken(shots, broken, out)
@@ -297,7 +297,7 @@ def test_a_session_that_was_edited_by_hand_stays(tmp_path: Path) -> None:
 
 
 def test_files_that_were_exchanged_damaged_or_lost_are_named(tmp_path: Path) -> None:
-    shots, out = captures.plan(24), tmp_path / "a"
+    shots, out = captures.plan(12), tmp_path / "a"
     captures.taken(shots, captures.rig(shots), out)
     assert capture.check(out).complete
     home = out / "photographs"
