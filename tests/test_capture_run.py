@@ -196,6 +196,18 @@ def test_a_fault_that_stays_stops_the_run_and_loses_nothing(
     assert all(after[name] == entry for name, entry in before.items())
 
 
+@pytest.mark.parametrize("warm_up_s", [None, 0.0])
+def test_a_rig_without_light_stops_at_the_first_reference_shot(
+    tmp_path: Path, warm_up_s: float | None
+) -> None:
+    """Also while it is waited for a warm lamp; the two dark frames are kept."""
+    shots, out = captures.plan(6), tmp_path / "a"
+    faults = Faults(forever={3: "dark"})
+    with pytest.raises(DeviceError, match=r"reference_001: .* is dark: 0\.0 % of full scale; see"):
+        captures.taken(shots, captures.rig(shots, faults), out, warm_up_s=warm_up_s)
+    assert list(captures.log_of(out).entries) == ["dark_001", "dark_002"]
+
+
 def test_a_shot_that_fails_four_times_is_named_and_kept_out(tmp_path: Path) -> None:
     """All tries of shot_003 and of the retakes are overexposed; the last ones are kept."""
     shots, out = captures.plan(12), tmp_path / "a"

@@ -11,6 +11,7 @@ from impasto.capture.misfires import (
     Misfire,
     blurred,
     clipped,
+    dark_reference,
     drifted,
     duplicate_frame,
     light_in_the_dark,
@@ -76,6 +77,8 @@ def accepted(shot: Shot, frame: Frame, path: Path, known: Known, seen: dict[str,
         refuse(light_in_the_dark(picture.level, known.darks))
         return picture
     refuse(clipped(picture.clipped))
+    if known.base is None and shot.kind == "reference":
+        refuse(dark_reference(picture.level - known.dark))
     if known.base is None or shot.kind == "board":
         return picture
     base = known.base + known.dark

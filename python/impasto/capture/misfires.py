@@ -19,6 +19,8 @@ LEAST_LIGHT = 0.1
 """Share of the expected light from which a lamp counts as on. Lamps of one rig differ by a factor
 of two and shadows of relief take a half at most, which leaves a quarter; the light of a room that
 a capture can bear is a few hundredths."""
+LEAST_REFERENCE = 0.01
+"""Share of full scale: shot noise of 300 electrons, of 30 000, is 6 % of the light of a pixel."""
 MOST_CLIPPED = 0.5
 """Share of clipped pixels from which most of a photograph says nothing: medians over it fail. A
 gilded icon under lamps in the mirror direction has 45 %."""
@@ -82,6 +84,23 @@ def no_light(level: float, dark: float, reference: float, share: float) -> Misfi
         "no-light",
         f"no light: {percent:.0f} % of what this lamp should give",
         "see whether the lamp is on when it should be, and whether something stands before it",
+    )
+
+
+def dark_reference(above: float) -> Misfire | None:
+    """A reference shot with less than 1 % of full scale, which all others are compared with.
+
+    Parameters
+    ----------
+    above
+        Its mean light above the dark frames.
+    """
+    if above >= LEAST_REFERENCE:
+        return None
+    return Misfire(
+        "no-light",
+        f"the reference shot is dark: {100.0 * max(above, 0.0):.1f} % of full scale",
+        "see whether its lamp is on and the lens is open; if so, take a longer exposure",
     )
 
 

@@ -24,6 +24,7 @@ from impasto.capture.journal import Entry, Journal
 from impasto.capture.misfires import (
     Misfire,
     clock_jump,
+    dark_reference,
     drifted,
     warmed_up,
     wrong_exposure,
@@ -234,7 +235,9 @@ class _Run:
             self._drift(shot, misfire)
         else:
             self._give_up(shot, misfire)
-        if shot.kind == "reference" and misfire.code in {"moved", "blurred"}:
+        # Without a first reference shot nothing could be compared with it.
+        first = self.known.base is None
+        if shot.kind == "reference" and (first or misfire.code in {"moved", "blurred"}):
             self._withdraw_since(misfire)
             raise DeviceError(self._stopped(shot, f"{misfire.why}; {misfire.advice}"))
 
@@ -299,6 +302,9 @@ class _Run:
                 time.sleep(self.warm_up_s)
             if (level := self._probe(references[0])) is not None:
                 levels.append(level)
+            if number + 1 >= TRIES and levels and (misfire := dark_reference(levels[-1])):
+                words = f"{misfire.why}; {misfire.advice}"
+                raise DeviceError(self._stopped(references[0], words))
             if warmed_up(levels):
                 self.journal.note("warm", f"settled after {len(levels)} reference frames")
                 return
