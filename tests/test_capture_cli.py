@@ -144,6 +144,24 @@ def test_the_retake_list_of_a_check(
     assert main(words("check", out, "--quiet")) == 0
 
 
+def test_a_damaged_journal_is_named(
+    light: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One digit of a hash in its third line; neither command goes on from it."""
+    out = tmp_path / "out"
+    run = words("run", "--lights", light, "--out", out, "--quiet")
+    assert main(run) == 0
+    journal = out / "capture" / "journal.jsonl"
+    lines = journal.read_text().splitlines(keepends=True)
+    digit = lines[2].index('"sha256": "') + len('"sha256": "')
+    lines[2] = f"{lines[2][:digit]}{'0' if lines[2][digit] != '0' else '1'}{lines[2][digit + 1 :]}"
+    journal.write_text("".join(lines))
+    for command in (words("check", out, "--quiet"), [*run, "--resume"]):
+        assert main(command) == 3
+        said = " ".join(capsys.readouterr().err.split())
+        assert "journal.jsonl: is damaged in line 3; bring back a copy of it" in said
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
