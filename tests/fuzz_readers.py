@@ -40,10 +40,10 @@ import impasto
 from impasto import io
 from impasto.cli.folder import read_report
 from impasto.colour.session import read_display
+from impasto.io import json_lines
 from impasto.io.results import zarr_store
 from impasto.io.results.zarr_store import ZarrStore
 from impasto.io.session_toml import session_text, sha256_of
-from impasto.jobs import journal
 from impasto.jobs.journal import read_journal
 from impasto.jobs.record import JobRecord
 
@@ -239,10 +239,10 @@ def _lines_repaired(data: bytes, seeds: list[bytes], chance: random.Random) -> b
         with contextlib.suppress(ValueError, RecursionError):
             content = json.loads(line)
             if isinstance(content, dict) and chance.random() < 0.9:
-                content.pop(journal.CHECK, None)
+                content.pop(json_lines.CHECK, None)
                 if "before" in content:
-                    content["before"] = journal.crc_of(b"".join(lines[:index]))
-                lines[index] = journal._line(content)
+                    content["before"] = json_lines.crc_of(b"".join(lines[:index]))
+                lines[index] = json_lines.sealed_line(content)
     return b"".join(lines)
 
 

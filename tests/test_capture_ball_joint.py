@@ -16,15 +16,15 @@ from scipy.spatial.transform import Rotation
 
 from impasto import Rig, simulate
 from impasto.capture import (
+    BallJointPlan,
     BallJointRig,
     Noise,
     Setting,
-    ShotPlan,
     exposures_from_pilot,
-    plan_shots,
+    plan_ball_joint_shots,
 )
-from impasto.capture.shots import reference_setting
-from impasto.capture.shots_picture import from_mirror
+from impasto.capture.ball_joint_picture import from_mirror
+from impasto.capture.ball_joint_shots import reference_setting
 from impasto.capture.travelling_salesman import length_of, nearest_neighbour, two_opt
 from impasto.cli import main
 from impasto.errors import ArgumentError, GeometryError
@@ -208,8 +208,8 @@ def test_one_place_of_each_group() -> None:
 
 
 @cache
-def plan() -> ShotPlan:
-    return plan_shots(PAIRS)
+def plan() -> BallJointPlan:
+    return plan_ball_joint_shots(PAIRS)
 
 
 def test_the_plan_of_the_paper() -> None:
@@ -242,7 +242,7 @@ def test_reference_poses_come_every_fifty_shots_and_with_each_lamp() -> None:
             assert shot.setting.lamp == lamp
     assert plan().shots[0].pair is None
     assert plan().shots[-1].pair is None
-    few = plan_shots(PAIRS.take(range(20)), every=0)
+    few = plan_ball_joint_shots(PAIRS.take(range(20)), every=0)
     assert len(few.shots) == len(few.pairs) == 20
 
 
@@ -267,9 +267,9 @@ def test_the_pattern_is_dense_about_the_mirror_direction() -> None:
 def test_a_pair_that_is_out_of_reach_is_named() -> None:
     far = Rig([(0.0, 0.0, 1.0), (0.98, 0.0, 0.2)], views=[(0.5, 0.0, 0.8), (0.0, 0.99, 0.1)])
     with pytest.raises(GeometryError, match=r"pair 1: light .* cannot be reached: tilt would be"):
-        plan_shots(far)
+        plan_ball_joint_shots(far)
     with pytest.raises(ArgumentError, match="every: expected a whole number"):
-        plan_shots(PAIRS, every=-1)
+        plan_ball_joint_shots(PAIRS, every=-1)
     narrow = BallJointRig(lamps=(0.0,), camera=(-0.2, 0.2))
     with pytest.raises(GeometryError, match="for a reference pose; give every=0"):
         reference_setting(narrow, 0)

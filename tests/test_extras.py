@@ -51,7 +51,7 @@ import json, sys, tempfile
 from pathlib import Path
 
 OPTIONAL = ("matplotlib", "PIL", "imageio_ffmpeg", "zarr", "xarray", "h5netcdf", "h5py", "dask",
-            "distributed", "scipy", "rawpy", "pandas")
+            "distributed", "scipy", "rawpy", "pandas", "gphoto2", "serial")
 for name in OPTIONAL:
     sys.modules[name] = None
 

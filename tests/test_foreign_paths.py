@@ -18,8 +18,8 @@ import pytest
 import impasto
 from failing_steps import OPTIONS, stack
 from impasto import jobs
+from impasto.io import json_lines
 from impasto.io.results import zarr_store
-from impasto.jobs import journal
 from killed_jobs import tree
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
@@ -93,8 +93,10 @@ def refilled(notes: Path, name: str) -> None:
     np.savez(made, **arrays)
     numbers.write_bytes(made.getvalue())
     lines = (notes / "journal.jsonl").read_bytes().splitlines(keepends=True)
-    crc = journal.crc_of(made.getvalue())
-    changed = [journal._line({"numbers": crc}) if b'"numbers"' in line else line for line in lines]
+    crc = json_lines.crc_of(made.getvalue())
+    changed = [
+        json_lines.sealed_line({"numbers": crc}) if b'"numbers"' in line else line for line in lines
+    ]
     assert changed != lines
     (notes / "journal.jsonl").write_bytes(b"".join(changed))
 
@@ -113,7 +115,7 @@ def test_a_number_of_a_job_lies_in_it(name: str, copy: Path) -> None:
 def test_a_file_of_a_journal_lies_in_the_store(copy: Path) -> None:
     file = copy / "job.zarr.partial" / "job" / "journal.jsonl"
     content = {"tile": [0, 1], "estimated": 1, "shards": {"../precious/a": "0"}}
-    file.write_bytes(file.read_bytes() + journal._line(content))
+    file.write_bytes(file.read_bytes() + json_lines.sealed_line(content))
     (found,) = jobs.verify(copy / "job.zarr")
     assert "journal.jsonl: is damaged in line" in str(found)
 

@@ -74,5 +74,13 @@ class ClusterError(ImpastoError, RuntimeError):
     """The workers or the scheduler of a Dask cluster were lost; the job can be resumed."""
 
 
+class DeviceError(ImpastoError, RuntimeError):
+    """A camera, its lamps or its stage did not do what was ordered; the message says what to do."""
+
+
+class DisconnectedError(DeviceError):
+    """A device is not there (any more): a cable, a power supply, a name of a port."""
+
+
 class InternalError(ImpastoError, RuntimeError):
     """A defect in impasto itself (a panic of the numerics): please report it."""

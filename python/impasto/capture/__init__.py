@@ -1,27 +1,59 @@
-"""Capture: what a rig will tell before a photograph is made, which lamp to add, and which shots."""
+"""Capture: what a rig will tell before a photograph is made, and the photographs themselves.
+
+:func:`run` takes the photographs of a plan with a camera and lamps; drivers of devices are in
+``impasto.capture.drivers``.
+"""
 
 from impasto.capture.ball_joint import BallJointRig, Setting
+from impasto.capture.ball_joint_picture import ball_joint_picture
+from impasto.capture.ball_joint_shots import (
+    BallJointPlan,
+    BallJointShot,
+    plan_ball_joint_shots,
+    write_ball_joint_lights,
+    write_ball_joint_shots,
+)
+from impasto.capture.devices import Camera, FixedStage, Frame, Lights, Pose, Stage
+from impasto.capture.examine import check
 from impasto.capture.expected import ExpectedErrors, Noise, expected_errors
 from impasto.capture.exposure import exposures_from_pilot
+from impasto.capture.misfires import Misfire
 from impasto.capture.plan_picture import plan_picture
 from impasto.capture.planning import better_lights, hemisphere
-from impasto.capture.shots import Shot, ShotPlan, plan_shots, write_shot_lights, write_shots
-from impasto.capture.shots_picture import shots_picture
+from impasto.capture.result import CaptureResult, Retake
+from impasto.capture.run import run
+from impasto.capture.shots import Shot, ShotPlan, plan_shots, read_shots, write_shots
 
 __all__ = [
+    "BallJointPlan",
     "BallJointRig",
+    "BallJointShot",
+    "Camera",
+    "CaptureResult",
     "ExpectedErrors",
+    "FixedStage",
+    "Frame",
+    "Lights",
+    "Misfire",
     "Noise",
+    "Pose",
+    "Retake",
     "Setting",
     "Shot",
     "ShotPlan",
+    "Stage",
+    "ball_joint_picture",
     "better_lights",
+    "check",
     "expected_errors",
     "exposures_from_pilot",
     "hemisphere",
+    "plan_ball_joint_shots",
     "plan_picture",
     "plan_shots",
-    "shots_picture",
-    "write_shot_lights",
+    "read_shots",
+    "run",
+    "write_ball_joint_lights",
+    "write_ball_joint_shots",
     "write_shots",
 ]

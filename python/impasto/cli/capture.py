@@ -1,4 +1,4 @@
-"""``impasto capture``: what to photograph."""
+"""``impasto capture``: what to photograph; the photographs are in ``capture_run``."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ WIDTHS = {"matte": 0.3, "satin": 0.12, "gloss": 0.075}
 
 def application() -> App:
     """The commands below ``impasto capture``."""
-    app = App(name="capture", help="Plan photographs before they are made.")
+    app = App(name="capture", help="Plan photographs, take them, and check them.")
     app.command("impasto.cli.capture:plan")
     app.command("impasto.cli.capture:ball_joint", name="ball-joint")
     app.command("impasto.cli.capture:exposure")
+    app.command("impasto.cli.capture_run:run")
+    app.command("impasto.cli.capture_run:check")
     return app
 
 
@@ -143,11 +145,11 @@ def ball_joint(
     """
     from impasto.capture import (
         BallJointRig,
+        ball_joint_picture,
         expected_errors,
-        plan_shots,
-        shots_picture,
-        write_shot_lights,
-        write_shots,
+        plan_ball_joint_shots,
+        write_ball_joint_lights,
+        write_ball_joint_shots,
     )
     from impasto.io import write_png8
 
@@ -169,7 +171,7 @@ def ball_joint(
     mechanism = BallJointRig(lamps=_degrees(lamps), separation=math.radians(separation), **sides)
     stages = Stages(quiet=quiet)
     with stages.stage("shots") as stage:
-        found = plan_shots(pairs, mechanism, every=every)
+        found = plan_ball_joint_shots(pairs, mechanism, every=every)
         stage.note = f"{len(found.pairs)} pairs, {len(found.shots) - len(found.pairs)} references"
     errors = expected_errors(pairs, **_lobe(gloss))
     stdout().print(
@@ -183,9 +185,9 @@ def ball_joint(
     if files is not None:
         table, picture, lights = files
         table.parent.mkdir(parents=True, exist_ok=True)
-        write_png8(picture, shots_picture(found, errors))
-        write_shot_lights(lights, found)
-        write_shots(table, found)
+        write_png8(picture, ball_joint_picture(found, errors))
+        write_ball_joint_lights(lights, found)
+        write_ball_joint_shots(table, found)
 
 
 def exposure(

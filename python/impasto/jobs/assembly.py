@@ -19,6 +19,7 @@ from impasto.fit.result import Sbrdf
 from impasto.fit.saved import maps_of
 from impasto.fit.stored import StoredMaps, StoredSbrdf
 from impasto.io.files import atomic_together
+from impasto.io.json_lines import crc_of
 from impasto.io.results import SavedMaps
 from impasto.io.results.multiscales import multiscales_of, with_dims
 from impasto.io.results.precision import Precision, from_store, to_store
@@ -31,7 +32,6 @@ from impasto.io.results.zarr_store import (
     zarr_arrays,
 )
 from impasto.jobs.grid import PIECE, Grid, Tile
-from impasto.jobs.journal import crc_of
 from impasto.jobs.levels import HALF_SCALE, half_scale, write_levels
 from impasto.rig import Rig
 

@@ -7,7 +7,6 @@ a change is found while the job runs, too.
 
 from __future__ import annotations
 
-import json
 import os
 import zlib
 from collections.abc import Mapping
@@ -19,11 +18,10 @@ from impasto._internal.damage import DAMAGE
 from impasto._internal.waiting import wait_for
 from impasto.errors import CorruptInputError
 from impasto.io.files import as_problem_of, sync_folder
+from impasto.io.json_lines import crc_of, opened_line, sealed_line
 from impasto.jobs.grid import Grid, Tile
 
 JOURNAL = "journal.jsonl"
-CHECK = "crc"
-"""Name of the checksum of a line, CRC-32 of what stands before it, closed by a brace."""
 CHUNK = 1 << 24
 """Bytes of a file that are read at a time."""
 
@@ -72,11 +70,11 @@ class Entries:
 
     def to_bytes(self, grid: Grid) -> bytes:
         """The whole file, tiles in the order of the grid."""
-        lines = [_line({"job": self.job, "learned": self.learned})]
+        lines = [sealed_line({"job": self.job, "learned": self.learned})]
         lines += [_tile_line(tile, self.tiles[tile]) for tile in grid if tile in self.tiles]
         if self.files is not None:
             before = crc_of(b"".join(lines))
-            lines.append(_line({"before": before, "files": self.files}))
+            lines.append(sealed_line({"before": before, "files": self.files}))
         return b"".join(lines)
 
 
@@ -96,7 +94,7 @@ def read_journal(path: Path) -> Entries:
     before = 0
     for number, line in enumerate(whole.splitlines(keepends=True), start=1):
         try:
-            content = _content(line)
+            content = opened_line(line)
             if found is None:
                 found = Entries(str(content["job"]), str(content["learned"]))
             elif "files" in content:
@@ -131,7 +129,7 @@ class Journal:
             with as_problem_of(path):
                 self._file.truncate(entries.length)
                 if not entries.length:
-                    self._append(_line({"job": entries.job, "learned": entries.learned}))
+                    self._append(sealed_line({"job": entries.job, "learned": entries.learned}))
                 sync_folder(path.parent)
         except BaseException:
             self._file.close()
@@ -146,7 +144,7 @@ class Journal:
     def announce(self, crc: str) -> None:
         """The checksum of what is no map, before it is written."""
         with as_problem_of(self.path):
-            self._append(_line({"numbers": crc}))
+            self._append(sealed_line({"numbers": crc}))
         self.entries.numbers.append(crc)
 
     def close(self) -> None:
@@ -157,11 +155,6 @@ class Journal:
         self._file.write(line)
         self._file.flush()
         wait_for(os.fsync, self._file.fileno())
-
-
-def crc_of(data: bytes | memoryview) -> str:
-    """CRC-32 in eight hexadecimal digits."""
-    return f"{zlib.crc32(data):08x}"
 
 
 def checksum(path: Path) -> str:
@@ -182,19 +175,6 @@ def _checksums(content: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _tile_line(tile: Tile, entry: TileEntry) -> bytes:
-    return _line({"tile": list(tile), "estimated": entry.estimated, "shards": dict(entry.shards)})
-
-
-def _line(content: Mapping[str, Any]) -> bytes:
-    text = json.dumps(content, sort_keys=True)
-    # Last, whatever the order of the names.
-    return f'{text[:-1]}, "{CHECK}": "{crc_of(text.encode())}"}}\n'.encode()
-
-
-def _content(line: bytes) -> dict[str, Any]:
-    """What a line says, if it is as it was written."""
-    content: dict[str, Any] = json.loads(line)
-    del content[CHECK]
-    if _line(content) != line:
-        raise ValueError("the checksum of the line does not agree")
-    return content
+    return sealed_line(
+        {"tile": list(tile), "estimated": entry.estimated, "shards": dict(entry.shards)}
+    )

@@ -20,12 +20,12 @@ from impasto._internal.windows import Window, squares
 from impasto.fit.result import Sbrdf
 from impasto.fit.stored import StoredSbrdf, maps_of_level, surface_of_level
 from impasto.io.files import atomic_together
+from impasto.io.json_lines import crc_of
 from impasto.io.results.multiscales import with_dims
 from impasto.io.results.precision import Precision, to_store
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray
 from impasto.io.results.zarr_store import EMPTY_GROUP, Levels, read_window
 from impasto.jobs.grid import Grid
-from impasto.jobs.journal import crc_of
 from impasto.lighting import reduced
 from impasto.surface import Surface
 

@@ -16,11 +16,12 @@ from impasto._internal.windows import within
 from impasto.fit.learning import LearnedModel
 from impasto.fit.result import Sbrdf
 from impasto.io.files import as_problem_of, atomic_bytes, atomic_together
+from impasto.io.json_lines import crc_of
 from impasto.io.npz import npz_bytes, read_npz
 from impasto.io.results.precision import Precision
 from impasto.jobs.assembly import KNOWN, files_of_tile
 from impasto.jobs.grid import Grid, Tile
-from impasto.jobs.journal import Journal, TileEntry, crc_of
+from impasto.jobs.journal import Journal, TileEntry
 from impasto.jobs.photographs import Photographs
 from impasto.jobs.pipeline import pipelined
 from impasto.stack import Stack

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from impasto.io.files import atomic_bytes, atomic_together
 from impasto.io.folders import new_folder
+from impasto.io.json_lines import crc_of
 from impasto.io.results.zarr_arrays import METADATA
 from impasto.io.results.zarr_store import EMPTY_GROUP
 from impasto.jobs.assembly import KNOWN, complete, files_of_tile
 from impasto.jobs.checksums import CHECKSUMS, checksums_file
 from impasto.jobs.grid import Grid
-from impasto.jobs.journal import crc_of
 from impasto.merge.blend import Mosaic
 from impasto.merge.report import MergeReport
 

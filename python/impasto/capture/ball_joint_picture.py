@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.capture.ball_joint_shots import BallJointPlan
 from impasto.capture.expected import ExpectedErrors
 from impasto.capture.plan_picture import errors_panel
-from impasto.capture.shots import ShotPlan
 from impasto.pictures import Panel, Picture, Series, colour_ramp, contact_sheet, diagram_panel
 from impasto.pictures.diagrams import AMBER, BLUE, GREEN, GROUND, LINE, RED
 from impasto.pictures.panels import FAINT
@@ -51,7 +51,7 @@ def from_mirror(lights: Floats, views: Floats) -> Floats:
     return np.stack([x * scale, y * scale], axis=1)
 
 
-def shots_picture(plan: ShotPlan, errors: ExpectedErrors) -> Picture:
+def ball_joint_picture(plan: BallJointPlan, errors: ExpectedErrors) -> Picture:
     """``(y, x, 3)``: views about the mirror direction, joints in order, and the least errors.
 
     Parameters
@@ -73,7 +73,7 @@ def shots_picture(plan: ShotPlan, errors: ExpectedErrors) -> Picture:
     )
 
 
-def _views(plan: ShotPlan) -> Panel:
+def _views(plan: BallJointPlan) -> Panel:
     import cv2
 
     picture = np.full((_SIZE, _SIZE, 3), GROUND, dtype=np.uint8)
@@ -93,7 +93,7 @@ def _views(plan: ShotPlan) -> Panel:
     return Panel("Camera from the mirror direction", picture, note)
 
 
-def _joints(plan: ShotPlan) -> Panel:
+def _joints(plan: BallJointPlan) -> Panel:
     degrees = np.degrees([shot.setting.angles for shot in plan.shots])
     number = np.arange(len(degrees))
     series = [

@@ -1,0 +1,93 @@
+"""From a capture to the ``session.toml`` that :func:`impasto.read_stack` takes."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from impasto.capture.folder import FOLDERS
+from impasto.capture.journal import Entry, Journal
+from impasto.capture.shots import Shot, ShotPlan
+from impasto.io.files import atomic_bytes
+from impasto.io.session_toml import SESSION_FILE, Session, session_text
+from impasto.rig import FRONTAL
+
+
+def session_of(plan: ShotPlan, entries: Mapping[str, Entry], camera: str | None) -> Session:
+    """The session of all photographs that count.
+
+    Parameters
+    ----------
+    plan
+        Of the capture.
+    entries
+        From its journal.
+    camera
+        Its name.
+    """
+    shots = [shot for shot in plan.of("photograph") if shot.name in entries]
+    names = [Path(entries[shot.name].file).name for shot in shots]
+    lights: dict[str, Any] = {}
+    # Poses move the lamps: then positions of the plan are not those of the photographs.
+    if plan.positions_mm is not None and all(shot.pose.light is None for shot in shots):
+        lights["positions_mm"] = {
+            name: _three(plan.positions_mm[(shot.lamp or 1) - 1])
+            for name, shot in zip(names, shots, strict=True)
+        }
+    else:
+        lights["directions"] = {
+            name: plan.light_of(shot) for name, shot in zip(names, shots, strict=True)
+        }
+    if any(shot.pose.view is not None for shot in shots):
+        lights["views"] = {
+            name: shot.pose.view or FRONTAL for name, shot in zip(names, shots, strict=True)
+        }
+    exposures = [entries[shot.name].exposure_s for shot in shots]
+    if max(exposures) > min(exposures) * 1.000001:
+        lights["intensities"] = tuple(one / max(exposures) for one in exposures)
+    darks = tuple(entries[shot.name].file for shot in plan.of("dark") if shot.name in entries)
+    return Session(
+        camera=camera or None,
+        images=FOLDERS["photograph"],
+        dark=darks or None,
+        white=_boards(plan, entries, shots),
+        sha256={entry.file: entry.sha256 for entry in entries.values()},
+        **lights,
+    )
+
+
+def write(root: Path, plan: ShotPlan, journal: Journal, camera: str | None) -> Path | None:
+    """Write the session file of a capture; one that was edited by hand is never replaced."""
+    path, log = root / SESSION_FILE, journal.log
+    if not any(shot.name in log.entries for shot in plan.of("photograph")):
+        return None
+    if path.exists() and _hash(path.read_bytes()) != log.session:
+        return None
+    data = session_text(session_of(plan, log.entries, camera)).encode()
+    journal.session(_hash(data))
+    atomic_bytes(path, data)
+    return path
+
+
+def _boards(
+    plan: ShotPlan, entries: Mapping[str, Entry], shots: list[Shot]
+) -> str | tuple[str, ...] | None:
+    """One board for all, or that of each photograph's lamp; None where some lamp has none."""
+    boards = [shot for shot in plan.of("board") if shot.name in entries]
+    if len(boards) == 1:
+        return entries[boards[0].name].file
+    by_lamp = {(shot.lamp, shot.pose.view): entries[shot.name].file for shot in boards}
+    found = [by_lamp.get((shot.lamp, shot.pose.view)) for shot in shots]
+    files = tuple(one for one in found if one is not None)
+    return files if files and len(files) == len(shots) else None
+
+
+def _three(vector: Any) -> tuple[float, float, float]:
+    x, y, z = (float(one) for one in vector)
+    return x, y, z
+
+
+def _hash(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
