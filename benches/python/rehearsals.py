@@ -2,8 +2,9 @@
 
     python benches/python/rehearsals.py [SYSTEM ...] [--size 256] [--record]
 
-``impasto rehearse`` for each system: errors, and time and memory of its commands. ``--record``
-writes benches/results/rehearsals.json, and the sheet of the first as a picture beside it.
+``impasto rehearse`` for each system: errors, also without a camera (the painting's own pixels under
+the true lamps, with the same noise), and time and memory of its commands. ``--record`` writes
+benches/results/rehearsals.json, and the sheet of the first as a picture beside it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,12 @@ from typing import Any, get_args
 import cv2
 from record import RESULTS, run_info, show, write
 
+import impasto
+from impasto import simulate
 from impasto.cli.rehearse import Rehearsed
+from impasto.rehearsal.outcome import outcome
+from impasto.rehearsal.photographs import BITS, CAMERA, EXPOSURE, LAMPS
+from impasto.rig import PointView, Rig
 
 ERRORS = {
     "lamps_mean_degrees": "directions of lamps, mean, degrees",
@@ -43,6 +49,23 @@ def rehearsed(system: str, size: int, folder: Path) -> dict[str, Any]:
     return found
 
 
+def without_a_camera(system: str, size: int) -> dict[str, Any]:
+    """The same errors from photographs that need no alignment and no calibration."""
+    painting = simulate.painting(0, (size, size))
+    width = size * painting.pitch_mm
+    rig = Rig(
+        simulate.rig(system, distance_mm=LAMPS * width, pitch_mm=painting.pitch_mm),
+        views=PointView((0.0, 0.0, CAMERA * width)),
+    )
+    seen = simulate.capture(
+        painting, rig, simulate.camera(system), exposure=EXPOSURE, bits=BITS, shadows=True
+    )
+    sbrdf = impasto.fit_sbrdf(seen.stack)
+    reflectance = impasto.fit_reflectance(seen.stack, sbrdf, seen.truth.camera)
+    found = outcome(seen.truth, sbrdf, reflectance, rig.directions).numbers()
+    return {key: None if key.startswith("lamps") else value for key, value in found.items()}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("systems", nargs="*", default=get_args(Rehearsed))
@@ -52,12 +75,15 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         found = [rehearsed(one, options.size, Path(folder) / one) for one in options.systems]
         sheet = cv2.imread(str(Path(folder) / options.systems[0] / "rehearsal.png"))
+    alone = {system: without_a_camera(system, options.size) for system in options.systems}
     errors = [
-        {"what": words} | {one["system"]: one["errors"][key] for one in found}
+        {"what": words}
+        | {one["system"]: one["errors"][key] for one in found}
+        | {f"{system} alone": one[key] for system, one in alone.items()}
         for key, words in ERRORS.items()
     ]
     commands = [
-        {"command": " ".join(first["command"].split()[:3]).replace(" painting", "")}
+        {"step": first["purpose"]}
         | {f"{one['system']} s": one["commands"][number]["seconds"] for one in found}
         | {f"{one['system']} MiB": one["commands"][number]["peak_mib"] for one in found}
         for number, first in enumerate(found[0]["commands"])

@@ -89,7 +89,7 @@ def rehearse(
         lamps = read_lights(out / "painting" / "lights.dome").positions
         assert lamps is not None
         found = outcome(
-            session,
+            session.truth,
             sbrdf,
             impasto.Reflectance.load(out / "fit" / SPECTRA),
             lamps,
@@ -105,7 +105,12 @@ def rehearse(
             "size": size,
             "seed": seed,
             "commands": [
-                {"command": str(one.step), "seconds": one.seconds, "peak_mib": one.peak_mib}
+                {
+                    "command": str(one.step),
+                    "purpose": one.step.purpose,
+                    "seconds": one.seconds,
+                    "peak_mib": one.peak_mib,
+                }
                 for one in done
             ],
             "errors": found.numbers(),

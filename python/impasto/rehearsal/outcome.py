@@ -14,7 +14,7 @@ from impasto.colour import delta_e, lab_from_xyz, white_point
 from impasto.pictures import Panel, colour_panel, contact_sheet, normal_panel, ramp_panel
 from impasto.pictures.panels import Picture
 from impasto.rehearsal.course import ILLUMINANT, LIGHT
-from impasto.rehearsal.photographs import EXPOSURE, Session
+from impasto.rehearsal.photographs import EXPOSURE
 from impasto.simulate.score import normal_error
 
 Linear: TypeAlias = NDArray[np.float32]
@@ -89,20 +89,19 @@ class Outcome:
 
 
 def outcome(
-    session: Session, sbrdf: impasto.Sbrdf, reflectance: Any, lamps: NDArray[np.float64]
+    truth: simulate.Truth, sbrdf: impasto.Sbrdf, reflectance: Any, lamps: NDArray[np.float64]
 ) -> Outcome:
     """Compare the result of a session with the truth.
 
     Parameters
     ----------
-    session
-        What was photographed.
+    truth
+        Of the session.
     sbrdf, reflectance
         What was found.
     lamps
-        ``(lamp, 3)`` positions of the lamps as found, in mm.
+        ``(lamp, 3)`` positions of the lamps as found, or directions.
     """
-    truth = session.truth
     azimuth, elevation = np.radians(LIGHT)
     across = np.cos(elevation)
     towards = (across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation))
