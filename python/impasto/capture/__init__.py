@@ -13,7 +13,7 @@ from impasto.capture.ball_joint_shots import (
     write_ball_joint_lights,
     write_ball_joint_shots,
 )
-from impasto.capture.devices import Camera, FixedStage, Frame, Lights, Pose, Stage
+from impasto.capture.devices import CameraDevice, FixedStage, Frame, Lights, Pose, Stage
 from impasto.capture.examine import check
 from impasto.capture.expected import ExpectedErrors, Noise, expected_errors
 from impasto.capture.exposure import exposures_from_pilot
@@ -28,7 +28,7 @@ __all__ = [
     "BallJointPlan",
     "BallJointRig",
     "BallJointShot",
-    "Camera",
+    "CameraDevice",
     "CaptureResult",
     "ExpectedErrors",
     "FixedStage",

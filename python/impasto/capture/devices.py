@@ -57,7 +57,7 @@ class Frame:
     taken: datetime | None = None
 
 
-class Camera(Protocol):
+class CameraDevice(Protocol):
     """A camera that is released by the run."""
 
     @property

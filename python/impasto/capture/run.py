@@ -11,7 +11,7 @@ from pathlib import Path
 
 from impasto.capture import to_session
 from impasto.capture.acceptance import MisfireError, accepted, refuse
-from impasto.capture.devices import Camera, FixedStage, Frame, Lights, Stage
+from impasto.capture.devices import CameraDevice, FixedStage, Frame, Lights, Stage
 from impasto.capture.examine import (
     Known,
     read_known,
@@ -59,7 +59,7 @@ Say = Callable[[str], None]
 
 def run(
     plan: ShotPlan,
-    camera: Camera,
+    camera: CameraDevice,
     lights: Lights,
     stage: Stage | None,
     folder: str | os.PathLike[str],
@@ -141,7 +141,7 @@ class _Run:
     """A run, with what it knows of the photographs so far."""
 
     plan: ShotPlan
-    camera: Camera
+    camera: CameraDevice
     lights: Lights
     stage: Stage
     folder: CaptureFolder
