@@ -21,13 +21,9 @@ import sys
 import tempfile
 import time
 import warnings
-import zipfile
-import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cache
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -37,11 +33,18 @@ import OpenEXR
 import tifffile
 
 import impasto
+from fuzz_captures import LIGHTS, SIZE, captures, optics
+from fuzz_mutations import (
+    Reader,
+    chunks_repaired,
+    lines_repaired,
+    list_repaired,
+    members_changed,
+    mutated,
+)
 from impasto import io
 from impasto.cli.folder import read_report
 from impasto.colour.session import read_display
-from impasto.io import json_lines
-from impasto.io.results import zarr_store
 from impasto.io.results.zarr_store import ZarrStore
 from impasto.io.session_toml import session_text, sha256_of
 from impasto.jobs.journal import read_journal
@@ -56,33 +59,6 @@ BATCH = 20_000
 WAIT = 1800.0
 """Seconds after which one of its cases waits for ever."""
 
-SIZE = (10, 12)
-LIGHTS = [(0.5, 0, 0.9), (0, 0.5, 0.9), (-0.5, 0, 0.9), (0, -0.5, 0.9), (0, 0, 1)]
-NUMBERS = (0, 1, 2, 3, 7, 8, 127, 255, 256, 32767, 65535, 2**24, 2**31 - 1, 2**31, 2**32 - 1)
-WORDS = (
-    *(bytes([code]) for code in b'\0\r\n\t"\\,;:# []{}\xff'),
-    *(b"nan", b"NaN", b"inf", b"1e999", b"-1e999", b"-1", b"0", b"1e-320", b"1_0", b"0x1f"),
-    *(b"null", b"true", b'""', b"[]", b"{}", b"[" * 3000, b'{"a":' * 3000, b"../../x"),
-    *(b"\xef\xbb\xbf", b"\xff\xfe", "²".encode(), b"9" * 400, b"9" * 5000, b"a" * 140_000),
-)
-VALUES: tuple[Any, ...] = (
-    *(0, 1, -1, 255, 2**40, 0.5, -1.0, 1e-320, 1e308, float("nan"), float("inf"), True, "", "a"),
-    *("9" * 400, "{", "[" * 3000, [], [0.0], [[1.0, 2.0, 3.0]], [["a"]], 1j, b"x"),
-)
-"""Arrays that nobody expects."""
-
-
-@dataclass(frozen=True)
-class Reader:
-    """Good files, how to read one, and whether they are text."""
-
-    suffix: str
-    seeds: list[bytes]
-    read: Callable[[Path], Any]
-    text: bool = False
-    repair: Callable[[bytes, list[bytes], random.Random], bytes] = lambda data, seeds, chance: data
-    """Makes checksums right again, so that what they protect is reached, too."""
-
 
 @dataclass
 class Tally:
@@ -90,42 +66,6 @@ class Tally:
 
     outcomes: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
-
-
-def mutated(seeds: list[bytes], chance: random.Random, *, text: bool) -> bytes:
-    """One of the good files with one to six changes."""
-    data = bytearray(chance.choice(seeds))
-    for _ in range(chance.choice((1, 1, 1, 2, 3, 6))):
-        at = chance.randrange(len(data) + 1)
-        # Headers decide more than pixels do.
-        at = min(at, chance.randrange(256)) if chance.random() < 0.3 else at
-        end = min(len(data), at + chance.choice((1, 2, 4, 16, 256)))
-        kind = chance.randrange(9)
-        if kind == 0 and at < len(data):
-            data[at] ^= 1 << chance.randrange(8)
-        elif kind == 1 and at < len(data):
-            data[at] = chance.choice((0, 1, 0x7F, 0x80, 0xFF, chance.randrange(256)))
-        elif kind == 2:
-            del data[at:end]
-        elif kind == 3:
-            data[at:at] = data[at:end]
-        elif kind == 4:
-            del data[at:]
-        elif kind == 5:
-            size = chance.choice((2, 4, 8))
-            number = chance.choice(NUMBERS) % (1 << 8 * size)
-            data[at : at + size] = number.to_bytes(size, chance.choice(("little", "big")))
-        elif kind == 6:
-            other = chance.choice(seeds)
-            start = chance.randrange(len(other) + 1)
-            data[at:end] = other[start : start + end - at]
-        elif kind == 7 and text:
-            data[at:at] = chance.choice(WORDS)
-        elif kind == 8 and text:
-            data[at:end] = chance.choice(WORDS)
-        else:
-            data[at:end] = bytes(end - at)
-    return bytes(data)
 
 
 def run(reader: Reader, name: str, seed: int, numbers: Iterator[int], path: Path) -> Tally:
@@ -176,7 +116,7 @@ def _peak() -> int:
 def readers(folder: Path) -> dict[str, Reader]:
     """All readers by name, with good files that are made in ``folder``."""
     small = {**_pictures(folder), **_texts(folder), **_session(folder)}
-    return {**small, **_archives(folder), **_jobs(folder)}
+    return {**small, **_archives(folder), **_jobs(folder), **optics(folder), **captures(folder)}
 
 
 def _all(folder: Path, suffix: str) -> list[bytes]:
@@ -214,79 +154,12 @@ def _pictures(folder: Path) -> dict[str, Reader]:
     wide = np.full((8, 16, 3), 0.5, np.float32)
     cv2.imwrite(str(folder / "a.hdr"), wide)
     return {
-        "png": Reader(".png", _all(folder, ".png"), io.read_image, repair=_chunks_repaired),
+        "png": Reader(".png", _all(folder, ".png"), io.read_image, repair=chunks_repaired),
         "jpeg": Reader(".jpg", _all(folder, ".jpg"), io.read_image),
         "tiff": Reader(".tif", _all(folder, ".tif"), io.read_image),
         "exr": Reader(".exr", _all(folder, ".exr"), _every_layer),
         "hdr": Reader(".hdr", _all(folder, ".hdr"), impasto.Environment.read),
     }
-
-
-def _chunks_repaired(data: bytes, seeds: list[bytes], chance: random.Random) -> bytes:
-    """Most PNG files with right checksums."""
-    found, at = bytearray(data), 8
-    while at + 12 <= len(found) and chance.random() < 0.93:
-        end = at + 8 + int.from_bytes(found[at : at + 4], "big")
-        found[end : end + 4] = zlib.crc32(found[at + 4 : end]).to_bytes(4, "big")
-        at = end + 4
-    return bytes(found)
-
-
-def _lines_repaired(data: bytes, seeds: list[bytes], chance: random.Random) -> bytes:
-    """Most lines of a journal with right checksums, as far as they still are lines."""
-    lines = data.splitlines(keepends=True)
-    for index, line in enumerate(lines):
-        with contextlib.suppress(ValueError, RecursionError):
-            content = json.loads(line)
-            if isinstance(content, dict) and chance.random() < 0.9:
-                content.pop(json_lines.CHECK, None)
-                if "before" in content:
-                    content["before"] = json_lines.crc_of(b"".join(lines[:index]))
-                lines[index] = json_lines.sealed_line(content)
-    return b"".join(lines)
-
-
-def _list_repaired(data: bytes, seeds: list[bytes], chance: random.Random) -> bytes:
-    """Most lists of a store's arrays with right checksums, as far as they still are lists."""
-    with contextlib.suppress(ValueError, RecursionError, KeyError, TypeError, AttributeError):
-        content = json.loads(data)
-        own = content["attributes"]["impasto"]
-        if chance.random() < 0.9:
-            own.pop("crc32", None)
-            own["crc32"] = zarr_store._checksum(own)
-            return json.dumps(content).encode()
-    return data
-
-
-def _members_changed(data: bytes, seeds: list[bytes], chance: random.Random) -> bytes:
-    """Three of four archives are whole, with one to three members that are not."""
-    if chance.random() < 0.25:
-        return data
-    members = dict(_members(chance.choice(seeds)))
-    for _ in range(chance.choice((1, 1, 1, 2, 3))):
-        name = chance.choice(sorted(members))
-        kind = chance.randrange(8)
-        if kind == 0 and len(members) > 1:
-            del members[name]
-        elif kind == 1:
-            members[name] = chance.choice(list(members.values()))
-        elif kind == 2:
-            content = BytesIO()
-            np.save(content, np.array(chance.choice(VALUES)))
-            members[name] = content.getvalue()
-        else:
-            members[name] = mutated([members[name]], chance, text=False)
-    target = BytesIO()
-    with zipfile.ZipFile(target, "w") as archive:
-        for name, content in members.items():
-            archive.writestr(name, content)
-    return target.getvalue()
-
-
-@cache
-def _members(data: bytes) -> dict[str, bytes]:
-    with zipfile.ZipFile(BytesIO(data)) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
 
 
 def _every_layer(path: Path) -> None:
@@ -404,10 +277,10 @@ def _archives(folder: Path) -> dict[str, Reader]:
     stacks = [(folder / "stack.npz").read_bytes()]
     learned = [(folder / "learned.npz").read_bytes()]
     return {
-        "stack": Reader(".npz", stacks, impasto.read_stack, repair=_members_changed),
-        "region": Reader(".npz", stacks, part, repair=_members_changed),
-        "result": Reader(".npz", results, impasto.load_sbrdf, repair=_members_changed),
-        "learned": Reader(".npz", learned, impasto.load_learned, repair=_members_changed),
+        "stack": Reader(".npz", stacks, impasto.read_stack, repair=members_changed),
+        "region": Reader(".npz", stacks, part, repair=members_changed),
+        "result": Reader(".npz", results, impasto.load_sbrdf, repair=members_changed),
+        "learned": Reader(".npz", learned, impasto.load_learned, repair=members_changed),
     }
 
 
@@ -443,8 +316,8 @@ def _jobs(folder: Path) -> dict[str, Reader]:
 
     return {
         "record": reader(notes / "job.json", JobRecord.read),
-        "journal": reader(notes / "journal.jsonl", read_journal, repair=_lines_repaired),
-        "store": reader(folder / "a.zarr" / "zarr.json", store, repair=_list_repaired),
+        "journal": reader(notes / "journal.jsonl", read_journal, repair=lines_repaired),
+        "store": reader(folder / "a.zarr" / "zarr.json", store, repair=list_repaired),
         "array": reader(folder / "a.zarr" / "x" / "zarr.json", array),
     }
 

@@ -6,7 +6,7 @@ import os
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -17,8 +17,16 @@ from impasto import capture, simulate
 from impasto.capture import Frame, Pose, Shot, ShotPlan
 from impasto.capture.drivers.faults import Fault, Faults, random_faults
 from impasto.capture.drivers.simulated import SimulatedRig
-from impasto.errors import ArgumentError, DeviceError, DisconnectedError, ResumeMismatchError
+from impasto.capture.journal import Entry, read_log
+from impasto.errors import (
+    ArgumentError,
+    CorruptInputError,
+    DeviceError,
+    DisconnectedError,
+    ResumeMismatchError,
+)
 from impasto.io import read_session
+from impasto.io.json_lines import sealed_line
 
 
 def degrees(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -341,3 +349,21 @@ def test_files_that_were_exchanged_damaged_or_lost_are_named(tmp_path: Path) -> 
 def test_a_folder_without_a_capture_cannot_be_checked(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="holds no capture"):
         capture.check(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"lamp": "1"}, {"exposure_s": float("nan")}, {"name": 3}, {"tries": 0.5}, {"file": "../a"}],
+)
+def test_a_journal_whose_values_are_of_another_kind_is_damaged(
+    change: dict[str, Any], tmp_path: Path
+) -> None:
+    """The checksum of a line is right: another program wrote it."""
+    good = Entry("a", "photographs/a.png", "0" * 64, 1, 0.01, 1.7e9, 1, 0.5)
+    path = tmp_path / "journal.jsonl"
+    head = sealed_line({"plan": "0" * 64})
+    path.write_bytes(head + sealed_line({"shot": vars(good)}))
+    assert read_log(path).entries == {"a": good}
+    path.write_bytes(head + sealed_line({"shot": {**vars(good), **change}}))
+    with pytest.raises(CorruptInputError, match="is damaged in line 2"):
+        read_log(path)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import fuzz_mutations
 import fuzz_readers
 
 pytestmark = pytest.mark.slow
@@ -16,22 +17,23 @@ OTHERS = 70
 READERS = (
     *("png", "jpeg", "tiff", "exr", "hdr", "lp", "txt", "csv", "dome", "relight", "alicevision"),
     *("camera", "spectra", "display", "report", "session", "stack", "region", "result", "learned"),
-    *("record", "journal", "store", "array"),
+    *("record", "journal", "store", "array", "lens", "alignment", "depth", "points"),
+    *("tone", "shots", "capture"),
 )
 
 
 @pytest.fixture(scope="module")
-def known(tmp_path_factory: pytest.TempPathFactory) -> dict[str, fuzz_readers.Reader]:
+def known(tmp_path_factory: pytest.TempPathFactory) -> dict[str, fuzz_mutations.Reader]:
     return fuzz_readers.readers(tmp_path_factory.mktemp("seeds"))
 
 
-def test_every_reader_is_tried(known: dict[str, fuzz_readers.Reader]) -> None:
+def test_every_reader_is_tried(known: dict[str, fuzz_mutations.Reader]) -> None:
     assert tuple(known) == READERS
 
 
 @pytest.mark.parametrize("name", READERS)
 def test_a_damaged_file_ends_in_words(
-    name: str, known: dict[str, fuzz_readers.Reader], tmp_path: Path
+    name: str, known: dict[str, fuzz_mutations.Reader], tmp_path: Path
 ) -> None:
     reader = known[name]
     count = CASES.get(name, OTHERS)
@@ -46,7 +48,7 @@ def test_a_fault_is_found(tmp_path: Path) -> None:
         if path.read_bytes() != b"good":
             raise LookupError
 
-    reader = fuzz_readers.Reader(".x", [b"good"], fails)
+    reader = fuzz_mutations.Reader(".x", [b"good"], fails)
     tally = fuzz_readers.run(reader, "x", 1, iter(range(20)), tmp_path / "a.x")
     assert tally.outcomes["fault"] > 10
     assert tally.faults[0].startswith("x --seed 1 --only ")

@@ -284,6 +284,23 @@ def test_a_report_that_is_damaged(change: dict[str, Any], said: str, copy: Path)
     assert said in text
 
 
+def test_values_that_only_files_can_have(copy: Path) -> None:
+    """Brackets nested too deep, a camera that is nowhere, and pixels larger than a photograph."""
+    path = copy / REPORT
+    good = json.loads(path.read_text())
+    path.write_text("[" * 100_000)
+    assert "is not valid JSON" in refused(written(copy), CorruptInputError)
+    path.write_text(json.dumps({**good, "photographs": [
+        {**one, "camera_rotation": [[float("nan")] * 3] * 3} for one in good["photographs"]
+    ]}))  # fmt: skip
+    assert "no camera in front of the painting" in refused(written(copy), CorruptInputError)
+    path.write_text(json.dumps(good))
+    matrix = LENS.matrix.copy()
+    matrix[0, 2] = 1e12  # at this place the distortion moves points without bounds
+    replace(LENS, matrix=matrix).save(copy / "lens.json")
+    assert "check lens and alignment" in refused(written(copy))
+
+
 def test_paths_are_confined_and_hashes_compared(copy: Path) -> None:
     shutil.move(copy / "lens.json", copy.parent / "lens.json")
     assert "leads outside the folder" in refused(written(copy, lens="../lens.json"))

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import fuzz_readers
+import fuzz_mutations
 import impasto
 from impasto import ArgumentError, CorruptInputError, ImpastoError, PointLight, Rig, Stack
 from impasto.cli import main
@@ -503,7 +503,7 @@ def test_a_damaged_session_ends_in_words(tmp_path: Path) -> None:
     outcomes = set()
     for number in range(500):
         chance = random.Random(number)
-        data = fuzz_readers.mutated([seed.encode() for seed in seeds], chance, text=True)
+        data = fuzz_mutations.mutated([seed.encode() for seed in seeds], chance, text=True)
         path.write_bytes(data)
         try:
             read_session(path)

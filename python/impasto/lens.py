@@ -12,7 +12,6 @@ them at
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -22,8 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.damage import damage_of
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.files import read_text
 from impasto.io.images.write import write_json
+from impasto.io.json_file import VERSION, read_kind
 
 Floats = NDArray[np.float64]
 LensModel = Literal["radial", "brown"]
@@ -129,7 +128,7 @@ class Lens:
         free = FREE[self.model]
         content = {
             "kind": KIND,
-            "version": 1,
+            "version": VERSION,
             "model": self.model,
             "size_px": list(self.size),
             "camera_matrix": self.matrix.tolist(),
@@ -158,18 +157,9 @@ def read_lens(path: str | Path) -> Lens:
         No such file of a lens, or one with numbers missing.
     """
     path = Path(path)
-    try:
-        content = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise CorruptInputError(path, f"is not valid JSON ({error})") from error
-    if not isinstance(content, dict) or content.get("kind") != KIND:
-        raise CorruptInputError(
-            path, 'is not the file of a lens (its "kind" is not "impasto lens"); '
-            "impasto calibrate lens writes one"
-        )  # fmt: skip
-    if content.get("version") != 1:
-        raise CorruptInputError(path, f"is of version {content.get('version')!r}, expected 1")
-    with damage_of(path, "the file of a lens"):
+    what = "the file of a lens"
+    content = read_kind(path, KIND, what, "impasto calibrate lens")
+    with damage_of(path, what):
         return _lens(path, content)
 
 

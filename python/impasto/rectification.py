@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.depth_mesh import Parallax
+from impasto.errors import ArgumentError
 from impasto.frontal_view import FrontalView
 
 Floats = NDArray[np.float64]
@@ -159,7 +160,7 @@ def _window(
     clipped: NDArray[np.float32] | None,
     interpolation: Interpolation,
 ) -> Rectified:
-    times = _oversampling(view, grid)
+    times = _oversampling(view, grid, max(photograph.shape[1:]))
     shape = rows.stop - rows.start, columns.stop - columns.start
     planes = np.empty((len(photograph), *shape), photograph.dtype)
     seen = np.empty(shape, dtype=bool)
@@ -207,12 +208,22 @@ def _clipped(photograph: NDArray[Any], full: float) -> NDArray[np.float32] | Non
     return np.asarray(cv2.dilate(clipped.astype(np.float32), np.ones((3, 3), np.uint8)))
 
 
-def _oversampling(view: FrontalView, grid: Grid) -> int:
+def _oversampling(view: FrontalView, grid: Grid, most: int) -> int:
     """Places along the side of a pixel that are averaged.
 
     More than one where it is larger than those of the photograph: fine structure would alias.
+
+    Raises
+    ------
+    ArgumentError
+        A pixel is larger than the photograph, or the view is no view of a plane.
     """
     ratio = grid.pixel_mm / view.pixel_mm()
+    if not ratio <= most:
+        raise ArgumentError(
+            f"pixel_mm: a pixel of {grid.pixel_mm:g} mm is as wide as {ratio:.3g} pixels of the "
+            f"photograph, which has {most}; choose smaller pixels, or check lens and alignment"
+        )
     return 1 if ratio < COARSE else ceil(ratio)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from impasto._internal.checks import length_mm, one_of
 from impasto.calibrate.target import USUAL, Target, dictionary, target_from
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.files import read_text
+from impasto.io.json_file import read_json
 
 Floats = NDArray[np.float64]
 Kind = Literal["corner", "disc", "exact"]
@@ -157,12 +156,7 @@ def read_points(path: str | Path) -> Layout:
         No such file.
     """
     path = Path(path)
-    try:
-        content = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise CorruptInputError(path, f"is not valid JSON ({error})") from error
-    if not isinstance(content, dict):
-        raise CorruptInputError(path, "expected a JSON object at the top")
+    content = read_json(path)
     known = {"size_mm", "points_mm", "photographs", "kind", "search_px"}
     for name in content:
         if name not in known:
@@ -196,7 +190,7 @@ def read_points(path: str | Path) -> Layout:
         one_of(kind, ("corner", "disc", "exact"), "kind")
         if isinstance(search, bool) or not 2.0 <= float(search) <= 1000.0:
             raise ArgumentError(f"search_px: expected 2 to 1000 pixels, found {search!r}")
-    except (ArgumentError, TypeError, ValueError) as error:
+    except (ArgumentError, TypeError, ValueError, OverflowError) as error:
         raise CorruptInputError(path, str(error)) from error
     return Layout((width, height), places, points=points, kind=kind, search_px=float(search))
 
@@ -212,6 +206,7 @@ def _pair(path: Path, where: str, content: Any) -> tuple[float, float]:
         x, y = (float(number) for number in content)
         if not np.isfinite((x, y)).all():
             raise ValueError
-    except (TypeError, ValueError):
-        raise CorruptInputError(path, f"{where}: expected two numbers, found {content!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        found = repr(content)[:40]
+        raise CorruptInputError(path, f"{where}: expected two numbers, found {found}") from None
     return x, y

@@ -10,9 +10,11 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from impasto._internal.checks import is_whole
 from impasto._internal.damage import DAMAGE
 from impasto.capture.misfires import Misfire
 from impasto.errors import CorruptInputError
@@ -56,6 +58,14 @@ class Entry:
     level: float
 
     def __post_init__(self) -> None:
+        texts = self.name, self.file, self.sha256
+        numbers = self.exposure_s, self.time, self.level
+        if not all(isinstance(value, str) for value in texts):
+            raise ValueError("name, file and sha256 are texts")
+        if not all(isinstance(value, int | float) and isfinite(value) for value in numbers):
+            raise ValueError("exposure_s, time and level are finite numbers")
+        if not is_whole(self.tries) or not (self.lamp is None or is_whole(self.lamp)):
+            raise ValueError("tries and lamp are whole numbers")
         if ".." in self.file.split("/") or self.file.startswith("/"):
             raise ValueError(f"a file outside of the capture: {self.file!r}")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,8 @@ from numpy.typing import ArrayLike
 from impasto._internal.damage import damage_of
 from impasto.encoding import curve_of_points
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.files import read_text
 from impasto.io.images.write import write_json
+from impasto.io.json_file import VERSION, read_kind
 
 KIND = "impasto tone curve"
 SUFFIX = ".json"
@@ -44,7 +43,7 @@ def write_tone_curve(
     curve = curve_of_points(codes, light)
     pairs = [pair.split(",") for pair in curve.partition(":")[2].split()]
     points = {"codes": [float(c) for c, _ in pairs], "light": [float(v) for _, v in pairs]}
-    write_json(path, {"kind": KIND, "version": 1, **points, **(about or {})})
+    write_json(path, {"kind": KIND, "version": VERSION, **points, **(about or {})})
 
 
 def read_tone_curve(path: str | Path) -> str:
@@ -58,18 +57,9 @@ def read_tone_curve(path: str | Path) -> str:
         No such file, or points that are no curve.
     """
     path = Path(path)
-    try:
-        content = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise CorruptInputError(path, f"is not valid JSON ({error})") from error
-    if not isinstance(content, dict) or content.get("kind") != KIND:
-        raise CorruptInputError(
-            path, f'is not the file of a tone curve (its "kind" is not "{KIND}"); impasto '
-            "calibrate linearity writes one"
-        )  # fmt: skip
-    if content.get("version") != 1:
-        raise CorruptInputError(path, f"is of version {content.get('version')!r}, expected 1")
-    with damage_of(path, "the file of a tone curve"):
+    what = "the file of a tone curve"
+    content = read_kind(path, KIND, what, "impasto calibrate linearity")
+    with damage_of(path, what):
         try:
             return curve_of_points(
                 [float(code) for code in content["codes"]],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from impasto._internal.damage import damage_of
 from impasto.depth_mesh import DepthMesh
 from impasto.errors import CorruptInputError
 from impasto.io.depth_mesh import read_depth
-from impasto.io.files import read_text
+from impasto.io.json_file import read_kind
 from impasto.rectification import Grid
 
 KIND = "impasto alignment"
@@ -85,18 +84,9 @@ def read_alignment(path: Path) -> Alignment:
     CorruptInputError
         No such report, or one with numbers missing.
     """
-    try:
-        content = json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise CorruptInputError(path, f"is not valid JSON ({error})") from error
-    if not isinstance(content, dict) or content.get("kind") != KIND:
-        raise CorruptInputError(
-            path, f'is not the report of an alignment (its "kind" is not "{KIND}"); '
-            "impasto align writes one, report/alignment.json"
-        )  # fmt: skip
-    if content.get("version") != 1:
-        raise CorruptInputError(path, f"is of version {content.get('version')!r}, expected 1")
-    with damage_of(path, "the report of an alignment"):
+    what = "the report of an alignment"
+    content = read_kind(path, KIND, what, "impasto align (as report/alignment.json)")
+    with damage_of(path, what):
         return _alignment(path, content)
 
 
@@ -133,6 +123,7 @@ def _alignment(path: Path, content: dict[str, Any]) -> Alignment:
 def _camera(path: Path, one: dict[str, Any]) -> CameraPlace:
     place = np.array(one["camera_mm"], dtype=np.float64)
     rotation = np.array(one["camera_rotation"], dtype=np.float64)
-    if place.shape != (3,) or rotation.shape != (3, 3) or not place[2] > 0.0:
+    shaped = place.shape == (3,) and rotation.shape == (3, 3)
+    if not shaped or not np.isfinite([*place, *rotation.ravel()]).all() or not place[2] > 0.0:
         raise CorruptInputError(path, f"{one['source']}: it has no camera in front of the painting")
     return CameraPlace(place, rotation)
