@@ -2,8 +2,9 @@
 
     python benches/python/rehearsals.py [SYSTEM ...] [--size 256] [--record]
 
-``impasto rehearse`` for each system: errors, and time and memory of its commands. ``--record``
-writes benches/results/rehearsals.json, and the sheet of the first as a picture beside it.
+``impasto rehearse`` for each system whose camera stands (``rehearsal_snel.py`` has the other):
+errors, and time and memory of its commands. ``--record`` writes benches/results/rehearsals.json,
+and the sheet of the first as a picture beside it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Any, get_args
 import cv2
 from record import RESULTS, run_info, show, write
 
-from impasto.cli.rehearse import Rehearsed
+from impasto.cli.rehearse import MOVING, Rehearsed
 
 ERRORS = {
     "lamps_mean_degrees": "directions of lamps, mean, degrees",
@@ -45,7 +46,9 @@ def rehearsed(system: str, size: int, folder: Path) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("systems", nargs="*", default=get_args(Rehearsed))
+    parser.add_argument(
+        "systems", nargs="*", default=[one for one in get_args(Rehearsed) if one != MOVING]
+    )
     parser.add_argument("--size", type=int, default=256)
     parser.add_argument("--record", action="store_true", help="write rehearsals.json and .jpg")
     options = parser.parse_args()
