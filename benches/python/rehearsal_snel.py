@@ -60,7 +60,9 @@ def main() -> None:
     ]
     commands = [
         {
-            "command": " ".join(one["command"].split()[:3]).replace(" painting", ""),
+            "command": " ".join(
+                word for word in one["command"].split()[:3] if not word.startswith("painting")
+            ),
             "seconds": one["seconds"],
             "memory_mib": one["peak_mib"],
         }
@@ -71,8 +73,8 @@ def main() -> None:
     show("commands", commands)
     if options.record:
         head = {"run": run_info("python benches/python/rehearsal_snel.py --record")}
-        told = {name: found[name] for name in ("size", "seed", "views", "left_out")}
-        content = head | told | {"errors": errors, "lobes": lobes, "commands": commands}
+        settings = {name: found[name] for name in ("size", "seed", "views", "left_out")}
+        content = head | settings | {"errors": errors, "lobes": lobes, "commands": commands}
         print(f"\nwrote {write('rehearsal_snel.json', content)}")
         cv2.imwrite(str(RESULTS / "rehearsal_snel.jpg"), sheet, [cv2.IMWRITE_JPEG_QUALITY, 88])
 

@@ -70,9 +70,9 @@ def rehearse(
         raise ArgumentError(f"--size: expected at least {LEAST} pixels, found {size}")
     if views is not None and system != MOVING:
         raise ArgumentError(f"--views: is for {MOVING}; {system} has one view")
-    told = {"system": system, "size": size, "seed": seed}
+    settings = {"system": system, "size": size, "seed": seed}
     run = _moving if system == MOVING else _still
-    record = run(system, out, told, views, photographs, quiet)
+    record = run(system, out, settings, views, photographs, quiet)
     if record is None:
         return
     atomic_bytes(out / "rehearsal.json", (json.dumps(record, indent=1) + "\n").encode())
@@ -90,7 +90,7 @@ def rehearse(
 def _still(
     system: str,
     out: Path,
-    told: dict[str, Any],
+    settings: dict[str, Any],
     _: int | None,
     only_photographs: bool,
     quiet: bool,
@@ -107,7 +107,7 @@ def _still(
     from impasto.simulate.cameras import LAMP_KELVIN
 
     stages = Stages(quiet=quiet)
-    size, seed = told["size"], told["seed"]
+    size, seed = settings["size"], settings["seed"]
     with stages.stage("painting", f"{size} x {size} pixels, seed {seed}"):
         painting = simulate.painting(seed, (size, size))
     with stages.stage("photographs") as stage:
@@ -129,13 +129,13 @@ def _still(
             for folder in ("photographs", "aligned")
         )
         write_png8(out / "rehearsal.png", found.picture(seen, frontal, sbrdf.normal))
-    return told | {"commands": _numbers(done), "errors": found.numbers()}
+    return settings | {"commands": _numbers(done), "errors": found.numbers()}
 
 
 def _moving(
     _: str,
     out: Path,
-    told: dict[str, Any],
+    settings: dict[str, Any],
     views: int | None,
     only_photographs: bool,
     quiet: bool,
@@ -151,7 +151,7 @@ def _moving(
     from impasto.rehearsal.relief import with_bulges
 
     stages = Stages(quiet=quiet)
-    size, seed = told["size"], told["seed"]
+    size, seed = settings["size"], settings["seed"]
     picked, flat = steep_pairs(views)
     stages.say(
         f"  {'':14}{len(picked)} pairs of light and view; {flat} of the rig's are flatter than "
@@ -178,7 +178,7 @@ def _moving(
             for folder in ("photographs", "aligned")
         )
         write_png8(out / "rehearsal.png", found.picture(seen, frontal, sbrdf.normal))
-    return told | {
+    return settings | {
         "views": len(session.names),
         "left_out": session.left_out,
         "commands": _numbers(done),
