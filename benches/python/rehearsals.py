@@ -2,9 +2,10 @@
 
     python benches/python/rehearsals.py [SYSTEM ...] [--size 256] [--record]
 
-``impasto rehearse`` for each system: errors, also without a camera (the painting's own pixels under
-the true lamps, with the same noise), and time and memory of its commands. ``--record`` writes
-benches/results/rehearsals.json, and the sheet of the first as a picture beside it.
+``impasto rehearse`` for each system whose camera stands (``rehearsal_snel.py`` has the other):
+errors, also without a camera (the painting's own pixels under the true lamps, with the same noise),
+and time and memory of its commands. ``--record`` writes benches/results/rehearsals.json, and the
+sheet of the first as a picture beside it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from record import RESULTS, run_info, show, write
 
 import impasto
 from impasto import simulate
-from impasto.cli.rehearse import Rehearsed
+from impasto.cli.rehearse import MOVING, Rehearsed
 from impasto.rehearsal.outcome import outcome
 from impasto.rehearsal.photographs import BITS, CAMERA, EXPOSURE, LAMPS
 from impasto.rig import PointView, Rig
@@ -68,7 +69,9 @@ def without_a_camera(system: str, size: int) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("systems", nargs="*", default=get_args(Rehearsed))
+    parser.add_argument(
+        "systems", nargs="*", default=[one for one in get_args(Rehearsed) if one != MOVING]
+    )
     parser.add_argument("--size", type=int, default=256)
     parser.add_argument("--record", action="store_true", help="write rehearsals.json and .jpg")
     options = parser.parse_args()

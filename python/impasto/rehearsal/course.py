@@ -10,8 +10,11 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from impasto.errors import ArgumentError
+from impasto.rehearsal.moving_outcome import PAIRS
+from impasto.rehearsal.moving_views import MovingSession
 from impasto.rehearsal.photographs import Session
 
 PICTURE = "relit.png"
@@ -98,8 +101,29 @@ def steps(session: Session, kelvin: int, pixel_mm: float) -> list[Step]:
     return [Step(tuple(words.split()), purpose) for purpose, words in rows]
 
 
-def carried_out(session: Session, commands: list[Step]) -> Iterator[Done]:
-    """Run the commands in the folder of the session.
+def moving_steps(session: MovingSession, pixel_mm: float) -> list[Step]:
+    """The commands of a session with moving views, from the lens to a picture at another pair."""
+    width, height = session.size_mm
+    rows, columns = session.painting.size
+    (turn, up), (side, high) = PAIRS[0]
+    rows_of = [
+        ("the lens", "calibrate lens target --out painting/lens.json "
+         f"--target chessboard:9x6:{session.lattice_mm:g}mm"),
+        ("frontal photographs", "align painting/photographs --out painting/aligned "
+         f"--markers aruco:4x4_50:{session.marker_mm:g}mm --size {width:g}x{height:g} "
+         f"--lens painting/lens.json --pixel {pixel_mm:g} --depth estimate"),
+        ("one file for all", "session init painting"),
+        ("is all there?", "session check painting"),
+        ("normals and lobes", "fit painting/session.toml --model lafortune --lobes 3 "
+         f"--region {session.rim} {session.rim} {rows} {columns} --out fit"),
+        ("at another pair", f"render fit --light {turn:g},{up:g} --view {side:g},{high:g} "
+         f"--out {PICTURE}"),
+    ]  # fmt: skip
+    return [Step(tuple(words.split()), purpose) for purpose, words in rows_of]
+
+
+def carried_out(folder: Path, commands: list[Step]) -> Iterator[Done]:
+    """Run the commands in the folder of a session.
 
     Raises
     ------
@@ -110,7 +134,7 @@ def carried_out(session: Session, commands: list[Step]) -> Iterator[Done]:
         start = time.perf_counter()
         child = subprocess.run(
             [sys.executable, "-c", COMMAND, *step.words],
-            cwd=session.folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             check=False,
         )  # fmt: skip
         said, _, peak = child.stdout.rstrip().rpartition("\n")

@@ -8,28 +8,19 @@ the lens is photographed in twelve poses, and nothing in the dark.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from impasto import simulate
 from impasto.calibrate.chart import GRID, chart_reflectances
-from impasto.io import write_tiff16
-from impasto.rehearsal.studio import (
-    Floats,
-    Lamp,
-    MirrorBall,
-    Reflectances,
-    Studio,
-    StudioCamera,
-)
-from impasto.rehearsal.things import chart, chessboard, marks, picture, uniform
+from impasto.rehearsal.recorder import BITS, DARK_FRAMES, POSES, Progress, Recorder
+from impasto.rehearsal.studio import Lamp, MirrorBall, Studio, StudioCamera
+from impasto.rehearsal.things import chart, marks, picture, uniform
 from impasto.rig import PointLight, PointView, Rig
 from impasto.simulate.sensor import Noise, Sensor
 
-BITS = 12
 EXPOSURE = 0.45
 """Share of full scale that a white board in the middle reaches under a lamp of strength 1."""
 FRAME = (1.5, 2.0)
@@ -46,10 +37,6 @@ BALLS = ((-0.8, -0.25), (0.8, -0.2))
 DISTORTION = (-0.06, 0.02, 0.0, 0.0)
 BOARD = 0.99
 """Reflectance of the white board."""
-DARK_FRAMES = 4
-POSES = 12
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -129,45 +116,21 @@ def photograph_session(
     around = marks(width, height, MARKER * width, bands)
     balls = tuple(MirrorBall(x * width, y * width, BALL * width) for x, y in BALLS)
     names = tuple(f"light{number + 1:02}.tif" for number in range(len(lamps)))
-    total, done = 2 * len(lamps) + DARK_FRAMES + POSES + 1, 0
-
-    def write(name: str, light: Floats) -> None:
-        nonlocal done
-        codes = sensor.samples(light.astype(np.float32), done)
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # The full scale of the sensor is that of the file, as from raw converters.
-        whole = np.rint(codes * (65535.0 / (2**BITS - 1)))
-        write_tiff16(path, whole.astype(np.uint16), attributes={"bands": camera.bands})
-        done += 1
-        if progress is not None:
-            progress(done, total)
-
+    total = 2 * len(lamps) + DARK_FRAMES + POSES + 1
+    recorder = Recorder(folder, sensor, camera.bands, total, progress)
     board = uniform(BOARD, bands)
     for name, lamp, planes in zip(names, lamps, seen.stack.samples, strict=True):
         own = picture(planes, painting.pitch_mm)
-        write(f"painting/photographs/{name}", studio.light(lamp, around, glossy=own, balls=balls))
-        write(f"painting/board/{name}", studio.light(lamp, board))
-    for number in range(DARK_FRAMES):
-        write(f"painting/dark/dark{number + 1}.tif", np.zeros((bands, *size)))
+        light = studio.light(lamp, around, glossy=own, balls=balls)
+        recorder.write(f"painting/photographs/{name}", light)
+        recorder.write(f"painting/board/{name}", studio.light(lamp, board))
+    recorder.dark(eye.size)
     patches = np.array([camera.response(one, GRID) for one in chart_reflectances()])
     card = chart(patches, 0.2 * width)
-    write("chart.tif", studio.light(lamps[0], card))
+    recorder.write("chart.tif", studio.light(lamps[0], card))
     lattice = LATTICE * width
     front = Lamp(np.array([0.0, 0.0, LAMPS * width]), 1.0)
-    for number in range(POSES):
-        pose = replace(
-            eye,
-            tilt=np.radians((0, 25, 35, 40, 30, 38)[number % 6] + number // 6),
-            azimuth=np.radians(108 * number),
-            roll=np.radians(15 * number),
-        )
-        target = _moved(chessboard(lattice, bands), *(rng.uniform(-0.25, 0.25, 2) * width))
-        write(f"target/target{number + 1:02}.tif", Studio(pose).light(front, target))
+    recorder.target(eye, front, lattice, 0.25 * width, rng)
     return Session(
         folder, seen.truth, (width, height), 2 * BALL * width, MARKER * width, lattice, names,
     )  # fmt: skip
-
-
-def _moved(seen: Reflectances, right: float, up: float) -> Reflectances:
-    return lambda x, y: seen(x - right, y - up)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TypeAlias
+from functools import cached_property, lru_cache
+from typing import Protocol, TypeAlias
 
 import cv2
 import numpy as np
@@ -54,9 +54,7 @@ class StudioCamera:
     @property
     def matrix(self) -> Floats:
         """``(3, 3)``: from directions to pixels."""
-        rows, columns = self.size
-        middle = ((columns - 1) / 2, (rows - 1) / 2)
-        return np.array([[self.focal_px, 0, middle[0]], [0, self.focal_px, middle[1]], [0, 0, 1]])
+        return _matrix(self.size, self.focal_px)
 
     @property
     def axes(self) -> Floats:
@@ -78,28 +76,52 @@ class StudioCamera:
 
     def rays(self) -> list[Floats]:
         """Directions ``(3, y, x)``, one array for each ray of a pixel."""
-        rows, columns = np.mgrid[: self.size[0], : self.size[1]].astype(np.float64)
         offsets = (np.arange(BETWEEN) + 0.5) / BETWEEN - 0.5
-        return [
-            self._directions(columns + across, rows + down)
-            for down in offsets
-            for across in offsets
-        ]
+        return [self._directions(across, down) for down in offsets for across in offsets]
 
-    def _directions(self, columns: Floats, rows: Floats) -> Floats:
-        points = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2)
-        lens = np.asarray(self.distortion)
-        ideal = cv2.undistortPoints(points, self.matrix, lens)[:, 0].T
-        seen = np.concatenate([ideal, np.ones((1, ideal.shape[1]))])
+    def _directions(self, across: float, down: float) -> Floats:
+        seen = _behind_the_lens(self.size, self.focal_px, self.distortion, across, down)
         found: Floats = (self.axes.T @ seen).reshape(3, *self.size)
         return found
 
+    def pixels(self, points: Floats) -> Floats:
+        """``(n, 2)`` columns and rows that show points ``(n, 3)`` in mm."""
+        seen = (np.asarray(points, np.float64) - self.place) @ self.axes.T
+        still, lens = np.zeros(3), np.asarray(self.distortion)
+        found, _ = cv2.projectPoints(seen, still, still, self.matrix, lens)
+        return np.asarray(found[:, 0], np.float64)
+
     def dimming(self) -> Floats:
         """``(y, x)``: the fourth power of the cosine off the axis, of a simple lens."""
-        rows, columns = np.mgrid[: self.size[0], : self.size[1]]
-        directions = self._directions(columns.astype(np.float64), rows.astype(np.float64))
+        directions = self._directions(0.0, 0.0)
         cosine = (self.axes[2] @ directions.reshape(3, -1)).reshape(self.size)
         return np.asarray((cosine / np.linalg.norm(directions, axis=0)) ** 4)
+
+
+def _matrix(size: tuple[int, int], focal_px: float) -> Floats:
+    rows, columns = size
+    middle = ((columns - 1) / 2, (rows - 1) / 2)
+    return np.array([[focal_px, 0, middle[0]], [0, focal_px, middle[1]], [0, 0, 1]])
+
+
+@lru_cache(maxsize=BETWEEN**2 + 1)
+def _behind_the_lens(
+    size: tuple[int, int],
+    focal_px: float,
+    distortion: tuple[float, float, float, float],
+    across: float,
+    down: float,
+) -> Floats:
+    """``(3, pixels)``: directions in the frame of the camera, the same wherever it stands.
+
+    ``across`` and ``down``: from the middle of each pixel.
+    """
+    rows, columns = np.mgrid[: size[0], : size[1]].astype(np.float64)
+    points = np.stack([columns + across, rows + down], axis=-1).reshape(-1, 1, 2)
+    ideal = cv2.undistortPoints(points, _matrix(size, focal_px), np.asarray(distortion))[:, 0].T
+    found: Floats = np.concatenate([ideal, np.ones((1, ideal.shape[1]))])
+    found.flags.writeable = False
+    return found
 
 
 @dataclass(frozen=True)
@@ -154,18 +176,29 @@ class Lamp:
         return np.asarray(self.strength * (far / distance) ** 2 * high / distance)
 
 
-class Studio:
-    """A camera above a plane."""
+class Surface(Protocol):
+    """What rays meet in place of the plane."""
 
-    def __init__(self, camera: StudioCamera) -> None:
-        self.camera = camera
+    def met(self, place: Floats, rays: Floats) -> tuple[Floats, Floats]:
+        """Places x and y ``(y, x)`` in mm where rays ``(3, y, x)`` from a place meet it."""
+        ...
+
+
+class Studio:
+    """A camera above a plane, or above a painting whose relief it sees askew."""
+
+    def __init__(self, camera: StudioCamera, relief: Surface | None = None) -> None:
+        self.camera, self.relief = camera, relief
 
     @cached_property
     def _seen(self) -> list[tuple[Floats, Floats, Floats]]:
-        """Rays, and where they meet the plane."""
+        """Rays, and where they meet the plane or the relief."""
         place = self.camera.place
         found = []
         for rays in self.camera.rays():
+            if self.relief is not None:
+                found.append((rays, *self.relief.met(place, rays)))
+                continue
             reach = -place[2] / rays[2]
             found.append((rays, place[0] + reach * rays[0], place[1] + reach * rays[1]))
         return found

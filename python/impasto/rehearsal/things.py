@@ -27,10 +27,13 @@ def uniform(reflectance: float, bands: int) -> Reflectances:
     return seen
 
 
-def marks(width_mm: float, height_mm: float, side_mm: float, bands: int) -> Reflectances:
+def marks(
+    width_mm: float, height_mm: float, side_mm: float, bands: int, *, ground: float = GROUND
+) -> Reflectances:
     """ArUco markers 0 to 3 that touch the corners of a painting, on a table.
 
-    Each has a border of paper as wide as one of its cells.
+    Each has a border of paper as wide as one of its cells; with a ``ground`` of :data:`PAPER` all
+    are printed on one sheet.
     """
     codes = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     patterns = [cv2.aruco.generateImageMarker(codes, number, CELLS) > 0 for number in range(4)]
@@ -38,7 +41,7 @@ def marks(width_mm: float, height_mm: float, side_mm: float, bands: int) -> Refl
     cell = side_mm / CELLS
 
     def seen(x: Floats, y: Floats) -> Floats:
-        plane = np.full(x.shape, GROUND)
+        plane = np.full(x.shape, ground)
         for pattern, (right, up) in zip(patterns, corners, strict=True):
             left = right * width_mm / 2 - (side_mm if right < 0 else 0.0)
             top = up * height_mm / 2 + (side_mm if up > 0 else 0.0)
