@@ -169,11 +169,13 @@ def test_a_session_with_moving_views_is_rehearsed(tmp_path: Path) -> None:
     found = json.loads((out / "rehearsal.json").read_text())
     errors = found["errors"]
     assert (found["views"], found["left_out"], len(found["commands"])) == (16, 154, 6)
-    # Half a pixel is what the paper asks of an alignment; the mesh takes out most of the parallax,
-    # but not that of strokes, a tenth of a pixel high.
+    # The paper asks for half a pixel. The mesh must take out half of the parallax at least; that of
+    # strokes remains, 0.04 mm rms or 0.2 pixels times the tangent of the view.
     assert errors["aligned_rms_px"] < 0.5 * errors["flat_rms_px"] < 0.5
-    # Strokes of 0.04 mm rms are finer than the mesh.
-    assert errors["depth_rms_mm"] < 0.06
+    # What the mesh cannot follow: strokes of 0.04 mm rms, and as much for its own errors.
+    assert errors["depth_rms_mm"] < 0.08
+    # Shifts of 0.2 pixels of 0.2 mm on slopes that change by 10 degrees in a stroke of 1 mm turn a
+    # normal by half a degree; 16 lights in noise add a few times that.
     assert errors["normal_mean_degrees"] < 4.0
     assert errors["other_delta_e_mean"] < 6.0
     assert errors["lobes_gloss"] > errors["lobes_matte"]
