@@ -294,9 +294,14 @@ def test_values_that_only_files_can_have(copy: Path) -> None:
         {**one, "camera_rotation": [[float("nan")] * 3] * 3} for one in good["photographs"]
     ]}))  # fmt: skip
     assert "no camera in front of the painting" in refused(written(copy), CorruptInputError)
+    tilted = {"homography": [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.1, 0.0, 1.0]]}
+    photographs = [{**one, **tilted} for one in good["photographs"]]
+    path.write_text(json.dumps({**good, "photographs": photographs}))
+    # Its horizon is at x = -10 mm, across the painting.
+    assert "does not show the whole plane" in refused(written(copy), CorruptInputError)
     path.write_text(json.dumps(good))
     matrix = LENS.matrix.copy()
-    matrix[0, 2] = 1e12  # at this place the distortion moves points without bounds
+    matrix[0, 2] = 1e8  # at this place the distortion moves points without bounds
     replace(LENS, matrix=matrix).save(copy / "lens.json")
     assert "check lens and alignment" in refused(written(copy))
 

@@ -31,6 +31,10 @@ KIND = "impasto lens"
 NAMES = ("k1", "k2", "p1", "p2", "k3")
 FREE: dict[LensModel, tuple[str, ...]] = {"radial": ("k1", "k2"), "brown": NAMES}
 """Coefficients that each model has; the others are 0."""
+LARGEST = 1e9
+"""Of any number of a lens: powers of larger ones overflow, and no lens comes near."""
+SHORTEST = 1.0
+"""Focal length in pixels; a fisheye lens has some hundreds."""
 ROUNDS = 50
 CLOSED = 1e-6
 """Focal lengths by which a point may miss itself after the way back: less than 0.01 pixels."""
@@ -169,7 +173,8 @@ def _lens(path: Path, content: dict[str, Any]) -> Lens:
         raise CorruptInputError(path, f"model: expected radial or brown, found {model!r}")
     width, height = (int(number) for number in content["size_px"])
     matrix = np.array(content["camera_matrix"], dtype=np.float64)
-    camera_sigma = np.array([content["camera_sigma_px"][n] for n in ("fx", "fy", "cx", "cy")])
+    said = content["camera_sigma_px"]
+    camera_sigma = np.array([said[name] for name in ("fx", "fy", "cx", "cy")], dtype=np.float64)
     values, sigma = (
         np.array([float(content[key].get(name, 0.0)) for name in NAMES])
         for key in ("coefficients", "coefficient_sigma")
@@ -177,11 +182,17 @@ def _lens(path: Path, content: dict[str, Any]) -> Lens:
     missing = sorted(set(FREE[model]) - set(content["coefficients"]))
     if missing:
         raise CorruptInputError(path, f"coefficients: {', '.join(missing)} missing")
-    sizes = matrix.shape == (3, 3) and min(width, height) > 0
-    if not sizes or not np.isfinite(np.concatenate([matrix.ravel(), values])).all():
+    if not 0 < min(width, height) <= max(width, height) <= LARGEST:
+        raise CorruptInputError(path, "size_px: expected columns and rows from 1 on")
+    read = np.concatenate([matrix.ravel(), values, camera_sigma, sigma])
+    if matrix.shape != (3, 3) or not np.isfinite(read).all():
         raise CorruptInputError(path, "camera_matrix: expected 3 x 3 finite numbers")
-    if matrix[0, 0] <= 0.0 or matrix[1, 1] <= 0.0:
-        raise CorruptInputError(path, "camera_matrix: expected focal lengths above 0")
+    if np.abs(read).max() > LARGEST:
+        raise CorruptInputError(
+            path, f"camera_matrix, coefficients: expected numbers up to {LARGEST:.0e}"
+        )
+    if min(matrix[0, 0], matrix[1, 1]) < SHORTEST:
+        raise CorruptInputError(path, "camera_matrix: expected focal lengths of a pixel or more")
     return Lens(
         model, (width, height), matrix, values, camera_sigma, sigma,
         float(content["residual_px"]), int(content["photographs"]), int(content["corners"]),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.checks import length_mm
+from impasto._internal.checks import FARTHEST_MM, length_mm
 from impasto._internal.damage import damage_of
 from impasto.depth_mesh import DepthMesh
 from impasto.errors import CorruptInputError
@@ -18,6 +18,8 @@ from impasto.io.json_file import read_kind
 from impasto.rectification import Grid
 
 KIND = "impasto alignment"
+LARGEST = 1e9
+"""Of numbers of a homography and of a shift, and of pixels that show corners of the painting."""
 DEPTH = "depth.csv"
 """The mesh of the relief, beside the report."""
 
@@ -105,9 +107,17 @@ def _alignment(path: Path, content: dict[str, Any]) -> Alignment:
         name = str(one["source"])
         matrix = np.array(one["homography"], dtype=np.float64)
         x, y = (float(value) for value in one["shift_px"] or (0.0, 0.0))
-        finite = matrix.shape == (3, 3) and np.isfinite([*matrix.ravel(), x, y]).all()
-        if not finite or abs(np.linalg.det(matrix)) == 0.0:
+        usable = matrix.shape == (3, 3) and (np.abs([*matrix.ravel(), x, y]) <= LARGEST).all()
+        if not usable or abs(np.linalg.det(matrix)) == 0.0:
             raise CorruptInputError(path, f"{name}: its homography or shift is none")
+        x_mm, y_mm = np.array([[-1, 1, 1, -1], [1, 1, -1, -1]]) * [[width / 2], [height / 2]]
+        across, down, away = matrix @ np.stack([x_mm, y_mm, np.ones(4)])
+        # The camera is on one side of all corners, and sees them at pixels of some size.
+        same_side = (away > 0.0).all() or (away < 0.0).all()
+        if not same_side or (np.abs([across, down]) > LARGEST * np.abs(away)).any():
+            raise CorruptInputError(
+                path, f"{name}: by its homography it does not show the whole plane of the painting"
+            )
         key = name.casefold()
         homographies[key], shifts[key] = matrix, (x, y)
         cameras[key] = None if lens is None else _camera(path, one)
@@ -124,6 +134,7 @@ def _camera(path: Path, one: dict[str, Any]) -> CameraPlace:
     place = np.array(one["camera_mm"], dtype=np.float64)
     rotation = np.array(one["camera_rotation"], dtype=np.float64)
     shaped = place.shape == (3,) and rotation.shape == (3, 3)
-    if not shaped or not np.isfinite([*place, *rotation.ravel()]).all() or not place[2] > 0.0:
+    known = shaped and (np.abs(place) <= FARTHEST_MM).all() and np.isfinite(rotation).all()
+    if not known or place[2] < 1.0 / FARTHEST_MM:
         raise CorruptInputError(path, f"{one['source']}: it has no camera in front of the painting")
     return CameraPlace(place, rotation)
