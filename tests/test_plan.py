@@ -136,7 +136,7 @@ def scenes(draw: st.DrawFn) -> tuple[impasto.Surface, impasto.Scene]:
     return surface, scene
 
 
-@settings(max_examples=500, deadline=None, derandomize=True)
+@settings(max_examples=300, deadline=None, derandomize=True)
 @given(scenes())
 def test_without_a_tolerance_a_planned_picture_has_the_bits_of_the_forced_one(
     case: tuple[impasto.Surface, impasto.Scene],
