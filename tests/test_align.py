@@ -360,6 +360,14 @@ def test_rotated_photographs_of_one_camera_have_one_view(tmp_path: Path) -> None
     assert (np.abs(first - place) < limit).all()
 
 
+def test_a_code_of_clipped_samples_is_one(tmp_path: Path) -> None:
+    folder = session(tmp_path / "photos", 0.0)
+    layout = layout_from_markers(EXACT, PAINTING)
+    with pytest.raises(ArgumentError, match="saturation: expected the code from which"):
+        align(folder, tmp_path / "out", layout, saturation=float("nan"))
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_fixed_camera_shares_its_marks(tmp_path: Path) -> None:
     folder = session(tmp_path / "photos", 30.0, 30.0)
     hidden = photograph(30.0).copy()

@@ -269,6 +269,9 @@ def test_options_that_do_not_fit(made: Path, tmp_path: Path) -> None:
     assert "reflectance" in refused(made, made / "board", reflectance=0.0)
     assert "no brighter than the dark frame" in refused(made, made / "board", dark=14000.0)
     assert "is not a folder" in refused(made, tmp_path / "none")
+    for saturation in (np.nan, 0.0, -3.0):
+        text = refused(made, made / "board", saturation=saturation)
+        assert "saturation: expected the code from which" in text
     behind = LIGHTS * np.array([1.0, 1.0, -1.0])
     write_lights(tmp_path / "behind.lp", behind, NAMES)
     with pytest.raises(GeometryError, match="stands behind the board"):

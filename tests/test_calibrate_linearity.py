@@ -275,6 +275,13 @@ def test_patches_that_are_clipped_or_contradict_each_other(tmp_path: Path) -> No
             tone_from_patches(picture, table)
 
 
+def test_a_code_of_clipped_samples_is_one(tmp_path: Path) -> None:
+    series = patches(tmp_path, srgb)
+    for saturation in (np.nan, 0.0, -3.0):
+        with pytest.raises(ArgumentError, match="saturation: expected the code from which"):
+            tone_from_patches(*series, saturation=saturation)
+
+
 def test_exposures_that_are_clipped_or_contradict_each_other(tmp_path: Path) -> None:
     times = [1, 2, 4, 8, 16]
     over = exposures(tmp_path / "over", CURVES["linear"], (6, 7, 8, 9, 10))

@@ -168,7 +168,7 @@ def test_a_damaged_journal_is_named(
         ([], "--lights: give the light file of the rig, or a plan with --shots"),
         (["--camera", "folder"], "--watch: give the folder into which the camera saves"),
         (["--camera", "folder", "--watch", "nowhere"], "--watch: nowhere is no folder"),
-        (["--dome", "/dev/ttyNONE7"], "--dome: the simulated camera sees simulated lamps only"),
+        (["--dome", "/dev/ttyNONE7"], "--dome: the camera is simulated, which is the default"),
         (["--exposure", "0"], "--exposure: expected milliseconds above 0, found 0"),
         (["--darks", "-1"], "--darks: expected a whole number from 0 on, found -1"),
         (["--faults", "200"], "--faults: expected percent from 0 to 100, found 200"),

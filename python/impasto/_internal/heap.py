@@ -12,9 +12,9 @@ M_ARENA_MAX = -8
 def share_one_heap() -> None:
     """Threads that begin from now on take their memory from the same heap as the first.
 
-    In a heap of its own each thread keeps what another one could use: a job whose reader, encoder
-    and writer each have one takes a fifth more memory at the same budget. It holds for the whole
-    process, for good: only a program that is ours may ask for it. No effect outside glibc.
+    In a heap of its own each thread keeps what another one could use: the peak of a job, whose
+    reader, encoder and writer each have one, grows with the number of its tiles. It holds for the
+    whole process, for good: only a program that is ours may ask for it. No effect outside glibc.
     """
     if platform.libc_ver()[0] == "glibc":
         ctypes.CDLL(None).mallopt(M_ARENA_MAX, 1)

@@ -18,7 +18,7 @@ from impasto.io.images import ImageHeader, list_images, load_image
 from impasto.io.lights import LightFile, read_lights
 from impasto.io.notes import Notebook, few
 from impasto.io.session.frames import frame_paths, read_dark
-from impasto.io.session.linear_codes import full_scale, stored_curve
+from impasto.io.session.linear_codes import clipping_code, full_scale, stored_curve
 from impasto.io.session.match import match_names
 from impasto.rig import Light, PointLight
 
@@ -150,7 +150,9 @@ class _Reader:
         full = float(full_scale(header)) if integer else 1.0
         self._first, self._shape = header, shape
         self._curve = Encoding(stored_curve(header, encoding), full)
-        self._clipped = saturation if saturation is not None else (full if integer else np.inf)
+        self._clipped = full if integer else np.inf
+        if saturation is not None:
+            self._clipped = clipping_code(saturation)
         bands = shape[0]
         found = numbers(reflectance, "reflectance", "a positive number, or one per band").ravel()
         if len(found) not in {1, bands} or not (found > 0).all():

@@ -17,7 +17,7 @@ from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import read_text
 from impasto.io.images import ImageHeader, list_images, load_image
 from impasto.io.images.exif import read_exif
-from impasto.io.session.linear_codes import full_scale
+from impasto.io.session.linear_codes import clipping_code, full_scale
 
 Floats = NDArray[np.float64]
 
@@ -147,7 +147,7 @@ def exposure_samples(
 
 def _scale(header: ImageHeader, saturation: float | None) -> tuple[float, float]:
     full = float(full_scale(header)) if header.dtype.kind == "u" else 1.0
-    return full, full if saturation is None else float(saturation)
+    return full, full if saturation is None else clipping_code(saturation)
 
 
 def _least(header: ImageHeader) -> float:

@@ -101,7 +101,10 @@ def run(
     if watch is not None and camera != "folder":
         raise ArgumentError("--watch: is for --camera folder")
     if dome is not None and camera == "simulated":
-        raise ArgumentError("--dome: the simulated camera sees simulated lamps only; leave it out")
+        raise ArgumentError(
+            "--dome: the camera is simulated, which is the default, and sees simulated lamps only; "
+            "give --camera gphoto2 or --camera folder, or leave --dome out"
+        )
     if not 0.0 <= warm_up < 86400.0:
         raise ArgumentError(f"--warm-up: expected seconds from 0 on, found {warm_up:g}")
     if not 0.0 <= faults <= 100.0:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.checks import positive
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.io.images import MAX_PIXELS, ImageHeader, load_image
@@ -60,18 +61,25 @@ def linear_table(
     header: ImageHeader, encoding: str | None, saturation: float | None
 ) -> tuple[NDArray[np.uint16] | None, float | None]:
     """What makes linear codes of a file's; None where they are, and the code of clipped ones."""
+    if saturation is not None:
+        saturation = clipping_code(saturation)
     if header.dtype.kind == "f":
         if encoding not in {None, "linear"}:
             raise ArgumentError(f"encoding: {header.path.name} holds floats, which are linear")
         return None, saturation
     top = full_scale(header)
     curve = stored_curve(header, encoding)
-    clipped = float(top) if saturation is None else float(saturation)
+    clipped = float(top) if saturation is None else saturation
     if header.dtype == np.uint16 and Encoding(curve, float(top)).curve == "linear":
         return None, clipped
     linear = Encoding(curve, float(top)).decode(np.arange(top + 1))
     table = np.rint(65535.0 * np.clip(linear, 0.0, 1.0)).astype(np.uint16)
     return table, float(table[int(np.clip(clipped, 0, top))])
+
+
+def clipping_code(saturation: float) -> float:
+    """The code from which samples are clipped, if it is one."""
+    return positive(saturation, "saturation", "the code from which samples are clipped")
 
 
 def full_scale(header: ImageHeader) -> int:
