@@ -15,6 +15,7 @@ from cyclopts.exceptions import CycloptsError, MissingArgumentError
 from impasto._internal.printable import printable
 from impasto.cli import calibrate, capture, console, job, session
 from impasto.cli.codes import Exit
+from impasto.colour._science import alone
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
 ARGUMENTS = (
@@ -62,6 +63,8 @@ def application() -> App:
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run one command after all imports; see :func:`impasto.cli.main`."""
     console.make_output_safe()
+    if arguments is None:
+        alone()
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         result = application()(

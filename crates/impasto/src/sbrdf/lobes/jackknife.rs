@@ -28,9 +28,10 @@ use crate::sbrdf::coherence::Coherence;
 use crate::sbrdf::neighbouring_lights::SECTORS;
 use crate::sbrdf::pooled::tangents;
 
+use super::bounds::light_of;
 use super::model::{LobeEstimation, MAX_SHAPES, Visit};
 use super::photographs::Photographs;
-use super::reweight::{COLUMNS, Solution, light_of, look};
+use super::reweight::{COLUMNS, Solution};
 use super::tile::{Estimate, TILE, TileSamples, gather};
 
 /// `kappa`, calibrated on path-traced objects of known normals (docs/numerics.md).
@@ -113,7 +114,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize, const N: usize> Kernel
                 let (units, slopes) = pixels.look::<K, N>(photographs, photograph, place);
                 for (band, colours) in colours.iter().enumerate() {
                     let plane = photograph * samples.bands + band;
-                    let (sample, weight, _) = look::<I::F32>(samples, plane, at);
+                    let (sample, weight) = samples.at::<I::F32>(plane, at);
                     let counts = weight.gt(zero);
                     let mut columns = units;
                     let mut slope = [zero; N];

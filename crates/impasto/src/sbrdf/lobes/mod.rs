@@ -17,6 +17,7 @@
 //! only one: Lafortune lobes have three unknowns, and [a fit of their own](crate::sbrdf::lafortune).
 
 mod apply;
+mod bounds;
 mod brightest;
 mod forward_selection;
 mod jackknife;

@@ -7,6 +7,7 @@ use crate::math::elementary::{exp, ln};
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Level, Real, Vec3};
 
+use super::bounds::{self, Band, BandSamples, light_of, weight_at};
 use super::maps::MOST_LOBES;
 use super::model::{LobeEstimation, MAX_SHAPES, Visit};
 use super::neutral::{NeutralTest, ResidualSum};
@@ -51,7 +52,7 @@ pub(super) struct Reweight<'a, M: LobeEstimation> {
     pub(super) estimates: &'a [Estimate],
     pub(super) ambient: bool,
     /// Whether weights are renewed by the residuals; if not, this is the last step, which tests
-    /// whether lobes are neutral.
+    /// whether lobes are neutral, and after which bounds are samples or do not count.
     pub(super) renew: bool,
     pub(super) samples: &'a mut TileSamples,
     pub(super) solution: &'a mut Solution,
@@ -91,6 +92,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
         let mut diffuse = vec![zero; samples.planes()];
         let mut sums = vec![Sums::<I::F32, K>::zero(); bands];
         let mut colours = vec![[zero; K]; bands];
+        let mut bounded = Vec::new();
         let mut at = 0;
         while at < estimates.len() {
             let normal = Vec3::new(
@@ -118,16 +120,17 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
                 columns[K - 1] = one;
             }
             let (mut light, mut used) = (zero, zero);
-            for (band, sums) in sums.iter_mut().enumerate() {
-                *sums = Sums::zero();
-                for (photograph, columns) in columns.iter().enumerate() {
-                    let (sample, weight, _) =
-                        look::<I::F32>(samples, photograph * bands + band, at);
-                    sums.add(columns, weight, sample);
-                    light = light + I::F32::keep(weight.gt(zero), sample);
-                    used = used + I::F32::keep(weight.gt(zero), one);
+            for (band, (sums, colours)) in sums.iter_mut().zip(&mut colours).enumerate() {
+                let seen = Band { samples: &*samples, columns: &columns, band, at };
+                let (solution, counted) = bounds::solve(&seen, &barred, &mut bounded);
+                (*sums, *colours) = (counted, solution.values);
+                for photograph in 0..columns.len() {
+                    let (columns, weight, sample) = seen.at(photograph);
+                    let shown = light_of(&columns, colours);
+                    let counts = weight_at(weight, sample, shown).gt(zero);
+                    light = light + I::F32::keep(counts, sample);
+                    used = used + I::F32::keep(counts, one);
                 }
-                colours[band] = sums.solve(&barred).values;
             }
             if !renew && bands > 1 {
                 // BIC with one strength instead of one per band.
@@ -157,7 +160,8 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
             let unit = I::F32::keep(mean.gt(zero), mean.recip());
             let (mut sum, mut plain, mut weighted) = (zero, zero, zero);
             for (plane, &shown) in shown.iter().enumerate() {
-                let (sample, weight, _) = look::<I::F32>(samples, plane, at);
+                let (sample, weight) = samples.at::<I::F32>(plane, at);
+                let weight = weight_at(weight, sample, shown);
                 let residual = I::F32::keep(weight.gt(zero), sample - shown);
                 plain = residual.mul_add(residual, plain);
                 weighted = (weight * residual).mul_add(residual, weighted);
@@ -169,15 +173,23 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
                 let bend = I::F32::keep(scale.gt(zero), scale.recip());
                 weighted = zero;
                 for (plane, (&shown, &diffuse)) in shown.iter().zip(&diffuse).enumerate() {
-                    let (sample, weight, clipped) = look::<I::F32>(samples, plane, at);
+                    let (sample, weight) = samples.at::<I::F32>(plane, at);
+                    let bound = weight.lt(zero);
+                    let known = bound | weight.gt(zero);
+                    // A bound that is satisfied has no residual.
+                    let sample = I::F32::select(bound, sample.max(shown), sample);
                     let fresh = sample_weight(sample, [shown, diffuse], noise(shown * unit), bend);
-                    // A clipped sample is a lower bound: above it there is no residual.
-                    let satisfied = clipped & shown.ge(sample);
-                    let known = weight.gt(zero) | clipped;
-                    let fresh = I::F32::keep(known & !satisfied, fresh);
-                    fresh.store(&mut samples.weights[plane * TILE + at..]);
+                    let fresh = I::F32::keep(known, fresh);
+                    let signed = I::F32::select(bound, -fresh, fresh);
+                    signed.store(&mut samples.weights[plane * TILE + at..]);
                     let residual = sample - shown;
                     weighted = (fresh * residual).mul_add(residual, weighted);
+                }
+            } else {
+                for (plane, &shown) in shown.iter().enumerate() {
+                    let (sample, weight) = samples.at::<I::F32>(plane, at);
+                    let settled = weight_at(weight, sample, shown);
+                    settled.store(&mut samples.weights[plane * TILE + at..]);
                 }
             }
             (weighted / used.max(one)).store(&mut solution.variance[at..]);
@@ -205,16 +217,6 @@ fn sample_weight<R: Real>(sample: R, [shown, diffuse]: [R; 2], variance: R, bend
     R::select(diffuse.gt(sample), weight * lit * lit, weight)
 }
 
-/// The predicted sample: the columns times their colours.
-#[inline(always)]
-pub(super) fn light_of<R: Real, const K: usize>(columns: &[R; K], colours: &[R; K]) -> R {
-    let mut light = R::zero();
-    for (&column, &colour) in columns.iter().zip(colours) {
-        light = colour.mul_add(column, light);
-    }
-    light
-}
-
 /// The cost of colours for some pixels.
 struct Cost<'a, R, const K: usize> {
     samples: &'a TileSamples,
@@ -229,25 +231,13 @@ impl<R: Real<Scalar = f32>, const K: usize> ResidualSum<R, K> for Cost<'_, R, K>
         let mut cost = R::zero();
         for (photograph, columns) in columns.iter().enumerate() {
             for (band, colours) in colours.iter().enumerate() {
-                let (sample, weight, _) =
-                    look::<R>(samples, photograph * samples.bands + band, *at);
-                let residual = R::keep(weight.gt(R::zero()), sample - light_of(columns, colours));
+                let (sample, weight) = samples.at::<R>(photograph * samples.bands + band, *at);
+                let shown = light_of(columns, colours);
+                let weight = weight_at(weight, sample, shown);
+                let residual = R::keep(weight.gt(R::zero()), sample - shown);
                 cost = (weight * residual).mul_add(residual, cost);
             }
         }
         cost
     }
-}
-
-/// Sample, weight, and whether the sample is clipped (then it is a lower bound).
-#[inline(always)]
-pub(super) fn look<R: Real<Scalar = f32>>(
-    samples: &TileSamples,
-    plane: usize,
-    at: usize,
-) -> (R, R, R::Mask) {
-    let sample = R::load(&samples.samples[plane * TILE + at..]);
-    let clipped = sample.gt(R::of(f64::from(f32::MAX)));
-    let sample = R::select(clipped, R::splat(samples.ceilings[plane]), sample);
-    (sample, R::load(&samples.weights[plane * TILE + at..]), clipped)
 }

@@ -12,12 +12,12 @@ use crate::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Reason, Rows, f
 use crate::math::{Element, Level, Real, Scalar, Vec3};
 use crate::sbrdf::pooled::tangents;
 
+use super::bounds::{self, BandSamples, weight_at};
 use super::model::{LobeEstimation, MAX_SHAPES, Visit};
 use super::options::LobeOptions;
 use super::photographs::Photographs;
 use super::prior::ShapePrior;
 use super::tile::{Estimate, TileSamples};
-use crate::lm::nnls::Sums;
 
 /// Largest tilt of one search: 1.4 rad, beyond which a camera sees no surface.
 const STEEPEST: f64 = 6.0;
@@ -96,6 +96,7 @@ impl<M: LobeEstimation> Search<'_, M> {
             starts: self.starts,
             found: self.found,
             scratch: RefCell::new(vec![S::zero(); numbers]),
+            bounded: RefCell::default(),
         };
         fit(self.level, &mut lanes, self.pixels.iter().copied(), &bounds, self.options);
     }
@@ -126,6 +127,8 @@ struct Lanes<'a, S, M: LobeEstimation, const J: usize, const K: usize, const N: 
     found: &'a mut [Estimate],
     /// Columns and their derivatives, photograph by photograph, all lanes.
     scratch: RefCell<Vec<S>>,
+    /// Photographs in which a sample is a bound.
+    bounded: RefCell<Vec<usize>>,
 }
 
 impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usize>
@@ -186,6 +189,50 @@ impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usi
     }
 }
 
+/// The samples of a band beside what [`Lanes::look`] wrote.
+#[derive(Clone, Copy)]
+struct Records<'a, R: Real> {
+    rows: Rows<'a, R>,
+    bands: usize,
+    band: usize,
+    records: &'a [R::Scalar],
+    photographs: usize,
+    /// Numbers of a photograph, and of each lobe among them; a value comes before its derivatives.
+    record: usize,
+    lobe: usize,
+}
+
+impl<R: Real> Records<'_, R> {
+    #[inline(always)]
+    fn number(&self, photograph: usize, number: usize) -> R {
+        R::load(&self.records[(photograph * self.record + number) * R::WIDTH..])
+    }
+
+    /// Place of a column among the numbers of a photograph.
+    #[inline(always)]
+    fn place(&self, column: usize) -> usize {
+        if column == 0 { 0 } else { 3 + (column - 1) * self.lobe }
+    }
+}
+
+impl<R: Real, const K: usize> BandSamples<R, K> for Records<'_, R> {
+    #[inline(always)]
+    fn photographs(&self) -> usize {
+        self.photographs
+    }
+
+    #[inline(always)]
+    fn at(&self, photograph: usize) -> ([R; K], R, R) {
+        let mut columns = [R::one(); K];
+        for (column, value) in columns[..K - 1].iter_mut().enumerate() {
+            *value = self.number(photograph, self.place(column));
+        }
+        let plane = photograph * self.bands + self.band;
+        let planes = self.photographs * self.bands;
+        (columns, self.rows.get(planes + plane), self.rows.get(plane))
+    }
+}
+
 /// The normal after two tilts about `start`, and its derivatives.
 #[inline(always)]
 fn tilted<R: Real>(start: Vec3<R>, p: R, q: R) -> (Vec3<R>, [Vec3<R>; 2]) {
@@ -231,46 +278,38 @@ impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usi
         let (planes, bands) = (self.samples.planes(), self.samples.bands);
         let rest = |number: usize| rows.get(2 * planes + number);
         let (normal, tilts) = tilted(Vec3::new(rest(0), rest(1), rest(2)), at[0], at[1]);
-        let mut scratch = self.scratch.borrow_mut();
+        let (mut scratch, mut bounded) = (self.scratch.borrow_mut(), self.bounded.borrow_mut());
         self.look(&mut scratch, (rest(3), rest(4)), normal, tilts, &at);
-        let records = scratch.chunks_exact(Self::RECORD * R::WIDTH).take(self.photographs.len());
-        let get = |record: &[S], number: usize| R::load(&record[number * R::WIDTH..]);
-        // Of a lobe's numbers the first is its value.
-        let first =
-            |column: usize| if column == 0 { 0 } else { 3 + (column - 1) * (3 + M::SHAPES) };
         let mut total = Normal::zero();
         for band in 0..bands {
-            let mut sums = Sums::<R, K>::zero();
-            for (photograph, record) in records.clone().enumerate() {
-                let plane = photograph * bands + band;
-                let mut columns = [R::one(); K];
-                for column in 0..=J {
-                    columns[column] = get(record, first(column));
-                }
-                sums.add(&columns, rows.get(planes + plane), rows.get(plane));
-            }
-            let colours = sums.solve(&self.barred);
+            let seen = Records {
+                rows,
+                bands,
+                band,
+                records: &scratch,
+                photographs: self.photographs.len(),
+                record: Self::RECORD,
+                lobe: 3 + M::SHAPES,
+            };
+            let (colours, _) = bounds::solve(&seen, &self.barred, &mut bounded);
             let mut mixed = [[zero; K]; N];
-            for (photograph, record) in records.clone().enumerate() {
-                let plane = photograph * bands + band;
-                let (sample, weight) = (rows.get(plane), rows.get(planes + plane));
+            for photograph in 0..seen.photographs {
+                let (columns, weight, sample): ([R; K], R, R) = seen.at(photograph);
                 let mut slope = [zero; N];
-                let mut columns = [R::one(); K];
                 let mut residual = sample - colours.values[K - 1];
                 for column in 0..=J {
                     let colour = colours.values[column];
-                    let number = first(column);
-                    columns[column] = get(record, number);
+                    let get = |number| seen.number(photograph, seen.place(column) + number);
                     residual = (-colour).mul_add(columns[column], residual);
-                    slope[0] = colour.mul_add(get(record, number + 1), slope[0]);
-                    slope[1] = colour.mul_add(get(record, number + 2), slope[1]);
+                    slope[0] = colour.mul_add(get(1), slope[0]);
+                    slope[1] = colour.mul_add(get(2), slope[1]);
                     if column > 0 {
                         for s in 0..M::SHAPES {
-                            slope[2 + (column - 1) * M::SHAPES + s] =
-                                colour * get(record, number + 3 + s);
+                            slope[2 + (column - 1) * M::SHAPES + s] = colour * get(3 + s);
                         }
                     }
                 }
+                let weight = weight_at(weight, sample, sample - residual);
                 let pull = weight * residual;
                 total.cost = pull.mul_add(residual, total.cost);
                 for i in 0..N {

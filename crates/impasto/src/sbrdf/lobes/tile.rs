@@ -98,67 +98,60 @@ impl ByLobeCount {
 /// Samples `(obs, band, pixel)` of a tile with a weight each.
 pub(super) struct TileSamples {
     pub(super) bands: usize,
-    /// Linear; `+inf` where clipped, 0 where unusable.
+    /// Linear, clipped ones at their ceiling; 0 where unusable.
     pub(super) samples: Vec<f32>,
     /// Inverse of the expected variance in units of the pixel's mean sample: free of scale, so that
-    /// costs go with its square (hard case 28). 0 where a sample does not count.
+    /// costs go with its square (hard case 28). 0 where a sample does not count; negative where it
+    /// is clipped: then it is a [lower bound](super::bounds).
     pub(super) weights: Vec<f32>,
-    /// The lower bound that a clipped sample stands for, per (obs, band).
-    pub(super) ceilings: Vec<f32>,
 }
 
 impl TileSamples {
-    pub(super) fn new(ceilings: Vec<f32>, bands: usize) -> Self {
-        let size = ceilings.len() * TILE;
-        Self { bands, samples: vec![0.0; size], weights: vec![0.0; size], ceilings }
+    pub(super) fn new(photographs: usize, bands: usize) -> Self {
+        let size = photographs * bands * TILE;
+        Self { bands, samples: vec![0.0; size], weights: vec![0.0; size] }
     }
 
     /// Photographs times bands.
     pub(super) fn planes(&self) -> usize {
-        self.ceilings.len()
+        self.samples.len() / TILE
     }
 
-    /// One pixel's samples, clipped ones at their ceiling.
+    /// One pixel's samples.
     pub(super) fn column(&self, pixel: usize) -> impl Iterator<Item = f32> {
-        let light = move |(plane, &ceiling): (&[f32; TILE], &f32)| {
-            let sample = plane[pixel % TILE];
-            if sample == f32::INFINITY { ceiling } else { sample }
-        };
-        self.samples.as_chunks().0.iter().zip(&self.ceilings).map(light)
+        self.samples.as_chunks::<TILE>().0.iter().map(move |plane| plane[pixel % TILE])
     }
 
     /// The mean of the bands of a pixel's photograph, and its weight; both 0 where a band does not
-    /// count.
+    /// count or is a bound.
     pub(super) fn mean(&self, photograph: usize, pixel: usize) -> [f64; 2] {
         let planes = photograph * self.bands..(photograph + 1) * self.bands;
         let (mut light, mut variance) = (0.0, 0.0);
         for plane in planes {
-            let (sample, weight) =
-                (self.samples[plane * TILE + pixel], self.weights[plane * TILE + pixel]);
-            let sample = if sample == f32::INFINITY { self.ceilings[plane] } else { sample };
-            light += f64::from(sample);
-            variance += f64::from(weight).recip();
+            light += f64::from(self.samples[plane * TILE + pixel]);
+            variance += f64::from(self.weights[plane * TILE + pixel].max(0.0)).recip();
         }
         let bands = self.bands as f64;
         if variance.is_finite() { [light / bands, bands * bands / variance] } else { [0.0; 2] }
     }
 
-    /// Some pixels' samples of one plane, clipped ones at their ceiling.
+    /// Sample and weight of some pixels in one plane.
     #[inline(always)]
-    fn light<R: Real<Scalar = f32>>(&self, plane: usize, at: usize) -> R {
-        let sample = R::load(&self.samples[plane * TILE + at..]);
-        let clipped = sample.gt(R::of(f64::from(f32::MAX)));
-        R::select(clipped, R::splat(self.ceilings[plane]), sample)
+    pub(super) fn at<R: Real<Scalar = f32>>(&self, plane: usize, at: usize) -> (R, R) {
+        let place = plane * TILE + at;
+        (R::load(&self.samples[place..]), R::load(&self.weights[place..]))
     }
 
-    /// Lowers the weight of samples that are darker than a diffuse surface would be.
+    /// Lowers the weight of samples that are darker than a diffuse surface would be. What is clipped
+    /// is not in shadow.
     #[inline(always)]
     fn darken<R: Real<Scalar = f32>>(&mut self, plane: usize, at: usize, diffuse: R, floor: R) {
-        let sample = R::load(&self.samples[plane * TILE + at..]) + floor;
+        let (sample, weight) = self.at::<R>(plane, at);
+        let sample = sample + floor;
         let share = sample.max(R::zero()) / diffuse;
-        let lit = R::select(diffuse.gt(sample), share * share * share, R::one());
-        let weights = &mut self.weights[plane * TILE + at..];
-        (R::load(weights) * lit).store(weights);
+        let dark = diffuse.gt(sample) & weight.gt(R::zero());
+        let lit = R::select(dark, share * share * share, R::one());
+        (weight * lit).store(&mut self.weights[plane * TILE + at..]);
     }
 
     /// One pixel's weights.
@@ -174,8 +167,13 @@ pub(super) struct LobeFitTile {
     pub(super) x: Vec<f32>,
     pub(super) y: Vec<f32>,
     pub(super) colour: TileSamples,
-    /// The mean over the bands, where all of them count.
+    /// The mean over the bands, where all of them count. A clipped sample counts as its ceiling: the
+    /// lobes that are selected are those of the least highlights, from which bounds then raise them.
+    /// With bounds from the start, lobes that few lamps show are less well determined
+    /// (docs/clipping.md).
     pub(super) grey: TileSamples,
+    /// The lower bound that a clipped sample stands for, per (obs, band).
+    ceilings: Vec<f32>,
     /// Usable photographs per pixel.
     pub(super) usable: Vec<usize>,
     /// Weighted sum of squares of the rounding of the mean of the bands.
@@ -199,15 +197,16 @@ const SHADE: f64 = 0.03;
 impl LobeFitTile {
     pub(super) fn new(stack: &Stack<'_>) -> Self {
         let shape = stack.shape();
-        let ceilings: Vec<f32> = (0..shape.observations * shape.bands)
+        let ceilings = (0..shape.observations * shape.bands)
             .map(|plane| stack.ceiling(plane / shape.bands, plane % shape.bands))
             .collect();
         Self {
             pixels: Vec::with_capacity(TILE),
             x: vec![0.0; TILE],
             y: vec![0.0; TILE],
-            colour: TileSamples::new(ceilings, shape.bands),
-            grey: TileSamples::new(vec![f32::INFINITY; shape.observations], 1),
+            colour: TileSamples::new(shape.observations, shape.bands),
+            grey: TileSamples::new(shape.observations, 1),
+            ceilings,
             usable: vec![0; TILE],
             rounding: vec![0.0; TILE],
             estimates: Vec::with_capacity(TILE),
@@ -277,16 +276,19 @@ impl LobeFitTile {
         for photograph in 0..self.colour.planes() / bands {
             let (mut grey, mut whole) = (zero, R::Mask::splat(true));
             for plane in photograph * bands..(photograph + 1) * bands {
-                let light = self.colour.light::<R>(plane, at);
-                // Squares must be numbers, too (hard case 26).
-                let counts = (light * light).is_finite();
                 let place = plane * TILE + at;
                 let sample = R::load(&self.colour.samples[place..]);
-                R::keep(counts, sample).store(&mut self.colour.samples[place..]);
-                R::keep(counts, one).store(&mut self.colour.weights[place..]);
-                sum = sum + R::keep(counts, light);
+                let clipped = sample.gt(R::of(f64::from(f32::MAX)));
+                let light = R::select(clipped, R::splat(self.ceilings[plane]), sample);
+                // Squares must be numbers, too (hard case 26).
+                let counts = (light * light).is_finite();
+                let light = R::keep(counts, light);
+                light.store(&mut self.colour.samples[place..]);
+                let sign = R::select(clipped, -one, one);
+                R::keep(counts, sign).store(&mut self.colour.weights[place..]);
+                sum = sum + light;
                 count = count + R::keep(counts, one);
-                grey = grey + R::keep(counts, light);
+                grey = grey + light;
                 whole = whole & counts;
             }
             let place = photograph * TILE + at;
@@ -299,17 +301,16 @@ impl LobeFitTile {
         let floor = R::of(FIRST_FLOOR) * mean;
         for samples in [&mut self.colour, &mut self.grey] {
             for plane in 0..samples.planes() {
-                let variance = samples.light::<R>(plane, at).max(floor);
-                let weights = &mut samples.weights[plane * TILE + at..];
-                let counts = R::load(weights).gt(zero) & variance.gt(zero);
-                R::keep(counts, mean / variance).store(weights);
+                let (sample, sign) = samples.at::<R>(plane, at);
+                let variance = sample.max(floor);
+                let weight = sign * R::keep(variance.gt(zero), mean / variance);
+                weight.store(&mut samples.weights[plane * TILE + at..]);
             }
         }
         let mut squares = zero;
         for plane in 0..self.grey.planes() {
-            let sample = R::load(&self.grey.samples[plane * TILE + at..]);
-            let weight = R::load(&self.grey.weights[plane * TILE + at..]);
-            squares = (weight * sample).mul_add(sample, squares);
+            let (sample, weight) = self.grey.at::<R>(plane, at);
+            squares = (weight.abs() * sample).mul_add(sample, squares);
         }
         (R::splat(ROUNDING) * squares).store(&mut self.rounding[at..]);
         let mut numbers = [0.0; MAX_LANES];
