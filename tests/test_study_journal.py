@@ -161,6 +161,7 @@ def test_a_defect_shows_as_failed(
         broken.setattr("study.sweep.QUICK", SIZES)
         # Of all knobs, which other tests run, the command would take half a minute.
         broken.setattr("study.__main__.run", partial(study.run, knobs=KNOBS))
+        broken.setattr("study.__main__.data_folder", lambda: tmp_path / "nowhere")
         found = run(tmp_path)
         command = ["--quick", "--out", str(tmp_path / "cli"), "--repeats", "1"]
         assert main([*command, "--no-figures"]) == 1
