@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import pickle
 from collections.abc import Callable
 from dataclasses import fields
-from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,10 @@ from impasto import simulate
 
 SIZE = (97, 131)
 """Three tiles and a bit; rows end in the middle of every register."""
+
+FEW = (67, 83)
+"""Pixels for slow instruction sets and new processes: two tiles, and rows that end in the middle of
+registers."""
 
 SCENE = impasto.Scene(
     [impasto.DistantLight((0.7, 0.4, 0.3)), impasto.PointLight((30.0, 10.0, 40.0), 0.4)],
@@ -73,12 +78,29 @@ def _lobe(capture: Any, **options: Any) -> Arrays:
     return arrays(impasto.fit_highlight(np.broadcast_to(phi, samples.shape), samples, **options))
 
 
-@cache
+_made: list[impasto.Stack] = []
+
+
 def views() -> impasto.Stack:
-    """110 photographs from as many views, of patches of varnish."""
-    painting = simulate.painting(seed=4, size=(23, 29), varnish="patches")
-    rig = simulate.rig("snel-lafortune").take(range(0, 770, 7))
-    return simulate.capture(painting, rig, "rgb", model="lafortune").stack
+    """110 photographs from as many views, of patches of varnish; made when first asked for."""
+    if not _made:
+        painting = simulate.painting(seed=4, size=(23, 29), varnish="patches")
+        rig = simulate.rig("snel-lafortune").take(range(0, 770, 7))
+        _made.append(simulate.capture(painting, rig, "rgb", model="lafortune").stack)
+    return _made[0]
+
+
+def keep(path: Path, capture: Any) -> Path:
+    """Write a capture and :func:`views` for another process, which then need not simulate them."""
+    path.write_bytes(pickle.dumps((capture, views())))
+    return path
+
+
+def kept(path: str) -> Any:
+    """The capture that :func:`keep` wrote."""
+    capture, seen = pickle.loads(Path(path).read_bytes())
+    _made[:] = [seen]
+    return capture
 
 
 def _lafortune(_: Any, **options: Any) -> Arrays:

@@ -227,15 +227,20 @@ def test_errors_below_the_smallest_do_not_fall() -> None:
 PROGRAM = """
 import numpy as np
 import impasto
-from test_rig_refinement import photographs
+import test_rig_refinement as rigs
 
-rig = impasto.refine_rig(photographs(3.0, 4.0)[1], threads=1)
+rigs.SHAPE, rigs.PITCH = (12, 12), 4.0
+rig = impasto.refine_rig(rigs.photographs(3.0, 4.0)[1], threads=1)
+assert rig.refinement.camera.accepted or rig.refinement.lamps.accepted
 print(np.r_[rig.vectors.ravel(), rig.view_positions.ravel(), rig.intensities].tobytes().hex())
 """
 
 
 @pytest.mark.slow
 def test_threads_of_blas_change_no_bit() -> None:
+    # BLAS divides large products. These are of blocks of pixels: more of them than a block has make
+    # none larger.
+    assert normal_equations._BLOCK < 12 * 12
     found = [
         subprocess.run(
             [sys.executable, "-c", PROGRAM],

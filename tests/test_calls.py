@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from circumstances import CALLS, LONG, capture, digests
+from circumstances import CALLS, FEW, LONG, capture, digests, keep, kept
 from processes import run, surroundings
 
 CALL = pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
@@ -26,6 +26,18 @@ CALL = pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
 @pytest.fixture(scope="module")
 def photographed() -> Any:
     return capture()
+
+
+@pytest.fixture(scope="module")
+def file(photographed: Any, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The same for other processes."""
+    return str(keep(tmp_path_factory.mktemp("capture") / "photographed", photographed))
+
+
+@pytest.fixture(scope="module")
+def few(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Photographs of few pixels for other processes."""
+    return str(keep(tmp_path_factory.mktemp("capture") / "few", capture(FEW)))
 
 
 @pytest.fixture(scope="module")
@@ -50,22 +62,18 @@ def test_calls_at_the_same_time_give_the_same_bits(
     assert found == [expected] * 4
 
 
-FEW = (67, 83)
-"""Pixels for the slow instruction sets: two tiles, and rows that end in the middle of registers."""
-
-
 @pytest.fixture(scope="module")
-def expected_of_few() -> dict[str, str]:
-    return digests(capture(FEW), threads=1)
+def expected_of_few(few: str) -> dict[str, str]:
+    return digests(kept(few), threads=1)
 
 
 @pytest.mark.parametrize("level", ["baseline", "avx2", "avx512"])
 def test_every_instruction_set_gives_the_same_bits(
-    level: str, expected_of_few: dict[str, str]
+    level: str, few: str, expected_of_few: dict[str, str]
 ) -> None:
     # A level that this processor lacks falls back to the best there is.
-    program = f"import circumstances as c; print(c.digests(c.capture({FEW}), threads=2))"
-    assert ast.literal_eval(run(program, IMPASTO_SIMD=level)) == expected_of_few
+    program = "import sys, circumstances as c; print(c.digests(c.kept(sys.argv[1]), threads=2))"
+    assert ast.literal_eval(run(program, few, IMPASTO_SIMD=level)) == expected_of_few
 
 
 @CALL
@@ -99,9 +107,9 @@ def test_an_exception_in_progress_reaches_the_caller(photographed: Any, call: An
 
 FORK = """
 import os, sys
-from circumstances import capture, digests
+from circumstances import digests, kept
 
-photographed = capture()
+photographed = kept(sys.argv[1])
 before = digests(photographed, threads=2)
 child = os.fork()
 if child == 0:
@@ -114,18 +122,18 @@ sys.exit(os.waitstatus_to_exitcode(status))
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
-def test_a_forked_child_may_call_with_threads_after_its_parent_did() -> None:
+def test_a_forked_child_may_call_with_threads_after_its_parent_did(few: str) -> None:
     # A child that waits for threads of its parent waits for ever: `run` would time out.
-    run(FORK)
+    run(FORK, few)
 
 
 FORK_DURING_CALLS = """
 import os, sys, threading, time
 import numpy as np
 import impasto
-from circumstances import LONG, capture
+from circumstances import LONG, kept
 
-photographed = capture()
+photographed = kept(sys.argv[1])
 normal = np.zeros((3, 8, 8), np.float32)
 normal[2] = 1.0
 inside, stop = threading.Event(), threading.Event()
@@ -168,21 +176,21 @@ sys.exit(failed)
 
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
-def test_a_child_forked_while_another_thread_is_in_a_call_may_call() -> None:
+def test_a_child_forked_while_another_thread_is_in_a_call_may_call(file: str) -> None:
     """It inherits the locks that this thread holds, not the thread that would release them.
 
     The fork falls into the middle of a call. One that falls into the start of a thread may leave
     glibc's own tables of the child half changed (2.36: thread-local memory of libraries loaded by
     dlopen is freed twice), in programs without impasto too; no library can prevent that.
     """
-    run(FORK_DURING_CALLS)
+    run(FORK_DURING_CALLS, file)
 
 
 POOL = """
-import multiprocessing
-from circumstances import capture, digests
+import multiprocessing, sys
+from circumstances import digests, kept
 
-photographed = capture()
+photographed = kept(sys.argv[1])
 before = digests(photographed, threads=2)
 
 def again(threads):
@@ -194,8 +202,8 @@ with multiprocessing.get_context("fork").Pool(2) as pool:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
-def test_multiprocessing_may_fork_after_a_call_with_threads() -> None:
-    run(POOL)
+def test_multiprocessing_may_fork_after_a_call_with_threads(few: str) -> None:
+    run(POOL, few)
 
 
 CHILD = """
@@ -227,9 +235,9 @@ def test_a_child_that_begins_anew_gives_the_same_bits(tmp_path: Path) -> None:
 INTERRUPTED = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
-from circumstances import CALLS, LONG, capture
+from circumstances import CALLS, LONG, kept
 
-photographed = capture()
+photographed = kept(sys.argv[3])
 reports = []
 
 def watch(done, total):
@@ -249,11 +257,11 @@ except KeyboardInterrupt:
 
 @pytest.mark.skipif(os.name != "posix", reason="SIGINT is sent as on POSIX")
 @pytest.mark.parametrize("name", LONG)
-def test_ctrl_c_stops_a_call_in_the_middle(name: str) -> None:
+def test_ctrl_c_stops_a_call_in_the_middle(name: str, file: str) -> None:
     # A signal that falls between two stages stops the call all the same, but it does not show
     # that a stage can be stopped: send another, after more reports, in another stage maybe.
     for reports in (1, 3, 6, 10):
-        done, total, waited = interrupted(name, reports)
+        done, total, waited = interrupted(name, reports, file)
         # A heartbeat of 50 ms and one tile; the rest of the second is for a busy machine.
         assert waited < 1.0
         if done < total:
@@ -261,14 +269,14 @@ def test_ctrl_c_stops_a_call_in_the_middle(name: str) -> None:
     pytest.fail(f"four signals, and each time all {total} tiles were done")
 
 
-def interrupted(name: str, reports: int) -> tuple[int, int, float]:
+def interrupted(name: str, reports: int, file: str) -> tuple[int, int, float]:
     """Tiles done, tiles in all, and seconds from the signal to the end of a call.
 
     The signal is sent after so many reports of progress.
     """
     # The slowest instruction set makes the longest call.
     process = subprocess.Popen(
-        [sys.executable, "-c", INTERRUPTED, name, str(reports)],
+        [sys.executable, "-c", INTERRUPTED, name, str(reports), file],
         env=surroundings(IMPASTO_SIMD="baseline"),
         stdout=subprocess.PIPE,
         text=True,

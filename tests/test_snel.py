@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -231,17 +232,28 @@ def test_the_system_is_one_option_of_every_command(
         assert pictures[0].std() > 5
         assert (pictures[0] == pictures[1]).all()
         assert (pictures[0] == pictures[2]).all()
+    # One pair in ten is enough for the other options.
+    some, every = tmp_path / "some", read_lights(shot / "lights.csv")
+    some.mkdir()
+    assert every.names is not None
+    names = every.names[::10]
+    for name in names:
+        shutil.copy(shot / name, some)
+    write_lights(some / "lights.csv", simulate.rig(NAME).take(range(0, 770, 10)), names)
     repaired = tmp_path / "repaired.csv"
-    words_of = ["doctor", str(shot), *read[:-1], "--json", "--write"]
+    words_of = ["doctor", str(some), *read[:-1], "--json", "--write"]
     main([*words_of, str(repaired)])
-    found, listed = read_lights(repaired), read_lights(shot / "lights.csv")
+    found, listed = read_lights(repaired), read_lights(some / "lights.csv")
     np.testing.assert_array_equal(found.views, listed.views)
     assert main([*words_of, str(tmp_path / "repaired.lp")]) == 1
     assert "ends in .csv" in capsys.readouterr().err
-    censored = ["--highlights", "censored", *read, *words]
-    assert main(["fit", str(shot), "--out", str(tmp_path / "censored"), *censored]) == 0
-    other = impasto.load_sbrdf(tmp_path / "censored" / "sbrdf.npz")
-    assert not np.array_equal(other.specular, stored[0].specular)
+    specular = []
+    for highlights in ("reconstructed", "censored"):
+        to = tmp_path / highlights
+        option = ["--highlights", highlights, "--out", str(to)]
+        assert main(["fit", str(some), *option, *read, *words]) == 0
+        specular.append(impasto.load_sbrdf(to / "sbrdf.npz").specular)
+    assert not np.array_equal(*specular)
     capsys.readouterr()
     for wrong, told in (
         (["fit", str(shot), "--out", str(out), "--pooling", "painting", *words], "--pooling"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -158,6 +159,9 @@ def test_a_defect_shows_as_failed(
     with monkeypatch.context() as broken:
         broken.setattr(fits.impasto, "fit_normals", refused)
         broken.setattr("study.sweep.QUICK", SIZES)
+        # Of all knobs, which other tests run, the command would take half a minute.
+        broken.setattr("study.__main__.run", partial(study.run, knobs=KNOBS))
+        broken.setattr("study.__main__.data_folder", lambda: tmp_path / "nowhere")
         found = run(tmp_path)
         command = ["--quick", "--out", str(tmp_path / "cli"), "--repeats", "1"]
         assert main([*command, "--no-figures"]) == 1

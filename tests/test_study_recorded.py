@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -446,6 +447,8 @@ def test_the_command(
     )
     out = tmp_path / "found"
     monkeypatch.setattr("study.__main__.data_folder", lambda: tmp_path / "nowhere")
+    # The fixture has run all knobs.
+    monkeypatch.setattr("study.__main__.run", partial(study.run, knobs=("effort", "peer")))
     command = ["--quick", "--out", str(out), "--repeats", "1", "--no-figures"]
     assert main(command) == 0
     said = capsys.readouterr()

@@ -62,7 +62,9 @@ def window(stack: impasto.Stack) -> impasto.Stack:
     )  # fmt: skip
 
 
-def checked(stack: impasto.Stack) -> dict[str, float | bool]:
+def checked(
+    stack: impasto.Stack, requests: tuple[str, ...] = ("error", "seconds")
+) -> dict[str, float | bool]:
     """Requested and reached error and time, whether they are met, ratios to the predictions."""
     held = np.arange(HELD // 2, len(stack.rig), HELD)
     known = stack.take(np.setdiff1d(np.arange(len(stack.rig)), held))
@@ -80,7 +82,8 @@ def checked(stack: impasto.Stack) -> dict[str, float | bool]:
         "seconds": middle([trial.seconds for trial in tried]),
     }
     row: dict[str, float | bool] = {"took": took}
-    for what, value in requested.items():
+    for what in requests:
+        value = requested[what]
         suggestion = impasto.suggest_effort(known, **{what: value})
         seconds = []
         for _ in range(ROUNDS if what == "seconds" else 1):

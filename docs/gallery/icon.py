@@ -64,10 +64,10 @@ def upright(photographs: Path) -> Stack:
     return impasto.read_stack(photographs / "dirs.lp", encoding="srgb").rotated(1)
 
 
-def measured(stack: Stack) -> Icon:
-    """Measure the icon from five of every six photographs."""
+def measured(stack: Stack, *, refine: bool | None = None) -> Icon:
+    """Measure the icon from five of every six photographs; ``refine`` as in the fit."""
     train = [index for index in range(len(stack.rig)) if index % HELD_OUT]
-    sbrdf = impasto.fit_sbrdf(stack.take(train))
+    sbrdf = impasto.fit_sbrdf(stack.take(train), refine=refine)
     reflectance = impasto.fit_reflectance(None, sbrdf, Camera.srgb())
     options = {"level": True, "pitch_mm": PITCH_MM}
     return Icon(stack, Measured(sbrdf, reflectance, options))

@@ -273,11 +273,14 @@ def under_varnish(tried: Sequence[Candidate], each: Sequence[Predicted]) -> list
 
 def shown_by_process(result: Any, rig: Rig) -> dict[tuple[float, float], NDArray[np.float32]]:
     """What a fit predicts: the model alone (zeros), and with residuals by their process."""
-    found = {(0.0, 0.0): result.predict(rig, fidelity="model")}
+    model = result.predict(rig, fidelity="model")
+    found = {(0.0, 0.0): model}
     if result.residuals is not None:
-        for length, noise in PROCESSES:
+        for process in PROCESSES:
+            length, noise = process
+            found[process] = model.copy()
             residuals = replace(result.residuals, length=length, noise=noise)
-            found[length, noise] = replace(result, residuals=residuals).predict(rig)
+            result.add_residuals(found[process], residuals, rig)
     return found
 
 

@@ -137,13 +137,15 @@ class Sbrdf(PixelMaps, Relightable):
             photographs, times the light's intensity. No sample exceeds the largest float32.
         """
         one_of(fidelity, get_args(Fidelity), "fidelity")
-        rig = self.rig if lights is None else lights
-        if self.rig.refinement is not None and _directions_only(rig):
-            rig = self.rig.at(rig)
+        rig = self._meant(self.rig if lights is None else lights)
         shown = self.modelled(rig, views, threads=threads, progress=progress)
         if self.residuals is not None and fidelity == "photographs":
             self.residuals.add_to(shown, self.rig, self._placed(rig, views))
         return shown
+
+    def add_residuals(self, shown: NDArray[np.float32], residuals: Residuals, rig: Rig) -> None:
+        """Add, in place, other residuals to what the model shows in :meth:`predict`."""
+        residuals.add_to(shown, self.rig, self._placed(self._meant(rig), None))
 
     def modelled(
         self,
@@ -160,6 +162,12 @@ class Sbrdf(PixelMaps, Relightable):
             placed = Rig(self._placed(rig, views), origin=self.rig.origin)
             self.relief.add_to(shown, surface.diffuse, surface.ambient, placed)
         return shown
+
+    def _meant(self, rig: Any) -> Any:
+        """Lamps of the refined rig where there is one and nothing but directions is given."""
+        if self.rig.refinement is not None and _directions_only(rig):
+            return self.rig.at(rig)
+        return rig
 
     def _placed(self, rig: Any, views: Views | None) -> Rig:
         pitch = getattr(rig, "pitch_mm", None) or self.pitch_mm

@@ -63,7 +63,8 @@ def noise(
     offset_y, offset_x = rng.random(2)
     rows_at = np.arange(shape[0], dtype=np.float32) / max(cell_y, 1.0) + offset_y
     columns_at = np.arange(shape[1], dtype=np.float32) / max(cell_x, 1.0) + offset_x
-    map_x, map_y = np.meshgrid(columns_at.astype(np.float32), rows_at.astype(np.float32))
+    map_x, map_y = np.empty((2, *shape), np.float32)
+    map_x[:], map_y[:] = columns_at, rows_at[:, None]
     fine = cv2.remap(coarse, map_x, map_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101)
     return np.asarray(fine * np.float32(1.35), dtype=np.float32)
 

@@ -67,10 +67,11 @@ class Palette:
         weight = np.array([1.25, 1.0, 1.0], dtype=np.float32)
         table = self.lab * weight
         norm = (table * table).sum(axis=1)
-        picked = [
-            (norm - 2.0 * (part * weight) @ table.T).argmin(axis=1)
-            for part in np.array_split(wanted, max(1, len(wanted) // 1024))
-        ]
+        picked = []
+        for part in np.array_split(wanted, max(1, len(wanted) // 1024)):
+            distances = (-2.0 * weight * part) @ table.T
+            distances += norm
+            picked.append(distances.argmin(axis=1))
         return np.concatenate(picked).astype(np.int32)
 
 

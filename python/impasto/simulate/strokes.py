@@ -105,11 +105,15 @@ def lay(
     rows, columns = layer.height.shape
     stamps = _Stamps(rng, pitch_mm)
     variant = rng.integers(0, VARIANTS, len(strokes))
-    for i in range(len(strokes)):
-        length, width = float(strokes.length[i]), float(strokes.width[i])
-        x, y = float(strokes.x[i]), float(strokes.y[i])
-        cos, sin = float(np.cos(strokes.angle[i])), float(np.sin(strokes.angle[i]))
-        bend = float(strokes.bend[i])
+    # A small picture has thousands of strokes of a few pixels: what can be is done for all at once.
+    planes = (
+        strokes.x, strokes.y, np.cos(strokes.angle), np.sin(strokes.angle), strokes.length,
+        strokes.width, strokes.bend, strokes.body, first, second,
+        *stamps.keys(strokes, variant),
+    )  # fmt: skip
+    for x, y, cos, sin, length, width, bend, body, one, other, *key in zip(
+        *(plane.tolist() for plane in planes), strict=True
+    ):
         half_u, half_v = 0.5 * length, 0.5 * width + abs(bend) * length
         reach_x = half_u * abs(cos) + half_v * abs(sin) + 1.0
         reach_y = half_u * abs(sin) + half_v * abs(cos) + 1.0
@@ -123,28 +127,31 @@ def lay(
         v = -sin * dx + cos * dy
         # A parabola: the middle line of the stroke bulges by `bend` times its length.
         v += bend * length * (1.0 - (2.0 / length * u) ** 2)
-        stamp = stamps.get(int(strokes.tool[i]), width, length, int(variant[i]))
+        stamp = stamps.get(*key)
         scale_v, scale_u = stamp.shape[0] - 1.0, stamp.shape[1] - 1.0
         sampled = cv2.remap(
             stamp,
-            (u * (scale_u / length) + 0.5 * scale_u).astype(np.float32),
-            (v * (scale_v / width) + 0.5 * scale_v).astype(np.float32),
+            u * (scale_u / length) + 0.5 * scale_u,
+            v * (scale_v / width) + 0.5 * scale_v,
             cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_CONSTANT,
             borderValue=0.0,
         )
-        _press(layer, np.s_[top:bottom, left:right], sampled, float(strokes.body[i]))
-        _cover(layer, np.s_[top:bottom, left:right], sampled, int(first[i]), int(second[i]))
+        window = np.s_[top:bottom, left:right]
+        cover, relief, streak = cv2.split(sampled)
+        _press(layer, window, cover, relief, body)
+        _cover(layer, window, cover, streak, one, other)
 
 
-def _press(layer: Layer, window: tuple[slice, slice], stamp: Field, body: float) -> None:
+def _press(
+    layer: Layer, window: tuple[slice, slice], cover: Field, profile: Field, body: float
+) -> None:
     """Level the relief under the stroke, then add that of the stroke."""
     import cv2
 
     height, paint = layer.height[window], layer.paint[window]
-    cover, profile = stamp[..., 0], stamp[..., 1]
     # A loaded brush fills the relief below; thin paint follows every thread.
-    level = 0.02 + 0.83 * float(np.clip((body - 0.015) / 0.16, 0.0, 1.0)) ** 0.8
+    level = 0.02 + 0.83 * min(max((body - 0.015) / 0.16, 0.0), 1.0) ** 0.8
     mean = cv2.blur(height, (7, 7), borderType=cv2.BORDER_REFLECT)
     mean_paint = cv2.blur(paint, (7, 7), borderType=cv2.BORDER_REFLECT)
     relief = body * profile
@@ -153,22 +160,25 @@ def _press(layer: Layer, window: tuple[slice, slice], stamp: Field, body: float)
 
 
 def _cover(
-    layer: Layer, window: tuple[slice, slice], stamp: Field, first: int, second: int
+    layer: Layer,
+    window: tuple[slice, slice],
+    cover: Field,
+    streak: Field,
+    first: int,
+    second: int,
 ) -> None:
     """Replace the colour where the stroke covers; its rim shares the pixel with the old one."""
-    cover, streak = stamp[..., 0], stamp[..., 2]
     old_first, old_second = layer.first[window], layer.second[window]
     share = layer.share[window]
     rim_in = (cover > 0.5) & (cover < 0.92)
     rim_out = (cover > 0.08) & (cover <= 0.5)
     inside = cover >= 0.92
-    old_second[rim_in] = old_first[rim_in]
-    old_second[inside | rim_out] = second
-    old_second[rim_out] = first
-    old_first[inside | rim_in] = first
-    share[inside] = streak[inside]
-    rim = rim_in | rim_out
-    share[rim] = np.minimum(cover, 1.0 - cover)[rim]
+    np.copyto(old_second, old_first, where=rim_in)
+    np.copyto(old_second, second, where=inside | rim_out)
+    np.copyto(old_second, first, where=rim_out)
+    np.copyto(old_first, first, where=inside | rim_in)
+    np.copyto(share, streak, where=inside)
+    np.copyto(share, np.minimum(cover, 1.0 - cover), where=rim_in | rim_out)
 
 
 class _Stamps:
@@ -179,10 +189,16 @@ class _Stamps:
         self._bristle = max(0.42 / pitch_mm, 2.2)
         self._made: dict[tuple[int, int, int, int], Field] = {}
 
-    def get(self, tool: int, width: float, length: float, variant: int) -> Field:
-        """The texture for a touch of this size (sizes within a quarter share one)."""
-        across = int(np.round(4.0 * np.log2(max(width, 1.0))))
-        along = int(np.round(2.0 * np.log2(max(length, 1.0))))
+    @staticmethod
+    def keys(strokes: Strokes, variant: NDArray[np.integer]) -> tuple[NDArray[np.integer], ...]:
+        """What each stroke asks for: tool, size (those within a quarter share one) and variant."""
+        width, length = strokes.width.astype(np.float64), strokes.length.astype(np.float64)
+        across = np.rint(4.0 * np.log2(np.maximum(width, 1.0))).astype(np.int64)
+        along = np.rint(2.0 * np.log2(np.maximum(length, 1.0))).astype(np.int64)
+        return strokes.tool, across, along, variant
+
+    def get(self, tool: int, across: int, along: int, variant: int) -> Field:
+        """The texture for a touch of some :meth:`keys`."""
         key = (tool, across, along, variant)
         if key not in self._made:
             rng = np.random.default_rng([self._seed, *key])
