@@ -99,6 +99,7 @@ def test_a_stage_that_stops_short_is_ordered_again(tmp_path: Path) -> None:
 
     class Sticking(SimulatedRig):
         stuck = 1
+        joints = ("tilt",)
 
         def move(self, pose: Pose) -> Pose:
             behind, self.stuck = self.stuck, 0

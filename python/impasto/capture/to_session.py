@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from impasto.capture.folder import FOLDERS
 from impasto.capture.journal import Entry, Journal
 from impasto.capture.shots import Shot, ShotPlan
@@ -27,15 +29,17 @@ def session_of(plan: ShotPlan, entries: Mapping[str, Entry], camera: str | None)
     camera
         Its name.
     """
-    shots = [shot for shot in plan.of("photograph") if shot.name in entries]
+    # The shortest exposure stands for a bracket; one of which it is missing does not count.
+    shots = [
+        bracket[0] for bracket in plan.photographs().values()
+        if all(shot.name in entries for shot in bracket)
+    ]  # fmt: skip
     names = [Path(entries[shot.name].file).name for shot in shots]
     lights: dict[str, Any] = {}
-    # Poses move the lamps: then positions of the plan are not those of the photographs.
-    if plan.positions_mm is not None and all(shot.pose.light is None for shot in shots):
-        lights["positions_mm"] = {
-            name: _three(plan.positions_mm[(shot.lamp or 1) - 1])
-            for name, shot in zip(names, shots, strict=True)
-        }
+    positions = [_position(plan, shot) for shot in shots]
+    known = [one for one in positions if one is not None]
+    if known and len(known) == len(shots):
+        lights["positions_mm"] = dict(zip(names, known, strict=True))
     else:
         lights["directions"] = {
             name: plan.light_of(shot) for name, shot in zip(names, shots, strict=True)
@@ -82,6 +86,19 @@ def _boards(
     found = [by_lamp.get((shot.lamp, shot.pose.view)) for shot in shots]
     files = tuple(one for one in found if one is not None)
     return files if files and len(files) == len(shots) else None
+
+
+def _position(plan: ShotPlan, shot: Shot) -> tuple[float, float, float] | None:
+    """Of the lamp in the frame of the painting, mm; None: not known."""
+    if plan.positions_mm is None or shot.lamp is None:
+        return None
+    position = plan.positions_mm[shot.lamp - 1]
+    if shot.pose.light is None:
+        return _three(position)
+    # A joint turns the painting about its middle: the lamp keeps its distance. Where a pose moves
+    # the lamp itself, that is not known.
+    far = float(np.linalg.norm(position))
+    return _three([far * x for x in shot.pose.light]) if shot.pose.angles else None
 
 
 def _three(vector: Any) -> tuple[float, float, float]:
