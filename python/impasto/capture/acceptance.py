@@ -77,7 +77,9 @@ def accepted(shot: Shot, frame: Frame, path: Path, known: Known, seen: dict[str,
     if shot.kind == "dark":
         refuse(light_in_the_dark(picture.level, known.darks))
         return picture
-    refuse(clipped(picture.clipped))
+    # Of a bracket, only the shortest exposure has to be whole.
+    if shot.bracket is None or shot == known.plan.photographs()[shot.bracket][0]:
+        refuse(clipped(picture.clipped))
     if known.base is None and shot.kind == "reference":
         refuse(dark_reference(picture.level - known.dark))
     if known.base is None or shot.kind == "board":

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from impasto._internal.checks import is_whole, length_mm
 from impasto.capture.ball_joint import JOINTS, BallJointRig, Setting, in_plane
 from impasto.capture.devices import Pose
-from impasto.capture.shots import Shot, ShotPlan, exposed, unit_vector
+from impasto.capture.shots import Shot, ShotPlan, exposed, exposures_of, unit_vector
 from impasto.capture.travelling_salesman import length_of, nearest_neighbour, two_opt
 from impasto.errors import ArgumentError, GeometryError
 from impasto.io import LightFile, write_lights
@@ -155,8 +155,8 @@ def ball_joint_plan(
     plan
         From :func:`plan_ball_joint_shots`.
     exposure_s
-        Exposure time in seconds; several: an exposure bracket of each pair. Dark frames and
-        reference poses have the longest.
+        Exposure time in seconds; several: an exposure bracket of each pair, as for
+        :func:`plan_shots`.
     darks
         How many dark frames, at the beginning.
     distance_mm
@@ -171,16 +171,14 @@ def ball_joint_plan(
         raise ArgumentError(f"darks: expected a whole number from 0 on, found {darks!r}")
     if distance_mm is not None:
         length_mm(distance_mm, "distance_mm")
-    exposures = (exposure_s,) if isinstance(exposure_s, int | float) else tuple(exposure_s)
-    if not exposures:
-        raise ArgumentError("exposure_s: expected one exposure time or more, found none")
-    longest = max(exposures)
-    shots = [Shot(f"dark_{n:03}", "dark", None, longest) for n in range(1, darks + 1)]
+    exposures = exposures_of(exposure_s)
+    shots = [Shot(f"dark_{n:03}", "dark", None, exposures[-1]) for n in range(1, darks + 1)]
     for one in plan.shots:
         angles = dict(zip(JOINTS, one.setting.angles.tolist(), strict=True))
         pose = Pose(unit_vector(one.view), unit_vector(one.light), angles)
         if one.pair is None:
-            shots.append(Shot(one.name, "reference", one.setting.lamp + 1, longest, pose))
+            seconds = exposures[-2:][0]
+            shots.append(Shot(one.name, "reference", one.setting.lamp + 1, seconds, pose))
         else:
             shots += exposed(one.name, "photograph", one.setting.lamp + 1, exposures, pose)
     directions = np.array([in_plane(angle) for angle in plan.rig.lamps])

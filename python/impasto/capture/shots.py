@@ -146,6 +146,20 @@ class ShotPlan:
         return tuple(dict.fromkeys(name for shot in self.shots for name in shot.pose.angles))
 
 
+def exposures_of(exposure_s: float | Sequence[float]) -> tuple[float, ...]:
+    """One exposure time or several, in seconds, the shortest first.
+
+    Raises
+    ------
+    ArgumentError
+        None at all.
+    """
+    given = (exposure_s,) if isinstance(exposure_s, int | float) else tuple(exposure_s)
+    if not given:
+        raise ArgumentError("exposure_s: expected one exposure time or more, found none")
+    return tuple(sorted(given))
+
+
 def plan_shots(
     lights: LightFile,
     *,
@@ -164,8 +178,8 @@ def plan_shots(
         From :func:`impasto.io.read_lights`. Photographs have its names, or ``shot_001`` and so on.
     exposure_s
         Exposure time of all shots, seconds; several: an exposure bracket of each photograph, such
-        as :func:`exposures_from_pilot` finds. Dark frames and reference shots have the longest, in
-        which diffuse reflection is exact.
+        as :func:`exposures_from_pilot` finds. Dark frames have the longest, reference shots the
+        longest but one, in which diffuse reflection is exact enough, and less clips.
     darks
         How many dark frames, at the beginning; their noise is averaged.
     references
@@ -179,20 +193,17 @@ def plan_shots(
     for name, value in (("darks", darks), ("references", references)):
         if not is_whole(value) or value < 0:
             raise ArgumentError(f"{name}: expected a whole number from 0 on, found {value!r}")
-    exposures = (exposure_s,) if isinstance(exposure_s, int | float) else tuple(exposure_s)
-    if not exposures:
-        raise ArgumentError("exposure_s: expected one exposure time or more, found none")
-    longest = max(exposures)
+    exposures = exposures_of(exposure_s)
     count = len(lights)
     frontal = int(np.argmax(lights.directions @ np.asarray(FRONTAL))) + 1
     names = [f"shot_{number:03}" for number in range(1, count + 1)]
     if lights.names is not None:
         names = [PurePosixPath(name.replace("\\", "/")).stem for name in lights.names]
-    shots = [Shot(f"dark_{n:03}", "dark", None, longest) for n in range(1, darks + 1)]
+    shots = [Shot(f"dark_{n:03}", "dark", None, exposures[-1]) for n in range(1, darks + 1)]
     taken = 0
 
     def reference() -> Shot:
-        return Shot(f"reference_{taken + 1:03}", "reference", frontal, longest)
+        return Shot(f"reference_{taken + 1:03}", "reference", frontal, exposures[-2:][0])
 
     for number, name in enumerate(names):
         view = None if lights.views is None else unit_vector(lights.views[number])

@@ -48,6 +48,11 @@ def session_of(plan: ShotPlan, entries: Mapping[str, Entry], camera: str | None)
         lights["views"] = {
             name: shot.pose.view or FRONTAL for name, shot in zip(names, shots, strict=True)
         }
+    brackets = {}
+    for shot, name in zip(shots, names, strict=True):
+        if shot.bracket is not None:
+            frames = [entries[one.name] for one in plan.photographs()[shot.bracket]]
+            brackets[name] = tuple((Path(one.file).name, one.exposure_s) for one in frames)
     exposures = [entries[shot.name].exposure_s for shot in shots]
     if max(exposures) > min(exposures) * 1.000001:
         lights["intensities"] = tuple(one / max(exposures) for one in exposures)
@@ -55,6 +60,7 @@ def session_of(plan: ShotPlan, entries: Mapping[str, Entry], camera: str | None)
     return Session(
         camera=camera or None,
         images=FOLDERS["photograph"],
+        brackets=brackets or None,
         dark=darks or None,
         white=_boards(plan, entries, shots),
         sha256={entry.file: entry.sha256 for entry in entries.values()},

@@ -150,8 +150,8 @@ def ball_joint(
     every
         Shots between two reference poses; 0: none.
     exposure
-        Exposure time of each pair, ms, or several such as 2,8,32: a bracket of each. Dark frames
-        and reference poses have the longest.
+        Exposure time of each pair, ms, or several such as 2,8,32: a bracket of each. Reference
+        poses have the longest but one.
     darks
         How many dark frames.
     distance

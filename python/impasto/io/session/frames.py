@@ -219,7 +219,7 @@ def resampled_dark(
     if paths is None:
         if np.ndim(np.asarray(dark)) > 1:
             raise ArgumentError(
-                "dark: with a lens or an alignment, dark frames are files; found an array"
+                "dark: with a lens, an alignment or brackets, dark frames are files; found an array"
             )
         return read_dark(dark, (bands, 1, 1), curve, None, layer)
     total = np.zeros((1, 1, 1))

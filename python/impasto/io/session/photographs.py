@@ -80,6 +80,7 @@ def read_photographs(
         pattern=pattern,
         bands=bands,
         names=names,
+        others=() if geometry is None or geometry.brackets is None else geometry.brackets.others,
     )
     if guard is not None:
         guard([path for files in observations.files for path in files], notebook)
@@ -185,11 +186,16 @@ def find_photographs(
     pattern: str | Sequence[str] | None = None,
     bands: Sequence[str] | None = None,
     names: tuple[str, ...] | None = None,
+    others: Sequence[Path] = (),
 ) -> tuple[ListedLights, Observations]:
-    """The lights and the files of each photograph, none of which is opened."""
+    """The lights and the files of each photograph, none of which is opened.
+
+    ``others`` are pictures in the folder that are no photographs by themselves.
+    """
     listed = listed_lights(path, lights, notebook, names)
     folder = Path(images) if images is not None else (path if path.is_dir() else path.parent)
-    excluded = [
+    excluded = list(others)
+    excluded += [
         p for option in (mask, white, dark) if option is not None for p in frame_paths(option) or ()
     ]
     observations = find_observations(
@@ -215,7 +221,9 @@ def _board_frames(
     geometry: Geometry | None,
 ) -> Sequence[Path] | NDArray[Any]:
     if geometry is not None and frame_paths(white) is None:
-        raise ArgumentError("white: with a lens or an alignment, boards are files; found an array")
+        raise ArgumentError(
+            "white: with a lens, an alignment or brackets, boards are files; found an array"
+        )
     return find_board(white, observations.names, shape, area, listed.source, notebook)
 
 

@@ -32,6 +32,11 @@ class Session:
         Name of the camera; focal length in pixels.
     lens, alignment
         Files of a lens and of an alignment, by which photographs are resampled.
+    brackets
+        Files and exposure times in seconds of each photograph that was taken several times, by the
+        name of its shortest exposure.
+    noise
+        Standard deviations of a code in the dark and at full scale, as shares of full scale.
     images, pattern, bands, layer, encoding, saturation, mask, pitch_mm, region, strict, max_pixels
         As :func:`impasto.read_stack` takes them.
     lights
@@ -66,6 +71,8 @@ class Session:
     region: tuple[int, int, int, int] | None = None
     strict: bool = False
     max_pixels: int | None = None
+    noise: tuple[float, float] | None = None
+    brackets: Mapping[str, tuple[tuple[str, float], ...]] | None = None
     lights: str | None = None
     directions: Mapping[str, Vector] | None = None
     positions_mm: Mapping[str, Vector] | None = None
@@ -185,6 +192,17 @@ KEYS = (
         "Larger photographs are refused.", "2147483648",
     ),
     Key(
+        "photographs.noise", "noise", values.noise,
+        "Of brackets: standard deviation of a code in the dark, and at full scale without that, as "
+        "shares of full scale. Default: 0.001 and 0.005.", "[0.001, 0.005]",
+    ),
+    Key(
+        "photographs.brackets", "brackets", values.brackets,
+        "Photographs that were taken with several exposures and are read as one: by the file of "
+        "the shortest, the files and their exposure times in seconds.",
+        '"photo1-1.tif" = [["photo1-1.tif", 0.002], ["photo1-2.tif", 0.008]]',
+    ),
+    Key(
         "lights.file", "lights", values.file,
         "Light file: .lp, .csv, .txt, .dome, .relight or .json.", '"lights.lp"', files=True,
     ),
@@ -230,5 +248,7 @@ KEYS = (
 )  # fmt: skip
 """All keys but ``version``, in the order of the file."""
 
-TABLES = frozenset({"lights.directions", "lights.positions_mm", "lights.views", "files"})
+TABLES = frozenset({
+    "photographs.brackets", "lights.directions", "lights.positions_mm", "lights.views", "files",
+})  # fmt: skip
 """Keys that are sections, with a line for each file."""
