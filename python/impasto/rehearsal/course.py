@@ -14,7 +14,7 @@ from pathlib import Path
 
 from impasto.errors import ArgumentError
 from impasto.rehearsal.moving_outcome import PAIRS
-from impasto.rehearsal.moving_views import MovingSession
+from impasto.rehearsal.moving_views import CARD, MovingSession
 from impasto.rehearsal.photographs import Session
 
 PICTURE = "relit.png"
@@ -111,7 +111,9 @@ def moving_steps(session: MovingSession, pixel_mm: float) -> list[Step]:
          f"--target chessboard:9x6:{session.lattice_mm:g}mm"),
         ("frontal photographs", "align painting/photographs --out painting/aligned "
          f"--markers aruco:4x4_50:{session.marker_mm:g}mm --size {width:g}x{height:g} "
-         f"--lens painting/lens.json --pixel {pixel_mm:g} --depth estimate"),
+         f"--lens painting/lens.json --pixel {pixel_mm:g} --depth estimate "
+         f"--card {','.join(f'{value:g}' for value in session.card_mm)} "
+         f"--card-reflectance {CARD:g} --dark painting/dark"),
         ("one file for all", "session init painting"),
         ("is all there?", "session check painting"),
         ("normals and lobes", "fit painting/session.toml --model lafortune --lobes 3 "
