@@ -271,13 +271,17 @@ def read_dark(
             f"dark: shape {array.shape} does not fit photographs of shape {shape} (band, y, x)"
         )
     linear = np.broadcast_to(linear, (shape[0], *linear.shape[1:]))
-    return _checked_dark(np.ascontiguousarray(linear, np.float32), encoding)
+    stated = array.reshape(-1).tolist() if array.ndim < 2 else None
+    return _checked_dark(np.ascontiguousarray(linear, np.float32), encoding, stated)
 
 
-def _checked_dark(linear: NDArray[np.float32], encoding: Encoding) -> NDArray[np.float32]:
+def _checked_dark(
+    linear: NDArray[np.float32], encoding: Encoding, stated: Sequence[float] | None = None
+) -> NDArray[np.float32]:
     """A dark level is finite and below full scale; a frame may have bad pixels, not only bad ones.
 
     What the pixels of floating-point pictures can reach at most is not known (``white`` 1.0).
+    ``stated`` are the codes of levels, one or one per band, as they were given.
     """
     usable: NDArray[np.bool_] = np.isfinite(linear)
     if encoding.white != 1.0:
@@ -285,6 +289,8 @@ def _checked_dark(linear: NDArray[np.float32], encoding: Encoding) -> NDArray[np
     for band, some in enumerate(usable.reshape(len(usable), -1)):
         if not some.any():
             level = encoding.white * float(linear[band].flat[0])
+            if stated is not None:
+                level = stated[band % len(stated)]
             raise ArgumentError(
                 f"dark: expected finite codes below full scale ({encoding.white:g}), band {band} "
                 f"holds none (such as {level:g})"
