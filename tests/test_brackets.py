@@ -13,6 +13,7 @@ import impasto
 from impasto import ArgumentError
 from impasto.bracket import merge_exposures
 from impasto.capture import plan_shots, read_shots, write_shots
+from impasto.capture.drivers.faults import Faults
 from impasto.capture.drivers.simulated import EXPOSURE_S
 from impasto.capture.to_session import session_of
 from impasto.cli import main
@@ -305,3 +306,7 @@ def test_a_capture_with_brackets_is_read_as_linear_photographs(tmp_path: Path) -
     assert without.directions is not None
     assert len(without.directions) == 5
     assert name not in without.directions
+    one = captures.plan(1, exposure_s=seconds, darks=0, references=0)
+    rig = captures.rig(one, Faults(forever={2: "timeout"}))
+    captures.taken(one, rig, tmp_path / "half")
+    assert not (tmp_path / "half" / "session.toml").exists()

@@ -89,6 +89,12 @@ def test_poses_exposures_and_boards_go_into_the_session(tmp_path: Path) -> None:
     assert result.complete
     assert session.intensities == (1.0, 0.5, 1.0)
     assert session.white == tuple(f"board/white_{n}.png" for n in (1, 2, 3))
+    # Photographs of half the boards' time are half as bright beside them.
+    half = replace(shots, shots=tuple(
+        replace(one, exposure_s=0.005) if one.kind == "photograph" else one for one in shots
+    ))  # fmt: skip
+    captures.taken(half, captures.rig(half), tmp_path / "c")
+    assert read_session(tmp_path / "c").intensities == (0.5, 0.5, 0.5)
     posed = replace(shots, shots=(replace(shots.shots[3], pose=Pose(view=side)), shots.shots[5]))
     captures.taken(posed, captures.rig(posed), tmp_path / "b")
     assert read_session(tmp_path / "b").views == {"a.png": side, "c.png": (0.0, 0.0, 1.0)}

@@ -147,7 +147,7 @@ def strength(
     right, bottom = (int(v) + 2 for v in np.ceil(pixels.max(axis=(0, 1))))
     part = photograph.planes[:, top:bottom, left:right]
     scale = FULL if part.dtype.kind == "u" else 1.0
-    at = pixels - np.float32((left, top))
+    at = pixels - np.array([left, top], np.float32)
 
     def looked_up(planes: NDArray[np.generic]) -> Floats:
         found = [

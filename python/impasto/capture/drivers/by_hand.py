@@ -140,9 +140,13 @@ class FolderCamera:
         self._patience_s = patience_s
         self._poll_s = poll_s
         self._known = self._files().keys()
+        self._seconds: float | None = None
 
     def set_exposure(self, seconds: float) -> float | None:
-        """Nobody can read it back: EXIF of the photograph says what it was."""
+        """Say another time than that before; EXIF of the photograph says what it was."""
+        if self._seconds not in {None, seconds}:
+            self._say(f"set the exposure time to {1000.0 * seconds:.4g} ms")
+        self._seconds = seconds
         return None
 
     def trigger(self) -> Frame:
