@@ -55,12 +55,14 @@ def session_of(plan: ShotPlan, entries: Mapping[str, Entry], camera: str | None)
             brackets[name] = tuple((Path(one.file).name, one.exposure_s) for one in frames)
     exposures = [entries[shot.name].exposure_s for shot in shots]
     boards = _boards(plan, entries, shots)
+    if max(exposures) > min(exposures) * (1.0 + SAME_EXPOSURE):
+        lights["intensities"] = tuple(one / max(exposures) for one in exposures)
     # Photographs are divided by boards, of another exposure perhaps.
-    times = [entries[one.name].exposure_s for one in boards] or [max(exposures)]
-    times *= len(exposures) // len(times)
-    strengths = tuple(own / board for own, board in zip(exposures, times, strict=True))
-    if any(abs(one - 1.0) > SAME_EXPOSURE for one in strengths):
-        lights["intensities"] = strengths
+    times = [entries[one.name].exposure_s for one in boards]
+    times *= len(exposures) // max(len(times), 1)
+    ratios = tuple(own / board for own, board in zip(exposures, times, strict=False))
+    if any(abs(one - 1.0) > SAME_EXPOSURE for one in ratios):
+        lights["board_exposure"] = ratios
     white = tuple(entries[one.name].file for one in boards)
     darks = tuple(entries[shot.name].file for shot in plan.of("dark") if shot.name in entries)
     return Session(

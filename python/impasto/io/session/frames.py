@@ -81,6 +81,8 @@ class Calibration:
         ``(band, y, x)`` linear, or None.
     board
         For each observation the board's file (codes), one array for all, or None.
+    board_exposure
+        ``(obs,)`` exposure of each photograph over that of its board, or None: the same.
     gains
         ``(obs, band)`` strength of each light in each band, or None.
     geometry
@@ -95,6 +97,7 @@ class Calibration:
     dark: NDArray[np.float32] | None = None
     board: Sequence[Path] | NDArray[Any] | None = None
     board_reflectance: NDArray[np.float64] | None = None
+    board_exposure: NDArray[np.float64] | None = None
     rig: Rig | None = None
     gains: NDArray[np.float64] | None = None
     region: Region | None = None
@@ -131,6 +134,8 @@ class Calibration:
             value = value - self._dark(index, value.shape)
         if self.board is not None:
             value = value * self._flat(index, value.shape)
+            if self.board_exposure is not None:
+                value = value / np.float32(self.board_exposure[index])
         if self.gains is not None:
             value = value / self.gains[index][:, None, None].astype(np.float32)
         if self.saturation is not None:

@@ -245,6 +245,8 @@ class SessionPhotographs:
                 )
                 own[key.attribute] = self._inside(value, key.name) if named else value
         lamps = self._given.get("lights")
+        if "white" in self._given:
+            own.pop("board_exposure", None)
         if self._rig_given:
             own.pop("intensities", None)
         folder = Path(self._given.get("images", own.get("images", root(session))))

@@ -46,6 +46,8 @@ class Session:
         the lamp in mm, and the direction to the eye, as (x, y, z).
     intensities, dark, white, board_reflectance
         As :func:`impasto.read_stack` takes them.
+    board_exposure
+        Exposure of each photograph over that of its board.
     sha256
         Of each file by its name, 64 hexadecimal digits.
     lines
@@ -81,6 +83,7 @@ class Session:
     dark: Any = None
     white: str | tuple[str, ...] | None = None
     board_reflectance: float | tuple[float, ...] | None = None
+    board_exposure: float | tuple[float, ...] | None = None
     sha256: Mapping[str, str] = field(default_factory=dict)
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
 
@@ -239,6 +242,11 @@ KEYS = (
     Key(
         "calibration.board_reflectance", "board_reflectance", values.per_band,
         "Reflectance of that board, one or one for each band. Default: 1.", "0.99",
+    ),
+    Key(
+        "calibration.board_exposure", "board_exposure", values.per_light,
+        "Exposure time of the photographs over that of their boards, one number or one for each "
+        "light. Default: 1.", "[1.0, 0.5, 1.0]",
     ),
     Key(
         "files", "sha256", values.hashes,

@@ -143,6 +143,14 @@ def per_band(value: Any) -> float | tuple[float, ...]:
     return positive(value, expected)
 
 
+def per_light(value: Any) -> float | tuple[float, ...]:
+    """One positive number, or one for each light."""
+    expected = "a positive number, or a list of one for each light"
+    if isinstance(value, list) and value:
+        return tuple(positive(one, expected) for one in value)
+    return positive(value, expected)
+
+
 def dark(value: Any) -> Any:
     """Frames, or a level."""
     expected = "a file, a folder, a list of files, or a level in codes"
